@@ -1,0 +1,32 @@
+"""The executables of haptic_teleop_control: name -> ("module:function", what it does in one line).
+
+Read by setup.py (which makes the installed scripts of it), by the front door and by those who start nodes by
+name. It imports nothing, so that it can be read before anything is installed.
+"""
+
+EXECUTABLES: dict[str, tuple[str, str]] = {
+    "signal_generator": (
+        "haptic_teleop_control.nodes.signal_generator:main",
+        "publish an artificial command: steps, sweeps, multisine, slow triangle",
+    ),
+    "force_controller": (
+        "haptic_teleop_control.nodes.force_controller:main",
+        "couple master and slave: the augmented-error force law of each stage",
+    ),
+    "recorder": (
+        "haptic_teleop_control.nodes.recorder:main",
+        "record topics to an MCAP bag that describes itself",
+    ),
+    "recover": (
+        "haptic_teleop_control.recording.recover:main",
+        "rewrite what is whole in a recording whose writer was killed",
+    ),
+    "composed": (
+        "haptic_teleop_control.nodes.composed:main",
+        "run several nodes in one process: the 1 kHz default on one machine",
+    ),
+    "scenario": (
+        "haptic_teleop_control.nodes.scenario:main",
+        "start the nodes of a scenario file, watch them and stop them",
+    ),
+}

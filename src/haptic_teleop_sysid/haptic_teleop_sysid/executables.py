@@ -1,0 +1,20 @@
+"""The executables of haptic_teleop_sysid: name -> ("module:function", what it does in one line).
+
+Read by setup.py (which makes the installed scripts of it), by the front door and by those who start nodes by
+name. It imports nothing, so that it can be read before anything is installed.
+"""
+
+EXECUTABLES: dict[str, tuple[str, str]] = {
+    "compare": (
+        "haptic_teleop_sysid.compare:main",
+        "simulate models on the input of recordings and report the fit in percent",
+    ),
+    "verify": (
+        "haptic_teleop_sysid.verify:main",
+        "check a recording of a scenario and write its report",
+    ),
+    "demo": (
+        "haptic_teleop_sysid.demo:main",
+        "run scenario 1 in simulation as real nodes, record it, verify it",
+    ),
+}
