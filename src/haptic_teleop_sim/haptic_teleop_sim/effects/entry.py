@@ -1,0 +1,91 @@
+"""What one entry in the list of effects consists of.
+
+An effect is physics beyond the structure: a torque at the motor, the arm or the joint, a change of
+inertia, a map of the commanded torque, or a map of what an encoder reports.  Its entry holds everything
+that the rest of the project needs to know of it: equation, parameters with unit, range and typical size,
+where it may sit, and one sentence for reports.  Simulation, estimation, diagnosis and documentation read it
+from here.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from typing import Any, Literal
+
+Kind = Literal["torque", "friction", "friction_factor", "inertia", "input", "output", "skew"]
+Place = Literal["motor", "arm", "joint", "actuator", "motor_encoder", "arm_encoder"]
+
+#: Velocity (rad/s) within which the sign of a velocity is smoothed, unless the effect says otherwise.
+SMOOTHING_VELOCITY = 0.005
+
+
+@dataclass(frozen=True)
+class EffectParameter:
+    """One number of an effect.
+
+    ``unit`` is the unit for a rotary joint; ``typical`` is the size at which the effect is neither negligible
+    nor absurd, relative to the scales that diagnosis measures on a recording (see ``scale``): a torque of
+    0.2 means 20 % of the rms input torque.  ``grid`` lists values worth trying as a start when the effect
+    depends on the parameter in a non-convex way (an order, a width).  A parameter with a ``default`` is
+    optional: left out of a model file it keeps the default and is not estimated.
+    """
+
+    name: str
+    unit: str
+    meaning: str
+    minimum: float = -math.inf
+    maximum: float = math.inf
+    typical: float = 0.1
+    scale: Literal["torque", "angle", "deflection", "velocity", "stiffness", "damping", "inertia",
+                   "drag", "cubic", "duration", "one"] = "one"
+    grid: tuple[float, ...] = ()
+    default: float | None = None
+    neutral: float | None = 0.0
+
+
+@dataclass(frozen=True)
+class EffectEntry:
+    """One effect of the vocabulary.
+
+    ``equation(s, p)`` is written once, with sympy symbols, and returns the torque that the effect adds (N·m, in
+    the positive direction of its location; at the joint: added to the coupling torque that the motor exerts on
+    the arm), the factor on friction, the added inertia, or the encoder's reading.  ``p`` holds the effect's
+    parameters by name; ``s`` holds ``position``, ``velocity`` (of the location; at the joint motor minus arm),
+    ``deflection`` (motor minus arm), ``stiffness`` (of the structure), ``time``, ``exogenous`` (a recorded
+    signal, see ``exogenous``), ``state0`` and ``state1`` (own states), and the helpers of ``symbols.py``.
+    ``rates`` gives the time derivatives of the own states in the same symbols.
+    ``rate(p, ks)`` bounds the added stiffness (N·m/rad) and damping (N·m·s/rad), from which the step is chosen, and, as a third number, the rate of own states (1/s).
+    An ``input`` effect is a compiled function ``step(torque, time, dt, parameters, offset, states, state_offset)``
+    with ``states`` places for its memory.
+    """
+
+    name: str
+    kind: Kind
+    where: tuple[Place, ...]
+    parameters: tuple[EffectParameter, ...]
+    sentence: str
+    equation: Callable[[Any, Any], Any] | None = None
+    rates: tuple[Callable[[Any, Any], Any], ...] = ()
+    rate: Callable[[dict[str, float], float], tuple[float, ...]] = field(default=lambda p, ks: (0.0, 0.0))
+    exogenous: Literal["", "other_arm_acceleration"] = ""
+    step: Callable[..., float] | None = None
+    states: int = 0
+    rigid_body: bool = True
+
+    def __post_init__(self) -> None:
+        if self.equation is not None and self.rates and self.states == 0:
+            object.__setattr__(self, "states", len(self.rates))
+
+    @property
+    def parameter_names(self) -> tuple[str, ...]:
+        """Names in the order in which compiled code receives them."""
+        return tuple(p.name for p in self.parameters)
+
+    def parameter(self, name: str) -> EffectParameter:
+        """The parameter of that name; KeyError when there is none."""
+        for p in self.parameters:
+            if p.name == name:
+                return p
+        raise KeyError(name)

@@ -1,0 +1,136 @@
+"""From the effects' equations to compiled-ready Python source: value, exact derivatives, rates of own states.
+
+Only run when no compiled kernel for the present effects is cached (see ``build.py``); that is why sympy is
+imported here and nowhere on the way of a running node.
+"""
+
+from __future__ import annotations
+
+import sympy as sp
+from sympy.printing.pycode import PythonCodePrinter
+
+from ..effects import EFFECTS, EffectEntry
+from ..effects.symbols import VARIABLES, namespaces
+
+#: Derivatives come in this order, then those by the effect's parameters.
+DERIVATIVE_ORDER = ("position", "velocity", "deflection", "stiffness", "state0", "state1")
+_ARGUMENTS = "position, velocity, deflection, stiffness, time, exogenous, state0, state1, p, k"
+DYNAMIC_KINDS = ("torque", "friction", "friction_factor", "inertia")
+
+
+def dynamic_entries() -> list[EffectEntry]:
+    """Effects inside the equations of motion; the place in this list is the code by which they are called."""
+    return [e for e in EFFECTS.values() if e.kind in DYNAMIC_KINDS]
+
+
+def output_entries() -> list[EffectEntry]:
+    """Effects that map an angle to an encoder's reading."""
+    return [e for e in EFFECTS.values() if e.kind == "output"]
+
+
+def input_entries() -> list[EffectEntry]:
+    """Effects between commanded and acting torque."""
+    return [e for e in EFFECTS.values() if e.kind == "input"]
+
+
+class _Printer(PythonCodePrinter):
+    def __init__(self) -> None:
+        super().__init__({"fully_qualified_modules": True, "user_functions": {}})
+
+    def _print_Heaviside(self, expr):  # noqa: N802 (sympy's naming)
+        return f"(1.0 if ({self._print(expr.args[0])}) > 0.0 else 0.0)"
+
+    def _print_Side(self, expr):  # noqa: N802
+        return f"(1.0 if ({self._print(expr.args[0])}) >= 0.0 else -1.0)"
+
+    def _print_sign(self, expr):  # noqa: N802
+        return f"math.copysign(1.0, {self._print(expr.args[0])})"
+
+    def _print_Max(self, expr):  # noqa: N802
+        return f"max({', '.join(self._print(a) for a in expr.args)})"
+
+    def _print_Min(self, expr):  # noqa: N802
+        return f"min({', '.join(self._print(a) for a in expr.args)})"
+
+    def _print_Integer(self, expr):  # noqa: N802
+        return f"{int(expr)}.0"
+
+    def _print_Pow(self, expr, **kwargs):  # noqa: N802
+        base, exponent = expr.args
+        if exponent.is_Integer and 2 <= int(exponent) <= 4:
+            return "(" + " * ".join([f"({self._print(base)})"] * int(exponent)) + ")"
+        if exponent.is_Integer and int(exponent) == -1:
+            return f"(1.0 / ({self._print(base)}))"
+        return super()._print_Pow(expr, **kwargs)
+
+
+def _function(name: str, entry: EffectEntry, expression: sp.Expr, derivatives: bool) -> str:
+    """Source of one function: the value, or the value and all derivatives into ``g``."""
+    printer = _Printer()
+    targets = [expression]
+    wanted: list[int] = []
+    if derivatives:
+        by = [sp.Symbol(v, real=True) for v in DERIVATIVE_ORDER]
+        by += [sp.Symbol(f"p_{n}", real=True) for n in entry.parameter_names]
+        for i, symbol in enumerate(by):
+            d = sp.diff(expression, symbol)
+            if d != 0:
+                targets.append(d)
+                wanted.append(i)
+    common, reduced = sp.cse(targets, symbols=sp.numbered_symbols("c"))
+    lines = [f"def {name}({_ARGUMENTS}{', g' if derivatives else ''}):"]
+    lines += [f"    p_{n} = p[k + {i}]" for i, n in enumerate(entry.parameter_names)]
+    lines += [f"    {symbol} = {printer.doprint(value)}" for symbol, value in common]
+    if derivatives:
+        lines += [f"    g[{i}] = 0.0" for i in range(len(DERIVATIVE_ORDER) + len(entry.parameters)) if i not in wanted]
+        lines += [f"    g[{i}] = {printer.doprint(value)}" for i, value in zip(wanted, reduced[1:], strict=True)]
+    lines.append(f"    return {printer.doprint(reduced[0])}")
+    return "@njit\n" + "\n".join(lines) + "\n"
+
+
+def _expression(entry: EffectEntry, function) -> sp.Expr:
+    variables, parameters = namespaces(entry.parameter_names)
+    return sp.sympify(function(variables, parameters))
+
+
+def _dispatch(name: str, calls: list[tuple[int, str]], arguments: str) -> str:
+    lines = ["@njit", f"def {name}(code, {arguments}):"]
+    for code, function in calls:
+        lines += [f"    if code == {code}:", f"        return {function}({arguments})"]
+    lines.append("    return 0.0")
+    return "\n".join(lines) + "\n"
+
+
+def dispatch_source() -> str:
+    """Source of ``value``, ``value_derivatives``, ``state_rate``, ``state_rate_derivatives``, ``reading`` and
+    ``reading_derivatives``, which call an effect by its code, and of ``actuate``."""
+    assert set(VARIABLES) >= set(DERIVATIVE_ORDER)
+    parts: list[str] = []
+    tables: dict[str, list[tuple[int, str]]] = {
+        n: [] for n in ("value", "value_derivatives", "state_rate", "state_rate_derivatives",
+                        "reading", "reading_derivatives", "actuate")
+    }
+    for code, entry in enumerate(dynamic_entries()):
+        expression = _expression(entry, entry.equation)
+        for table, derivatives in (("value", False), ("value_derivatives", True)):
+            parts.append(_function(f"{entry.name}_{table}", entry, expression, derivatives))
+            tables[table].append((code, f"{entry.name}_{table}"))
+        for i, rate in enumerate(entry.rates):
+            expression = _expression(entry, rate)
+            for table, derivatives in (("state_rate", False), ("state_rate_derivatives", True)):
+                parts.append(_function(f"{entry.name}_{table}{i}", entry, expression, derivatives))
+                tables[table].append((2 * code + i, f"{entry.name}_{table}{i}"))
+    for code, entry in enumerate(output_entries()):
+        expression = _expression(entry, entry.equation)
+        for table, derivatives in (("reading", False), ("reading_derivatives", True)):
+            parts.append(_function(f"{entry.name}_{table}", entry, expression, derivatives))
+            tables[table].append((code, f"{entry.name}_{table}"))
+    for code, entry in enumerate(input_entries()):
+        parts.append(f"from {entry.step.__module__} import {entry.step.__name__} as {entry.name}_actuate\n")
+        tables["actuate"].append((code, f"{entry.name}_actuate"))
+    for name, calls in tables.items():
+        arguments = _ARGUMENTS + (", g" if name.endswith("derivatives") else "")
+        if name == "actuate":
+            arguments = "torque, time, dt, p, k, z, o"
+        parts.append(_dispatch(name, calls, arguments))
+    return "\n\n".join(parts)
