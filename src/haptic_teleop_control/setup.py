@@ -14,10 +14,10 @@ EXECUTABLES = runpy.run_path(f"{NAME}/executables.py")["EXECUTABLES"]
 # The settings of every situation lie at the top of the repository, where people look for them; they are
 # installed into this package's share folder because a launch looks there.
 CONFIG = Path("..", "..", "config")
-FOLDERS = sorted({file.parent for file in CONFIG.rglob("*.yaml")})
+SHARE = Path("share", NAME, "config")
 CONFIG_FILES = [
-    (str(Path("share", NAME, "config", folder.relative_to(CONFIG))), sorted(str(f) for f in folder.glob("*.yaml")))
-    for folder in FOLDERS
+    (str(SHARE / folder.relative_to(CONFIG)), sorted(str(file) for file in folder.glob("*.yaml")))
+    for folder in sorted({file.parent for file in CONFIG.rglob("*.yaml")})
 ]
 
 setup(

@@ -1,0 +1,46 @@
+# `make` alone lists what there is to do. Every target that needs the environment makes it first.
+.DEFAULT_GOAL := help
+.PHONY: help setup demo test bench lint format types contracts check lock clean
+
+BIN := .venv/bin
+UV ?= uv
+ARGS ?=
+
+help:  ## this list
+	@awk -F ':.*##' '/^[a-z]+:.*##/ { printf "  make %-10s %s\n", $$1, $$2 }' $(MAKEFILE_LIST)
+	@echo "  Arguments: make demo ARGS='--duration 10', make test ARGS='-k front_door'"
+
+setup:  ## build the environment .venv from requirements.lock (idempotent)
+	@tools/set_up.sh
+
+demo: setup  ## scenario 1 in simulation as real ROS 2 nodes: recorded, verified, with a report
+	@$(BIN)/haptic-teleop demo $(ARGS)
+
+test: setup  ## the whole test suite
+	@$(BIN)/python -m pytest $(ARGS)
+
+bench: setup  ## measure what the project promises about speed
+	@$(BIN)/python tests/benchmarks/run.py $(ARGS)
+
+lint: setup  ## style (ruff)
+	@$(BIN)/ruff check .
+
+format: setup  ## sort imports and put right what ruff can
+	@$(BIN)/ruff check --fix .
+
+types: setup  ## types of the pure code (pyright)
+	@$(BIN)/pyright
+
+contracts: setup  ## who may import whom (import-linter)
+	@$(BIN)/lint-imports
+
+check: lint types contracts test  ## everything that must hold before a commit
+
+lock:  ## pin dependencies anew after a change in pyproject.toml (needs uv on the PATH)
+	@$(UV) pip compile --quiet --universal --python-version 3.11 --all-extras --generate-hashes \
+		--no-emit-index-url --custom-compile-command "make lock" \
+		--output-file requirements.lock pyproject.toml >/dev/null
+
+clean:  ## remove the environment and everything that was generated
+	rm -rf .venv build install log output .pytest_cache .ruff_cache .import_linter_cache .hypothesis
+	find src tests -name __pycache__ -prune -exec rm -rf {} +

@@ -1,0 +1,48 @@
+"""What every command does about errors: a sentence for the user's, a traceback for ours."""
+
+import os
+import sys
+from collections.abc import Callable, Sequence
+
+from haptic_teleop_control.errors import HapticTeleopError
+
+USAGE_ERROR = 2
+INTERRUPTED = 130  # 128 + SIGINT, what a shell reports for a command stopped with Ctrl-C
+PIPE_CLOSED = 141  # 128 + SIGPIPE
+
+
+def run_command(main: Callable[[list[str]], int | None], argv: Sequence[str] | None = None) -> int:
+    """Run the body of a command and return its exit status.
+
+    `main` receives the arguments without the program's name, those of the process when `argv` is None; its
+    result is the exit status, None meaning 0. A `HapticTeleopError` becomes one line on standard error and
+    status 2; leaving through `argparse` (`--help` is 0, a bad argument 2) becomes that status; Ctrl-C becomes
+    130 and a reader that closed our output (`| head`) 141, both silently. Any other exception passes
+    through: it is a defect of the program, and Python then prints the traceback and exits with 1.
+    """
+    try:
+        status = main(list(sys.argv[1:] if argv is None else argv))
+        sys.stdout.flush()  # here, so that a closed pipe is met inside this `try`
+    except HapticTeleopError as error:
+        # One line, even if a library's message was quoted in it: scripts show the last line of stderr.
+        print(f"error: {' '.join(str(error).split())}", file=sys.stderr)
+        return USAGE_ERROR
+    except SystemExit as leaving:
+        return _status_of(leaving)
+    except KeyboardInterrupt:
+        return INTERRUPTED
+    except BrokenPipeError:
+        # Python flushes standard output once more while it exits, and would complain about the same pipe.
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        return PIPE_CLOSED
+    return 0 if status is None else status
+
+
+def _status_of(leaving: SystemExit) -> int:
+    """The exit status that Python itself would give: None is 0, a text goes to standard error and is 1."""
+    if leaving.code is None:
+        return 0
+    if isinstance(leaving.code, int):
+        return leaving.code
+    print(leaving.code, file=sys.stderr)
+    return 1

@@ -1,0 +1,139 @@
+"""`haptic-teleop EXECUTABLE [arguments]`: the one command on the PATH of a plain environment.
+
+It starts any executable of the five packages with the arguments that `ros2 run` would pass it. Names such as
+`compare` would shadow other programs if each were on the PATH.
+"""
+
+import difflib
+import importlib
+import importlib.metadata
+import importlib.util
+import os
+import sys
+from collections.abc import Callable, Sequence
+
+from haptic_teleop_control.command_line import run_command
+from haptic_teleop_control.completion import SHELLS, completion_script
+from haptic_teleop_control.errors import ConfigurationError
+
+PROGRAM = "haptic-teleop"
+PACKAGES = (
+    "haptic_teleop_control",
+    "haptic_teleop_sim",
+    "haptic_teleop_sysid",
+    "haptic_teleop_omni",
+    "haptic_teleop_2dsfj",
+)
+# Top-level modules that come with ROS 2 and not with our plain dependencies.
+ROS_MODULES = ("rclpy", "rcl_interfaces", "builtin_interfaces", "ament_index_python", "rpyutils")
+
+
+def registries() -> dict[str, dict[str, tuple[str, str]]]:
+    """The executables by package: package -> {name: ("module:function", "one line")}.
+
+    A package that is not installed is left out, as in a colcon workspace where only some were built. Only the
+    packages' `executables` modules are read, which import nothing, so this takes milliseconds.
+    """
+    return {
+        package: importlib.import_module(f"{package}.executables").EXECUTABLES
+        for package in PACKAGES
+        if importlib.util.find_spec(package) is not None
+    }
+
+
+def executables() -> dict[str, tuple[str, str]]:
+    """All executables: name -> ("module:function", "one line"), in the order of the listing."""
+    return {name: entry for entries in registries().values() for name, entry in entries.items()}
+
+
+def listing() -> str:
+    """What `haptic-teleop` alone prints: usage, then every executable with its line, grouped by package."""
+    width = max(len(name) for name in executables())
+    lines = [
+        f"usage: {PROGRAM} EXECUTABLE [arguments]",
+        "",
+        "Starts an executable with the same arguments as `ros2 run PACKAGE EXECUTABLE`, --ros-args included.",
+        f"`{PROGRAM} EXECUTABLE --help` explains its own arguments.",
+    ]
+    for package, entries in registries().items():
+        lines += ["", f"{package}:"]
+        lines += [f"  {name:{width}}  {line}" for name, (_, line) in entries.items()]
+        if not entries:
+            lines.append("  (no executable yet)")
+    lines += [
+        "",
+        "options:",
+        "  -h, --help                    this list",
+        "  --version                     the version",
+        f"  --completion {{{','.join(SHELLS)}}}  a script that completes names in that shell",
+    ]
+    return "\n".join(lines)
+
+
+def version() -> str:
+    """The version that is installed: from a plain environment or from a colcon workspace."""
+    for distribution in (PROGRAM, PACKAGES[0]):
+        try:
+            return importlib.metadata.version(distribution)
+        except importlib.metadata.PackageNotFoundError:
+            continue
+    return "unknown (not installed)"
+
+
+def load(name: str) -> Callable[[list[str]], int | None]:
+    """The `main(argv)` of an executable, imported.
+
+    Raises ConfigurationError for an unknown name (with the nearest known one) and when ROS 2 is missing.
+    """
+    known = executables()
+    if name not in known:
+        near = difflib.get_close_matches(name.replace("-", "_").lower(), known, n=1, cutoff=0.5)
+        hint = f"did you mean {near[0]!r}?" if near else "it knows none that resembles it;"
+        raise ConfigurationError(f"unknown executable {name!r}: {hint} `{PROGRAM}` alone lists all of them")
+    module, function = known[name][0].split(":")
+    try:
+        return getattr(importlib.import_module(module), function)
+    except ModuleNotFoundError as error:
+        missing = (error.name or "").split(".")[0]
+        if missing in ROS_MODULES or missing.endswith(("_msgs", "_srvs")):
+            raise ConfigurationError(
+                f"{name} is a ROS 2 node and Python finds no {missing!r}:"
+                f" run `make setup` and use .venv/bin/{PROGRAM}, or source a ROS 2 installation"
+            ) from error
+        raise
+
+
+def start(name: str, arguments: Sequence[str]) -> int:
+    """Run an executable in this process with its arguments untouched, and return its exit status."""
+    # The ROS 2 wheels make the environment an ament prefix. A sourced installation has set its own.
+    os.environ.setdefault("AMENT_PREFIX_PATH", sys.prefix)
+    main_of_executable = load(name)
+    # What asks for the process' own arguments (argparse for the program's name, rclpy.init) must see the
+    # executable's.
+    sys.argv = [f"{PROGRAM} {name}", *arguments]
+    return run_command(main_of_executable, list(arguments))
+
+
+def _front_door(arguments: list[str]) -> int:
+    first = arguments[0] if arguments else "--help"
+    if first in ("-h", "--help"):
+        print(listing())
+    elif first == "--version":
+        print(f"{PROGRAM} {version()}")
+    elif first == "--completion":
+        shell = arguments[1] if len(arguments) > 1 else ""
+        print(completion_script(shell, {name: line for name, (_, line) in executables().items()}))
+    elif first.startswith("-"):
+        raise ConfigurationError(f"unknown option {first!r}: options of an executable come after its name")
+    else:
+        return start(first, arguments[1:])
+    return 0
+
+
+def main(argv: Sequence[str] | None = None) -> int:
+    """The command: list, complete, or start; returns the exit status (2: a mistake in the command line)."""
+    return run_command(_front_door, argv)
+
+
+if __name__ == "__main__":
+    sys.exit(main())
