@@ -1,0 +1,251 @@
+"""An MCAP file from front to back, whatever its state: all messages that are whole, and a sentence for each
+damage.
+
+The file is followed record by record, so a file without the closing summary (its writer was killed) is read
+like any other. Where a length is wrong, the summary's list of chunks, if there is one, tells where to go on.
+"""
+
+from __future__ import annotations
+
+import zlib
+from collections.abc import Iterator
+from typing import BinaryIO
+
+from mcap.opcode import Opcode
+from mcap.records import Channel, ChunkIndex, Footer, Metadata, Schema, Statistics
+
+from haptic_teleop_control.recording.mcap_records import (
+    MAGIC,
+    RECORD_HEAD,
+    Damaged,
+    Messages,
+    chunk_contents,
+    chunk_head,
+    parse,
+    walk,
+)
+
+BLOCK = 4 << 20
+FOOTER_SIZE = RECORD_HEAD.size + 20
+KNOWN = range(Opcode.HEADER, Opcode.DATA_END + 1)
+PRIVATE = range(128, 256)  # records of other makers, to be passed over
+
+
+class McapScan:
+    """Iterate over it for the messages, chunk by chunk; the attributes are complete after that.
+
+    schemas, channels   by their number, from wherever the file holds them
+    metadata            metadata records in the order of the file
+    problems            sentences; empty exactly when the file is whole
+    lost                (start, end) ns of the chunks that could not be read
+
+    Raises Damaged when the file is no MCAP file at all, OSError when it cannot be read.
+    """
+
+    def __init__(self, file: BinaryIO) -> None:
+        self.file = file
+        self.size = file.seek(0, 2)
+        self.schemas: dict[int, Schema] = {}
+        self.channels: dict[int, Channel] = {}
+        self.metadata: list[Metadata] = []
+        self.problems: list[str] = []
+        self.lost: list[tuple[int, int]] = []
+        self.count = 0
+        self._chunks: list[ChunkIndex] = []
+        self._announced: int | None = None
+        self._summarised = False
+        self._reached = 0
+        self._number = 0
+        self._start: int | None = None
+        if not self.size:
+            raise Damaged("it is empty")
+        head = self._read(0, 9)
+        if head[:8] != MAGIC:
+            if head[8:] != bytes([Opcode.HEADER]):
+                raise Damaged("it is not an MCAP file")
+            self.problems.append("its first bytes are damaged")
+
+    def type_of(self, channel: int) -> str | None:
+        """The message type of a channel; None when the file lost what the channel is."""
+        known = self.channels.get(channel)
+        schema = self.schemas.get(known.schema_id) if known else None
+        return schema.name if schema else None
+
+    def __iter__(self) -> Iterator[Messages]:
+        summary_problem = self._read_summary()
+        at: int | None = len(MAGIC)
+        ended = False
+        while at is not None:
+            head = self._read(at, RECORD_HEAD.size)
+            self._reached = at
+            if len(head) < RECORD_HEAD.size:
+                break
+            opcode, length = RECORD_HEAD.unpack(head)
+            if opcode == Opcode.DATA_END and at + 9 + length <= self.size:
+                ended = True
+                break
+            if opcode in (Opcode.MESSAGE, Opcode.SCHEMA, Opcode.CHANNEL):
+                messages, at = self._take_run(at, length)
+            elif opcode == Opcode.CHUNK:
+                messages, at = self._take_chunk(at, length)
+            else:
+                messages, at = None, self._pass_over(at, opcode, length)
+            if messages is not None and len(messages.channel):
+                self.count += len(messages.channel)
+                yield messages
+        if not ended and not self._summarised:
+            self.problems.append(
+                "it has no closing part (its writer was stopped before it closed it, or it was cut), "
+                f"and its last {self.size - self._reached} bytes are no whole record"
+            )
+        elif summary_problem:
+            self.problems.append(summary_problem)
+        if self._announced is not None and self._announced != self.count:
+            self.problems.append(f"it holds {self.count} of the {self._announced} messages that it announces")
+
+    def _read(self, at: int, length: int) -> bytes:
+        self.file.seek(at)
+        return self.file.read(max(0, min(length, self.size - at)))
+
+    def _go_on_after(self, at: int, reason: str) -> int | None:
+        """The next chunk after damage at ``at``, by the summary; None when nothing tells where it is."""
+        following = min(
+            (c.chunk_start_offset for c in self._chunks if c.chunk_start_offset > at), default=None
+        )
+        rest = "the rest is lost" if following is None else f"it goes on at byte {following}"
+        self.problems.append(f"at byte {at} {reason}: {rest}")
+        return following
+
+    def _too_long(self, at: int) -> int | None:
+        # Without a summary this is how a cut file ends, and that is told once, at the end.
+        return self._go_on_after(at, "a record is longer than the file") if self._summarised else None
+
+    def _pass_over(self, at: int, opcode: int, length: int) -> int | None:
+        if opcode not in KNOWN and opcode not in PRIVATE:
+            return self._go_on_after(at, f"no record has the code {opcode}")
+        if at + 9 + length > self.size:
+            return self._too_long(at)
+        if opcode == Opcode.METADATA:
+            try:
+                self.metadata.append(parse(Metadata, self._read(at + 9, length)))
+            except Damaged as damage:
+                self.problems.append(f"at byte {at} {damage}")
+        return at + 9 + length
+
+    def _take_run(self, at: int, length: int) -> tuple[Messages | None, int | None]:
+        """Records that lie in the file outside of chunks."""
+        data = self._read(at, max(BLOCK, 9 + length))
+        try:
+            found = walk(data)
+        except Damaged as damage:
+            return None, self._go_on_after(at, str(damage))
+        self._learn(found.schemas, found.channels)
+        if found.end == 0:
+            return None, self._too_long(at)
+        return found.messages, at + found.end
+
+    def _take_chunk(self, at: int, length: int) -> tuple[Messages | None, int | None]:
+        self._number += 1
+        end = at + 9 + length
+        body = self._read(at + 9, length)
+        try:
+            chunk = chunk_head(body)
+        except Damaged as damage:
+            return None, self._go_on_after(
+                at, f"chunk {self._number}: {damage}"
+            ) if end <= self.size else self._too_long(at)
+        needed = chunk.data_at + (chunk.data_size if chunk.compression else chunk.size)
+        after = at + 9 + needed
+        sound = end <= self.size and needed == length
+        if not sound:
+            body = self._read(at + 9, needed)
+        try:
+            found = walk(chunk_contents(chunk, body))
+        except Damaged as damage:
+            if not sound and not chunk.compression:
+                return self._take_cut_chunk(at, body[chunk.data_at : chunk.data_at + chunk.size], str(damage))
+            self._lose(at, chunk.start, chunk.end, str(damage))
+            return None, end if sound else self._go_on_after(
+                at, "a chunk has a wrong length"
+            ) if end <= self.size else self._too_long(at)
+        self._start = chunk.start if self._start is None else self._start
+        self._learn(found.schemas, found.channels)
+        if found.end < chunk.size:
+            self.problems.append(
+                f"chunk {self._number} at byte {at} holds {chunk.size - found.end} bytes that are no messages"
+            )
+        if not sound:
+            self.problems.append(
+                f"chunk {self._number} at byte {at} has a wrong length; its messages are whole"
+            )
+        return found.messages, after
+
+    def _take_cut_chunk(self, at: int, data: bytes, reason: str) -> tuple[Messages | None, int | None]:
+        """The whole messages at the start of a chunk that is cut, which has no checksum for a part of it."""
+        if self._summarised:  # not cut: the file goes on behind it
+            return None, self._go_on_after(at, f"chunk {self._number}: {reason}")
+        try:
+            found = walk(data)
+        except Damaged as damage:
+            return None, self._go_on_after(at, f"chunk {self._number}: {damage}")
+        self._learn(found.schemas, found.channels)
+        self.problems.append(
+            f"chunk {self._number} at byte {at} is cut: "
+            f"its first {len(found.messages.channel)} messages are taken unchecked"
+        )
+        return found.messages, None
+
+    def _lose(self, at: int, start: int, end: int, reason: str) -> None:
+        origin = start if self._start is None else self._start
+        self.lost.append((start, end))
+        self.problems.append(
+            f"chunk {self._number} at byte {at}, {(start - origin) * 1e-9:.3f} "
+            f"to {(end - origin) * 1e-9:.3f} s, is left out: {reason}"
+        )
+
+    def _learn(self, schemas: list[Schema], channels: list[Channel]) -> None:
+        for schema in schemas:
+            self.schemas.setdefault(schema.id, schema)
+        for channel in channels:
+            self.channels.setdefault(channel.id, channel)
+
+    def _read_summary(self) -> str | None:
+        """Learns from the summary at the end; a sentence when there is none that can be trusted."""
+        tail = self._read(max(0, self.size - FOOTER_SIZE - len(MAGIC)), FOOTER_SIZE + len(MAGIC))
+        if len(tail) < FOOTER_SIZE + len(MAGIC) or tail[FOOTER_SIZE:] != MAGIC or tail[0] != Opcode.FOOTER:
+            return "its last bytes are damaged or missing; its messages are whole"
+        footer_at = self.size - len(tail)
+        try:
+            footer = parse(Footer, tail[9:FOOTER_SIZE])
+            if not footer.summary_start:
+                return None
+            if footer.summary_start > footer_at:
+                raise Damaged("the footer points behind the file")
+            data = self._read(footer.summary_start, footer_at - footer.summary_start)
+            if footer.summary_crc and zlib.crc32(data + tail[: FOOTER_SIZE - 4]) != footer.summary_crc:
+                raise Damaged("the checksum fails")
+            self._learn_summary(data)
+        except Damaged as damage:
+            return f"its closing summary is damaged ({damage}); its messages are whole"
+        return None
+
+    def _learn_summary(self, data: bytes) -> None:
+        at = 0
+        schemas, channels, chunks = [], [], []
+        announced = None
+        while at + RECORD_HEAD.size <= len(data):
+            opcode, length = RECORD_HEAD.unpack_from(data, at)
+            body = data[at + 9 : at + 9 + length]
+            at += 9 + length
+            if opcode == Opcode.SCHEMA:
+                schemas.append(parse(Schema, body))
+            elif opcode == Opcode.CHANNEL:
+                channels.append(parse(Channel, body))
+            elif opcode == Opcode.CHUNK_INDEX:
+                chunks.append(parse(ChunkIndex, body))
+            elif opcode == Opcode.STATISTICS:
+                announced = parse(Statistics, body).message_count
+        if at != len(data):
+            raise Damaged("its records do not fit")
+        self._learn(schemas, channels)
+        self._chunks, self._announced, self._summarised = chunks, announced, True

@@ -1,0 +1,86 @@
+"""The messages of a rosbag2 SQLite3 file."""
+
+from __future__ import annotations
+
+import sqlite3
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from tempfile import TemporaryDirectory
+
+import numpy as np
+import zstandard
+
+from haptic_teleop_control.recording.batches import Batch
+from haptic_teleop_control.recording.joint_state_cdr import rows_of
+from haptic_teleop_control.recording.mcap_records import Damaged
+
+MAGIC = b"SQLite format 3\0"
+AT_ONCE = 20_000
+
+
+@contextmanager
+def opened(file: Path) -> Iterator[sqlite3.Connection]:
+    """A connection that only reads; Damaged when the file is no SQLite3 file."""
+    with TemporaryDirectory() as scratch:
+        if file.name.endswith(".zstd"):
+            unpacked = Path(scratch) / file.stem
+            try:
+                with file.open("rb") as source, unpacked.open("wb") as target:
+                    zstandard.ZstdDecompressor().copy_stream(source, target)
+            except zstandard.ZstdError:
+                raise Damaged("it cannot be decompressed") from None
+            file = unpacked
+        try:
+            # Immutable, so that reading writes no journal beside the recording and works on a read-only disk.
+            connection = sqlite3.connect(f"{file.resolve().as_uri()}?mode=ro&immutable=1", uri=True)
+        except sqlite3.Error as error:
+            raise Damaged(f"it cannot be opened ({error})") from None
+        try:
+            yield connection
+        except sqlite3.Error as error:
+            raise Damaged(f"it is damaged ({error})") from None
+        finally:
+            connection.close()
+
+
+def batches(
+    connection: sqlite3.Connection, select: Callable[[str, str], bool]
+) -> Iterator[tuple[Batch, str]]:
+    """The messages topic by topic with the type of the topic; sqlite3.Error where the file is damaged."""
+    topics = connection.execute("SELECT id, name, type FROM topics ORDER BY id").fetchall()
+    for number, name, kind in topics:
+        if not select(name, kind):
+            (count,) = connection.execute(
+                "SELECT count(*) FROM messages WHERE topic_id = ?", (number,)
+            ).fetchone()
+            yield Batch(name, count), kind
+            continue
+        # By row number, not by time: that needs no index, and a damaged file still gives what lies before the
+        # damage.
+        cursor = connection.execute(
+            "SELECT timestamp, data FROM messages WHERE topic_id = ? ORDER BY id", (number,)
+        )
+        damage: sqlite3.Error | None = None
+        while damage is None:
+            found, damage, ended = _fetch(cursor)
+            if found:
+                received = np.array([time for time, _ in found], np.int64)
+                yield Batch(name, len(found), rows_of([bytes(data) for _, data in found]), received), kind
+            if ended:
+                break
+        if damage:
+            raise damage
+
+
+def _fetch(cursor: sqlite3.Cursor) -> tuple[list[tuple[int, bytes]], sqlite3.Error | None, bool]:
+    """The next rows, what stopped the reading of them, and whether they are the last."""
+    found: list[tuple[int, bytes]] = []
+    try:
+        for row in cursor:
+            found.append(row)
+            if len(found) == AT_ONCE:
+                return found, None, False
+    except sqlite3.Error as error:
+        return found, error, True
+    return found, None, True
