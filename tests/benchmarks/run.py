@@ -23,7 +23,7 @@ def benchmarks() -> dict[str, Path]:
 
 
 def main(names: list[str]) -> int:
-    """Run the named benchmarks (all without names): 0 if each kept its promise, 1 if not, 2 for a wrong name."""
+    """Run the named benchmarks, or all: 0 if each kept its promise, 1 if not, 2 for a wrong name."""
     known = benchmarks()
     if unknown := [name for name in names if name not in known]:
         print(f"error: no benchmark {', '.join(unknown)}: there are {', '.join(known)}", file=sys.stderr)

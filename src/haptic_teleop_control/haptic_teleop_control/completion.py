@@ -60,7 +60,8 @@ def completion_script(shell: str, executables: Mapping[str, str]) -> str:
         return _BASH.format(names=" ".join(executables), shells=shells)
     if shell == "zsh":
         # A colon separates name and description, so those within the description are escaped.
-        described = " ".join(_quoted(name + ":" + line.replace(":", "\\:")) for name, line in executables.items())
+        escaped = {name: line.replace(":", "\\:") for name, line in executables.items()}
+        described = " ".join(_quoted(f"{name}:{line}") for name, line in escaped.items())
         return _ZSH.format(described=described, shells=shells)
     lines = [_FISH_HEAD.format(shells=shells)]
     lines += [
