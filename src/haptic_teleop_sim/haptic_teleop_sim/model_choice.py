@@ -1,0 +1,49 @@
+"""From a parameter such as `stage1.model` to a checked model of that joint."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+
+from haptic_teleop_control.errors import ConfigurationError, ModelError
+
+from .model import Effect, Model, load_model
+
+
+def choose_model(
+    joint: str, path: str, built_in: Callable[[str], Model], folder: str | Path | None, source: str
+) -> Model:
+    """The model of `joint`: from the file `path`, looked for beside the parameter file (`folder`), then from the
+    working directory; the built-in one when `path` is empty.
+
+    Raises ConfigurationError when there is no such file, ModelError when it is no model of this joint.
+    """
+    if not path:
+        return built_in(joint)
+    candidates = [Path(folder) / path] if folder is not None else []
+    candidates.append(Path(path))
+    for candidate in candidates:
+        if candidate.is_file():
+            model = load_model(candidate)
+            if model.joint != joint:
+                raise ModelError(
+                    f"{candidate}: this is a model of {model.joint}, but parameter {joint}.model of {source} needs "
+                    f"one of {joint}; name another file."
+                )
+            return model
+    tried = ", ".join(str(candidate) for candidate in candidates)
+    raise ConfigurationError(
+        f"{source}: parameter {joint}.model is {path!r}, but there is no such file (looked for {tried}); "
+        "correct the path, or leave it empty for the built-in model."
+    )
+
+
+def add_effect(model: Model, effect: Effect, reason: str) -> Model:
+    """`model` with one more effect; ModelError that names `reason` (a parameter) when it has that one already."""
+    for present in model.effects:
+        if (present.effect, present.location) == (effect.effect, effect.location):
+            raise ModelError(
+                f"{model.source}: the model has {effect.effect} at {effect.location} already, and {reason} asks for "
+                "another; take one of the two away."
+            )
+    return model.with_effects(effect)
