@@ -59,7 +59,7 @@ if ! supported "$environment/bin/python" || ! "$environment/bin/python" -m pip -
 fi
 rm -f "$stamp"
 
-quiet="--quiet --disable-pip-version-check"
+quiet="--quiet --quiet --disable-pip-version-check"  # twice: errors only
 echo "set-up: installing the locked dependencies (about 0.7 GB on disk; a few minutes the first time) ..."
 "$environment/bin/python" -m pip install $quiet --require-hashes --requirement requirements.lock
 # Without build isolation: the build back end is locked too.

@@ -1,0 +1,73 @@
+"""What all tests share: where the recordings lie, and a ROS 2 graph of their own."""
+
+import fcntl
+import os
+import sys
+import tempfile
+from collections.abc import Iterator
+from pathlib import Path
+
+import hypothesis
+import pytest
+
+REPOSITORY = Path(__file__).resolve().parents[1]
+
+# The same examples on every run: a failure here must be the change's and not the day's.
+hypothesis.settings.register_profile("repeatable", derandomize=True, deadline=None, max_examples=50)
+hypothesis.settings.load_profile("repeatable")
+
+# DDS takes ports by domain; those of 0 to 101 are free of Linux' range for outgoing connections. 0 is the
+# default, where the graphs of others are.
+DOMAINS = range(1, 102)
+
+
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    """A test's folder says what kind it is."""
+    for item in items:
+        for kind in ("nodes", "end_to_end"):
+            if item.path.is_relative_to(REPOSITORY / "tests" / kind):
+                item.add_marker(kind)
+
+
+@pytest.fixture(scope="session")
+def repository() -> Path:
+    """The top of the repository."""
+    return REPOSITORY
+
+
+@pytest.fixture(scope="session")
+def shared_data() -> Path:
+    """The folder of sample recordings, which lies beside the repository; skips where it is not."""
+    for folder in (os.environ.get("HAPTIC_TELEOP_DATA"), REPOSITORY.parent / "shared" / "data"):
+        if folder and Path(folder).is_dir():
+            return Path(folder)
+    pytest.skip("no sample recordings in ../shared/data: put them there or set HAPTIC_TELEOP_DATA")
+
+
+@pytest.fixture
+def ros_domain() -> Iterator[int]:
+    """A ROS_DOMAIN_ID that no other test run on this machine uses at the same time.
+
+    Held by a lock on a file, which the kernel releases however the run ends.
+    """
+    for domain in DOMAINS:
+        path = Path(tempfile.gettempdir(), f"haptic_teleop_domain_{domain}_{os.getuid()}.lock")
+        with path.open("w") as file:
+            try:
+                fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+            except BlockingIOError:
+                continue
+            yield domain
+            return
+    pytest.fail(f"all {len(DOMAINS)} domains are in use")
+
+
+@pytest.fixture(autouse=True)
+def ros_isolation(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Tests with nodes see their own graph and nobody else's, and find the environment's ROS 2."""
+    if not any(request.node.get_closest_marker(kind) for kind in ("nodes", "end_to_end")):
+        return
+    monkeypatch.setenv("ROS_DOMAIN_ID", str(request.getfixturevalue("ros_domain")))
+    monkeypatch.setenv("ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST")
+    if not os.environ.get("AMENT_PREFIX_PATH"):
+        monkeypatch.setenv("AMENT_PREFIX_PATH", sys.prefix)

@@ -1,0 +1,105 @@
+"""What must hold of the code base as a whole, read from the code base."""
+
+import ast
+import importlib.metadata
+import re
+import subprocess
+import sys
+import tomllib
+import xml.etree.ElementTree as ElementTree
+from collections import Counter
+from pathlib import Path
+
+import pytest
+
+from haptic_teleop_control import front_door
+
+REPOSITORY = Path(__file__).resolve().parents[2]
+PACKAGES = sorted(path.parent for path in REPOSITORY.glob("src/*/package.xml"))
+LONGEST_MODULE = 500  # lines; the aim is 150
+
+
+def sources(folder: Path) -> list[Path]:
+    return [path for path in folder.rglob("*.py") if "__pycache__" not in path.parts]
+
+
+def imported(path: Path) -> set[str]:
+    """The top-level modules that a source file imports, at its top or within functions."""
+    found = set()
+    for node in ast.walk(ast.parse(path.read_text())):
+        if isinstance(node, ast.Import):
+            found |= {alias.name.split(".")[0] for alias in node.names}
+        elif isinstance(node, ast.ImportFrom) and node.module and not node.level:
+            found.add(node.module.split(".")[0])
+    return found
+
+
+def ros_modules() -> set[str]:
+    """The modules that the ROS 2 wheels brought into this environment."""
+    owners = importlib.metadata.packages_distributions()
+    return {name for name, who in owners.items() if any(owner.startswith("ros-") for owner in who)}
+
+
+@pytest.mark.parametrize("name", front_door.executables())
+def test_every_executable_starts_and_explains_itself(name):
+    done = subprocess.run(
+        [sys.executable, "-m", "haptic_teleop_control.front_door", name, "--help"],
+        capture_output=True,
+        text=True,
+        timeout=60,
+        check=False,
+    )
+    assert done.returncode == 0, done.stderr
+    assert "usage:" in done.stdout
+
+
+def test_no_two_packages_offer_the_same_name():
+    counted = Counter(name for entries in front_door.registries().values() for name in entries)
+    assert [name for name, times in counted.items() if times > 1] == []
+
+
+def test_the_front_door_knows_every_package():
+    assert {path.name for path in PACKAGES} == set(front_door.PACKAGES)
+
+
+def test_no_module_is_longer_than_the_cap():
+    files = sources(REPOSITORY / "src") + sources(REPOSITORY / "tests")
+    lengths = {str(path.relative_to(REPOSITORY)): len(path.read_text().splitlines()) for path in files}
+    assert {path: lines for path, lines in lengths.items() if lines > LONGEST_MODULE} == {}
+
+
+def test_one_version_everywhere():
+    versions = {path.name: ElementTree.parse(path / "package.xml").findtext("version") for path in PACKAGES}
+    versions["pyproject"] = tomllib.loads((REPOSITORY / "pyproject.toml").read_text())["project"]["version"]
+    assert len(set(versions.values())) == 1, versions
+
+
+def test_no_setup_py_at_the_top_hides_the_packages_from_colcon():
+    assert not (REPOSITORY / "setup.py").exists()
+    assert not (REPOSITORY / "setup.cfg").exists()
+
+
+def test_the_import_contract_forbids_every_ros_module_that_is_imported_anywhere():
+    settings = tomllib.loads((REPOSITORY / "pyproject.toml").read_text())["tool"]["importlinter"]
+    contract = next(c for c in settings["contracts"] if "ROS 2" in c["name"])
+    used = set().union(*(imported(path) for path in sources(REPOSITORY / "src"))) & ros_modules()
+    assert used <= set(contract["forbidden_modules"])
+
+
+@pytest.mark.parametrize("package", PACKAGES, ids=lambda path: path.name)
+def test_the_manifest_declares_the_ros_and_own_packages_that_are_imported(package):
+    manifest = ElementTree.parse(package / "package.xml")
+    declared = {element.text for element in manifest.iter("exec_depend")}
+    needed = set().union(*(imported(path) for path in sources(package / package.name)))
+    needed &= ros_modules() | {path.name for path in PACKAGES}
+    assert needed - {package.name} <= declared
+
+
+def test_the_lock_pins_every_requirement_exactly_and_names_no_index():
+    lock = (REPOSITORY / "requirements.lock").read_text()
+    requirements = [line for line in lock.splitlines() if line and not line.startswith((" ", "#"))]
+    assert requirements
+    assert all(re.match(r"[a-z0-9.-]+(\[[a-z,]+\])?==[^ *]+ ", line) for line in requirements)
+    hashed = re.findall(r"^[^\s#].*(?:\n +--hash=sha256:[0-9a-f]{64}.*)+", lock, re.MULTILINE)
+    assert len(hashed) == len(requirements)
+    assert "://" not in lock

@@ -1,0 +1,66 @@
+"""What a command says and returns when something goes wrong."""
+
+import argparse
+
+import pytest
+
+from haptic_teleop_control import errors
+from haptic_teleop_control.command_line import run_command
+
+KINDS = [errors.ConfigurationError, errors.ModelError, errors.RecordingError, errors.MismatchError]
+
+
+def raising(error: BaseException):
+    def main(argv: list[str]) -> int:
+        raise error
+
+    return main
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_a_mistake_of_the_user_is_one_line_and_status_2(kind, capsys):
+    assert run_command(raising(kind("model.yaml: no key\n 'stiffness': add it")), []) == 2
+    captured = capsys.readouterr()
+    assert captured.err == "error: model.yaml: no key 'stiffness': add it\n"
+    assert captured.out == ""
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_every_error_is_ours_and_a_value_error(kind):
+    assert issubclass(kind, errors.HapticTeleopError)
+    assert issubclass(kind, ValueError)
+
+
+def test_a_defect_of_the_program_passes_through():
+    with pytest.raises(ZeroDivisionError):
+        run_command(raising(ZeroDivisionError()), [])
+
+
+@pytest.mark.parametrize(("result", "status"), [(None, 0), (0, 0), (3, 3)])
+def test_the_result_is_the_status(result, status):
+    assert run_command(lambda argv: result, []) == status
+
+
+@pytest.mark.parametrize(("arguments", "status"), [(["--help"], 0), (["--unknown"], 2)])
+def test_leaving_through_argparse_is_a_status(arguments, status, capsys):
+    def main(argv: list[str]) -> None:
+        argparse.ArgumentParser(prog="x").parse_args(argv)
+
+    assert run_command(main, arguments) == status
+
+
+@pytest.mark.parametrize(("code", "status"), [(None, 0), (4, 4), ("a reason", 1)])
+def test_sys_exit_means_what_python_says_it_means(code, status):
+    assert run_command(raising(SystemExit(code)), []) == status
+
+
+def test_interrupting_is_silent(capsys):
+    assert run_command(raising(KeyboardInterrupt()), []) == 130
+    assert capsys.readouterr().err == ""
+
+
+def test_without_arguments_it_takes_those_of_the_process(monkeypatch):
+    monkeypatch.setattr("sys.argv", ["program", "a", "b"])
+    seen = []
+    run_command(lambda argv: seen.extend(argv), None)
+    assert seen == ["a", "b"]
