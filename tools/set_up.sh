@@ -60,7 +60,7 @@ fi
 rm -f "$stamp"
 
 quiet="--quiet --quiet --disable-pip-version-check"  # twice: errors only
-echo "set-up: installing the locked dependencies (about 0.7 GB on disk; a few minutes the first time) ..."
+echo "set-up: installing the locked dependencies (1.2 GB on disk; a minute or more the first time) ..."
 "$environment/bin/python" -m pip install $quiet --require-hashes --requirement requirements.lock
 # Without build isolation: the build back end is locked too.
 "$environment/bin/python" -m pip install $quiet --no-deps --no-build-isolation --editable .

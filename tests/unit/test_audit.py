@@ -86,6 +86,22 @@ def test_the_import_contract_forbids_every_ros_module_that_is_imported_anywhere(
     assert used <= set(contract["forbidden_modules"])
 
 
+def test_every_library_that_is_imported_is_a_declared_dependency():
+    project = tomllib.loads((REPOSITORY / "pyproject.toml").read_text())["project"]
+    requirements = project["dependencies"] + project["optional-dependencies"]["ros"]
+    declared = {re.split(r"[^a-z0-9-]", requirement)[0] for requirement in requirements}
+    owners = importlib.metadata.packages_distributions()
+    imports = set().union(*(imported(path) for path in sources(REPOSITORY / "src")))
+    libraries = imports - set(sys.stdlib_module_names) - set(front_door.PACKAGES) - {"setuptools"}
+    # ROS modules that come along with rclpy are its affair.
+    undeclared = {
+        name
+        for name in libraries - ros_modules()
+        if not declared & {owner.lower().replace("_", "-") for owner in owners.get(name, [])}
+    }
+    assert undeclared == set()
+
+
 @pytest.mark.parametrize("package", PACKAGES, ids=lambda path: path.name)
 def test_the_manifest_declares_the_ros_and_own_packages_that_are_imported(package):
     manifest = ElementTree.parse(package / "package.xml")
