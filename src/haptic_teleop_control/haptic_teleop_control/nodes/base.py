@@ -1,0 +1,138 @@
+"""What all nodes of this project share: parameters from a table, a fault latch with `~/reset`, diagnostics at 1 Hz.
+
+A subclass states `NAME`, `NAMESPACE`, `SUMMARY`, `TOPICS` and `TABLE`; `spin.run_node` and `composed` need no more to
+print its help, check its parameters and run it.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Mapping
+from typing import Any, ClassVar
+
+from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
+from rclpy.context import Context
+from rclpy.node import Node
+from std_srvs.srv import Trigger
+
+from haptic_teleop_control.faults import FaultLatch
+from haptic_teleop_control.nodes.parameters import declare_parameters
+from haptic_teleop_control.parameters import Parameter, ParameterTable
+
+REALTIME_PRIORITY = Parameter(
+    "realtime_priority",
+    0,
+    minimum=0,
+    maximum=90,
+    meaning="SCHED_FIFO priority of the whole process, where the system permits it; 0 for normal scheduling",
+)
+"""In every node's table; of nodes in one process the highest one holds."""
+
+LOG_INTERVAL = 1.0
+"""Seconds between two log lines of one kind of fault."""
+
+
+class HapticNode(Node):
+    """An rclpy node with parameters (`self.values`), faults (`self.faults`), rates and an orderly end."""
+
+    NAME: ClassVar[str]
+    NAMESPACE: ClassVar[str] = ""
+    SUMMARY: ClassVar[str]
+    TOPICS: ClassVar[tuple[str, ...]] = ()
+    FAULTS: ClassVar[Mapping[str, str]] = {}
+    TABLE: ClassVar[ParameterTable]
+
+    def __init__(self, context: Context | None = None, **node_options: Any) -> None:
+        options = {"namespace": self.NAMESPACE, **node_options}
+        super().__init__(self.NAME, context=context, **options)
+        self.failure: BaseException | None = None
+        self.faults = FaultLatch(self.FAULTS)
+        self._last_log: dict[str, float] = {}
+        self._counters: dict[str, Callable[[], int]] = {}
+        self._last_counts: dict[str, int] = {}
+        self._last_report = time.monotonic()
+        self.values = declare_parameters(self, self.TABLE)
+        self._diagnostics = self.create_publisher(DiagnosticArray, "/diagnostics", 10)
+        self.create_timer(1.0, self._report)
+        if self.FAULTS:
+            self.create_service(Trigger, "~/reset", self._reset)
+
+    # What subclasses override.
+
+    def apply_parameters(self, values: Mapping[str, Any]) -> None:
+        """Takes all parameter values after a change; raises ConfigurationError to refuse it."""
+
+    def start(self) -> None:
+        """Starts threads; called once, when all nodes of the process exist and its executor is about to run."""
+
+    def on_reset(self) -> None:
+        """Called when a latched fault is reset, before the output comes back."""
+
+    def state(self) -> str:
+        """What the node is doing, for diagnostics; a few words."""
+        return "running"
+
+    def measurements(self) -> dict[str, Any]:
+        """Further values for diagnostics."""
+        return {}
+
+    def shutdown_safely(self) -> None:
+        """Stops threads, publishes and sends zero output; called once, before the node is destroyed."""
+
+    # What subclasses use.
+
+    def fault(self, name: str, detail: str) -> None:
+        """Counts a fault; logs the one that latches, and repetitions at most once a second."""
+        latches = self.faults.count(name, detail)
+        now = time.monotonic()
+        if latches:
+            service = f"{self.get_fully_qualified_name()}/reset"
+            self.get_logger().error(
+                f"FAULT {self.faults.describe(name, detail)} Output is zero until {service}"
+            )
+        elif now - self._last_log.get(name, 0.0) > LOG_INTERVAL:
+            count = self.faults.counts[name]
+            self.get_logger().warning(f"{self.faults.describe(name, detail)} Counted {count} times so far")
+        else:
+            return
+        self._last_log[name] = now
+
+    def fail(self, failure: BaseException) -> None:
+        """An error of the program in a thread of this node: the process ends, safely, with this error."""
+        self.failure = failure
+
+    def count_rate(self, name: str, counter: Callable[[], int]) -> None:
+        """Adds a rate (events per second of `counter`) to the diagnostics."""
+        self._counters[name] = counter
+        self._last_counts[name] = counter()
+
+    def _reset(self, request: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
+        released = self.faults.reset()
+        self.on_reset()
+        self._last_log.clear()
+        response.success = True
+        response.message = f"{released} reset" if released else "no fault was latched"
+        self.get_logger().info(response.message)
+        return response
+
+    def _report(self) -> None:
+        now = time.monotonic()
+        elapsed, self._last_report = now - self._last_report, now
+        values: dict[str, Any] = {"state": self.state()}
+        for name, counter in self._counters.items():
+            count = counter()
+            values[f"{name} (Hz)"] = f"{(count - self._last_counts[name]) / elapsed:.1f}"
+            self._last_counts[name] = count
+        values.update(self.measurements())
+        values.update({f"fault {name}": count for name, count in self.faults.counts.items()})
+        latched = self.faults.latched
+        status = DiagnosticStatus(
+            level=DiagnosticStatus.ERROR if latched else DiagnosticStatus.OK,
+            name=self.get_fully_qualified_name(),
+            message=self.faults.sentence or self.state(),
+            hardware_id="haptic_teleop",
+            values=[KeyValue(key=key, value=str(value)) for key, value in values.items()],
+        )
+        message = DiagnosticArray(status=[status])
+        message.header.stamp = self.get_clock().now().to_msg()
+        self._diagnostics.publish(message)

@@ -1,0 +1,67 @@
+"""Several nodes in one process: one executor, one interpreter, no hop over the network stack between processes.
+
+This is the 1 kHz default on one machine; as separate processes the same nodes run distributed.
+"""
+
+from __future__ import annotations
+
+import importlib
+from collections.abc import Sequence
+
+from haptic_teleop_control.command_line import run_command
+from haptic_teleop_control.errors import ConfigurationError
+from haptic_teleop_control.front_door import executables
+from haptic_teleop_control.nodes.base import HapticNode
+from haptic_teleop_control.nodes.spin import node_help, run_nodes
+
+HELP = """composed: runs several nodes in one process: the 1 kHz default on one machine
+
+usage: composed NODE [NODE ...] [--ros-args [--params-file FILE] [-p NODE:NAME:=VALUE] ...]
+       composed NODE [NODE ...] --help        the topics and parameters of these nodes
+
+NODE is the name of an executable that is a node: """
+
+SEPARATE = ("recorder",)
+"""Nodes that write to disk: never in the control process."""
+
+
+def node_names() -> list[str]:
+    """Executables that are nodes and may share a process: those whose module lies in a `nodes` sub-package."""
+    runners = (*SEPARATE, "composed", "scenario")
+    return [
+        name for name, (target, _) in executables().items() if ".nodes." in target and name not in runners
+    ]
+
+
+def node_class(name: str) -> type[HapticNode]:
+    """The class of a node by the name of its executable. Raises ConfigurationError for what is none."""
+    if name in SEPARATE:
+        raise ConfigurationError(
+            f"{name} writes to disk and never shares the control process; start it by itself."
+        )
+    if name not in node_names():
+        raise ConfigurationError(f"{name} is not a node; choose from {', '.join(node_names())}.")
+    module = importlib.import_module(executables()[name][0].split(":")[0])
+    return module.NODE
+
+
+def _composed(argv: Sequence[str]) -> int:
+    end = list(argv).index("--ros-args") if "--ros-args" in argv else len(argv)
+    own, ros = list(argv[:end]), list(argv[end:])
+    names = [argument for argument in own if not argument.startswith("-")]
+    options = [argument for argument in own if argument.startswith("-")]
+    for option in options:
+        if option not in ("-h", "--help"):
+            raise ConfigurationError(f"{option} is not an option of composed; see `composed --help`.")
+    if options:
+        print("\n\n".join(node_help(node_class(name)) for name in names) or HELP + ", ".join(node_names()))
+        return 0
+    if not names:
+        raise ConfigurationError(f"composed: no node; name at least one of {', '.join(node_names())}.")
+    if len(set(names)) < len(names):
+        raise ConfigurationError("composed: a node is named twice; start the second in its own process.")
+    return run_nodes([node_class(name) for name in names], ros)
+
+
+def main(argv: list[str] | None = None) -> int:
+    return run_command(_composed, argv)

@@ -1,0 +1,149 @@
+"""A node's parameters: declared from its table, changed only through it, read from the command line.
+
+rclpy would take a misspelt key in a parameter file without a word and refuse `10` where `10.0` is meant. So the files
+and `-p` values of `--ros-args` are read here, checked against the table, and handed to the node as overrides.
+"""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Iterable, Mapping
+from pathlib import Path
+from typing import Any
+
+import yaml
+from rcl_interfaces.msg import FloatingPointRange, IntegerRange, ParameterDescriptor, SetParametersResult
+from rclpy.node import Node
+from rclpy.parameter import Parameter as RosParameter
+
+from haptic_teleop_control.errors import ConfigurationError
+from haptic_teleop_control.nodes.ros_arguments import RosArguments
+from haptic_teleop_control.parameter_files import is_wildcard, load_parameter_file, parameters_for
+from haptic_teleop_control.parameters import Parameter, ParameterTable
+
+ROS_OWN = ("use_sim_time", "start_type_description_service", "qos_overrides")
+"""Parameters that every ROS node has; never checked against a table."""
+
+FILE_KEYS = ("model",)
+"""Last parts of names of parameters that name a file, relative to the parameter file that states it."""
+
+
+def declare_parameters(node: Node, table: ParameterTable) -> dict[str, Any]:
+    """Declares the table on `node` and returns all values.
+
+    Later changes are checked by the table, then by `node.apply_parameters(values)` with all values after the change;
+    a ConfigurationError from either refuses the change with its sentence as the reason, and nothing changes.
+    The returned dictionary follows the changes.
+    """
+    declared = {
+        entry.name: node.declare_parameter(entry.name, entry.default, _descriptor(entry)) for entry in table
+    }
+    values = table.check({name: _plain(entry.value) for name, entry in declared.items()}, node.get_name())
+
+    def change(requested: list[RosParameter]) -> SetParametersResult:
+        wanted = {entry.name: _plain(entry.value) for entry in requested if not _is_ros_own(entry.name)}
+        if not wanted:
+            return SetParametersResult(successful=True)
+        try:
+            changed = table.change(values, wanted, node.get_name())
+            node.apply_parameters(changed)  # type: ignore[attr-defined]
+        except ConfigurationError as refusal:
+            node.get_logger().warning(f"parameter refused: {refusal}")
+            return SetParametersResult(successful=False, reason=str(refusal))
+        values.update(changed)
+        return SetParametersResult(successful=True)
+
+    node.add_on_set_parameters_callback(change)
+    return values
+
+
+def overrides(
+    table: ParameterTable, full_name: str, arguments: RosArguments, neighbours: Iterable[ParameterTable] = ()
+) -> list[RosParameter]:
+    """What `--params-file` and `-p` say for the node `full_name` (with namespace), checked, in the declared types.
+
+    neighbours: tables of other nodes in the same process; what a wildcard section or a `-p` without a node name holds
+    for one of them is no error here. Raises ConfigurationError naming file, node, key and remedy.
+    """
+    elsewhere = {entry.name for neighbour in neighbours for entry in neighbour} - {
+        entry.name for entry in table
+    }
+    stated: dict[str, Any] = {}
+    for file in arguments.parameter_files:
+        sections = {
+            name: {
+                key: value for key, value in values.items() if not (is_wildcard(name) and key in elsewhere)
+            }
+            for name, values in load_parameter_file(file).items()
+        }
+        values = _check_stated(table, _section_values(sections, full_name), str(file))
+        stated.update({key: _resolve(table[key], value, Path(file).parent) for key, value in values.items()})
+    for target, key, text in arguments.parameters:
+        if target not in (None, full_name.rsplit("/", 1)[-1]) or (target is None and key in elsewhere):
+            continue
+        try:
+            value = yaml.safe_load(text)
+        except yaml.YAMLError as problem:
+            raise ConfigurationError(
+                f"--ros-args -p {key}:={text}: is not a YAML value; quote it."
+            ) from problem
+        stated.update(_check_stated(table, {key: value}, "--ros-args"))
+    checked = table.check(stated, ", ".join(arguments.parameter_files) or "--ros-args")
+    return [RosParameter(key, value=checked[key]) for key in stated]
+
+
+def _section_values(sections: Mapping[str, Mapping[str, Any]], full_name: str) -> dict[str, Any]:
+    # A section without a namespace means this node in whatever namespace it runs: our namespaces are set in code.
+    bare = {name: values for name, values in sections.items() if "/" not in name}
+    qualified = {name: values for name, values in sections.items() if "/" in name}
+    wildcards = {name: values for name, values in qualified.items() if is_wildcard(name)}
+    exact = {name: values for name, values in qualified.items() if not is_wildcard(name)}
+    return {
+        **parameters_for(wildcards, full_name),
+        **parameters_for(bare, full_name.rsplit("/", 1)[-1]),
+        **parameters_for(exact, full_name),
+    }
+
+
+def _check_stated(table: ParameterTable, stated: Mapping[str, Any], source: str) -> dict[str, Any]:
+    own = {key: value for key, value in stated.items() if not _is_ros_own(key)}
+    required = {entry.name: entry.default for entry in table if entry.required}
+    checked = table.check({**required, **own}, source)
+    return {key: checked[key] for key in own}
+
+
+def _resolve(entry: Parameter, value: Any, directory: Path) -> Any:
+    if not value or entry.name.rsplit(".", 1)[-1] not in FILE_KEYS:
+        return value
+    beside = (directory / value).resolve()
+    return value if Path(value).is_file() and not beside.is_file() else str(beside)
+
+
+def _plain(value: Any) -> Any:
+    return value if isinstance(value, (bool, int, float, str)) else list(value)
+
+
+def _is_ros_own(name: str) -> bool:
+    return name.split(".", 1)[0] in ROS_OWN
+
+
+def _descriptor(entry: Parameter) -> ParameterDescriptor:
+    unit = f" ({entry.unit})" if entry.unit else ""
+    described = ParameterDescriptor(
+        name=entry.name,
+        description=f"{entry.meaning}{unit}",
+        additional_constraints=entry.limits(),
+        read_only=not entry.runtime,
+    )
+    if entry.is_list or (entry.minimum is None and entry.maximum is None):
+        return described
+    if entry.element_type is float:
+        lower = -sys.float_info.max if entry.minimum is None else float(entry.minimum)
+        upper = sys.float_info.max if entry.maximum is None else float(entry.maximum)
+        if not entry.infinite:
+            described.floating_point_range = [FloatingPointRange(from_value=lower, to_value=upper)]
+    elif entry.element_type is int:
+        lower = -(2**63) if entry.minimum is None else int(entry.minimum)
+        upper = 2**63 - 1 if entry.maximum is None else int(entry.maximum)
+        described.integer_range = [IntegerRange(from_value=lower, to_value=upper, step=0)]
+    return described

@@ -1,0 +1,105 @@
+"""The signal generator as a node: an artificial command in place of the operator's hand (thesis 2.5)."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Mapping
+from typing import Any
+
+from rclpy.context import Context
+from std_srvs.srv import Trigger
+
+from haptic_teleop_control.nodes.base import REALTIME_PRIORITY, HapticNode
+from haptic_teleop_control.nodes.deadline import DeadlineThread
+from haptic_teleop_control.nodes.joint_state_io import JointStatePublisher, stamp_now
+from haptic_teleop_control.nodes.spin import run_node
+from haptic_teleop_control.parameters import Parameter, ParameterTable
+from haptic_teleop_control.robots import PAIRS, STAGES
+from haptic_teleop_control.signals import SignalGenerator, signal_parameters
+
+OWN = (
+    Parameter(
+        "joints",
+        [PAIRS[stage] for stage in STAGES],
+        length=len(STAGES),
+        meaning="joints that stage1 and stage2 command",
+    ),
+    Parameter(
+        "autostart", True, meaning="start the signal with the node; otherwise with the service ~/start"
+    ),
+    REALTIME_PRIORITY,
+)
+
+
+class SignalGeneratorNode(HapticNode):
+    """Publishes always: zero before the start, after the end and when stopped, so that silence means a fault."""
+
+    NAME = "signal_generator"
+    SUMMARY = "publishes an artificial command: steps, sweeps, multisine, slow triangle"
+    TOPICS = (
+        "publishes  reference     sensor_msgs/JointState: position (rad) or effort (N·m), the other field empty",
+        "publishes  /diagnostics  rate and overruns",
+        "service    ~/start       std_srvs/Trigger: begin the signal from its beginning",
+        "service    ~/stop        std_srvs/Trigger: back to zero",
+    )
+    TABLE = ParameterTable("signal_generator", [*OWN, *signal_parameters(STAGES)])
+
+    def __init__(self, context: Context | None = None, **node_options: Any) -> None:
+        super().__init__(context, **node_options)
+        self._started: int | None = None
+        self._generator = self._make_generator(self.values)
+        kind = self.values["kind"]
+        self._out = JointStatePublisher(self, "reference", self.values["joints"], (kind,))
+        self._command = self._out.view[kind]
+        self.create_service(Trigger, "~/start", self._start)
+        self.create_service(Trigger, "~/stop", self._stop)
+        self._thread = DeadlineThread(1.0 / self.values["rate"], self._cycle, self.NAME, self.fail)
+        self.count_rate("references", lambda: self._out.sent)
+
+    def start(self) -> None:
+        if self.values["autostart"]:
+            self._started = time.monotonic_ns()
+        self._thread.start()
+
+    def _cycle(self, periods: int) -> None:
+        started = self._started
+        if started is None:
+            self._command.fill(0.0)
+        else:
+            self._command[:] = self._generator.value((time.monotonic_ns() - started) * 1e-9)
+        self._out.send(stamp_now())
+
+    def _start(self, request: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
+        self._started = time.monotonic_ns()
+        response.success, response.message = True, f"started, ends after {self._generator.end:g} s"
+        return response
+
+    def _stop(self, request: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
+        self._started = None
+        response.success, response.message = True, "stopped, the reference is zero"
+        return response
+
+    def _make_generator(self, values: Mapping[str, Any]) -> SignalGenerator:
+        own = {entry.name for entry in OWN}
+        signal = {name: value for name, value in values.items() if name not in own}
+        return SignalGenerator.from_parameters(signal, STAGES, self.NAME)
+
+    def apply_parameters(self, values: Mapping[str, Any]) -> None:
+        self._generator = self._make_generator(values)
+
+    def state(self) -> str:
+        return "stopped" if self._started is None else "running"
+
+    def measurements(self) -> dict[str, Any]:
+        return {"periods skipped": self._thread.overruns}
+
+    def shutdown_safely(self) -> None:
+        self._thread.stop()
+        self._out.send_zero(stamp_now())
+
+
+NODE = SignalGeneratorNode
+
+
+def main(argv: list[str] | None = None) -> int:
+    return run_node(NODE, argv)

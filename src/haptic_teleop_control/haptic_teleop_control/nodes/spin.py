@@ -1,0 +1,165 @@
+"""Running nodes: one executable's command line, the executor's loop, and an end that leaves the outputs at zero."""
+
+from __future__ import annotations
+
+import gc
+import signal
+import sys
+import textwrap
+import threading
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
+
+import rclpy
+from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
+
+from haptic_teleop_control.command_line import run_command
+from haptic_teleop_control.errors import ConfigurationError
+from haptic_teleop_control.nodes.base import HapticNode
+from haptic_teleop_control.nodes.deadline import request_realtime
+from haptic_teleop_control.nodes.parameters import overrides
+from haptic_teleop_control.nodes.ros_arguments import RosArguments, parse_ros_arguments
+
+POLL = 0.05
+"""Seconds after which the loop looks whether it has been asked to end; a signal does not wake the executor."""
+
+SWITCH_INTERVAL = 5e-4
+"""Seconds after which a thread that waits for the interpreter gets it: Python's 5 ms are five periods of 1 kHz."""
+
+
+def run_node(node_class: type[HapticNode], argv: Sequence[str] | None = None) -> int:
+    """The `main` of a node's executable: exit status 0 after SIGINT or SIGTERM, 2 for a refused parameter."""
+    return run_command(lambda arguments: _run([node_class], arguments), argv)
+
+
+def run_nodes(node_classes: Sequence[type[HapticNode]], argv: Sequence[str]) -> int:
+    """Several nodes in this process with one executor and the same `--ros-args`. Raises ConfigurationError."""
+    return _run(node_classes, argv)
+
+
+def node_help(node_class: type[HapticNode]) -> str:
+    """What the node does, its topics and its parameters, for `--help`."""
+    namespace = f"/{node_class.NAMESPACE}" if node_class.NAMESPACE else ""
+    lines = [f"{node_class.NAME}: {node_class.SUMMARY}", ""]
+    lines += [
+        f"usage: {node_class.NAME} [--ros-args [--params-file FILE] [-p NAME:=VALUE] [-r OLD:=NEW] ...]",
+        "",
+    ]
+    lines += [
+        f"node {namespace}/{node_class.NAME}",
+        *(f"  {topic}" for topic in node_class.TOPICS),
+        "",
+        "parameters",
+    ]
+    for entry in node_class.TABLE:
+        notes = [entry.limits(), "changeable while running" if entry.runtime else ""]
+        default = f"{entry.default!r} {entry.unit}".strip()
+        lines.append(f"  {entry.name} [{default}]")
+        text = "; ".join(note for note in (entry.meaning, *notes) if note)
+        lines += textwrap.wrap(text, 100, initial_indent="      ", subsequent_indent="      ")
+    return "\n".join(lines)
+
+
+def create_nodes(node_classes: Sequence[type[HapticNode]], arguments: RosArguments) -> list[HapticNode]:
+    """The nodes with their parameters from `arguments`, all checked before the first is made."""
+    options = []
+    for node_class in node_classes:
+        neighbours = [other.TABLE for other in node_classes if other is not node_class]
+        full_name = arguments.full_name(node_class.NAME, node_class.NAMESPACE)
+        options.append(overrides(node_class.TABLE, full_name, arguments, neighbours))
+    nodes: list[HapticNode] = []
+    try:
+        for node_class, given in zip(node_classes, options, strict=True):
+            nodes.append(node_class(parameter_overrides=given))
+    except BaseException:
+        stop_nodes(nodes)
+        raise
+    return nodes
+
+
+def stop_nodes(nodes: Sequence[HapticNode]) -> None:
+    """Zero output from every node, the last one made first; one node's failure does not keep the others from it."""
+    for node in reversed(nodes):
+        try:
+            node.shutdown_safely()
+        except Exception as failure:
+            node.get_logger().error(f"while stopping: {failure}")
+    for node in reversed(nodes):
+        node.destroy_node()
+
+
+def make_executor(context: rclpy.Context | None = None) -> rclpy.executors.Executor:
+    """The events executor, which holds 1 kHz in Python, or the single-threaded one where it does not exist."""
+    try:
+        from rclpy.experimental import EventsExecutor
+    except ImportError:
+        return SingleThreadedExecutor(context=context)
+    return EventsExecutor(context=context)
+
+
+@contextmanager
+def stop_requests() -> Iterator[threading.Event]:
+    """An event that SIGINT and SIGTERM set; nothing is interrupted, so that no message is half sent."""
+    stop = threading.Event()
+    previous = {
+        number: signal.signal(number, lambda *_: stop.set()) for number in (signal.SIGINT, signal.SIGTERM)
+    }
+    try:
+        yield stop
+    finally:
+        for number, handler in previous.items():
+            signal.signal(number, handler)
+
+
+def spin(nodes: Sequence[HapticNode], should_stop: Callable[[], bool]) -> None:
+    """Runs the callbacks of `nodes` until `should_stop()`; raises what a node's thread failed with."""
+    executor = make_executor()
+    for node in nodes:
+        executor.add_node(node)
+    gc.collect()
+    gc.freeze()
+    failed = None
+    try:
+        for node in nodes:
+            node.start()
+        while rclpy.ok() and not should_stop() and failed is None:
+            # EventsExecutor.spin() keeps a core busy and delivers nothing in some builds; spin_once does not.
+            executor.spin_once(timeout_sec=POLL)
+            failed = next((node.failure for node in nodes if node.failure is not None), None)
+    except ExternalShutdownException:
+        pass
+    finally:
+        for node in nodes:
+            executor.remove_node(node)
+        executor.shutdown()
+    if failed is not None:
+        raise failed
+
+
+def _run(node_classes: Sequence[type[HapticNode]], argv: Sequence[str]) -> int:
+    if any(argument in ("-h", "--help") for argument in argv):
+        print("\n\n".join(node_help(node_class) for node_class in node_classes))
+        return 0
+    arguments = parse_ros_arguments(argv)
+    if arguments.other:
+        raise ConfigurationError(f"{arguments.other[0]} is not an argument of a node; see --help.")
+    sys.setswitchinterval(SWITCH_INTERVAL)
+    with stop_requests() as stop:
+        try:
+            rclpy.init(args=list(argv), signal_handler_options=rclpy.signals.SignalHandlerOptions.NO)
+        except Exception as refusal:  # rcl names the argument, but its exception type is not public
+            raise ConfigurationError(
+                f"--ros-args: {str(refusal).splitlines()[0]}; see `--help`."
+            ) from refusal
+        try:
+            nodes = create_nodes(node_classes, arguments)
+            try:
+                priority = max(node.values.get("realtime_priority", 0) for node in nodes)
+                if priority:
+                    request_realtime(priority)
+                spin(nodes, stop.is_set)
+            finally:
+                stop_nodes(nodes)
+        finally:
+            rclpy.try_shutdown()
+    return 0

@@ -1,0 +1,1 @@
+"""The simulated plants as ROS 2 nodes: interchangeable with the drivers of the same robots."""
