@@ -24,15 +24,28 @@ def recorded_value(
 
     Nodes whose last name is in `nodes` are asked first, in that order, then the others as recorded.
     """
+    for value, where in _stated(parameters, keys, nodes):
+        if isinstance(value, (int, float)) and not isinstance(value, bool) and math.isfinite(value):
+            return float(value), where
+    return None
+
+
+def recorded_text(parameters: Mapping[str, Any], key: str, nodes: Sequence[str] = ()) -> str | None:
+    """Return the text that a node states for `key`, or None; nodes are asked as by `recorded_value`."""
+    for value, _ in _stated(parameters, (key,), nodes):
+        if isinstance(value, str):
+            return value
+    return None
+
+
+def _stated(
+    parameters: Mapping[str, Any], keys: Sequence[str], nodes: Sequence[str]
+) -> Iterator[tuple[Any, str]]:
     by_name = [(str(node).rstrip("/").rsplit("/", 1)[-1], str(node), content) for node, content in parameters.items()]
     order = {name: index for index, name in enumerate(nodes)}
     by_name.sort(key=lambda entry: order.get(entry[0], len(order)))
     for _, node, content in by_name:
-        if not isinstance(content, Mapping):
-            continue
-        flat = dict(flattened(content))
+        flat = dict(flattened(content)) if isinstance(content, Mapping) else {}
         for key in keys:
-            value = flat.get(key)
-            if isinstance(value, (int, float)) and not isinstance(value, bool) and math.isfinite(value):
-                return float(value), f"{node}: {key}"
-    return None
+            if key in flat:
+                yield flat[key], f"{node}: {key}"

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any
@@ -19,7 +20,7 @@ class StageSettings:
     """One stage's settings; None where nothing says. `source` tells for each where its value comes from.
 
     lambda_ N·m·s/rad; torque_gain N·m/rad, neutral rad: master position -> desired torque; wall_angle rad;
-    stiffness N·m/rad; torque_constant N·m/A (nominal, of messages); current_limit A.
+    stiffness N·m/rad; torque_constant N·m/A (nominal, of messages); current_limit A; desired_torque_limit N·m.
     """
 
     lambda_: float | None
@@ -29,6 +30,7 @@ class StageSettings:
     stiffness: float
     torque_constant: float
     current_limit: float
+    desired_torque_limit: float = math.inf
     source: Mapping[str, str] = field(default_factory=dict)
 
 
@@ -59,9 +61,20 @@ def stage_settings(
     gain_keys = (f"{axis}.torque_gain", *of_stage("torque_gain"))
     torque_gain = find("torque_gain", gain_keys, CONTROLLER, None)
     neutral = find("neutral", (f"{axis}.neutral", f"{stage}.neutral"), CONTROLLER, 0.0)
-    wall = find("wall", of_stage("wall_angle", "wall.angle", "wall"), PLANT, None)
+    wall = find("wall", of_stage("wall.angle", "wall_angle"), PLANT, None)
     stiffness = find("stiffness", (f"{stage}.stiffness",), CONTROLLER, facts.stiffness)
     constant = find("torque_constant", (f"{stage}.torque_constant",), CONTROLLER, facts.torque_constant)
     limit = find("current_limit", (f"{stage}.current_limit",), CONTROLLER, facts.current_limit)
     assert neutral is not None and stiffness is not None and constant is not None and limit is not None
-    return StageSettings(lambda_, torque_gain, neutral, wall, stiffness, constant, limit, source)
+    desired_limit = recorded_value(parameters, (f"{axis}.desired_torque_limit",), CONTROLLER)
+    return StageSettings(
+        lambda_=lambda_,
+        torque_gain=torque_gain,
+        neutral=neutral,
+        wall_angle=wall,
+        stiffness=stiffness,
+        torque_constant=constant,
+        current_limit=limit,
+        desired_torque_limit=math.inf if desired_limit is None else desired_limit[0],
+        source=source,
+    )

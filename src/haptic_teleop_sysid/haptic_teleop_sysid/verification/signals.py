@@ -11,7 +11,8 @@ from haptic_teleop_control.errors import MismatchError
 from haptic_teleop_control.robots import PAIRS, SFJ_STAGES
 from numpy.typing import NDArray
 
-from haptic_teleop_sysid.verification.settings import StageSettings, stage_settings
+from haptic_teleop_sysid.recorded_parameters import recorded_text
+from haptic_teleop_sysid.verification.settings import CONTROLLER, StageSettings, stage_settings
 
 if TYPE_CHECKING:
     from haptic_teleop_control.recording import JointStateSeries, Recording
@@ -124,12 +125,16 @@ def _desired_torque(
 ) -> tuple[Array, Array | None, str]:
     """The master's position times the torque gain; an effort on /reference is the desired torque itself."""
     axis = PAIRS[stage]
+    joints = (axis, f"{stage}_motor", stage)
     reference = recording.topics.get(REFERENCE_TOPIC)
     if reference is not None and reference.effort is not None:
-        for joint in (axis, f"{stage}_motor", stage):
+        for joint in joints:
             if joint in reference.names:
                 return held(reference, reference.signal(joint, "effort"), at), None, f"{REFERENCE_TOPIC}, effort of {joint}"
-    for topic, joints in ((MASTER_TOPIC, (axis,)), (REFERENCE_TOPIC, (axis, f"{stage}_motor", stage))):
+    # What the controller listened to; where nothing says, the artificial command if there was one.
+    source = recorded_text(recording.parameters, "command_source", CONTROLLER)
+    topics = [MASTER_TOPIC, REFERENCE_TOPIC] if source == "device" else [REFERENCE_TOPIC, MASTER_TOPIC]
+    for topic in topics:
         series = recording.topics.get(topic)
         if series is None or series.position is None:
             continue
@@ -141,6 +146,8 @@ def _desired_torque(
                     )
                 position = held(series, series.signal(joint, "position"), at)
                 desired = settings.torque_gain * (position - settings.neutral)
+                limit = settings.desired_torque_limit
+                desired = np.clip(desired, -limit, limit)
                 return desired, position, f"{topic}, position of {joint} × {settings.torque_gain:g} N·m/rad"
     raise MismatchError(
         f"{name} holds neither {MASTER_TOPIC} nor {REFERENCE_TOPIC} with {axis}, so the desired torque of {stage} is "

@@ -110,6 +110,14 @@ def graph_health(recording: Recording) -> dict[str, Any]:
     return {"topics": topics, "latency": latency}
 
 
+def latency_samples(recording: Recording) -> NDArray[np.float64]:
+    """Return the slave's loop latencies from stamp to arrival, (m,) in s; empty when they cannot be known."""
+    states, commands = recording.topics.get(STATE_TOPIC), recording.topics.get(COMMAND_TOPIC)
+    if states is None or commands is None or not len(commands):
+        return np.zeros(0)
+    return answers(states, commands)[0]
+
+
 def _percentiles(values: NDArray[np.float64]) -> dict[str, float]:
     p50, p99, top = np.percentile(values, [50.0, 99.0, 100.0])
     return {"p50": float(p50), "p99": float(p99), "max": float(top)}

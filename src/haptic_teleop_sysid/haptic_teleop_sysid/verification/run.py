@@ -1,0 +1,80 @@
+"""One recording of a scenario, examined; and how far two recordings of one scenario agree."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from haptic_teleop_control.recording import Recording
+
+from haptic_teleop_sysid.fit import fit_percent
+from haptic_teleop_sysid.verification.merit import StageMerit, stage_merit
+from haptic_teleop_sysid.verification.signals import StageRun, read_stages
+from haptic_teleop_sysid.verification.timing import graph_health, latency_samples
+
+COMPARED = ("motor_position", "arm_position", "motor_velocity", "environment_torque")
+
+
+@dataclass(frozen=True)
+class Run:
+    """Everything that is known of one recording. `onset`: when the first command began, s of its time."""
+
+    name: str
+    stages: dict[str, StageRun]
+    merits: dict[str, StageMerit]
+    graph: dict[str, Any]
+    latency: np.ndarray
+    onset: float
+    complete: bool
+    problems: list[str]
+    experiment: dict[str, Any]
+
+    def as_json(self) -> dict[str, Any]:
+        """Return the figures as plain data."""
+        return {
+            "stages": {stage: merit.as_json() for stage, merit in self.merits.items()},
+            "graph": self.graph,
+            "command_onset_s": self.onset,
+            "complete": self.complete,
+            "problems": self.problems,
+            "experiment": self.experiment,
+        }
+
+
+def examine(recording: Recording, name: str, overrides: Mapping[str, Mapping[str, float]] | None = None) -> Run:
+    """Return the examined recording. `overrides`: stage -> setting -> value, see `StageSettings`.
+
+    Raises MismatchError when it is no recording of scenario 1 or does not say enough about itself.
+    """
+    stages = read_stages(recording, name, overrides)
+    merits = {stage: stage_merit(run) for stage, run in stages.items()}
+    begins = [start for merit in merits.values() for kind, start, _ in merit.phases if kind in ("free", "contact")]
+    return Run(
+        name=name,
+        stages=stages,
+        merits=merits,
+        graph=graph_health(recording),
+        latency=latency_samples(recording),
+        onset=min(begins, default=0.0),
+        complete=recording.complete,
+        problems=list(recording.problems),
+        experiment=dict(recording.experiment),
+    )
+
+
+def agreement(first: Run, second: Run) -> dict[str, dict[str, float]]:
+    """Return stage -> signal -> fit in percent of the second run to the first, both counted from their command's onset."""
+    result: dict[str, dict[str, float]] = {}
+    for stage in first.stages.keys() & second.stages.keys():
+        a, b = first.stages[stage], second.stages[stage]
+        time_a, time_b = a.time - first.onset, b.time - second.onset
+        common = (time_a >= max(time_a[0], time_b[0])) & (time_a <= min(time_a[-1], time_b[-1]))
+        if np.count_nonzero(common) < 10:
+            continue
+        result[stage] = {}
+        for signal in COMPARED:
+            other = np.interp(time_a[common], time_b, getattr(b, signal))
+            result[stage][signal] = fit_percent(getattr(a, signal)[common], other)
+    return dict(sorted(result.items()))

@@ -1,0 +1,145 @@
+"""`haptic-teleop verify`: check a recording of scenario 1 against what the force law promises, and write its report."""
+
+from __future__ import annotations
+
+import argparse
+import math
+import time
+from pathlib import Path
+from typing import Any
+
+from haptic_teleop_control.command_line import run_command
+from haptic_teleop_control.errors import ConfigurationError
+from haptic_teleop_control.recording import read_recording
+from haptic_teleop_control.robots import STAGES
+from rich.console import Console
+
+from haptic_teleop_sysid.report import claim_output_directory, save_png
+from haptic_teleop_sysid.results import tool_version, write_json
+from haptic_teleop_sysid.verification.page import key_figures, verification_page
+from haptic_teleop_sysid.verification.pictures import stage_picture
+from haptic_teleop_sysid.verification.run import Run, agreement, examine
+from haptic_teleop_sysid.verification.verdicts import verdicts
+
+OVERRIDES = {
+    "lambda": "λ of the force law, N·m·s/rad",
+    "torque_gain": "desired torque per angle of the master, N·m/rad",
+    "wall": "angle of the wall, rad",
+    "stiffness": "stiffness of the joint, N·m/rad",
+    "torque_constant": "nominal N·m/A of the recorded efforts",
+}
+RESULT = "verify.json"
+
+
+def verify(
+    bags: list[str],
+    output: Path,
+    remove_delay: bool = False,
+    overrides: dict[str, dict[str, float]] | None = None,
+) -> list[Run]:
+    """Examine `bags`, write verify.json, report.html and a picture per stage into the directory `output`; return the runs.
+
+    Raises RecordingError and MismatchError, naming the bag, for what cannot be read or is no recording of scenario 1.
+    """
+    began = time.perf_counter()
+    runs = [examine(read_recording(bag), bag, overrides) for bag in bags]
+    labels = short_names(bags)
+    agreements = {label: agreement(runs[0], run) for run, label in zip(runs[1:], labels[1:], strict=True)}
+    for stage in runs[0].stages:
+        save_png(stage_picture(runs, stage, labels, remove_delay), output / f"{stage}.png")
+    verification_page(runs, labels, agreements, remove_delay).write(output / "report.html")
+    content: dict[str, Any] = {
+        "schema": 1,
+        "scenario": 1,
+        "runs": {run.name: run.as_json() | {"verdicts": verdicts(run)} for run in runs},
+        "agreement": {bag: agreements[label] for bag, label in zip(bags[1:], labels[1:], strict=True)},
+        "delay_removed": remove_delay,
+        "runtime_s": time.perf_counter() - began,
+        "version": tool_version(),
+    }
+    write_json(output / RESULT, content)
+    return runs
+
+
+def short_names(bags: list[str]) -> list[str]:
+    """Return the shortest endings of the paths that tell them apart."""
+    parts = [[part for part in bag.split("/") if part] or [bag] for bag in bags]
+    for count in range(1, max(map(len, parts)) + 1):
+        names = ["/".join(part[-count:]) for part in parts]
+        if len(set(names)) == len(names):
+            return names
+    return bags
+
+
+def run(argv: list[str]) -> int:
+    """Do what the arguments say; returns the exit status."""
+    arguments = _parser().parse_args(argv)
+    for bag in arguments.bag:
+        if arguments.bag.count(bag) > 1:
+            raise ConfigurationError(f"{bag} is named twice: give each recording once.")
+    overrides: dict[str, dict[str, float]] = {stage: {} for stage in STAGES}
+    for name in OVERRIDES:
+        values = getattr(arguments, name)
+        if values is not None:
+            for stage, value in zip(STAGES, values * len(STAGES) if len(values) == 1 else values, strict=False):
+                overrides[stage][name] = value
+    output = claim_output_directory(arguments.output, RESULT, arguments.overwrite)
+    with Console(stderr=True).status("verifying"):
+        runs = verify(arguments.bag, output, arguments.remove_delay, overrides)
+    print_summary(runs, output / "report.html")
+    return 0
+
+
+def print_summary(runs: list[Run], report: Path, figures_only: bool = False) -> None:
+    """Print each run's verdicts (or its key figures only) and where the report lies."""
+    console = Console(highlight=False)
+    words = {"good": "[green]ok[/green]  ", "fair": "[yellow]note[/yellow]", "bad": "[red]bad[/red] ", "plain": "    "}
+    for one in runs:
+        console.print(one.name, markup=False, soft_wrap=True)
+        if figures_only:
+            for value, label, note in key_figures(one):
+                console.print(f"  {label:28} {value:>14}   {note}", markup=False, soft_wrap=True)
+            continue
+        for status, text in verdicts(one):
+            console.print(f"  {words[status]} ", end="")
+            console.print(text, markup=False, soft_wrap=True)
+    console.print(f"report: {report}", markup=False, soft_wrap=True)
+
+
+def main(argv: list[str] | None = None) -> int:
+    """Entry point: exit status 0 when a report was written, 2 for bad arguments or files."""
+    return run_command(run, argv)
+
+
+def _parser() -> argparse.ArgumentParser:
+    parser = argparse.ArgumentParser(prog="haptic-teleop verify", description=__doc__)
+    parser.add_argument("bag", nargs="+", metavar="BAG", help="recordings of one scenario, laid over each other")
+    parser.add_argument("--output", required=True, metavar="DIR", help=f"where {RESULT}, report.html and pictures go")
+    parser.add_argument("--remove-delay", action="store_true", help="count each run's time from the onset of its command")
+    parser.add_argument("--overwrite", action="store_true", help="replace the results of an earlier run in DIR")
+    group = parser.add_argument_group("settings", "instead of what the recordings say: one value, or one for each stage")
+    for name, meaning in OVERRIDES.items():
+        option = "--" + name.replace("_", "-")
+        group.add_argument(option, nargs="+", type=_positive, action=_OnePerStage, metavar="X", help=meaning)
+    return parser
+
+
+class _OnePerStage(argparse.Action):
+    def __call__(self, parser: argparse.ArgumentParser, namespace: argparse.Namespace, values: Any, option: str | None = None) -> None:
+        if len(values) > len(STAGES):
+            parser.error(f"{option} takes one value, or one for each of {', '.join(STAGES)}; got {len(values)}")
+        setattr(namespace, self.dest, values)
+
+
+def _positive(text: str) -> float:
+    try:
+        value = float(text)
+    except ValueError:
+        value = math.nan
+    if not math.isfinite(value) or value <= 0.0:
+        raise argparse.ArgumentTypeError(f"{text!r} is not a number above zero")
+    return value
+
+
+if __name__ == "__main__":
+    raise SystemExit(main())

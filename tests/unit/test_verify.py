@@ -1,0 +1,202 @@
+"""Verification reads back what was put into recordings made from formulas."""
+
+import json
+import math
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from haptic_teleop_control.errors import MismatchError
+from haptic_teleop_control.recording import Recording, write_recording
+from haptic_teleop_sysid import verify
+from haptic_teleop_sysid.verification.run import agreement, examine
+
+from scenario_recordings import CONSTANT, PARAMETERS, Made, scenario
+
+
+def contact_of(made: Made, stage: str = "stage1"):
+    (contact,) = examine(scenario(made), "made").merits[stage].contacts
+    return contact
+
+
+def write(recording: Recording, path: Path) -> str:
+    return str(write_recording(path, recording.topics, recording.parameters, recording.experiment))
+
+
+def test_phases_are_found_where_they_were_made():
+    made = Made()
+    phases = examine(scenario(made), "made").merits["stage1"].phases
+    assert [kind for kind, _, _ in phases] == ["idle", "free", "contact", "release", "idle"]
+    starts = [start for _, start, _ in phases]
+    # Torque fades with 50 ms and is a tenth after 50 ms x ln 10.
+    expected = [0.0, made.onset, made.touch, made.release, made.release + 0.05 * math.log(10.0)]
+    assert np.allclose(starts, expected, atol=0.01)
+
+
+def test_without_a_wall_everything_is_free_motion():
+    merit = examine(scenario(Made(contact=False)), "made").merits["stage1"]
+    assert not merit.contacts
+    assert [kind for kind, _, _ in merit.phases] == ["idle", "free", "idle"]
+
+
+@pytest.mark.parametrize("droop", [0.0, 0.06, -0.08])
+def test_free_speed_and_its_distance_from_the_law(droop):
+    made = Made(droop=droop)
+    (motion,) = examine(scenario(made), "made").merits["stage2"].free
+    assert motion.expected_speed == pytest.approx(made.torque / 0.5)
+    assert motion.speed == pytest.approx(made.speed, rel=2e-3)
+    assert motion.error_percent == pytest.approx(-100.0 * droop, abs=0.2)
+
+
+@pytest.mark.parametrize("damping", [0.3, 0.5, 0.7])
+def test_overshoot_of_a_second_order_contact(damping):
+    made = Made(damping=damping)
+    assert contact_of(made).overshoot_percent == pytest.approx(made.overshoot, abs=0.1)
+
+
+def test_settling_time_is_when_the_torque_stays_within_five_percent():
+    # Aperiodic limit: 1 - exp(-wt)(1 + wt) enters the band once, at wt = 4.7439 (root of exp(-x)(1 + x) = 0.05).
+    contact = contact_of(Made(damping=0.999999, frequency=8.0))
+    assert contact.settling_time == pytest.approx(4.7439 / 8.0, abs=0.006)
+
+
+def test_a_torque_beside_the_band_never_settles():
+    contact = contact_of(Made(offset=-0.06))
+    assert contact.settling_time is None
+    assert contact.settled_error == pytest.approx(-0.06, abs=1e-3)
+
+
+def test_negative_commands_count_like_positive_ones():
+    made = Made()
+    recording = scenario(made)
+    mirrored = {
+        name: replace(series, **{field: -getattr(series, field) for field in ("position", "velocity", "effort")
+                                 if getattr(series, field) is not None})
+        for name, series in recording.topics.items()
+    }  # fmt: skip
+    contact = contact_of(made)
+    (other,) = examine(replace(recording, topics=mirrored), "mirrored").merits["stage1"].contacts
+    assert other.overshoot_percent == pytest.approx(contact.overshoot_percent)
+    assert other.settling_time == contact.settling_time
+    assert other.settled_torque == pytest.approx(-contact.settled_torque)
+    assert other.start == contact.start
+
+
+@pytest.mark.parametrize("bounces", [0, 1, 3])
+def test_bounces_are_counted(bounces):
+    assert contact_of(Made(bounces=bounces, damping=0.7)).bounces == bounces
+
+
+def test_peak_current_is_the_measured_one():
+    made = Made()
+    peak = made.torque * (1.0 + made.overshoot / 100.0) / CONSTANT["stage2"] + 0.01
+    assert examine(scenario(made), "made").merits["stage2"].peak_current == pytest.approx(peak, rel=1e-3)
+
+
+def test_latency_comes_from_stamps_and_arrivals():
+    (latency,) = examine(scenario(Made(latency=0.0013, state_delay=0.0004)), "made").graph["latency"]
+    assert latency["command_topic"] == "/sfj/effort_command"
+    assert latency["from_stamp"]["p50"] == pytest.approx(0.0013, abs=1e-9)
+    assert latency["between_arrivals"]["max"] == pytest.approx(0.0009, abs=1e-9)
+    assert latency["unanswered"] == 0
+    assert latency["late_percent"] == 0.0
+
+
+def test_answers_later_than_two_periods_are_counted():
+    recording = scenario(Made())
+    commands = recording.topics["/sfj/effort_command"]
+    received = commands.received.copy()
+    received[:50] += 4_000_000
+    recording.topics["/sfj/effort_command"] = replace(commands, received=received)
+    (latency,) = examine(recording, "made").graph["latency"]
+    assert latency["late_percent"] == pytest.approx(100.0 * 50 / len(commands))
+    assert latency["from_stamp"]["max"] == pytest.approx(0.0047, abs=1e-9)
+
+
+def test_lost_samples_and_unanswered_states_are_counted_apart():
+    graph = examine(scenario(Made(lost=(700, 1500, 1501), unanswered=(900, 2000))), "made").graph
+    assert graph["topics"]["/sfj/joint_states"]["lost"] == 3
+    assert graph["topics"]["/reference"]["lost"] == 0
+    assert graph["latency"][0]["unanswered"] == 2
+
+
+def test_rate_is_that_of_the_stamps():
+    graph = examine(scenario(Made(), rate=250.0), "made").graph
+    assert graph["topics"]["/sfj/joint_states"]["rate"] == pytest.approx(250.0)
+    assert graph["topics"]["/reference"]["rate"] == pytest.approx(500.0)
+
+
+def test_settings_come_from_the_recording_before_nominal_ones_and_from_the_command_line_before_both():
+    settings = examine(scenario(Made()), "made").merits["stage1"].settings
+    assert settings["lambda"] == 0.5
+    assert settings["source"]["lambda"] == "recording, /force_controller: stage1.lambda"
+    assert settings["source"]["stiffness"] == "nominal"
+    (motion,) = examine(scenario(Made()), "made", {"stage1": {"lambda": 0.25}}).merits["stage1"].free
+    assert motion.expected_speed == pytest.approx(0.6 / 0.25)
+
+
+def test_an_unknown_torque_gain_is_asked_for():
+    with pytest.raises(MismatchError, match=r"mybag.*torque gain of stage1.*--torque-gain"):
+        examine(scenario(Made(), parameters={}), "mybag")
+
+
+def test_a_recording_of_something_else_is_refused():
+    recording = scenario(Made())
+    del recording.topics["/sfj/joint_states"]
+    with pytest.raises(MismatchError, match=r"mybag.*/sfj/joint_states"):
+        examine(recording, "mybag")
+
+
+def test_manual_mode_takes_the_device_for_the_command():
+    recording = scenario(Made())
+    recording.parameters = {**PARAMETERS, "/force_controller": {**PARAMETERS["/force_controller"], "command_source": "device"}}
+    merit = examine(recording, "made").merits["stage1"]
+    assert not merit.free  # the device was not moved in this recording
+    assert merit.settings["desired_torque_from"].startswith("/omni/joint_states")
+
+
+def test_two_runs_agree_when_only_their_delay_differs():
+    first, second = examine(scenario(Made()), "a"), examine(scenario(Made(onset=1.5, release=9.5, duration=10.5)), "b")
+    assert all(value > 99.0 for signals in agreement(first, second).values() for value in signals.values())
+    slower = examine(scenario(Made(droop=0.3)), "c")
+    assert agreement(first, slower)["stage1"]["arm_position"] < 90.0
+
+
+def test_the_command_writes_report_pictures_and_figures(tmp_path, capsys):
+    bag = write(scenario(Made()), tmp_path / "bag <1>")
+    other = write(scenario(Made(droop=0.1)), tmp_path / "bag 2")
+    output = tmp_path / "out"
+    assert verify.main([bag, other, "--output", str(output), "--remove-delay"]) == 0
+    result = json.loads((output / "verify.json").read_text())
+    contact = result["runs"][bag]["stages"]["stage1"]["contacts"][0]
+    assert contact["desired_torque"] == pytest.approx(0.6)
+    assert set(result["agreement"]) == {other}
+    page = (output / "report.html").read_text()
+    assert "bag &lt;1&gt;" in page
+    assert "bag <1>" not in page
+    assert page.count("<svg") == 3
+    assert (output / "stage1.png").stat().st_size > 10_000
+    assert "Stage 1 in free motion" in capsys.readouterr().out
+
+
+def test_an_earlier_report_is_kept_unless_overwriting_is_asked_for(tmp_path, capsys):
+    bag = write(scenario(Made(duration=3.0, release=2.9)), tmp_path / "bag")
+    output = tmp_path / "out"
+    output.mkdir()
+    (output / "verify.json").write_text("mine")
+    assert verify.main([bag, "--output", str(output)]) == 2
+    assert "--overwrite" in capsys.readouterr().err
+    assert (output / "verify.json").read_text() == "mine"
+    assert verify.main([bag, "--output", str(output), "--overwrite"]) == 0
+    assert (output / "verify.json").read_text() != "mine"
+
+
+@pytest.mark.parametrize("arguments", [["--lambda", "-1"], ["--wall", "nan"], ["--torque-gain", "1", "2", "3"], ["--lamda", "1"]])
+def test_impossible_arguments_end_with_status_2(tmp_path, arguments):
+    assert verify.main([str(tmp_path / "bag"), "--output", str(tmp_path / "out"), *arguments]) == 2
+
+
+def test_a_missing_bag_ends_with_status_2_and_its_name(tmp_path, capsys):
+    assert verify.main([str(tmp_path / "absent"), "--output", str(tmp_path / "out")]) == 2
+    assert "absent" in capsys.readouterr().err
