@@ -130,17 +130,17 @@ def velocity_coefficients(dt: float, cutoff_hz: float, damping: float) -> Array:
     The block matrix [[A, B, 0], [0, 0, 1/dt], [0, 0, 0]] carries state, input and the input's increment; its
     exponential over dt holds the transition and both input terms.
     """
-    wc = 2.0 * math.pi * cutoff_hz
+    # With x2 counted in wc all entries are of one size, and little is left to scale.
+    step = 2.0 * math.pi * cutoff_hz * dt
     a = np.zeros((4, 4))
-    a[0, 1] = dt
-    a[1, 0] = -wc * wc * dt
-    a[1, 1] = -2.0 * damping * wc * dt
-    a[1, 2] = wc * wc * dt
+    a[0, 1] = step
+    a[1, 0] = -step
+    a[1, 1] = -2.0 * damping * step
+    a[1, 2] = step
     a[2, 3] = 1.0
-    # Scaling and squaring with a Taylor series: halved to a norm below 1/8, 12 terms leave less than
-    # rounding.
+    # Scaling and squaring with a Taylor series: entries halved below 1/16, 12 terms leave less than rounding.
     norm = np.max(np.abs(a))
-    halvings = max(0, int(np.ceil(np.log2(norm))) + 5) if norm > 0.0 else 0
+    halvings = max(0, int(np.ceil(np.log2(norm))) + 4) if norm > 0.0 else 0
     a /= 2.0**halvings
     term = np.eye(4)
     total = np.eye(4)
@@ -149,6 +149,10 @@ def velocity_coefficients(dt: float, cutoff_hz: float, damping: float) -> Array:
         total = total + term
     for _ in range(halvings):
         total = total @ total
+    wc = 2.0 * math.pi * cutoff_hz
+    total[0, 1] /= wc
+    total[1] *= wc
+    total[1, 1] /= wc
     out = np.empty((2, 4))
     for row in range(2):
         out[row, 0] = total[row, 0]

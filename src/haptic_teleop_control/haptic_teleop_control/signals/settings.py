@@ -132,7 +132,7 @@ class Multisine(_Checked):
     f_min: float = quantity(0.1, "Hz", "lowest frequency", above=0.0)
     f_max: float = quantity(10.0, "Hz", "highest frequency", above=0.0)
     seed: int = quantity(1, "", "seed of the random phases", minimum=0)
-    tries: int = quantity(50, "", "sets of phases tried for a low crest factor", minimum=1, maximum=2000)
+    tries: int = quantity(50, "", "sets of phases tried for a low crest factor", minimum=1, maximum=500)
 
     def harmonics(self) -> range:
         """The odd multiples of 1/period inside f_min..f_max."""
