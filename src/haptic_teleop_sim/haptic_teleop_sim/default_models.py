@@ -31,7 +31,9 @@ def sfj_stage_model(stage: str) -> Model:
     """The flexible joint with Coulomb friction at the motor of `stage` ("stage1" or "stage2")."""
     facts = SFJ_STAGES[stage]
     return Model(
-        robot="sfj", joint=stage, structure="flexible_joint",
+        robot="sfj",
+        joint=stage,
+        structure="flexible_joint",
         parameters={"torque_constant": facts.torque_constant, "stiffness": facts.stiffness, **_DRIVES[stage]},
         effects=(Effect("coulomb_friction", f"{stage}_motor", {"torque": _COULOMB[stage]}),),
         source=f"the built-in model of {stage}",
@@ -52,7 +54,10 @@ def omni_axis_model(axis: str) -> Model:
         spring = {"stiffness": facts.spring_stiffness, "rest": facts.spring_rest}
         effects.append(Effect("spring_to_ground", motor, spring))
     return Model(
-        robot="omni", joint=axis, structure="rigid_body",
+        robot="omni",
+        joint=axis,
+        structure="rigid_body",
         parameters={"torque_constant": 1.0, "motor_inertia": inertia, "motor_damping": _OMNI_VISCOUS},
-        effects=tuple(effects), source=f"the built-in model of {axis}",
+        effects=tuple(effects),
+        source=f"the built-in model of {axis}",
     )

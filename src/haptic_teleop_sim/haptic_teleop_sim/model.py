@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import Any
 
 import yaml
+
 from haptic_teleop_control.errors import ModelError
 
 from .effects import EffectEntry, effect_entry, locations

@@ -24,18 +24,22 @@ def choose_model(
     candidates.append(Path(path))
     for candidate in candidates:
         if candidate.is_file():
-            model = load_model(candidate)
-            if model.joint != joint:
-                raise ModelError(
-                    f"{candidate}: this is a model of {model.joint}, but parameter {joint}.model of {source} needs "
-                    f"one of {joint}; name another file."
-                )
-            return model
+            return check_joint(load_model(candidate), joint)
     tried = ", ".join(str(candidate) for candidate in candidates)
     raise ConfigurationError(
         f"{source}: parameter {joint}.model is {path!r}, but there is no such file (looked for {tried}); "
         "correct the path, or leave it empty for the built-in model."
     )
+
+
+def check_joint(model: Model, joint: str) -> Model:
+    """`model`; ModelError when it is one of another joint."""
+    if model.joint != joint:
+        raise ModelError(
+            f"{model.source}: this is a model of {model.joint}, where one of {joint} is needed; give that one, or "
+            f"leave {joint}.model empty for the built-in model."
+        )
+    return model
 
 
 def add_effect(model: Model, effect: Effect, reason: str) -> Model:

@@ -1,4 +1,4 @@
-"""Builds the kernel module once per set of effects and keeps its compiled code on disk.
+"""Builds the compiled modules once per set of effects and keeps its compiled code on disk.
 
 The source of the effects and of the integrator is hashed; the joined module is written under that hash in the
 user's cache directory, where numba keeps the machine code beside it.  Changing an equation therefore never meets
@@ -12,7 +12,9 @@ import importlib.util
 import os
 import sys
 import tempfile
+from collections.abc import Callable
 from functools import lru_cache
+from importlib.util import find_spec
 from pathlib import Path
 from types import ModuleType
 
@@ -21,6 +23,7 @@ import platformdirs
 
 _PACKAGE = Path(__file__).resolve().parent.parent
 _MARK = "# <generated functions are inserted here>"
+_IMPORTS = "# <functions of the kernel are imported here>"
 
 
 def cache_directory() -> Path:
@@ -29,21 +32,32 @@ def cache_directory() -> Path:
     return Path(chosen) if chosen else Path(platformdirs.user_cache_dir("haptic_teleop")) / "kernels"
 
 
-def _fingerprint() -> str:
-    digest = hashlib.sha256(f"numba {numba.__version__}".encode())
-    for path in sorted([*(_PACKAGE / "effects").glob("*.py"), *(_PACKAGE / "kernel").glob("*.py")]):
+#: Compiled functions of the control package that `stepping.py` calls; part of what decides whether it is stale.
+_CONTROL = ("filters", "laws.augmented_error", "laws.master_side", "laws.contract")
+_OPTIONS = "cache=True, error_model='numpy'"
+_TEMPLATES = {"kernel": "integrator.py", "stepping": "stepping.py"}
+
+
+def _fingerprint(*paths: Path, seed: str = "") -> str:
+    digest = hashlib.sha256(f"numba {numba.__version__} {_OPTIONS} {seed}".encode())
+    for path in paths:
         digest.update(path.name.encode() + b"\0" + path.read_bytes())
     return digest.hexdigest()[:16]
 
 
-def _source() -> str:
+def _compiled(text: str) -> str:
+    return text.replace("@njit\n", f"@njit({_OPTIONS})\n")
+
+
+def _kernel_source() -> str:
     from .codegen import dispatch_source  # noqa: PLC0415 (sympy is needed only here)
 
-    text = (Path(__file__).parent / "integrator.py").read_text(encoding="utf-8")
-    text = text.replace("@njit\n", "@njit(cache=True, error_model='numpy')\n")
-    generated = dispatch_source().replace("@njit\n", "@njit(cache=True, error_model='numpy')\n")
-    before, after = text.split(_MARK)
-    return f"{before}\n{generated}\n{after}"
+    before, after = _template("kernel").split(_MARK)
+    return _compiled(f"{before}\n{dispatch_source()}\n{after}")
+
+
+def _template(which: str) -> str:
+    return (_PACKAGE / "kernel" / _TEMPLATES[which]).read_text(encoding="utf-8")
 
 
 def _write_atomically(path: Path, text: str) -> None:
@@ -57,12 +71,29 @@ def _write_atomically(path: Path, text: str) -> None:
 @lru_cache(maxsize=1)
 def kernel() -> ModuleType:
     """The compiled kernel module; says so on standard error when it has to be compiled first."""
-    name = f"haptic_teleop_kernel_{_fingerprint()}"
+    # Compiled code of the stepping functions lies elsewhere: editing them must not make the kernel stale.
+    others = {_PACKAGE / "kernel" / _TEMPLATES["stepping"], _PACKAGE / "kernel" / "build.py"}
+    own = {*(_PACKAGE / "effects").glob("*.py"), *(_PACKAGE / "kernel").glob("*.py")} - others
+    name = f"haptic_teleop_kernel_{_fingerprint(*sorted(own))}"
+    return _module(name, _kernel_source, "the plant kernels, once for this set of effects (about a minute)")
+
+
+@lru_cache(maxsize=1)
+def stepping() -> ModuleType:
+    """The compiled stepping functions around the kernel (`stepping.py`)."""
+    inner = kernel().__name__
+    control = [Path(str(find_spec(f"haptic_teleop_control.{name}").origin)) for name in _CONTROL]  # type: ignore
+    template = _PACKAGE / "kernel" / _TEMPLATES["stepping"]
+    name = f"haptic_teleop_stepping_{_fingerprint(template, *control, seed=inner)}"
+    imports = f"from {inner} import actuate, advance, encoder_reading"
+    return _module(name, lambda: _compiled(_template("stepping").replace(_IMPORTS, imports)), "the stepping functions")
+
+
+def _module(name: str, source: Callable[[], str], what: str) -> ModuleType:
     path = cache_directory() / f"{name}.py"
     if not path.exists():
-        print("haptic-teleop: compiling the plant kernels, once for this set of effects (about a minute) ...",
-              file=sys.stderr, flush=True)
-        _write_atomically(path, _source())
+        print(f"haptic-teleop: compiling {what} ...", file=sys.stderr, flush=True)
+        _write_atomically(path, source())
     spec = importlib.util.spec_from_file_location(name, path)
     assert spec is not None and spec.loader is not None
     module = importlib.util.module_from_spec(spec)
