@@ -87,11 +87,22 @@ def test_an_installed_executable_starts(workspace, executable):
     assert "usage:" in done.stdout
 
 
-def test_an_installed_executable_refuses_bad_arguments_with_status_2(workspace):
+def test_an_installed_executable_refuses_a_missing_file_with_status_2_and_its_name(workspace):
     compare = "install/haptic_teleop_sysid/lib/haptic_teleop_sysid/compare"
-    done = in_workspace(workspace, f"{compare} --no-such-option")
+    done = in_workspace(workspace, f"{compare} --model no_model.yaml --bag no_bag --output out")
     assert done.returncode == 2
-    assert "no-such-option" in done.stderr
+    assert "no_model.yaml" in done.stderr
+    assert "Traceback" not in done.stderr
+
+
+@pytest.mark.parametrize("package", PACKAGES)
+def test_every_file_of_a_package_is_installed(workspace, package):
+    def files(folder: Path) -> set[Path]:
+        found = (path.relative_to(folder) for path in folder.rglob("*") if path.is_file())
+        return {path for path in found if "__pycache__" not in path.parts}
+
+    (installed,) = (workspace / "install" / package / "lib").glob(f"python3.*/site-packages/{package}")
+    assert files(workspace / "src" / package / package) == files(installed)
 
 
 def test_the_settings_are_installed_into_the_share_folder_of_control(workspace):
