@@ -1,4 +1,6 @@
-"""Recordings of scenario 1 made from formulas, so that every figure in them is known without any simulation."""
+"""Recordings of scenario 1 made from formulas, so that every figure in them is known without any
+simulation.
+"""
 
 from __future__ import annotations
 
@@ -7,6 +9,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
+
 from haptic_teleop_control.recording import JointStateSeries, Recording
 
 START = 1_700_000_000_000_000_000
@@ -14,18 +17,22 @@ STIFFNESS = {"stage1": 3.971, "stage2": 3.891}
 CONSTANT = {"stage1": 8.925, "stage2": 1.392}
 PARAMETERS = {
     "/force_controller": {
-        "stage1.lambda": 0.5, "stage2.lambda": 0.5, "omni_y.torque_gain": 10.0, "omni_z.torque_gain": 10.0,
+        "stage1.lambda": 0.5,
+        "stage2.lambda": 0.5,
+        "omni_y.torque_gain": 10.0,
+        "omni_z.torque_gain": 10.0,
         "command_source": "reference",
     },
     "/sfj/sfj_sim": {"stage1.wall.angle": 1.0, "stage2.wall.angle": 1.0},
-}  # fmt: skip
+}
 
 
 @dataclass(frozen=True)
 class Made:
-    """What is put into a recording. Times in s; `amplitude` rad of the reference; `droop`: share lacking in the free speed;
-    contact torque: second order with `damping` and `frequency` (rad/s), towards Td + `offset`; `lost`, `unanswered`:
-    indices of states; `latency`: s from a state's stamp to its command's arrival."""
+    """What is put into a recording. Times in s; `amplitude` rad of the reference; `droop`: share lacking in
+    the free speed; contact torque: second order with `damping` and `frequency` (rad/s), towards Td +
+    `offset`; `lost`, `unanswered`: indices of states; `latency`: s from a state's stamp to its command's
+    arrival."""
 
     amplitude: float = 0.06
     onset: float = 1.0
@@ -52,7 +59,9 @@ class Made:
 
     @property
     def touch(self) -> float:
-        """When the arm reaches 1 rad: speed rises with a time constant of 50 ms, which delays the arrival by just that."""
+        """When the arm reaches 1 rad: speed rises with a time constant of 50 ms, which delays the arrival by
+        just that.
+        """
         return self.onset + 1.0 / self.speed + 0.05
 
     @property
@@ -72,7 +81,9 @@ def stage_signals(made: Made, time: np.ndarray, stage: str) -> tuple[np.ndarray,
         pressed = np.clip(time - made.touch, 0.0, None)
         w, z = made.frequency, made.damping
         damped = w * math.sqrt(1.0 - z**2)
-        swing = np.exp(-z * w * pressed) * (np.cos(damped * pressed) + z / math.sqrt(1 - z**2) * np.sin(damped * pressed))
+        swing = np.exp(-z * w * pressed) * (
+            np.cos(damped * pressed) + z / math.sqrt(1 - z**2) * np.sin(damped * pressed)
+        )
         torque = (made.torque + made.offset) * (1.0 - swing) * (pressed > 0)
         for bounce in range(made.bounces):
             # Leaves the wall for 30 ms, well after the torque had built up.
@@ -84,7 +95,9 @@ def stage_signals(made: Made, time: np.ndarray, stage: str) -> tuple[np.ndarray,
 
 
 def scenario(made: Made, rate: float = 500.0, parameters: dict | None = None) -> Recording:
-    """Return the recording: states at `rate`, their answers, a reference at 1 kHz; both stages do the same."""
+    """Return the recording: states at `rate`, their answers, a reference at 1 kHz; both stages do the
+    same.
+    """
     n = round(made.duration * rate)
     time = np.arange(n) / rate
     stamps = START + np.rint(time * 1e9).astype(np.int64)
@@ -93,23 +106,44 @@ def scenario(made: Made, rate: float = 500.0, parameters: dict | None = None) ->
     keep = np.setdiff1d(np.arange(n), made.lost)
     answer = np.setdiff1d(keep, made.unanswered)
     states = JointStateSeries(
-        stamps[keep], stamps[keep] + round(made.state_delay * 1e9),
+        stamps[keep],
+        stamps[keep] + round(made.state_delay * 1e9),
         ("stage1_motor", "stage1_arm", "stage2_motor", "stage2_arm"),
         position=np.column_stack([first[0], first[1], second[0], second[1]])[keep],
         velocity=np.column_stack([first[2], first[2], second[2], second[2]])[keep],
-        effort=np.column_stack([CONSTANT["stage1"] * first[4], first[3], CONSTANT["stage2"] * second[4], second[3]])[keep],
-    )  # fmt: skip
+        effort=np.column_stack(
+            [CONSTANT["stage1"] * first[4], first[3], CONSTANT["stage2"] * second[4], second[3]]
+        )[keep],
+    )
     commands = JointStateSeries(
-        stamps[answer], stamps[answer] + round(made.latency * 1e9), ("stage1_motor", "stage2_motor"),
+        stamps[answer],
+        stamps[answer] + round(made.latency * 1e9),
+        ("stage1_motor", "stage2_motor"),
         effort=np.column_stack([CONSTANT["stage1"] * first[4], CONSTANT["stage2"] * second[4]])[answer],
-    )  # fmt: skip
+    )
     fine = np.arange(2 * n) / (2 * rate)
     wanted = stage_signals(made, fine, "stage1")[5]
     fine_stamps = START + np.rint(fine * 1e9).astype(np.int64)
-    reference = JointStateSeries(fine_stamps, fine_stamps + 100_000, ("omni_y", "omni_z"), position=np.column_stack([wanted, wanted]))
+    reference = JointStateSeries(
+        fine_stamps, fine_stamps + 100_000, ("omni_y", "omni_z"), position=np.column_stack([wanted, wanted])
+    )
     omni = JointStateSeries(
-        stamps, stamps + 100_000, ("omni_x", "omni_y", "omni_z"), position=np.column_stack([still, still, still]),
-        velocity=np.zeros((n, 3)), effort=np.zeros((n, 3)),
-    )  # fmt: skip
-    topics = {"/sfj/joint_states": states, "/sfj/effort_command": commands, "/reference": reference, "/omni/joint_states": omni}
-    return Recording(Path("made"), topics, PARAMETERS if parameters is None else parameters, experiment={"kind": "scenario1"})
+        stamps,
+        stamps + 100_000,
+        ("omni_x", "omni_y", "omni_z"),
+        position=np.column_stack([still, still, still]),
+        velocity=np.zeros((n, 3)),
+        effort=np.zeros((n, 3)),
+    )
+    topics = {
+        "/sfj/joint_states": states,
+        "/sfj/effort_command": commands,
+        "/reference": reference,
+        "/omni/joint_states": omni,
+    }
+    return Recording(
+        Path("made"),
+        topics,
+        PARAMETERS if parameters is None else parameters,
+        experiment={"kind": "scenario1"},
+    )

@@ -7,12 +7,14 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from scenario_recordings import CONSTANT, PARAMETERS, Made, scenario
+
 from haptic_teleop_control.errors import MismatchError
 from haptic_teleop_control.recording import Recording, write_recording
 from haptic_teleop_sysid import verify
 from haptic_teleop_sysid.verification.run import agreement, examine
 
-from scenario_recordings import CONSTANT, PARAMETERS, Made, scenario
+FIELDS = ("position", "velocity", "effort")
 
 
 def contact_of(made: Made, stage: str = "stage1"):
@@ -56,7 +58,8 @@ def test_overshoot_of_a_second_order_contact(damping):
 
 
 def test_settling_time_is_when_the_torque_stays_within_five_percent():
-    # Aperiodic limit: 1 - exp(-wt)(1 + wt) enters the band once, at wt = 4.7439 (root of exp(-x)(1 + x) = 0.05).
+    # Aperiodic limit: 1 - exp(-wt)(1 + wt) enters the band once, at wt = 4.7439 (root of exp(-x)(1 + x) =
+    # 0.05).
     contact = contact_of(Made(damping=0.999999, frequency=8.0))
     assert contact.settling_time == pytest.approx(4.7439 / 8.0, abs=0.006)
 
@@ -71,10 +74,12 @@ def test_negative_commands_count_like_positive_ones():
     made = Made()
     recording = scenario(made)
     mirrored = {
-        name: replace(series, **{field: -getattr(series, field) for field in ("position", "velocity", "effort")
-                                 if getattr(series, field) is not None})
+        name: replace(
+            series,
+            **{field: -getattr(series, field) for field in FIELDS if getattr(series, field) is not None},
+        )
         for name, series in recording.topics.items()
-    }  # fmt: skip
+    }
     contact = contact_of(made)
     (other,) = examine(replace(recording, topics=mirrored), "mirrored").merits["stage1"].contacts
     assert other.overshoot_percent == pytest.approx(contact.overshoot_percent)
@@ -150,14 +155,20 @@ def test_a_recording_of_something_else_is_refused():
 
 def test_manual_mode_takes_the_device_for_the_command():
     recording = scenario(Made())
-    recording.parameters = {**PARAMETERS, "/force_controller": {**PARAMETERS["/force_controller"], "command_source": "device"}}
+    recording.parameters = {
+        **PARAMETERS,
+        "/force_controller": {**PARAMETERS["/force_controller"], "command_source": "device"},
+    }
     merit = examine(recording, "made").merits["stage1"]
     assert not merit.free  # the device was not moved in this recording
     assert merit.settings["desired_torque_from"].startswith("/omni/joint_states")
 
 
 def test_two_runs_agree_when_only_their_delay_differs():
-    first, second = examine(scenario(Made()), "a"), examine(scenario(Made(onset=1.5, release=9.5, duration=10.5)), "b")
+    first, second = (
+        examine(scenario(Made()), "a"),
+        examine(scenario(Made(onset=1.5, release=9.5, duration=10.5)), "b"),
+    )
     assert all(value > 99.0 for signals in agreement(first, second).values() for value in signals.values())
     slower = examine(scenario(Made(droop=0.3)), "c")
     assert agreement(first, slower)["stage1"]["arm_position"] < 90.0
@@ -192,7 +203,9 @@ def test_an_earlier_report_is_kept_unless_overwriting_is_asked_for(tmp_path, cap
     assert (output / "verify.json").read_text() != "mine"
 
 
-@pytest.mark.parametrize("arguments", [["--lambda", "-1"], ["--wall", "nan"], ["--torque-gain", "1", "2", "3"], ["--lamda", "1"]])
+@pytest.mark.parametrize(
+    "arguments", [["--lambda", "-1"], ["--wall", "nan"], ["--torque-gain", "1", "2", "3"], ["--lamda", "1"]]
+)
 def test_impossible_arguments_end_with_status_2(tmp_path, arguments):
     assert verify.main([str(tmp_path / "bag"), "--output", str(tmp_path / "out"), *arguments]) == 2
 

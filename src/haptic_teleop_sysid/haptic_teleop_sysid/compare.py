@@ -1,4 +1,6 @@
-"""`haptic-teleop compare`: simulate models on the input of recordings and report the fit of each output in percent."""
+"""`haptic-teleop compare`: simulate models on the input of recordings and report the fit of each output in
+percent.
+"""
 
 from __future__ import annotations
 
@@ -8,12 +10,12 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
+from rich.console import Console
+
 from haptic_teleop_control.command_line import run_command
 from haptic_teleop_control.errors import ConfigurationError
 from haptic_teleop_control.recording import Recording, read_recording
 from haptic_teleop_sim.model import Model, load_model
-from rich.console import Console
-
 from haptic_teleop_sysid.comparison_report import comparison_page, comparison_pictures, comparison_table
 from haptic_teleop_sysid.dataset import DataSet, load_dataset
 from haptic_teleop_sysid.fit import SimulatedFit, choose_windows, simulated_fit
@@ -47,9 +49,10 @@ def compare(
 ) -> Comparison:
     """Return the fits of all models on all recordings, over the same windows for all models.
 
-    The first model is the baseline: it decides the windows where `window` leaves them open. With `fit_free_parameters` each
-    model's free parameters are first fitted to the first recording, and all recordings are judged with the result.
-    Raises ConfigurationError for models of different joints, and what `load_dataset` raises.
+    The first model is the baseline: it decides the windows where `window` leaves them open. With
+    `fit_free_parameters` each model's free parameters are first fitted to the first recording, and all
+    recordings are judged with the result. Raises ConfigurationError for models of different joints, and what
+    `load_dataset` raises.
     """
     joints = {(model.robot, model.joint): name for name, model in models.items()}
     if len(joints) > 1:
@@ -65,11 +68,19 @@ def compare(
     fitted: dict[str, ParameterFit] = {}
     if fit_free_parameters:
         learned = next(iter(recordings))
-        fitted = {name: fit_parameters(model, [(data[name, learned], windows[learned])]) for name, model in models.items()}
+        fitted = {
+            name: fit_parameters(model, [(data[name, learned], windows[learned])])
+            for name, model in models.items()
+        }
         models = {name: found.model for name, found in fitted.items()}
-    fits = {(name, bag): simulated_fit(models[name], dataset, windows[bag]) for (name, bag), dataset in data.items()}
+    fits = {
+        (name, bag): simulated_fit(models[name], dataset, windows[bag])
+        for (name, bag), dataset in data.items()
+    }
     # The richest data set of a bag (a flexible joint has an arm, a rigid body none) is the one to draw.
-    shown = {bag: max((data[name, bag] for name in models), key=lambda d: len(d.signals())) for bag in recordings}
+    shown = {
+        bag: max((data[name, bag] for name in models), key=lambda d: len(d.signals())) for bag in recordings
+    }
     return Comparison(models, shown, windows, fits, fitted)
 
 
@@ -80,7 +91,9 @@ def as_json(result: Comparison) -> dict[str, Any]:
         "schema": 1,
         "fits": {name: {bag: result.fits[name, bag].percent for bag in bags} for name in result.models},
         "rms": {name: {bag: result.fits[name, bag].rms for bag in bags} for name in result.models},
-        "units": {signal: unit for dataset in result.data.values() for signal, unit in dataset.units().items()},
+        "units": {
+            signal: unit for dataset in result.data.values() for signal, unit in dataset.units().items()
+        },
         "windows": {
             bag: {"seconds": chosen.seconds, "why": chosen.why, "samples": chosen.spans}
             for bag, chosen in result.windows.items()
@@ -118,7 +131,9 @@ def run(argv: list[str]) -> int:
         recordings = {bag: read_recording(bag) for bag in arguments.bag}
     with progress.status("simulating"):
         span = None if arguments.range is None else (arguments.range[0], arguments.range[1])
-        result = compare(models, recordings, arguments.window, span, arguments.fit_parameters, arguments.allow_gaps)
+        result = compare(
+            models, recordings, arguments.window, span, arguments.fit_parameters, arguments.allow_gaps
+        )
     with progress.status("writing the report"):
         content = as_json(result)
         for name, path in _fitted_paths(result, output).items():
@@ -146,18 +161,32 @@ def main(argv: list[str] | None = None) -> int:
 
 def _parser() -> argparse.ArgumentParser:
     parser = argparse.ArgumentParser(prog="haptic-teleop compare", description=__doc__)
-    parser.add_argument("--model", nargs="+", required=True, metavar="MODEL.yaml", help="model files, the baseline first")
+    parser.add_argument(
+        "--model", nargs="+", required=True, metavar="MODEL.yaml", help="model files, the baseline first"
+    )
     parser.add_argument("--bag", nargs="+", required=True, metavar="BAG", help="recordings of that joint")
-    parser.add_argument("--output", required=True, metavar="DIR", help="where compare.json, report.html and pictures go")
+    parser.add_argument(
+        "--output", required=True, metavar="DIR", help="where compare.json, report.html and pictures go"
+    )
     parser.add_argument(
         "--window", type=_window, metavar="SECONDS|whole",
-        help="simulate over consecutive windows of this length, or the whole recording (default: whole, but 4 s where the "
+        help="simulate over consecutive windows of this length, or the whole (default: whole, 4 s where the "
         "recording is closed loop or the first model drifts)",
     )  # fmt: skip
-    parser.add_argument("--range", nargs=2, type=float, metavar=("START", "END"), help="use only this part, s from the start")
-    parser.add_argument("--fit-parameters", action="store_true", help="first fit each model's free parameters to the first bag")
-    parser.add_argument("--allow-gaps", action="store_true", help="leave holes in a recording out instead of refusing it")
-    parser.add_argument("--overwrite", action="store_true", help="replace the results of an earlier run in DIR")
+    parser.add_argument(
+        "--range", nargs=2, type=float, metavar=("START", "END"), help="use only this part, s from the start"
+    )
+    parser.add_argument(
+        "--fit-parameters",
+        action="store_true",
+        help="first fit each model's free parameters to the first bag",
+    )
+    parser.add_argument(
+        "--allow-gaps", action="store_true", help="leave holes in a recording out instead of refusing it"
+    )
+    parser.add_argument(
+        "--overwrite", action="store_true", help="replace the results of an earlier run in DIR"
+    )
     return parser
 
 
@@ -169,7 +198,9 @@ def _window(text: str) -> float | str:
     except ValueError:
         seconds = 0.0
     if not 0.0 < seconds < float("inf"):
-        raise argparse.ArgumentTypeError(f"{text!r} is neither a number of seconds above zero nor the word whole")
+        raise argparse.ArgumentTypeError(
+            f"{text!r} is neither a number of seconds above zero nor the word whole"
+        )
     return seconds
 
 

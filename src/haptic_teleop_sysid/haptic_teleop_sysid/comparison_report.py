@@ -28,7 +28,11 @@ def comparison_table(result: Comparison) -> list[Table]:
     for bag, dataset in result.data.items():
         signals = list(dataset.signals())
         chosen = result.windows[bag]
-        extent = "whole recording" if chosen.seconds is None else f"{len(chosen.spans)} windows of {chosen.seconds:.2f} s"
+        extent = (
+            "whole recording"
+            if chosen.seconds is None
+            else f"{len(chosen.spans)} windows of {chosen.seconds:.2f} s"
+        )
         # Texts, not strings: brackets in a file name are no markup.
         table = Table(title=Text(f"{bag}: simulated fit in % ({extent}; {chosen.why})"), title_justify="left")
         table.add_column("model", overflow="fold")
@@ -36,13 +40,17 @@ def comparison_table(result: Comparison) -> list[Table]:
             table.add_column(Text(signal), justify="right")
         for name in result.models:
             percent = result.fits[name, bag].percent
-            table.add_row(Text(name), *(percent_text(percent.get(signal, float("nan"))) for signal in signals))
+            table.add_row(
+                Text(name), *(percent_text(percent.get(signal, float("nan"))) for signal in signals)
+            )
         tables.append(table)
     return tables
 
 
 def comparison_pictures(result: Comparison) -> dict[str, Figure]:
-    """Return one figure per recording: each output as measured and as simulated by each model, and the input."""
+    """Return one figure per recording: each output as measured and as simulated by each model, and the
+    input.
+    """
     pictures = {}
     for bag, dataset in result.data.items():
         time = dataset.time
@@ -56,7 +64,13 @@ def comparison_pictures(result: Comparison) -> dict[str, Figure]:
                     lines.append(Series(label, time, within(fit.simulated[signal], measured), colour=number))
             panels.append(Panel(signal, dataset.units()[signal], lines))
         unit = "A" if dataset.input_unit == "A" else "N·m"
-        panels.append(Panel(f"input ({dataset.input_source})", unit, [Series("", time, dataset.input, colour=0, width=1.0)]))
+        panels.append(
+            Panel(
+                f"input ({dataset.input_source})",
+                unit,
+                [Series("", time, dataset.input, colour=0, width=1.0)],
+            )
+        )
         pictures[bag] = stacked_panels(panels, x_label="time since the recording's first sample (s)")
     return pictures
 
@@ -81,7 +95,9 @@ def short(name: str, result: Comparison) -> str:
 def comparison_page(result: Comparison, pictures: dict[str, Figure]) -> Page:
     """Return the report."""
     first = next(iter(result.models.values()))
-    page = Page("Models against recordings", f"{first.robot} {first.joint}: simulated response to the recorded input")
+    page = Page(
+        "Models against recordings", f"{first.robot} {first.joint}: simulated response to the recorded input"
+    )
     _summary(page, result)
     for bag, dataset in result.data.items():
         chosen = result.windows[bag]
@@ -90,8 +106,10 @@ def comparison_page(result: Comparison, pictures: dict[str, Figure]) -> Page:
         )  # fmt: skip
         section = page.section(f"Recording {bag}")
         section.text(
-            f"{len(dataset)} samples of {dataset.dt * 1e3:.3g} ms from {dataset.time[0]:.2f} to {dataset.time[-1]:.2f} s. "
-            f"The response is simulated {extent} ({chosen.why}); the initial state is estimated for each, nothing is "
+            f"{len(dataset)} samples of {dataset.dt * 1e3:.3g} ms from {dataset.time[0]:.2f} to "
+            f"{dataset.time[-1]:.2f} s. "
+            f"The response is simulated {extent} ({chosen.why}); the initial state is estimated for each, "
+            f"nothing is "
             "corrected along the way, and all models use the same."
         )
         for problem in dataset.problems:
@@ -113,15 +131,28 @@ def _summary(page: Page, result: Comparison) -> None:
     for bag in result.data:
         means = {name: np.mean(list(result.fits[name, bag].percent.values())) for name in result.models}
         best = max(means, key=lambda name: means[name] if np.isfinite(means[name]) else -np.inf)
-        fits = ", ".join(f"{signal} {percent_text(value)} %" for signal, value in result.fits[best, bag].percent.items())
-        leading = f"nearest to {bag} comes {short(best, result)}" if len(means) > 1 else f"{short(best, result)} on {bag}"
+        fits = ", ".join(
+            f"{signal} {percent_text(value)} %" for signal, value in result.fits[best, bag].percent.items()
+        )
+        leading = (
+            f"nearest to {bag} comes {short(best, result)}"
+            if len(means) > 1
+            else f"{short(best, result)} on {bag}"
+        )
         page.verdict("plain", f"{leading[0].upper()}{leading[1:]}: {fits}.")
     for name, found in result.fitted.items():
         if found.converged:
-            page.verdict("plain", f"{short(name, result)}: free parameters fitted to {next(iter(result.data))} by least squares.")
+            page.verdict(
+                "plain",
+                f"{short(name, result)}: free parameters fitted to {next(iter(result.data))} by least "
+                f"squares.",
+            )
         else:
-            page.verdict("fair", f"{short(name, result)}: the least-squares search stopped at its limit of "
-                                 f"{found.evaluations} evaluations; its parameters are not the best.")  # fmt: skip
+            page.verdict(
+                "fair",
+                f"{short(name, result)}: the least-squares search stopped at its limit of "
+                f"{found.evaluations} evaluations; its parameters are not the best.",
+            )
     for bag, dataset in result.data.items():
         for problem in dataset.problems:
             page.verdict("fair", f"{bag}: {problem}.")

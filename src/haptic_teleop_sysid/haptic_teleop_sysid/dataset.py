@@ -6,37 +6,34 @@ from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
-from haptic_teleop_control.errors import MismatchError, RecordingError
-from haptic_teleop_control.filters import VelocityFilter
-from haptic_teleop_control.recording import JointStateSeries, Recording, bag_problems
-from haptic_teleop_control.robots import SFJ_STAGES, VELOCITY_FILTER_CUTOFF_HZ, VELOCITY_FILTER_DAMPING
-from haptic_teleop_sim.model import Model
 from numpy.typing import NDArray
 from scipy.signal import savgol_filter
 
+from haptic_teleop_control.errors import MismatchError, RecordingError
+from haptic_teleop_control.filters import VelocityFilter
+from haptic_teleop_control.recording import Recording, bag_problems
+from haptic_teleop_control.robots import SFJ_STAGES, VELOCITY_FILTER_CUTOFF_HZ, VELOCITY_FILTER_DAMPING
+from haptic_teleop_sim.model import Model
 from haptic_teleop_sysid.channels import Channel, Channels, channels_for
 from haptic_teleop_sysid.recorded_parameters import recorded_value
+from haptic_teleop_sysid.time_grid import GAP_PERIODS, NS, TimeGrid
 
 Array = NDArray[np.float64]
-NS = 1e-9
-IRREGULAR = 0.01
-"""Stamps off the uniform grid by more than this share of a period make resampling necessary."""
-GAP_PERIODS = 5.0
-"""A longer hole, in periods, is not bridged: samples within it are not valid."""
 
 
 @dataclass(frozen=True)
 class DataSet:
-    """One joint's experiment. All arrays (n,) float64 on `time` = dt·(0, 1, ...), s since the first sample.
+    """One joint's experiment. All arrays (n,) float64 on `time`, s since the recording's first sample.
 
-    input           what acts from a sample to the next: A (sfj), otherwise the recorded effort; `input_unit`
-    commanded_input the command that answered each sample, same unit; None when not recorded
-    motor_position, motor_velocity, arm_position, arm_velocity   rad, rad/s (m, m/s for a linear joint); arm None when
-                    there is none
-    exogenous       acceleration of the robot's other arm, rad/s², for inertial coupling; None without it
-    valid           False inside holes longer than GAP_PERIODS periods and where a value was not finite
-    velocity_filter (cut-off in Hz, damping) of the filter that made the velocities; None when they are taken as true
-    input_source    which recorded field the input is; problems: sentences about the recording, empty when all is well
+    input            what acts from a sample to the next, in `input_unit`: A (sfj), otherwise the recorded
+    effort input_source     which recorded field the input is
+    commanded_input  the command that answered each sample, same unit; None when not recorded
+    motor_position, motor_velocity, arm_position, arm_velocity
+                     rad, rad/s; arm None when the model has none
+    exogenous        acceleration of the robot's other arm, rad/s², for inertial coupling; None without it
+    valid            False inside holes longer than GAP_PERIODS periods and where a value was not finite
+    velocity_filter  (cut-off in Hz, damping) of the filter that made the velocities; None: taken as true
+    problems         sentences about the recording, empty when all is well
     """
 
     name: str
@@ -65,13 +62,21 @@ class DataSet:
     @property
     def time(self) -> Array:
         """Sampling times (n,), s, since the recording's first sample."""
-        return self.start + self.dt * np.arange(len(self.input))
+        return self.start + self.dt * np.arange(len(self.input), dtype=np.float64)
 
     def signals(self) -> dict[str, Array]:
-        """Measured outputs by name: `<joint>_motor.position`, `<joint>_motor.velocity`, and `_arm` where there is one."""
-        found = {f"{self.joint}_motor.position": self.motor_position, f"{self.joint}_motor.velocity": self.motor_velocity}
+        """Measured outputs by name: `<joint>_motor.position`, `<joint>_motor.velocity`, and `_arm` where
+        there is one.
+        """
+        found = {
+            f"{self.joint}_motor.position": self.motor_position,
+            f"{self.joint}_motor.velocity": self.motor_velocity,
+        }
         if self.arm_position is not None and self.arm_velocity is not None:
-            found |= {f"{self.joint}_arm.position": self.arm_position, f"{self.joint}_arm.velocity": self.arm_velocity}
+            found |= {
+                f"{self.joint}_arm.position": self.arm_position,
+                f"{self.joint}_arm.velocity": self.arm_velocity,
+            }
         return found
 
     def units(self) -> dict[str, str]:
@@ -79,13 +84,16 @@ class DataSet:
         return {name: "rad" if name.endswith("position") else "rad/s" for name in self.signals()}
 
     def between(self, start: float, end: float) -> DataSet:
-        """Return the part from `start` to `end`, s of `time`. RecordingError when it holds fewer than ten samples."""
+        """Return the part from `start` to `end`, s of `time`. RecordingError when it holds fewer than ten
+        samples.
+        """
         first = max(0, int(np.ceil((start - self.start) / self.dt - 1e-6)))
         stop = min(len(self), int(np.floor((end - self.start) / self.dt + 1e-6)) + 1)
         if stop - first < 10:
             last = float(self.time[-1])
             raise RecordingError(
-                f"{self.name} covers {self.start:g} to {last:.3f} s and has no ten samples from {start:g} to {end:g} s: "
+                f"{self.name} covers {self.start:g} to {last:.3f} s and has no ten samples from {start:g} "
+                f"to {end:g} s: "
                 "give another --range."
             )
         parts = {
@@ -95,23 +103,26 @@ class DataSet:
 
 
 def load_dataset(recording: Recording, model: Model, name: str = "", allow_gaps: bool = False) -> DataSet:
-    """Return what `recording` says about the model's joint; `name` is what messages and results call the recording.
+    """Return what `recording` says about the model's joint; `name` is what messages and results call the
+    recording.
 
-    The measured effort is the input where it was recorded (its newest value acted until it was measured, so it is taken
-    one sample early), the commanded effort otherwise. Stamps that repeat or run backward are dropped; others are moved to
-    a uniform grid only where they are off it by more than IRREGULAR of a period.
+    The measured effort is the input where it was recorded (its newest value acted until it was measured, so
+    it is taken one sample early), the commanded effort otherwise. Stamps that repeat or run backward are
+    dropped; others are moved to a uniform grid only where they are off it by more than IRREGULAR of a period.
 
-    Raises MismatchError when the recording does not hold what the model describes, RecordingError when it has fewer than
-    ten samples, no movement recorded, or holes longer than GAP_PERIODS periods and `allow_gaps` is false.
+    Raises MismatchError when the recording does not hold what the model describes, RecordingError when it has
+    fewer than ten samples, no movement recorded, or holes longer than GAP_PERIODS periods and `allow_gaps` is
+    false.
     """
     name = name or str(recording.path)
     channels = channels_for(model, recording, name)
-    grid = _Grid.of(channels.states, name)
+    grid = TimeGrid.of(channels.states, name)
     quality = bag_problems(channels.states, channels.topic, GAP_PERIODS)
     if quality.gaps and not allow_gaps:
         start, length = max(quality.gaps, key=lambda gap: gap[1])
         raise RecordingError(
-            f"{name}: {channels.topic} has {len(quality.gaps)} holes longer than {GAP_PERIODS:g} periods, the longest of "
+            f"{name}: {channels.topic} has {len(quality.gaps)} holes longer than {GAP_PERIODS:g} periods, "
+            f"the longest of "
             f"{length:.3f} s at {start:.3f} s: record again, or say --allow-gaps to leave them out."
         )
     scale = 1.0 / _torque_constant(recording, model) if model.robot == "sfj" else 1.0
@@ -119,9 +130,13 @@ def load_dataset(recording: Recording, model: Model, name: str = "", allow_gaps:
     valid = grid.valid.copy()
     motor, motor_rate = _motion(channels.motor, grid, model.robot, valid)
     arm, arm_rate = (None, None) if channels.arm is None else _motion(channels.arm, grid, model.robot, valid)
-    input_, source = (measured, "measured effort") if measured is not None else (commanded, "commanded effort")
+    input_, source = (
+        (measured, "measured effort") if measured is not None else (commanded, "commanded effort")
+    )
     if input_ is None:
-        raise MismatchError(f"{name} holds no effort of {channels.motor.joint}, neither measured nor commanded: record it.")
+        raise MismatchError(
+            f"{name} holds no effort of {channels.motor.joint}, neither measured nor commanded: record it."
+        )
     input_ = _finite(input_, valid)
     return DataSet(
         name=name,
@@ -138,54 +153,16 @@ def load_dataset(recording: Recording, model: Model, name: str = "", allow_gaps:
         commanded_input=None if commanded is None else _finite(commanded, None),
         exogenous=_other_arm_acceleration(channels, grid),
         valid=valid,
-        velocity_filter=None if model.robot == "generic" else (VELOCITY_FILTER_CUTOFF_HZ, VELOCITY_FILTER_DAMPING),
+        velocity_filter=None
+        if model.robot == "generic"
+        else (VELOCITY_FILTER_CUTOFF_HZ, VELOCITY_FILTER_DAMPING),
         resampled=grid.resampled,
         problems=quality.problems,
         experiment=dict(recording.experiment),
     )
 
 
-@dataclass(frozen=True)
-class _Grid:
-    """`keep` picks usable messages; `stamps` their times, ns; `at` the uniform times; values are interpolated if `resampled`."""
-
-    keep: NDArray[np.intp]
-    stamps: NDArray[np.int64]
-    at: NDArray[np.float64]
-    dt: float
-    resampled: bool
-    valid: NDArray[np.bool_]
-
-    @classmethod
-    def of(cls, series: JointStateSeries, name: str) -> _Grid:
-        # A message stamped not later than one before it adds nothing that can be placed in time.
-        ahead = np.maximum.accumulate(series.stamp)
-        keep = np.flatnonzero(np.concatenate([[True], series.stamp[1:] > ahead[:-1]])) if len(series) else np.zeros(0, int)
-        stamps = series.stamp[keep]
-        if len(stamps) < 10:
-            raise RecordingError(f"{name} has {len(stamps)} usable samples and at least ten are needed: record longer.")
-        steps = np.diff(stamps) * NS
-        period = float(np.median(steps))
-        n = round((stamps[-1] - stamps[0]) * NS / period) + 1
-        dt = float((stamps[-1] - stamps[0]) * NS / (n - 1))
-        at = dt * np.arange(n)
-        since = (stamps - stamps[0]) * NS
-        regular = n == len(stamps) and float(np.max(np.abs(since - at))) <= IRREGULAR * dt
-        if not regular:
-            dt, n = period, int(np.floor((stamps[-1] - stamps[0]) * NS / period * (1 + 1e-12))) + 1
-            at = dt * np.arange(n)
-        valid = np.ones(n, dtype=np.bool_)
-        for hole in np.flatnonzero(steps > GAP_PERIODS * period):
-            valid[(at > since[hole] + 0.5 * dt) & (at < since[hole + 1] - 0.5 * dt)] = False
-        return cls(keep, stamps, at, dt, not regular, valid)
-
-    def sampled(self, values: Array) -> Array:
-        """Bring values of all messages, (m,), to the grid (n,), linearly between messages when resampling."""
-        kept = values[self.keep]
-        return np.interp(self.at, (self.stamps - self.stamps[0]) * NS, kept) if self.resampled else kept
-
-
-def _inputs(channels: Channels, grid: _Grid, scale: float) -> tuple[Array | None, Array | None]:
+def _inputs(channels: Channels, grid: TimeGrid, scale: float) -> tuple[Array | None, Array | None]:
     commanded = None
     if channels.command is not None:
         series, values = channels.command.series, channels.command.values("effort")
@@ -204,13 +181,13 @@ def _inputs(channels: Channels, grid: _Grid, scale: float) -> tuple[Array | None
     return measured, commanded
 
 
-def _motion(channel: Channel, grid: _Grid, robot: str, valid: NDArray[np.bool_]) -> tuple[Array, Array]:
+def _motion(channel: Channel, grid: TimeGrid, robot: str, valid: NDArray[np.bool_]) -> tuple[Array, Array]:
     position = _finite(grid.sampled(channel.values("position")), valid)
     recorded = channel.values_or_none("velocity")
     if recorded is not None and np.mean(np.isfinite(recorded)) > 0.5:
         return position, _finite(grid.sampled(recorded), valid)
     if robot == "generic":
-        return position, savgol_filter(position, min(11, len(position) // 2 * 2 - 1), 2, deriv=1, delta=grid.dt)
+        return position, _derivative(position, 11, 1, grid.dt)
     velocity_filter = VelocityFilter(1, grid.dt, VELOCITY_FILTER_CUTOFF_HZ, VELOCITY_FILTER_DAMPING)
     velocity_filter.reset(position[:1])
     return position, np.array([float(velocity_filter.step(value)[0]) for value in position[:, None]])
@@ -227,12 +204,17 @@ def _finite(values: Array, valid: NDArray[np.bool_] | None) -> Array:
     return np.interp(index, index[good], values[good])
 
 
-def _other_arm_acceleration(channels: Channels, grid: _Grid) -> Array | None:
+def _other_arm_acceleration(channels: Channels, grid: TimeGrid) -> Array | None:
     if channels.other_arm is None:
         return None
     position = _finite(grid.sampled(channels.other_arm.values("position")), None)
-    length = min(max(5, round(0.06 / grid.dt) // 2 * 2 + 1), (len(position) - 1) // 2 * 2 + 1)
-    return savgol_filter(position, length, 3, deriv=2, delta=grid.dt)
+    return _derivative(position, round(0.06 / grid.dt), 2, grid.dt)
+
+
+def _derivative(values: Array, samples: int, order: int, dt: float) -> Array:
+    """Derivative of a cubic through about `samples` neighbours of each sample, without delay."""
+    length = min(max(5, samples // 2 * 2 + 1), (len(values) - 1) // 2 * 2 + 1)
+    return np.asarray(savgol_filter(values, length, 3, deriv=order, delta=dt), dtype=np.float64)
 
 
 def _torque_constant(recording: Recording, model: Model) -> float:

@@ -1,34 +1,35 @@
-"""How well a model's simulated response matches a recording: the contract's fit, in percent, and the error in units.
+"""How well a model's simulated response matches a recording: the contract's fit, in percent, and the error in
+units.
 
     fit = 100 · (1 − ‖y − ŷ‖ / ‖y − mean(y)‖)
 
-y is the recorded output; ŷ the response to the recorded input, with the initial state estimated and nothing corrected along the
-way. 100 is perfect, 0 no better than the mean of y. Over several windows, ŷ is the windows' responses one after the other.
+y is the recorded output; ŷ the response to the recorded input, with the initial state estimated and nothing
+corrected along the way. 100 is perfect, 0 no better than the mean of y. Over several windows, ŷ is the
+windows' responses one after the other.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
-from haptic_teleop_control.filters import VelocityFilter
-from haptic_teleop_sim.kernel import INITIAL, Packed, acting_torque, pack, predict, simulate
-from haptic_teleop_sim.model import Model
 from numpy.typing import NDArray
-from scipy.optimize import least_squares
 
+from haptic_teleop_control.filters import VelocityFilter
+from haptic_teleop_sim.kernel import Packed, acting_torque, pack, simulate
+from haptic_teleop_sim.model import Model
 from haptic_teleop_sysid.dataset import DataSet
+from haptic_teleop_sysid.initial_state import estimate_initial_state, without_actuator
 from haptic_teleop_sysid.windows import DEFAULT_SECONDS, Windows, closed_loop, cut, drift_share
 
 Array = NDArray[np.float64]
 DRIFT_LIMIT = 0.1
-HUGE = 1e6
 
 
 @dataclass(frozen=True)
 class SimulatedFit:
-    """`percent` and `rms` (in the signal's unit) by signal; `simulated` (n,) by signal, NaN outside the windows;
-    `initial_states` (windows, 4): motor and arm angle, motor and arm velocity."""
+    """`percent` and `rms` (in the signal's unit) by signal; `simulated` (n,) by signal, NaN outside the
+    windows; `initial_states` (windows, 4): motor and arm angle, motor and arm velocity."""
 
     percent: dict[str, float]
     rms: dict[str, float]
@@ -38,7 +39,9 @@ class SimulatedFit:
 
 
 def fit_percent(measured: Array, simulated: Array) -> float:
-    """Return 100·(1 − ‖y − ŷ‖/‖y − mean y‖) over (n,) arrays; −inf where ŷ is not finite, NaN for a constant y."""
+    """Return 100·(1 − ‖y − ŷ‖/‖y − mean y‖) over (n,) arrays; −inf where ŷ is not finite, NaN for a constant
+    y.
+    """
     spread = float(np.linalg.norm(measured - np.mean(measured)))
     if spread == 0.0:
         return float("nan")
@@ -49,8 +52,9 @@ def fit_percent(measured: Array, simulated: Array) -> float:
 def choose_windows(model: Model, dataset: DataSet, window: float | str | None = None) -> Windows:
     """Return the windows for `dataset`, judged with `model` (the baseline; use the result for all models).
 
-    `window`: seconds, "whole", or None for the rule: the whole recording, unless it is longer than one and a half windows and
-    says that it was made in closed loop, or the baseline drifts away over it; then windows of DEFAULT_SECONDS.
+    `window`: seconds, "whole", or None for the rule: the whole recording, unless it is longer than one and a
+    half windows and says that it was made in closed loop, or the baseline drifts away over it; then windows
+    of DEFAULT_SECONDS.
     """
     if window == "whole":
         return cut(dataset, None, "as asked")
@@ -64,10 +68,16 @@ def choose_windows(model: Model, dataset: DataSet, window: float | str | None = 
     whole = simulated_fit(model, dataset, cut(dataset, None, ""))
     measured = dataset.signals()
     start, stop = whole.windows.spans[0][0], whole.windows.spans[-1][1]
-    errors = {name: measured[name][start:stop] - values[start:stop] for name, values in whole.simulated.items()}
+    errors = {
+        name: measured[name][start:stop] - values[start:stop] for name, values in whole.simulated.items()
+    }
     drifting = drift_share(errors, measured, round(DEFAULT_SECONDS / dataset.dt))
     if not drifting <= DRIFT_LIMIT:
-        return cut(dataset, DEFAULT_SECONDS, f"the first model's angle drifts by {100 * drifting:.0f} % of its spread")
+        return cut(
+            dataset,
+            DEFAULT_SECONDS,
+            f"the first model's angle drifts by {100 * drifting:.0f} % of its spread",
+        )
     return cut(dataset, None, "neither declared as closed loop nor drifting")
 
 
@@ -75,7 +85,8 @@ def simulated_fit(model: Model, dataset: DataSet, windows: Windows | None = None
     """Return the fit of `model` on `dataset` over `windows` (those of `choose_windows` by default)."""
     windows = choose_windows(model, dataset) if windows is None else windows
     torque = acting_torque(pack(model), dataset.input, dataset.dt, dataset.start)
-    # The actuator's memory (delays, lags) must not begin anew in each window: it has run over the whole input above.
+    # The actuator's memory (delays, lags) must not begin anew in each window: it has run over the whole input
+    # above.
     mechanics = pack(without_actuator(model))
     measured = dataset.signals()
     simulated = {name: np.full(len(dataset), np.nan) for name in measured}
@@ -93,80 +104,6 @@ def simulated_fit(model: Model, dataset: DataSet, windows: Windows | None = None
         percent[name] = fit_percent(y, y_hat)
         rms[name] = float(np.sqrt(np.mean((y - y_hat) ** 2)))
     return SimulatedFit(percent, rms, simulated, windows, np.array(states))
-
-
-def without_actuator(model: Model) -> Model:
-    """Return the model's mechanics alone, with the acting torque (N·m) as its input."""
-    actuator = model.location("actuator")
-    return replace(
-        model,
-        parameters={**model.parameters, "torque_constant": 1.0},
-        effects=tuple(effect for effect in model.effects if effect.location != actuator),
-        fixed=(),
-    )
-
-
-def encoder_angles(dataset: DataSet, span: tuple[int, int]) -> Array:
-    """Return (m, 2): measured motor and arm angle over a span, NaN for an arm that was not measured."""
-    motor = dataset.motor_position[slice(*span)]
-    arm = np.full_like(motor, np.nan) if dataset.arm_position is None else dataset.arm_position[slice(*span)]
-    return np.column_stack([motor, arm])
-
-
-def angle_scales(dataset: DataSet) -> Array:
-    """Return (2,): the spread of each measured angle, by which errors are weighted."""
-    spreads = [float(np.std(y)) if y is not None else 1.0 for y in (dataset.motor_position, dataset.arm_position)]
-    return np.maximum(spreads, 1e-9)
-
-
-def measured_state(dataset: DataSet, start: int) -> Array:
-    """Return (4,): the recorded state at a sample, the arm standing in for the motor's where it was not measured."""
-    motor, rate = dataset.motor_position[start], dataset.motor_velocity[start]
-    arm = motor if dataset.arm_position is None else dataset.arm_position[start]
-    arm_rate = rate if dataset.arm_velocity is None else dataset.arm_velocity[start]
-    return np.array([motor, arm, rate, arm_rate])
-
-
-def estimate_initial_state(mechanics: Packed, dataset: DataSet, torque: Array, span: tuple[int, int]) -> Array:
-    """Return (4,): the initial state that makes the free response over `span` nearest to the measured angles.
-
-    Gauss-Newton with the exact sensitivities of the response, from the recorded state; the recorded state itself where the
-    response does not stay finite.
-    """
-    part = slice(*span)
-    angles = encoder_angles(dataset, span)
-    weights = 1.0 / angle_scales(dataset)
-    used = [0, 2] if mechanics.rigid else [0, 1, 2, 3]
-    names = tuple(INITIAL[i] for i in used)
-    first = measured_state(dataset, span[0])
-    exogenous = None if dataset.exogenous is None else dataset.exogenous[part]
-    t0 = float(dataset.start + dataset.dt * span[0])
-    slopes: dict[bytes, Array] = {}
-
-    def evaluate(x: Array) -> Array:
-        state = first.copy()
-        state[used] = x
-        result = predict(mechanics, torque[part], angles, dataset.dt, names, initial_state=state, exogenous=exogenous, t0=t0)
-        slopes.clear()
-        slopes[x.tobytes()] = bounded(result.d_innovation * weights[:, None]).reshape(-1, len(used))
-        return bounded(result.innovation * weights).ravel()
-
-    def slope(x: Array) -> Array:
-        if x.tobytes() not in slopes:
-            evaluate(x)
-        return slopes[x.tobytes()]
-
-    # Chosen steps, because an angle and a speed differ in size.
-    speed = max(float(np.std(dataset.motor_velocity)), 1e-9)
-    scales = np.array([*angle_scales(dataset), speed, speed])
-    found = least_squares(evaluate, first[used], jac=slope, x_scale=scales[used], method="trf", max_nfev=40)
-    first[used] = found.x
-    return first
-
-
-def bounded(values: Array) -> Array:
-    """Return the values with what is not finite, or beyond HUGE, replaced by HUGE: an unstable response is just very wrong."""
-    return np.clip(np.nan_to_num(values, nan=HUGE, posinf=HUGE, neginf=-HUGE), -HUGE, HUGE)
 
 
 def _window_response(
@@ -187,7 +124,9 @@ def _window_response(
 
 
 def as_recorded(position: Array, velocity: Array, dataset: DataSet) -> Array:
-    """Return the velocity that the recording's velocity filter would have made of this motion; unchanged without a filter."""
+    """Return the velocity that the recording's velocity filter would have made of this motion; unchanged
+    without a filter.
+    """
     if dataset.velocity_filter is None:
         return velocity
     velocity_filter = VelocityFilter(1, dataset.dt, *dataset.velocity_filter)

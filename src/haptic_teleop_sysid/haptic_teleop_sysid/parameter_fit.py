@@ -1,9 +1,12 @@
-"""Least squares of a model's free parameters on recordings: simulated response against measured angles, nothing more.
+"""Least squares of a model's free parameters on recordings: simulated response against measured angles,
+nothing more.
 
-    minimise  sum over windows, samples and encoders of ((y − ŷ(parameters, initial state of the window)) / std(y))²
+    minimise  sum over windows, samples and encoders of ((y − ŷ(parameters, initial state of the window)) /
+    std(y))²
 
-Initial states are estimated beside the parameters. Derivatives are the simulation's own. There is no noise model and no
-statement of certainty here; this is for judging whether a structure can explain a recording at all.
+Initial states are estimated beside the parameters. Derivatives are the simulation's own. There is no noise
+model and no statement of certainty here; this is for judging whether a structure can explain a recording at
+all.
 """
 
 from __future__ import annotations
@@ -13,14 +16,20 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from haptic_teleop_control.errors import ModelError
-from haptic_teleop_sim.kernel import INITIAL, pack, predict
-from haptic_teleop_sim.model import Model
 from numpy.typing import NDArray
 from scipy.optimize import least_squares
 
+from haptic_teleop_control.errors import ModelError
+from haptic_teleop_sim.kernel import INITIAL, pack, predict
+from haptic_teleop_sim.model import Model
 from haptic_teleop_sysid.dataset import DataSet
-from haptic_teleop_sysid.fit import angle_scales, bounded, encoder_angles, estimate_initial_state, without_actuator
+from haptic_teleop_sysid.initial_state import (
+    angle_scales,
+    bounded,
+    encoder_angles,
+    estimate_initial_state,
+    without_actuator,
+)
 from haptic_teleop_sysid.windows import Windows
 
 Array = NDArray[np.float64]
@@ -30,8 +39,8 @@ MOST_EVALUATIONS = 60
 
 @dataclass(frozen=True)
 class ParameterFit:
-    """`model` with the values found; `converged` is false when the search was stopped by its limit of evaluations;
-    `cost` is half the weighted sum of squares at the start and at the end."""
+    """`model` with the values found; `converged` is false when the search was stopped by its limit of
+    evaluations; `cost` is half the weighted sum of squares at the start and at the end."""
 
     model: Model
     converged: bool
@@ -50,11 +59,14 @@ class _Window:
 def fit_parameters(model: Model, data: Sequence[tuple[DataSet, Windows]]) -> ParameterFit:
     """Return the model with its free parameters fitted to all `data` at once, within the parameters' ranges.
 
-    Inertias, stiffness and torque constant are searched on a logarithmic scale. Raises ModelError when nothing is free.
+    Inertias, stiffness and torque constant are searched on a logarithmic scale. Raises ModelError when
+    nothing is free.
     """
     names = model.free_parameters()
     if not names:
-        raise ModelError(f"{model.source}: every parameter is fixed, so there is nothing to fit: shorten 'fixed'.")
+        raise ModelError(
+            f"{model.source}: every parameter is fixed, so there is nothing to fit: shorten 'fixed'."
+        )
     windows = [
         _Window(dataset, span, encoder_angles(dataset, span), 1.0 / angle_scales(dataset))
         for dataset, chosen in data
@@ -86,7 +98,7 @@ def fit_parameters(model: Model, data: Sequence[tuple[DataSet, Windows]]) -> Par
     found = least_squares(
         evaluate,
         np.concatenate([start, free_states]),
-        jac=jacobian,
+        jac=jacobian,  # pyright: ignore[reportArgumentType]
         bounds=(np.concatenate([lower, -unbounded]), np.concatenate([upper, unbounded])),
         x_scale=scales,
         max_nfev=MOST_EVALUATIONS,
@@ -94,15 +106,21 @@ def fit_parameters(model: Model, data: Sequence[tuple[DataSet, Windows]]) -> Par
     )
     begin = 0.5 * float(np.sum(evaluate(np.concatenate([start, free_states])) ** 2))
     result = {name: _outer(name, x) for name, x in zip(names, found.x, strict=False)}
-    return ParameterFit(model.with_values(result), bool(found.status > 0), (begin, float(found.cost)), int(found.nfev))
+    return ParameterFit(
+        model.with_values(result), bool(found.status > 0), (begin, float(found.cost)), int(found.nfev)
+    )
 
 
 def _residual(
     model: Model, names: tuple[str, ...], windows: list[_Window], states: Array, used: list[int], x: Array
 ) -> tuple[Array, Array]:
-    """Weighted errors of all windows, (m,), and their derivatives by x = (parameters, initial states), (m, len(x))."""
+    """Weighted errors of all windows, (m,), and their derivatives by x = (parameters, initial states), (m,
+    len(x)).
+    """
     count, per_window = len(names), len(used)
-    packed = pack(model.with_values({name: _outer(name, value) for name, value in zip(names, x, strict=False)}))
+    packed = pack(
+        model.with_values({name: _outer(name, value) for name, value in zip(names, x, strict=False)})
+    )
     inner_slope = np.array([math.exp(v) if n in LOGARITHMIC else 1.0 for n, v in zip(names, x, strict=False)])
     free = names + tuple(INITIAL[i] for i in used)
     residuals, slopes = [], []

@@ -1,4 +1,6 @@
-"""Parameters that a recording carries about itself: `haptic_teleop.parameters`, node name -> {parameter: value}."""
+"""Parameters that a recording carries about itself: `haptic_teleop.parameters`, node name -> {parameter:
+value}.
+"""
 
 from __future__ import annotations
 
@@ -41,7 +43,9 @@ def recorded_text(parameters: Mapping[str, Any], key: str, nodes: Sequence[str] 
 def _stated(
     parameters: Mapping[str, Any], keys: Sequence[str], nodes: Sequence[str]
 ) -> Iterator[tuple[Any, str]]:
-    by_name = [(str(node).rstrip("/").rsplit("/", 1)[-1], str(node), content) for node, content in parameters.items()]
+    by_name = [
+        (str(node).rstrip("/").rsplit("/", 1)[-1], str(node), content) for node, content in parameters.items()
+    ]
     order = {name: index for index, name in enumerate(nodes)}
     by_name.sort(key=lambda entry: order.get(entry[0], len(order)))
     for _, node, content in by_name:

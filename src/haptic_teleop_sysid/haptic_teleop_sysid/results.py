@@ -1,4 +1,6 @@
-"""What every command of this package writes beside its report: JSON that any reader accepts, with the tool's version."""
+"""What every command of this package writes beside its report: JSON that any reader accepts, with the tool's
+version.
+"""
 
 from __future__ import annotations
 
@@ -20,7 +22,9 @@ def tool_version() -> str:
 
 
 def plain(value: Any) -> Any:
-    """Return `value` as JSON knows it: numpy numbers and arrays unwrapped, numbers that are not finite as null."""
+    """Return `value` as JSON knows it: numpy numbers and arrays unwrapped, numbers that are not finite as
+    null.
+    """
     if isinstance(value, dict):
         return {str(key): plain(entry) for key, entry in value.items()}
     if isinstance(value, (list, tuple)):

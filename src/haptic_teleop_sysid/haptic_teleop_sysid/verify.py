@@ -1,4 +1,6 @@
-"""`haptic-teleop verify`: check a recording of scenario 1 against what the force law promises, and write its report."""
+"""`haptic-teleop verify`: check a recording of scenario 1 against what the force law promises, and write its
+report.
+"""
 
 from __future__ import annotations
 
@@ -8,12 +10,12 @@ import time
 from pathlib import Path
 from typing import Any
 
+from rich.console import Console
+
 from haptic_teleop_control.command_line import run_command
 from haptic_teleop_control.errors import ConfigurationError
 from haptic_teleop_control.recording import read_recording
 from haptic_teleop_control.robots import STAGES
-from rich.console import Console
-
 from haptic_teleop_sysid.report import claim_output_directory, save_png
 from haptic_teleop_sysid.results import tool_version, write_json
 from haptic_teleop_sysid.verification.page import key_figures, verification_page
@@ -37,9 +39,11 @@ def verify(
     remove_delay: bool = False,
     overrides: dict[str, dict[str, float]] | None = None,
 ) -> list[Run]:
-    """Examine `bags`, write verify.json, report.html and a picture per stage into the directory `output`; return the runs.
+    """Examine `bags`, write verify.json, report.html and a picture per stage into the directory `output`;
+    return the runs.
 
-    Raises RecordingError and MismatchError, naming the bag, for what cannot be read or is no recording of scenario 1.
+    Raises RecordingError and MismatchError, naming the bag, for what cannot be read or is no recording of
+    scenario 1.
     """
     began = time.perf_counter()
     runs = [examine(read_recording(bag), bag, overrides) for bag in bags]
@@ -81,7 +85,9 @@ def run(argv: list[str]) -> int:
     for name in OVERRIDES:
         values = getattr(arguments, name)
         if values is not None:
-            for stage, value in zip(STAGES, values * len(STAGES) if len(values) == 1 else values, strict=False):
+            for stage, value in zip(
+                STAGES, values * len(STAGES) if len(values) == 1 else values, strict=False
+            ):
                 overrides[stage][name] = value
     output = claim_output_directory(arguments.output, RESULT, arguments.overwrite)
     with Console(stderr=True).status("verifying"):
@@ -93,7 +99,12 @@ def run(argv: list[str]) -> int:
 def print_summary(runs: list[Run], report: Path, figures_only: bool = False) -> None:
     """Print each run's verdicts (or its key figures only) and where the report lies."""
     console = Console(highlight=False)
-    words = {"good": "[green]ok[/green]  ", "fair": "[yellow]note[/yellow]", "bad": "[red]bad[/red] ", "plain": "    "}
+    words = {
+        "good": "[green]ok[/green]  ",
+        "fair": "[yellow]note[/yellow]",
+        "bad": "[red]bad[/red] ",
+        "plain": "    ",
+    }
     for one in runs:
         console.print(one.name, markup=False, soft_wrap=True)
         if figures_only:
@@ -113,11 +124,21 @@ def main(argv: list[str] | None = None) -> int:
 
 def _parser() -> argparse.ArgumentParser:
     parser = argparse.ArgumentParser(prog="haptic-teleop verify", description=__doc__)
-    parser.add_argument("bag", nargs="+", metavar="BAG", help="recordings of one scenario, laid over each other")
-    parser.add_argument("--output", required=True, metavar="DIR", help=f"where {RESULT}, report.html and pictures go")
-    parser.add_argument("--remove-delay", action="store_true", help="count each run's time from the onset of its command")
-    parser.add_argument("--overwrite", action="store_true", help="replace the results of an earlier run in DIR")
-    group = parser.add_argument_group("settings", "instead of what the recordings say: one value, or one for each stage")
+    parser.add_argument(
+        "bag", nargs="+", metavar="BAG", help="recordings of one scenario, laid over each other"
+    )
+    parser.add_argument(
+        "--output", required=True, metavar="DIR", help=f"where {RESULT}, report.html and pictures go"
+    )
+    parser.add_argument(
+        "--remove-delay", action="store_true", help="count each run's time from the onset of its command"
+    )
+    parser.add_argument(
+        "--overwrite", action="store_true", help="replace the results of an earlier run in DIR"
+    )
+    group = parser.add_argument_group(
+        "settings", "instead of what the recordings say: one value, or one for each stage"
+    )
     for name, meaning in OVERRIDES.items():
         option = "--" + name.replace("_", "-")
         group.add_argument(option, nargs="+", type=_positive, action=_OnePerStage, metavar="X", help=meaning)
@@ -125,9 +146,17 @@ def _parser() -> argparse.ArgumentParser:
 
 
 class _OnePerStage(argparse.Action):
-    def __call__(self, parser: argparse.ArgumentParser, namespace: argparse.Namespace, values: Any, option: str | None = None) -> None:
+    def __call__(
+        self,
+        parser: argparse.ArgumentParser,
+        namespace: argparse.Namespace,
+        values: Any,
+        option: str | None = None,
+    ) -> None:
         if len(values) > len(STAGES):
-            parser.error(f"{option} takes one value, or one for each of {', '.join(STAGES)}; got {len(values)}")
+            parser.error(
+                f"{option} takes one value, or one for each of {', '.join(STAGES)}; got {len(values)}"
+            )
         setattr(namespace, self.dest, values)
 
 

@@ -1,27 +1,32 @@
-"""Over which stretches of a recording a model is simulated freely: the whole, or consecutive windows, the same for all."""
+"""Over which stretches of a recording a model is simulated freely: the whole, or consecutive windows, the
+same for all.
+"""
 
 from __future__ import annotations
 
 import re
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
-from haptic_teleop_control.errors import ConfigurationError
 
+from haptic_teleop_control.errors import ConfigurationError
 from haptic_teleop_sysid.dataset import DataSet
 
 DEFAULT_SECONDS = 4.0
-"""Length of a window where the recording asks for windows: several periods of the slowest mode (0.76 Hz with the motor
-held), yet short against the drift of a free integrator."""
+"""Length of a window where the recording asks for windows: several periods of the slowest mode (0.76 Hz with
+the motor held), yet short against the drift of a free integrator."""
 SHORTEST = 20
 """Samples below which a window says nothing."""
-_LOOP = re.compile(r"\b(closed|position|force|velocity|torque|impedance)[ _-]?(loop|control)|scenario", re.IGNORECASE)
+_LOOP = re.compile(
+    r"\b(closed|position|force|velocity|torque|impedance)[ _-]?(loop|control)|scenario", re.IGNORECASE
+)
 
 
 @dataclass(frozen=True)
 class Windows:
-    """`spans`: (start, stop) in samples, consecutive, none with an invalid sample; `seconds`: length of the longest, None for
-    the whole recording; `why` says in words what asked for it."""
+    """`spans`: (start, stop) in samples, consecutive, none with an invalid sample; `seconds`: length of the
+    longest, None for the whole recording; `why` says in words what asked for it."""
 
     spans: tuple[tuple[int, int], ...]
     seconds: float | None
@@ -29,7 +34,8 @@ class Windows:
 
 
 def cut(dataset: DataSet, seconds: float | None, why: str) -> Windows:
-    """Return windows of `seconds` (the whole for None). Stretches between invalid samples are cut apart, each evenly.
+    """Return windows of `seconds` (the whole for None). Stretches between invalid samples are cut apart, each
+    evenly.
 
     Raises ConfigurationError when no window of SHORTEST samples comes out.
     """
@@ -39,10 +45,11 @@ def cut(dataset: DataSet, seconds: float | None, why: str) -> Windows:
         # Equal windows rather than a short rest: the last seconds count like the others.
         parts = 1 if seconds is None else max(1, round((stop - start) * dataset.dt / seconds))
         borders = np.rint(np.linspace(start, stop, parts + 1)).astype(int).tolist()
-        spans += [(a, b) for a, b in zip(borders[:-1], borders[1:], strict=True) if b - a >= SHORTEST]
+        spans += [(a, b) for a, b in pairwise(borders) if b - a >= SHORTEST]
     if not spans:
         raise ConfigurationError(
-            f"{dataset.name}: a window of {seconds} s holds fewer than {SHORTEST} usable samples of {dataset.dt * 1e3:.3g} ms: "
+            f"{dataset.name}: a window of {seconds} s holds fewer than {SHORTEST} usable samples of "
+            f"{dataset.dt * 1e3:.3g} ms: "
             "give a longer --window."
         )
     longest = max(b - a for a, b in spans) * dataset.dt
@@ -60,7 +67,8 @@ def closed_loop(dataset: DataSet) -> bool | None:
 def drift_share(errors: dict[str, np.ndarray], measured: dict[str, np.ndarray], samples: int) -> float:
     """Return how much of the position errors is slow wandering: the greatest over the positions of
 
-        std(means of the error over `samples` samples) / std(measured),  counted only where it exceeds the error's std within.
+    std(means of the error over `samples` samples) / std(measured),  counted only where it exceeds the error's
+    std within.
     """
     worst = 0.0
     for name, error in errors.items():

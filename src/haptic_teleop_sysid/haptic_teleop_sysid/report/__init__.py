@@ -1,8 +1,9 @@
 """HTML reports: one self-contained page that reads on screen, in the dark and on paper.
 
-`Page` collects a title, verdict lines, key figures, sections with text, tables and pictures, and writes one file that needs
-nothing else: style and pictures are inside. Every text that comes from outside (file names, joint names, notes) is escaped.
-`pictures` makes the matplotlib figures in the page's colours, `output` finds the directory that a run may write to.
+`Page` collects a title, verdict lines, key figures, sections with text, tables and pictures, and writes one
+file that needs nothing else: style and pictures are inside. Every text that comes from outside (file names,
+joint names, notes) is escaped. `pictures` makes the matplotlib figures in the page's colours, `output` finds
+the directory that a run may write to.
 """
 
 from haptic_teleop_sysid.report.output import claim_output_directory, numbered_output_directory

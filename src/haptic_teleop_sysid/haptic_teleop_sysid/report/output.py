@@ -10,12 +10,14 @@ from haptic_teleop_control.errors import ConfigurationError
 def claim_output_directory(directory: str | Path, result_name: str, overwrite: bool = False) -> Path:
     """Return `directory`, created if needed, when it holds no `result_name` of an earlier run.
 
-    Raises ConfigurationError when it does and `overwrite` is false, or when the path is a file or cannot be written.
+    Raises ConfigurationError when it does and `overwrite` is false, or when the path is a file or cannot be
+    written.
     """
     path = Path(directory)
     if (path / result_name).exists() and not overwrite:
         raise ConfigurationError(
-            f"{path} already holds the {result_name} of an earlier run: choose another --output, or say --overwrite."
+            f"{path} already holds the {result_name} of an earlier run: choose another --output, or say "
+            f"--overwrite."
         )
     try:
         path.mkdir(parents=True, exist_ok=True)
@@ -27,7 +29,9 @@ def claim_output_directory(directory: str | Path, result_name: str, overwrite: b
 
 
 def numbered_output_directory(directory: str | Path) -> Path:
-    """Return `directory`, or the first of `directory-2`, `directory-3`, ... that does not exist yet; it is created."""
+    """Return `directory`, or the first of `directory-2`, `directory-3`, ... that does not exist yet; it is
+    created.
+    """
     wanted = Path(directory)
     candidate, number = wanted, 1
     while True:
@@ -41,5 +45,6 @@ def numbered_output_directory(directory: str | Path) -> Path:
             candidate = wanted.with_name(f"{wanted.name}-{number}")
         except OSError as error:
             raise ConfigurationError(
-                f"--output {candidate} cannot be used as a directory ({error.strerror}): choose another --output."
+                f"--output {candidate} cannot be used as a directory ({error.strerror}): choose another "
+                f"--output."
             ) from error

@@ -25,7 +25,7 @@ class Block:
 
     kind: Literal["text", "table", "picture"]
     text: str = ""
-    svg: Markup = Markup("")
+    svg: str = ""
     header: tuple[str, ...] = ()
     rows: tuple[tuple[str, ...], ...] = ()
 
@@ -44,7 +44,9 @@ class Section:
         return self
 
     def table(self, header: Sequence[str], rows: Sequence[Sequence[object]], caption: str = "") -> Section:
-        """Add a table; cells are written with `str` and escaped, those that are numbers are set right-aligned."""
+        """Add a table; cells are written with `str` and escaped, those that are numbers are set
+        right-aligned.
+        """
         cells = tuple(tuple(str(cell) for cell in row) for row in rows)
         self.blocks.append(Block("table", text=caption, header=tuple(header), rows=cells))
         return self
@@ -53,7 +55,7 @@ class Section:
         """Add a matplotlib figure as inline SVG; `caption` is also what a screen reader says."""
         self.page.picture_count += 1
         svg = inline_svg(figure, prefix=f"picture{self.page.picture_count}", description=caption)
-        self.blocks.append(Block("picture", text=caption, svg=Markup(svg)))
+        self.blocks.append(Block("picture", text=caption, svg=svg))
         return self
 
 
@@ -84,9 +86,11 @@ class Page:
 
     def render(self) -> str:
         """Return the whole page as HTML."""
-        environment = jinja2.Environment(autoescape=True, undefined=jinja2.StrictUndefined, trim_blocks=True, lstrip_blocks=True)
+        environment = jinja2.Environment(
+            autoescape=True, undefined=jinja2.StrictUndefined, trim_blocks=True, lstrip_blocks=True
+        )
         environment.tests["numeric"] = looks_numeric
-        files = importlib.resources.files(__package__)
+        files = importlib.resources.files("haptic_teleop_sysid.report")
         template = environment.from_string(files.joinpath("page.html.j2").read_text(encoding="utf-8"))
         style = files.joinpath("page.css").read_text(encoding="utf-8")
         return template.render(
@@ -104,6 +108,8 @@ class Page:
 
 
 def looks_numeric(cell: str) -> bool:
-    """True for a cell that begins like a number (or says that there is none), which the table sets right-aligned."""
+    """True for a cell that begins like a number (or says that there is none), which the table sets
+    right-aligned.
+    """
     text = cell.strip().lstrip("+-−±<>≈ ")
     return text[:1].isdigit() or text in {"–", "—", "nan", "inf"}

@@ -1,7 +1,8 @@
 """Matplotlib figures in the page's colours, as inline SVG for the page and as PNG beside it.
 
-Lines are drawn in fixed colours; for the page each of them becomes a CSS variable, so that one picture is legible on white, on
-dark and on paper. Long series are thinned to the extremes of each bin: nothing that can be seen is lost and the page stays small.
+Lines are drawn in fixed colours; for the page each of them becomes a CSS variable, so that one picture is
+legible on white, on dark and on paper. Long series are thinned to the extremes of each bin: nothing that can
+be seen is lost and the page stays small.
 """
 
 from __future__ import annotations
@@ -12,6 +13,7 @@ import re
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import matplotlib
 import numpy as np
@@ -20,9 +22,11 @@ from numpy.typing import NDArray
 
 INK, GRID, SHADE = "#1c2431", "#dfe3ea", "#e9edf4"
 SERIES_COLOURS = ("#1c2432", "#2166ad", "#c2570d", "#1a7f5b", "#7b3fa1", "#a8123f", "#6b6b13")
-CSS_VARIABLE = {INK: "--ink", GRID: "--grid", SHADE: "--shade"} | {c: f"--s{i}" for i, c in enumerate(SERIES_COLOURS)}
+CSS_VARIABLE = {INK: "--ink", GRID: "--grid", SHADE: "--shade"} | {
+    c: f"--s{i}" for i, c in enumerate(SERIES_COLOURS)
+}
 POINTS = 1500
-STYLE = {
+STYLE: Any = {
     "font.family": "sans-serif",
     "font.sans-serif": ["DejaVu Sans"],
     "font.size": 9,
@@ -50,7 +54,9 @@ STYLE = {
 
 @dataclass(frozen=True)
 class Series:
-    """A line of a panel: `time` (s) and `value`, both (n,); `colour` indexes SERIES_COLOURS; NaN leaves a gap."""
+    """A line of a panel: `time` (s) and `value`, both (n,); `colour` indexes SERIES_COLOURS; NaN leaves a
+    gap.
+    """
 
     label: str
     time: NDArray[np.float64]
@@ -62,7 +68,9 @@ class Series:
 
 @dataclass(frozen=True)
 class Panel:
-    """One axes of a stack: its title, its unit, its lines, horizontal guides and shaded spans (start, end, s)."""
+    """One axes of a stack: its title, its unit, its lines, horizontal guides and shaded spans (start, end,
+    s).
+    """
 
     title: str
     unit: str
@@ -72,7 +80,9 @@ class Panel:
 
 
 def thinned(time: NDArray[np.float64], value: NDArray[np.float64], points: int = POINTS):
-    """Return (time, value) with at most about `points` samples: the least and the greatest of each bin, in their order."""
+    """Return (time, value) with at most about `points` samples: the least and the greatest of each bin, in
+    their order.
+    """
     n = len(time)
     if n <= points:
         return time, value
@@ -86,8 +96,12 @@ def thinned(time: NDArray[np.float64], value: NDArray[np.float64], points: int =
     return time[index], value[index]
 
 
-def stacked_panels(panels: Sequence[Panel], x_label: str = "time (s)", width: float = 10.0, height: float = 1.75) -> Figure:
-    """Return a figure with the panels one below the other over a common time axis; `width` and `height` of one in inches."""
+def stacked_panels(
+    panels: Sequence[Panel], x_label: str = "time (s)", width: float = 10.0, height: float = 1.75
+) -> Figure:
+    """Return a figure with the panels one below the other over a common time axis; `width` and `height` of
+    one in inches.
+    """
     with matplotlib.rc_context(STYLE):
         figure = Figure(figsize=(width, height * len(panels) + 0.5), layout="constrained")
         axes = figure.subplots(len(panels), 1, sharex=True, squeeze=False)[:, 0]
@@ -104,21 +118,32 @@ def stacked_panels(panels: Sequence[Panel], x_label: str = "time (s)", width: fl
             axis.set_ylabel(panel.unit)
             axis.margins(x=0.005)
             if sum(bool(line.label) for line in panel.series) > 1:
-                axis.legend(loc="upper left", bbox_to_anchor=(1.005, 1.05), borderaxespad=0.0, handlelength=1.5)
+                axis.legend(
+                    loc="upper left", bbox_to_anchor=(1.005, 1.05), borderaxespad=0.0, handlelength=1.5
+                )
         axes[-1].set_xlabel(x_label)
         figure.align_ylabels(list(axes))
     return figure
 
 
 def histogram(values: Sequence[tuple[str, NDArray[np.float64]]], x_label: str, limit: float) -> Figure:
-    """Return a histogram (outline, logarithmic count) of each named sample; what exceeds `limit` is put in the last bin."""
+    """Return a histogram (outline, logarithmic count) of each named sample; what exceeds `limit` is put in
+    the last bin.
+    """
     with matplotlib.rc_context(STYLE):
         figure = Figure(figsize=(10.0, 2.3), layout="constrained")
         axis = figure.subplots()
         edges = np.linspace(0.0, limit, 81)
         for number, (label, sample) in enumerate(values, start=1):
             colour = SERIES_COLOURS[number % len(SERIES_COLOURS)]
-            axis.hist(np.clip(sample, 0.0, limit), edges.tolist(), histtype="step", color=colour, label=label, linewidth=1.3)
+            axis.hist(
+                np.clip(sample, 0.0, limit),
+                edges.tolist(),
+                histtype="step",
+                color=colour,
+                label=label,
+                linewidth=1.3,
+            )
         axis.set_yscale("log")
         axis.set_xlabel(x_label)
         axis.set_ylabel("samples")
@@ -135,7 +160,9 @@ def save_png(figure: Figure, path: str | Path, dpi: int = 130) -> Path:
 
 
 def inline_svg(figure: Figure, prefix: str, description: str = "") -> str:
-    """Return the figure as an `<svg>` element for a page: colours as CSS variables, identifiers begin with `prefix`."""
+    """Return the figure as an `<svg>` element for a page: colours as CSS variables, identifiers begin with
+    `prefix`.
+    """
     buffer = io.StringIO()
     with matplotlib.rc_context(STYLE):
         figure.savefig(buffer, format="svg", transparent=True, metadata={"Date": None, "Creator": None})

@@ -1,4 +1,6 @@
-"""Figures of merit of one stage: how well free motion and contact follow the force law's promise (thesis 4.2.3, 4.4)."""
+"""Figures of merit of one stage: how well free motion and contact follow the force law's promise (thesis
+4.2.3, 4.4).
+"""
 
 from __future__ import annotations
 
@@ -30,10 +32,10 @@ class FreeMotion:
 class Contact:
     """A contact. Times in s, torques in N·m, speeds in rad/s.
 
-    overshoot_percent: peak of the torque above the desired torque. settling_time: from the touch until the torque stays
-    within 5 % of the desired torque; None when it does not. settled_torque, settled_error (Te - Td), settled_rms: mean,
-    mean and rms over the last second (or the last quarter of a shorter contact). bounces: how often the torque fell below
-    10 % of the desired torque after it had reached half of it.
+    overshoot_percent: peak of the torque above the desired torque. settling_time: from the touch until the
+    torque stays within 5 % of the desired torque; None when it does not. settled_torque, settled_error (Te -
+    Td), settled_rms: mean, mean and rms over the last second (or the last quarter of a shorter contact).
+    bounces: how often the torque fell below 10 % of the desired torque after it had reached half of it.
     """
 
     start: float
@@ -150,7 +152,9 @@ def _contact(run: StageRun, phase: Phase, following: Phase | None) -> Contact:
         settled_error=float(sign * np.mean(error)),
         settled_rms=float(np.sqrt(np.mean(error**2))),
         bounces=_bounces(torque, level),
-        release_time=float(np.diff(following.seconds(run))[0]) if released and following is not None else None,
+        release_time=float(np.diff(following.seconds(run))[0])
+        if released and following is not None
+        else None,
     )
 
 

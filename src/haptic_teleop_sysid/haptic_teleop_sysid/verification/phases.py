@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from itertools import pairwise
 from typing import Literal
 
 import numpy as np
@@ -24,7 +25,9 @@ NEAR_WALL = 1.5e-3
 
 @dataclass(frozen=True)
 class Phase:
-    """A span of samples, `stop` exclusive. `level` is the signed desired torque (N·m) it belongs to, 0 when idle."""
+    """A span of samples, `stop` exclusive. `level` is the signed desired torque (N·m) it belongs to, 0 when
+    idle.
+    """
 
     kind: Kind
     start: int
@@ -39,19 +42,21 @@ class Phase:
 def find_phases(run: StageRun) -> list[Phase]:
     """Return the run's phases in order, covering every sample.
 
-    A command is a stretch of desired torque of one sign. Its last quarter decides whether it ends in contact: the
-    environment torque holds at least HELD_SHARE of the desired torque and the arm rests. The contact begins when the arm
-    first comes NEAR_WALL to that resting place (or to the known wall); the release lasts until the torque is gone.
+    A command is a stretch of desired torque of one sign. Its last quarter decides whether it ends in contact:
+    the environment torque holds at least HELD_SHARE of the desired torque and the arm rests. The contact
+    begins when the arm first comes NEAR_WALL to that resting place (or to the known wall); the release lasts
+    until the torque is gone.
     """
     n = len(run.time)
     commands = _commands(run)
     phases: list[Phase] = []
     position = 0
-    for number, (start, stop, level) in enumerate(commands):
+    for number, (begin, stop, level) in enumerate(commands):
+        # The torque of the contact before may outlast the onset of this command.
+        start = min(max(begin, position), stop)
         if start > position:
             phases.append(Phase("idle", position, start))
-        following = commands[number + 1][0] if number + 1 < len(commands) else n
-        touch = _contact_start(run, start, stop, level)
+        touch = _contact_start(run, start, stop, level) if stop - start > 4 else None
         position = stop
         if touch is None:
             phases.append(Phase("free", start, stop, level))
@@ -59,9 +64,10 @@ def find_phases(run: StageRun) -> list[Phase]:
         if touch > start:
             phases.append(Phase("free", start, touch, level))
         phases.append(Phase("contact", touch, stop, level))
-        pressing = np.abs(run.environment_torque[stop:following]) >= LOST_SHARE * abs(level)
-        if pressing.any():
-            position = stop + int(np.flatnonzero(pressing)[-1]) + 1
+        end = commands[number + 1][1] if number + 1 < len(commands) else n
+        gone = np.sign(level) * run.environment_torque[stop:end] < LOST_SHARE * abs(level)
+        position = stop + int(np.argmax(gone)) if gone.any() else end
+        if position > stop:
             phases.append(Phase("release", stop, position, level))
     if position < n:
         phases.append(Phase("idle", position, n))
@@ -78,7 +84,7 @@ def _commands(run: StageRun) -> list[tuple[int, int, float]]:
     edges = np.flatnonzero(np.diff(sign)) + 1
     bounds = [0, *edges.tolist(), len(sign)]
     merged: list[list[float]] = []
-    for a, b in zip(bounds[:-1], bounds[1:], strict=True):
+    for a, b in pairwise(bounds):
         if sign[a] == 0.0:
             continue
         if merged and merged[-1][2] == sign[a] and run.time[a] - run.time[int(merged[-1][1]) - 1] < SHORTEST:

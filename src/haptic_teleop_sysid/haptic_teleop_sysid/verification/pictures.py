@@ -1,4 +1,6 @@
-"""Pictures of a scenario: command, motion, torque and current of one stage, several runs laid over each other."""
+"""Pictures of a scenario: command, motion, torque and current of one stage, several runs laid over each
+other.
+"""
 
 from __future__ import annotations
 
@@ -11,19 +13,26 @@ from haptic_teleop_sysid.report import Panel, Series, histogram, stacked_panels
 from haptic_teleop_sysid.verification.run import Run
 
 
-def stage_picture(runs: Sequence[Run], stage: str, labels: Sequence[str], remove_delay: bool = False) -> Figure:
+def stage_picture(
+    runs: Sequence[Run], stage: str, labels: Sequence[str], remove_delay: bool = False
+) -> Figure:
     """Return the stage's panels over time; contact and release of the first run are shaded.
 
     With `remove_delay` each run's time counts from the onset of its command.
     """
-    shown = [(run, label, number) for number, (run, label) in enumerate(zip(runs, labels, strict=True), start=1) if stage in run.stages]
+    shown = [
+        (run, label, number)
+        for number, (run, label) in enumerate(zip(runs, labels, strict=True), start=1)
+        if stage in run.stages
+    ]
     single = len(shown) == 1
     command, position, velocity, torque, current = [], [], [], [], []
     for run, label, number in shown:
         data = run.stages[stage]
         time = data.time - run.onset if remove_delay else data.time
         name = "" if single else f"{label}: "
-        # One run: a colour for each signal. Several: a colour for each run, and the line's style for the signal.
+        # One run: a colour for each signal. Several: a colour for each run, and the line's style for the
+        # signal.
         motor, arm, wanted = (1, 2, 0) if single else (number, number, number)
         dotted = "-" if single else ":"
         command.append(Series(f"{name}desired torque", time, data.desired_torque, colour=wanted))
@@ -41,7 +50,9 @@ def stage_picture(runs: Sequence[Run], stage: str, labels: Sequence[str], remove
             current.append(Series("commanded", time, data.commanded_current, colour=2, width=0.9))
     first = shown[0][0]
     shift = first.onset if remove_delay else 0.0
-    spans = [(a - shift, b - shift) for kind, a, b in first.merits[stage].phases if kind in ("contact", "release")]
+    spans = [
+        (a - shift, b - shift) for kind, a, b in first.merits[stage].phases if kind in ("contact", "release")
+    ]
     settings = first.stages[stage].settings
     # The wall is drawn where it was met: a guide far away would only squeeze the lines.
     walls = [contact.arm_position for contact in first.merits[stage].contacts]
@@ -62,8 +73,14 @@ def stage_picture(runs: Sequence[Run], stage: str, labels: Sequence[str], remove
 
 def latency_picture(runs: Sequence[Run], labels: Sequence[str]) -> Figure | None:
     """Return a histogram of the loop latency of each run, or None when no run tells it."""
-    samples = [(label, 1e3 * run.latency) for run, label in zip(runs, labels, strict=True) if len(run.latency)]
+    samples = [
+        (label, 1e3 * run.latency) for run, label in zip(runs, labels, strict=True) if len(run.latency)
+    ]
     if not samples:
         return None
     limit = max(float(np.percentile(values, 99.9)) for _, values in samples) * 1.2
-    return histogram(samples, "from a state's stamp to its command's arrival (ms; what is later stands at the right edge)", limit)
+    return histogram(
+        samples,
+        "from a state's stamp to its command's arrival (ms; what is later stands at the right edge)",
+        limit,
+    )

@@ -7,8 +7,8 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from haptic_teleop_control.recording import Recording
 
+from haptic_teleop_control.recording import Recording
 from haptic_teleop_sysid.fit import fit_percent
 from haptic_teleop_sysid.verification.merit import StageMerit, stage_merit
 from haptic_teleop_sysid.verification.signals import StageRun, read_stages
@@ -43,14 +43,18 @@ class Run:
         }
 
 
-def examine(recording: Recording, name: str, overrides: Mapping[str, Mapping[str, float]] | None = None) -> Run:
+def examine(
+    recording: Recording, name: str, overrides: Mapping[str, Mapping[str, float]] | None = None
+) -> Run:
     """Return the examined recording. `overrides`: stage -> setting -> value, see `StageSettings`.
 
     Raises MismatchError when it is no recording of scenario 1 or does not say enough about itself.
     """
     stages = read_stages(recording, name, overrides)
     merits = {stage: stage_merit(run) for stage, run in stages.items()}
-    begins = [start for merit in merits.values() for kind, start, _ in merit.phases if kind in ("free", "contact")]
+    begins = [
+        start for merit in merits.values() for kind, start, _ in merit.phases if kind in ("free", "contact")
+    ]
     return Run(
         name=name,
         stages=stages,
@@ -65,7 +69,9 @@ def examine(recording: Recording, name: str, overrides: Mapping[str, Mapping[str
 
 
 def agreement(first: Run, second: Run) -> dict[str, dict[str, float]]:
-    """Return stage -> signal -> fit in percent of the second run to the first, both counted from their command's onset."""
+    """Return stage -> signal -> fit in percent of the second run to the first, both counted from their
+    command's onset.
+    """
     result: dict[str, dict[str, float]] = {}
     for stage in first.stages.keys() & second.stages.keys():
         a, b = first.stages[stage], second.stages[stage]

@@ -1,4 +1,6 @@
-"""What a scenario was run with: from the recording itself, from the command line, or the contract's nominal numbers."""
+"""What a scenario was run with: from the recording itself, from the command line, or the contract's nominal
+numbers.
+"""
 
 from __future__ import annotations
 
@@ -8,7 +10,6 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from haptic_teleop_control.robots import PAIRS, SFJ_STAGES
-
 from haptic_teleop_sysid.recorded_parameters import recorded_value
 
 CONTROLLER = ("force_controller",)
@@ -20,7 +21,8 @@ class StageSettings:
     """One stage's settings; None where nothing says. `source` tells for each where its value comes from.
 
     lambda_ N·m·s/rad; torque_gain N·m/rad, neutral rad: master position -> desired torque; wall_angle rad;
-    stiffness N·m/rad; torque_constant N·m/A (nominal, of messages); current_limit A; desired_torque_limit N·m.
+    stiffness N·m/rad; torque_constant N·m/A (nominal, of messages); current_limit A; desired_torque_limit
+    N·m.
     """
 
     lambda_: float | None
@@ -37,7 +39,9 @@ class StageSettings:
 def stage_settings(
     parameters: Mapping[str, Any], stage: str, overrides: Mapping[str, float] | None = None
 ) -> StageSettings:
-    """Return the settings of `stage`: `overrides` (field name -> value) first, then the recording, then nominal numbers."""
+    """Return the settings of `stage`: `overrides` (field name -> value) first, then the recording, then
+    nominal numbers.
+    """
     axis = PAIRS[stage]
     facts = SFJ_STAGES[stage]
     overrides = overrides or {}

@@ -7,10 +7,10 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
-from haptic_teleop_control.errors import MismatchError
-from haptic_teleop_control.robots import PAIRS, SFJ_STAGES
 from numpy.typing import NDArray
 
+from haptic_teleop_control.errors import MismatchError
+from haptic_teleop_control.robots import PAIRS, SFJ_STAGES
 from haptic_teleop_sysid.recorded_parameters import recorded_text
 from haptic_teleop_sysid.verification.settings import CONTROLLER, StageSettings, stage_settings
 
@@ -27,8 +27,8 @@ class StageRun:
     """One stage over a run, all arrays (n,) on the slave's sampling times.
 
     time s since the first sample; desired_torque N·m (what the master asks for); master_position rad or None;
-    motor_position, arm_position rad; motor_velocity, arm_velocity rad/s; environment_torque N·m (of the robot on its
-    environment); current A, measured; commanded_current A or None.
+    motor_position, arm_position rad; motor_velocity, arm_velocity rad/s; environment_torque N·m (of the robot
+    on its environment); current A, measured; commanded_current A or None.
     """
 
     stage: str
@@ -47,7 +47,9 @@ class StageRun:
 
 
 def held(series: JointStateSeries, values: Array, at: NDArray[np.int64]) -> Array:
-    """Return the newest of `values` (m,) whose stamp is not after each of `at` (n,) ns; zero before the first."""
+    """Return the newest of `values` (m,) whose stamp is not after each of `at` (n,) ns; zero before the
+    first.
+    """
     finite = np.isfinite(values)
     # A publisher that leaves its stamps empty can only be placed by the time of its arrival.
     stamps = (series.stamp if np.any(series.stamp > 0) else series.received)[finite]
@@ -60,14 +62,17 @@ def held(series: JointStateSeries, values: Array, at: NDArray[np.int64]) -> Arra
 def read_stages(
     recording: Recording, name: str, overrides: Mapping[str, Mapping[str, float]] | None = None
 ) -> dict[str, StageRun]:
-    """Return stage -> StageRun for every stage of the 2DSFJ in the recording; `name` is what messages call it.
+    """Return stage -> StageRun for every stage of the 2DSFJ in the recording; `name` is what messages call
+    it.
 
     Raises MismatchError when the 2DSFJ's states are absent, or nothing says what torque the master asked for.
     """
     states = recording.topics.get(STATE_TOPIC)
     if states is None or len(states) < 2:
         present = ", ".join(recording.topics) or "no topic"
-        raise MismatchError(f"{name} holds {present} but no states on {STATE_TOPIC}: give a recording of scenario 1.")
+        raise MismatchError(
+            f"{name} holds {present} but no states on {STATE_TOPIC}: give a recording of scenario 1."
+        )
     runs = {}
     for stage in SFJ_STAGES:
         if f"{stage}_motor" in states.names and f"{stage}_arm" in states.names:
@@ -75,7 +80,8 @@ def read_stages(
             runs[stage] = _stage_run(recording, states, stage, settings, name)
     if not runs:
         raise MismatchError(
-            f"{name} has {', '.join(states.names)} on {STATE_TOPIC} and no stage of the 2DSFJ: give a recording of scenario 1."
+            f"{name} has {', '.join(states.names)} on {STATE_TOPIC} and no stage of the 2DSFJ: give a "
+            f"recording of scenario 1."
         )
     return runs
 
@@ -96,7 +102,9 @@ def _stage_run(
     commanded = None
     if command is not None and motor in command.names and command.effort is not None:
         commanded = held(command, command.signal(motor, "effort"), states.stamp) / settings.torque_constant
-    measured = states.signal(motor, "effort") / settings.torque_constant if states.effort is not None else commanded
+    measured = (
+        states.signal(motor, "effort") / settings.torque_constant if states.effort is not None else commanded
+    )
     return StageRun(
         stage=stage,
         settings=settings,
@@ -130,7 +138,11 @@ def _desired_torque(
     if reference is not None and reference.effort is not None:
         for joint in joints:
             if joint in reference.names:
-                return held(reference, reference.signal(joint, "effort"), at), None, f"{REFERENCE_TOPIC}, effort of {joint}"
+                return (
+                    held(reference, reference.signal(joint, "effort"), at),
+                    None,
+                    f"{REFERENCE_TOPIC}, effort of {joint}",
+                )
     # What the controller listened to; where nothing says, the artificial command if there was one.
     source = recorded_text(recording.parameters, "command_source", CONTROLLER)
     topics = [MASTER_TOPIC, REFERENCE_TOPIC] if source == "device" else [REFERENCE_TOPIC, MASTER_TOPIC]
@@ -142,7 +154,8 @@ def _desired_torque(
             if joint in series.names:
                 if settings.torque_gain is None:
                     raise MismatchError(
-                        f"{name} does not say the torque gain of {stage} (haptic_teleop.parameters): give --torque-gain."
+                        f"{name} does not say the torque gain of {stage} (haptic_teleop.parameters): give "
+                        f"--torque-gain."
                     )
                 position = held(series, series.signal(joint, "position"), at)
                 desired = settings.torque_gain * (position - settings.neutral)
@@ -150,6 +163,7 @@ def _desired_torque(
                 desired = np.clip(desired, -limit, limit)
                 return desired, position, f"{topic}, position of {joint} × {settings.torque_gain:g} N·m/rad"
     raise MismatchError(
-        f"{name} holds neither {MASTER_TOPIC} nor {REFERENCE_TOPIC} with {axis}, so the desired torque of {stage} is "
+        f"{name} holds neither {MASTER_TOPIC} nor {REFERENCE_TOPIC} with {axis}, so the desired torque of "
+        f"{stage} is "
         "unknown: record one of them."
     )

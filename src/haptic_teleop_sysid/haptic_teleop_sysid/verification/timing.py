@@ -6,9 +6,9 @@ from dataclasses import asdict, dataclass, replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from haptic_teleop_control.recording.quality import bag_problems
 from numpy.typing import NDArray
 
+from haptic_teleop_control.recording.quality import bag_problems
 from haptic_teleop_sysid.verification.signals import COMMAND_TOPIC, MASTER_TOPIC, STATE_TOPIC
 
 if TYPE_CHECKING:
@@ -22,9 +22,9 @@ PAIRS_OF_TOPICS = ((STATE_TOPIC, COMMAND_TOPIC), (MASTER_TOPIC, "/omni/effort_co
 class Latency:
     """Loop latency in s over the answered states of `state_topic`.
 
-    From a state's sampling time to the arrival of its answer at the recorder (`from_stamp`), and from the state's own
-    arrival there to the answer's (`between_arrivals`); each as p50, p99, max. `unanswered` states had no answer,
-    `late_percent` of the answers took more than two periods.
+    From a state's sampling time to the arrival of its answer at the recorder (`from_stamp`), and from the
+    state's own arrival there to the answer's (`between_arrivals`); each as p50, p99, max. `unanswered` states
+    had no answer, `late_percent` of the answers took more than two periods.
     """
 
     state_topic: str
@@ -37,8 +37,8 @@ class Latency:
 
 
 def topic_health(series: JointStateSeries, topic: str) -> dict[str, Any]:
-    """Return one topic's figures as plain data: messages, rate (Hz), period (s), lost, duplicates, backwards, longest_gap
-    (s), jitter_p99 (s) and the sentences about what is wrong (see `recording.quality`).
+    """Return one topic's figures as plain data: messages, rate (Hz), period (s), lost, duplicates, backwards,
+    longest_gap (s), jitter_p99 (s) and the sentences about what is wrong (see `recording.quality`).
 
     A publisher that leaves its stamps empty is judged by the times of arrival.
     """
@@ -64,8 +64,9 @@ def answers(
 ) -> tuple[NDArray[np.float64], NDArray[np.float64], int]:
     """Return latencies from stamp (m,) and between arrivals (m,) in s, and how many states have no answer.
 
-    A command answers the state whose stamp it bears; of several commands to one state the first counts. States before
-    the first and after the last command are not asked for: the graph was still starting, or already stopping.
+    A command answers the state whose stamp it bears; of several commands to one state the first counts.
+    States before the first and after the last command are not asked for: the graph was still starting, or
+    already stopping.
     """
     stamps, first_state = np.unique(states.stamp, return_index=True)
     answered, first_command = np.unique(commands.stamp, return_index=True)
@@ -80,7 +81,9 @@ def answers(
 
 
 def graph_health(recording: Recording) -> dict[str, Any]:
-    """Return {"topics": {topic: figures}, "latency": [figures of each pair of state and command topic]} as plain data."""
+    """Return {"topics": {topic: figures}, "latency": [figures of each pair of state and command topic]} as
+    plain data.
+    """
     topics = {}
     for name, series in recording.topics.items():
         if len(series) > 2:

@@ -21,7 +21,9 @@ def verdicts(run: Run) -> list[tuple[Status, str]]:
     for merit in run.merits.values():
         name = merit.stage.replace("stage", "Stage ")
         if not merit.free and not merit.contacts:
-            found.append(("bad", f"{name}: no command was given, or it did nothing that can be told from rest."))
+            found.append(
+                ("bad", f"{name}: no command was given, or it did nothing that can be told from rest.")
+            )
             continue
         found += [_free(name, motion) for motion in merit.free]
         found += [_contact(name, contact) for contact in merit.contacts]
@@ -37,7 +39,10 @@ def verdicts(run: Run) -> list[tuple[Status, str]]:
 def _free(name: str, motion: FreeMotion) -> tuple[Status, str]:
     where = f"{name} in free motion from {motion.start:.2f} s"
     if motion.expected_speed is None or motion.error_percent is None:
-        return "plain", f"{where} moves at {motion.speed:.3f} rad/s; λ is not known, so nothing tells what it should be."
+        return (
+            "plain",
+            f"{where} moves at {motion.speed:.3f} rad/s; λ is not known, so nothing tells what it should be.",
+        )
     status: Status = "good" if abs(motion.error_percent) <= SPEED_PERCENT else "fair"
     return status, (
         f"{where} moves at {motion.speed:.3f} rad/s; Td/λ is {motion.expected_speed:.3f} rad/s "
@@ -50,11 +55,17 @@ def _contact(name: str, contact: Contact) -> tuple[Status, str]:
     accurate = abs(contact.settled_error) <= TORQUE_SHARE * abs(contact.desired_torque)
     calm = contact.overshoot_percent <= OVERSHOOT_PERCENT and contact.bounces == 0
     status: Status = "bad" if not (settled and accurate) else ("good" if calm else "fair")
-    when = f"within ±5 % after {contact.settling_time:.2f} s" if contact.settling_time is not None else "it does not settle"
+    when = (
+        f"within ±5 % after {contact.settling_time:.2f} s"
+        if contact.settling_time is not None
+        else "it does not settle"
+    )
+    error = round(1e3 * contact.settled_error, 2) + 0.0  # no -0.00
     bounces = {0: "no bounce", 1: "one bounce"}.get(contact.bounces, f"{contact.bounces} bounces")
     return status, (
         f"{name} in contact from {contact.start:.2f} s presses with {contact.settled_torque:.4f} N·m of "
-        f"{contact.desired_torque:.4f} N·m asked ({1e3 * contact.settled_error:+.2f} mN·m, rms {1e3 * contact.settled_rms:.2f}); "
+        f"{contact.desired_torque:.4f} N·m asked ({error:+.2f} mN·m, "
+        f"rms {1e3 * contact.settled_rms:.2f}); "
         f"{when}, overshoot {contact.overshoot_percent:.1f} %, {bounces}."
     )
 
@@ -62,7 +73,10 @@ def _contact(name: str, contact: Contact) -> tuple[Status, str]:
 def _current(name: str, merit: StageMerit) -> tuple[Status, str]:
     text = f"{name} draws at most {merit.peak_current:.3f} A of {merit.current_limit:g} A"
     if merit.share_at_limit_percent > 0.0:
-        return "plain", f"{text} and is commanded to its limit for {merit.share_at_limit_percent:.2f} % of the time."
+        return (
+            "plain",
+            f"{text} and is commanded to its limit for {merit.share_at_limit_percent:.2f} % of the time.",
+        )
     return "good", f"{text}."
 
 
@@ -71,17 +85,26 @@ def _graph(run: Run) -> list[tuple[Status, str]]:
     for topic, health in run.graph["topics"].items():
         share = health["lost"] / max(1, health["messages"] + health["lost"])
         status: Status = "good" if share == 0.0 else ("fair" if share <= LOST_SHARE else "bad")
-        lost = "no sample lost" if health["lost"] == 0 else f"{health['lost']} samples lost ({100 * share:.2g} %)"
+        lost = (
+            "no sample lost"
+            if health["lost"] == 0
+            else f"{health['lost']} samples lost ({100 * share:.2g} %)"
+        )
         found.append((status, f"{topic}: {health['rate']:.1f} Hz achieved, {lost}."))
     for entry in run.graph["latency"]:
         period = run.graph["topics"].get(entry["state_topic"], {}).get("period")
         stamp = entry["from_stamp"]
         status = "good" if entry["late_percent"] <= 1.0 else "fair"
-        late = f"{entry['late_percent']:.2f} % later than two periods of {1e3 * period:.3g} ms" if period else ""
-        missing = f", {entry['unanswered']} states unanswered" if entry["unanswered"] else ", every state answered"
+        late = (
+            f"{entry['late_percent']:.2f} % later than two periods of {1e3 * period:.3g} ms" if period else ""
+        )
+        missing = (
+            f", {entry['unanswered']} states unanswered" if entry["unanswered"] else ", every state answered"
+        )
         found.append((
             status,
-            f"{entry['command_topic']} answers {1e3 * stamp['p50']:.2f} ms (median), {1e3 * stamp['p99']:.2f} ms (99 %), "
+            f"{entry['command_topic']} answers {1e3 * stamp['p50']:.2f} ms (median), "
+            f"{1e3 * stamp['p99']:.2f} ms (99 %), "
             f"{1e3 * stamp['max']:.2f} ms (most) after the state's stamp; {late}{missing}.",
         ))  # fmt: skip
     return found

@@ -1,0 +1,114 @@
+"""Where a free simulation has to start so that it comes nearest to what was measured."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.optimize import least_squares
+
+from haptic_teleop_sim.kernel import INITIAL, Packed, predict
+from haptic_teleop_sim.model import Model
+from haptic_teleop_sysid.dataset import DataSet
+
+Array = NDArray[np.float64]
+HUGE = 1e6
+
+
+def without_actuator(model: Model) -> Model:
+    """Return the model's mechanics alone, with the acting torque (N·m) as its input."""
+    actuator = model.location("actuator")
+    return replace(
+        model,
+        parameters={**model.parameters, "torque_constant": 1.0},
+        effects=tuple(effect for effect in model.effects if effect.location != actuator),
+        fixed=(),
+    )
+
+
+def encoder_angles(dataset: DataSet, span: tuple[int, int]) -> Array:
+    """Return (m, 2): measured motor and arm angle over a span, NaN for an arm that was not measured."""
+    motor = dataset.motor_position[slice(*span)]
+    arm = np.full_like(motor, np.nan) if dataset.arm_position is None else dataset.arm_position[slice(*span)]
+    return np.column_stack([motor, arm])
+
+
+def angle_scales(dataset: DataSet) -> Array:
+    """Return (2,): the spread of each measured angle, by which errors are weighted."""
+    spreads = [
+        float(np.std(y)) if y is not None else 1.0 for y in (dataset.motor_position, dataset.arm_position)
+    ]
+    return np.maximum(spreads, 1e-9)
+
+
+def measured_state(dataset: DataSet, start: int) -> Array:
+    """Return (4,): the recorded state at a sample, the arm standing in for the motor's where it was not
+    measured.
+    """
+    motor, rate = dataset.motor_position[start], dataset.motor_velocity[start]
+    arm = motor if dataset.arm_position is None else dataset.arm_position[start]
+    arm_rate = rate if dataset.arm_velocity is None else dataset.arm_velocity[start]
+    return np.array([motor, arm, rate, arm_rate])
+
+
+def estimate_initial_state(
+    mechanics: Packed, dataset: DataSet, torque: Array, span: tuple[int, int]
+) -> Array:
+    """Return (4,): the initial state that makes the free response over `span` nearest to the measured angles.
+
+    Gauss-Newton with the exact sensitivities of the response, from the recorded state; the recorded state
+    itself where the response does not stay finite.
+    """
+    part = slice(*span)
+    angles = encoder_angles(dataset, span)
+    weights = 1.0 / angle_scales(dataset)
+    used = [0, 2] if mechanics.rigid else [0, 1, 2, 3]
+    names = tuple(INITIAL[i] for i in used)
+    first = measured_state(dataset, span[0])
+    exogenous = None if dataset.exogenous is None else dataset.exogenous[part]
+    t0 = float(dataset.start + dataset.dt * span[0])
+    slopes: dict[bytes, Array] = {}
+
+    def evaluate(x: Array) -> Array:
+        state = first.copy()
+        state[used] = x
+        result = predict(
+            mechanics,
+            torque[part],
+            angles,
+            dataset.dt,
+            names,
+            initial_state=state,
+            exogenous=exogenous,
+            t0=t0,
+        )
+        slopes.clear()
+        slopes[x.tobytes()] = bounded(result.d_innovation * weights[:, None]).reshape(-1, len(used))
+        return bounded(result.innovation * weights).ravel()
+
+    def slope(x: Array) -> Array:
+        if x.tobytes() not in slopes:
+            evaluate(x)
+        return slopes[x.tobytes()]
+
+    # Chosen steps, because an angle and a speed differ in size.
+    speed = max(float(np.std(dataset.motor_velocity)), 1e-9)
+    scales = np.array([*angle_scales(dataset), speed, speed])
+    found = least_squares(
+        evaluate,
+        first[used],
+        jac=slope,  # pyright: ignore[reportArgumentType]
+        x_scale=scales[used],
+        method="trf",
+        max_nfev=40,
+    )
+    first[used] = found.x
+    return first
+
+
+def bounded(values: Array) -> Array:
+    """Return the values with what is not finite, or beyond HUGE, replaced by HUGE: an unstable response is
+    just very wrong.
+    """
+    return np.clip(np.nan_to_num(values, nan=HUGE, posinf=HUGE, neginf=-HUGE), -HUGE, HUGE)

@@ -1,0 +1,66 @@
+"""The uniform times of a data set, and how recorded values get there: as they are wherever the stamps permit."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from haptic_teleop_control.errors import RecordingError
+from haptic_teleop_control.recording import JointStateSeries
+
+Array = NDArray[np.float64]
+NS = 1e-9
+IRREGULAR = 0.01
+"""Stamps off the uniform grid by more than this share of a period make resampling necessary."""
+GAP_PERIODS = 5.0
+"""A longer hole, in periods, is not bridged: samples within it are not valid."""
+
+
+@dataclass(frozen=True)
+class TimeGrid:
+    """`keep` picks usable messages; `stamps` their times, ns; `at` the uniform times; values are interpolated
+    if `resampled`.
+    """
+
+    keep: NDArray[np.intp]
+    stamps: NDArray[np.int64]
+    at: NDArray[np.float64]
+    dt: float
+    resampled: bool
+    valid: NDArray[np.bool_]
+
+    @classmethod
+    def of(cls, series: JointStateSeries, name: str) -> TimeGrid:
+        # A message stamped not later than one before it adds nothing that can be placed in time.
+        ahead = np.maximum.accumulate(series.stamp)
+        keep = (
+            np.flatnonzero(np.concatenate([[True], series.stamp[1:] > ahead[:-1]]))
+            if len(series)
+            else np.zeros(0, int)
+        )
+        stamps = series.stamp[keep]
+        if len(stamps) < 10:
+            raise RecordingError(
+                f"{name} has {len(stamps)} usable samples and at least ten are needed: record longer."
+            )
+        steps = np.diff(stamps) * NS
+        period = float(np.median(steps))
+        n = round((stamps[-1] - stamps[0]) * NS / period) + 1
+        dt = float((stamps[-1] - stamps[0]) * NS / (n - 1))
+        at = dt * np.arange(n, dtype=np.float64)
+        since = (stamps - stamps[0]) * NS
+        regular = n == len(stamps) and float(np.max(np.abs(since - at))) <= IRREGULAR * dt
+        if not regular:
+            dt, n = period, int(np.floor((stamps[-1] - stamps[0]) * NS / period * (1 + 1e-12))) + 1
+            at = dt * np.arange(n, dtype=np.float64)
+        valid = np.ones(n, dtype=np.bool_)
+        for hole in np.flatnonzero(steps > GAP_PERIODS * period):
+            valid[(at > since[hole] + 0.5 * dt) & (at < since[hole + 1] - 0.5 * dt)] = False
+        return cls(keep, stamps, at, dt, not regular, valid)
+
+    def sampled(self, values: Array) -> Array:
+        """Bring values of all messages, (m,), to the grid (n,), linearly between messages when resampling."""
+        kept = values[self.keep]
+        return np.interp(self.at, (self.stamps - self.stamps[0]) * NS, kept) if self.resampled else kept

@@ -1,0 +1,115 @@
+"""The tables of a verification report: (header, rows, caption) each."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+
+from haptic_teleop_sysid.verification.merit import StageMerit
+from haptic_teleop_sysid.verification.run import Run
+
+Table = tuple[list[str], list[list[object]], str]
+Named = Sequence[tuple[str, StageMerit]]
+
+
+def number(value: float | None, digits: int = 3, scale: float = 1.0) -> str:
+    """Return a number as text, a dash for none."""
+    # Adding zero turns a rounded -0.0 into 0.0.
+    return "–" if value is None else f"{round(scale * value, digits) + 0.0:.{digits}f}"
+
+
+def free_table(merits: Named) -> Table:
+    """Free motions."""
+    header = ["run", "free from (s)", "Td (N·m)", "speed (rad/s)", "Td/λ (rad/s)", "difference (%)"]
+    rows: list[list[object]] = []
+    for label, merit in merits:
+        for f in merit.free:
+            speeds = [number(f.speed), number(f.expected_speed), number(f.error_percent, 1)]
+            rows.append([label, number(f.start, 2), number(f.desired_torque), *speeds])
+    return header, rows, "Free motion: mean speed over its last 40 %"
+
+
+def contact_table(merits: Named) -> Table:
+    """Contacts."""
+    header = [
+        "run",
+        "from (s)",
+        "Td (N·m)",
+        "Te settled (N·m)",
+        "error (mN·m)",
+        "rms (mN·m)",
+        "overshoot (%)",
+    ]
+    header += ["settling (s)", "bounces", "approach (rad/s)", "release (s)"]
+    rows: list[list[object]] = []
+    for label, merit in merits:
+        for c in merit.contacts:
+            torques = [number(c.desired_torque), number(c.settled_torque, 4)]
+            errors = [number(c.settled_error, 2, 1e3), number(c.settled_rms, 2, 1e3)]
+            transient = [number(c.overshoot_percent, 1), number(c.settling_time, 2), c.bounces]
+            ends = [number(c.approach_speed, 2), number(c.release_time, 2)]
+            rows.append([label, number(c.start, 2), *torques, *errors, *transient, *ends])
+    return header, rows, "Contact: settled within ±5 % of Td; error and rms over the last second"
+
+
+def phase_table(merits: Named) -> Table:
+    """Phases and currents."""
+    header = ["run", "phases", "peak current (A)", "limit (A)", "at limit (%)"]
+    rows: list[list[object]] = []
+    for label, merit in merits:
+        phases = ", ".join(f"{kind} {start:.2f}–{end:.2f} s" for kind, start, end in merit.phases)
+        limits = [number(merit.current_limit, 2), number(merit.share_at_limit_percent, 2)]
+        rows.append([label, phases, number(merit.peak_current), *limits])
+    return header, rows, "Phases found in the data, and current"
+
+
+def topic_table(runs: Sequence[Run], labels: Sequence[str]) -> Table:
+    """Rates and losses of every topic."""
+    header = ["run", "topic", "messages", "rate (Hz)", "lost", "repeated", "backward"]
+    header += ["longest gap (ms)", "jitter 99 % (ms)"]
+    rows: list[list[object]] = []
+    for run, label in zip(runs, labels, strict=True):
+        for topic, health in run.graph["topics"].items():
+            counts = [health["lost"], health["duplicates"], health["backwards"]]
+            times = [number(health["longest_gap"], 2, 1e3), number(health["jitter_p99"], 3, 1e3)]
+            rows.append([label, topic, health["messages"], number(health["rate"], 1), *counts, *times])
+    return header, rows, ""
+
+
+def latency_table(runs: Sequence[Run], labels: Sequence[str]) -> Table:
+    """Loop latencies."""
+    header = ["run", "command", "answered", "unanswered", "stamp to arrival, p50 / p99 / max (ms)"]
+    header += ["arrival to arrival (ms)", "later than two periods (%)"]
+    rows: list[list[object]] = []
+    for run, label in zip(runs, labels, strict=True):
+        for entry in run.graph["latency"]:
+            times = [_three(entry["from_stamp"]), _three(entry["between_arrivals"])]
+            counts = [entry["answered"], entry["unanswered"]]
+            rows.append([label, entry["command_topic"], *counts, *times, number(entry["late_percent"], 2)])
+    return header, rows, "Loop latency: each command bears the stamp of the state that it answers"
+
+
+def settings_table(runs: Sequence[Run], labels: Sequence[str]) -> Table:
+    """Settings of each stage and who states them."""
+    rows: list[list[object]] = []
+    for run, label in zip(runs, labels, strict=True):
+        for stage, merit in run.merits.items():
+            for key, source in merit.settings["source"].items():
+                value = merit.settings.get(key)
+                rows.append([label, stage, key, "–" if value is None else f"{value:g}", source])
+            rows.append([label, stage, "desired torque", "–", merit.settings["desired_torque_from"]])
+    return ["run", "stage", "setting", "value", "from"], rows, ""
+
+
+def agreement_table(agreements: Mapping[str, Mapping[str, Mapping[str, float]]]) -> Table:
+    """How far the runs agree with the first."""
+    header = ["run", "stage", "motor position", "arm position", "motor velocity", "environment torque"]
+    rows: list[list[object]] = [
+        [label, stage, *(number(value, 1) for value in signals.values())]
+        for label, stages in agreements.items()
+        for stage, signals in stages.items()
+    ]
+    return header, rows, ""
+
+
+def _three(values: Mapping[str, float]) -> str:
+    return " / ".join(f"{1e3 * values[key]:.2f}" for key in ("p50", "p99", "max"))
