@@ -1,4 +1,5 @@
-"""A small ROS graph inside a test: nodes under test and a probe, whose callbacks run when the test says so."""
+"""A small ROS graph inside a test: nodes under test and a probe, whose callbacks run when the test says
+so."""
 
 from __future__ import annotations
 

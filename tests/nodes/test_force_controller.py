@@ -1,4 +1,5 @@
-"""The controller as a node of a real ROS graph; the numbers expected are worked out by hand from the equations."""
+"""The controller as a node of a real ROS graph; the numbers expected are worked out by hand from the
+equations."""
 
 import math
 import time

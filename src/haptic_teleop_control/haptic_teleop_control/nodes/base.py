@@ -1,7 +1,8 @@
-"""What all nodes of this project share: parameters from a table, a fault latch with `~/reset`, diagnostics at 1 Hz.
+"""What all nodes of this project share: parameters from a table, a fault latch with `~/reset`, diagnostics
+at 1 Hz.
 
-A subclass states `NAME`, `NAMESPACE`, `SUMMARY`, `TOPICS` and `TABLE`; `spin.run_node` and `composed` need no more to
-print its help, check its parameters and run it.
+A subclass states `NAME`, `NAMESPACE`, `SUMMARY`, `TOPICS` and `TABLE`; `spin.run_node` and `composed` need
+no more to print its help, check its parameters and run it.
 """
 
 from __future__ import annotations
@@ -63,7 +64,8 @@ class HapticNode(Node):
         """Takes all parameter values after a change; raises ConfigurationError to refuse it."""
 
     def start(self) -> None:
-        """Starts threads; called once, when all nodes of the process exist and its executor is about to run."""
+        """Starts threads; called once, when all nodes of the process exist and its executor is about to
+        run."""
 
     def on_reset(self) -> None:
         """Called when a latched fault is reset, before the output comes back."""

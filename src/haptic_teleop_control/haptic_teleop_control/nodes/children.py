@@ -10,22 +10,25 @@ import sys
 import time
 from collections.abc import Sequence
 
-STOPPING = ((signal.SIGINT, 5.0), (signal.SIGTERM, 2.0), (signal.SIGKILL, 2.0))
+STOPPING = ((signal.SIGINT, 8.0), (signal.SIGTERM, 2.0), (signal.SIGKILL, 2.0))
 """What a child is sent in turn, and the seconds it is given to end after each."""
 
 _PR_SET_PDEATHSIG = 1
+_POLL = 0.02
 _libc = ctypes.CDLL(None, use_errno=True)
 
 
 class Child:
-    """An executable of this project in a process group of its own, so that Ctrl-C reaches the parent only, who then
+    """An executable of this project in a session of its own, so that Ctrl-C reaches only the parent, who then
     stops the children in order. If the parent dies, the system sends the child SIGTERM.
 
+    Its standard error comes through the parent (`relay`), who may be keeping a live line on the terminal.
     Start children before any thread: between fork and exec only the forking thread exists.
     """
 
     def __init__(self, name: str, arguments: Sequence[str]) -> None:
         self.name = name
+        self._text = b""
         parent = os.getpid()
 
         def tie_to_parent() -> None:
@@ -33,16 +36,40 @@ class Child:
             if os.getppid() != parent:  # it died before the line above
                 os._exit(1)
 
-        command = [sys.executable, "-m", "haptic_teleop_control.front_door", name, *arguments]
         self.process = subprocess.Popen(
-            command, stdin=subprocess.DEVNULL, start_new_session=True, preexec_fn=tie_to_parent
+            [sys.executable, "-m", "haptic_teleop_control.front_door", name, *arguments],
+            stdin=subprocess.DEVNULL,
+            stderr=subprocess.PIPE,
+            start_new_session=True,
+            preexec_fn=tie_to_parent,
         )
+        assert self.process.stderr is not None
+        self._pipe = self.process.stderr.fileno()
+        os.set_blocking(self._pipe, False)
 
     @property
     def status(self) -> int | None:
         """Exit status as a shell gives it (128 + signal), or None while it runs."""
         code = self.process.poll()
         return 128 - code if code is not None and code < 0 else code
+
+    def relay(self) -> list[str]:
+        """Passes on the lines that it has written to standard error since; also returns them."""
+        while True:
+            try:
+                data = os.read(self._pipe, 65536)
+            except BlockingIOError:
+                break
+            if not data:
+                break
+            self._text += data
+        *lines, self._text = self._text.split(b"\n")
+        if self._text and self.process.poll() is not None:
+            lines, self._text = [*lines, self._text], b""
+        decoded = [line.decode(errors="replace") for line in lines]
+        for line in decoded:
+            print(line, file=sys.stderr, flush=True)
+        return decoded
 
     def request_stop(self) -> None:
         self._send(STOPPING[0][0])
@@ -53,10 +80,9 @@ class Child:
             if self.status is not None:
                 break
             self._send(number)
-            try:
-                self.process.wait(patience)
-            except subprocess.TimeoutExpired:
+            if not _ended([self], patience):
                 print(f"{self.name} has not ended {patience:g} s after {number.name}", file=sys.stderr)
+        self.relay()
         status = self.status
         return 1 if status is None else status
 
@@ -69,7 +95,16 @@ def stop_all(children: Sequence[Child]) -> dict[str, int]:
     """Stops several children at the same time; exit statuses by name."""
     for child in children:
         child.request_stop()
-    deadline = time.monotonic() + STOPPING[0][1]
-    while time.monotonic() < deadline and any(child.status is None for child in children):
-        time.sleep(0.02)
+    _ended(children, STOPPING[0][1])
     return {child.name: child.stop() for child in children}
+
+
+def _ended(children: Sequence[Child], patience: float) -> bool:
+    deadline = time.monotonic() + patience
+    while any(child.status is None for child in children):
+        if time.monotonic() > deadline:
+            return False
+        time.sleep(_POLL)
+        for child in children:
+            child.relay()
+    return True

@@ -1,4 +1,5 @@
-"""Several nodes in one process: one executor, one interpreter, no hop over the network stack between processes.
+"""Several nodes in one process: one executor, one interpreter, no hop over the network stack between
+processes.
 
 This is the 1 kHz default on one machine; as separate processes the same nodes run distributed.
 """
@@ -26,7 +27,8 @@ SEPARATE = ("recorder",)
 
 
 def node_names() -> list[str]:
-    """Executables that are nodes and may share a process: those whose module lies in a `nodes` sub-package."""
+    """Executables that are nodes and may share a process: those whose module lies in a `nodes`
+    sub-package."""
     runners = (*SEPARATE, "composed", "scenario")
     return [
         name for name, (target, _) in executables().items() if ".nodes." in target and name not in runners

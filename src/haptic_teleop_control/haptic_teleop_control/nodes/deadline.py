@@ -20,8 +20,8 @@ class DeadlineThread:
     """Calls `work(periods)` once per period in a thread of its own.
 
     `periods` is the number of periods since the last call: 1, or more after a stall, so that a simulation can
-    keep up with the clock. `cycles`, `overruns` (periods skipped) and `worst_lateness` (s) may be read from any
-    thread. An exception in `work` ends the thread and is handed to `on_failure`.
+    keep up with the clock. `cycles`, `overruns` (periods skipped) and `worst_lateness` (s) may be read from
+    any thread. An exception in `work` ends the thread and is handed to `on_failure`.
 
     Raises ValueError when `period` (s) is not positive.
     """
@@ -50,7 +50,8 @@ class DeadlineThread:
         self._thread.start()
 
     def stop(self, timeout: float = 1.0) -> bool:
-        """Ends the loop after the cycle under way; True when the thread has ended within `timeout` seconds."""
+        """Ends the loop after the cycle under way; True when the thread has ended within `timeout`
+        seconds."""
         self._stop.set()  # before the start as well: the thread then ends at once
         if self._thread.is_alive() and self._thread is not threading.current_thread():
             self._thread.join(timeout)
@@ -106,8 +107,8 @@ def request_realtime(priority: int, threads: list[int] | None = None) -> bool:
             os.sched_setscheduler(thread, os.SCHED_FIFO, os.sched_param(priority))
     except (OSError, AttributeError) as refusal:
         print(
-            f"WARNING: no real-time scheduling (SCHED_FIFO {priority}): {refusal}. Samples may be late under load; "
-            "allow it with 'ulimit -r 99' (limits.conf: rtprio) or set realtime_priority to 0",
+            f"WARNING: no real-time scheduling (SCHED_FIFO {priority}): {refusal}. Samples may be late under "
+            "load; allow it with 'ulimit -r 99' (limits.conf: rtprio) or set realtime_priority to 0",
             file=sys.stderr,
             flush=True,
         )

@@ -1,7 +1,9 @@
-"""The force controller of scenario 1 as a node: master's position in, slave's current and master's torque out.
+"""The force controller of scenario 1 as a node: master's position in, slave's current and master's torque
+out.
 
-The slave's state drives the loop: each state is answered with a command that carries the state's stamp, so that age
-and loop latency can be read from any recording. Whatever is wrong with an input, an answer still goes out: zero.
+The slave's state drives the loop: each state is answered with a command that carries the state's stamp, so
+that age and loop latency can be read from any recording. Whatever is wrong with an input, an answer still
+goes out: zero.
 """
 
 from __future__ import annotations
@@ -31,7 +33,8 @@ from haptic_teleop_control.robots import (
 )
 
 AXES = tuple(PAIRS[stage] for stage in STAGES)
-# Slices, not lists of indices: they give views of the receivers' arrays, made once and valid for every sample.
+# Slices, not lists of indices: they give views of the receivers' arrays, made once and valid for every
+# sample.
 AXIS_SLICE, MOTOR_SLICE, ARM_SLICE = slice(1, 3), slice(0, 4, 2), slice(1, 4, 2)
 assert OMNI_JOINTS[AXIS_SLICE] == AXES
 assert SFJ_JOINTS[MOTOR_SLICE] == SFJ_MOTOR_JOINTS
@@ -41,8 +44,8 @@ NON_FINITE_STATE, MALFORMED_STATE, TIME_JUMP = "non_finite_state", "malformed_st
 STALE_REFERENCE, STALE_MASTER, STALE_SLAVE = "stale_reference", "stale_master", "stale_slave"
 FAULTS = {
     NON_FINITE_STATE: "a state or reference held a value that is not a finite number; look at its publisher",
-    MALFORMED_STATE: "a state or reference had the wrong joint names or number of values; look at its publisher",
-    TIME_JUMP: "the stamps of a state went back by more than the timeout; look for a second publisher or a restart",
+    MALFORMED_STATE: "a state or reference had wrong joint names or number of values; look at its publisher",
+    TIME_JUMP: "the stamps of a state went back by more than the timeout; look for a second publisher",
     STALE_REFERENCE: "the reference stopped; look whether the signal generator still runs",
     STALE_MASTER: "the master's state stopped; look whether its driver still runs",
     STALE_SLAVE: "the slave's state stopped; look whether its driver still runs",
@@ -62,7 +65,7 @@ def _table() -> ParameterTable:
                 "command_source",
                 "reference",
                 choices=("reference", "device"),
-                meaning="reference: the signal generator's position stands for the device's; device: manual mode",
+                meaning="reference: the generator's position stands for the device's; device: manual mode",
             ),
             Parameter("timeout", 0.05, "s", 0.005, 0.2, meaning="largest age of an input that is used"),
             Parameter(
@@ -88,7 +91,7 @@ class ForceController(HapticNode):
         "subscribes sfj/joint_states     the slave's state; each is answered",
         "subscribes omni/joint_states    the master's state",
         "subscribes reference            position of omni_y, omni_z (command_source: reference)",
-        "publishes  sfj/effort_command   effort of stage1_motor, stage2_motor, N·m = current x torque constant",
+        "publishes  sfj/effort_command   effort of both motors, N·m = current x nominal torque constant",
         "publishes  omni/effort_command  effort of the three axes, N·m: fictitious spring and feedback",
         "publishes  /diagnostics         rates, faults, saturations",
         "service    ~/reset              std_srvs/Trigger: leave a latched fault, ramp in again",
@@ -176,7 +179,8 @@ class ForceController(HapticNode):
         self._master_out.send(stamp)
 
     def _follows(self, robot: str, stamp: int) -> bool:
-        """Whether a state is newer than the last; one that was overtaken on its way is dropped, and counted."""
+        """Whether a state is newer than the last; one that was overtaken on its way is dropped, and
+        counted."""
         back = self._last_stamp[robot] - stamp
         if 0 <= back <= self._timeout_ns:
             self.dropped += 1
@@ -237,8 +241,8 @@ class ForceController(HapticNode):
         felt = [axis for axis in AXES if values[f"{axis}.feedback_gain"] > 0.0]
         if felt and values["command_source"] == "reference":
             self.get_logger().warning(
-                f"feedback is on for {', '.join(felt)} while the reference commands: nobody holds the device; "
-                "set feedback_gain to 0 unless that is meant"
+                f"feedback is on for {', '.join(felt)} while the reference commands and nobody holds the "
+                "device; set feedback_gain to 0 unless that is meant"
             )
 
     def apply_parameters(self, values: Mapping[str, Any]) -> None:

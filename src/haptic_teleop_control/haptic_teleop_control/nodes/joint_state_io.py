@@ -1,7 +1,9 @@
-"""Joint states in and out: one quality of service, message objects reused, every sample checked where it enters.
+"""Joint states in and out: one quality of service, message objects reused, every sample checked where it
+enters.
 
-`STREAM_QOS` is said here once for all states, commands and references: best effort, because a late sample is worth
-nothing; depth 10, because depth 1 loses samples at every hop under jitter (measured) and 10 adds no delay.
+`STREAM_QOS` is said here once for all states, commands and references: best effort, because a late sample
+is worth nothing; depth 10, because depth 1 loses samples at every hop under jitter (measured) and 10 adds
+no delay.
 """
 
 from __future__ import annotations
@@ -30,7 +32,8 @@ _STEADY_TO_WALL = time.time_ns() - time.monotonic_ns()
 
 
 def stamp_now() -> int:
-    """Wall time in ns, counted by the steady clock since this process started: stamps never jump with the clock."""
+    """Wall time in ns, counted by the steady clock since this process started: stamps never jump with the
+    clock."""
     return time.monotonic_ns() + _STEADY_TO_WALL
 
 
@@ -83,11 +86,12 @@ class JointStatePublisher:
 class JointStateReceiver:
     """The latest sample of one topic, checked and brought into the order of `joints`.
 
-    Every message must name exactly `joints`, in any order, and hold one finite number per joint in each of `fields`;
-    then `value[field]` (joints,), `stamp` (ns, from the header) and `received` (ns, steady clock) are updated and
-    `on_sample()` is called. Otherwise nothing is updated and `on_problem(kind, detail, stamp)` is called, with kind
-    "joints" (wrong names or lengths) or "non_finite". `count` is the number of good samples, `fresh` whether there
-    was one since the start or `forget`. A good sample that `accept(stamp)` refuses is left out without a word.
+    Every message must name exactly `joints`, in any order, and hold one finite number per joint in each of
+    `fields`; then `value[field]` (joints,), `stamp` (ns, from the header) and `received` (ns, steady clock)
+    are updated and `on_sample()` is called. Otherwise nothing is updated and `on_problem(kind, detail,
+    stamp)` is called, with kind "joints" (wrong names or lengths) or "non_finite". `count` is the number of
+    good samples, `fresh` whether there was one since the start or `forget`. A good sample that
+    `accept(stamp)` refuses is left out without a word.
     """
 
     def __init__(

@@ -1,7 +1,8 @@
 """A node's parameters: declared from its table, changed only through it, read from the command line.
 
-rclpy would take a misspelt key in a parameter file without a word and refuse `10` where `10.0` is meant. So the files
-and `-p` values of `--ros-args` are read here, checked against the table, and handed to the node as overrides.
+rclpy would take a misspelt key in a parameter file without a word and refuse `10` where `10.0` is meant. So
+the files and `-p` values of `--ros-args` are read here, checked against the table, and handed to the node
+as overrides.
 """
 
 from __future__ import annotations
@@ -31,9 +32,9 @@ FILE_KEYS = ("model",)
 def declare_parameters(node: Node, table: ParameterTable) -> dict[str, Any]:
     """Declares the table on `node` and returns all values.
 
-    Later changes are checked by the table, then by `node.apply_parameters(values)` with all values after the change;
-    a ConfigurationError from either refuses the change with its sentence as the reason, and nothing changes.
-    The returned dictionary follows the changes.
+    Later changes are checked by the table, then by `node.apply_parameters(values)` with all values after
+    the change; a ConfigurationError from either refuses the change with its sentence as the reason, and
+    nothing changes. The returned dictionary follows the changes.
     """
     declared = {
         entry.name: node.declare_parameter(entry.name, entry.default, _descriptor(entry)) for entry in table
@@ -60,10 +61,12 @@ def declare_parameters(node: Node, table: ParameterTable) -> dict[str, Any]:
 def overrides(
     table: ParameterTable, full_name: str, arguments: RosArguments, neighbours: Iterable[ParameterTable] = ()
 ) -> list[RosParameter]:
-    """What `--params-file` and `-p` say for the node `full_name` (with namespace), checked, in the declared types.
+    """What `--params-file` and `-p` say for the node `full_name` (with namespace), checked, in the declared
+    types.
 
-    neighbours: tables of other nodes in the same process; what a wildcard section or a `-p` without a node name holds
-    for one of them is no error here. Raises ConfigurationError naming file, node, key and remedy.
+    neighbours: tables of other nodes in the same process; what a wildcard section or a `-p` without a node
+    name holds for one of them is no error here. Raises ConfigurationError naming file, node, key and
+    remedy.
     """
     elsewhere = {entry.name for neighbour in neighbours for entry in neighbour} - {
         entry.name for entry in table
@@ -93,7 +96,8 @@ def overrides(
 
 
 def _section_values(sections: Mapping[str, Mapping[str, Any]], full_name: str) -> dict[str, Any]:
-    # A section without a namespace means this node in whatever namespace it runs: our namespaces are set in code.
+    # A section without a namespace means this node in whatever namespace it runs: our namespaces are set in
+    # code.
     bare = {name: values for name, values in sections.items() if "/" not in name}
     qualified = {name: values for name, values in sections.items() if "/" in name}
     wildcards = {name: values for name, values in qualified.items() if is_wildcard(name)}

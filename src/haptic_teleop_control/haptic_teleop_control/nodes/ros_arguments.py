@@ -15,8 +15,8 @@ _WITH_VALUE = ("--log-level", "--log-config-file", "--log-file-name", "-e", "--e
 
 @dataclass
 class RosArguments:
-    """parameter_files: in order of precedence, the last wins. parameters: (node or None, key, value as YAML text).
-    remaps: (node or None, from, to). other: arguments that are not ROS arguments."""
+    """parameter_files: in order of precedence, the last wins. parameters: (node or None, key, value as YAML
+    text). remaps: (node or None, from, to). other: arguments that are not ROS arguments."""
 
     parameter_files: list[str] = field(default_factory=list)
     parameters: list[tuple[str | None, str, str]] = field(default_factory=list)

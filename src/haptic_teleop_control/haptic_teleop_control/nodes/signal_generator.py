@@ -32,12 +32,13 @@ OWN = (
 
 
 class SignalGeneratorNode(HapticNode):
-    """Publishes always: zero before the start, after the end and when stopped, so that silence means a fault."""
+    """Publishes always: zero before the start, after the end and when stopped, so that silence means a
+    fault."""
 
     NAME = "signal_generator"
     SUMMARY = "publishes an artificial command: steps, sweeps, multisine, slow triangle"
     TOPICS = (
-        "publishes  reference     sensor_msgs/JointState: position (rad) or effort (N·m), the other field empty",
+        "publishes  reference     position (rad) or effort (N·m) of two joints, the other field empty",
         "publishes  /diagnostics  rate and overruns",
         "service    ~/start       std_srvs/Trigger: begin the signal from its beginning",
         "service    ~/stop        std_srvs/Trigger: back to zero",

@@ -1,4 +1,5 @@
-"""Running nodes: one executable's command line, the executor's loop, and an end that leaves the outputs at zero."""
+"""Running nodes: one executable's command line, the executor's loop, and an end that leaves the outputs at
+zero."""
 
 from __future__ import annotations
 
@@ -21,10 +22,12 @@ from haptic_teleop_control.nodes.parameters import overrides
 from haptic_teleop_control.nodes.ros_arguments import RosArguments, parse_ros_arguments
 
 POLL = 0.05
-"""Seconds after which the loop looks whether it has been asked to end; a signal does not wake the executor."""
+"""Seconds after which the loop looks whether it has been asked to end; a signal does not wake the
+executor."""
 
 SWITCH_INTERVAL = 5e-4
-"""Seconds after which a thread that waits for the interpreter gets it: Python's 5 ms are five periods of 1 kHz."""
+"""Seconds after which a thread that waits for the interpreter gets it: Python's 5 ms are five periods of 1
+kHz."""
 
 
 def run_node(node_class: type[HapticNode], argv: Sequence[str] | None = None) -> int:
@@ -33,7 +36,8 @@ def run_node(node_class: type[HapticNode], argv: Sequence[str] | None = None) ->
 
 
 def run_nodes(node_classes: Sequence[type[HapticNode]], argv: Sequence[str]) -> int:
-    """Several nodes in this process with one executor and the same `--ros-args`. Raises ConfigurationError."""
+    """Several nodes in this process with one executor and the same `--ros-args`. Raises
+    ConfigurationError."""
     return _run(node_classes, argv)
 
 
@@ -78,7 +82,8 @@ def create_nodes(node_classes: Sequence[type[HapticNode]], arguments: RosArgumen
 
 
 def stop_nodes(nodes: Sequence[HapticNode]) -> None:
-    """Zero output from every node, the last one made first; one node's failure does not keep the others from it."""
+    """Zero output from every node, the last one made first; one node's failure does not keep the others
+    from it."""
     for node in reversed(nodes):
         try:
             node.shutdown_safely()
@@ -89,7 +94,8 @@ def stop_nodes(nodes: Sequence[HapticNode]) -> None:
 
 
 def make_executor(context: rclpy.Context | None = None) -> rclpy.executors.Executor:
-    """The events executor, which holds 1 kHz in Python, or the single-threaded one where it does not exist."""
+    """The events executor, which holds 1 kHz in Python, or the single-threaded one where it does not
+    exist."""
     try:
         from rclpy.experimental import EventsExecutor
     except ImportError:

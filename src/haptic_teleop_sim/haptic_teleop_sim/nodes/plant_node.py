@@ -1,7 +1,9 @@
-"""What both simulated plants share as nodes: a robot stepped in real time, commands checked, states published.
+"""What both simulated plants share as nodes: a robot stepped in real time, commands checked, states
+published.
 
-The robot is stepped by a thread of its own at absolute deadlines with the latest command; the executor only stores
-commands. A command is used when it is finite, names the robot's joints, and answers a state not older than `timeout`.
+The robot is stepped by a thread of its own at absolute deadlines with the latest command; the executor only
+stores commands. A command is used when it is finite, names the robot's joints, and answers a state not
+older than `timeout`.
 """
 
 from __future__ import annotations
@@ -44,7 +46,9 @@ class PlantNode(HapticNode):
 
     JOINTS: ClassVar[Sequence[str]]
     COMMAND_JOINTS: ClassVar[Sequence[str]]
-    FAULTS: ClassVar = {name: COMMAND_FAULTS[name] for name in (NON_FINITE_COMMAND, MALFORMED_COMMAND, STALE_COMMAND)}
+    FAULTS: ClassVar = {
+        name: COMMAND_FAULTS[name] for name in (NON_FINITE_COMMAND, MALFORMED_COMMAND, STALE_COMMAND)
+    }
 
     def __init__(self, context: Context | None = None, **node_options: Any) -> None:
         super().__init__(context, **node_options)
@@ -69,7 +73,7 @@ class PlantNode(HapticNode):
         self.thread = DeadlineThread(1.0 / rate, self._cycle, self.NAME, self.fail)
         self.count_rate("states", lambda: self.states.sent)
         self.count_rate("commands", lambda: self.commands.count)
-        self.step_robot(self._zero)  # compiles now, not in the loop
+        self.robot.step(self._zero)  # compiles now, not in the loop
         self.robot = self.make_robot(1.0 / rate)
 
     def start(self) -> None:
@@ -79,10 +83,6 @@ class PlantNode(HapticNode):
         """The robot that the parameters describe, stepped every dt seconds. Raises HapticTeleopError."""
         raise NotImplementedError
 
-    def step_robot(self, command: Array) -> None:
-        """One sampling time of the robot under `command`, N·m."""
-        self.robot.step(command)
-
     def _cycle(self, periods: int) -> None:
         # The answer to the last state holds until this one, as a board holds its output until the next.
         if self._sensed:
@@ -90,9 +90,9 @@ class PlantNode(HapticNode):
             steps = min(periods, self._most_steps)
             self.lost_steps += periods - steps
             for _ in range(steps - 1):  # after a stall: the time that went by without us
-                self.step_robot(command)
+                self.robot.step(command)
                 self.robot.sense()
-            self.step_robot(command)
+            self.robot.step(command)
         self._sensed = True
         stamp = stamp_now()
         position, velocity, effort = self.robot.sense()

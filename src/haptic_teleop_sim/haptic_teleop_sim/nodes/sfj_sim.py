@@ -15,7 +15,7 @@ class SfjSim(PlantNode):
     NAMESPACE = "sfj"
     SUMMARY = "the simulated Quanser 2DSFJ"
     TOPICS = (
-        "subscribes effort_command  effort of stage1_motor, stage2_motor, N·m = current x nominal torque constant",
+        "subscribes effort_command  effort of both motors, N·m = current x nominal torque constant",
         "publishes  joint_states    four joints: position, filtered velocity, effort",
         "publishes  /diagnostics    rates, loop latency, faults, periods skipped",
         "service    ~/reset         std_srvs/Trigger: leave a latched fault",

@@ -1,0 +1,186 @@
+"""A whole experiment from one file: start its nodes, record, watch, and stop all of it in order.
+
+    scenario:                      # not a node: what this command reads
+      ros__parameters:
+        nodes: [sfj_sim, omni_sim, force_controller, signal_generator]
+        duration: 20.0
+    sfj_sim: {...}                 # the nodes' own parameters, as ROS reads them
+
+The control nodes share one process, or have one each (`processes`); the recorder always has its own.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import sys
+import threading
+import time
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from haptic_teleop_control.command_line import run_command
+from haptic_teleop_control.errors import ConfigurationError
+from haptic_teleop_control.nodes.children import Child, stop_all
+from haptic_teleop_control.nodes.composed import node_class
+from haptic_teleop_control.nodes.recorder import Recorder
+from haptic_teleop_control.nodes.spin import stop_requests
+from haptic_teleop_control.nodes.watch import ProgressLine, Watcher
+from haptic_teleop_control.parameter_files import check_parameter_file, load_parameter_file, parameters_for
+from haptic_teleop_control.parameters import Parameter, ParameterTable
+
+NAME = "scenario"
+TABLE = ParameterTable(
+    NAME,
+    [
+        Parameter(
+            "nodes", ["sfj_sim"], required=True, meaning="executables of the nodes, in the order of start"
+        ),
+        Parameter("processes", False, meaning="one process for each node instead of one for all"),
+        Parameter(
+            "duration",
+            0.0,
+            "s",
+            0.0,
+            86400.0,
+            meaning="time from the first state to the stop; 0: until Ctrl-C",
+        ),
+        Parameter("record", "", meaning="directory of the recording; empty for none"),
+        Parameter("note", "", meaning="what the experiment is for; goes into the recording"),
+    ],
+)
+
+START_LIMIT = 60.0
+"""Seconds until the first state; a first start compiles."""
+
+RECORDING = "recording to "
+"""What the recorder logs when it is ready."""
+
+LOOK_INTERVAL = 0.1
+LAST_COMMANDS = 0.3
+"""Seconds that the recorder goes on after the nodes have ended, so that their zero output is in the
+recording."""
+
+
+@dataclass(frozen=True)
+class Scenario:
+    """A checked scenario file with the command line's changes."""
+
+    file: Path
+    nodes: tuple[str, ...]
+    processes: bool
+    duration: float
+    record: str
+    note: str
+
+
+def load_scenario(path: str | Path, changes: dict[str, Any] | None = None) -> Scenario:
+    """Reads and checks the file: every section, every key. Raises ConfigurationError naming file, key and
+    remedy."""
+    own = parameters_for(load_parameter_file(path), NAME)
+    values = TABLE.check({**own, **(changes or {})}, str(path))
+    tables = {name: node_class(name).TABLE for name in values["nodes"]}
+    check_parameter_file(path, {NAME: TABLE, Recorder.NAME: Recorder.TABLE, **tables})
+    if len(tables) < len(values["nodes"]):
+        raise ConfigurationError(f"{path}: scenario: nodes names one twice; remove one.")
+    return Scenario(
+        Path(path),
+        tuple(values["nodes"]),
+        values["processes"],
+        values["duration"],
+        values["record"],
+        values["note"],
+    )
+
+
+def start_nodes(scenario: Scenario) -> list[Child]:
+    """The control processes: one, or one for each node."""
+    ros = ["--ros-args", "--params-file", str(scenario.file)]
+    if scenario.processes:
+        return [Child(name, ros) for name in scenario.nodes]
+    return [Child("composed", [*scenario.nodes, *ros])]
+
+
+def start_recorder(scenario: Scenario, stop: threading.Event) -> Child:
+    """The recorder, once it says that it records: what comes before that would be missing. It may fail
+    instead."""
+    stated = {"output": scenario.record, "experiment": scenario.file.stem, "note": scenario.note}
+    arguments = ["--ros-args", "--params-file", str(scenario.file)]
+    for key, value in stated.items():
+        arguments += ["-p", f"{key}:={json.dumps(value)}"]  # JSON text is YAML text
+    recorder = Child("recorder", arguments)
+    deadline = time.monotonic() + START_LIMIT
+    while recorder.status is None and not stop.is_set() and time.monotonic() < deadline:
+        if any(RECORDING in line for line in recorder.relay()):
+            break
+        time.sleep(LOOK_INTERVAL)
+    return recorder
+
+
+def run(scenario: Scenario) -> int:
+    """Runs it to its end; exit status 0, or that of the first process that failed, or 1 for a fault."""
+    children: list[Child] = []
+    recorder: Child | None = None
+    faults: dict[str, str] = {}
+    with stop_requests() as stop:
+        try:
+            if scenario.record:
+                recorder = start_recorder(scenario, stop)
+            if recorder is None or recorder.status is None:
+                children = start_nodes(scenario)
+                faults = _watch(scenario, [*children, recorder] if recorder else children, stop)
+        finally:
+            # In order: outputs to zero, then the recording's end.
+            statuses = stop_all(children)
+            if recorder is not None:
+                if recorder.status is None and children:
+                    time.sleep(LAST_COMMANDS)
+                statuses[recorder.name] = recorder.stop()
+    for node, sentence in faults.items():
+        print(f"fault in {node}: {sentence}", file=sys.stderr)
+    for name, status in statuses.items():
+        if status:
+            print(f"{name} ended with exit status {status}", file=sys.stderr)
+    return next((status for status in statuses.values() if status), 1 if faults else 0)
+
+
+def _watch(scenario: Scenario, children: Sequence[Child], stop: threading.Event) -> dict[str, str]:
+    begun = time.monotonic()
+    with Watcher() as watcher, ProgressLine() as progress:
+        while not stop.is_set() and all(child.status is None for child in children):
+            watcher.look(LOOK_INTERVAL)
+            for child in children:
+                child.relay()
+            progress.show(watcher.line(scenario.duration))
+            if scenario.duration and watcher.elapsed >= scenario.duration:
+                break
+            if watcher.started is None and time.monotonic() - begun > START_LIMIT:
+                return {
+                    NAME: f"no state of the 2DSFJ within {START_LIMIT:g} s; put its plant among the nodes"
+                }
+        return watcher.faults
+
+
+def _scenario(argv: Sequence[str]) -> int:
+    parser = argparse.ArgumentParser(
+        prog="scenario", description="Start the nodes of a scenario file, watch them and stop them."
+    )
+    parser.add_argument(
+        "file", help="parameter file with a section `scenario:`, such as config/scenario1_sim.yaml"
+    )
+    parser.add_argument(
+        "--duration", type=float, metavar="S", help="seconds from the first state; 0: until Ctrl-C"
+    )
+    parser.add_argument(
+        "--record", metavar="DIR", help="directory of the recording, which must not exist yet"
+    )
+    parser.add_argument("--processes", action="store_true", default=None, help="one process for each node")
+    given = vars(parser.parse_args(argv))
+    file = given.pop("file")
+    return run(load_scenario(file, {key: value for key, value in given.items() if value is not None}))
+
+
+def main(argv: list[str] | None = None) -> int:
+    return run_command(_scenario, argv)

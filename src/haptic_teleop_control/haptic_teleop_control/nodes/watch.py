@@ -1,0 +1,120 @@
+"""Looking at a running scenario from outside: where the stages are, which faults there were, one live line
+of it.
+
+The watcher takes a sample now and then; it never reads a topic at its full rate.
+"""
+
+from __future__ import annotations
+
+import math
+import sys
+import time
+from types import TracebackType
+from typing import Self
+
+import rclpy
+from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
+from rclpy.executors import SingleThreadedExecutor
+from rclpy.node import Node
+from rclpy.qos import QoSProfile, ReliabilityPolicy
+from rich.console import Console
+from rich.live import Live
+from rich.text import Text
+from sensor_msgs.msg import JointState
+
+from haptic_teleop_control.robots import SFJ_JOINTS, STAGES
+
+NEWEST_ONLY = QoSProfile(depth=1, reliability=ReliabilityPolicy.BEST_EFFORT)
+PLAIN_INTERVAL = 2.0
+"""Seconds between two lines where standard error is no terminal."""
+
+
+class Watcher:
+    """An rclpy node that knows the latest state of the 2DSFJ and every fault reported; a context manager.
+
+    faults: node -> the sentence it reported last. started: steady time of the first state, or None.
+    """
+
+    def __init__(self) -> None:
+        self.faults: dict[str, str] = {}
+        self.started: float | None = None
+        self._state: JointState | None = None
+
+    def __enter__(self) -> Self:
+        rclpy.init(args=[], signal_handler_options=rclpy.signals.SignalHandlerOptions.NO)
+        self._node = Node("scenario", start_parameter_services=False)
+        self._node.create_subscription(JointState, "/sfj/joint_states", self._take, NEWEST_ONLY)
+        self._node.create_subscription(DiagnosticArray, "/diagnostics", self._diagnose, 10)
+        self._executor = SingleThreadedExecutor()
+        self._executor.add_node(self._node)
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self._executor.shutdown()
+        self._node.destroy_node()
+        rclpy.try_shutdown()
+
+    @property
+    def elapsed(self) -> float:
+        """Seconds since the first state; 0 before it."""
+        return 0.0 if self.started is None else time.monotonic() - self.started
+
+    def look(self, seconds: float) -> None:
+        """Waits, then takes what is there."""
+        time.sleep(seconds)
+        for _ in range(8):  # newest state, diagnostics of a few nodes, and rclpy's own
+            self._executor.spin_once(timeout_sec=0.0)
+
+    def line(self, duration: float) -> str:
+        """Time, and angle of the arm and torque on the environment of both stages."""
+        if self._state is None:
+            return "waiting for /sfj/joint_states"
+        total = f" / {duration:.0f}" if duration > 0.0 else ""
+        parts = [f"{self.elapsed:5.1f}{total} s"]
+        for index, stage in enumerate(STAGES):
+            arm = SFJ_JOINTS.index(f"{stage}_arm")
+            angle, torque = self._state.position[arm], self._state.effort[arm]
+            parts.append(f"stage {index + 1}: {angle:+.3f} rad {torque:+.3f} N·m")
+        if self.faults:
+            parts.append(f"FAULT in {', '.join(self.faults)}")
+        return "   ".join(parts)
+
+    def _take(self, message: JointState) -> None:
+        if list(message.name) == list(SFJ_JOINTS) and len(message.effort) == len(SFJ_JOINTS):
+            self._state = message
+            if self.started is None:
+                self.started = time.monotonic()
+
+    def _diagnose(self, message: DiagnosticArray) -> None:
+        for status in message.status:
+            if status.level == DiagnosticStatus.ERROR:
+                self.faults[status.name] = status.message
+
+
+class ProgressLine:
+    """One line on standard error: rewritten in place on a terminal, otherwise repeated every two seconds."""
+
+    def __init__(self) -> None:
+        self._console = Console(stderr=True)
+        self._live = Live(console=self._console, auto_refresh=False) if self._console.is_terminal else None
+        self._last = -math.inf
+
+    def __enter__(self) -> Self:
+        if self._live is not None:
+            self._live.start()
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        if self._live is not None:
+            self._live.stop()
+
+    def show(self, text: str) -> None:
+        if self._live is not None:
+            self._live.update(Text(text, no_wrap=True), refresh=True)
+        elif time.monotonic() - self._last > PLAIN_INTERVAL:
+            self._last = time.monotonic()
+            print(text, file=sys.stderr, flush=True)

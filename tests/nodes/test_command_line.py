@@ -1,0 +1,127 @@
+"""The nodes as executables: help, refused parameters, and an end that leaves zero behind."""
+
+import os
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import pytest
+from ros_graph import Sink, Source
+
+from haptic_teleop_control.front_door import load
+from haptic_teleop_control.nodes.composed import main as composed
+from haptic_teleop_control.nodes.composed import node_class, node_names
+from haptic_teleop_control.robots import SFJ_JOINTS
+
+NODES = ("signal_generator", "force_controller", "sfj_sim", "omni_sim")
+
+
+def write(folder: Path, text: str) -> str:
+    file = folder / "parameters.yaml"
+    file.write_text(text)
+    return str(file)
+
+
+def run(name: str, *arguments: str) -> int:
+    return load(name)(list(arguments))
+
+
+@pytest.mark.parametrize("name", NODES)
+def test_help_prints_topics_and_every_parameter(name, capsys):
+    assert run(name, "--help") == 0
+    text = capsys.readouterr().out
+    assert "publishes" in text
+    for parameter in node_class(name).TABLE:
+        assert f"  {parameter.name} [" in text
+
+
+@pytest.mark.parametrize("name", NODES)
+@pytest.mark.parametrize("section", ["{name}", "/**", "/{full}"])
+def test_an_unknown_key_in_a_parameter_file_is_refused_by_file_and_key(name, section, tmp_path, capsys):
+    node = node_class(name)
+    full = f"{node.NAMESPACE}/{name}".lstrip("/")
+    file = write(
+        tmp_path, section.format(name=name, full=full) + ":\n  ros__parameters:\n    no_such_key: 1\n"
+    )
+    assert run(name, "--ros-args", "--params-file", file) == 2
+    error = capsys.readouterr().err.strip()
+    assert len(error.splitlines()) == 1
+    assert file in error
+    assert "no_such_key" in error
+
+
+@pytest.mark.parametrize(
+    ("arguments", "named"),
+    [
+        (["--ros-args", "-p", "timeout:=.nan"], "timeout"),
+        (["--ros-args", "-p", "timeout:=5.0"], "timeout"),
+        (["--ros-args", "-p", "master:=falcon"], "master"),
+        (["--ros-args", "-p", "stage1.kp:=much"], "stage1.kp"),
+        (["--ros-args", "-p", "tiemout:=0.1"], "timeout"),
+        (["--ros-args", "-p", "master:=sfj", "-p", "slave:=omni"], "scenario 2"),
+        (["--ros-args", "--params-file"], "--params-file"),
+        (["--ros-args", "--params-file", "/no/such/file.yaml"], "/no/such/file.yaml"),
+        (["--ros-args", "-p", "timeout"], "timeout"),
+        (["--gain", "2"], "--gain"),
+    ],
+)
+def test_a_bad_argument_is_one_sentence_and_status_2(arguments, named, capsys):
+    assert run("force_controller", *arguments) == 2
+    error = capsys.readouterr().err.strip().splitlines()[-1]
+    assert error.startswith("error: ")
+    assert named in error
+
+
+def test_a_model_file_is_looked_for_beside_the_parameter_file(tmp_path, capsys):
+    file = write(tmp_path, "sfj_sim:\n  ros__parameters:\n    stage1.model: mine.yaml\n")
+    assert run("sfj_sim", "--ros-args", "--params-file", file) == 2
+    assert str(tmp_path / "mine.yaml") in capsys.readouterr().err
+
+
+def test_composed_knows_every_node_and_refuses_what_is_none(capsys):
+    assert set(NODES) <= set(node_names())
+    assert composed(["--help"]) == 0
+    assert composed([]) == 2
+    assert composed(["recorder"]) == 2
+    assert composed(["compare"]) == 2
+    assert composed(["sfj_sim", "sfj_sim"]) == 2
+    assert "twice" in capsys.readouterr().err
+
+
+def start(*arguments: str) -> subprocess.Popen:
+    return subprocess.Popen(
+        [sys.executable, "-m", "haptic_teleop_control.front_door", *arguments],
+        env=dict(os.environ),
+        stderr=subprocess.PIPE,
+        text=True,
+    )
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+def test_a_controller_that_is_told_to_end_sends_zero_first_and_exits_with_0(graph, number):
+    process = start("force_controller", "--ros-args", "-p", "ramp_time:=0.0", "-p", "timeout:=0.2")
+    try:
+        slave = Source(graph, "/sfj/joint_states", SFJ_JOINTS)
+        reference = Source(graph, "/reference", ["omni_y", "omni_z"])
+        effort = Sink(graph, "/sfj/effort_command")
+        graph.until(lambda: slave.connected() and reference.connected() and effort.connected(), 30.0)
+
+        def driven() -> bool:
+            reference.send(position=[0.006, 0.008])
+            slave.send(position=[0.0] * 4, velocity=[0.0] * 4, effort=[0.0] * 4)
+            return bool(effort.messages) and min(effort.last.effort) > 0.0
+
+        graph.until(driven, what="a torque")
+        process.send_signal(number)
+        asked = time.monotonic()
+        graph.until(lambda: process.poll() is not None, what="the end of the process")
+        taken = time.monotonic() - asked
+        graph.run(0.1)
+        assert list(effort.last.effort) == [0.0, 0.0]
+        assert process.returncode == 0
+        assert taken < 3.0
+    finally:
+        process.kill()
+        process.wait()
