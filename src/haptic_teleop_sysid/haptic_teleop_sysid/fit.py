@@ -45,7 +45,8 @@ def fit_percent(measured: Array, simulated: Array) -> float:
     spread = float(np.linalg.norm(measured - np.mean(measured)))
     if spread == 0.0:
         return float("nan")
-    error = float(np.linalg.norm(measured - simulated))
+    with np.errstate(over="ignore", invalid="ignore"):  # a runaway response is very wrong, and no error
+        error = float(np.linalg.norm(measured - simulated))
     return 100.0 * (1.0 - error / spread) if np.isfinite(error) else float("-inf")
 
 
@@ -102,7 +103,8 @@ def simulated_fit(model: Model, dataset: DataSet, windows: Windows | None = None
     for name, values in simulated.items():
         y, y_hat = measured[name][inside], values[inside]
         percent[name] = fit_percent(y, y_hat)
-        rms[name] = float(np.sqrt(np.mean((y - y_hat) ** 2)))
+        with np.errstate(over="ignore", invalid="ignore"):
+            rms[name] = float(np.sqrt(np.mean((y - y_hat) ** 2)))
     return SimulatedFit(percent, rms, simulated, windows, np.array(states))
 
 

@@ -1,4 +1,4 @@
-"""The uniform times of a data set, and how recorded values get there: as they are wherever the stamps permit."""
+"""The uniform times of a data set, and how recorded values get there: unchanged wherever stamps permit."""
 
 from __future__ import annotations
 

@@ -1,0 +1,180 @@
+"""The fit in percent, its windows, and the estimated initial state, against joints simulated elsewhere."""
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from joint_recordings import DT, TRUTH, excitation, joint_recording, response
+
+from haptic_teleop_control.errors import ConfigurationError, ModelError
+from haptic_teleop_sim.model import Effect, Model
+from haptic_teleop_sysid.dataset import load_dataset
+from haptic_teleop_sysid.fit import choose_windows, fit_percent, simulated_fit
+from haptic_teleop_sysid.parameter_fit import fit_parameters
+from haptic_teleop_sysid.windows import closed_loop, cut
+
+MODEL = Model("sfj", "stage1", "flexible_joint", TRUTH)
+N = 5000
+CURRENT = excitation(N)
+
+
+def dataset_of(initial=(0.0, 0.0, 0.0, 0.0), current=CURRENT, parameters=TRUTH, **changes):
+    return load_dataset(
+        joint_recording(current, response(current, parameters, initial), **changes), MODEL, "made"
+    )
+
+
+@given(st.lists(st.floats(-10, 10), min_size=3, max_size=30), st.floats(-5, 5), st.floats(0.1, 10))
+def test_the_fit_is_the_contracts_formula_and_knows_neither_offset_nor_unit(values, offset, unit):
+    y = np.array(values)
+    if np.ptp(y) < 1e-3:
+        return
+    simulated = np.roll(y, 1)
+    mean = math.fsum(values) / len(values)
+    above = math.sqrt(math.fsum((a - b) ** 2 for a, b in zip(y, simulated, strict=True)))
+    below = math.sqrt(math.fsum((a - mean) ** 2 for a in y))
+    expected = 100 * (1 - above / below)
+    assert fit_percent(y, simulated) == pytest.approx(expected, abs=1e-6)
+    assert fit_percent(unit * (y + offset), unit * (simulated + offset)) == pytest.approx(expected, abs=1e-6)
+
+
+def test_the_limits_of_the_fit():
+    y = np.array([1.0, 2.0, 4.0])
+    assert fit_percent(y, y) == 100.0
+    assert fit_percent(y, np.full(3, y.mean())) == pytest.approx(0.0)
+    assert fit_percent(y, np.array([1.0, np.inf, 2.0])) == -math.inf
+    assert math.isnan(fit_percent(np.ones(3), np.ones(3)))
+
+
+def test_the_true_model_fits_perfectly_from_an_unknown_initial_state():
+    initial = (0.3, 0.1, -0.2, 0.5)
+    dataset = dataset_of(initial)
+    fit = simulated_fit(MODEL, dataset, cut(dataset, None, ""))
+    assert fit.percent["stage1_motor.position"] > 99.99
+    assert fit.percent["stage1_arm.position"] > 99.99
+    assert np.allclose(fit.initial_states[0], initial, atol=1e-4)
+    assert fit.rms["stage1_arm.position"] < 1e-6
+
+
+def test_velocities_are_compared_as_the_recordings_filter_shows_them():
+    dataset = dataset_of()
+    percent = simulated_fit(MODEL, dataset, cut(dataset, None, "")).percent
+    # The filter's delay of 7 ms alone would cost several percent.
+    assert percent["stage1_motor.velocity"] > 99.9
+    unaware = simulated_fit(MODEL, replace(dataset, velocity_filter=None), cut(dataset, None, "")).percent
+    assert unaware["stage1_motor.velocity"] < 97.0
+
+
+def test_a_wrong_model_is_given_its_best_initial_state():
+    wrong = {**TRUTH, "motor_damping": 3.2}
+    dataset = dataset_of()
+    # The joint is linear, so its best initial state is a linear least-squares problem over four free
+    # responses.
+    angles = np.column_stack([dataset.motor_position, dataset.arm_position])
+    spread = angles.std(axis=0)
+    free = [response(np.zeros(N), wrong, initial)[:, :2] / spread for initial in np.eye(4)]
+    columns = np.column_stack([part.ravel() for part in free])
+    forced = response(CURRENT, wrong)[:, :2]
+    best = np.linalg.lstsq(columns, ((angles - forced) / spread).ravel(), rcond=None)[0]
+    simulated = response(CURRENT, wrong, best)
+    fit = simulated_fit(replace(MODEL, parameters=wrong), dataset, cut(dataset, None, ""))
+    assert np.allclose(fit.initial_states[0], best, atol=1e-3)
+    for signal, column in (("stage1_motor.position", 0), ("stage1_arm.position", 1)):
+        expected = fit_percent(angles[:, column], simulated[:, column])
+        assert fit.percent[signal] == pytest.approx(expected, abs=0.01)
+        assert expected < 90.0
+
+
+def test_windows_are_consecutive_equal_and_cover_everything():
+    dataset = dataset_of()
+    windows = cut(dataset, 3.0, "")
+    assert [a for a, _ in windows.spans[1:]] == [b for _, b in windows.spans[:-1]]
+    assert (windows.spans[0][0], windows.spans[-1][1]) == (0, N)
+    lengths = {b - a for a, b in windows.spans}
+    assert max(lengths) - min(lengths) <= 1
+    assert windows.seconds == pytest.approx(10.0 / 3.0, abs=DT)
+
+
+def test_no_window_holds_an_invalid_sample():
+    dataset = dataset_of()
+    valid = np.ones(N, dtype=bool)
+    valid[2000:2100] = False
+    spans = cut(replace(dataset, valid=valid), None, "").spans
+    assert spans == ((0, 2000), (2100, 5000))
+    fit = simulated_fit(MODEL, replace(dataset, valid=valid), cut(replace(dataset, valid=valid), None, ""))
+    assert np.isnan(fit.simulated["stage1_arm.position"][2000:2100]).all()
+    assert fit.percent["stage1_arm.position"] > 99.9
+
+
+def test_a_window_too_short_for_anything_is_refused():
+    with pytest.raises(ConfigurationError, match=r"made.*--window"):
+        cut(dataset_of(), 0.01, "")
+
+
+def test_an_actuators_memory_lasts_over_window_borders():
+    delayed = np.concatenate([np.zeros(100), CURRENT[:-100]])
+    states = response(delayed)
+    dataset = load_dataset(joint_recording(CURRENT, states), MODEL, "made")
+    model = MODEL.with_effects(Effect("input_delay", "stage1_actuator", {"delay": 100 * DT}))
+    fit = simulated_fit(model, dataset, cut(dataset, 1.0, ""))
+    assert len(fit.windows.spans) == 10
+    assert fit.percent["stage1_motor.position"] > 99.9
+
+
+@pytest.mark.parametrize(
+    ("kind", "expected"),
+    [
+        ("force loop, multisine", True),
+        ("position loop", True),
+        ("closed-loop", True),
+        ("scenario1", True),
+        ("open loop, chirp", False),
+        ("axis 1 run A", None),
+        ("", None),
+    ],
+)
+def test_closed_loop_is_read_from_what_the_recording_says(kind, expected):
+    assert closed_loop(dataset_of(kind=kind)) is expected
+
+
+def test_the_rule_for_windows():
+    model = MODEL
+    short = choose_windows(model, dataset_of(current=CURRENT[:2500]))
+    assert short.seconds is None
+    opened = choose_windows(model, dataset_of())
+    assert opened.seconds is None
+    closed = choose_windows(model, dataset_of(kind="force loop"))
+    assert closed.seconds == pytest.approx(4.0, rel=0.3)
+    # An offset of 20 mA, unknown to the model, lets the free integrator run away.
+    drifting = load_dataset(joint_recording(CURRENT, response(CURRENT + 0.02)), MODEL, "made")
+    assert choose_windows(model, drifting).seconds is not None
+    assert "drift" in choose_windows(model, drifting).why
+    assert choose_windows(model, drifting, "whole").seconds is None
+    assert choose_windows(model, opened and dataset_of(), 2.0).seconds == pytest.approx(2.0)
+
+
+def test_an_unstable_model_gets_a_bad_fit_and_no_exception():
+    unstable = replace(MODEL, parameters={**TRUTH, "motor_damping": -30.0})
+    dataset = dataset_of()
+    fit = simulated_fit(unstable, dataset, cut(dataset, None, ""))
+    assert not fit.percent["stage1_motor.position"] > 0.0
+
+
+def test_least_squares_finds_the_true_parameters():
+    guess = {**TRUTH, "motor_inertia": 0.08, "motor_damping": 2.0, "arm_inertia": 0.14, "arm_damping": 0.05}
+    model = replace(MODEL, parameters=guess, fixed=("stiffness", "torque_constant"))
+    dataset = dataset_of()
+    found = fit_parameters(model, [(dataset, cut(dataset, 2.5, ""))])
+    assert found.converged
+    for name in ("motor_inertia", "motor_damping", "arm_inertia", "arm_damping"):
+        assert found.model.parameters[name] == pytest.approx(TRUTH[name], rel=0.01, abs=1e-3)
+    assert found.model.parameters["stiffness"] == TRUTH["stiffness"]
+
+
+def test_with_everything_fixed_there_is_nothing_to_fit():
+    dataset = dataset_of()
+    with pytest.raises(ModelError, match="fixed"):
+        fit_parameters(replace(MODEL, fixed=tuple(TRUTH)), [(dataset, cut(dataset, None, ""))])
