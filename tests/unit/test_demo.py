@@ -1,0 +1,107 @@
+"""The demo around its scenario: where things go, what it prints, and the exit status when the graph did not
+hold.
+
+The scenario itself is replaced by a recording made from formulas; tests/end_to_end runs the real one.
+"""
+
+import json
+from dataclasses import replace
+
+import pytest
+from scenario_recordings import Made, scenario
+
+from haptic_teleop_control.errors import ConfigurationError
+from haptic_teleop_control.recording import write_recording
+from haptic_teleop_sysid import demo
+
+
+@pytest.fixture
+def pretend(monkeypatch):
+    """Let the scenario leave a given recording (None: nothing) and end with a given status."""
+
+    def install(recording, status=0):
+        def run(scenario_file, directory, duration):
+            assert scenario_file.is_file()
+            if recording is not None:
+                write_recording(directory, recording.topics, recording.parameters, recording.experiment)
+            return status
+
+        monkeypatch.setattr(demo, "run_scenario", run)
+
+    return install
+
+
+def start(tmp_path, duration="10"):
+    return demo.main(["--output", str(tmp_path / "demo"), "--duration", duration])
+
+
+def test_a_good_run_prints_five_figures_and_the_report(tmp_path, pretend, capsys):
+    pretend(scenario(Made()))
+    assert start(tmp_path) == 0
+    printed = capsys.readouterr().out
+    for label in ("free speed, stage 1", "contact torque, stage 2", "loop latency, median"):
+        assert label in printed
+    assert "1.14 rad/s" in printed
+    assert f"report: {tmp_path / 'demo' / 'report.html'}" in printed
+    assert (tmp_path / "demo" / "report.html").exists()
+    assert (tmp_path / "demo" / "recording" / "metadata.yaml").exists()
+
+
+def test_a_second_run_leaves_the_first_alone(tmp_path, pretend):
+    pretend(scenario(Made()))
+    assert start(tmp_path) == 0
+    first = (tmp_path / "demo" / "verify.json").read_text()
+    pretend(scenario(Made(droop=0.2)))
+    assert start(tmp_path) == 0
+    assert (tmp_path / "demo" / "verify.json").read_text() == first
+    content = json.loads((tmp_path / "demo-2" / "verify.json").read_text())
+    (run,) = content["runs"].values()
+    assert run["stages"]["stage1"]["free"][0]["error_percent"] == pytest.approx(-20.0, abs=0.5)
+
+
+@pytest.mark.parametrize("status", [1, 2, 130])
+def test_a_failed_scenario_gives_its_status_even_with_a_fine_recording(tmp_path, pretend, capsys, status):
+    pretend(scenario(Made()), status)
+    assert start(tmp_path) == status
+    assert str(status) in capsys.readouterr().err
+
+
+def test_a_scenario_that_recorded_nothing_is_a_failure(tmp_path, pretend, capsys):
+    pretend(None, 0)
+    assert start(tmp_path) == 1
+    assert "recorded nothing" in capsys.readouterr().err
+
+
+def test_a_graph_that_ended_early_is_a_failure(tmp_path, pretend, capsys):
+    pretend(scenario(Made(duration=10.0)))
+    assert start(tmp_path, duration="20") == 1
+    assert "cover 10.0 s of 20 s" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("silence", [(0, 2000), (2000, 4500), (3000, 5000)])
+def test_a_controller_that_does_not_answer_for_long_is_a_failure(tmp_path, pretend, capsys, silence):
+    pretend(scenario(Made(unanswered=tuple(range(*silence)))))
+    assert start(tmp_path) == 1
+    assert "answered" in capsys.readouterr().err
+
+
+def test_a_controller_that_never_answered_is_a_failure(tmp_path, pretend, capsys):
+    recording = scenario(Made())
+    commands = recording.topics["/sfj/effort_command"]
+    late = replace(commands, stamp=commands.stamp + 777)
+    recording.topics["/sfj/effort_command"] = late
+    pretend(recording)
+    assert start(tmp_path) == 1
+    assert "never answered" in capsys.readouterr().err
+
+
+def test_the_projects_scenario_is_found_and_an_absent_one_is_asked_for():
+    assert demo.find_scenario().name == "scenario1_sim.yaml"
+    with pytest.raises(ConfigurationError, match=r"nothing\.yaml.*--scenario"):
+        demo.find_scenario("nothing.yaml")
+
+
+@pytest.mark.parametrize("duration", ["0", "-1", "nan", "soon"])
+def test_an_impossible_duration_ends_with_status_2(tmp_path, duration):
+    assert start(tmp_path, duration) == 2
+    assert not (tmp_path / "demo").exists()
