@@ -49,9 +49,11 @@ def verify(
     runs = [examine(read_recording(bag), bag, overrides) for bag in bags]
     labels = short_names(bags)
     agreements = {label: agreement(runs[0], run) for run, label in zip(runs[1:], labels[1:], strict=True)}
-    for stage in runs[0].stages:
-        save_png(stage_picture(runs, stage, labels, remove_delay), output / f"{stage}.png")
-    verification_page(runs, labels, agreements, remove_delay).write(output / "report.html")
+    stages = dict.fromkeys(stage for one in runs for stage in one.stages)
+    pictures = {stage: stage_picture(runs, stage, labels, remove_delay) for stage in stages}
+    for stage, picture in pictures.items():
+        save_png(picture, output / f"{stage}.png")
+    verification_page(runs, labels, agreements, pictures).write(output / "report.html")
     content: dict[str, Any] = {
         "schema": 1,
         "scenario": 1,

@@ -5,9 +5,11 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import Any
 
+from matplotlib.figure import Figure
+
 from haptic_teleop_sysid.report import Page
 from haptic_teleop_sysid.verification import tables
-from haptic_teleop_sysid.verification.pictures import latency_picture, stage_picture
+from haptic_teleop_sysid.verification.pictures import latency_picture
 from haptic_teleop_sysid.verification.run import Run
 from haptic_teleop_sysid.verification.verdicts import verdicts
 
@@ -52,7 +54,7 @@ def key_figures(run: Run) -> list[KeyFigure]:
 
 
 def verification_page(
-    runs: Sequence[Run], labels: Sequence[str], agreements: Mapping[str, Any], remove_delay: bool = False
+    runs: Sequence[Run], labels: Sequence[str], agreements: Mapping[str, Any], pictures: Mapping[str, Figure]
 ) -> Page:
     """Return the page: summary, each stage's pictures and figures, the graph's health, the settings and their
     sources.
@@ -68,8 +70,8 @@ def verification_page(
             page.verdict(status, prefix + text)
     for figure in key_figures(runs[0]):
         page.key_figure(*figure)
-    for stage in dict.fromkeys(stage for run in runs for stage in run.stages):
-        _stage_section(page, runs, labels, stage, remove_delay)
+    for stage, picture in pictures.items():
+        _stage_section(page, runs, labels, stage, picture)
     _agreement_section(page, labels, agreements)
     _graph_section(page, runs, labels)
     _settings_section(page, runs, labels)
@@ -77,12 +79,12 @@ def verification_page(
 
 
 def _stage_section(
-    page: Page, runs: Sequence[Run], labels: Sequence[str], stage: str, remove_delay: bool
+    page: Page, runs: Sequence[Run], labels: Sequence[str], stage: str, picture: Figure
 ) -> None:
     section = page.section(stage.replace("stage", "Stage "))
     whose = f" of {labels[0]}" if len(runs) > 1 else ""
     section.picture(
-        stage_picture(runs, stage, labels, remove_delay),
+        picture,
         f"Shaded: contact and release{whose}. Dashed: what the force law promises.",
     )
     named = zip(runs, labels, strict=True)
