@@ -85,11 +85,13 @@ def stage_signals(made: Made, time: np.ndarray, stage: str) -> tuple[np.ndarray,
             np.cos(damped * pressed) + z / math.sqrt(1 - z**2) * np.sin(damped * pressed)
         )
         torque = (made.torque + made.offset) * (1.0 - swing) * (pressed > 0)
-        for bounce in range(made.bounces):
-            # Leaves the wall for 30 ms, well after the torque had built up.
-            torque[(pressed > 0.5 + 0.1 * bounce) & (pressed < 0.53 + 0.1 * bounce)] = 0.0
         fading = time >= made.release
         torque[fading] *= np.exp(-(time[fading] - made.release) / 0.05)
+    pressed = time - made.touch
+    for bounce in range(made.bounces if made.contact else 0):
+        # The arm leaves the wall by 20 mrad for 60 ms: half a sine.
+        since = pressed - 0.5 - 0.2 * bounce
+        arm = arm - np.where((since > 0) & (since < 0.06), 0.02 * np.sin(np.pi * since / 0.06), 0.0)
     motor = arm + torque / STIFFNESS[stage]
     return motor, arm, velocity, torque, torque / CONSTANT[stage] + 0.01, reference
 

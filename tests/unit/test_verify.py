@@ -89,8 +89,22 @@ def test_negative_commands_count_like_positive_ones():
 
 
 @pytest.mark.parametrize("bounces", [0, 1, 3])
-def test_bounces_are_counted(bounces):
-    assert contact_of(Made(bounces=bounces, damping=0.7)).bounces == bounces
+def test_bounces_are_counted_where_the_arm_leaves_the_wall(bounces):
+    contact = contact_of(Made(bounces=bounces))
+    assert contact.bounces == bounces
+    assert contact.rebound == pytest.approx(0.02 if bounces else 0.0, abs=1e-3)
+
+
+def test_a_speed_that_still_rises_is_not_called_steady():
+    recording = scenario(Made(contact=False, release=1.3, duration=4.0))
+    states = recording.topics["/sfj/joint_states"]
+    time = states.time()
+    velocity = states.velocity.copy()
+    velocity[:, 0] = np.clip(time - 1.0, 0.0, 0.3)
+    recording.topics["/sfj/joint_states"] = replace(states, velocity=velocity)
+    merits = examine(recording, "made").merits
+    assert not merits["stage1"].free[0].steady
+    assert merits["stage2"].free[0].steady
 
 
 def test_peak_current_is_the_measured_one():

@@ -9,16 +9,24 @@ from typing import Any
 
 import numpy as np
 
-from haptic_teleop_sysid.verification.phases import HELD_SHARE, LOST_SHARE, Phase, find_phases
-from haptic_teleop_sysid.verification.signals import StageRun
+from haptic_teleop_sysid.verification.phases import NEAR_WALL, Phase, find_phases
+from haptic_teleop_sysid.verification.signals import Array, StageRun
 
+SPEED_SECONDS = 0.1
+STEADY_SHARE = 0.03
+LEFT_WALL = 2.0 * NEAR_WALL
+"""rad; an arm this far from where it comes to rest has left the wall."""
 SETTLED_BAND = 0.05
 """Share of the desired torque within which the contact torque counts as settled."""
 
 
 @dataclass(frozen=True)
 class FreeMotion:
-    """Mean motor speed over the last 40 % of free motion, rad/s, against Td/lambda (equation 28)."""
+    """Mean motor speed over the last SPEED_SECONDS of free motion, rad/s, against Td/lambda (equation 28).
+
+    `steady`: the speed differs from that of the equal stretch before by at most STEADY_SHARE. While an arm
+    accelerates, its joint is deflected, and the law lowers the speed to (Td - Te)/lambda.
+    """
 
     start: float
     duration: float
@@ -26,6 +34,7 @@ class FreeMotion:
     speed: float
     expected_speed: float | None
     error_percent: float | None
+    steady: bool
 
 
 @dataclass(frozen=True)
@@ -35,7 +44,8 @@ class Contact:
     overshoot_percent: peak of the torque above the desired torque. settling_time: from the touch until the
     torque stays within 5 % of the desired torque; None when it does not. settled_torque, settled_error (Te -
     Td), settled_rms: mean, mean and rms over the last second (or the last quarter of a shorter contact).
-    bounces: how often the torque fell below 10 % of the desired torque after it had reached half of it.
+    bounces: how often the arm left the wall; rebound: how far at most, rad. release_time: from the
+    command's end until a tenth of the torque is left.
     """
 
     start: float
@@ -50,6 +60,7 @@ class Contact:
     settled_error: float
     settled_rms: float
     bounces: int
+    rebound: float
     release_time: float | None
 
 
@@ -62,6 +73,7 @@ class StageMerit:
     free: list[FreeMotion]
     contacts: list[Contact]
     peak_current: float
+    peak_commanded_current: float | None
     current_limit: float
     share_at_limit_percent: float
     settings: dict[str, Any] = field(default_factory=dict)
@@ -86,6 +98,7 @@ def stage_merit(run: StageRun) -> StageMerit:
     limit = run.settings.current_limit
     # The command tells best when the limit held; the measured current carries offset and noise.
     judged = run.commanded_current if run.commanded_current is not None else run.current
+    commanded = None if run.commanded_current is None else float(np.nanmax(np.abs(run.commanded_current)))
     settings = {
         "lambda": run.settings.lambda_,
         "torque_gain": run.settings.torque_gain,
@@ -102,6 +115,7 @@ def stage_merit(run: StageRun) -> StageMerit:
         free=free,
         contacts=contacts,
         peak_current=float(np.nanmax(np.abs(run.current))),
+        peak_commanded_current=commanded,
         current_limit=limit,
         share_at_limit_percent=100.0 * float(np.mean(np.abs(judged) >= 0.999 * limit)),
         settings=settings,
@@ -109,16 +123,21 @@ def stage_merit(run: StageRun) -> StageMerit:
 
 
 def _free_motion(run: StageRun, phase: Phase) -> FreeMotion | None:
-    length = phase.stop - phase.start
-    if length < 5:
+    if phase.stop - phase.start < 5:
         return None
-    settled = slice(phase.stop - int(0.4 * length) - 1, phase.stop - 1)
     start, end = phase.seconds(run)
-    desired = float(np.mean(run.desired_torque[settled]))
-    speed = float(np.mean(run.motor_velocity[settled]))
+    length = min(SPEED_SECONDS, 0.25 * (end - start))
+    # The last sample may already have felt the wall.
+    last_time = run.time[phase.stop - 2]
+    inside = np.arange(len(run.time)) < phase.stop - 1
+    last = inside & (run.time > last_time - length)
+    before = inside & (run.time > last_time - 2.0 * length) & ~last
+    desired = float(np.mean(run.desired_torque[last]))
+    speed = float(np.mean(run.motor_velocity[last]))
+    steady = abs(speed - float(np.mean(run.motor_velocity[before]))) <= STEADY_SHARE * abs(speed)
     expected = desired / run.settings.lambda_ if run.settings.lambda_ else None
     error = 100.0 * (speed / expected - 1.0) if expected else None
-    return FreeMotion(start, end - start, desired, speed, expected, error)
+    return FreeMotion(start, end - start, desired, speed, expected, error, steady)
 
 
 def _contact(run: StageRun, phase: Phase, following: Phase | None) -> Contact:
@@ -139,6 +158,10 @@ def _contact(run: StageRun, phase: Phase, following: Phase | None) -> Contact:
     error = (torque - desired)[last]
     released = following is not None and following.kind == "release"
     peak = float(np.max(torque))
+    arm = sign * run.arm_position[span]
+    bounces, rebound = _rebounds(
+        arm[int(np.argmax(arm >= np.median(arm[last]) - NEAR_WALL)) :], float(np.median(arm[last]))
+    )
     return Contact(
         start=float(time[0]),
         duration=duration,
@@ -151,15 +174,19 @@ def _contact(run: StageRun, phase: Phase, following: Phase | None) -> Contact:
         settled_torque=float(sign * np.mean(torque[last])),
         settled_error=float(sign * np.mean(error)),
         settled_rms=float(np.sqrt(np.mean(error**2))),
-        bounces=_bounces(torque, level),
+        bounces=bounces,
+        rebound=rebound,
         release_time=float(np.diff(following.seconds(run))[0])
         if released and following is not None
         else None,
     )
 
 
-def _bounces(torque: np.ndarray, level: float) -> int:
-    """Count falls below LOST_SHARE after the torque had reached HELD_SHARE of the level."""
-    state = np.where(torque >= HELD_SHARE * level, 1, np.where(torque < LOST_SHARE * level, -1, 0))
-    decided = state[state != 0]
-    return int(np.sum((decided[:-1] == 1) & (decided[1:] == -1)))
+def _rebounds(arm: Array, resting: float) -> tuple[int, float]:
+    """Return how often an arm left its resting place at the wall by LEFT_WALL, and by how much at most,
+    rad."""
+    away = resting - arm
+    place = np.where(away > LEFT_WALL, -1, np.where(away <= NEAR_WALL, 1, 0))
+    decided = place[place != 0]
+    bounces = int(np.sum((decided[:-1] == 1) & (decided[1:] == -1)))
+    return bounces, float(np.max(away)) if bounces else 0.0

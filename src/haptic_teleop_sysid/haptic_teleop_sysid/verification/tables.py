@@ -19,13 +19,14 @@ def number(value: float | None, digits: int = 3, scale: float = 1.0) -> str:
 
 def free_table(merits: Named) -> Table:
     """Free motions."""
-    header = ["run", "free from (s)", "Td (N·m)", "speed (rad/s)", "Td/λ (rad/s)", "difference (%)"]
+    header = ["run", "free from (s)", "Td (N·m)", "speed (rad/s)", "Td/λ (rad/s)", "difference (%)", "steady"]
     rows: list[list[object]] = []
     for label, merit in merits:
         for f in merit.free:
             speeds = [number(f.speed), number(f.expected_speed), number(f.error_percent, 1)]
-            rows.append([label, number(f.start, 2), number(f.desired_torque), *speeds])
-    return header, rows, "Free motion: mean speed over its last 40 %"
+            steady = "yes" if f.steady else "no"
+            rows.append([label, number(f.start, 2), number(f.desired_torque), *speeds, steady])
+    return header, rows, "Free motion: mean speed over its last 0.1 s"
 
 
 def contact_table(merits: Named) -> Table:
@@ -39,13 +40,14 @@ def contact_table(merits: Named) -> Table:
         "rms (mN·m)",
         "overshoot (%)",
     ]
-    header += ["settling (s)", "bounces", "approach (rad/s)", "release (s)"]
+    header += ["settling (s)", "bounces", "rebound (mrad)", "approach (rad/s)", "release (s)"]
     rows: list[list[object]] = []
     for label, merit in merits:
         for c in merit.contacts:
             torques = [number(c.desired_torque), number(c.settled_torque, 4)]
             errors = [number(c.settled_error, 2, 1e3), number(c.settled_rms, 2, 1e3)]
-            transient = [number(c.overshoot_percent, 1), number(c.settling_time, 2), c.bounces]
+            transient = [number(c.overshoot_percent, 1), number(c.settling_time, 2)]
+            transient += [str(c.bounces), number(c.rebound, 1, 1e3)]
             ends = [number(c.approach_speed, 2), number(c.release_time, 2)]
             rows.append([label, number(c.start, 2), *torques, *errors, *transient, *ends])
     return header, rows, "Contact: settled within ±5 % of Td; error and rms over the last second"

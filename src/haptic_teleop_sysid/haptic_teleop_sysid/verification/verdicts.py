@@ -43,6 +43,8 @@ def _free(name: str, motion: FreeMotion) -> tuple[Status, str]:
             "plain",
             f"{where} moves at {motion.speed:.3f} rad/s; λ is not known, so nothing tells what it should be.",
         )
+    if not motion.steady:
+        return "plain", f"{where} reaches {motion.speed:.3f} rad/s and is still changing when it ends."
     status: Status = "good" if abs(motion.error_percent) <= SPEED_PERCENT else "fair"
     return status, (
         f"{where} moves at {motion.speed:.3f} rad/s; Td/λ is {motion.expected_speed:.3f} rad/s "
@@ -53,7 +55,7 @@ def _free(name: str, motion: FreeMotion) -> tuple[Status, str]:
 def _contact(name: str, contact: Contact) -> tuple[Status, str]:
     settled = contact.settling_time is not None
     accurate = abs(contact.settled_error) <= TORQUE_SHARE * abs(contact.desired_torque)
-    calm = contact.overshoot_percent <= OVERSHOOT_PERCENT and contact.bounces == 0
+    calm = contact.overshoot_percent <= OVERSHOOT_PERCENT
     status: Status = "bad" if not (settled and accurate) else ("good" if calm else "fair")
     when = (
         f"within ±5 % after {contact.settling_time:.2f} s"
@@ -61,7 +63,8 @@ def _contact(name: str, contact: Contact) -> tuple[Status, str]:
         else "it does not settle"
     )
     error = round(1e3 * contact.settled_error, 2) + 0.0  # no -0.00
-    bounces = {0: "no bounce", 1: "one bounce"}.get(contact.bounces, f"{contact.bounces} bounces")
+    times = {1: "once", 2: "twice"}.get(contact.bounces, f"{contact.bounces} times")
+    bounces = f"bounces {times}, by {1e3 * contact.rebound:.0f} mrad" if contact.bounces else "no bounce"
     return status, (
         f"{name} in contact from {contact.start:.2f} s presses with {contact.settled_torque:.4f} N·m of "
         f"{contact.desired_torque:.4f} N·m asked ({error:+.2f} mN·m, "
@@ -71,13 +74,16 @@ def _contact(name: str, contact: Contact) -> tuple[Status, str]:
 
 
 def _current(name: str, merit: StageMerit) -> tuple[Status, str]:
-    text = f"{name} draws at most {merit.peak_current:.3f} A of {merit.current_limit:g} A"
+    text = f"{name} draws at most {merit.peak_current:.3f} A"
+    if merit.peak_commanded_current is not None:
+        text += f", is asked for at most {merit.peak_commanded_current:.3f} A"
     if merit.share_at_limit_percent > 0.0:
         return (
             "plain",
-            f"{text} and is commanded to its limit for {merit.share_at_limit_percent:.2f} % of the time.",
+            f"{text} and is at its limit of {merit.current_limit:g} A for "
+            f"{merit.share_at_limit_percent:.2f} % of the time.",
         )
-    return "good", f"{text}."
+    return "good", f"{text} (limit {merit.current_limit:g} A)."
 
 
 def _graph(run: Run) -> list[tuple[Status, str]]:
