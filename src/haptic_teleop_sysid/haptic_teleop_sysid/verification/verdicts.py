@@ -91,10 +91,11 @@ def _graph(run: Run) -> list[tuple[Status, str]]:
     for topic, health in run.graph["topics"].items():
         share = health["lost"] / max(1, health["messages"] + health["lost"])
         status: Status = "good" if share == 0.0 else ("fair" if share <= LOST_SHARE else "bad")
+        what = "sample" if health["lost"] == 1 else "samples"
         lost = (
-            "no sample lost"
-            if health["lost"] == 0
-            else f"{health['lost']} samples lost ({100 * share:.2g} %)"
+            f"{health['lost']} {what} never taken or lost ({100 * share:.2g} %)"
+            if share
+            else "no sample lost"
         )
         found.append((status, f"{topic}: {health['rate']:.1f} Hz achieved, {lost}."))
     for entry in run.graph["latency"]:
