@@ -1,27 +1,22 @@
-"""A recording on disk: which files hold it, how it describes itself, and its messages in batches."""
+"""A recording on disk: its messages in batches, how it describes itself, and what is wrong with it."""
 
 from __future__ import annotations
 
 import json
-import re
 from collections.abc import Callable, Iterator, Mapping
-from io import BytesIO
-from pathlib import Path, PurePath
-from typing import Any, BinaryIO
+from pathlib import Path
+from typing import Any
 
 import yaml
-import zstandard
 
-from haptic_teleop_control.errors import RecordingError
 from haptic_teleop_control.recording import sqlite_messages
+from haptic_teleop_control.recording.bag_files import METADATA, BagFiles, find_files, open_storage
 from haptic_teleop_control.recording.batches import Batch, decompress_messages, mcap_batches
-from haptic_teleop_control.recording.mcap_records import MAGIC, Damaged
+from haptic_teleop_control.recording.mcap_records import Damaged
 from haptic_teleop_control.recording.mcap_scan import McapScan
 
-METADATA = "metadata.yaml"
 SELF_DESCRIPTION = "haptic_teleop"
 KEYS = ("parameters", "parameters_at_stop", "experiment")
-SUFFIXES = {"mcap": (".mcap", ".mcap.zstd"), "sqlite3": (".db3", ".db3.zstd")}
 
 
 class Bag:
@@ -31,16 +26,20 @@ class Bag:
     ``whole`` fill while ``batches`` is consumed.
     """
 
-    def __init__(self, path: Path, files: list[Path], storage: str, information: Mapping[str, Any]) -> None:
-        self.path, self.files, self.storage = path, files, storage
-        self.information = information
+    def __init__(self, found: BagFiles) -> None:
+        self.path, self.files, self.storage = found.path, found.files, found.storage
+        self.information = found.information
         self.types: dict[str, str] = {}
         self.custom: dict[str, str] = {}
         self.problems: list[str] = []
         self.lost: list[tuple[int, int]] = []
         self.whole = True
         self.lossy = False
-        self.per_message = str(information.get("compression_mode") or "").lower() == "message"
+        self.per_message = str(self.information.get("compression_mode") or "").lower() == "message"
+        if found.problem:
+            self.damage(found.problem, lossy=False)
+        for sentence in found.missing:
+            self.damage(sentence)
 
     def damage(self, sentence: str, lossy: bool = True) -> None:
         """Notes that something is broken, and with ``lossy`` that messages may be missing."""
@@ -124,65 +123,7 @@ def describe(bag: Bag) -> dict[str, dict[str, Any]]:
 
 def open_bag(path: Path) -> Bag:
     """The recording at ``path``, a directory or a storage file; RecordingError when there is none."""
-    try:
-        if path.name == METADATA and path.is_file():
-            path = path.parent
-        if path.is_dir():
-            return _open_directory(path)
-        if path.is_file():
-            return Bag(path, [path], _storage_of(path), {})
-    except PermissionError:
-        raise RecordingError(f"{path}: it may not be read: ask for permission to read it") from None
-    raise RecordingError(
-        f"{path}: there is no such file or directory: name a recording (a rosbag2 directory)"
-    )
-
-
-def _open_directory(path: Path) -> Bag:
-    information, problem = _read_metadata(path)
-    storage = str(information.get("storage_identifier") or "")
-    if storage and storage not in SUFFIXES:
-        raise RecordingError(
-            f"{path}: storage {storage!r} is not known: convert it with `ros2 bag convert` to mcap"
-        )
-    names = information.get("relative_file_paths")
-    if isinstance(names, list) and names:
-        listed = [path / PurePath(str(name)).name for name in names]
-        files = [file for file in listed if file.is_file()]
-        missing = [
-            f"{file}: it is listed in {METADATA} but is not there" for file in listed if file not in files
-        ]
-    else:
-        files, missing = [], []
-    if not files:
-        files = sorted((f for f in path.iterdir() if f.is_file() and _kind(f.name)), key=_by_number)
-    if not files:
-        raise RecordingError(_nothing_in(path, missing))
-    kinds = {_kind(file.name) for file in files}
-    bag = Bag(path, files, storage or (_kind(files[0].name) or "mcap"), information)
-    if len(kinds) > 1 and not storage:
-        bag.files = [file for file in files if _kind(file.name) == bag.storage]
-    if problem:
-        bag.damage(problem, lossy=False)
-    for sentence in missing:
-        bag.damage(sentence)
-    return bag
-
-
-def _read_metadata(path: Path) -> tuple[dict[str, Any], str | None]:
-    file = path / METADATA
-    try:
-        information = yaml.safe_load(file.read_text())["rosbag2_bagfile_information"]
-        if isinstance(information, dict):
-            return information, None
-    except FileNotFoundError:
-        return (
-            {},
-            f"{file}: it is missing, as when the recorder was killed; `haptic-teleop recover` writes it anew",
-        )
-    except (yaml.YAMLError, UnicodeDecodeError, KeyError, TypeError):
-        pass
-    return {}, f"{file}: it is damaged; `haptic-teleop recover` writes it anew"
+    return Bag(find_files(path))
 
 
 def _custom_in(text: str) -> dict[str, str]:
@@ -192,44 +133,3 @@ def _custom_in(text: str) -> dict[str, str]:
     except (yaml.YAMLError, KeyError, TypeError):
         return {}
     return custom if isinstance(custom, dict) else {}
-
-
-def _nothing_in(path: Path, missing: list[str]) -> str:
-    inner = sorted(p.name for p in path.iterdir() if p.is_dir() and any(_kind(f.name) for f in p.iterdir()))
-    if inner:
-        shown = ", ".join(inner[:5]) + (", ..." if len(inner) > 5 else "")
-        return f"{path}: it is a folder of recordings: name one of them ({shown})"
-    if missing:
-        return f"{path}: {METADATA} is there but its data is not: copy the .mcap files beside it"
-    return f"{path}: it holds no recording (no .mcap or .db3 file): name a rosbag2 directory"
-
-
-def _storage_of(file: Path) -> str:
-    if kind := _kind(file.name):
-        return kind
-    with file.open("rb") as stream:
-        head = stream.read(16)
-    if head.startswith(MAGIC):
-        return "mcap"
-    if head.startswith(sqlite_messages.MAGIC):
-        return "sqlite3"
-    raise RecordingError(f"{file}: it is no recording: name a rosbag2 directory, or an .mcap or .db3 file")
-
-
-def _kind(name: str) -> str | None:
-    return next((kind for kind, suffixes in SUFFIXES.items() if name.endswith(suffixes)), None)
-
-
-def _by_number(file: Path) -> list[Any]:
-    return [int(part) if part.isdigit() else part for part in re.split(r"(\d+)", file.name)]
-
-
-def open_storage(file: Path) -> BinaryIO:
-    """An MCAP file opened for reading, decompressed if it is compressed as a whole."""
-    if not file.name.endswith(".zstd"):
-        return file.open("rb")
-    try:
-        with file.open("rb") as packed:
-            return BytesIO(zstandard.ZstdDecompressor().stream_reader(packed).read())
-    except zstandard.ZstdError:
-        raise Damaged("it cannot be decompressed") from None

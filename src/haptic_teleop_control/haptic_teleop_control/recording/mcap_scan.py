@@ -7,12 +7,11 @@ like any other. Where a length is wrong, the summary's list of chunks, if there 
 
 from __future__ import annotations
 
-import zlib
 from collections.abc import Iterator
 from typing import BinaryIO
 
 from mcap.opcode import Opcode
-from mcap.records import Channel, ChunkIndex, Footer, Metadata, Schema, Statistics
+from mcap.records import Channel, Metadata, Schema
 
 from haptic_teleop_control.recording.mcap_records import (
     MAGIC,
@@ -24,9 +23,9 @@ from haptic_teleop_control.recording.mcap_records import (
     parse,
     walk,
 )
+from haptic_teleop_control.recording.mcap_summary import Summary, read_summary
 
 BLOCK = 4 << 20
-FOOTER_SIZE = RECORD_HEAD.size + 20
 KNOWN = range(Opcode.HEADER, Opcode.DATA_END + 1)
 PRIVATE = range(128, 256)  # records of other makers, to be passed over
 
@@ -51,9 +50,7 @@ class McapScan:
         self.problems: list[str] = []
         self.lost: list[tuple[int, int]] = []
         self.count = 0
-        self._chunks: list[ChunkIndex] = []
-        self._announced: int | None = None
-        self._summarised = False
+        self._summary = Summary()
         self._reached = 0
         self._number = 0
         self._start: int | None = None
@@ -72,7 +69,9 @@ class McapScan:
         return schema.name if schema else None
 
     def __iter__(self) -> Iterator[Messages]:
-        summary_problem = self._read_summary()
+        summary = read_summary(self._read, self.size)
+        self._summary = summary
+        self._learn(summary.schemas, summary.channels)
         at: int | None = len(MAGIC)
         ended = False
         while at is not None:
@@ -93,15 +92,17 @@ class McapScan:
             if messages is not None and len(messages.channel):
                 self.count += len(messages.channel)
                 yield messages
-        if not ended and not self._summarised:
+        if not ended and not summary.trusted:
             self.problems.append(
                 "it has no closing part (its writer was stopped before it closed it, or it was cut), "
                 f"and its last {self.size - self._reached} bytes are no whole record"
             )
-        elif summary_problem:
-            self.problems.append(summary_problem)
-        if self._announced is not None and self._announced != self.count:
-            self.problems.append(f"it holds {self.count} of the {self._announced} messages that it announces")
+        elif summary.problem:
+            self.problems.append(summary.problem)
+        if summary.announced is not None and summary.announced != self.count:
+            self.problems.append(
+                f"it holds {self.count} of the {summary.announced} messages that it announces"
+            )
 
     def _read(self, at: int, length: int) -> bytes:
         self.file.seek(at)
@@ -110,7 +111,7 @@ class McapScan:
     def _go_on_after(self, at: int, reason: str) -> int | None:
         """The next chunk after damage at ``at``, by the summary; None when nothing tells where it is."""
         following = min(
-            (c.chunk_start_offset for c in self._chunks if c.chunk_start_offset > at), default=None
+            (c.chunk_start_offset for c in self._summary.chunks if c.chunk_start_offset > at), default=None
         )
         rest = "the rest is lost" if following is None else f"it goes on at byte {following}"
         self.problems.append(f"at byte {at} {reason}: {rest}")
@@ -118,7 +119,7 @@ class McapScan:
 
     def _too_long(self, at: int) -> int | None:
         # Without a summary this is how a cut file ends, and that is told once, at the end.
-        return self._go_on_after(at, "a record is longer than the file") if self._summarised else None
+        return self._go_on_after(at, "a record is longer than the file") if self._summary.trusted else None
 
     def _pass_over(self, at: int, opcode: int, length: int) -> int | None:
         if opcode not in KNOWN and opcode not in PRIVATE:
@@ -182,7 +183,7 @@ class McapScan:
 
     def _take_cut_chunk(self, at: int, data: bytes, reason: str) -> tuple[Messages | None, int | None]:
         """The whole messages at the start of a chunk that is cut, which has no checksum for a part of it."""
-        if self._summarised:  # not cut: the file goes on behind it
+        if self._summary.trusted:  # not cut: the file goes on behind it
             return None, self._go_on_after(at, f"chunk {self._number}: {reason}")
         try:
             found = walk(data)
@@ -208,44 +209,3 @@ class McapScan:
             self.schemas.setdefault(schema.id, schema)
         for channel in channels:
             self.channels.setdefault(channel.id, channel)
-
-    def _read_summary(self) -> str | None:
-        """Learns from the summary at the end; a sentence when there is none that can be trusted."""
-        tail = self._read(max(0, self.size - FOOTER_SIZE - len(MAGIC)), FOOTER_SIZE + len(MAGIC))
-        if len(tail) < FOOTER_SIZE + len(MAGIC) or tail[FOOTER_SIZE:] != MAGIC or tail[0] != Opcode.FOOTER:
-            return "its last bytes are damaged or missing; its messages are whole"
-        footer_at = self.size - len(tail)
-        try:
-            footer = parse(Footer, tail[9:FOOTER_SIZE])
-            if not footer.summary_start:
-                return None
-            if footer.summary_start > footer_at:
-                raise Damaged("the footer points behind the file")
-            data = self._read(footer.summary_start, footer_at - footer.summary_start)
-            if footer.summary_crc and zlib.crc32(data + tail[: FOOTER_SIZE - 4]) != footer.summary_crc:
-                raise Damaged("the checksum fails")
-            self._learn_summary(data)
-        except Damaged as damage:
-            return f"its closing summary is damaged ({damage}); its messages are whole"
-        return None
-
-    def _learn_summary(self, data: bytes) -> None:
-        at = 0
-        schemas, channels, chunks = [], [], []
-        announced = None
-        while at + RECORD_HEAD.size <= len(data):
-            opcode, length = RECORD_HEAD.unpack_from(data, at)
-            body = data[at + 9 : at + 9 + length]
-            at += 9 + length
-            if opcode == Opcode.SCHEMA:
-                schemas.append(parse(Schema, body))
-            elif opcode == Opcode.CHANNEL:
-                channels.append(parse(Channel, body))
-            elif opcode == Opcode.CHUNK_INDEX:
-                chunks.append(parse(ChunkIndex, body))
-            elif opcode == Opcode.STATISTICS:
-                announced = parse(Statistics, body).message_count
-        if at != len(data):
-            raise Damaged("its records do not fit")
-        self._learn(schemas, channels)
-        self._chunks, self._announced, self._summarised = chunks, announced, True

@@ -11,7 +11,8 @@ import zstandard
 
 from haptic_teleop_control.command_line import run_command
 from haptic_teleop_control.errors import ConfigurationError, RecordingError
-from haptic_teleop_control.recording.bag_folder import Bag, describe, open_bag, open_storage
+from haptic_teleop_control.recording.bag_files import open_storage
+from haptic_teleop_control.recording.bag_folder import Bag, describe, open_bag
 from haptic_teleop_control.recording.bag_metadata import offered_qos
 from haptic_teleop_control.recording.mcap_records import MESSAGE_HEAD, Damaged, Messages
 from haptic_teleop_control.recording.mcap_scan import McapScan

@@ -15,7 +15,6 @@ from haptic_teleop_control.recording.batches import Batch
 from haptic_teleop_control.recording.joint_state_cdr import rows_of
 from haptic_teleop_control.recording.mcap_records import Damaged
 
-MAGIC = b"SQLite format 3\0"
 AT_ONCE = 20_000
 
 

@@ -13,7 +13,8 @@ import numpy as np
 import yaml
 
 from haptic_teleop_control.errors import RecordingError
-from haptic_teleop_control.recording.bag_folder import KEYS, METADATA, SELF_DESCRIPTION
+from haptic_teleop_control.recording.bag_files import METADATA
+from haptic_teleop_control.recording.bag_folder import KEYS, SELF_DESCRIPTION
 from haptic_teleop_control.recording.bag_metadata import TopicEntry, bag_information
 from haptic_teleop_control.recording.definitions import JOINT_STATE_TYPE, message_definition
 from haptic_teleop_control.recording.joint_state_cdr import encode
@@ -139,6 +140,11 @@ class RecordingWriter:
         for data, index in merged_chunks(streams, CHUNK_BYTES, CHUNK_NANOSECONDS):
             with self._refusals():
                 self._file.add_chunk(data, index)
+
+    def flush_older(self, now: int) -> None:
+        """Ends the chunk in progress when it began a second before ``now`` (ns) or earlier."""
+        if self._body and now - self._chunk_start >= CHUNK_NANOSECONDS:
+            self.flush()
 
     def flush(self) -> None:
         """Ends the chunk in progress and hands it to the system."""

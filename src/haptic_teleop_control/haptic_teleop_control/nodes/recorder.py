@@ -1,0 +1,248 @@
+"""Records topics to an MCAP bag that describes itself: in its own process, serialised, verified after
+stopping."""
+
+from __future__ import annotations
+
+import gc
+import shutil
+import sys
+import time
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import rclpy
+from rclpy.executors import Executor, ExternalShutdownException
+from rclpy.node import Node
+from rclpy.signals import SignalHandlerOptions
+
+from haptic_teleop_control.command_line import run_command
+from haptic_teleop_control.errors import ConfigurationError, RecordingError
+from haptic_teleop_control.nodes.base import HapticNode
+from haptic_teleop_control.nodes.parameter_collector import ParameterCollector
+from haptic_teleop_control.nodes.recorded_topic import RecordedTopic
+from haptic_teleop_control.nodes.recorder_table import KNOWN_TYPES, TABLE, experiment_description
+from haptic_teleop_control.nodes.ros_arguments import parse_ros_arguments
+from haptic_teleop_control.nodes.spin import create_nodes, make_executor, node_help, stop_requests
+from haptic_teleop_control.recording.verify import verify_recording
+from haptic_teleop_control.recording.writer import RecordingWriter
+
+FOLLOW_PERIOD = 0.1
+DRAIN_PERIOD = 0.005
+"""Seconds between two looks for messages; the time of reception is the middleware's, not that of the look."""
+LOG_PERIOD = 10.0
+
+
+class Recorder(HapticNode):
+    """Writes every message it receives until `stop` is set; `finish` ends the recording."""
+
+    NAME = "recorder"
+    SUMMARY = "record topics to an MCAP bag that describes itself"
+    TOPICS = ("subscribes to the topics of its parameter `topics`, serialised",)
+    TABLE = TABLE
+
+    def __init__(self, **node_options: Any) -> None:
+        super().__init__(**node_options)
+        values = self.values
+        self.experiment = experiment_description(values["experiment"], values["note"])
+        compression = "" if values["compression"] == "none" else values["compression"]
+        self.writer = RecordingWriter(
+            values["output"] or Path("recordings") / time.strftime("%Y-%m-%d_%H-%M-%S"),
+            experiment=self.experiment,
+            compression=compression,
+            durable=True,
+            numbered=values["existing"] == "number" or not values["output"],
+        )
+        self.stop = False
+        self.problems: list[str] = []
+        self.received: dict[str, int] = {}
+        self.started = time.monotonic()
+        self._deadline = self.started + (values["duration"] or float("inf"))
+        self._next_log = self.started + LOG_PERIOD
+        self._stored: dict[str, dict[str, Any]] = {}
+        self._collector = ParameterCollector(self)
+        # The topics have a node of their own, hidden by its name: this node's executor must not take them.
+        self._input = Node(
+            f"_{self.get_name()}_topics",
+            namespace=self.get_namespace(),
+            context=self.context,
+            start_parameter_services=False,
+            enable_rosout=False,
+        )
+        self._topics = [
+            RecordedTopic(self._input, name, KNOWN_TYPES.get(name), values["depth"], self._receive)
+            for name in dict.fromkeys(self.resolve_topic_name(name) for name in values["topics"])
+        ]
+        self.create_timer(FOLLOW_PERIOD, self._follow)
+        self._follow()
+        self.get_logger().info(f"recording to {self.writer.path}")
+
+    def state(self) -> str:
+        return "stopping" if self.stop else "recording"
+
+    def measurements(self) -> dict[str, Any]:
+        return dict(self.received)
+
+    def finish(self, executor: Executor) -> int:
+        """Asks for the parameters once more, closes, and verifies the recording; 0 if it is whole, else 1."""
+        self._collector.ask_again()
+        self.spin_once(executor)
+        until = time.monotonic() + self.values["parameter_wait"]
+        while self._collector.waiting and time.monotonic() < until:
+            self.spin_once(executor)
+            self._collector.poll()
+        elapsed = time.monotonic() - self.started
+        try:
+            self._store_parameters()
+            if self._collector.latest != self._collector.parameters:
+                self.writer.describe(parameters_at_stop=self._with_own(self._collector.latest))
+        except RecordingError as refusal:
+            self._problem(str(refusal))
+        try:
+            self.writer.close()
+            self.problems += verify_recording(self.writer.path, self.received)
+        except RecordingError as refusal:
+            self._problem(str(refusal))
+        return self._verdict(elapsed)
+
+    def spin_once(self, executor: Executor) -> None:
+        """One turn: callbacks of this node if there are any, then all messages that have arrived."""
+        executor.spin_once(timeout_sec=DRAIN_PERIOD)
+        for topic in self._topics:
+            topic.drain()
+
+    def shutdown_safely(self) -> None:
+        self._collector.close()
+        try:
+            self.writer.close()
+        except RecordingError as refusal:
+            self._problem(str(refusal))
+        self._input.destroy_node()
+
+    def _receive(self, topic: RecordedTopic, data: bytes, received: int, published: int) -> None:
+        name = topic.name
+        if self.stop and self.problems:
+            return  # the disk refuses; what is written stays readable
+        try:
+            if name not in self.received:
+                self.writer.add_topic(name, topic.kind or "", qos=topic.profiles)
+                self.received[name] = 0
+            self.received[name] += 1
+            self.writer.write(name, topic.kind or "", received, data, published)
+        except RecordingError as refusal:
+            self._problem(str(refusal))
+            self.stop = True
+
+    def _follow(self) -> None:
+        for topic in self._topics:
+            before = topic.problem
+            topic.follow()
+            if topic.problem != before:
+                self._problem(topic.problem)
+        self._collector.poll()
+        self._store_parameters()
+        try:
+            self.writer.flush_older(time.time_ns())
+        except RecordingError as refusal:
+            self._problem(str(refusal))
+            self.stop = True
+        now = time.monotonic()
+        free = shutil.disk_usage(self.writer.path).free
+        if free < self.values["minimum_free_space"] and not self.stop:
+            self._problem(
+                f"{self.writer.path}: only {free / 1e6:.0f} MB are free, so the recording is ended: "
+                "free space or lower minimum_free_space"
+            )
+            self.stop = True
+        if now >= self._deadline:
+            self.stop = True
+        if sys.stderr.isatty():
+            print(
+                f"\r{now - self.started:7.1f} s  {self._counts()}", end="\x1b[K", file=sys.stderr, flush=True
+            )
+        elif now >= self._next_log:
+            self._next_log += LOG_PERIOD
+            self.get_logger().info(f"{now - self.started:.0f} s: {self._counts()}")
+
+    def _store_parameters(self) -> None:
+        if len(self._collector.parameters) == len(self._stored) and self._stored:
+            return
+        self._stored = dict(self._collector.parameters)
+        try:
+            self.writer.describe(parameters=self._with_own(self._stored))
+        except RecordingError as refusal:
+            self._problem(str(refusal))
+            self.stop = True
+
+    def _with_own(self, parameters: dict[str, dict[str, Any]]) -> dict[str, dict[str, Any]]:
+        return {**parameters, self.get_fully_qualified_name(): dict(self.values)}
+
+    def _counts(self) -> str:
+        return "  ".join(f"{topic.name} {self.received.get(topic.name, 0)}" for topic in self._topics)
+
+    def _problem(self, sentence: str) -> None:
+        self.problems.append(sentence)
+        self.get_logger().error(sentence)
+
+    def _verdict(self, elapsed: float) -> int:
+        total = sum(self.received.values())
+        if sys.stderr.isatty():
+            print(file=sys.stderr)
+        for topic in self._topics:
+            if topic.missed:
+                print(f"{topic.name}: {topic.missed} messages were lost on the way", file=sys.stderr)
+            elif not self.received.get(topic.name):
+                publishers = (
+                    f"its {topic.publishers} publishers sent none"
+                    if topic.publishers
+                    else "nobody publishes it"
+                )
+                print(f"{topic.name}: no messages: {publishers}", file=sys.stderr)
+        if not total:
+            self.problems.append("nothing was received: start the nodes, with the same ROS_DOMAIN_ID")
+        for problem in self.problems:
+            print(f"error: {problem}", file=sys.stderr)
+        missed = sum(topic.missed for topic in self._topics)
+        print(
+            f"{self.writer.path}: {total} messages on {len(self.received)} topics in {elapsed:.1f} s, "
+            f"{missed} lost on the way, {'with errors' if self.problems else 'verified'}"
+        )
+        return 1 if self.problems else 0
+
+
+def main(argv: Sequence[str] | None = None) -> int:
+    """The executable: records until SIGINT, SIGTERM or `duration`; exit status 0 when the recording is
+    verified."""
+    return run_command(_main, argv)
+
+
+def _main(argv: list[str]) -> int:
+    if any(argument in ("-h", "--help") for argument in argv):
+        print(node_help(Recorder))
+        return 0
+    arguments = parse_ros_arguments(argv)
+    if arguments.other:
+        raise ConfigurationError(f"{arguments.other[0]} is not an argument of a node; see --help.")
+    with stop_requests() as stop:
+        rclpy.init(args=argv, signal_handler_options=SignalHandlerOptions.NO)
+        try:
+            (node,) = create_nodes([Recorder], arguments)
+            assert isinstance(node, Recorder)
+            executor = make_executor()
+            executor.add_node(node)
+            gc.collect()
+            gc.freeze()
+            try:
+                while rclpy.ok() and not node.stop and not stop.is_set():
+                    node.spin_once(executor)
+                node.stop = True
+                return node.finish(executor)
+            except ExternalShutdownException:
+                return 1
+            finally:
+                node.shutdown_safely()
+                executor.remove_node(node)
+                executor.shutdown()
+                node.destroy_node()
+        finally:
+            rclpy.try_shutdown()
