@@ -178,3 +178,14 @@ def test_with_everything_fixed_there_is_nothing_to_fit():
     dataset = dataset_of()
     with pytest.raises(ModelError, match="fixed"):
         fit_parameters(replace(MODEL, fixed=tuple(TRUTH)), [(dataset, cut(dataset, None, ""))])
+
+
+def test_a_parameter_that_flees_is_named():
+    # Nothing that the motor does follows from this current: the best inertia is one that does not move at all.
+    unrelated = np.random.default_rng(5).normal(0.0, 0.3, N)
+    dataset = load_dataset(joint_recording(unrelated, response(CURRENT)), MODEL, "made")
+    model = Model(
+        "sfj", "stage1", "rigid_body", {"torque_constant": 8.925, "motor_inertia": 0.06, "motor_damping": 0.0}
+    )
+    found = fit_parameters(replace(model, fixed=("torque_constant",)), [(dataset, cut(dataset, None, ""))])
+    assert found.fled == ("motor_inertia",)

@@ -112,7 +112,12 @@ def as_json(result: Comparison) -> dict[str, Any]:
         },
         "parameters": {name: model.parameter_values() for name, model in result.models.items()},
         "parameter_fit": {
-            name: {"converged": found.converged, "evaluations": found.evaluations, "cost": found.cost}
+            name: {
+                "converged": found.converged,
+                "evaluations": found.evaluations,
+                "cost": found.cost,
+                "fled": found.fled,
+            }
             for name, found in result.fitted.items()
         },
     }

@@ -153,6 +153,13 @@ def _summary(page: Page, result: Comparison) -> None:
                 f"{short(name, result)}: the least-squares search stopped at its limit of "
                 f"{found.evaluations} evaluations; its parameters are not the best.",
             )
+        for parameter in found.fled:
+            page.verdict(
+                "fair",
+                f"{short(name, result)}: {parameter} fled to {found.model.parameters[parameter]:.3g}; the "
+                f"structure "
+                "cannot follow the recording, and that number means nothing.",
+            )
     for bag, dataset in result.data.items():
         for problem in dataset.problems:
             page.verdict("fair", f"{bag}: {problem}.")

@@ -35,17 +35,21 @@ from haptic_teleop_sysid.windows import Windows
 Array = NDArray[np.float64]
 LOGARITHMIC = ("stiffness", "motor_inertia", "arm_inertia", "torque_constant")
 MOST_EVALUATIONS = 60
+RUNAWAY = 100.0
+"""A parameter on the logarithmic scale that moved by more than this factor explains nothing; it fled."""
 
 
 @dataclass(frozen=True)
 class ParameterFit:
     """`model` with the values found; `converged` is false when the search was stopped by its limit of
-    evaluations; `cost` is half the weighted sum of squares at the start and at the end."""
+    evaluations; `cost` is half the weighted sum of squares at the start and at the end; `fled` names
+    parameters beyond RUNAWAY."""
 
     model: Model
     converged: bool
     cost: tuple[float, float]
     evaluations: int
+    fled: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -106,9 +110,13 @@ def fit_parameters(model: Model, data: Sequence[tuple[DataSet, Windows]]) -> Par
     )
     begin = 0.5 * float(np.sum(evaluate(np.concatenate([start, free_states])) ** 2))
     result = {name: _outer(name, x) for name, x in zip(names, found.x, strict=False)}
-    return ParameterFit(
-        model.with_values(result), bool(found.status > 0), (begin, float(found.cost)), int(found.nfev)
+    fled = tuple(
+        name
+        for name, x, x0 in zip(names, found.x, start, strict=False)
+        if name in LOGARITHMIC and abs(x - x0) > math.log(RUNAWAY)
     )
+    cost = (begin, float(found.cost))
+    return ParameterFit(model.with_values(result), bool(found.status > 0), cost, int(found.nfev), fled)
 
 
 def _residual(
