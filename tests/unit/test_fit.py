@@ -181,7 +181,7 @@ def test_with_everything_fixed_there_is_nothing_to_fit():
 
 
 def test_a_parameter_that_flees_is_named():
-    # Nothing that the motor does follows from this current: the best inertia is one that does not move at all.
+    # Nothing that the motor does follows from this current: the best inertia is one that never moves.
     unrelated = np.random.default_rng(5).normal(0.0, 0.3, N)
     dataset = load_dataset(joint_recording(unrelated, response(CURRENT)), MODEL, "made")
     model = Model(
