@@ -34,10 +34,8 @@ HYSTERESIS = EffectEntry(
                         scale="deflection", grid=(0.05, 0.2, 0.6), neutral=None),
     ),
     sentence="loading and unloading the coupling follow different curves (dry friction inside the spring)",
-    equation=lambda s, p: p.torque * s.state0,
-    rates=(lambda s, p: (s.velocity - s.abs(s.velocity) * s.state0) / p.displacement,),
-    # Own rate at a deflection rate of 5 rad/s, which is fast for these machines.
-    rate=lambda p, ks: (abs(p["torque"]) / p["displacement"], 0.0, 5.0 / p["displacement"]),
+    equation=lambda s, p: p.torque * s.direction,
+    rate=lambda p, ks: (abs(p["torque"]) / p["displacement"], 0.0), memory="displacement",
     rigid_body=False,
 )
 

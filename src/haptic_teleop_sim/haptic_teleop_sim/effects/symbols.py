@@ -6,12 +6,7 @@ from types import SimpleNamespace
 
 import sympy as sp
 
-VARIABLES = ("position", "velocity", "deflection", "stiffness", "time", "exogenous", "state0", "state1")
-
-
-def smooth_sign(velocity: sp.Expr, smoothing: sp.Expr | float) -> sp.Expr:
-    """The sign of a velocity, smoothed over ``smoothing`` (rad/s): tanh(v / smoothing)."""
-    return sp.tanh(velocity / smoothing)
+VARIABLES = ("position", "velocity", "deflection", "stiffness", "time", "exogenous", "state0", "state1", "direction")
 
 
 class Side(sp.Function):
@@ -38,7 +33,7 @@ def namespaces(parameter_names: tuple[str, ...]) -> tuple[SimpleNamespace, Simpl
     """Symbols for the variables (with helpers) and for an effect's own parameters, all real."""
     variables = SimpleNamespace(
         **{name: sp.Symbol(name, real=True) for name in VARIABLES},
-        sign=smooth_sign, side=Side, positive_part=positive_part, dead_band=dead_band,
+        side=Side, positive_part=positive_part, dead_band=dead_band,
         sin=sp.sin, cos=sp.cos, exp=sp.exp, tanh=sp.tanh, cosh=sp.cosh, abs=sp.Abs, sqrt=sp.sqrt, pi=sp.pi,
     )
     parameters = SimpleNamespace(**{name: sp.Symbol(f"p_{name}", real=True) for name in parameter_names})

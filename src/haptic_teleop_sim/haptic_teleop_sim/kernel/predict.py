@@ -72,17 +72,17 @@ def predict(packed: Packed, input_: ArrayLike, measured: ArrayLike, dt: float, f
                     skew_col[channel] = column
             elif name.split(".")[0].endswith("_actuator"):
                 d_torque[:, column] = _torque_slope(packed, input_, dt, t0, name)
-    # A reading that is late by d shows at t + d what the axis did at t: the data are advanced instead.
-    advanced, advance_slope = measured, np.zeros_like(measured)
-    if any(channel_delay) or skew_col.max() >= 0:
-        advanced = measured.copy()
-        steps = np.arange(n)
+    # A reading that is late by d shows at t + d what the axis did at t: whole samples are shifted in the data, which
+    # keeps every reading as it is, and the rest (under half a sample) is left to the prediction.
+    advanced, lead = measured, np.zeros(2)
+    if any(channel_delay):
+        advanced = np.full_like(measured, np.nan)
         for channel, delay in enumerate(channel_delay):
-            where = steps + delay / dt
-            advanced[:, channel] = np.interp(where, steps, measured[:, channel], right=np.nan, left=np.nan)
-            # Slope of the very interpolation, averaged over one sample (its own slope jumps at the samples).
-            advance_slope[:, channel] = (np.interp(where + 0.5, steps, measured[:, channel])
-                                         - np.interp(where - 0.5, steps, measured[:, channel])) / dt
+            whole = int(np.rint(delay / dt))
+            source = np.arange(n) + whole
+            good = (source >= 0) & (source < n)
+            advanced[good, channel] = measured[source[good], channel]
+            lead[channel] = whole * dt - delay
     outer = np.zeros(n) if external_torque is None else np.ascontiguousarray(external_torque, dtype=np.float64)
     if packed.rigid:
         torque, outer = torque + outer, np.zeros(n)
@@ -97,14 +97,14 @@ def predict(packed: Packed, input_: ArrayLike, measured: ArrayLike, dt: float, f
     substeps = packed.substeps(dt)
     if not free:
         kernel().innovations_series(x, advanced, k, np.array(decay), torque, outer, other, t0, dt, substeps,
-                                    packed.rigid, packed.base, packed.codes, packed.p, packed.out_codes, innovation,
-                                    states)
+                                    packed.rigid, packed.base, packed.codes, packed.p, packed.out_codes, lead,
+                                    innovation, states)
         return Prediction(innovation, np.empty((n, 2, 0)), states, np.empty((0, 4, 0)))
     d_innovation = np.empty((n, 2, ncol))
     d_states = np.empty((n if keep_states else 0, 4, ncol))
     kernel().predict_series(x, s, advanced, k, np.array(decay), torque, d_torque, outer, other, t0, dt, substeps,
                             packed.rigid, packed.base, packed.codes, packed.p, base_col, p_col, packed.out_codes,
-                            skew_col, advance_slope, innovation, d_innovation, states, d_states)
+                            skew_col, lead, innovation, d_innovation, states, d_states)
     return Prediction(innovation, d_innovation, states, d_states)
 
 

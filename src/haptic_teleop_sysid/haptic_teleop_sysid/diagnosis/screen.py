@@ -1,0 +1,102 @@
+"""Screening: one linearisation per candidate says what a fit of it could gain.
+
+At a small size of the candidate the innovations and their derivatives by the structure's parameters *and* the
+candidate's are computed; the best linear combination of them explains part of the innovations that the structure
+alone cannot (score test, Rao 1948, in the whitened innovations; the structure's parameters are projected out because
+a re-fit would absorb them).
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from haptic_teleop_sim.model import Effect, Model
+from haptic_teleop_sysid.estimation.gauss_newton import Fit, bounds, gauss_newton_step, normal_equations
+from haptic_teleop_sysid.estimation.records import Record
+
+from .candidates import shape_parameters
+
+
+@dataclass(frozen=True)
+class Screened:
+    """A candidate with the gain (nats) its linearisation promises and the parameters it would then have."""
+
+    effect: Effect
+    gain: float
+
+
+def screen(fit: Fit, records: Sequence[Record], effects: Iterable[Effect],
+           progress: Callable[[], None] | None = None) -> list[Screened]:
+    """Candidates by promised gain, best first; those whose best size has the wrong sign are left out."""
+    result = []
+    for effect in effects:
+        found = _score(fit, records, effect)
+        if found is not None:
+            result.append(found)
+        if progress is not None:
+            progress()
+    return sorted(result, key=lambda s: -s.gain)
+
+
+def _score(fit: Fit, records: Sequence[Record], effect: Effect) -> Screened | None:
+    model = fit.model.with_effects(effect)
+    shapes = shape_parameters(effect.entry)
+    head = f"{effect.location}.{effect.effect}."
+    own = [head + n for n in effect.parameters if n not in shapes]
+    free = (*fit.free, *own)
+    information, gradient, value = normal_equations(model, fit.noise, records, free)
+    if not np.isfinite(value):
+        return None
+    active = np.ones(len(free), dtype=bool)
+    step = gauss_newton_step(information, gradient, 1e-9, active)
+    gain = value - fit.log_likelihood - 0.5 * float(gradient @ step)
+    sizes = {n.removeprefix(head): model.parameter_values()[n] + step[len(fit.free) + i] for i, n in enumerate(own)}
+    start = _polar(effect, sizes)
+    low, high = bounds(model, tuple(own))
+    new = {**effect.parameters, **start}
+    for n, a, b in zip(own, low, high, strict=True):
+        name = n.removeprefix(head)
+        if name == "phase":
+            continue
+        if not a <= new[name] <= b:
+            # The best size lies beyond the bound: worth nothing if it is the size that is negative.
+            if name in _sizes(effect):
+                return None
+            new[name] = float(np.clip(new[name], a, b))
+    return Screened(Effect(effect.effect, effect.location, new), gain)
+
+
+def _sizes(effect: Effect) -> tuple[str, ...]:
+    """The parameters whose sign makes sense or not, of effects with a single one."""
+    names = [p.name for p in effect.entry.parameters
+             if p.default is None and p.neutral == 0.0 and p.name in effect.parameters]
+    return tuple(names) if len(names) == 1 else ()
+
+
+def _polar(effect: Effect, sizes: dict[str, float]) -> dict[str, float]:
+    """A step in (amplitude, phase) at small amplitude is one in (sine, cosine): turned back into amplitude and phase."""
+    if "phase" not in sizes or "amplitude" not in sizes:
+        if "phase" in sizes and "torque" in sizes:
+            return _polar_named(effect, sizes, "torque")
+        return sizes
+    return _polar_named(effect, sizes, "amplitude")
+
+
+def _polar_named(effect: Effect, sizes: dict[str, float], name: str) -> dict[str, float]:
+    old = float(effect.parameters[name])
+    phase = float(effect.parameters["phase"])
+    sine, cosine = sizes[name], old * (sizes["phase"] - phase)
+    return {**sizes, name: math.hypot(sine, cosine), "phase": phase + math.atan2(cosine, sine)}
+
+
+def best_per_effect(screened: Iterable[Screened]) -> list[Screened]:
+    """The best start of each effect at each place."""
+    seen: dict[tuple[str, str], Screened] = {}
+    for s in screened:
+        key = (s.effect.effect, s.effect.location)
+        if key not in seen or s.gain > seen[key].gain:
+            seen[key] = s
+    return sorted(seen.values(), key=lambda s: -s.gain)

@@ -1,0 +1,1 @@
+"""Parameter estimation by prediction error: noise model, Gauss-Newton, uncertainty."""

@@ -1,0 +1,149 @@
+"""Damped Gauss-Newton on the prediction errors, with bounds and honest uncertainty."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+from haptic_teleop_sim.kernel import Prediction, pack
+from haptic_teleop_sim.model import STRUCTURES, Model
+from numpy.typing import NDArray
+
+from .likelihood import channels, covariance, innovations, log_likelihood, settled
+from .noise import NoiseModel
+from .records import Record
+
+FloatArray = NDArray[np.float64]
+
+#: A parameter of the structure moves at most by this factor in one step.
+_LARGEST_FACTOR = 4.0
+
+
+@dataclass(frozen=True)
+class Fit:
+    """A fitted model.
+
+    ``log_likelihood`` of the recordings; ``information`` (p, p): Gauss-Newton information matrix of ``free`` at the
+    end; ``gradient`` (p,); ``converged`` with a sentence in ``message``.
+    """
+
+    model: Model
+    noise: NoiseModel
+    free: tuple[str, ...]
+    log_likelihood: float
+    information: FloatArray
+    gradient: FloatArray
+    converged: bool
+    iterations: int
+    message: str
+    at_bound: tuple[str, ...] = field(default=())
+
+
+def bounds(model: Model, free: Sequence[str]) -> tuple[FloatArray, FloatArray]:
+    """Lowest and highest allowed value of each free parameter: (p,), (p,)."""
+    limits = {f"{e.location}.{e.effect}.{p.name}": (p.minimum, p.maximum)
+              for e in model.effects for p in e.entry.parameters}
+    for name in STRUCTURES[model.structure]:
+        positive = name in ("torque_constant", "stiffness", "motor_inertia", "arm_inertia")
+        limits[name] = (1e-12 if positive else 0.0, np.inf)
+    low, high = zip(*(limits[name] for name in free), strict=True) if free else ((), ())
+    return np.array(low, dtype=float), np.array(high, dtype=float)
+
+
+def normal_equations(model: Model, noise: NoiseModel, records: Sequence[Record], free: tuple[str, ...]
+                     ) -> tuple[FloatArray, FloatArray, float]:
+    """Information (p, p) and gradient (p,) of the negative log-likelihood, and the log-likelihood."""
+    packed = pack(model)
+    information, gradient = np.zeros((len(free), len(free))), np.zeros(len(free))
+    predictions = [innovations(packed, noise, r, free) for r in records]
+    value = log_likelihood(packed, records, [p.innovation for p in predictions])
+    if not np.isfinite(value):
+        return information, gradient, -np.inf
+    for record, prediction in zip(records, predictions, strict=True):
+        whitened, jacobian = whiten(packed, record, prediction)
+        information += jacobian.T @ jacobian
+        gradient += jacobian.T @ whitened
+    return information, gradient, value
+
+
+def whiten(packed, record: Record, prediction: Prediction) -> tuple[FloatArray, FloatArray]:
+    """Innovations (m,) and their derivatives (m, p) in units of their standard deviation, channels decorrelated."""
+    chosen = channels(packed, record)
+    weight = np.linalg.inv(np.linalg.cholesky(covariance(packed, record, prediction.innovation))).T
+    e = settled(record, prediction.innovation)[:, chosen] @ weight
+    d = settled(record, prediction.d_innovation)[:, chosen]
+    jacobian = np.einsum("nip,ik->nkp", d, weight).reshape(-1, d.shape[2])
+    return e.reshape(-1), jacobian
+
+
+def gauss_newton_step(information: FloatArray, gradient: FloatArray, damping: float, active: NDArray[np.bool_]
+                      ) -> FloatArray:
+    """Damped step (p,) in parameters scaled to unit information; inactive and unexcited ones stay."""
+    scale = np.sqrt(np.maximum(np.diag(information), 0.0))
+    active = active & (scale > 1e-150)
+    step = np.zeros(len(gradient))
+    if not np.any(active):
+        return step
+    s = scale[active]
+    a = information[np.ix_(active, active)] / np.outer(s, s)
+    step[active] = -np.linalg.lstsq(a + damping * np.eye(len(s)), gradient[active] / s, rcond=1e-12)[0] / s
+    return step
+
+
+def fit_parameters(model: Model, noise: NoiseModel, records: Sequence[Record], *, free: tuple[str, ...] | None = None,
+                   iterations: int = 20, tolerance: float = 1e-3,
+                   progress: Callable[[int, float], None] | None = None) -> Fit:
+    """Maximise the likelihood over the free parameters of the model at a given noise model.
+
+    Starts from the model's values (moved inside their bounds).  Ends when a step promises less than ``tolerance``
+    nats, or no damped step gains anything.
+    """
+    names = model.free_parameters() if free is None else free
+    low, high = bounds(model, names)
+    values = model.parameter_values()
+    theta = np.clip(np.array([values[n] for n in names], dtype=float), low, high)
+    model = model.with_values(dict(zip(names, theta, strict=True)))
+    structural = np.array([n in STRUCTURES[model.structure] for n in names], dtype=bool)
+    information, gradient, best = normal_equations(model, noise, records, names)
+    damping, converged, message, count = 1e-6, False, "stopped at the limit of iterations", 0
+    if not np.isfinite(best):
+        return Fit(model, noise, names, best, information, gradient, False, 0, "the start does not predict anything")
+    for count in range(1, iterations + 1):
+        active = ~((theta <= low) & (gradient > 0)) & ~((theta >= high) & (gradient < 0))
+        promised = -0.5 * float(gradient @ gauss_newton_step(information, gradient, 0.0, active))
+        if abs(promised) < tolerance:
+            converged, message = True, "converged"
+            break
+        for _ in range(8):
+            step = gauss_newton_step(information, gradient, damping, active)
+            new = np.clip(theta + step, low, high)
+            limit = np.maximum(np.abs(theta), 1e-12)
+            new[structural] = np.clip(new, theta - limit * (1 - 1 / _LARGEST_FACTOR),
+                                      theta + limit * (_LARGEST_FACTOR - 1))[structural]
+            trial = model.with_values(dict(zip(names, new, strict=True)))
+            result = normal_equations(trial, noise, records, names) if damping < 1e-3 else None
+            value = result[2] if result is not None else likelihood_value(trial, noise, records)
+            if value > best:
+                if result is None:
+                    result = normal_equations(trial, noise, records, names)
+                break
+            damping = max(damping * 30, 1e-4)
+        else:
+            converged, message = promised < 1.0, "no step gains anything: the model bends too much here or is at its best"
+            break
+        theta, model, (information, gradient, best) = new, trial, result
+        damping = max(damping / 30, 1e-9)
+        if progress is not None:
+            progress(count, best)
+    at_bound = tuple(n for n, t, a, b in zip(names, theta, low, high, strict=True) if t <= a or t >= b)
+    return Fit(model, noise, names, best, information, gradient, converged, count, message, at_bound)
+
+
+def likelihood_value(model: Model, noise: NoiseModel, records: Sequence[Record]) -> float:
+    """Log-likelihood without derivatives; -inf where the prediction overflows."""
+    packed = pack(model)
+    try:
+        return log_likelihood(packed, records, [innovations(packed, noise, r).innovation for r in records])
+    except (np.linalg.LinAlgError, ValueError):
+        return -np.inf

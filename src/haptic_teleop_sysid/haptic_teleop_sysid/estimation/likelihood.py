@@ -1,0 +1,58 @@
+"""How well a model with a noise model predicts recordings: innovations and their likelihood."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from haptic_teleop_sim.kernel import Packed, Prediction, predict
+from numpy.typing import NDArray
+
+from .noise import NoiseModel, observer_gain
+from .records import Record
+
+FloatArray = NDArray[np.float64]
+
+#: Seconds at the start of a recording in which the observer settles and the innovations do not count.
+SETTLING = 0.2
+
+
+def innovations(packed: Packed, noise: NoiseModel, record: Record, free: tuple[str, ...] = ()) -> Prediction:
+    """One-step predictions of a recording, with derivatives by ``free``; LinAlgError for an impossible noise model."""
+    return predict(
+        packed, record.input, record.measured, record.dt, free, gain=observer_gain(packed, noise, record.dt),
+        decay=noise.decay(record.dt), initial_state=record.initial_state(), exogenous=record.exogenous,
+    )
+
+
+def settled(record: Record, values: FloatArray) -> FloatArray:
+    """The part of ``values`` (n, ...) after the observer has settled; at most a tenth is left out."""
+    skip = min(int(round(SETTLING / record.dt)), len(record) // 10)
+    return values[skip:]
+
+
+def channels(packed: Packed, record: Record) -> list[int]:
+    """Encoders that take part: the motor's, and the arm's where there is one."""
+    if packed.rigid or not np.any(np.isfinite(record.measured[:, 1])):
+        return [0]
+    return [0, 1]
+
+
+def covariance(packed: Packed, record: Record, innovation: FloatArray) -> FloatArray:
+    """Second moment of the settled innovations, (1, 1) or (2, 2), rad^2."""
+    e = settled(record, innovation)[:, channels(packed, record)]
+    return e.T @ e / len(e)
+
+
+def log_likelihood(packed: Packed, records: Sequence[Record], innovation: Sequence[FloatArray]) -> float:
+    """Gaussian log-likelihood of the innovations with their covariance concentrated out, per recording:
+    -n/2 log det (1/n sum e e'); constants are left out.  -inf when a prediction overflowed."""
+    total = 0.0
+    for record, e in zip(records, innovation, strict=True):
+        if not np.all(np.isfinite(e)):
+            return -np.inf
+        sign, value = np.linalg.slogdet(covariance(packed, record, e))
+        if sign <= 0:
+            return -np.inf
+        total -= 0.5 * len(settled(record, e)) * float(value)
+    return total

@@ -1,0 +1,82 @@
+"""A data set as the predictor wants it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from haptic_teleop_control.robots import OMNI_RESOLUTION, SFJ_STAGES
+from haptic_teleop_sysid.dataset import DataSet
+from numpy.typing import NDArray
+
+FloatArray = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Record:
+    """One recording of one joint.
+
+    ``input`` (n,): A (sfj) or N·m, held from each sample to the next; ``measured`` (n, 2): motor and arm angle, rad,
+    NaN where missing; ``exogenous`` (n,): the other arm's acceleration, rad/s^2; ``resolution``: rad, step of either
+    encoder, or the rms of its noise where no step is known.
+    """
+
+    name: str
+    dt: float
+    input: FloatArray
+    measured: FloatArray
+    exogenous: FloatArray
+    resolution: tuple[float, float]
+
+    def __len__(self) -> int:
+        return len(self.input)
+
+    def initial_state(self) -> FloatArray:
+        """Angles first read, at rest (the observer corrects the velocities within some samples)."""
+        first = self.measured[0]
+        motor = float(np.nan_to_num(first[0]))
+        arm = float(first[1]) if np.isfinite(first[1]) else motor
+        return np.array([motor, arm, 0.0, 0.0])
+
+
+def record_from(data: DataSet) -> Record:
+    """The record of a data set: commanded input where the amplifier follows it (it carries no sensor noise, which
+    matters in a closed loop), otherwise the measured one; invalid samples as missing readings."""
+    input_ = data.input
+    if data.commanded_input is not None:
+        difference = float(np.std(data.commanded_input - data.input))
+        # 15 mA is what the current sense of these amplifiers shows by itself (facts A3: 5 to 16 mA rms).
+        if difference <= max(0.05 * float(np.std(data.input)), 0.015 if data.input_unit == "A" else 0.0):
+            input_ = data.commanded_input
+    measured = np.full((len(data), 2), np.nan)
+    measured[:, 0] = data.motor_position
+    if data.arm_position is not None:
+        measured[:, 1] = data.arm_position
+    if len(data.valid):
+        measured[~data.valid] = np.nan
+    exogenous = np.zeros(len(data)) if data.exogenous is None else data.exogenous
+    return Record(data.name, data.dt, np.ascontiguousarray(input_), measured, np.ascontiguousarray(exogenous),
+                  _resolution(data, measured))
+
+
+def _resolution(data: DataSet, measured: FloatArray) -> tuple[float, float]:
+    if data.robot == "sfj":
+        facts = SFJ_STAGES[data.joint]
+        return facts.drive_resolution, facts.joint_resolution
+    if data.robot == "omni":
+        return OMNI_RESOLUTION, OMNI_RESOLUTION
+    found = [smallest_step(measured[:, channel]) for channel in (0, 1)]
+    return found[0], found[1]
+
+
+def smallest_step(angle: FloatArray) -> float:
+    """The step of an encoder (rad) from its readings: the smallest difference that occurs, but at least the noise
+    seen in third differences of a smooth motion."""
+    good = angle[np.isfinite(angle)]
+    if len(good) < 10:
+        return 1.0
+    steps = np.abs(np.diff(good))
+    steps = steps[steps > 1e-12]
+    step = float(np.min(steps)) if len(steps) else 1e-6
+    noise = float(np.std(np.diff(good, 3))) / np.sqrt(20.0)
+    return max(step, noise * np.sqrt(12.0) * 0.2, 1e-9)

@@ -1,0 +1,57 @@
+"""Finding the levels of the noise model by maximum likelihood."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from haptic_teleop_sim.kernel import Packed
+
+from .likelihood import innovations, log_likelihood
+from .noise import NoiseModel
+from .records import Record
+
+_LEVELS = ("motor_torque", "arm_torque", "motor_angle", "arm_angle", "motor_time", "arm_time")
+_BOUNDS = {"motor_time": (2e-3, 1e3), "arm_time": (2e-3, 1e3)}
+
+
+def initial_noise(packed: Packed, records: Sequence[Record]) -> NoiseModel:
+    """A start: disturbances of 5 % (motor) and 2 % (arm) of the rms input torque, encoder noise from its step."""
+    torque = packed.torque_constant * float(np.sqrt(np.mean([np.mean(r.input**2) for r in records])))
+    torque = max(torque, 1e-9)
+    motor, arm = (float(np.mean([r.resolution[i] for r in records])) / np.sqrt(12.0) for i in (0, 1))
+    return NoiseModel(0.05 * torque, 0.02 * torque, motor, arm)
+
+
+def likelihood_of(packed: Packed, noise: NoiseModel, records: Sequence[Record]) -> float:
+    """Log-likelihood of recordings under a model and a noise model; -inf where it cannot be computed."""
+    try:
+        return log_likelihood(packed, records, [innovations(packed, noise, r).innovation for r in records])
+    except (np.linalg.LinAlgError, ValueError):
+        return -np.inf
+
+
+def tune_noise(packed: Packed, noise: NoiseModel, records: Sequence[Record], *, factor: float = 4.0,
+               rounds: int = 2, enough: float = 0.5) -> tuple[NoiseModel, float]:
+    """Coordinate search over the logarithms of the levels; the step goes from ``factor`` to its square root each
+    round.  Returns the noise model and the log-likelihood."""
+    best = likelihood_of(packed, noise, records)
+    for _ in range(rounds):
+        for name in _LEVELS:
+            if packed.rigid and name.startswith("arm"):
+                continue
+            for step in (factor, 1.0 / factor):
+                moved = False
+                while True:
+                    trial = noise.scaled(**{name: step})
+                    low, high = _BOUNDS.get(name, (0.0, np.inf))
+                    if not low <= getattr(trial, name) <= high:
+                        break
+                    value = likelihood_of(packed, trial, records)
+                    if not value > best + enough:
+                        break
+                    best, noise, moved = value, trial, True
+                if moved:
+                    break
+        factor = float(np.sqrt(factor))
+    return noise, best
