@@ -97,11 +97,23 @@ def test_a_controller_that_falls_silent_stops_the_current_within_the_timeout(gra
 @pytest.mark.parametrize("age", [0.3, -0.3, None])
 def test_a_command_that_answers_no_recent_state_is_stale(graph, age):
     setting = Setting(graph)
-    stamp = 0 if age is None else time.time_ns() - int(age * 1e9)
-    setting.send(stamp=stamp)
+    setting.push()
+    setting.send(stamp=0 if age is None else time.time_ns() - int(age * 1e9))
     graph.until(lambda: setting.plant.faults.latched)
     assert setting.plant.faults.latched == "stale_command"
+    graph.run(0.02)
     assert not setting.flows()
+
+
+def test_late_answers_while_the_graph_comes_up_drive_nothing_and_are_a_fault_only_if_they_go_on(graph):
+    setting = Setting(graph)
+    setting.send(stamp=1)
+    graph.until(lambda: setting.plant.dropped == 1)
+    assert setting.plant.faults.latched is None
+    assert not setting.flows()
+    graph.run(0.25)
+    setting.send(stamp=1)
+    graph.until(lambda: setting.plant.faults.latched == "stale_command")
 
 
 def test_a_command_overtaken_by_a_newer_one_is_dropped(graph):

@@ -18,16 +18,7 @@ from std_srvs.srv import Trigger
 
 from haptic_teleop_control.faults import FaultLatch
 from haptic_teleop_control.nodes.parameters import declare_parameters
-from haptic_teleop_control.parameters import Parameter, ParameterTable
-
-REALTIME_PRIORITY = Parameter(
-    "realtime_priority",
-    0,
-    minimum=0,
-    maximum=90,
-    meaning="SCHED_FIFO priority of the whole process, where the system permits it; 0 for normal scheduling",
-)
-"""In every node's table; of nodes in one process the highest one holds."""
+from haptic_teleop_control.parameters import ParameterTable
 
 LOG_INTERVAL = 1.0
 """Seconds between two log lines of one kind of fault."""

@@ -17,22 +17,18 @@ from rclpy.context import Context
 
 from haptic_teleop_control.errors import ConfigurationError
 from haptic_teleop_control.laws import LAWS, LawResult, MasterSide
-from haptic_teleop_control.nodes.base import REALTIME_PRIORITY, HapticNode
+from haptic_teleop_control.node_tables import AXES, FORCE_CONTROLLER
+from haptic_teleop_control.nodes.base import HapticNode
 from haptic_teleop_control.nodes.joint_state_io import FIELDS, JointStatePublisher, JointStateReceiver
 from haptic_teleop_control.nodes.spin import run_node
-from haptic_teleop_control.parameters import Parameter, ParameterTable
 from haptic_teleop_control.robots import (
     OMNI_JOINTS,
     OMNI_PEAK_TORQUE,
-    OMNI_RATE_HZ,
-    PAIRS,
     SFJ_JOINTS,
     SFJ_MOTOR_JOINTS,
-    SFJ_RATE_HZ,
     STAGES,
 )
 
-AXES = tuple(PAIRS[stage] for stage in STAGES)
 # Slices, not lists of indices: they give views of the receivers' arrays, made once and valid for every
 # sample.
 AXIS_SLICE, MOTOR_SLICE, ARM_SLICE = slice(1, 3), slice(0, 4, 2), slice(1, 4, 2)
@@ -52,36 +48,6 @@ FAULTS = {
 }
 
 
-def _table() -> ParameterTable:
-    robots = ("omni", "sfj")
-    laws = {entry.name: entry for law in LAWS.values() for entry in law.parameters(STAGES)}
-    return ParameterTable(
-        "force_controller",
-        [
-            Parameter("master", "omni", choices=robots, meaning="robot that the operator holds"),
-            Parameter("slave", "sfj", choices=robots, meaning="robot that touches the environment"),
-            Parameter("law", "augmented_error", choices=tuple(LAWS), meaning="force law of the slave"),
-            Parameter(
-                "command_source",
-                "reference",
-                choices=("reference", "device"),
-                meaning="reference: the generator's position stands for the device's; device: manual mode",
-            ),
-            Parameter("timeout", 0.05, "s", 0.005, 0.2, meaning="largest age of an input that is used"),
-            Parameter(
-                "ramp_time", 0.2, "s", 0.0, 5.0, meaning="from zero to full output after a start or reset"
-            ),
-            Parameter("slave_rate", SFJ_RATE_HZ, "Hz", 10.0, 10000.0, meaning="rate of the slave's states"),
-            Parameter(
-                "master_rate", OMNI_RATE_HZ, "Hz", 10.0, 10000.0, meaning="rate of the master's states"
-            ),
-            REALTIME_PRIORITY,
-            *laws.values(),
-            *MasterSide.parameters(AXES),
-        ],
-    )
-
-
 class ForceController(HapticNode):
     NAME = "force_controller"
     SUMMARY = (
@@ -97,7 +63,7 @@ class ForceController(HapticNode):
         "service    ~/reset              std_srvs/Trigger: leave a latched fault, ramp in again",
     )
     FAULTS = FAULTS
-    TABLE = _table()
+    TABLE = FORCE_CONTROLLER
 
     def __init__(self, context: Context | None = None, **node_options: Any) -> None:
         super().__init__(context, **node_options)
@@ -178,7 +144,7 @@ class ForceController(HapticNode):
         np.clip(self._device_effort, -OMNI_PEAK_TORQUE, OMNI_PEAK_TORQUE, out=self._device_effort)
         self._master_out.send(stamp)
 
-    def _follows(self, robot: str, stamp: int) -> bool:
+    def _follows(self, robot: str, stamp: int, received: int) -> bool:
         """Whether a state is newer than the last; one that was overtaken on its way is dropped, and
         counted."""
         back = self._last_stamp[robot] - stamp

@@ -8,10 +8,11 @@ no delay.
 
 from __future__ import annotations
 
-import math
 import time
 from array import array
 from collections.abc import Callable, Sequence
+from math import inf, isfinite
+from time import monotonic_ns
 
 import numpy as np
 from rclpy.node import Node
@@ -28,13 +29,18 @@ STREAM_QOS = QoSProfile(
 FIELDS = ("position", "velocity", "effort")
 NANOSECONDS = 1_000_000_000
 
-_STEADY_TO_WALL = time.time_ns() - time.monotonic_ns()
+_STEADY_TO_WALL = time.time_ns() - monotonic_ns()
 
 
 def stamp_now() -> int:
     """Wall time in ns, counted by the steady clock since this process started: stamps never jump with the
     clock."""
-    return time.monotonic_ns() + _STEADY_TO_WALL
+    return monotonic_ns() + _STEADY_TO_WALL
+
+
+def stamp_at(steady: int) -> int:
+    """The stamp of a moment of the steady clock, ns."""
+    return steady + _STEADY_TO_WALL
 
 
 def stamp_of(message: JointState) -> int:
@@ -89,9 +95,9 @@ class JointStateReceiver:
     Every message must name exactly `joints`, in any order, and hold one finite number per joint in each of
     `fields`; then `value[field]` (joints,), `stamp` (ns, from the header) and `received` (ns, steady clock)
     are updated and `on_sample()` is called. Otherwise nothing is updated and `on_problem(kind, detail,
-    stamp)` is called, with kind "joints" (wrong names or lengths) or "non_finite". `count` is the number of
-    good samples, `fresh` whether there was one since the start or `forget`. A good sample that
-    `accept(stamp)` refuses is left out without a word.
+    stamp)` is called, with kind "joints" (wrong names or lengths) or "non_finite". A good sample that
+    `accept(stamp, received)` refuses is left out without a word. `count` is the number of samples taken,
+    `fresh` whether there was one since the start or `forget`.
     """
 
     def __init__(
@@ -102,18 +108,20 @@ class JointStateReceiver:
         fields: Sequence[str],
         on_sample: Callable[[], None] | None = None,
         on_problem: Callable[[str, str, int], None] | None = None,
-        accept: Callable[[int], bool] | None = None,
+        accept: Callable[[int, int], bool] | None = None,
     ) -> None:
         self.joints = tuple(joints)
         self.stamp = 0
         self.received = 0
         self.count = 0
         self.fresh = False
-        self.value = {field: np.zeros(len(self.joints)) for field in fields}
         self._size = len(self.joints)
-        self._pairs = [(field, self.value[field]) for field in fields]
+        # Copying between arrays of the standard library is an order of magnitude cheaper than into NumPy's,
+        # so the memory belongs to those, and NumPy has views of it.
+        self._memory = [(field, array("d", [0.0] * self._size)) for field in fields]
+        self.value = {field: np.frombuffer(memory) for field, memory in self._memory}
         self._names = list(joints)  # as in the last good message
-        self._order: np.ndarray | None = None  # None: the message's order is ours
+        self._order: list[int] | None = None  # None: the message's order is ours
         self._on_sample = on_sample
         self._on_problem = on_problem or (lambda kind, detail, stamp: None)
         self._accept = accept
@@ -129,7 +137,7 @@ class JointStateReceiver:
 
     def age(self, now: int) -> float:
         """Seconds since the last good sample arrived, by the steady clock; infinite before the first."""
-        return (now - self.received) * 1e-9 if self.fresh else math.inf
+        return (now - self.received) * 1e-9 if self.fresh else inf
 
     def forget(self) -> None:
         """Wait for the next sample as if none had been received."""
@@ -137,26 +145,27 @@ class JointStateReceiver:
         self.stamp = 0
 
     def _receive(self, message: JointState) -> None:
-        received = time.monotonic_ns()
+        received = monotonic_ns()
         stamp = stamp_of(message)
         if message.name != self._names and not self._learn_order(message.name, stamp):
             return
-        size, order = self._size, self._order
-        for field, _ in self._pairs:
+        samples = []
+        for field, memory in self._memory:
             values = getattr(message, field)
-            if len(values) != size:
+            if len(values) != self._size:
                 found = f"{len(values)} values" if len(values) else "nothing"
-                self._on_problem("joints", f"{self.topic}: {field} holds {found} for {size} joints", stamp)
+                self._on_problem(
+                    "joints", f"{self.topic}: {field} holds {found} for {self._size} joints", stamp
+                )
                 return
-            if not math.isfinite(sum(values)):
+            if not isfinite(sum(values)):
                 self._on_problem("non_finite", f"{self.topic}: {field} is {list(values)}", stamp)
                 return
-        if self._accept is not None and not self._accept(stamp):
+            samples.append((memory, values))
+        if self._accept is not None and not self._accept(stamp, received):
             return
-        for field, target in self._pairs:
-            target[:] = (
-                getattr(message, field) if order is None else np.asarray(getattr(message, field))[order]
-            )
+        for memory, values in samples:
+            memory[:] = values if self._order is None else array("d", [values[i] for i in self._order])
         self.stamp = stamp
         self.received = received
         self.count += 1
@@ -172,5 +181,5 @@ class JointStateReceiver:
             return False
         self._names = list(names)
         identity = tuple(names) == self.joints
-        self._order = None if identity else np.array([self._names.index(joint) for joint in self.joints])
+        self._order = None if identity else [self._names.index(joint) for joint in self.joints]
         return True

@@ -23,34 +23,13 @@ from typing import Any
 
 from haptic_teleop_control.command_line import run_command
 from haptic_teleop_control.errors import ConfigurationError
+from haptic_teleop_control.node_tables import SCENARIO
 from haptic_teleop_control.nodes.children import Child, stop_all
 from haptic_teleop_control.nodes.composed import node_class
 from haptic_teleop_control.nodes.recorder import Recorder
 from haptic_teleop_control.nodes.spin import stop_requests
 from haptic_teleop_control.nodes.watch import ProgressLine, Watcher
 from haptic_teleop_control.parameter_files import check_parameter_file, load_parameter_file, parameters_for
-from haptic_teleop_control.parameters import Parameter, ParameterTable
-
-NAME = "scenario"
-TABLE = ParameterTable(
-    NAME,
-    [
-        Parameter(
-            "nodes", ["sfj_sim"], required=True, meaning="executables of the nodes, in the order of start"
-        ),
-        Parameter("processes", False, meaning="one process for each node instead of one for all"),
-        Parameter(
-            "duration",
-            0.0,
-            "s",
-            0.0,
-            86400.0,
-            meaning="time from the first state to the stop; 0: until Ctrl-C",
-        ),
-        Parameter("record", "", meaning="directory of the recording; empty for none"),
-        Parameter("note", "", meaning="what the experiment is for; goes into the recording"),
-    ],
-)
 
 START_LIMIT = 60.0
 """Seconds until the first state; a first start compiles."""
@@ -79,12 +58,12 @@ class Scenario:
 def load_scenario(path: str | Path, changes: dict[str, Any] | None = None) -> Scenario:
     """Reads and checks the file: every section, every key. Raises ConfigurationError naming file, key and
     remedy."""
-    own = parameters_for(load_parameter_file(path), NAME)
-    values = TABLE.check({**own, **(changes or {})}, str(path))
+    own = parameters_for(load_parameter_file(path), SCENARIO.node_name)
+    values = SCENARIO.check({**own, **(changes or {})}, str(path))
     tables = {name: node_class(name).TABLE for name in values["nodes"]}
-    check_parameter_file(path, {NAME: TABLE, Recorder.NAME: Recorder.TABLE, **tables})
     if len(tables) < len(values["nodes"]):
         raise ConfigurationError(f"{path}: scenario: nodes names one twice; remove one.")
+    check_parameter_file(path, {SCENARIO.node_name: SCENARIO, Recorder.NAME: Recorder.TABLE, **tables})
     return Scenario(
         Path(path),
         tuple(values["nodes"]),
@@ -157,9 +136,8 @@ def _watch(scenario: Scenario, children: Sequence[Child], stop: threading.Event)
             if scenario.duration and watcher.elapsed >= scenario.duration:
                 break
             if watcher.started is None and time.monotonic() - begun > START_LIMIT:
-                return {
-                    NAME: f"no state of the 2DSFJ within {START_LIMIT:g} s; put its plant among the nodes"
-                }
+                sentence = f"no state of the 2DSFJ within {START_LIMIT:g} s; put its plant among the nodes"
+                return {SCENARIO.node_name: sentence}
         return watcher.faults
 
 

@@ -9,26 +9,13 @@ from typing import Any
 from rclpy.context import Context
 from std_srvs.srv import Trigger
 
-from haptic_teleop_control.nodes.base import REALTIME_PRIORITY, HapticNode
+from haptic_teleop_control.node_tables import GENERATOR_OWN, SIGNAL_GENERATOR
+from haptic_teleop_control.nodes.base import HapticNode
 from haptic_teleop_control.nodes.deadline import DeadlineThread
 from haptic_teleop_control.nodes.joint_state_io import JointStatePublisher, stamp_now
 from haptic_teleop_control.nodes.spin import run_node
-from haptic_teleop_control.parameters import Parameter, ParameterTable
-from haptic_teleop_control.robots import PAIRS, STAGES
-from haptic_teleop_control.signals import SignalGenerator, signal_parameters
-
-OWN = (
-    Parameter(
-        "joints",
-        [PAIRS[stage] for stage in STAGES],
-        length=len(STAGES),
-        meaning="joints that stage1 and stage2 command",
-    ),
-    Parameter(
-        "autostart", True, meaning="start the signal with the node; otherwise with the service ~/start"
-    ),
-    REALTIME_PRIORITY,
-)
+from haptic_teleop_control.robots import STAGES
+from haptic_teleop_control.signals import SignalGenerator
 
 
 class SignalGeneratorNode(HapticNode):
@@ -43,7 +30,7 @@ class SignalGeneratorNode(HapticNode):
         "service    ~/start       std_srvs/Trigger: begin the signal from its beginning",
         "service    ~/stop        std_srvs/Trigger: back to zero",
     )
-    TABLE = ParameterTable("signal_generator", [*OWN, *signal_parameters(STAGES)])
+    TABLE = SIGNAL_GENERATOR
 
     def __init__(self, context: Context | None = None, **node_options: Any) -> None:
         super().__init__(context, **node_options)
@@ -81,7 +68,7 @@ class SignalGeneratorNode(HapticNode):
         return response
 
     def _make_generator(self, values: Mapping[str, Any]) -> SignalGenerator:
-        own = {entry.name for entry in OWN}
+        own = {entry.name for entry in GENERATOR_OWN}
         signal = {name: value for name, value in values.items() if name not in own}
         return SignalGenerator.from_parameters(signal, STAGES, self.NAME)
 

@@ -23,6 +23,7 @@ from haptic_teleop_control.nodes.joint_state_io import (
     FIELDS,
     JointStatePublisher,
     JointStateReceiver,
+    stamp_at,
     stamp_now,
 )
 from haptic_teleop_control.nodes.latency import LatencyMeter
@@ -31,6 +32,9 @@ Array = NDArray[np.float64]
 
 LONGEST_CATCH_UP = 1.0
 """Seconds of simulation made up for at once after a stall; what is longer than that is lost, and counted."""
+
+START_PATIENCE = 0.2
+"""Seconds for which late commands are only dropped as long as nothing has been driven yet."""
 
 
 class Robot(Protocol):
@@ -61,6 +65,7 @@ class PlantNode(HapticNode):
         self._driven = False  # whether a command has arrived and still holds
         self.dropped = 0
         self.lost_steps = 0
+        self._stale_since: float | None = None
         self.latency = LatencyMeter()
         self.states = JointStatePublisher(self, "joint_states", self.JOINTS, FIELDS)
         self._position, self._velocity, self._effort = (self.states.view[field] for field in FIELDS)
@@ -94,8 +99,8 @@ class PlantNode(HapticNode):
                 self.robot.sense()
             self.robot.step(command)
         self._sensed = True
-        stamp = stamp_now()
         position, velocity, effort = self.robot.sense()
+        stamp = stamp_now()
         self._position[:] = position
         self._velocity[:] = velocity
         self._effort[:] = effort
@@ -111,19 +116,30 @@ class PlantNode(HapticNode):
             return self._zero
         return self._command
 
-    def _accept(self, stamp: int) -> bool:
-        age = stamp_now() - stamp
+    def _accept(self, stamp: int, received: int) -> bool:
+        age = stamp_at(received) - stamp
         if not -self._timeout_ns <= age <= self._timeout_ns:
-            self._driven = False
-            what = "without a stamp" if stamp == 0 else f"that answers a state {age * 1e-9:.3f} s old"
-            self.fault(STALE_COMMAND, f"{self.commands.topic}: a command {what}")
+            self._refuse_stale(stamp, age * 1e-9)
             return False
         if stamp < self._last_stamp:
             self.dropped += 1
             return False
         self._last_stamp = stamp
+        self._stale_since = None
         self.latency.add(age)
         return True
+
+    def _refuse_stale(self, stamp: int, age: float) -> None:
+        now = time.monotonic()
+        if not self._driven:
+            # While a graph comes up its first answers may be late; it is wrong only if that goes on.
+            self._stale_since = self._stale_since or now
+            if now - self._stale_since < START_PATIENCE:
+                self.dropped += 1
+                return
+        self._driven = False
+        what = "without a stamp" if stamp == 0 else f"that answers a state {age:.3f} s old"
+        self.fault(STALE_COMMAND, f"{self.commands.topic}: a command {what}")
 
     def _on_command(self) -> None:
         self._driven = True
@@ -134,6 +150,7 @@ class PlantNode(HapticNode):
 
     def on_reset(self) -> None:
         self._driven = False
+        self._stale_since = None
         self.commands.forget()
 
     def state(self) -> str:

@@ -1,0 +1,79 @@
+"""The parameter tables of this package's nodes, without ROS: what a scenario file may say about them.
+
+The nodes declare them; programs that know no ROS, such as the lockstep runner, read the same file by them.
+"""
+
+from __future__ import annotations
+
+from haptic_teleop_control.laws import LAWS, MasterSide
+from haptic_teleop_control.parameters import Parameter, ParameterTable
+from haptic_teleop_control.robots import OMNI_RATE_HZ, PAIRS, SFJ_RATE_HZ, STAGES
+from haptic_teleop_control.signals import signal_parameters
+
+AXES = tuple(PAIRS[stage] for stage in STAGES)
+"""Axes of the Omni that are paired with the stages, in the stages' order."""
+
+REALTIME_PRIORITY = Parameter(
+    "realtime_priority",
+    0,
+    minimum=0,
+    maximum=90,
+    meaning="SCHED_FIFO priority of the whole process, where the system permits it; 0 for normal scheduling",
+)
+"""In the table of every control node and plant; of nodes in one process the highest one holds."""
+
+GENERATOR_OWN = (
+    Parameter(
+        "joints",
+        list(AXES),
+        length=len(STAGES),
+        meaning="joints that the signals of stage1 and stage2 command",
+    ),
+    Parameter(
+        "autostart", True, meaning="start the signal with the node; otherwise with the service ~/start"
+    ),
+    REALTIME_PRIORITY,
+)
+"""Parameters of the signal generator's node beside those of the signals."""
+
+SIGNAL_GENERATOR = ParameterTable("signal_generator", [*GENERATOR_OWN, *signal_parameters(STAGES)])
+
+
+def _force_controller() -> ParameterTable:
+    robots = ("omni", "sfj")
+    laws = {entry.name: entry for law in LAWS.values() for entry in law.parameters(STAGES)}
+    source = "reference: the generator's position stands for the device's; device: manual mode"
+    ramp = "from zero to full output after a start or reset"
+    return ParameterTable(
+        "force_controller",
+        [
+            Parameter("master", "omni", choices=robots, meaning="robot that the operator holds"),
+            Parameter("slave", "sfj", choices=robots, meaning="robot that touches the environment"),
+            Parameter("law", "augmented_error", choices=tuple(LAWS), meaning="force law of the slave"),
+            Parameter("command_source", "reference", choices=("reference", "device"), meaning=source),
+            Parameter("timeout", 0.05, "s", 0.005, 0.2, meaning="largest age of an input that is used"),
+            Parameter("ramp_time", 0.2, "s", 0.0, 5.0, meaning=ramp),
+            Parameter("slave_rate", SFJ_RATE_HZ, "Hz", 10.0, 1e4, meaning="rate of the slave's states"),
+            Parameter("master_rate", OMNI_RATE_HZ, "Hz", 10.0, 1e4, meaning="rate of the master's states"),
+            REALTIME_PRIORITY,
+            *laws.values(),
+            *MasterSide.parameters(AXES),
+        ],
+    )
+
+
+FORCE_CONTROLLER = _force_controller()
+
+SCENARIO = ParameterTable(
+    "scenario",
+    [
+        Parameter("nodes", ["sfj_sim"], required=True, meaning="executables of the nodes, in order of start"),
+        Parameter("processes", False, meaning="one process for each node instead of one for all"),
+        Parameter(
+            "duration", 0.0, "s", 0.0, 86400.0, meaning="from the first state to the stop; 0: until Ctrl-C"
+        ),
+        Parameter("record", "", meaning="directory of the recording; empty for none"),
+        Parameter("note", "", meaning="what the experiment is for; goes into the recording"),
+    ],
+)
+"""The section `scenario:` of a scenario file: not a node, but what the command `scenario` reads."""

@@ -1,0 +1,161 @@
+"""The scenario runner: from one file to processes that run, move the plant, and are gone afterwards."""
+
+import os
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import pytest
+
+from haptic_teleop_control.errors import ConfigurationError
+from haptic_teleop_control.nodes.children import Child, stop_all
+from haptic_teleop_control.nodes.scenario import load_scenario, main
+
+FILE = """
+scenario:
+  ros__parameters: {nodes: [sfj_sim, omni_sim, force_controller, signal_generator], duration: 1.5}
+sfj_sim:
+  ros__parameters: {timeout: 0.2}
+omni_sim:
+  ros__parameters: {timeout: 0.2, rate: 500.0}
+force_controller:
+  ros__parameters: {timeout: 0.2, master_rate: 500.0}
+signal_generator:
+  ros__parameters:
+    rate: 200.0
+    stage1: {enabled: true, step: {enabled: true, amplitude: 0.05}}
+"""
+
+
+@pytest.fixture
+def file(tmp_path) -> Path:
+    path = tmp_path / "scenario.yaml"
+    path.write_text(FILE)
+    return path
+
+
+def start(*arguments: str) -> subprocess.Popen:
+    return subprocess.Popen(
+        [sys.executable, "-m", "haptic_teleop_control.front_door", *arguments],
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+    )
+
+
+def started_by(pid: int) -> list[int]:
+    return [int(child) for child in Path(f"/proc/{pid}/task/{pid}/children").read_text().split()]
+
+
+def alive(pid: int) -> bool:
+    try:
+        return "State:\tZ" not in Path(f"/proc/{pid}/status").read_text()
+    except FileNotFoundError:
+        return False
+
+
+def until(condition, deadline=30.0):
+    end = time.monotonic() + deadline
+    while not condition():
+        assert time.monotonic() < end, "not in time"
+        time.sleep(0.02)
+
+
+@pytest.mark.parametrize("mode", [[], ["--processes"]])
+def test_a_scenario_moves_the_plant_and_ends_by_itself_with_0(file, mode):
+    process = start("scenario", str(file), *mode)
+    _, errors = process.communicate(timeout=60)
+    assert process.returncode == 0, errors
+    angles = [
+        float(line.split("stage 1:")[1].split()[0]) for line in errors.splitlines() if "stage 1:" in line
+    ]
+    assert angles[-1] > 0.05, errors
+
+
+def test_a_recorded_scenario_holds_the_zero_output_of_the_end(file, tmp_path):
+    from haptic_teleop_control.recording.reader import read_recording
+
+    bag = tmp_path / "bag"
+    process = start("scenario", str(file), "--record", str(bag))
+    _, errors = process.communicate(timeout=60)
+    assert process.returncode == 0, errors
+    recording = read_recording(bag)
+    assert recording.complete
+    effort = recording.topics["/sfj/effort_command"].effort
+    assert abs(effort[:-5]).max() > 0.0
+    assert not effort[-1].any()
+    assert recording.experiment["kind"] == "scenario"
+    assert recording.parameters["/force_controller"]["timeout"] == 0.2
+
+
+def test_ctrl_c_ends_everything_with_0(file):
+    process = start("scenario", str(file), "--duration", "0")
+    until(lambda: started_by(process.pid))
+    children = started_by(process.pid)
+    time.sleep(2.0)
+    process.send_signal(signal.SIGINT)
+    _, errors = process.communicate(timeout=30)
+    assert process.returncode == 0, errors
+    assert not any(alive(child) for child in children)
+
+
+def test_children_end_when_the_scenario_is_killed(file):
+    process = start("scenario", str(file), "--duration", "0")
+    until(lambda: started_by(process.pid))
+    children = started_by(process.pid)
+    time.sleep(1.5)
+    process.kill()
+    process.communicate()
+    until(lambda: not any(alive(child) for child in children), 10.0)
+
+
+def test_a_child_that_ignores_what_it_is_told_is_killed_in_the_end(monkeypatch):
+    from haptic_teleop_control.nodes import children
+
+    monkeypatch.setattr(
+        children, "STOPPING", ((signal.SIGINT, 0.2), (signal.SIGTERM, 0.2), (signal.SIGKILL, 5.0))
+    )
+    child = Child("composed", ["sfj_sim"])
+    try:
+        os.kill(child.process.pid, signal.SIGSTOP)  # it can hear nothing
+        assert stop_all([child]) == {"composed": 128 + signal.SIGKILL}
+    finally:
+        child.process.kill()
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "named"),
+    [
+        ("sfj_sim:\n", "sfj_smi:\n", "sfj_smi"),
+        ("timeout: 0.2}", "tiemout: 0.2}", "tiemout"),
+        ("duration: 1.5", "duration: .nan", "duration"),
+        ("duration: 1.5", "durations: 1.5", "durations"),
+        ("nodes: [sfj_sim,", "nodes: [sfj_smi,", "sfj_smi"),
+        ("nodes: [sfj_sim,", "nodes: [omni_sim,", "twice"),
+        ("rate: 200.0", "rate: fast", "rate"),
+    ],
+)
+def test_a_mistake_anywhere_in_the_file_is_one_sentence_before_anything_starts(file, capsys, old, new, named):
+    file.write_text(FILE.replace(old, new))
+    assert main([str(file)]) == 2
+    error = capsys.readouterr().err.strip()
+    assert len(error.splitlines()) == 1
+    assert named in error
+
+
+def test_a_node_that_refuses_its_parameters_ends_the_scenario_with_2(file):
+    file.write_text(FILE.replace("timeout: 0.2, master_rate: 500.0", "master: sfj, slave: omni"))
+    process = start("scenario", str(file))
+    _, errors = process.communicate(timeout=60)
+    assert process.returncode == 2, errors
+    assert "scenario 2" in errors
+
+
+def test_the_shipped_scenario_is_that_of_the_thesis(repository):
+    scenario = load_scenario(repository / "config" / "scenario1_sim.yaml", {"record": "somewhere"})
+    assert scenario.nodes == ("sfj_sim", "omni_sim", "force_controller", "signal_generator")
+    assert scenario.record == "somewhere"
+    with pytest.raises(ConfigurationError):
+        load_scenario(repository / "config" / "scenario1_sim.yaml", {"duration": -1.0})
