@@ -3,7 +3,8 @@
 `config/models/` holds the same numbers as model files, to be copied and changed.
 
 Sources: torque constants, stiffness and ranges as in `robots.py`. Inertias: the drives from rotor and fixture
-of Quanser's configuration of the sibling 2DSFL, the arms from its CAD data (the arms of the 2DSFJ differ). Drive
+of Quanser's configuration of the sibling 2DSFL, the arms from its CAD data (the arms of the 2DSFJ differ).
+Drive
 friction: regression on recorded data of a 2DSFL, stage 2 converted to its gear ratio. Damping of the arms:
 *assumed*. Omni: Y and Z inertia from published three-axis models, X the mean part of the same model's turret
 inertia; friction in the form of equation (22), *assumed* within the 0.26 N that the data sheet states.

@@ -1,4 +1,5 @@
-"""The hardware between one joint and the messages: amplifier before it, encoders and current sense behind it."""
+"""The hardware between one joint and the messages: amplifier before it, encoders and current sense behind it.
+"""
 
 from __future__ import annotations
 
@@ -14,8 +15,8 @@ from .model import Model
 class JointHardware:
     """One joint with its hardware; a resolution of 0 is none.
 
-    model: the plant, a model of this joint (see `Model`). Raises ConfigurationError naming the field for a value
-    outside its range.
+    model: the plant, a model of this joint (see `Model`). Raises ConfigurationError naming the field for a
+    value outside its range.
     """
 
     model: Model

@@ -1,4 +1,6 @@
-"""A model: a structure, its parameters and a list of effects; the model file that every tool reads and writes."""
+"""A model: a structure, its parameters and a list of effects; the model file that every tool reads and
+writes.
+"""
 
 from __future__ import annotations
 
@@ -16,13 +18,24 @@ from haptic_teleop_control.errors import ModelError
 from .effects import EffectEntry, effect_entry, locations
 
 STRUCTURES: dict[str, tuple[str, ...]] = {
-    "flexible_joint": ("torque_constant", "stiffness", "motor_inertia", "motor_damping", "arm_inertia", "arm_damping"),
+    "flexible_joint": (
+        "torque_constant",
+        "stiffness",
+        "motor_inertia",
+        "motor_damping",
+        "arm_inertia",
+        "arm_damping",
+    ),
     "rigid_body": ("torque_constant", "motor_inertia", "motor_damping"),
 }
 #: Units for a rotary joint; the torque constant of a generic or Omni model is a plain gain.
 PARAMETER_UNITS = {
-    "torque_constant": "N*m/A", "stiffness": "N*m/rad", "motor_inertia": "kg*m^2", "motor_damping": "N*m*s/rad",
-    "arm_inertia": "kg*m^2", "arm_damping": "N*m*s/rad",
+    "torque_constant": "N*m/A",
+    "stiffness": "N*m/rad",
+    "motor_inertia": "kg*m^2",
+    "motor_damping": "N*m*s/rad",
+    "arm_inertia": "kg*m^2",
+    "arm_damping": "N*m*s/rad",
 }
 JOINTS = {"sfj": ("stage1", "stage2"), "omni": ("omni_x", "omni_y", "omni_z")}
 _POSITIVE = ("torque_constant", "stiffness", "motor_inertia", "arm_inertia")
@@ -47,14 +60,17 @@ class Effect:
     @property
     def values(self) -> dict[str, float]:
         """All parameters in the entry's order, defaults filled in."""
-        return {p.name: float(self.parameters.get(p.name, p.default if p.default is not None else math.nan))
-                for p in self.entry.parameters}
+        return {
+            p.name: float(self.parameters.get(p.name, p.default if p.default is not None else math.nan))
+            for p in self.entry.parameters
+        }
 
 
 @dataclass(frozen=True)
 class Model:
-    """What the model file says.  ``parameters`` in SI units; ``fixed`` names what is not estimated: names of the
-    structure's parameters, or ``<location>.<effect>.<parameter>``."""
+    """What the model file says.  ``parameters`` in SI units; ``fixed`` names what is not estimated: names of
+    the structure's parameters, or ``<location>.<effect>.<parameter>``.
+    """
 
     robot: str
     joint: str
@@ -108,8 +124,11 @@ class Model:
             else:
                 head, _, tail = name.rpartition(".")
                 effects[places[head]][tail] = float(value)
-        return replace(self, parameters=base, effects=tuple(
-            replace(e, parameters=p) for e, p in zip(self.effects, effects, strict=True)))
+        return replace(
+            self,
+            parameters=base,
+            effects=tuple(replace(e, parameters=p) for e, p in zip(self.effects, effects, strict=True)),
+        )
 
     def with_effects(self, *effects: Effect) -> Model:
         """A copy with further effects."""
@@ -118,10 +137,20 @@ class Model:
     def to_mapping(self) -> dict[str, Any]:
         """The model file's content."""
         content: dict[str, Any] = {
-            "haptic_teleop_model": 1, "robot": self.robot, "joint": self.joint, "structure": self.structure,
-            "parameters": {n: float(v) for n, v in self.parameters.items()}, "fixed": list(self.fixed),
-            "effects": [{"effect": e.effect, "location": e.location,
-                         "parameters": {n: float(v) for n, v in e.parameters.items()}} for e in self.effects],
+            "haptic_teleop_model": 1,
+            "robot": self.robot,
+            "joint": self.joint,
+            "structure": self.structure,
+            "parameters": {n: float(v) for n, v in self.parameters.items()},
+            "fixed": list(self.fixed),
+            "effects": [
+                {
+                    "effect": e.effect,
+                    "location": e.location,
+                    "parameters": {n: float(v) for n, v in e.parameters.items()},
+                }
+                for e in self.effects
+            ],
         }
         if self.io is not None:
             content["io"] = dict(self.io)
@@ -141,9 +170,13 @@ def load_model(path: str | Path) -> Model:
     except FileNotFoundError:
         raise ModelError(f"{path}: there is no such model file; give the path of a model YAML") from None
     except (OSError, UnicodeDecodeError) as error:
-        raise ModelError(f"{path}: the model file cannot be read ({error}); give a readable YAML file") from None
+        raise ModelError(
+            f"{path}: the model file cannot be read ({error}); give a readable YAML file"
+        ) from None
     except yaml.YAMLError as error:
-        raise ModelError(f"{path}: this is not valid YAML ({' '.join(str(error).split())}); mend it there") from None
+        raise ModelError(
+            f"{path}: this is not valid YAML ({' '.join(str(error).split())}); mend it there"
+        ) from None
     return model_from_mapping(content, str(path))
 
 
@@ -162,9 +195,14 @@ def model_from_mapping(content: object, source: str = "the model") -> Model:
     if not isinstance(content["parameters"], Mapping):
         raise ModelError(f"{source}: 'parameters' must map names to numbers")
     return Model(
-        robot=str(content["robot"]), joint=str(content["joint"]), structure=str(content["structure"]),
-        parameters=dict(content["parameters"]), fixed=tuple(str(f) for f in fixed),
-        effects=tuple(_effect(e, source) for e in effects), io=content.get("io"), source=source,
+        robot=str(content["robot"]),
+        joint=str(content["joint"]),
+        structure=str(content["structure"]),
+        parameters=dict(content["parameters"]),
+        fixed=tuple(str(f) for f in fixed),
+        effects=tuple(_effect(e, source) for e in effects),
+        io=content.get("io"),
+        source=source,
     )
 
 
@@ -197,14 +235,18 @@ def _check(model: Model) -> None:
     if model.robot not in ("sfj", "omni", "generic"):
         raise ModelError(f"{source}: robot is {model.robot!r}; give sfj, omni or generic")
     if model.robot in JOINTS and model.joint not in JOINTS[model.robot]:
-        raise ModelError(f"{source}: joint is {model.joint!r}; robot {model.robot} has {', '.join(JOINTS[model.robot])}")
+        raise ModelError(
+            f"{source}: joint is {model.joint!r}; robot {model.robot} has {', '.join(JOINTS[model.robot])}"
+        )
     if model.structure not in STRUCTURES:
         raise ModelError(f"{source}: structure is {model.structure!r}; give {' or '.join(STRUCTURES)}")
     names = STRUCTURES[model.structure]
     _known(model.parameters, names, source, f"parameter of {model.structure}:")
     for name in names:
         if name not in model.parameters:
-            raise ModelError(f"{source}: parameter {name!r} is missing; {model.structure} needs {', '.join(names)}")
+            raise ModelError(
+                f"{source}: parameter {name!r} is missing; {model.structure} needs {', '.join(names)}"
+            )
         value = _number(model.parameters[name], f"parameter {name}", source)
         if name in _POSITIVE and value <= 0.0:
             raise ModelError(f"{source}: parameter {name} is {value}; it must be greater than zero")
@@ -218,28 +260,36 @@ def _check(model: Model) -> None:
     for name in model.fixed:
         if name not in known:
             near = difflib.get_close_matches(name, known, n=1)
-            raise ModelError(f"{source}: 'fixed' names {name!r}, which the model does not have; "
-                             + (f"did you mean {near[0]!r}?" if near else f"it has {', '.join(known)}"))
+            raise ModelError(
+                f"{source}: 'fixed' names {name!r}, which the model does not have; "
+                + (f"did you mean {near[0]!r}?" if near else f"it has {', '.join(known)}")
+            )
 
 
 def _check_effect(model: Model, effect: Effect) -> None:
     source = model.source
     entry = effect_entry(effect.effect, source)
-    # gravity and payload_change at the motor of a flexible joint are physical, if unusual: allow them to simulate.
+    # gravity and payload_change at the motor of a flexible joint are physical, if unusual: allow them to
+    # simulate.
     places = tuple(p for p in entry.where) if not model.rigid else locations(effect.effect, model.structure)
     allowed = [model.location(place) for place in places]
     if effect.location not in allowed:
-        raise ModelError(f"{source}: {effect.effect} cannot sit at {effect.location!r}; "
-                         + (f"possible: {', '.join(allowed)}" if allowed
-                            else f"a {model.structure} has no place for it"))
+        raise ModelError(
+            f"{source}: {effect.effect} cannot sit at {effect.location!r}; "
+            + (f"possible: {', '.join(allowed)}" if allowed else f"a {model.structure} has no place for it")
+        )
     _known(effect.parameters, entry.parameter_names, source, f"parameter of {effect.effect}:")
     for parameter in entry.parameters:
         name = f"{effect.effect}.{parameter.name}"
         if parameter.name not in effect.parameters:
             if parameter.default is None:
-                raise ModelError(f"{source}: {name} is missing; add it ({parameter.meaning}, {parameter.unit})")
+                raise ModelError(
+                    f"{source}: {name} is missing; add it ({parameter.meaning}, {parameter.unit})"
+                )
             continue
         value = _number(effect.parameters[parameter.name], name, source)
         if not parameter.minimum <= value <= parameter.maximum:
-            raise ModelError(f"{source}: {name} is {value}; it must lie between {parameter.minimum} and "
-                             f"{parameter.maximum} {parameter.unit}")
+            raise ModelError(
+                f"{source}: {name} is {value}; it must lie between {parameter.minimum} and "
+                f"{parameter.maximum} {parameter.unit}"
+            )

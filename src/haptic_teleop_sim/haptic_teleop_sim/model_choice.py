@@ -13,8 +13,8 @@ from .model import Effect, Model, load_model
 def choose_model(
     joint: str, path: str, built_in: Callable[[str], Model], folder: str | Path | None, source: str
 ) -> Model:
-    """The model of `joint`: from the file `path`, looked for beside the parameter file (`folder`), then from the
-    working directory; the built-in one when `path` is empty.
+    """The model of `joint`: from the file `path`, looked for beside the parameter file (`folder`), then from
+    the working directory; the built-in one when `path` is empty.
 
     Raises ConfigurationError when there is no such file, ModelError when it is no model of this joint.
     """
@@ -36,18 +36,20 @@ def check_joint(model: Model, joint: str) -> Model:
     """`model`; ModelError when it is one of another joint."""
     if model.joint != joint:
         raise ModelError(
-            f"{model.source}: this is a model of {model.joint}, where one of {joint} is needed; give that one, or "
-            f"leave {joint}.model empty for the built-in model."
+            f"{model.source}: this is a model of {model.joint}, where one of {joint} is needed; "
+            f"give that one, or leave {joint}.model empty for the built-in model."
         )
     return model
 
 
 def add_effect(model: Model, effect: Effect, reason: str) -> Model:
-    """`model` with one more effect; ModelError that names `reason` (a parameter) when it has that one already."""
+    """`model` with one more effect; ModelError that names `reason` (a parameter) when it has that one
+    already.
+    """
     for present in model.effects:
         if (present.effect, present.location) == (effect.effect, effect.location):
             raise ModelError(
-                f"{model.source}: the model has {effect.effect} at {effect.location} already, and {reason} asks for "
-                "another; take one of the two away."
+                f"{model.source}: the model has {effect.effect} at {effect.location} already, "
+                f"and {reason} asks for another; take one of the two away."
             )
     return model.with_effects(effect)

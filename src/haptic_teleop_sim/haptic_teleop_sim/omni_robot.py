@@ -98,7 +98,8 @@ class OmniSettings:
     def from_parameters(
         cls, values: Mapping[str, Any], folder: str | Path | None = None, source: str = "parameters"
     ) -> Self:
-        """From flat parameters (checked against OMNI_PARAMETERS); model files are looked for in `folder` first.
+        """From flat parameters (checked against OMNI_PARAMETERS); model files are looked for in `folder`
+        first.
 
         Raises ConfigurationError or ModelError naming file, key and remedy.
         """
@@ -151,8 +152,9 @@ class OmniRobot(Robot):
         operator_target: ArrayLike | None = None,
         external_torque: ArrayLike | None = None,
     ) -> StepResult:
-        """As `advance`; `operator_target` (3,), rad, is where the operator wants the device (mode follow; None:
-        at the posture). The operator's torque comes on top of `external_torque`."""
+        """As `advance`; `operator_target` (3,), rad, is where the operator wants the device (mode follow;
+        None: at the posture). The operator's torque comes on top of `external_torque`.
+        """
         operator = self.operator
         if operator.mode == "none":
             return self.advance(effort_command, external_torque)

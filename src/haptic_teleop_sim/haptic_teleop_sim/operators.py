@@ -1,11 +1,11 @@
-"""The operator's hand on the Omni: a passive impedance that holds a posture, moves along via points or follows a
-target that somebody gives.
+"""The operator's hand on the Omni: a passive impedance that holds a posture, moves along via points or
+follows a target that somebody gives.
 
     torque of the hand on an axis = stiffness (target - phi) + damping (target' - phi') - inertia phi''
 
-The part that depends on the axis becomes part of the plant (`Operator.grip`): inside the dynamics, where a spring
-and a damper can only dissipate, whatever the sampling time. What is left is `Operator.pull`, a function of time
-alone. Of one hand the three axes are taken as independent.
+The part that depends on the axis becomes part of the plant (`Operator.grip`): inside the dynamics, where a
+spring and a damper can only dissipate, whatever the sampling time. What is left is `Operator.pull`, a
+function of time alone. Of one hand the three axes are taken as independent.
 
 Between via points the hand moves with minimum jerk, from rest to rest (Flash and Hogan, J. Neurosci. 5, 1985,
 1688-1703). A given target may jump, a hand does not: it follows through a critically damped low-pass.
@@ -38,8 +38,8 @@ MODES = ("none", "hold", "trajectory", "follow")
 class Hand:
     """Impedance of the hand about one axis, and where it wants to be.
 
-    The values are *assumed*: a relaxed grip of some 0.05 kg, 3 N·s/m and 160 N/m at the end of a 0.135 m link.
-    Raises ConfigurationError naming the field for a value outside its range.
+    The values are *assumed*: a relaxed grip of some 0.05 kg, 3 N·s/m and 160 N/m at the end of a 0.135 m
+    link. Raises ConfigurationError naming the field for a value outside its range.
     """
 
     inertia: float = quantity(
@@ -59,13 +59,15 @@ class Hand:
         check_quantities(self)
         if len(self.times) != len(self.angles):
             raise ConfigurationError(
-                f"hand.angles has {len(self.angles)} elements and hand.times {len(self.times)}; give as many of both."
+                f"hand.angles has {len(self.angles)} elements and hand.times {len(self.times)}; "
+                "give as many of both."
             )
         if any(later <= earlier for earlier, later in zip(self.times, self.times[1:], strict=False)):
             raise ConfigurationError("hand.times do not increase; put them in order, each once.")
 
     def target(self, t: ArrayLike) -> tuple[Array, Array]:
-        """Angle, rad, and its rate, rad/s, of the trajectory at the times t, s; at rest before and after it."""
+        """Angle, rad, and its rate, rad/s, of the trajectory at the times t, s; at rest before and after it.
+        """
         times, angles = np.asarray(self.times), np.asarray(self.angles)
         t = np.asarray(t, dtype=np.float64)
         if len(times) == 1:
@@ -131,8 +133,9 @@ class Operator:
         )
 
     def pulls(self, t: Array, targets: Array | None = None) -> Array:
-        """Torque (time, axes), N·m, that the hand adds at the times t, s, to its impedance about zero. `targets`
-        (time, axes), rad, matter in mode follow only; NaN is no target yet, and the posture holds."""
+        """Torque (time, axes), N·m, that the hand adds at the times t, s, to its impedance about zero.
+        `targets` (time, axes), rad, matter in mode follow only; NaN is no target yet, and the posture holds.
+        """
         torque = np.zeros((len(t), len(self.hands)))
         if self.mode == "follow" and targets is not None:
             dt = float(t[1] - t[0]) if len(t) > 1 else 1.0
@@ -169,8 +172,9 @@ class Follower:
 
 @njit(cache=True)
 def follow(targets, state, rate, dt, stiffness, damping):  # type: ignore[no-untyped-def]
-    """Torques (time, axes) of a hand that follows `targets` (time, axes), held between samples, with both poles at
-    -`rate` 1/s; exact. `state` (2, axes): angle and rate of the hand, moved on."""
+    """Torques (time, axes) of a hand that follows `targets` (time, axes), held between samples, with both
+    poles at -`rate` 1/s; exact. `state` (2, axes): angle and rate of the hand, moved on.
+    """
     torques = np.empty(targets.shape)
     decay = math.exp(-rate * dt)
     for k in range(targets.shape[0]):
@@ -184,8 +188,9 @@ def follow(targets, state, rate, dt, stiffness, damping):  # type: ignore[no-unt
 
 
 def grip_model(model: Model, hand: Hand) -> Model:
-    """`model` with the hand's inertia, damping and spring about zero where the operator holds it: at the arm, or at
-    the body when it is rigid."""
+    """`model` with the hand's inertia, damping and spring about zero where the operator holds it: at the arm,
+    or at the body when it is rigid.
+    """
     place = "motor" if model.rigid else "arm"
     location = model.location(place)
     parameters = dict(model.parameters)

@@ -1,4 +1,5 @@
-"""One joint as a plant that is stepped sample by sample: the same compiled equations as a whole simulation."""
+"""One joint as a plant that is stepped sample by sample: the same compiled equations as a whole simulation.
+"""
 
 from __future__ import annotations
 
@@ -14,8 +15,8 @@ FloatArray = NDArray[np.float64]
 class Plant:
     """A model in motion.
 
-    ``dt`` > 0: sample time, s.  ``initial_state``: (4,) motor and arm angle (rad), motor and arm velocity (rad/s);
-    at rest at zero by default.  ``state``: the four and more, see `PlantBank.state`.
+    ``dt`` > 0: sample time, s.  ``initial_state``: (4,) motor and arm angle (rad), motor and arm velocity
+    (rad/s); at rest at zero by default.  ``state``: the four and more, see `PlantBank.state`.
     """
 
     def __init__(self, model: Model, dt: float, initial_state: ArrayLike | None = None) -> None:
@@ -31,8 +32,9 @@ class Plant:
         self._bank.readings()
 
     def step(self, input_: float, external_torque: float = 0.0, exogenous: float = 0.0) -> None:
-        """Advance by one sample: ``input_`` in A (sfj) or N·m acts over it, ``external_torque`` (N·m) at the arm,
-        ``exogenous`` is the other stage's arm acceleration (rad/s²)."""
+        """Advance by one sample: ``input_`` in A (sfj) or N·m acts over it, ``external_torque`` (N·m) at the
+        arm, ``exogenous`` is the other stage's arm acceleration (rad/s²).
+        """
         one = self._one
         one[0, 0], one[1, 0], one[2, 0] = input_, external_torque, exogenous
         self._bank.step(one[0], one[1], one[2])

@@ -71,7 +71,7 @@ class PlantBank:
             self._memory,
             delay,
             self._past,
-            np.zeros(5 * int(max(one.states for one in packed))),
+            np.zeros(3 * int(max(one.states for one in packed))),
         )
         self._functions = stepping()
         self._angles = np.zeros((m, 2))
@@ -91,8 +91,9 @@ class PlantBank:
         self._clock[0] = 0
 
     def state(self, joint: int) -> FloatArray:
-        """State of one joint, a view: motor and arm angle (rad), motor and arm velocity (rad/s), own states of
-        effects, disturbance torque at motor and arm (N·m)."""
+        """State of one joint, a view: motor and arm angle (rad), motor and arm velocity (rad/s), own states
+        of effects, disturbance torque at motor and arm (N·m).
+        """
         return self.states[self._layout[joint, 2] : self._layout[joint, 3]]
 
     @property
@@ -106,8 +107,9 @@ class PlantBank:
         external_torque: FloatArray | None = None,
         exogenous: FloatArray | None = None,
     ) -> None:
-        """Advance by one sample: `inputs` (m,) in A or N·m, `external_torque` (m,) N·m at the arms (at the body
-        where it is rigid), `exogenous` (m,) the other stage's arm acceleration, rad/s²."""
+        """Advance by one sample: `inputs` (m,) in A or N·m, `external_torque` (m,) N·m at the arms (at the
+        body where it is rigid), `exogenous` (m,) the other stage's arm acceleration, rad/s².
+        """
         self._functions.bank_step(
             inputs,
             self._nothing if external_torque is None else external_torque,
@@ -116,7 +118,8 @@ class PlantBank:
         )
 
     def readings(self) -> FloatArray:
-        """(m, 2) what the encoders show now, rad, before quantisation: motor, arm. To be called at every sample
-        where a model delays its readings."""
+        """(m, 2) what the encoders show now, rad, before quantisation: motor, arm. To be called at every
+        sample where a model delays its readings.
+        """
         self._functions.bank_read(self.arrays, self._angles)
         return self._angles

@@ -23,8 +23,8 @@ class Robot:
     """m joints in motion. Order of one sample: `sense`, then `step` with the effort that acts until the next
     `sense`.
 
-    names: joints, in the order of the signals. motors: the joints that take a command. dt: s. seed: of noise and
-    disturbances; equal seeds give equal runs, bit by bit.
+    names: joints, in the order of the signals. motors: the joints that take a command. dt: s. seed: of noise
+    and disturbances; equal seeds give equal runs, bit by bit.
     bank, device: what compiled loops take, see `kernel/stepping.py`.
     """
 
@@ -52,6 +52,7 @@ class Robot:
             self._flow,
             self._disturbance,
             self._acceleration,
+            np.zeros((3, m)),
             self.encoders,
         )
         self._angles = np.zeros((m, 2))
@@ -82,10 +83,11 @@ class Robot:
         return self._flow
 
     def sense(self) -> tuple[Array, Array, Array]:
-        """Position, rad, velocity, rad/s, and effort, N·m, of every joint in `names`, as the driver would publish.
+        """Position, rad, velocity, rad/s, and effort, N·m, of every joint in `names`, as the driver would
+        publish.
 
-        Call it once per sample, because the velocity filter and the noise move on. The arrays are views that the
-        next call overwrites.
+        Call it once per sample, because the velocity filter and the noise move on. The arrays are views that
+        the next call overwrites.
         """
         self._row = self._used
         if self._row == len(self._noise):
@@ -98,8 +100,8 @@ class Robot:
     def advance(self, effort_command: ArrayLike, external_torque: ArrayLike | None = None) -> StepResult:
         """One sample with `effort_command` (m,), N·m, at the motors; says what was done to it.
 
-        `external_torque` (m,), N·m, acts at the arms, or at the bodies where they are rigid; a value that is not
-        finite counts as zero.
+        `external_torque` (m,), N·m, acts at the arms, or at the bodies where they are rigid; a value that is
+        not finite counts as zero.
         """
         self._effort[:] = effort_command
         self._external[:] = 0.0 if external_torque is None else external_torque

@@ -1,4 +1,5 @@
-"""The simulated Quanser 2DSFJ: two flexible joints, and around them encoders, amplifiers and current sense."""
+"""The simulated Quanser 2DSFJ: two flexible joints, and around them encoders, amplifiers and current sense.
+"""
 
 from __future__ import annotations
 
@@ -25,7 +26,8 @@ from .step_result import StepResult
 AMPLIFIER_RESOLUTION = 20.0 / 2**12 * 0.5
 #: 20 V over 2^14 steps of the analog input, at 2 A/V.
 SENSE_RESOLUTION = 20.0 / 2**14 * 2.0
-#: A; on a 2DSFL, with the same amplifier, offsets between -9 and -23 mA and 5 to 16 mA of noise were recorded.
+#: A; on a 2DSFL, with the same amplifier, offsets between -9 and -23 mA and 5 to 16 mA of noise were
+#: recorded.
 SENSE_OFFSET = {"stage1": -0.015, "stage2": -0.02}
 SENSE_NOISE = 0.01
 
@@ -84,7 +86,9 @@ class Surroundings:
 
 
 def stage_hardware(stage: str, model: Model | None = None, **changes: float) -> JointHardware:
-    """The facts of `stage` ("stage1" or "stage2") around `model` (built-in by default), and `changes` to them."""
+    """The facts of `stage` ("stage1" or "stage2") around `model` (built-in by default), and `changes` to
+    them.
+    """
     facts = SFJ_STAGES[stage]
     values: dict[str, float] = {
         "torque_constant": facts.torque_constant,
@@ -140,7 +144,8 @@ class SfjSettings:
     def from_parameters(
         cls, values: Mapping[str, Any], folder: str | Path | None = None, source: str = "parameters"
     ) -> Self:
-        """From flat parameters (checked against SFJ_PARAMETERS); model files are looked for in `folder` first.
+        """From flat parameters (checked against SFJ_PARAMETERS); model files are looked for in `folder`
+        first.
 
         Raises ConfigurationError or ModelError naming file, key and remedy.
         """
@@ -154,8 +159,9 @@ class SfjSettings:
 
 
 class SfjRobot(Robot):
-    """The 2DSFJ in motion: efforts of the motors are measured current times nominal torque constant, those of the
-    arms Te = Ks (theta_motor - theta_arm) of the quantised positions. Commands are (2,), signals (4,)."""
+    """The 2DSFJ in motion: efforts of the motors are measured current times nominal torque constant, those of
+    the arms Te = Ks (theta_motor - theta_arm) of the quantised positions. Commands are (2,), signals (4,).
+    """
 
     names = SFJ_JOINTS
     motors = SFJ_MOTOR_JOINTS
@@ -181,5 +187,7 @@ class SfjRobot(Robot):
         return cls(SfjSettings.from_parameters(checked, folder, source), step, checked["seed"])
 
     def step(self, effort_command: ArrayLike, external_torque: ArrayLike | None = None) -> StepResult:
-        """As `advance`: commands (2,), N·m, at the motors, and torques (2,), N·m, of the environment on the arms."""
+        """As `advance`: commands (2,), N·m, at the motors, and torques (2,), N·m, of the environment on the
+        arms.
+        """
         return self.advance(effort_command, external_torque)

@@ -51,8 +51,8 @@ def lag_step(torque, time, dt, p, k, z, o):
 
 @njit(cache=True)
 def delay_step(torque, time, dt, p, k, z, o):
-    # z[o] counts the samples, the rest is a ring of past torques.  A delay of d samples and a fraction f means
-    # that within this sample the older value acts for the time f: the mean is the linear interpolation.
+    # z[o] counts the samples, the rest is a ring of past torques.  A delay of d samples and a fraction f
+    # means that within this sample the older value acts for the time f: the mean is the linear interpolation.
     size = DELAY_MEMORY - 1
     n = int(z[o])
     z[o + 1 + n % size] = torque
@@ -74,48 +74,97 @@ def _duration(name: str, meaning: str, typical: float, maximum: float) -> Effect
 
 
 GAIN_ERROR = EffectEntry(
-    name="gain_error", kind="input", where=("actuator",),
-    parameters=(EffectParameter("gain", "1", "acting over commanded torque", minimum=0.01, maximum=100.0,
-                                typical=1.2, neutral=1.0),),
+    name="gain_error",
+    kind="input",
+    where=("actuator",),
+    parameters=(
+        EffectParameter(
+            "gain", "1", "acting over commanded torque", minimum=0.01, maximum=100.0, typical=1.2, neutral=1.0
+        ),
+    ),
     sentence="the actuator gives more (or less) torque than its nominal constant says",
     step=gain_step,
 )
 GAIN_DRIFT = EffectEntry(
-    name="gain_drift", kind="input", where=("actuator",),
+    name="gain_drift",
+    kind="input",
+    where=("actuator",),
     parameters=(
-        EffectParameter("change", "1", "relative change of the gain, in the end", minimum=-0.99, maximum=10.0,
-                        typical=-0.2),
-        EffectParameter("time_constant", "s", "time over which it changes", minimum=0.05, typical=0.3,
-                        scale="duration", grid=(0.1, 0.4, 1.5), neutral=None),
+        EffectParameter(
+            "change",
+            "1",
+            "relative change of the gain, in the end",
+            minimum=-0.99,
+            maximum=10.0,
+            typical=-0.2,
+        ),
+        EffectParameter(
+            "time_constant",
+            "s",
+            "time over which it changes",
+            minimum=0.05,
+            typical=0.3,
+            scale="duration",
+            grid=(0.1, 0.4, 1.5),
+            neutral=None,
+        ),
     ),
     sentence="the torque per current changes in the course of the recording, as a warming motor's does",
     step=gain_drift_step,
 )
 TORQUE_SATURATION = EffectEntry(
-    name="torque_saturation", kind="input", where=("actuator",),
-    parameters=(EffectParameter("limit", "N*m", "largest torque that acts", minimum=1e-9, typical=1.2,
-                                scale="torque", grid=(2.0, 1.2, 0.8), neutral=math.inf),),
+    name="torque_saturation",
+    kind="input",
+    where=("actuator",),
+    parameters=(
+        EffectParameter(
+            "limit",
+            "N*m",
+            "largest torque that acts",
+            minimum=1e-9,
+            typical=1.2,
+            scale="torque",
+            grid=(2.0, 1.2, 0.8),
+            neutral=math.inf,
+        ),
+    ),
     sentence="the actuator gives no more than a certain torque",
     step=saturation_step,
 )
 DEAD_ZONE = EffectEntry(
-    name="dead_zone", kind="input", where=("actuator",),
-    parameters=(EffectParameter("width", "N*m", "full width of the band of torques that give none", minimum=0.0,
-                                typical=0.4, scale="torque"),),
+    name="dead_zone",
+    kind="input",
+    where=("actuator",),
+    parameters=(
+        EffectParameter(
+            "width",
+            "N*m",
+            "full width of the band of torques that give none",
+            minimum=0.0,
+            typical=0.4,
+            scale="torque",
+        ),
+    ),
     sentence="small commanded torques have no effect",
     step=dead_zone_step,
 )
 ACTUATOR_LAG = EffectEntry(
-    name="actuator_lag", kind="input", where=("actuator",),
+    name="actuator_lag",
+    kind="input",
+    where=("actuator",),
     parameters=(_duration("time_constant", "time constant of the first-order response", 0.02, 5.0),),
     sentence="the torque follows its command with a first-order lag",
-    step=lag_step, states=1,
+    step=lag_step,
+    states=1,
 )
 INPUT_DELAY = EffectEntry(
-    name="input_delay", kind="input", where=("actuator",),
+    name="input_delay",
+    kind="input",
+    where=("actuator",),
     parameters=(_duration("delay", "delay between command and torque", 0.01, 0.25),),
     sentence="the torque acts a fixed time after its command",
-    step=delay_step, states=DELAY_MEMORY,
+    step=delay_step,
+    states=DELAY_MEMORY,
 )
 
 ENTRIES = (INPUT_DELAY, ACTUATOR_LAG, TORQUE_SATURATION, DEAD_ZONE, GAIN_ERROR, GAIN_DRIFT)

@@ -17,9 +17,8 @@ from typing import Any, Literal
 Kind = Literal["torque", "friction", "friction_factor", "inertia", "input", "output", "skew"]
 Place = Literal["motor", "arm", "joint", "actuator", "motor_encoder", "arm_encoder"]
 
-#: Displacement (rad) over which dry friction turns round when the motion does: so small that it counts as a
-#: sticking contact, large enough to integrate (some encoder counts; asperities of steel give as much).
-STICTION_ANGLE = 2e-4
+#: Velocity (rad/s) within which the sign of a velocity is smoothed, unless the effect says otherwise.
+SMOOTHING_VELOCITY = 0.005
 
 
 @dataclass(frozen=True)
@@ -39,8 +38,19 @@ class EffectParameter:
     minimum: float = -math.inf
     maximum: float = math.inf
     typical: float = 0.1
-    scale: Literal["torque", "angle", "deflection", "velocity", "stiffness", "damping", "inertia",
-                   "drag", "cubic", "duration", "one"] = "one"
+    scale: Literal[
+        "torque",
+        "angle",
+        "deflection",
+        "velocity",
+        "stiffness",
+        "damping",
+        "inertia",
+        "drag",
+        "cubic",
+        "duration",
+        "one",
+    ] = "one"
     grid: tuple[float, ...] = ()
     default: float | None = None
     neutral: float | None = 0.0
@@ -50,21 +60,16 @@ class EffectParameter:
 class EffectEntry:
     """One effect of the vocabulary.
 
-    ``equation(s, p)`` is written once, with sympy symbols, and returns the torque that the effect adds (N·m, in
-    the positive direction of its location; at the joint: added to the coupling torque that the motor exerts on
-    the arm), the factor on friction, the added inertia, or the encoder's reading.  ``p`` holds the effect's
-    parameters by name; ``s`` holds ``position``, ``velocity`` (of the location; at the joint motor minus arm),
-    ``deflection`` (motor minus arm), ``stiffness`` (of the structure), ``time``, ``exogenous`` (a recorded
-    signal, see ``exogenous``), ``state0`` and ``state1`` (own states), and the helpers of ``symbols.py``.
-    ``rates`` gives the time derivatives of the own states in the same symbols.
-    ``s.direction`` is a memory between -1 and 1 that follows the direction of motion of the location over a small
-    displacement D, d direction = (dq - |dq| direction) / D (Dahl 1968), which the kernel integrates exactly; ``memory``
-    says where D comes from: ``direction`` (``STICTION_ANGLE``, or no memory but tanh(velocity / smoothing) where the
-    effect's parameter ``smoothing`` is above zero), ``ratio`` (first over second parameter), ``displacement`` (second
-    parameter).
-    ``rate(p, ks)`` bounds the added stiffness (N·m/rad) and damping (N·m·s/rad), from which the step is chosen, and, as a third number, the rate of own states (1/s).
-    An ``input`` effect is a compiled function ``step(torque, time, dt, parameters, offset, states, state_offset)``
-    with ``states`` places for its memory.
+    ``equation(s, p)`` is written once, with sympy symbols, and returns the torque that the effect adds (N·m,
+    in the positive direction of its location; at the joint: added to the coupling torque that the motor
+    exerts on the arm), the factor on friction, the added inertia, or the encoder's reading.  ``p`` holds the
+    effect's parameters by name; ``s`` holds ``position``, ``velocity`` (of the location; at the joint motor
+    minus arm), ``deflection`` (motor minus arm), ``stiffness`` (of the structure), ``time``, ``exogenous`` (a
+    recorded signal, see ``exogenous``), ``state0`` and ``state1`` (own states), and the helpers of
+    ``symbols.py``. ``rates`` gives the time derivatives of the own states in the same symbols. ``rate(p,
+    ks)`` bounds the added stiffness (N·m/rad) and damping (N·m·s/rad), from which the step is chosen, and, as
+    a third number, the rate of own states (1/s). An ``input`` effect is a compiled function ``step(torque,
+    time, dt, parameters, offset, states, state_offset)`` with ``states`` places for its memory.
     """
 
     name: str
@@ -78,7 +83,6 @@ class EffectEntry:
     exogenous: Literal["", "other_arm_acceleration"] = ""
     step: Callable[..., float] | None = None
     states: int = 0
-    memory: Literal["", "direction", "ratio", "displacement"] = ""
     rigid_body: bool = True
 
     def __post_init__(self) -> None:

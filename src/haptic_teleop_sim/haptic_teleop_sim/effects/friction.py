@@ -2,17 +2,18 @@
 
 from __future__ import annotations
 
-from .entry import STICTION_ANGLE, EffectEntry, EffectParameter
+from .entry import SMOOTHING_VELOCITY, EffectEntry, EffectParameter
 
 _SMOOTHING = EffectParameter(
-    "smoothing", "rad/s", "velocity within which the sign of the velocity is smoothed, 1/beta of equation 22; "
-    "0: friction that sticks", minimum=0.0, maximum=10.0, default=0.0, neutral=None, scale="velocity",
+    "smoothing",
+    "rad/s",
+    "velocity within which the sign is smoothed (1/beta of equation 22)",
+    minimum=1e-6,
+    maximum=10.0,
+    default=SMOOTHING_VELOCITY,
+    neutral=None,
+    scale="velocity",
 )
-
-
-def _rate(torque: float, smoothing: float) -> tuple[float, float]:
-    """Stiffness of the sticking contact, or the slope of the smoothed sign."""
-    return (0.0, abs(torque) / smoothing) if smoothing > 0.0 else (abs(torque) / STICTION_ANGLE, 0.0)
 
 
 def _torque(name: str, meaning: str, typical: float = 0.2) -> EffectParameter:
@@ -20,101 +21,198 @@ def _torque(name: str, meaning: str, typical: float = 0.2) -> EffectParameter:
 
 
 COULOMB = EffectEntry(
-    name="coulomb_friction", kind="friction", where=("motor", "arm"),
+    name="coulomb_friction",
+    kind="friction",
+    where=("motor", "arm"),
     parameters=(_torque("torque", "friction torque while sliding"), _SMOOTHING),
     sentence="a dry friction torque of constant size opposes the motion",
-    equation=lambda s, p: -p.torque * s.direction,
-    rate=lambda p, ks: _rate(p["torque"], p["smoothing"]), memory="direction",
+    equation=lambda s, p: -p.torque * s.sign(s.velocity, p.smoothing),
+    rate=lambda p, ks: (0.0, abs(p["torque"]) / p["smoothing"]),
 )
 
 STRIBECK = EffectEntry(
-    name="stribeck_friction", kind="friction", where=("motor", "arm"),
+    name="stribeck_friction",
+    kind="friction",
+    where=("motor", "arm"),
     parameters=(
         _torque("coulomb", "friction torque at speed (Fc of equation 22)", 0.15),
         _torque("breakaway", "friction torque where sliding starts (Fc + Fcs)", 0.3),
-        EffectParameter("velocity", "rad/s", "velocity over which friction falls (1/alpha)",
-                        minimum=1e-4, typical=0.2, scale="velocity", grid=(0.05, 0.2, 0.6), neutral=None),
+        EffectParameter(
+            "velocity",
+            "rad/s",
+            "velocity over which friction falls (1/alpha)",
+            minimum=1e-4,
+            typical=0.2,
+            scale="velocity",
+            grid=(0.05, 0.2, 0.6),
+            neutral=None,
+        ),
         _SMOOTHING,
     ),
     sentence="dry friction is largest where the motion starts and falls with speed (equation 22)",
-    equation=lambda s, p: -(p.coulomb + (p.breakaway - p.coulomb) / s.cosh(s.velocity / p.velocity))
-    * s.direction,
-    rate=lambda p, ks: _rate(max(p["breakaway"], p["coulomb"]), p["smoothing"]), memory="direction",
+    equation=lambda s, p: (
+        -(p.coulomb + (p.breakaway - p.coulomb) * s.sech(s.velocity / p.velocity))
+        * s.sign(s.velocity, p.smoothing)
+    ),
+    rate=lambda p, ks: (0.0, max(abs(p["breakaway"]), abs(p["coulomb"])) / p["smoothing"]),
 )
 
 ASYMMETRIC = EffectEntry(
-    name="asymmetric_friction", kind="friction", where=("motor", "arm"),
+    name="asymmetric_friction",
+    kind="friction",
+    where=("motor", "arm"),
     parameters=(
         _torque("positive", "friction torque while moving in the positive direction"),
         _torque("negative", "friction torque while moving in the negative direction", 0.1),
         _SMOOTHING,
     ),
     sentence="dry friction differs between the two directions of motion",
-    equation=lambda s, p: -((p.positive + p.negative) * s.direction
-                            + (p.positive - p.negative) * s.direction ** 2) / 2,
-    rate=lambda p, ks: _rate(2 * max(p["positive"], p["negative"]), p["smoothing"]), memory="direction",
+    equation=lambda s, p: (
+        -(
+            (p.positive + p.negative) * s.sign(s.velocity, p.smoothing)
+            + (p.positive - p.negative) * s.sign(s.velocity, p.smoothing) ** 2
+        )
+        / 2
+    ),
+    rate=lambda p, ks: (0.0, 2 * max(abs(p["positive"]), abs(p["negative"])) / p["smoothing"]),
 )
 
 PRESLIDING = EffectEntry(
-    name="presliding_friction", kind="friction", where=("motor", "arm"),
+    name="presliding_friction",
+    kind="friction",
+    where=("motor", "arm"),
     parameters=(
         _torque("torque", "friction torque while sliding"),
-        EffectParameter("stiffness", "N*m/rad", "stiffness of the contact before it slides", minimum=1e-9,
-                        typical=3.0, scale="stiffness", grid=(1.0, 4.0, 16.0), neutral=None),
+        EffectParameter(
+            "stiffness",
+            "N*m/rad",
+            "stiffness of the contact before it slides",
+            minimum=1e-9,
+            typical=3.0,
+            scale="stiffness",
+            grid=(1.0, 4.0, 16.0),
+            neutral=None,
+        ),
     ),
     sentence="friction builds up over a small elastic displacement before the contact slides (Dahl)",
-    equation=lambda s, p: -p.torque * s.direction,
-    rate=lambda p, ks: (abs(p["stiffness"]), 0.0), memory="ratio",
+    equation=lambda s, p: -p.stiffness * s.state0,
+    rates=(lambda s, p: s.velocity - p.stiffness / (p.torque + 1e-9) * s.abs(s.velocity) * s.state0,),
+    rate=lambda p, ks: (abs(p["stiffness"]), 0.0, 5.0 * p["stiffness"] / (p["torque"] + 1e-9)),
 )
 
 QUADRATIC_DRAG = EffectEntry(
-    name="quadratic_drag", kind="friction", where=("motor", "arm"),
-    parameters=(EffectParameter("coefficient", "N*m*s^2/rad^2", "torque per squared velocity", minimum=0.0,
-                                typical=0.2, scale="drag"),),
+    name="quadratic_drag",
+    kind="friction",
+    where=("motor", "arm"),
+    parameters=(
+        EffectParameter(
+            "coefficient",
+            "N*m*s^2/rad^2",
+            "torque per squared velocity",
+            minimum=0.0,
+            typical=0.2,
+            scale="drag",
+        ),
+    ),
     sentence="a drag that grows with the square of the speed opposes the motion",
     equation=lambda s, p: -p.coefficient * s.velocity * s.abs(s.velocity),
 )
 
 POSITION_DEPENDENT = EffectEntry(
-    name="position_dependent_friction", kind="friction", where=("motor", "arm"),
+    name="position_dependent_friction",
+    kind="friction",
+    where=("motor", "arm"),
     parameters=(
         _torque("torque", "mean friction torque"),
-        EffectParameter("amplitude", "N*m", "how far friction varies about its mean", minimum=0.0, typical=0.15,
-                        scale="torque"),
-        EffectParameter("order", "cycles/rev", "cycles per revolution", minimum=0.1, maximum=500.0, typical=3.0,
-                        grid=(1, 2, 3, 4, 5, 6, 8, 10, 12, 16, 20), neutral=None),
+        EffectParameter(
+            "amplitude",
+            "N*m",
+            "how far friction varies about its mean",
+            minimum=0.0,
+            typical=0.15,
+            scale="torque",
+        ),
+        EffectParameter(
+            "order",
+            "cycles/rev",
+            "cycles per revolution",
+            minimum=0.1,
+            maximum=500.0,
+            typical=3.0,
+            grid=(1, 2, 3, 4, 5, 6, 8, 10, 12, 16, 20),
+            neutral=None,
+        ),
         EffectParameter("phase", "rad", "phase at zero angle", typical=0.5, neutral=None, default=0.0),
         _SMOOTHING,
     ),
     sentence="dry friction varies with the angle",
-    equation=lambda s, p: -(p.torque + p.amplitude * s.sin(p.order * s.position + p.phase))
-    * s.direction,
-    rate=lambda p, ks: _rate(p["torque"] + p["amplitude"], p["smoothing"]), memory="direction",
+    equation=lambda s, p: (
+        -(p.torque + p.amplitude * s.sin(p.order * s.position + p.phase)) * s.sign(s.velocity, p.smoothing)
+    ),
+    rate=lambda p, ks: (
+        abs(p["amplitude"] * p["order"]),
+        (abs(p["torque"]) + abs(p["amplitude"])) / p["smoothing"],
+    ),
 )
 
 DRIFT = EffectEntry(
-    name="friction_drift", kind="friction_factor", where=("motor", "arm"),
+    name="friction_drift",
+    kind="friction_factor",
+    where=("motor", "arm"),
     parameters=(
-        EffectParameter("change", "1", "relative change of all friction there, in the end", minimum=-1.0,
-                        maximum=20.0, typical=0.4),
-        EffectParameter("time_constant", "s", "time over which it changes", minimum=0.05, typical=0.3,
-                        scale="duration", grid=(0.1, 0.4, 1.5), neutral=None),
+        EffectParameter(
+            "change",
+            "1",
+            "relative change of all friction there, in the end",
+            minimum=-1.0,
+            maximum=20.0,
+            typical=0.4,
+        ),
+        EffectParameter(
+            "time_constant",
+            "s",
+            "time over which it changes",
+            minimum=0.05,
+            typical=0.3,
+            scale="duration",
+            grid=(0.1, 0.4, 1.5),
+            neutral=None,
+        ),
     ),
     sentence="friction changes in the course of the recording, as a drive does that warms up",
     equation=lambda s, p: 1 + p.change * (1 - s.exp(-s.time / p.time_constant)),
 )
 
 LOAD_DEPENDENT = EffectEntry(
-    name="load_dependent_friction", kind="friction", where=("motor",),
+    name="load_dependent_friction",
+    kind="friction",
+    where=("motor",),
     parameters=(
-        EffectParameter("coefficient", "1", "friction torque per transmitted joint torque", minimum=0.0,
-                        maximum=1.0, typical=0.15),
+        EffectParameter(
+            "coefficient",
+            "1",
+            "friction torque per transmitted joint torque",
+            minimum=0.0,
+            maximum=1.0,
+            typical=0.15,
+        ),
         _SMOOTHING,
     ),
     sentence="friction grows with the torque that the transmission carries",
-    equation=lambda s, p: -p.coefficient * s.abs(s.stiffness * s.deflection) * s.direction,
-    rate=lambda p, ks: _rate(0.2 * p["coefficient"] * ks, p["smoothing"]), memory="direction",
+    equation=lambda s, p: (
+        -p.coefficient * s.abs(s.stiffness * s.deflection) * s.sign(s.velocity, p.smoothing)
+    ),
+    rate=lambda p, ks: (abs(p["coefficient"]) * ks, 0.1 * abs(p["coefficient"]) * ks / p["smoothing"]),
     rigid_body=False,
 )
 
-ENTRIES = (COULOMB, STRIBECK, ASYMMETRIC, PRESLIDING, QUADRATIC_DRAG, POSITION_DEPENDENT, DRIFT, LOAD_DEPENDENT)
+ENTRIES = (
+    COULOMB,
+    STRIBECK,
+    ASYMMETRIC,
+    PRESLIDING,
+    QUADRATIC_DRAG,
+    POSITION_DEPENDENT,
+    DRIFT,
+    LOAD_DEPENDENT,
+)

@@ -7,18 +7,28 @@ import math
 from .entry import EffectEntry, EffectParameter
 
 BACKLASH = EffectEntry(
-    name="backlash", kind="torque", where=("joint",),
-    parameters=(EffectParameter("width", "rad", "full width of the gap", minimum=0.0, typical=0.15,
-                                scale="deflection"),),
+    name="backlash",
+    kind="torque",
+    where=("joint",),
+    parameters=(
+        EffectParameter(
+            "width", "rad", "full width of the gap", minimum=0.0, typical=0.15, scale="deflection"
+        ),
+    ),
     sentence="the coupling has play: within a gap it carries no torque",
     equation=lambda s, p: s.stiffness * (s.dead_band(s.position, p.width) - s.position),
     rigid_body=False,
 )
 
 HARDENING = EffectEntry(
-    name="hardening_spring", kind="torque", where=("joint",),
-    parameters=(EffectParameter("cubic", "N*m/rad^3", "cubic stiffness (negative: softening)", typical=0.3,
-                                scale="cubic"),),
+    name="hardening_spring",
+    kind="torque",
+    where=("joint",),
+    parameters=(
+        EffectParameter(
+            "cubic", "N*m/rad^3", "cubic stiffness (negative: softening)", typical=0.3, scale="cubic"
+        ),
+    ),
     sentence="the coupling gets stiffer (or softer) the further it is deflected",
     equation=lambda s, p: p.cubic * s.position**3,
     rate=lambda p, ks: (abs(p["cubic"]) * 0.3, 0.0),
@@ -26,23 +36,46 @@ HARDENING = EffectEntry(
 )
 
 HYSTERESIS = EffectEntry(
-    name="hysteresis", kind="torque", where=("joint",),
+    name="hysteresis",
+    kind="torque",
+    where=("joint",),
     parameters=(
-        EffectParameter("torque", "N*m", "largest torque of the hysteretic part", minimum=0.0, typical=0.1,
-                        scale="torque"),
-        EffectParameter("displacement", "rad", "deflection over which it builds up", minimum=1e-6, typical=0.15,
-                        scale="deflection", grid=(0.05, 0.2, 0.6), neutral=None),
+        EffectParameter(
+            "torque", "N*m", "largest torque of the hysteretic part", minimum=0.0, typical=0.1, scale="torque"
+        ),
+        EffectParameter(
+            "displacement",
+            "rad",
+            "deflection over which it builds up",
+            minimum=1e-6,
+            typical=0.15,
+            scale="deflection",
+            grid=(0.05, 0.2, 0.6),
+            neutral=None,
+        ),
     ),
     sentence="loading and unloading the coupling follow different curves (dry friction inside the spring)",
-    equation=lambda s, p: p.torque * s.direction,
-    rate=lambda p, ks: (abs(p["torque"]) / p["displacement"], 0.0), memory="displacement",
+    equation=lambda s, p: p.torque * s.state0,
+    rates=(lambda s, p: (s.velocity - s.abs(s.velocity) * s.state0) / p.displacement,),
+    # Own rate at a deflection rate of 5 rad/s, which is fast for these machines.
+    rate=lambda p, ks: (abs(p["torque"]) / p["displacement"], 0.0, 5.0 / p["displacement"]),
     rigid_body=False,
 )
 
 JOINT_DAMPING = EffectEntry(
-    name="joint_damping", kind="torque", where=("joint",),
-    parameters=(EffectParameter("coefficient", "N*m*s/rad", "torque per rate of deflection", minimum=0.0,
-                                typical=0.1, scale="damping"),),
+    name="joint_damping",
+    kind="torque",
+    where=("joint",),
+    parameters=(
+        EffectParameter(
+            "coefficient",
+            "N*m*s/rad",
+            "torque per rate of deflection",
+            minimum=0.0,
+            typical=0.1,
+            scale="damping",
+        ),
+    ),
     sentence="the coupling itself damps: a torque proportional to the rate of deflection",
     equation=lambda s, p: p.coefficient * s.velocity,
     rate=lambda p, ks: (0.0, abs(p["coefficient"])),
@@ -50,9 +83,18 @@ JOINT_DAMPING = EffectEntry(
 )
 
 INERTIAL_COUPLING = EffectEntry(
-    name="inertial_coupling", kind="torque", where=("arm",),
-    parameters=(EffectParameter("coefficient", "kg*m^2", "torque per acceleration of the other stage",
-                                typical=0.1, scale="inertia"),),
+    name="inertial_coupling",
+    kind="torque",
+    where=("arm",),
+    parameters=(
+        EffectParameter(
+            "coefficient",
+            "kg*m^2",
+            "torque per acceleration of the other stage",
+            typical=0.1,
+            scale="inertia",
+        ),
+    ),
     sentence="the acceleration of the other stage pulls at this arm",
     equation=lambda s, p: -p.coefficient * s.exogenous,
     exogenous="other_arm_acceleration",
@@ -60,11 +102,23 @@ INERTIAL_COUPLING = EffectEntry(
 )
 
 PAYLOAD_CHANGE = EffectEntry(
-    name="payload_change", kind="inertia", where=("arm", "motor"),
+    name="payload_change",
+    kind="inertia",
+    where=("arm", "motor"),
     parameters=(
-        EffectParameter("time", "s", "when the load changes", minimum=0.0, typical=0.5, scale="duration",
-                        grid=(0.15, 0.3, 0.45, 0.6, 0.75, 0.9), neutral=None),
-        EffectParameter("inertia", "kg*m^2", "added inertia (negative: removed)", typical=0.3, scale="inertia"),
+        EffectParameter(
+            "time",
+            "s",
+            "when the load changes",
+            minimum=0.0,
+            typical=0.5,
+            scale="duration",
+            grid=(0.15, 0.3, 0.45, 0.6, 0.75, 0.9),
+            neutral=None,
+        ),
+        EffectParameter(
+            "inertia", "kg*m^2", "added inertia (negative: removed)", typical=0.3, scale="inertia"
+        ),
     ),
     sentence="the load changes in the course of the recording",
     # Attached within some 50 ms: a step in time would have no derivative by its time.
@@ -72,26 +126,54 @@ PAYLOAD_CHANGE = EffectEntry(
 )
 
 EXTRA_MODE = EffectEntry(
-    name="extra_flexible_mode", kind="torque", where=("arm",),
+    name="extra_flexible_mode",
+    kind="torque",
+    where=("arm",),
     parameters=(
-        EffectParameter("frequency", "Hz", "natural frequency of the added part on a fixed arm", minimum=0.05,
-                        maximum=200.0, typical=4.0, grid=(1.0, 2.0, 4.0, 8.0, 16.0), neutral=None),
-        EffectParameter("inertia", "kg*m^2", "inertia of the added part", minimum=0.0, typical=0.2, scale="inertia"),
-        EffectParameter("damping_ratio", "1", "damping ratio of the added part on a fixed arm", minimum=0.0,
-                        maximum=2.0, default=0.02, neutral=None),
+        EffectParameter(
+            "frequency",
+            "Hz",
+            "natural frequency of the added part on a fixed arm",
+            minimum=0.05,
+            maximum=200.0,
+            typical=4.0,
+            grid=(1.0, 2.0, 4.0, 8.0, 16.0),
+            neutral=None,
+        ),
+        EffectParameter(
+            "inertia", "kg*m^2", "inertia of the added part", minimum=0.0, typical=0.2, scale="inertia"
+        ),
+        EffectParameter(
+            "damping_ratio",
+            "1",
+            "damping ratio of the added part on a fixed arm",
+            minimum=0.0,
+            maximum=2.0,
+            default=0.02,
+            neutral=None,
+        ),
     ),
     sentence="a further flexible part swings at the arm",
     # state0: the added part's angle less the arm's; state1: its velocity.
-    equation=lambda s, p: p.inertia * (
-        (2 * s.pi * p.frequency) ** 2 * s.state0
-        + 2 * p.damping_ratio * (2 * s.pi * p.frequency) * (s.state1 - s.velocity)),
+    equation=lambda s, p: (
+        p.inertia
+        * (
+            (2 * s.pi * p.frequency) ** 2 * s.state0
+            + 2 * p.damping_ratio * (2 * s.pi * p.frequency) * (s.state1 - s.velocity)
+        )
+    ),
     rates=(
         lambda s, p: s.state1 - s.velocity,
-        lambda s, p: -(2 * s.pi * p.frequency) ** 2 * s.state0
-        - 2 * p.damping_ratio * (2 * s.pi * p.frequency) * (s.state1 - s.velocity),
+        lambda s, p: (
+            -((2 * s.pi * p.frequency) ** 2) * s.state0
+            - 2 * p.damping_ratio * (2 * s.pi * p.frequency) * (s.state1 - s.velocity)
+        ),
     ),
-    rate=lambda p, ks: ((2 * math.pi * p["frequency"]) ** 2 * abs(p["inertia"]), 0.0,
-                        2 * math.pi * p["frequency"] * (1 + 2 * p["damping_ratio"])),
+    rate=lambda p, ks: (
+        (2 * math.pi * p["frequency"]) ** 2 * abs(p["inertia"]),
+        0.0,
+        2 * math.pi * p["frequency"] * (1 + 2 * p["damping_ratio"]),
+    ),
     rigid_body=False,
 )
 

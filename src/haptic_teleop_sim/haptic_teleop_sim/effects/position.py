@@ -5,12 +5,28 @@ from __future__ import annotations
 from .entry import EffectEntry, EffectParameter
 
 GRAVITY = EffectEntry(
-    name="gravity", kind="torque", where=("motor", "arm"),
+    name="gravity",
+    kind="torque",
+    where=("motor", "arm"),
     parameters=(
-        EffectParameter("torque", "N*m", "mass x gravity x distance of the centre of mass", minimum=0.0,
-                        typical=0.3, scale="torque"),
-        EffectParameter("phase", "rad", "angle of the centre of mass from hanging straight down, at zero position",
-                        minimum=-6.3, maximum=6.3, typical=0.2, default=0.0, neutral=None),
+        EffectParameter(
+            "torque",
+            "N*m",
+            "mass x gravity x distance of the centre of mass",
+            minimum=0.0,
+            typical=0.3,
+            scale="torque",
+        ),
+        EffectParameter(
+            "phase",
+            "rad",
+            "angle of the centre of mass from hanging straight down, at zero position",
+            minimum=-6.3,
+            maximum=6.3,
+            typical=0.2,
+            default=0.0,
+            neutral=None,
+        ),
     ),
     sentence="gravity pulls at the centre of mass",
     equation=lambda s, p: -p.torque * s.sin(s.position + p.phase),
@@ -18,12 +34,21 @@ GRAVITY = EffectEntry(
 )
 
 SPRING_TO_GROUND = EffectEntry(
-    name="spring_to_ground", kind="torque", where=("motor", "arm"),
+    name="spring_to_ground",
+    kind="torque",
+    where=("motor", "arm"),
     parameters=(
-        EffectParameter("stiffness", "N*m/rad", "stiffness against the ground", typical=0.1, scale="stiffness",
-                        minimum=0.0),
-        EffectParameter("rest", "rad", "angle without torque", typical=0.1, default=0.0, neutral=None,
-                        scale="angle"),
+        EffectParameter(
+            "stiffness",
+            "N*m/rad",
+            "stiffness against the ground",
+            typical=0.1,
+            scale="stiffness",
+            minimum=0.0,
+        ),
+        EffectParameter(
+            "rest", "rad", "angle without torque", typical=0.1, default=0.0, neutral=None, scale="angle"
+        ),
     ),
     sentence="a spring, or a stiff cable, pulls towards one angle",
     equation=lambda s, p: -p.stiffness * (s.position - p.rest),
@@ -31,19 +56,34 @@ SPRING_TO_GROUND = EffectEntry(
 )
 
 CONSTANT_TORQUE = EffectEntry(
-    name="constant_torque", kind="torque", where=("motor", "arm"),
-    parameters=(EffectParameter("torque", "N*m", "torque in the positive direction", typical=0.1, scale="torque"),),
+    name="constant_torque",
+    kind="torque",
+    where=("motor", "arm"),
+    parameters=(
+        EffectParameter("torque", "N*m", "torque in the positive direction", typical=0.1, scale="torque"),
+    ),
     sentence="a constant torque acts, in one direction",
     equation=lambda s, p: p.torque,
 )
 
 TORQUE_RIPPLE = EffectEntry(
-    name="torque_ripple", kind="torque", where=("motor",),
+    name="torque_ripple",
+    kind="torque",
+    where=("motor",),
     parameters=(
-        EffectParameter("amplitude", "N*m", "amplitude of the ripple", minimum=0.0, typical=0.15, scale="torque"),
-        EffectParameter("order", "cycles/rev", "cycles per revolution of the output", minimum=0.1, maximum=1000.0,
-                        typical=8.0, grid=(2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12, 14, 16, 18, 20, 24, 28, 32, 40),
-                        neutral=None),
+        EffectParameter(
+            "amplitude", "N*m", "amplitude of the ripple", minimum=0.0, typical=0.15, scale="torque"
+        ),
+        EffectParameter(
+            "order",
+            "cycles/rev",
+            "cycles per revolution of the output",
+            minimum=0.1,
+            maximum=1000.0,
+            typical=8.0,
+            grid=(2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12, 14, 16, 18, 20, 24, 28, 32, 40),
+            neutral=None,
+        ),
         EffectParameter("phase", "rad", "phase at zero angle", typical=0.5, default=0.0, neutral=None),
     ),
     sentence="the motor torque varies periodically with its angle (cogging, gear mesh)",
@@ -52,25 +92,57 @@ TORQUE_RIPPLE = EffectEntry(
 )
 
 HARD_STOP = EffectEntry(
-    name="hard_stop", kind="torque", where=("arm", "motor"),
+    name="hard_stop",
+    kind="torque",
+    where=("arm", "motor"),
     parameters=(
-        EffectParameter("angle", "rad", "angle of the stop; its sign says on which side the stop lies", typical=0.7,
-                        scale="angle", grid=(0.9, 0.75, 0.6, -0.9, -0.75, -0.6), neutral=None),
-        EffectParameter("stiffness", "N*m/rad", "stiffness of the stop", minimum=0.0, typical=20.0,
-                        scale="stiffness"),
-        EffectParameter("dissipation", "s/rad", "damping in contact per stiffness and penetration rate "
-                        "(Hunt and Crossley)", minimum=0.0, maximum=10.0, default=0.0, scale="one"),
-        EffectParameter("both_sides", "1", "1: a second stop at the opposite angle", minimum=0.0, maximum=1.0,
-                        default=0.0, neutral=None),
+        EffectParameter(
+            "angle",
+            "rad",
+            "angle of the stop; its sign says on which side the stop lies",
+            typical=0.7,
+            scale="angle",
+            grid=(0.9, 0.75, 0.6, -0.9, -0.75, -0.6),
+            neutral=None,
+        ),
+        EffectParameter(
+            "stiffness", "N*m/rad", "stiffness of the stop", minimum=0.0, typical=20.0, scale="stiffness"
+        ),
+        EffectParameter(
+            "dissipation",
+            "s/rad",
+            "damping in contact per stiffness and penetration rate (Hunt and Crossley)",
+            minimum=0.0,
+            maximum=10.0,
+            default=0.0,
+            scale="one",
+        ),
+        EffectParameter(
+            "both_sides",
+            "1",
+            "1: a second stop at the opposite angle",
+            minimum=0.0,
+            maximum=1.0,
+            default=0.0,
+            neutral=None,
+        ),
     ),
     sentence="the motion runs into a compliant stop or wall",
     # The factor of the rate is held positive: a wall pushes, it does not pull.
-    equation=lambda s, p: -p.stiffness * (
-        s.positive_part(s.side(p.angle) * s.position - s.abs(p.angle))
-        * s.side(p.angle) * s.positive_part(1 + p.dissipation * s.side(p.angle) * s.velocity)
-        - p.both_sides * s.positive_part(-s.side(p.angle) * s.position - s.abs(p.angle))
-        * s.side(p.angle) * s.positive_part(1 - p.dissipation * s.side(p.angle) * s.velocity)),
-    rate=lambda p, ks: (abs(p["stiffness"]), 0.05 * abs(p["stiffness"]) * p["dissipation"]),
+    equation=lambda s, p: (
+        -p.stiffness
+        * (
+            s.positive_part(s.side(p.angle) * s.position - s.abs(p.angle))
+            * s.side(p.angle)
+            * s.positive_part(1 + p.dissipation * s.side(p.angle) * s.velocity)
+            - p.both_sides
+            * s.positive_part(-s.side(p.angle) * s.position - s.abs(p.angle))
+            * s.side(p.angle)
+            * s.positive_part(1 - p.dissipation * s.side(p.angle) * s.velocity)
+        )
+    ),
+    # Penetration of 0.02 rad: 2 rad/s against 20 N*m/rad with 2 g*m^2; stiffer stops give way less.
+    rate=lambda p, ks: (abs(p["stiffness"]), 0.02 * abs(p["stiffness"]) * p["dissipation"]),
 )
 
 ENTRIES = (GRAVITY, SPRING_TO_GROUND, CONSTANT_TORQUE, TORQUE_RIPPLE, HARD_STOP)

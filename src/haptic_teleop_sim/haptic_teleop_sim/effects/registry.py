@@ -10,9 +10,7 @@ from . import actuator, friction, joint, position, sensor
 from .entry import EffectEntry
 
 EFFECTS: dict[str, EffectEntry] = {
-    entry.name: entry
-    for module in (friction, position, joint, actuator, sensor)
-    for entry in module.ENTRIES
+    entry.name: entry for module in (friction, position, joint, actuator, sensor) for entry in module.ENTRIES
 }
 
 

@@ -6,7 +6,12 @@ from types import SimpleNamespace
 
 import sympy as sp
 
-VARIABLES = ("position", "velocity", "deflection", "stiffness", "time", "exogenous", "state0", "state1", "direction")
+VARIABLES = ("position", "velocity", "deflection", "stiffness", "time", "exogenous", "state0", "state1")
+
+
+def smooth_sign(velocity: sp.Expr, smoothing: sp.Expr | float) -> sp.Expr:
+    """The sign of a velocity, smoothed over ``smoothing`` (rad/s): tanh(v / smoothing)."""
+    return sp.tanh(velocity / smoothing)
 
 
 class Side(sp.Function):
@@ -17,6 +22,16 @@ class Side(sp.Function):
 
     def fdiff(self, argindex: int = 1) -> sp.Expr:
         return sp.Integer(0)
+
+
+class Sech(sp.Function):
+    """Hyperbolic secant; its derivative is written so that nothing overflows far from zero."""
+
+    nargs = 1
+    is_real = True
+
+    def fdiff(self, argindex: int = 1) -> sp.Expr:
+        return -Sech(self.args[0]) * sp.tanh(self.args[0])
 
 
 def positive_part(x: sp.Expr) -> sp.Expr:
@@ -33,8 +48,18 @@ def namespaces(parameter_names: tuple[str, ...]) -> tuple[SimpleNamespace, Simpl
     """Symbols for the variables (with helpers) and for an effect's own parameters, all real."""
     variables = SimpleNamespace(
         **{name: sp.Symbol(name, real=True) for name in VARIABLES},
-        side=Side, positive_part=positive_part, dead_band=dead_band,
-        sin=sp.sin, cos=sp.cos, exp=sp.exp, tanh=sp.tanh, cosh=sp.cosh, abs=sp.Abs, sqrt=sp.sqrt, pi=sp.pi,
+        sign=smooth_sign,
+        side=Side,
+        positive_part=positive_part,
+        dead_band=dead_band,
+        sin=sp.sin,
+        cos=sp.cos,
+        exp=sp.exp,
+        tanh=sp.tanh,
+        sech=Sech,
+        abs=sp.Abs,
+        sqrt=sp.sqrt,
+        pi=sp.pi,
     )
     parameters = SimpleNamespace(**{name: sp.Symbol(f"p_{name}", real=True) for name in parameter_names})
     return variables, parameters

@@ -1,8 +1,21 @@
-"""The compiled core: see ``integrator.py`` (equations), ``codegen.py`` (effects), ``pack.py``, ``build.py``."""
+"""The compiled core: see ``integrator.py`` (equations), ``codegen.py`` (effects), ``pack.py``, ``build.py``.
+"""
 
 from .build import cache_directory, kernel, stepping
 from .pack import Packed, pack
 from .predict import INITIAL, Prediction, predict
 from .simulate import Trajectory, acting_torque, simulate
 
-__all__ = ["INITIAL", "Packed", "Prediction", "Trajectory", "acting_torque", "cache_directory", "kernel", "pack", "predict", "simulate", "stepping"]
+__all__ = [
+    "INITIAL",
+    "Packed",
+    "Prediction",
+    "Trajectory",
+    "acting_torque",
+    "cache_directory",
+    "kernel",
+    "pack",
+    "predict",
+    "simulate",
+    "stepping",
+]

@@ -13,8 +13,8 @@ from ..effects import EFFECTS, EffectEntry
 from ..effects.symbols import VARIABLES, namespaces
 
 #: Derivatives come in this order, then those by the effect's parameters.
-DERIVATIVE_ORDER = ("position", "velocity", "deflection", "stiffness", "state0", "state1", "direction")
-_ARGUMENTS = "position, velocity, deflection, stiffness, time, exogenous, state0, state1, direction, p, k"
+DERIVATIVE_ORDER = ("position", "velocity", "deflection", "stiffness", "state0", "state1")
+_ARGUMENTS = "position, velocity, deflection, stiffness, time, exogenous, state0, state1, p, k"
 DYNAMIC_KINDS = ("torque", "friction", "friction_factor", "inertia")
 
 
@@ -37,25 +37,31 @@ class _Printer(PythonCodePrinter):
     def __init__(self) -> None:
         super().__init__({"fully_qualified_modules": True, "user_functions": {}})
 
-    def _print_Heaviside(self, expr):  # noqa: N802 (sympy's naming)
+    def _print_tanh(self, expr):
+        return f"tanh({self._print(expr.args[0])})"
+
+    def _print_Sech(self, expr):
+        return f"sech({self._print(expr.args[0])})"
+
+    def _print_Heaviside(self, expr):
         return f"(1.0 if ({self._print(expr.args[0])}) > 0.0 else 0.0)"
 
-    def _print_Side(self, expr):  # noqa: N802
+    def _print_Side(self, expr):
         return f"(1.0 if ({self._print(expr.args[0])}) >= 0.0 else -1.0)"
 
-    def _print_sign(self, expr):  # noqa: N802
+    def _print_sign(self, expr):
         return f"math.copysign(1.0, {self._print(expr.args[0])})"
 
-    def _print_Max(self, expr):  # noqa: N802
+    def _print_Max(self, expr):
         return f"max({', '.join(self._print(a) for a in expr.args)})"
 
-    def _print_Min(self, expr):  # noqa: N802
+    def _print_Min(self, expr):
         return f"min({', '.join(self._print(a) for a in expr.args)})"
 
-    def _print_Integer(self, expr):  # noqa: N802
+    def _print_Integer(self, expr):
         return f"{int(expr)}.0"
 
-    def _print_Pow(self, expr, **kwargs):  # noqa: N802
+    def _print_Pow(self, expr, **kwargs):
         base, exponent = expr.args
         if exponent.is_Integer and 2 <= int(exponent) <= 4:
             return "(" + " * ".join([f"({self._print(base)})"] * int(exponent)) + ")"
@@ -82,10 +88,16 @@ def _function(name: str, entry: EffectEntry, expression: sp.Expr, derivatives: b
     lines += [f"    p_{n} = p[k + {i}]" for i, n in enumerate(entry.parameter_names)]
     lines += [f"    {symbol} = {printer.doprint(value)}" for symbol, value in common]
     if derivatives:
-        lines += [f"    g[{i}] = 0.0" for i in range(len(DERIVATIVE_ORDER) + len(entry.parameters)) if i not in wanted]
-        lines += [f"    g[{i}] = {printer.doprint(value)}" for i, value in zip(wanted, reduced[1:], strict=True)]
+        lines += [
+            f"    g[{i}] = 0.0"
+            for i in range(len(DERIVATIVE_ORDER) + len(entry.parameters))
+            if i not in wanted
+        ]
+        lines += [
+            f"    g[{i}] = {printer.doprint(value)}" for i, value in zip(wanted, reduced[1:], strict=True)
+        ]
     lines.append(f"    return {printer.doprint(reduced[0])}")
-    return "@njit\n" + "\n".join(lines) + "\n"
+    return "@inner\n" + "\n".join(lines) + "\n"
 
 
 def _expression(entry: EffectEntry, function) -> sp.Expr:
@@ -94,7 +106,7 @@ def _expression(entry: EffectEntry, function) -> sp.Expr:
 
 
 def _dispatch(name: str, calls: list[tuple[int, str]], arguments: str) -> str:
-    lines = ["@njit", f"def {name}(code, {arguments}):"]
+    lines = ["@inner", f"def {name}(code, {arguments}):"]
     for code, function in calls:
         lines += [f"    if code == {code}:", f"        return {function}({arguments})"]
     lines.append("    return 0.0")
@@ -107,8 +119,16 @@ def dispatch_source() -> str:
     assert set(VARIABLES) >= set(DERIVATIVE_ORDER)
     parts: list[str] = []
     tables: dict[str, list[tuple[int, str]]] = {
-        n: [] for n in ("value", "value_derivatives", "state_rate", "state_rate_derivatives",
-                        "reading", "reading_derivatives", "actuate")
+        n: []
+        for n in (
+            "value",
+            "value_derivatives",
+            "state_rate",
+            "state_rate_derivatives",
+            "reading",
+            "reading_derivatives",
+            "actuate",
+        )
     }
     for code, entry in enumerate(dynamic_entries()):
         expression = _expression(entry, entry.equation)

@@ -16,7 +16,6 @@ IntArray = NDArray[np.int64]
 
 BASE = ("stiffness", "motor_inertia", "motor_damping", "arm_inertia", "arm_damping")
 _DYNAMIC = ("torque", "friction", "friction_factor", "inertia")
-_MEMORY = {"": 0, "direction": 1, "ratio": 2, "displacement": 3}
 _KIND = {"torque": 0, "friction": 1, "friction_factor": 2, "inertia": 3}
 _LOCATION = {"motor": 0, "arm": 1, "joint": 2}
 _CHANNEL = {"motor_encoder": 0, "arm_encoder": 1}
@@ -74,9 +73,16 @@ class Packed:
             return 1
         return int(min(max(1, math.ceil(dt * worst)), 400))
 
-    def initial_state(self, motor_position: float = 0.0, arm_position: float | None = None,
-                      motor_velocity: float = 0.0, arm_velocity: float | None = None) -> FloatArray:
-        """State vector (states,) with the effects' own states at rest (moving along, where they are velocities)."""
+    def initial_state(
+        self,
+        motor_position: float = 0.0,
+        arm_position: float | None = None,
+        motor_velocity: float = 0.0,
+        arm_velocity: float | None = None,
+    ) -> FloatArray:
+        """State vector (states,) with the effects' own states at rest (moving along, where they are
+        velocities).
+        """
         x = np.zeros(self.states)
         x[0] = motor_position
         x[1] = motor_position if arm_position is None else arm_position
@@ -92,7 +98,9 @@ def pack(model: Model) -> Packed:
     values = {n: float(model.parameters.get(n, 0.0)) for n in BASE}
     if model.rigid:
         values["arm_inertia"] = 1.0
-    index: dict[str, tuple[str, int]] = {n: ("base", i) for i, n in enumerate(BASE) if n in STRUCTURES[model.structure]}
+    index: dict[str, tuple[str, int]] = {
+        n: ("base", i) for i, n in enumerate(BASE) if n in STRUCTURES[model.structure]
+    }
     index["torque_constant"] = ("torque_constant", 0)
     p: list[float] = []
     codes: list[tuple[int, ...]] = []
@@ -112,14 +120,20 @@ def pack(model: Model) -> Packed:
             p.append(value)
         code = _CODES[entry.name]
         if entry.kind in _DYNAMIC:
-            memory_kind = _MEMORY[entry.memory]
-            if memory_kind == 1 and e.values["smoothing"] > 0.0:
-                memory_kind = 4
-            codes.append((code, _LOCATION[place], _KIND[entry.kind], offset, state, entry.states, len(entry.parameters),
-                          memory_kind))
+            codes.append(
+                (
+                    code,
+                    _LOCATION[place],
+                    _KIND[entry.kind],
+                    offset,
+                    state,
+                    entry.states,
+                    len(entry.parameters),
+                )
+            )
             if entry.name == "extra_flexible_mode":
                 velocity_states.append(state + 1)
-            state += entry.states + (0 < memory_kind < 4)
+            state += entry.states
         elif entry.kind == "input":
             in_codes.append((code, offset, memory))
             memory += entry.states
@@ -128,9 +142,17 @@ def pack(model: Model) -> Packed:
         else:
             skew.append((_CHANNEL.get(place, 2), offset))
     return Packed(
-        model=model, rigid=model.rigid, torque_constant=float(model.parameters["torque_constant"]),
-        base=np.array([values[n] for n in BASE]), codes=np.array(codes, dtype=np.int64).reshape(-1, 8),
-        p=np.array(p if p else [0.0]), in_codes=np.array(in_codes, dtype=np.int64).reshape(-1, 3),
-        out_codes=np.array(out_codes, dtype=np.int64).reshape(-1, 4), skew=tuple(skew),
-        states=state + 2, memory=max(memory, 1), index=index, velocity_states=tuple(velocity_states),
+        model=model,
+        rigid=model.rigid,
+        torque_constant=float(model.parameters["torque_constant"]),
+        base=np.array([values[n] for n in BASE]),
+        codes=np.array(codes, dtype=np.int64).reshape(-1, 7),
+        p=np.array(p if p else [0.0]),
+        in_codes=np.array(in_codes, dtype=np.int64).reshape(-1, 3),
+        out_codes=np.array(out_codes, dtype=np.int64).reshape(-1, 4),
+        skew=tuple(skew),
+        states=state + 2,
+        memory=max(memory, 1),
+        index=index,
+        velocity_states=tuple(velocity_states),
     )

@@ -19,9 +19,11 @@ INITIAL = ("initial.motor_position", "initial.arm_position", "initial.motor_velo
 
 @dataclass(frozen=True)
 class Prediction:
-    """``innovation`` (n, 2): measured less predicted angle of motor and arm, rad (0 where a reading is missing);
+    """``innovation`` (n, 2): measured less predicted angle of motor and arm, rad (0 where a reading is
+    missing);
     ``d_innovation`` (n, 2, parameters): its exact derivative; ``states`` (n, nx) before each correction;
-    ``d_states`` (n, 4, parameters) or empty."""
+    ``d_states`` (n, 4, parameters) or empty.
+    """
 
     innovation: FloatArray
     d_innovation: FloatArray
@@ -29,16 +31,28 @@ class Prediction:
     d_states: FloatArray
 
 
-def predict(packed: Packed, input_: ArrayLike, measured: ArrayLike, dt: float, free: tuple[str, ...] = (), *,
-            gain: ArrayLike | None = None, decay: tuple[float, float] = (1.0, 1.0),
-            initial_state: ArrayLike | None = None, external_torque: ArrayLike | None = None,
-            exogenous: ArrayLike | None = None, t0: float = 0.0, keep_states: bool = False) -> Prediction:
+def predict(
+    packed: Packed,
+    input_: ArrayLike,
+    measured: ArrayLike,
+    dt: float,
+    free: tuple[str, ...] = (),
+    *,
+    gain: ArrayLike | None = None,
+    decay: tuple[float, float] = (1.0, 1.0),
+    initial_state: ArrayLike | None = None,
+    external_torque: ArrayLike | None = None,
+    exogenous: ArrayLike | None = None,
+    t0: float = 0.0,
+    keep_states: bool = False,
+) -> Prediction:
     """Predict both encoders one sample ahead, with derivatives by the parameters named in ``free``.
 
     ``input_`` (n,): A for sfj, else N·m; ``measured`` (n, 2): motor and arm angle, rad, NaN where missing;
-    ``gain`` (states, 2): observer gain, zero gives a plain simulation; ``decay``: factor per sample of the two
-    disturbance torques (the last two states).  ``free`` may also hold the names in ``INITIAL`` (derivatives by the
-    initial state).  Derivatives of input effects are central differences, all others are exact.
+    ``gain`` (states, 2): observer gain, zero gives a plain simulation; ``decay``: factor per sample of the
+    two disturbance torques (the last two states).  ``free`` may also hold the names in ``INITIAL``
+    (derivatives by the initial state).  Derivatives of input effects are central differences, all others are
+    exact.
     """
     measured = np.ascontiguousarray(measured, dtype=np.float64)
     torque = acting_torque(packed, input_, dt, t0)
@@ -46,7 +60,7 @@ def predict(packed: Packed, input_: ArrayLike, measured: ArrayLike, dt: float, f
     base_col = np.full(5, -1, dtype=np.int64)
     p_col = np.full(len(packed.p), -1, dtype=np.int64)
     d_torque = np.zeros((n, ncol))
-    s = np.zeros((packed.states, ncol))
+    s = np.zeros((packed.states, (ncol + 3) // 4 * 4))
     channel_delay = [sum(float(packed.p[o]) for c, o in packed.skew if c == ch) for ch in (0, 1)]
     skew_col = np.full(2, -1, dtype=np.int64)
     for column, name in enumerate(free):
@@ -60,8 +74,11 @@ def predict(packed: Packed, input_: ArrayLike, measured: ArrayLike, dt: float, f
         if group == "base":
             base_col[position] = column
         elif group == "torque_constant":
-            d_torque[:, column] = torque / packed.torque_constant if not len(packed.in_codes) else _torque_slope(
-                packed, input_, dt, t0, name)
+            d_torque[:, column] = (
+                torque / packed.torque_constant
+                if not len(packed.in_codes)
+                else _torque_slope(packed, input_, dt, t0, name)
+            )
         else:
             p_col[position] = column
             if any(position == o for _, o in packed.skew):
@@ -72,18 +89,22 @@ def predict(packed: Packed, input_: ArrayLike, measured: ArrayLike, dt: float, f
                     skew_col[channel] = column
             elif name.split(".")[0].endswith("_actuator"):
                 d_torque[:, column] = _torque_slope(packed, input_, dt, t0, name)
-    # A reading that is late by d shows at t + d what the axis did at t: whole samples are shifted in the data, which
-    # keeps every reading as it is, and the rest (under half a sample) is left to the prediction.
-    advanced, lead = measured, np.zeros(2)
-    if any(channel_delay):
-        advanced = np.full_like(measured, np.nan)
+    # A reading that is late by d shows at t + d what the axis did at t: the data are advanced instead.
+    advanced, advance_slope = measured, np.zeros_like(measured)
+    if any(channel_delay) or skew_col.max() >= 0:
+        advanced = measured.copy()
+        steps = np.arange(n)
         for channel, delay in enumerate(channel_delay):
-            whole = int(np.rint(delay / dt))
-            source = np.arange(n) + whole
-            good = (source >= 0) & (source < n)
-            advanced[good, channel] = measured[source[good], channel]
-            lead[channel] = whole * dt - delay
-    outer = np.zeros(n) if external_torque is None else np.ascontiguousarray(external_torque, dtype=np.float64)
+            where = steps + delay / dt
+            advanced[:, channel] = np.interp(where, steps, measured[:, channel], right=np.nan, left=np.nan)
+            # Slope of the very interpolation, averaged over one sample (its own slope jumps at the samples).
+            advance_slope[:, channel] = (
+                np.interp(where + 0.5, steps, measured[:, channel])
+                - np.interp(where - 0.5, steps, measured[:, channel])
+            ) / dt
+    outer = (
+        np.zeros(n) if external_torque is None else np.ascontiguousarray(external_torque, dtype=np.float64)
+    )
     if packed.rigid:
         torque, outer = torque + outer, np.zeros(n)
     other = np.zeros(n) if exogenous is None else np.ascontiguousarray(exogenous, dtype=np.float64)
@@ -96,25 +117,69 @@ def predict(packed: Packed, input_: ArrayLike, measured: ArrayLike, dt: float, f
     innovation, states = np.empty((n, 2)), np.empty((n, packed.states))
     substeps = packed.substeps(dt)
     if not free:
-        kernel().innovations_series(x, advanced, k, np.array(decay), torque, outer, other, t0, dt, substeps,
-                                    packed.rigid, packed.base, packed.codes, packed.p, packed.out_codes, lead,
-                                    innovation, states)
+        kernel().innovations_series(
+            x,
+            advanced,
+            k,
+            np.array(decay),
+            torque,
+            outer,
+            other,
+            t0,
+            dt,
+            substeps,
+            packed.rigid,
+            packed.base,
+            packed.codes,
+            packed.p,
+            packed.out_codes,
+            innovation,
+            states,
+        )
         return Prediction(innovation, np.empty((n, 2, 0)), states, np.empty((0, 4, 0)))
     d_innovation = np.empty((n, 2, ncol))
     d_states = np.empty((n if keep_states else 0, 4, ncol))
-    kernel().predict_series(x, s, advanced, k, np.array(decay), torque, d_torque, outer, other, t0, dt, substeps,
-                            packed.rigid, packed.base, packed.codes, packed.p, base_col, p_col, packed.out_codes,
-                            skew_col, lead, innovation, d_innovation, states, d_states)
+    kernel().predict_series(
+        x,
+        s,
+        advanced,
+        k,
+        np.array(decay),
+        torque,
+        d_torque,
+        outer,
+        other,
+        t0,
+        dt,
+        substeps,
+        packed.rigid,
+        packed.base,
+        packed.codes,
+        packed.p,
+        base_col,
+        p_col,
+        packed.out_codes,
+        skew_col,
+        advance_slope,
+        innovation,
+        d_innovation,
+        states,
+        d_states,
+    )
     return Prediction(innovation, d_innovation, states, d_states)
 
 
 def _torque_slope(packed: Packed, input_: ArrayLike, dt: float, t0: float, name: str) -> FloatArray:
     """Derivative (n,) of the acting torque by one parameter of the actuator, by central differences."""
-    from .pack import pack  # noqa: PLC0415
+    from .pack import pack
 
     value = packed.model.parameter_values()[name]
     step = 1e-5 * max(abs(value), 1e-3)
     up = acting_torque(pack(packed.model.with_values({name: value + step})), input_, dt, t0)
-    down = acting_torque(pack(packed.model.with_values({name: max(value - step, 0.0) if value >= 0 else value - step})),
-                         input_, dt, t0)
+    down = acting_torque(
+        pack(packed.model.with_values({name: max(value - step, 0.0) if value >= 0 else value - step})),
+        input_,
+        dt,
+        t0,
+    )
     return (up - down) / (step + (value - max(value - step, 0.0) if value >= 0 else step))

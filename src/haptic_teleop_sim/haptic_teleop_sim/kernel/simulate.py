@@ -19,8 +19,8 @@ FloatArray = NDArray[np.float64]
 class Trajectory:
     """What a simulation gave; all (n,) at the sample times, before the torque of that sample acts.
 
-    ``states`` (n, nx) holds the true angles and velocities and the effects' own states; ``motor_position`` etc.
-    are what the encoders report, sensor effects included.
+    ``states`` (n, nx) holds the true angles and velocities and the effects' own states; ``motor_position``
+    etc. are what the encoders report, sensor effects included.
     """
 
     time: FloatArray
@@ -33,7 +33,9 @@ class Trajectory:
 
 
 def acting_torque(packed: Packed, input_: ArrayLike, dt: float, t0: float = 0.0) -> FloatArray:
-    """Torque (n,) that acts on the motor over each sample, N·m: torque constant, skew and input effects applied."""
+    """Torque (n,) that acts on the motor over each sample, N·m: torque constant, skew and input effects
+    applied.
+    """
     torque = np.ascontiguousarray(input_, dtype=np.float64) * packed.torque_constant
     for channel, offset in packed.skew:
         if channel == 2:
@@ -59,26 +61,44 @@ def readings(packed: Packed, time: FloatArray, states: FloatArray) -> tuple[Floa
             q, v = spline(when), spline(when, 1)
         if np.any(packed.out_codes[:, 1] == channel):
             read, rate = np.empty_like(q), np.empty_like(q)
-            kernel().encoder_series(np.ascontiguousarray(q), np.ascontiguousarray(v), channel, packed.out_codes,
-                                    packed.p, read, rate)
+            kernel().encoder_series(
+                np.ascontiguousarray(q),
+                np.ascontiguousarray(v),
+                channel,
+                packed.out_codes,
+                packed.p,
+                read,
+                rate,
+            )
             q, v = read, rate
         result += [q, v]
     return tuple(result)
 
 
-def simulate(model: Model | Packed, input_: ArrayLike, dt: float, initial_state: ArrayLike | None = None, *,
-             external_torque: ArrayLike | None = None, exogenous: ArrayLike | None = None, t0: float = 0.0) -> Trajectory:
+def simulate(
+    model: Model | Packed,
+    input_: ArrayLike,
+    dt: float,
+    initial_state: ArrayLike | None = None,
+    *,
+    external_torque: ArrayLike | None = None,
+    exogenous: ArrayLike | None = None,
+    t0: float = 0.0,
+) -> Trajectory:
     """Response of a model to an input held over each sample.
 
-    ``input_`` (n,): current in A for sfj models, torque otherwise; ``dt`` > 0 in s; ``initial_state``: (4,) motor
-    and arm angle, motor and arm velocity, or a full state; at rest at zero by default.  ``external_torque`` (n,):
-    torque of the environment on the arm (on the body, when rigid), N·m; ``exogenous`` (n,): the other stage's arm
-    acceleration, rad/s^2, where an effect asks for it.  Classical Runge-Kutta, steps chosen by the model.
+    ``input_`` (n,): current in A for sfj models, torque otherwise; ``dt`` > 0 in s; ``initial_state``: (4,)
+    motor and arm angle, motor and arm velocity, or a full state; at rest at zero by default.
+    ``external_torque`` (n,): torque of the environment on the arm (on the body, when rigid), N·m;
+    ``exogenous`` (n,): the other stage's arm acceleration, rad/s^2, where an effect asks for it.  Classical
+    Runge-Kutta, steps chosen by the model.
     """
     packed = model if isinstance(model, Packed) else pack(model)
     torque = acting_torque(packed, input_, dt, t0)
     n = len(torque)
-    outer = np.zeros(n) if external_torque is None else np.ascontiguousarray(external_torque, dtype=np.float64)
+    outer = (
+        np.zeros(n) if external_torque is None else np.ascontiguousarray(external_torque, dtype=np.float64)
+    )
     if packed.rigid:
         torque, outer = torque + outer, np.zeros(n)
     other = np.zeros(n) if exogenous is None else np.ascontiguousarray(exogenous, dtype=np.float64)
@@ -88,7 +108,19 @@ def simulate(model: Model | Packed, input_: ArrayLike, dt: float, initial_state:
         x = packed.initial_state(*start[:4])
         x[: len(start)] = start
     out = np.empty((n, packed.states))
-    kernel().simulate_series(x, torque, outer, other, t0, dt, packed.substeps(dt), packed.rigid, packed.base,
-                             packed.codes, packed.p, out)
+    kernel().simulate_series(
+        x,
+        torque,
+        outer,
+        other,
+        t0,
+        dt,
+        packed.substeps(dt),
+        packed.rigid,
+        packed.base,
+        packed.codes,
+        packed.p,
+        out,
+    )
     time = t0 + dt * np.arange(n)
     return Trajectory(time, out, torque, *readings(packed, time, out))

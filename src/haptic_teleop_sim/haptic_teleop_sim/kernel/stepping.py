@@ -1,22 +1,24 @@
 """The compiled loops around the plants: one sample of several joints, the hardware before and behind them,
 and whole experiments of which every sample is computed by these very functions.
 
-Like `integrator.py` this text is not imported by itself: `build.py` joins it to the kernel of the present effects
-and to the compiled functions of the control package.
+Like `integrator.py` this text is not imported by itself: `build.py` joins it to the kernel of the present
+effects and to the compiled functions of the control package.
 
-A *bank* is m joints that share a clock, as the tuple made by `PlantBank`:
-dt; clock (1,): samples so far; layout (m, 10): rigid, sub-steps, first and last of its states, effects, input
-effects, output effects; x: states of all joints; base (m, 5); gain (m,): true torque constants; codes, p, in_codes,
-out_codes as in `integrator.py`; memory of input effects; delay (m, 2): age of the encoders' readings in samples;
+A *bank* is m joints that share a clock, as the tuple made by `PlantBank`: dt; clock (1,): samples so far;
+layout (m, 10): rigid, sub-steps, first and last of its states, effects, input effects, output effects; x:
+states of all joints; base (m, 5); gain (m,): true torque constants; codes, p, in_codes, out_codes as in
+`integrator.py`; memory of input effects; delay (m, 2): age of the encoders' readings in samples;
 past (m, depth, 2): angles of the last samples; work: scratch.
 
 A *device* is the hardware, as the tuple made by `Robot`:
-hw (m, 11): nominal torque constant, limit and resolution of the command, resolutions of both encoders, offset,
-noise and resolution of the measured current, nominal stiffness, memory and gain of the random torque; state and
-coefficients of the velocity filter; flow (m,): what the amplifiers give; disturbance (m,); acceleration (m,) of the
-arms; encoders per joint, 1 or 2.
+hw (m, 11): nominal torque constant, limit and resolution of the command, resolutions of both encoders,
+offset, noise and resolution of the measured current, nominal stiffness, memory and gain of the random torque;
+state and coefficients of the velocity filter; flow (m,): what the amplifiers give; disturbance (m,);
+acceleration (m,) of the arms; scratch (3, m); encoders per joint, 1 or 2.
 """
+
 # ruff: noqa: F821
+# fmt: off
 from __future__ import annotations
 
 import math
@@ -35,7 +37,7 @@ LIMITED = 2
 DIVERGED = 4
 
 
-@njit
+@inner
 def bank_step(inputs, external, exogenous, bank):
     """One sample of all joints: `inputs` (m,) times the torque constants, `external` (m,) N·m at the arms."""
     dt, clock, layout, x, base, gain, codes, p, in_codes, out_codes, memory, delay, past, work = bank
@@ -50,12 +52,13 @@ def bank_step(inputs, external, exogenous, bank):
             torque += outer
             outer = 0.0
         n = layout[i, 3] - layout[i, 2]
-        advance(x[layout[i, 2]:layout[i, 3]], t, dt, layout[i, 1], torque, outer, exogenous[i], rigid, base[i],
-                codes[layout[i, 4]:layout[i, 5]], p, work[:5 * n].reshape((5, n)))
+        advance(x[layout[i, 2] : layout[i, 3]], t, dt, layout[i, 1], torque, outer, exogenous[i], rigid,
+                base[i], codes[layout[i, 4] : layout[i, 5]], p, work[:n], work[n : 2 * n], work[2 * n : 3 *
+                n])
     clock[0] += 1
 
 
-@njit
+@inner
 def bank_read(bank, angles):
     """What the encoders show now, before quantisation, into `angles` (m, 2): motor, arm."""
     dt, clock, layout, x, base, gain, codes, p, in_codes, out_codes, memory, delay, past, work = bank
@@ -72,10 +75,10 @@ def bank_read(bank, angles):
                 newer = past[i, max(now - whole, 0) % depth, channel]
                 older = past[i, max(now - whole - 1, 0) % depth, channel]
                 angle = (1.0 - fraction) * newer + fraction * older
-            angles[i, channel] = encoder_reading(angle, channel, out_codes[layout[i, 8]:layout[i, 9]], p)
+            angles[i, channel] = encoder_reading(angle, channel, out_codes[layout[i, 8] : layout[i, 9]], p)
 
 
-@njit
+@inner
 def quantised(value, resolution):
     """`value` rounded to a multiple of `resolution`; 0 leaves it as it is."""
     return round(value / resolution) * resolution if resolution > 0.0 else value
@@ -83,9 +86,10 @@ def quantised(value, resolution):
 
 @njit
 def robot_sense(bank, device, noise, angles, out):
-    """Position, velocity and effort of every encoder into `out` (3, m * encoders); `noise` (2 m,) standard normal,
-    of which the even ones are the current senses'."""
-    hw, filter_state, coefficients, flow, disturbance, acceleration, encoders = device
+    """Position, velocity and effort of every encoder into `out` (3, m * encoders); `noise` (2 m,) standard
+    normal, of which the even ones are the current senses'.
+    """
+    hw, filter_state, coefficients, flow, disturbance, acceleration, scratch, encoders = device
     bank_read(bank, angles)
     for i in range(hw.shape[0]):
         j = encoders * i
@@ -101,16 +105,15 @@ def robot_sense(bank, device, noise, angles, out):
         out[1, j] = velocity[j]
 
 
-@njit
+@inner
 def robot_step(effort, external, bank, device, noise):
-    """One sample with the commands `effort` (m,), N·m; what was done to them as the sum of the codes above."""
-    hw, filter_state, coefficients, flow, disturbance, acceleration, encoders = device
+    """One sample with the commands `effort` (m,), N·m; what was done to them as the sum of the codes above.
+    """
+    hw, filter_state, coefficients, flow, disturbance, acceleration, scratch, encoders = device
     dt, clock, layout, x, base, gain, codes, p, in_codes, out_codes, memory, delay, past, work = bank
     flags = 0
     m = hw.shape[0]
-    exogenous = np.zeros(m)
-    before = np.zeros(m)
-    outer = np.zeros(m)
+    before, exogenous, outer = scratch[0], scratch[1], scratch[2]
     for i in range(m):
         wanted = effort[i] / hw[i, 0]
         if not math.isfinite(wanted):
@@ -133,7 +136,8 @@ def robot_step(effort, external, bank, device, noise):
         for j in range(first, last):
             if not math.isfinite(x[j]):
                 flags |= DIVERGED
-                x[first:last] = 0.0
+                for i_state in range(first, last):
+                    x[i_state] = 0.0
                 break
         acceleration[i] = (x[first + 3] - before[i]) / dt
     return flags
@@ -141,15 +145,16 @@ def robot_step(effort, external, bank, device, noise):
 
 @njit
 def open_loop(effort, external, bank, device, noise, out, counts):
-    """A whole experiment: at each sample sense, then step with that sample's `effort` (n, m) and `external` (n, m).
-    Fills `out` (n, 3, signals) and `counts` (3,): samples with each of the codes."""
+    """A whole experiment: at each sample sense, then step with that sample's `effort` (n, m) and `external`
+    (n, m). Fills `out` (n, 3, signals) and `counts` (3,): samples with each of the codes.
+    """
     angles = np.zeros((effort.shape[1], 2))
     for k in range(effort.shape[0]):
         robot_sense(bank, device, noise[k], angles, out[k])
         count_flags(robot_step(effort[k], external[k], bank, device, noise[k]), counts)
 
 
-@njit
+@inner
 def count_flags(flags, counts):
     """Counts each code of a step in `counts` (3,)."""
     for bit in range(3):
@@ -158,14 +163,15 @@ def count_flags(flags, counts):
 
 
 @njit
-def scenario_loop(kinds, times, reference, device_commands, slave, slave_device, slave_noise, master, master_device,
-                  master_noise, hand, wanted, wanted_state, felt, felt_state, gains, law_state, law_dt, ramp_time,
-                  master_limit, slave_out, slave_command, master_out, master_command, counts):
+def scenario_loop(kinds, times, reference, device_commands, slave, slave_device, slave_noise, master,
+                  master_device, master_noise, hand, wanted, wanted_state, felt, felt_state, gains, law_state,
+                  law_dt, ramp_time, master_limit, slave_out, slave_command, master_out, master_command,
+                  counts):
     """Scenario 1: every sample of master and slave in order of time, with the controller between them.
 
-    kinds (events,): 0 master, 1 slave; times (events,) s; reference (slave samples, 2): commanded positions of the
-    slave's stages, used unless `device_commands`; hand (master samples, 3): torque of the operator. A command that
-    is computed from a state acts from the next sample of that robot on, as in the graph.
+    kinds (events,): 0 master, 1 slave; times (events,) s; reference (slave samples, 2): commanded positions
+    of the slave's stages, used unless `device_commands`; hand (master samples, 3): torque of the operator.
+    The answer to a state acts until the next state of that robot, as in the graph.
     counts (7,): the codes of the slave's steps, of the master's steps, and saturated samples of the law.
     """
     slave_angles, master_angles = np.zeros((2, 2)), np.zeros((3, 2))
@@ -183,7 +189,6 @@ def scenario_loop(kinds, times, reference, device_commands, slave, slave_device,
         if kinds[event] == 0:
             state = master_out[j]
             robot_sense(master, master_device, master_noise[j], master_angles, state)
-            count_flags(robot_step(master_effort, hand[j], master, master_device, master_noise[j]), counts[3:6])
             axis[0], axis[1] = state[0, 1], state[0, 2]
             master_effort[:] = 0.0
             if engaged >= 0.0:
@@ -194,11 +199,13 @@ def scenario_loop(kinds, times, reference, device_commands, slave, slave_device,
                 for i in range(2):
                     master_effort[i + 1] = min(max(torque[1, i] * scale, -master_limit), master_limit)
             master_command[j] = master_effort
+            count_flags(
+                robot_step(master_effort, hand[j], master, master_device, master_noise[j]), counts[3:6]
+            )
             j += 1
         else:
             state = slave_out[k]
             robot_sense(slave, slave_device, slave_noise[k], slave_angles, state)
-            count_flags(robot_step(slave_effort, no_torque, slave, slave_device, slave_noise[k]), counts[:3])
             if engaged < 0.0:
                 engaged = now
             for i in range(2):
@@ -217,4 +224,5 @@ def scenario_loop(kinds, times, reference, device_commands, slave, slave_device,
             for i in range(2):
                 slave_effort[i] = current[i] * (gains[i, 6] * scale)
             slave_command[k] = slave_effort
+            count_flags(robot_step(slave_effort, no_torque, slave, slave_device, slave_noise[k]), counts[:3])
             k += 1

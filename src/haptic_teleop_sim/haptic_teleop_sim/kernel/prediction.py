@@ -1,0 +1,196 @@
+"""Compiled: encoder readings, and the one-step prediction of both encoders with and without derivatives.
+
+Joined to `integrator.py`, where state and arrays are described; not imported by itself.
+"""
+
+# ruff: noqa: F821
+# fmt: off
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numba import njit
+
+# <the text below joins the kernel>
+
+
+@inner
+def encoder_reading(angle, channel, codes, p):
+    """What the encoder of a channel (0 motor, 1 arm) reads at an angle."""
+    y = angle
+    for e in range(codes.shape[0]):
+        if codes[e, 1] == channel:
+            y = reading(codes[e, 0], y, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, p, codes[e, 2])
+    return y
+
+
+@njit
+def encoder_series(angle, velocity, channel, codes, p, reading_out, velocity_out):
+    """Readings (n,) of an encoder and their rates for true angles and velocities (n,)."""
+    g = np.zeros(16)
+    for i in range(angle.shape[0]):
+        y = angle[i]
+        v = velocity[i]
+        for e in range(codes.shape[0]):
+            if codes[e, 1] == channel:
+                y = reading_derivatives(codes[e, 0], y, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, p, codes[e, 2], g)
+                v *= g[0]
+        reading_out[i] = y
+        velocity_out[i] = v
+
+
+@inner
+def encoder_reading_sensitive(angle, channel, codes, p, p_col, slope_out, ncol, dparam, g):
+    """Reading; slope by the angle into ``slope_out[0]``, derivatives by parameters into ``dparam`` (ncol,).
+    """
+    y = angle
+    slope = 1.0
+    for c in range(ncol):
+        dparam[c] = 0.0
+    for e in range(codes.shape[0]):
+        if codes[e, 1] == channel:
+            k = codes[e, 2]
+            y = reading_derivatives(codes[e, 0], y, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, p, k, g)
+            for c in range(ncol):
+                dparam[c] *= g[0]
+            slope *= g[0]
+            for i in range(codes[e, 3]):
+                if p_col[k + i] >= 0:
+                    dparam[p_col[k + i]] += g[6 + i]
+    slope_out[0] = slope
+    return y
+
+
+@njit
+def predict_series(x, s, measured, gain, decay, torque, d_torque, torque_arm, exogenous, t0, dt, substeps,
+                   rigid, base, codes, p, base_col, p_col, out_codes, skew_col, measured_slope, innovation,
+                   d_innovation, states, d_states):
+    """One-step prediction of both encoders with exact derivatives by the free parameters.
+
+    At every sample: e = y - y_hat, x += gain e, then one sample ahead; disturbance torques decay by
+    ``decay``. A NaN in ``measured`` (n, 2) is a missing reading: no correction, e = 0.  With ``gain`` zero
+    this is a plain simulation with sensitivities.  Fills innovation (n, 2), d_innovation (n, 2, np) =
+    de/dtheta, states (n, nx) before the correction, d_states (n, 4, np) unless it is empty.  ``skew_col``
+    (2,): column of the delay of each encoder or -1, by which the reading changes with ``measured_slope`` (n,
+    2).
+    """
+    n = x.shape[0]
+    ncol = d_torque.shape[1]
+    # Room for whole vectors: the columns beyond ncol stay zero.
+    wide = s.shape[1]
+    h = dt / substeps
+    own = n - 2
+    z, dz, sums = np.zeros(n), np.zeros(n), np.zeros(n)
+    by_state = np.zeros((4, n, n))
+    by_parameter = np.zeros((4, n, wide))
+    stage, total = np.zeros((n, wide)), np.zeros((n, wide))
+    g = np.zeros(16)
+    slope = np.zeros(1)
+    dpar = np.zeros((2, ncol))
+    slopes = np.zeros(2)
+    keep = d_states.shape[0] > 0
+    correcting = False
+    for j in range(n):
+        if gain[j, 0] != 0.0 or gain[j, 1] != 0.0:
+            correcting = True
+    mapped = out_codes.shape[0] > 0
+    for i in range(torque.shape[0]):
+        for j in range(n):
+            states[i, j] = x[j]
+        if keep:
+            for j in range(4):
+                for c in range(ncol):
+                    d_states[i, j, c] = s[j, c]
+        for ch in range(2):
+            if mapped:
+                yh = encoder_reading_sensitive(x[ch], ch, out_codes, p, p_col, slope, ncol, dpar[ch], g)
+                slopes[ch] = slope[0]
+            else:
+                yh = x[ch]
+                slopes[ch] = 1.0
+            m = measured[i, ch]
+            if math.isnan(m):
+                innovation[i, ch] = 0.0
+                for c in range(ncol):
+                    d_innovation[i, ch, c] = 0.0
+            else:
+                innovation[i, ch] = m - yh
+                for c in range(ncol):
+                    d_innovation[i, ch, c] = -slopes[ch] * s[ch, c] - dpar[ch, c]
+                if skew_col[ch] >= 0:
+                    d_innovation[i, ch, skew_col[ch]] += measured_slope[i, ch]
+        if correcting:
+            for j in range(n):
+                x[j] += gain[j, 0] * innovation[i, 0] + gain[j, 1] * innovation[i, 1]
+                for c in range(ncol):
+                    s[j, c] += gain[j, 0] * d_innovation[i, 0, c] + gain[j, 1] * d_innovation[i, 1, c]
+        t = t0 + i * dt
+        tm = torque[i] + x[n - 2]
+        ta = torque_arm[i] + x[n - 1]
+        for sub in range(substeps):
+            ts = t + sub * h
+            qm, qa, vm, va = x[0], x[1], x[2], x[3]
+            y0, y1, y2, y3 = qm, qa, vm, va
+            s0, s1, s2, s3 = 0.0, 0.0, 0.0, 0.0
+            for j in range(4, own):
+                z[j] = x[j]
+                sums[j] = 0.0
+            for k in range(4):
+                weight = 1.0 if k == 0 or k == 3 else 2.0
+                ahead = h if k == 2 else 0.5 * h
+                when = ts if k == 0 else (ts + h if k == 3 else ts + 0.5 * h)
+                am, aa = rates_sensitive(y0, y1, y2, y3, z, when, tm, ta, exogenous[i], rigid, base, codes, p,
+                                         base_col, p_col, d_torque, i, k, dz, by_state, by_parameter, g)
+                wa = 0.0 if rigid else y3
+                s0 += weight * y2
+                s1 += weight * wa
+                s2 += weight * am
+                s3 += weight * aa
+                y0 = qm + ahead * y2
+                y1 = qa + ahead * wa
+                y2 = vm + ahead * am
+                y3 = va + ahead * aa
+                for j in range(4, own):
+                    sums[j] += weight * dz[j]
+                    z[j] = x[j] + ahead * dz[j]
+            x[0] = qm + h / 6.0 * s0
+            x[1] = qa + h / 6.0 * s1
+            x[2] = vm + h / 6.0 * s2
+            x[3] = va + h / 6.0 * s3
+            for j in range(4, own):
+                x[j] += h / 6.0 * sums[j]
+            if n == 6:
+                step_sensitivities(s, h, rigid, by_state, by_parameter)
+            else:
+                step_many_sensitivities(s, h, rigid, by_state, by_parameter, stage, total)
+        x[n - 2] *= decay[0]
+        x[n - 1] *= decay[1]
+        for c in range(ncol):
+            s[n - 2, c] *= decay[0]
+            s[n - 1, c] *= decay[1]
+
+
+@njit
+def innovations_series(x, measured, gain, decay, torque, torque_arm, exogenous, t0, dt, substeps, rigid, base,
+                       codes, p, out_codes, innovation, states):
+    """The same prediction without derivatives."""
+    n = x.shape[0]
+    z, dz, total = np.zeros(n), np.zeros(n), np.zeros(n)
+    correcting = False
+    for j in range(n):
+        if gain[j, 0] != 0.0 or gain[j, 1] != 0.0:
+            correcting = True
+    for i in range(torque.shape[0]):
+        for j in range(n):
+            states[i, j] = x[j]
+        for ch in range(2):
+            m = measured[i, ch]
+            innovation[i, ch] = 0.0 if math.isnan(m) else m - encoder_reading(x[ch], ch, out_codes, p)
+        if correcting:
+            for j in range(n):
+                x[j] += gain[j, 0] * innovation[i, 0] + gain[j, 1] * innovation[i, 1]
+        advance(x, t0 + i * dt, dt, substeps, torque[i], torque_arm[i], exogenous[i], rigid, base, codes, p,
+                z, dz, total)
+        x[n - 2] *= decay[0]
+        x[n - 1] *= decay[1]

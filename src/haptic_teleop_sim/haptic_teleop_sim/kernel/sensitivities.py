@@ -1,0 +1,314 @@
+"""Compiled: the rates with their exact derivatives, and one Runge-Kutta step of the sensitivities.
+
+Joined to `integrator.py`, where state and arrays are described; not imported by itself. The derivatives are
+those of the discrete solution: every stage of the state's step is differentiated, so nothing is approximated.
+"""
+
+# ruff: noqa: F821
+# fmt: off
+from __future__ import annotations
+
+import numpy as np
+from numba import njit
+
+# <the text below joins the kernel>
+
+
+@inner
+def rates_sensitive(qm, qa, vm, va, z, t, torque_motor, torque_arm, exogenous, rigid, base, codes, p,
+                    base_col, p_col, d_torque, i_torque, stage, dz, by_state, by_parameter, g):
+    """`rates`, and their derivatives into ``by_state[stage]`` (rows, nx) and ``by_parameter[stage]`` (rows,
+    columns): rows 2 (motor), 3 (arm) and 4... (own states of effects); the others are trivial. What is zero
+    whatever the state is never written: both arrays must come as zeros.
+
+    ``base_col``, ``p_col``: column of each parameter or -1; ``d_torque[i_torque]`` (columns,): derivative of
+    the acting torque. Sums are kept in scalars, because every parameter but the stiffness enters through one
+    effect.
+    """
+    ks = base[0]
+    d = qm - qa
+    dv = vm - va
+    n = z.shape[0]
+    fm = torque_motor
+    fa = torque_arm
+    tau = ks * d
+    rubm = -base[2] * vm
+    ruba = -base[4] * va
+    facm = 1.0
+    faca = 1.0
+    jm = base[1]
+    ja = base[3]
+    # First the factors and inertias, which scale what the others add.
+    first = 0
+    for e in range(codes.shape[0]):
+        if codes[e, 2] < 2:
+            break
+        first += 1
+        loc = codes[e, 1]
+        q, v = (qm, vm) if loc == 0 else (qa, va)
+        f = value(codes[e, 0], q, v, d, ks, t, exogenous, 0.0, 0.0, p, codes[e, 3])
+        if codes[e, 2] == 2:
+            if loc == 0:
+                facm *= f
+            else:
+                faca *= f
+        elif loc == 0:
+            jm += f
+        else:
+            ja += f
+    im = 1.0 / jm
+    ia = 0.0 if rigid else 1.0 / ja
+    for c in range(d_torque.shape[1]):
+        by_parameter[stage, 2, c] = d_torque[i_torque, c] * im
+    # Derivatives of the torque at the motor and at the arm by own angle and velocity and by deflection; of
+    # the coupling torque by deflection and its rate; of each by the stiffness.
+    m_q, m_v, m_d, m_k = 0.0, -base[2] * facm, 0.0, 0.0
+    a_q, a_v, a_d, a_k = 0.0, -base[4] * faca, 0.0, 0.0
+    t_d, t_v, t_k = ks, 0.0, d
+    for e in range(first, codes.shape[0]):
+        code = codes[e, 0]
+        loc = codes[e, 1]
+        k = codes[e, 3]
+        o = codes[e, 4]
+        nz = codes[e, 5]
+        npar = codes[e, 6]
+        q, v = (qm, vm) if loc == 0 else ((qa, va) if loc == 1 else (d, dv))
+        z0 = z[o] if nz > 0 else 0.0
+        z1 = z[o + 1] if nz > 1 else 0.0
+        f = value_derivatives(code, q, v, d, ks, t, exogenous, z0, z1, p, k, g)
+        if loc == 0:
+            w = 1.0
+            if codes[e, 2] == 1:
+                rubm += f
+                w = facm
+            else:
+                fm += f
+            m_q += w * g[0]
+            m_v += w * g[1]
+            m_d += w * g[2]
+            m_k += w * g[3]
+            w *= im
+            for i in range(nz):
+                by_state[stage, 2, o + i] = w * g[4 + i]
+            for i in range(npar):
+                if p_col[k + i] >= 0:
+                    by_parameter[stage, 2, p_col[k + i]] = w * g[6 + i]
+        elif loc == 1:
+            w = 1.0
+            if codes[e, 2] == 1:
+                ruba += f
+                w = faca
+            else:
+                fa += f
+            a_q += w * g[0]
+            a_v += w * g[1]
+            a_d += w * g[2]
+            a_k += w * g[3]
+            w *= ia
+            for i in range(nz):
+                by_state[stage, 3, o + i] = w * g[4 + i]
+            for i in range(npar):
+                if p_col[k + i] >= 0:
+                    by_parameter[stage, 3, p_col[k + i]] = w * g[6 + i]
+        else:
+            tau += f
+            t_d += g[0] + g[2]
+            t_v += g[1]
+            t_k += g[3]
+            for i in range(nz):
+                by_state[stage, 2, o + i] = -im * g[4 + i]
+                by_state[stage, 3, o + i] = ia * g[4 + i]
+            for i in range(npar):
+                if p_col[k + i] >= 0:
+                    by_parameter[stage, 2, p_col[k + i]] = -im * g[6 + i]
+                    by_parameter[stage, 3, p_col[k + i]] = ia * g[6 + i]
+        for i in range(nz):
+            dz[o + i] = state_rate_derivatives(2 * code + i, q, v, d, ks, t, exogenous, z0, z1, p, k, g)
+            own_state_row(by_state, by_parameter, stage, o + i, g, loc, o, nz, k, npar, base_col, p_col)
+    # Acceleration = force / inertia.
+    am = (fm + rubm * facm - (0.0 if rigid else tau)) * im
+    aa = (fa + ruba * faca + tau) * ia
+    if rigid:
+        t_d, t_v, t_k = 0.0, 0.0, 0.0
+    by_state[stage, 2, 0] = (m_q + m_d - t_d) * im
+    by_state[stage, 2, 1] = (t_d - m_d) * im
+    by_state[stage, 2, 2] = (m_v - t_v) * im
+    by_state[stage, 2, 3] = t_v * im
+    by_state[stage, 2, n - 2] = im
+    by_state[stage, 3, 0] = (t_d + a_d) * ia
+    by_state[stage, 3, 1] = (a_q - a_d - t_d) * ia
+    by_state[stage, 3, 2] = t_v * ia
+    by_state[stage, 3, 3] = (a_v - t_v) * ia
+    by_state[stage, 3, n - 1] = ia
+    if base_col[0] >= 0:
+        by_parameter[stage, 2, base_col[0]] = (m_k - t_k) * im
+        by_parameter[stage, 3, base_col[0]] = (a_k + t_k) * ia
+    if base_col[1] >= 0:
+        by_parameter[stage, 2, base_col[1]] = -am * im
+    if base_col[2] >= 0:
+        by_parameter[stage, 2, base_col[2]] = -vm * facm * im
+    if base_col[3] >= 0:
+        by_parameter[stage, 3, base_col[3]] = -aa * ia
+    if base_col[4] >= 0:
+        by_parameter[stage, 3, base_col[4]] = -va * faca * ia
+    for e in range(first):
+        loc = codes[e, 1]
+        k = codes[e, 3]
+        q, v = (qm, vm) if loc == 0 else (qa, va)
+        f = value_derivatives(codes[e, 0], q, v, d, ks, t, exogenous, 0.0, 0.0, p, k, g)
+        if codes[e, 2] == 2:
+            others = (facm if loc == 0 else faca) / f if f != 0.0 else 0.0
+            weight = (rubm if loc == 0 else ruba) * others
+        else:
+            weight = -(am if loc == 0 else aa)
+        weight *= im if loc == 0 else ia
+        for i in range(codes[e, 6]):
+            if p_col[k + i] >= 0:
+                by_parameter[stage, 2 + loc, p_col[k + i]] = weight * g[6 + i]
+    return am, aa
+
+
+@inner
+def own_state_row(by_state, by_parameter, stage, row, g, loc, o, nz, k, npar, base_col, p_col):
+    """The row of an effect's own state, from its derivatives ``g`` (see ``codegen.DERIVATIVE_ORDER``)."""
+    by_q, by_v, by_d = g[0], g[1], g[2]
+    by_state[stage, row, 0] = (by_q if loc != 1 else 0.0) + by_d
+    by_state[stage, row, 1] = (by_q if loc == 1 else 0.0) - (by_q if loc == 2 else 0.0) - by_d
+    by_state[stage, row, 2] = by_v if loc != 1 else 0.0
+    by_state[stage, row, 3] = by_v if loc == 1 else (-by_v if loc == 2 else 0.0)
+    for i in range(nz):
+        by_state[stage, row, o + i] = g[4 + i]
+    if base_col[0] >= 0:
+        by_parameter[stage, row, base_col[0]] = g[3]
+    for i in range(npar):
+        if p_col[k + i] >= 0:
+            by_parameter[stage, row, p_col[k + i]] = g[6 + i]
+
+
+@inner
+def step_sensitivities(s, h, rigid, by_state, by_parameter):
+    """One Runge-Kutta step of the sensitivities ``s`` (nx, columns) in place, from the four stages'
+    derivatives of the rates, ``by_state`` (4, rows, nx) and ``by_parameter`` (4, rows, columns); without own
+    states of effects.
+
+    The variational equation is linear, so its stages need the states of each stage only through these. Column
+    by column in scalars, which compilers turn into vectors over the columns.
+    """
+    half = 0.5 * h
+    sixth = h / 6.0
+    arm = 0.0 if rigid else 1.0
+    a, b = by_state, by_parameter
+    for c in range(s.shape[1]):
+        q0, q1, v0, v1, w0, w1 = s[0, c], s[1, c], s[2, c], s[3, c], s[4, c], s[5, c]
+        k0 = v0
+        k1 = v1 * arm
+        k2 = (
+            a[0, 2, 0] * q0
+            + a[0, 2, 1] * q1
+            + a[0, 2, 2] * v0
+            + a[0, 2, 3] * v1
+            + a[0, 2, 4] * w0
+            + b[0, 2, c]
+        )
+        k3 = (
+            a[0, 3, 0] * q0
+            + a[0, 3, 1] * q1
+            + a[0, 3, 2] * v0
+            + a[0, 3, 3] * v1
+            + a[0, 3, 5] * w1
+            + b[0, 3, c]
+        )
+        y0, y1, y2, y3 = q0 + half * k0, q1 + half * k1, v0 + half * k2, v1 + half * k3
+        l0 = y2
+        l1 = y3 * arm
+        l2 = (
+            a[1, 2, 0] * y0
+            + a[1, 2, 1] * y1
+            + a[1, 2, 2] * y2
+            + a[1, 2, 3] * y3
+            + a[1, 2, 4] * w0
+            + b[1, 2, c]
+        )
+        l3 = (
+            a[1, 3, 0] * y0
+            + a[1, 3, 1] * y1
+            + a[1, 3, 2] * y2
+            + a[1, 3, 3] * y3
+            + a[1, 3, 5] * w1
+            + b[1, 3, c]
+        )
+        y0, y1, y2, y3 = q0 + half * l0, q1 + half * l1, v0 + half * l2, v1 + half * l3
+        m0 = y2
+        m1 = y3 * arm
+        m2 = (
+            a[2, 2, 0] * y0
+            + a[2, 2, 1] * y1
+            + a[2, 2, 2] * y2
+            + a[2, 2, 3] * y3
+            + a[2, 2, 4] * w0
+            + b[2, 2, c]
+        )
+        m3 = (
+            a[2, 3, 0] * y0
+            + a[2, 3, 1] * y1
+            + a[2, 3, 2] * y2
+            + a[2, 3, 3] * y3
+            + a[2, 3, 5] * w1
+            + b[2, 3, c]
+        )
+        y0, y1, y2, y3 = q0 + h * m0, q1 + h * m1, v0 + h * m2, v1 + h * m3
+        n0 = y2
+        n1 = y3 * arm
+        n2 = (
+            a[3, 2, 0] * y0
+            + a[3, 2, 1] * y1
+            + a[3, 2, 2] * y2
+            + a[3, 2, 3] * y3
+            + a[3, 2, 4] * w0
+            + b[3, 2, c]
+        )
+        n3 = (
+            a[3, 3, 0] * y0
+            + a[3, 3, 1] * y1
+            + a[3, 3, 2] * y2
+            + a[3, 3, 3] * y3
+            + a[3, 3, 5] * w1
+            + b[3, 3, c]
+        )
+        s[0, c] = q0 + sixth * (k0 + 2.0 * l0 + 2.0 * m0 + n0)
+        s[1, c] = q1 + sixth * (k1 + 2.0 * l1 + 2.0 * m1 + n1)
+        s[2, c] = v0 + sixth * (k2 + 2.0 * l2 + 2.0 * m2 + n2)
+        s[3, c] = v1 + sixth * (k3 + 2.0 * l3 + 2.0 * m3 + n3)
+
+
+@njit
+def step_many_sensitivities(s, h, rigid, by_state, by_parameter, stage, total):
+    """The same with any number of own states; ``stage`` and ``total`` (nx, columns) are scratch."""
+    n, ncol = s.shape
+    rows = n - 2
+    rate = np.zeros((rows, ncol))
+    for j in range(n):
+        for c in range(ncol):
+            stage[j, c] = s[j, c]
+            total[j, c] = s[j, c]
+    for k in range(4):
+        for c in range(ncol):
+            rate[0, c] = stage[2, c]
+            rate[1, c] = 0.0 if rigid else stage[3, c]
+        for r in range(2, rows):
+            for c in range(ncol):
+                rate[r, c] = by_parameter[k, r, c]
+            for j in range(n):
+                factor = by_state[k, r, j]
+                if factor != 0.0:
+                    for c in range(ncol):
+                        rate[r, c] += factor * stage[j, c]
+        weight = h / 6.0 if k == 0 or k == 3 else h / 3.0
+        ahead = h if k == 2 else 0.5 * h
+        for r in range(rows):
+            for c in range(ncol):
+                total[r, c] += weight * rate[r, c]
+                stage[r, c] = s[r, c] + ahead * rate[r, c]
+    for r in range(rows):
+        for c in range(ncol):
+            s[r, c] = total[r, c]

@@ -1,0 +1,119 @@
+"""A scenario without ROS or clock, as a command: deterministic by seed, into the same bags as the graph's."""
+
+from __future__ import annotations
+
+import argparse
+import time
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+from rich.console import Console
+
+from haptic_teleop_control.command_line import run_command
+from haptic_teleop_control.errors import ConfigurationError
+from haptic_teleop_control.laws import ForceLaw
+from haptic_teleop_control.recording import JointStateSeries, write_recording
+from haptic_teleop_control.signals import SignalGenerator
+
+from .scenario_parameters import ScenarioParameters, check_scenario, load_scenario
+from .scenario_run import ScenarioResult, simulate_scenario
+
+__all__ = ["load_scenario", "main", "record_scenario", "run_scenario", "simulate_scenario"]
+
+DURATION = 20.0
+"""s, where neither the caller nor the file nor the signal says how long."""
+
+
+def run_scenario(
+    parameters: ScenarioParameters | Mapping[str, Mapping[str, Any]] | str | Path,
+    duration: float | None = None,
+    seed: int | None = None,
+    law: ForceLaw | None = None,
+) -> dict[str, JointStateSeries]:
+    """The topics of scenario 1, as a recording of the graph would hold them.
+
+    parameters: a scenario file, or its content (node -> {dotted key: value}; what is not stated keeps its
+    default).
+    duration: s; default as in the file, else the signal's end, else 20 s. seed: of both robots. law: a
+    ForceLaw of your own for the two stages. Raises ConfigurationError or ModelError naming file, key and
+    remedy.
+    """
+    scenario = _scenario(parameters)
+    return simulate_scenario(scenario, _duration(scenario, duration), seed, law).topics
+
+
+def record_scenario(
+    scenario: ScenarioParameters, path: str | Path, duration: float | None = None, seed: int | None = None
+) -> ScenarioResult:
+    """Run a scenario and write it as a recording at `path`, a directory that must not exist (RecordingError).
+    """
+    length = _duration(scenario, duration)
+    result = simulate_scenario(scenario, length, seed)
+    experiment = {"kind": Path(scenario.source).stem, "note": scenario.note, "runner": "lockstep"}
+    recorded = {node: dict(values) for node, values in scenario.recorded.items()}
+    if seed is not None:
+        for values in recorded.values():
+            if "seed" in values:
+                values["seed"] = seed
+    write_recording(path, result.topics, recorded, experiment)
+    return result
+
+
+def _scenario(
+    parameters: ScenarioParameters | Mapping[str, Mapping[str, Any]] | str | Path,
+) -> ScenarioParameters:
+    if isinstance(parameters, ScenarioParameters):
+        return parameters
+    if isinstance(parameters, str | Path):
+        return load_scenario(parameters)
+    return check_scenario(parameters)
+
+
+def _duration(scenario: ScenarioParameters, duration: float | None) -> float:
+    if duration is not None:
+        return duration
+    if scenario.duration > 0.0:
+        return scenario.duration
+    signal = scenario.nodes["signal_generator"]
+    stated = {k: v for k, v in signal.items() if k in ("kind", "rate") or k.startswith("stage")}
+    end = SignalGenerator.from_parameters(stated, source=scenario.source).end
+    return end if 0.0 < end < 86400.0 else DURATION
+
+
+def main(argv: Sequence[str] | None = None) -> int:
+    """The command `lockstep`."""
+    return run_command(_main, argv)
+
+
+def _main(argv: list[str]) -> int:
+    parser = argparse.ArgumentParser(
+        prog="lockstep", description="Run a scenario file without ROS or clock, faster than real time."
+    )
+    parser.add_argument("scenario", help="parameter file of the nodes, for example config/scenario1_sim.yaml")
+    parser.add_argument(
+        "--record", metavar="DIR", help="write a recording there; the directory must not exist"
+    )
+    parser.add_argument("--duration", type=float, help="s; default as in the file")
+    parser.add_argument("--seed", type=int, help="of both robots; default as in the file")
+    options = parser.parse_args(argv)
+    if options.seed is not None and options.seed < 0:
+        raise ConfigurationError(f"argument --seed is {options.seed}; give a whole number, 0 or more.")
+    scenario = load_scenario(options.scenario)
+    duration = _duration(scenario, options.duration)
+    begun = time.perf_counter()
+    if options.record:
+        result = record_scenario(scenario, options.record, duration, options.seed)
+    else:
+        result = simulate_scenario(scenario, duration, options.seed)
+    elapsed = time.perf_counter() - begun
+    console = Console(stderr=True)
+    total = sum(len(topic) for topic in result.topics.values())
+    console.print(
+        f"{duration:g} s, {total} messages in {elapsed:.2f} s: {duration / elapsed:.0f} times real time"
+    )
+    for name, count in result.counts.items():
+        console.print(f"{name}: {count} samples")
+    if options.record:
+        print(options.record)
+    return 0
