@@ -118,8 +118,15 @@ def test_a_child_that_ignores_what_it_is_told_is_killed_in_the_end(monkeypatch):
         children, "STOPPING", ((signal.SIGINT, 0.2), (signal.SIGTERM, 0.2), (signal.SIGKILL, 5.0))
     )
     child = Child("composed", ["sfj_sim"])
+    status = Path(f"/proc/{child.process.pid}/status")
+
+    def catches_sigterm() -> bool:
+        caught = next(line for line in status.read_text().splitlines() if line.startswith("SigCgt:"))
+        return bool(int(caught.split()[1], 16) & 1 << signal.SIGTERM - 1)
+
     try:
-        os.kill(child.process.pid, signal.SIGSTOP)  # it can hear nothing
+        until(catches_sigterm)  # before that, the system itself would end it
+        os.kill(child.process.pid, signal.SIGSTOP)  # now it can hear nothing
         assert stop_all([child]) == {"composed": 128 + signal.SIGKILL}
     finally:
         child.process.kill()

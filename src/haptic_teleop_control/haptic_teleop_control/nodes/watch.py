@@ -94,9 +94,11 @@ class Watcher:
 
 
 class ProgressLine:
-    """One line on standard error: rewritten in place on a terminal, otherwise repeated every two seconds."""
+    """One line on standard error: rewritten in place on a terminal, otherwise repeated every two seconds; the
+    last one always stays."""
 
     def __init__(self) -> None:
+        self._text = ""
         self._console = Console(stderr=True)
         self._live = Live(console=self._console, auto_refresh=False) if self._console.is_terminal else None
         self._last = -math.inf
@@ -111,10 +113,14 @@ class ProgressLine:
     ) -> None:
         if self._live is not None:
             self._live.stop()
+        elif self._text:
+            print(self._text, file=sys.stderr, flush=True)
 
     def show(self, text: str) -> None:
+        self._text = text
         if self._live is not None:
             self._live.update(Text(text, no_wrap=True), refresh=True)
         elif time.monotonic() - self._last > PLAIN_INTERVAL:
             self._last = time.monotonic()
+            self._text = ""
             print(text, file=sys.stderr, flush=True)
