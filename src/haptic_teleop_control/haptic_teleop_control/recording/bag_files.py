@@ -21,7 +21,7 @@ SUFFIXES = {"mcap": (".mcap", ".mcap.zstd"), "sqlite3": (".db3", ".db3.zstd")}
 
 @dataclass
 class BagFiles:
-    """The files of the recording at ``path`` in their order, all in the format ``storage`` ("mcap" or "sqlite3").
+    """The files of the recording at ``path`` in their order, all of one ``storage`` ("mcap" or "sqlite3").
 
     ``information`` is the mapping in metadata.yaml, {} when there is none; ``problem`` says what is wrong
     with it, and ``missing`` names files that it lists and that are not there.

@@ -93,6 +93,8 @@ class Bag:
             self.damage(f"{file}: {problem}")
 
     def _sqlite(self, file: Path, select: Callable[[str, str], bool]) -> Iterator[Batch]:
+        if missing := sqlite_messages.missing_bytes(file):
+            self.damage(f"{file}: it is cut: {missing} bytes are missing at its end")
         with sqlite_messages.opened(file) as connection:
             for batch, kind in sqlite_messages.batches(connection, select):
                 self.types[batch.topic] = kind

@@ -105,8 +105,10 @@ class McapScan:
             )
 
     def _read(self, at: int, length: int) -> bytes:
+        if at >= self.size:
+            return b""
         self.file.seek(at)
-        return self.file.read(max(0, min(length, self.size - at)))
+        return self.file.read(min(length, self.size - at))
 
     def _go_on_after(self, at: int, reason: str) -> int | None:
         """The next chunk after damage at ``at``, by the summary; None when nothing tells where it is."""
@@ -152,34 +154,39 @@ class McapScan:
         try:
             chunk = chunk_head(body)
         except Damaged as damage:
-            return None, self._go_on_after(
-                at, f"chunk {self._number}: {damage}"
-            ) if end <= self.size else self._too_long(at)
-        needed = chunk.data_at + (chunk.data_size if chunk.compression else chunk.size)
-        after = at + 9 + needed
-        sound = end <= self.size and needed == length
-        if not sound:
-            body = self._read(at + 9, needed)
+            if end > self.size:
+                return None, self._too_long(at)
+            return None, self._go_on_after(at, f"chunk {self._number}: {damage}")
+        # The length of the contents is said twice; where the two differ, one is damaged.
+        inner = chunk.data_at + (chunk.data_size if chunk.compression else chunk.size)
+        sound = end <= self.size and inner == length
+        if inner > length:
+            body = self._read(at + 9, inner)
         try:
             found = walk(chunk_contents(chunk, body))
         except Damaged as damage:
             if not sound and not chunk.compression:
                 return self._take_cut_chunk(at, body[chunk.data_at : chunk.data_at + chunk.size], str(damage))
             self._lose(at, chunk.start, chunk.end, str(damage))
-            return None, end if sound else self._go_on_after(
-                at, "a chunk has a wrong length"
-            ) if end <= self.size else self._too_long(at)
+            if sound:
+                return None, end
+            return None, self._go_on_after(at, "a chunk has a wrong length") if end <= self.size else None
         self._start = chunk.start if self._start is None else self._start
         self._learn(found.schemas, found.channels)
+        what = f"chunk {self._number} at byte {at}"
         if found.end < chunk.size:
-            self.problems.append(
-                f"chunk {self._number} at byte {at} holds {chunk.size - found.end} bytes that are no messages"
-            )
+            self.problems.append(f"{what} holds {chunk.size - found.end} bytes that are no messages")
         if not sound:
-            self.problems.append(
-                f"chunk {self._number} at byte {at} has a wrong length; its messages are whole"
-            )
-        return found.messages, after
+            self.problems.append(f"{what} has a wrong length; its messages are whole")
+            end = next((place for place in (at + 9 + inner, end) if self._is_record(place)), self.size)
+        return found.messages, end
+
+    def _is_record(self, at: int) -> bool:
+        head = self._read(at, RECORD_HEAD.size)
+        if len(head) < RECORD_HEAD.size:
+            return False
+        opcode, length = RECORD_HEAD.unpack(head)
+        return opcode in KNOWN and at + RECORD_HEAD.size + length <= self.size
 
     def _take_cut_chunk(self, at: int, data: bytes, reason: str) -> tuple[Messages | None, int | None]:
         """The whole messages at the start of a chunk that is cut, which has no checksum for a part of it."""

@@ -69,7 +69,7 @@ def read_recording(path: str | Path, topics: Iterable[str] | None = None) -> Rec
             gathered[batch.topic].add(batch.rows, batch.received)
     bag.check_counts(counts)
     if not counts:
-        raise RecordingError(f"{path}: it holds no messages{_because(bag)}")
+        raise RecordingError(f"{path}: it holds no messages{_because(bag)}: name another recording")
     for name in sorted(wanted or ()):
         if name not in gathered:
             kind = bag.types.get(name)
@@ -77,7 +77,8 @@ def read_recording(path: str | Path, topics: Iterable[str] | None = None) -> Rec
                 raise RecordingError(
                     f"{path}: topic {name!r} holds {kind}: name a topic of sensor_msgs/JointState"
                 )
-            raise RecordingError(_no_topic(path, name, gathered) + _because(bag))
+            known = [topic for topic, kind in bag.types.items() if kind in JOINT_STATE and counts[topic]]
+            raise RecordingError(_no_topic(path, name, known) + _because(bag))
     if not gathered:
         others = ", ".join(sorted(counts))
         raise RecordingError(
@@ -86,6 +87,7 @@ def read_recording(path: str | Path, topics: Iterable[str] | None = None) -> Rec
     series = {name: gathered[name].series() for name in sorted(gathered)}
     for name, one in series.items():
         bag.problems += [f"{path}: {name}: {problem}" for problem in one.problems]
+        bag.whole &= len(one) == counts[name]
     description = describe(bag)
     return Recording(
         Path(path),
@@ -141,4 +143,4 @@ def _no_topic(path: str | Path, name: str, present: Iterable[str]) -> str:
 
 
 def _because(bag: Bag) -> str:
-    return f" ({'; '.join(bag.problems)})" if bag.problems else ": record it again, or name another recording"
+    return f" ({'; '.join(bag.problems)})" if bag.problems else ""

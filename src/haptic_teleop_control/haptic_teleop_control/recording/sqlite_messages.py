@@ -11,6 +11,7 @@ from tempfile import TemporaryDirectory
 import numpy as np
 import zstandard
 
+from haptic_teleop_control.recording.bag_files import SQLITE_MAGIC
 from haptic_teleop_control.recording.batches import Batch
 from haptic_teleop_control.recording.joint_state_cdr import rows_of
 from haptic_teleop_control.recording.mcap_records import Damaged
@@ -32,7 +33,10 @@ def opened(file: Path) -> Iterator[sqlite3.Connection]:
             file = unpacked
         try:
             # Immutable, so that reading writes no journal beside the recording and works on a read-only disk.
-            connection = sqlite3.connect(f"{file.resolve().as_uri()}?mode=ro&immutable=1", uri=True)
+            # A log that a killed recorder left behind holds its last messages, and is seen only without that.
+            immutable = int(not file.with_name(f"{file.name}-wal").exists())
+            location = f"{file.resolve().as_uri()}?mode=ro&immutable={immutable}"
+            connection = sqlite3.connect(location, uri=True)
         except sqlite3.Error as error:
             raise Damaged(f"it cannot be opened ({error})") from None
         try:
@@ -41,6 +45,20 @@ def opened(file: Path) -> Iterator[sqlite3.Connection]:
             raise Damaged(f"it is damaged ({error})") from None
         finally:
             connection.close()
+
+
+def missing_bytes(file: Path) -> int:
+    """How many bytes the file lacks of the size that its head announces, which SQLite itself does not check.
+
+    SQLite file format, header: page size at byte 16, number of pages at byte 28.
+    """
+    with file.open("rb") as stream:
+        head = stream.read(32)
+    if len(head) < 32 or not head.startswith(SQLITE_MAGIC):
+        return 0
+    page = int.from_bytes(head[16:18], "big")
+    page = 65536 if page == 1 else page
+    return max(0, page * int.from_bytes(head[28:32], "big") - file.stat().st_size)
 
 
 def batches(
