@@ -37,6 +37,7 @@ def sfj_stage_model(stage: str) -> Model:
         structure="flexible_joint",
         parameters={"torque_constant": facts.torque_constant, "stiffness": facts.stiffness, **_DRIVES[stage]},
         effects=(Effect("coulomb_friction", f"{stage}_motor", {"torque": _COULOMB[stage]}),),
+        fixed=("stiffness",),  # it was measured, and without it current alone would not fix the inertias
         source=f"the built-in model of {stage}",
     )
 
@@ -47,9 +48,10 @@ def omni_axis_model(axis: str) -> Model:
     facts = OMNI_AXES[axis]
     inertia = _OMNI_X_INERTIA if facts.inertia is None else facts.inertia
     motor = f"{axis}_motor"
+    stop = {"angle": facts.upper, **_OMNI_STOP, "both_sides": 1.0}
     effects = [
         Effect("stribeck_friction", motor, dict(_OMNI_FRICTION)),
-        Effect("hard_stop", motor, {"angle": facts.upper, **_OMNI_STOP, "both_sides": 1.0}),
+        Effect("hard_stop", motor, stop),
     ]
     if facts.spring_stiffness > 0.0:
         spring = {"stiffness": facts.spring_stiffness, "rest": facts.spring_rest}
@@ -60,5 +62,7 @@ def omni_axis_model(axis: str) -> Model:
         structure="rigid_body",
         parameters={"torque_constant": 1.0, "motor_inertia": inertia, "motor_damping": _OMNI_VISCOUS},
         effects=tuple(effects),
+        # Its input is a torque already; and what the stops are does not show in a recording between them.
+        fixed=("torque_constant", *(f"{motor}.hard_stop.{name}" for name in stop)),
         source=f"the built-in model of {axis}",
     )

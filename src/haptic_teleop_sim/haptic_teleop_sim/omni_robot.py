@@ -116,6 +116,7 @@ class OmniRobot(Robot):
     """The Omni in motion, with its operator's hand on it. Efforts are the torques applied last; commands and
     signals are (3,)."""
 
+    namespace = "/omni"
     names = OMNI_JOINTS
     motors = OMNI_JOINTS
     encoders = 1

@@ -28,6 +28,7 @@ class Robot:
     bank, device: what compiled loops take, see `kernel/stepping.py`.
     """
 
+    namespace: str
     names: tuple[str, ...]
     motors: tuple[str, ...]
     encoders: int
@@ -76,6 +77,11 @@ class Robot:
     def time(self) -> float:
         """s since the last reset."""
         return self.plants.time
+
+    @property
+    def torque_constants(self) -> Array:
+        """(m,) nominal effort per command, N·m/A: times a current it is the effort to command."""
+        return np.array([joint.torque_constant for joint in self.joints])
 
     @property
     def flow(self) -> Array:

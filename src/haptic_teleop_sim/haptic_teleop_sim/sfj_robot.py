@@ -163,6 +163,7 @@ class SfjRobot(Robot):
     the arms Te = Ks (theta_motor - theta_arm) of the quantised positions. Commands are (2,), signals (4,).
     """
 
+    namespace = "/sfj"
     names = SFJ_JOINTS
     motors = SFJ_MOTOR_JOINTS
     encoders = 2

@@ -31,7 +31,7 @@ class Sech(sp.Function):
     is_real = True
 
     def fdiff(self, argindex: int = 1) -> sp.Expr:
-        return -Sech(self.args[0]) * sp.tanh(self.args[0])
+        return -sp.tanh(self.args[0]) * self
 
 
 def positive_part(x: sp.Expr) -> sp.Expr:

@@ -49,8 +49,8 @@ class _Printer(PythonCodePrinter):
     def _print_Side(self, expr):
         return f"(1.0 if ({self._print(expr.args[0])}) >= 0.0 else -1.0)"
 
-    def _print_sign(self, expr):
-        return f"math.copysign(1.0, {self._print(expr.args[0])})"
+    def _print_sign(self, e):
+        return f"math.copysign(1.0, {self._print(e.args[0])})"
 
     def _print_Max(self, expr):
         return f"max({', '.join(self._print(a) for a in expr.args)})"
@@ -61,13 +61,13 @@ class _Printer(PythonCodePrinter):
     def _print_Integer(self, expr):
         return f"{int(expr)}.0"
 
-    def _print_Pow(self, expr, **kwargs):
+    def _print_Pow(self, expr, rational=False):
         base, exponent = expr.args
         if exponent.is_Integer and 2 <= int(exponent) <= 4:
             return "(" + " * ".join([f"({self._print(base)})"] * int(exponent)) + ")"
         if exponent.is_Integer and int(exponent) == -1:
             return f"(1.0 / ({self._print(base)}))"
-        return super()._print_Pow(expr, **kwargs)
+        return super()._print_Pow(expr, rational=rational)
 
 
 def _function(name: str, entry: EffectEntry, expression: sp.Expr, derivatives: bool) -> str:
@@ -83,7 +83,8 @@ def _function(name: str, entry: EffectEntry, expression: sp.Expr, derivatives: b
             if d != 0:
                 targets.append(d)
                 wanted.append(i)
-    common, reduced = sp.cse(targets, symbols=sp.numbered_symbols("c"))
+    common, reduced = sp.cse(targets, symbols=sp.numbered_symbols("c"), list=True)
+    values = [printer.doprint(value) for value in reduced]
     lines = [f"def {name}({_ARGUMENTS}{', g' if derivatives else ''}):"]
     lines += [f"    p_{n} = p[k + {i}]" for i, n in enumerate(entry.parameter_names)]
     lines += [f"    {symbol} = {printer.doprint(value)}" for symbol, value in common]
@@ -93,10 +94,8 @@ def _function(name: str, entry: EffectEntry, expression: sp.Expr, derivatives: b
             for i in range(len(DERIVATIVE_ORDER) + len(entry.parameters))
             if i not in wanted
         ]
-        lines += [
-            f"    g[{i}] = {printer.doprint(value)}" for i, value in zip(wanted, reduced[1:], strict=True)
-        ]
-    lines.append(f"    return {printer.doprint(reduced[0])}")
+        lines += [f"    g[{i}] = {value}" for i, value in zip(wanted, values[1:], strict=True)]
+    lines.append(f"    return {values[0]}")
     return "@inner\n" + "\n".join(lines) + "\n"
 
 
@@ -146,7 +145,9 @@ def dispatch_source() -> str:
             parts.append(_function(f"{entry.name}_{table}", entry, expression, derivatives))
             tables[table].append((code, f"{entry.name}_{table}"))
     for code, entry in enumerate(input_entries()):
-        parts.append(f"from {entry.step.__module__} import {entry.step.__name__} as {entry.name}_actuate\n")
+        step = entry.step
+        assert step is not None, f"the input effect {entry.name} has no step function"
+        parts.append(f"from {step.__module__} import {step.__name__} as {entry.name}_actuate\n")
         tables["actuate"].append((code, f"{entry.name}_actuate"))
     for name, calls in tables.items():
         arguments = _ARGUMENTS + (", g" if name.endswith("derivatives") else "")

@@ -13,6 +13,7 @@ parameters.  Factors and inertias come first.
 
 # ruff: noqa: F821
 # fmt: off
+# pyright: reportUndefinedVariable=false
 from __future__ import annotations
 
 import math

@@ -5,6 +5,7 @@ Joined to `integrator.py`, where state and arrays are described; not imported by
 
 # ruff: noqa: F821
 # fmt: off
+# pyright: reportUndefinedVariable=false
 from __future__ import annotations
 
 import math

@@ -6,6 +6,7 @@ those of the discrete solution: every stage of the state's step is differentiate
 
 # ruff: noqa: F821
 # fmt: off
+# pyright: reportUndefinedVariable=false
 from __future__ import annotations
 
 import numpy as np

@@ -122,5 +122,5 @@ def simulate(
         packed.p,
         out,
     )
-    time = t0 + dt * np.arange(n)
+    time = t0 + dt * np.arange(n, dtype=np.float64)
     return Trajectory(time, out, torque, *readings(packed, time, out))

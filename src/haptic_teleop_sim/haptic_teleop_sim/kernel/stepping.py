@@ -19,6 +19,7 @@ acceleration (m,) of the arms; scratch (3, m); encoders per joint, 1 or 2.
 
 # ruff: noqa: F821
 # fmt: off
+# pyright: reportUndefinedVariable=false
 from __future__ import annotations
 
 import math
