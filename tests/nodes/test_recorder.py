@@ -26,7 +26,7 @@ PERIOD = 1_000_000
 
 
 class Recorder:
-    """The executable, started with these parameters; ended by `stop`, or at the latest by the end of the test."""
+    """The executable, started with these parameters; ended by `stop`, or with the test at the latest."""
 
     def __init__(self, output: Path, **parameters: object) -> None:
         given = {"output": output, "topics": "[/sfj/joint_states]", **parameters}

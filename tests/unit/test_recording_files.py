@@ -8,6 +8,8 @@ import numpy as np
 import pytest
 import yaml
 from mcap.reader import make_reader
+from mcap.records import DataEnd
+from mcap.stream_reader import StreamReader
 from mcap.writer import CompressionType
 from mcap.writer import Writer as LibraryWriter
 from rosbags.highlevel import AnyReader
@@ -172,6 +174,9 @@ def test_rosbags_and_the_mcap_library_read_what_we_write(tmp_path):
                 assert tuple(message.name) == expected.names
                 assert message.effort.tolist() == expected.effort[i].tolist()
         assert seen == {"/sfj/joint_states": 2500, "/omni/joint_states": 2000}
+    with next(path.glob("*.mcap")).open("rb") as file:
+        records = list(StreamReader(file, validate_crcs=True).records)  # raises where a checksum fails
+    assert next(r for r in records if isinstance(r, DataEnd)).data_section_crc != 0
     with next(path.glob("*.mcap")).open("rb") as file:
         reader = make_reader(file, validate_crcs=True)
         messages = list(reader.iter_messages())
