@@ -37,7 +37,8 @@ def sfj_stage_model(stage: str) -> Model:
         structure="flexible_joint",
         parameters={"torque_constant": facts.torque_constant, "stiffness": facts.stiffness, **_DRIVES[stage]},
         effects=(Effect("coulomb_friction", f"{stage}_motor", {"torque": _COULOMB[stage]}),),
-        fixed=("stiffness",),  # it was measured, and without it current alone would not fix the inertias
+        # It was measured; and scaling all parameters together would change no motion.
+        fixed=("stiffness",),
         source=f"the built-in model of {stage}",
     )
 

@@ -12,9 +12,10 @@ from __future__ import annotations
 from collections.abc import Callable
 
 import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
 from haptic_teleop_control.errors import ConfigurationError
 from haptic_teleop_control.recording import JointStateSeries
-from numpy.typing import ArrayLike, NDArray
 
 from .kernel import stepping
 from .robot import Robot
@@ -32,8 +33,8 @@ def run_open_loop(
 ) -> dict[str, JointStateSeries]:
     """The robot's topics while `effort` (n, motors), N·m, is commanded sample by sample.
 
-    `external_torque` (n, motors), N·m, acts at the arms. The robot goes on from where it is; stamps begin at its
-    time zero. Raises ConfigurationError for arrays of another shape.
+    `external_torque` (n, motors), N·m, acts at the arms. The robot goes on from where it is; stamps begin at
+    its time zero. Raises ConfigurationError for arrays of another shape.
     """
     commands = np.ascontiguousarray(effort, dtype=np.float64)
     if commands.ndim != 2 or commands.shape[1] != len(robot.motors):
@@ -63,15 +64,15 @@ def run_closed_loop(robot: Robot, controller: Controller, duration: float) -> di
         for row, signal in enumerate(robot.sense()):
             out[k, row] = signal
         commands[k] = controller(now, out[k, 0], out[k, 1], out[k, 2])
-        robot.advance(commands[k])
+        robot.step(commands[k])
     return _topics(robot, times, out, commands)
 
 
 class PositionLoop:
     """A controller that moves the motors along a target: effort = kp (target - position) - kd velocity.
 
-    robot: gives limits and indices of the motors. target: time, s -> (motors,) rad. kp: N·m/rad, kd: N·m·s/rad,
-    for each motor or all.
+    robot: gives limits and indices of the motors. target: time, s -> (motors,) rad. kp: N·m/rad, kd:
+    N·m·s/rad, for each motor or all.
     """
 
     def __init__(

@@ -18,7 +18,7 @@ from .default_models import omni_axis_model
 from .joint_hardware import JointHardware
 from .model import Model
 from .model_choice import check_joint, choose_model
-from .operators import OPERATOR_PARAMETERS, Follower, Operator
+from .operators import OPERATOR_PARAMETERS, Operator
 from .robot import Robot
 from .step_result import StepResult
 
@@ -127,7 +127,7 @@ class OmniRobot(Robot):
         self.settings = settings = OmniSettings() if settings is None else settings
         self.operator = settings.operator
         axes = (settings.omni_x, settings.omni_y, settings.omni_z)
-        self._follower = Follower(self.operator, dt)
+        self._now = np.zeros(1)
         super().__init__(self.operator.grip(axes), dt, seed)
 
     @classmethod
@@ -143,27 +143,12 @@ class OmniRobot(Robot):
         step = 1.0 / checked["rate"] if dt is None else dt
         return cls(OmniSettings.from_parameters(checked, folder, source), step, checked["seed"])
 
-    def reset(self) -> None:
-        super().reset()
-        self._follower.reset()
-
-    def step(
-        self,
-        effort_command: ArrayLike,
-        operator_target: ArrayLike | None = None,
-        external_torque: ArrayLike | None = None,
-    ) -> StepResult:
-        """As `advance`; `operator_target` (3,), rad, is where the operator wants the device (mode follow;
-        None: at the posture). The operator's torque comes on top of `external_torque`.
-        """
-        operator = self.operator
-        if operator.mode == "none":
-            return self.advance(effort_command, external_torque)
-        if operator.mode == "follow":
-            target = np.full((1, 3), np.nan if operator_target is None else operator_target, dtype=np.float64)
-            torque = self._follower.torques(target)[0]
-        else:
-            torque = operator.pulls(np.array([self.time]))[0]
-        return self.advance(
-            effort_command, torque if external_torque is None else torque + np.asarray(external_torque)
-        )
+    def step(self, effort_command: ArrayLike, external_torque: ArrayLike | None = None) -> StepResult:
+        """As `Robot.step`; the operator's torque comes on top of `external_torque`."""
+        if self.operator.mode == "none":
+            return super().step(effort_command, external_torque)
+        self._now[0] = self.time
+        torque = self.operator.torques(self._now)[0]
+        if external_torque is not None:
+            torque += external_torque
+        return super().step(effort_command, torque)

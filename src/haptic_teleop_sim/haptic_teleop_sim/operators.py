@@ -1,26 +1,25 @@
-"""The operator's hand on the Omni: a passive impedance that holds a posture, moves along via points or
-follows a target that somebody gives.
+"""The operator's hand on the Omni: a passive impedance that holds a posture or moves along via points.
 
     torque of the hand on an axis = stiffness (target - phi) + damping (target' - phi') - inertia phi''
 
 The part that depends on the axis becomes part of the plant (`Operator.grip`): inside the dynamics, where a
-spring and a damper can only dissipate, whatever the sampling time. What is left is `Operator.pull`, a
+spring and a damper can only dissipate, whatever the sampling time. What is left is `Operator.torques`, a
 function of time alone. Of one hand the three axes are taken as independent.
 
 Between via points the hand moves with minimum jerk, from rest to rest (Flash and Hogan, J. Neurosci. 5, 1985,
-1688-1703). A given target may jump, a hand does not: it follows through a critically damped low-pass.
+1688-1703).
 """
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from functools import lru_cache
 from typing import Any, Self
 
 import numpy as np
 from numba import njit
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 
 from haptic_teleop_control.errors import ConfigurationError
 from haptic_teleop_control.parameters import Parameter
@@ -31,7 +30,7 @@ from .joint_hardware import JointHardware
 from .model import Effect, Model
 
 Array = NDArray[np.float64]
-MODES = ("none", "hold", "trajectory", "follow")
+MODES = ("none", "hold", "trajectory")
 
 
 @dataclass(frozen=True)
@@ -65,48 +64,25 @@ class Hand:
         if any(later <= earlier for earlier, later in zip(self.times, self.times[1:], strict=False)):
             raise ConfigurationError("hand.times do not increase; put them in order, each once.")
 
-    def target(self, t: ArrayLike) -> tuple[Array, Array]:
-        """Angle, rad, and its rate, rad/s, of the trajectory at the times t, s; at rest before and after it.
-        """
-        times, angles = np.asarray(self.times), np.asarray(self.angles)
-        t = np.asarray(t, dtype=np.float64)
-        if len(times) == 1:
-            return np.full(t.shape, angles[0]), np.zeros(t.shape)
-        piece = np.clip(np.searchsorted(times, t, side="right") - 1, 0, len(times) - 2)
-        span = times[piece + 1] - times[piece]
-        s = np.clip((t - times[piece]) / span, 0.0, 1.0)
-        way = angles[piece + 1] - angles[piece]
-        return (
-            angles[piece] + way * s**3 * (10.0 - 15.0 * s + 6.0 * s**2),
-            way / span * 30.0 * s**2 * (1.0 - s) ** 2,
-        )
-
 
 OPERATOR_PARAMETERS: list[Parameter] = [
     Parameter(
         "operator.mode",
         "none",
         choices=MODES,
-        meaning="none: nobody holds the device; hold: at the posture; "
-        "trajectory: along the via points; follow: after the reference",
+        meaning="none: nobody holds the device; hold: at the posture; trajectory: along the via points",
     ),
-    Parameter("operator.bandwidth_hz", 2.0, "Hz", above=0.0, meaning="how fast the hand follows (assumed)"),
-    *(
-        parameter
-        for axis in OMNI_JOINTS
-        for parameter in parameters_of(Hand(), f"{axis}.hand.", runtime=False)
-    ),
+    *(p for axis in OMNI_JOINTS for p in parameters_of(Hand(), f"{axis}.hand.", runtime=False)),
 ]
 """Parameters of the operator; part of OMNI_PARAMETERS."""
 
 
 @dataclass(frozen=True)
 class Operator:
-    """Who holds the device: a mode of MODES, the hand about each axis, and how fast it follows (Hz)."""
+    """Who holds the device: a mode of MODES, and the hand about each axis."""
 
     mode: str = "none"
     hands: tuple[Hand, ...] = field(default_factory=lambda: tuple(Hand() for _ in OMNI_JOINTS))
-    bandwidth_hz: float = 2.0
 
     def __post_init__(self) -> None:
         if self.mode not in MODES:
@@ -121,7 +97,7 @@ class Operator:
                 hands.append(from_parameters(Hand, values, f"{axis}.hand."))
             except ConfigurationError as error:
                 raise ConfigurationError(f"{source}: {axis}.{error}") from error
-        return cls(values["operator.mode"], tuple(hands), values["operator.bandwidth_hz"])
+        return cls(values["operator.mode"], tuple(hands))
 
     def grip(self, axes: Sequence[JointHardware]) -> tuple[JointHardware, ...]:
         """The axes with the hand's inertia, damping and stiffness (about zero) in their plants."""
@@ -132,58 +108,45 @@ class Operator:
             for axis, hand in zip(axes, self.hands, strict=True)
         )
 
-    def pulls(self, t: Array, targets: Array | None = None) -> Array:
-        """Torque (time, axes), N·m, that the hand adds at the times t, s, to its impedance about zero.
-        `targets` (time, axes), rad, matter in mode follow only; NaN is no target yet, and the posture holds.
-        """
-        torque = np.zeros((len(t), len(self.hands)))
-        if self.mode == "follow" and targets is not None:
-            dt = float(t[1] - t[0]) if len(t) > 1 else 1.0
-            return Follower(self, dt).torques(targets)
-        for i, hand in enumerate(self.hands):
-            if self.mode == "trajectory":
-                target, rate = hand.target(t)
-                torque[:, i] = hand.stiffness * target + hand.damping * rate
-            elif self.mode != "none":
-                torque[:, i] = hand.stiffness * hand.posture
-        return torque
+    def torques(self, t: Array) -> Array:
+        """(time, axes), N·m, that the hand adds at the times t, s, to its impedance about zero."""
+        return hand_torques(t, *self._numbers())
 
-
-class Follower:
-    """The hand's way after targets that are given sample by sample, every dt s."""
-
-    def __init__(self, operator: Operator, dt: float) -> None:
-        self._stiffness = np.array([hand.stiffness for hand in operator.hands])
-        self._damping = np.array([hand.damping for hand in operator.hands])
-        self._posture = np.array([hand.posture for hand in operator.hands])
-        self._rate = 2.0 * math.pi * operator.bandwidth_hz
-        self._dt = dt
-        self.reset()
-
-    def reset(self) -> None:
-        """The hand at its posture, at rest."""
-        self._state = np.stack([self._posture, np.zeros_like(self._posture)])
-
-    def torques(self, targets: Array) -> Array:
-        """(time, axes), N·m, as `Operator.pulls`, for the next targets (time, axes), rad."""
-        wanted = np.where(np.isfinite(targets), targets, self._posture)
-        return follow(wanted, self._state, self._rate, self._dt, self._stiffness, self._damping)
+    @lru_cache(maxsize=16)  # noqa: B019 (operators are small, few, and live as long as the program)
+    def _numbers(self) -> tuple[Array, Array]:
+        """What `hand_torques` takes: (axes, 2) stiffness and damping, (axes, points, 2) times and angles."""
+        held = [((0.0, hand.posture),) for hand in self.hands]
+        moving = [tuple(zip(hand.times, hand.angles, strict=True)) for hand in self.hands]
+        points = moving if self.mode == "trajectory" else held
+        impedance = np.array([(hand.stiffness, hand.damping) for hand in self.hands])
+        longest = max(map(len, points))
+        # The last point is repeated: a piece of no length after the end is never entered.
+        table = np.array([p + (p[-1],) * (longest - len(p)) for p in points])
+        return impedance * (self.mode != "none"), table
 
 
 @njit(cache=True)
-def follow(targets, state, rate, dt, stiffness, damping):  # type: ignore[no-untyped-def]
-    """Torques (time, axes) of a hand that follows `targets` (time, axes), held between samples, with both
-    poles at -`rate` 1/s; exact. `state` (2, axes): angle and rate of the hand, moved on.
-    """
-    torques = np.empty(targets.shape)
-    decay = math.exp(-rate * dt)
-    for k in range(targets.shape[0]):
-        for i in range(targets.shape[1]):
-            torques[k, i] = stiffness[i] * state[0, i] + damping[i] * state[1, i]
-            error = state[0, i] - targets[k, i]
-            slope = state[1, i] + rate * error
-            state[0, i] = targets[k, i] + (error + slope * dt) * decay
-            state[1, i] = (state[1, i] - rate * slope * dt) * decay
+def hand_torques(t, impedance, points):  # type: ignore[no-untyped-def]
+    """Torques (time, axes) of hands at the times t (time,); arguments as `Operator._numbers` gives them."""
+    torques = np.empty((t.shape[0], impedance.shape[0]))
+    last = points.shape[1] - 1
+    for k in range(t.shape[0]):
+        for i in range(impedance.shape[0]):
+            piece = 0
+            while (
+                piece < last
+                and points[i, piece + 1, 0] <= t[k]
+                and points[i, piece, 0] < points[i, piece + 1, 0]
+            ):
+                piece += 1
+            angle, rate = points[i, piece, 1], 0.0
+            if piece < last and t[k] > points[i, piece, 0] and points[i, piece + 1, 0] > points[i, piece, 0]:
+                span = points[i, piece + 1, 0] - points[i, piece, 0]
+                way = points[i, piece + 1, 1] - points[i, piece, 1]
+                s = (t[k] - points[i, piece, 0]) / span
+                angle += way * s**3 * (10.0 - 15.0 * s + 6.0 * s * s)
+                rate = way / span * 30.0 * (s * (1.0 - s)) ** 2
+            torques[k, i] = impedance[i, 0] * angle + impedance[i, 1] * rate
     return torques
 
 

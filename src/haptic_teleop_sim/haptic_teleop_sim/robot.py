@@ -103,7 +103,7 @@ class Robot:
         self._functions.robot_sense(self.bank, self.device, self._noise[self._row], self._angles, self._out)
         return self._signals
 
-    def advance(self, effort_command: ArrayLike, external_torque: ArrayLike | None = None) -> StepResult:
+    def step(self, effort_command: ArrayLike, external_torque: ArrayLike | None = None) -> StepResult:
         """One sample with `effort_command` (m,), N·m, at the motors; says what was done to it.
 
         `external_torque` (m,), N·m, acts at the arms, or at the bodies where they are rigid; a value that is

@@ -20,13 +20,14 @@ from numpy.typing import NDArray
 
 from haptic_teleop_control.errors import ConfigurationError
 from haptic_teleop_control.laws import LAWS, AugmentedErrorLaw, ForceLaw, LawResult, MasterSide
+from haptic_teleop_control.node_tables import AXES
 from haptic_teleop_control.recording import JointStateSeries
 from haptic_teleop_control.robots import OMNI_JOINTS, OMNI_PEAK_TORQUE, SFJ_JOINTS, SFJ_MOTOR_JOINTS, STAGES
 from haptic_teleop_control.signals import SignalGenerator
 
 from .hardware import OmniRobot, SfjRobot, StepResult
 from .kernel import stepping
-from .scenario_parameters import AXES, ScenarioParameters
+from .scenario_parameters import ScenarioParameters
 from .stamps import sample_times, series, stamps
 
 Array = NDArray[np.float64]
@@ -58,7 +59,6 @@ class _Prepared:
     reference_times: Array
     reference: Array
     commanded: Array
-    targets: Array
     device_commands: bool
     ramp_time: float
     joints: tuple[str, ...]
@@ -133,8 +133,6 @@ def _prepare(
     both = np.concatenate([master_times, slave_times])
     kinds = np.concatenate([np.full(len(master_times), MASTER), np.full(len(slave_times), SLAVE)])
     order = np.argsort(stamps(both), kind="stable")
-    targets = np.full((len(master_times), 3), np.nan)
-    targets[:, 1:] = by_axis[_latest(reference_times, master_times)]
     return _Prepared(
         slave=SfjRobot.from_parameters(_own(nodes["sfj_sim"], seed), folder=parameters.folder, source=source),
         master=OmniRobot.from_parameters(
@@ -149,7 +147,6 @@ def _prepare(
         reference_times=reference_times,
         reference=values,
         commanded=by_axis[_latest(reference_times, slave_times)],
-        targets=targets,
         device_commands=device,
         ramp_time=control["ramp_time"],
         joints=joints,
@@ -178,7 +175,7 @@ def _compiled_loop(run: _Prepared, outputs: tuple[Array, ...], counts: NDArray[n
     assert isinstance(law, AugmentedErrorLaw)
     slave, master = run.slave, run.master
     n_slave, n_master = len(run.times[SLAVE]), len(run.times[MASTER])
-    hand = master.operator.pulls(run.times[MASTER], run.targets)
+    hand = master.operator.torques(run.times[MASTER])
     gains = np.array([astuple(gain) for gain in law.gains])
     stepping().scenario_loop(
         run.kinds, run.event_times, run.commanded, run.device_commands, slave.bank, slave.device,
@@ -194,7 +191,6 @@ def _python_loop(run: _Prepared, outputs: tuple[Array, ...], counts: NDArray[np.
     limit, saturated = OMNI_PEAK_TORQUE, int(LawResult.SATURATED)
     axis, arm_torque = np.zeros(2), np.zeros(2)
     engaged: float | None = None
-    follows = master.operator.mode == "follow"
     j = k = 0
     for kind, now in zip(run.kinds.tolist(), run.event_times.tolist(), strict=True):
         if kind == MASTER:
@@ -205,7 +201,7 @@ def _python_loop(run: _Prepared, outputs: tuple[Array, ...], counts: NDArray[np.
                 _, felt = run.felt.step(axis, arm_torque)
                 torque = felt * _ramp(now - engaged, run.ramp_time)
                 master_command[j, 1:3] = np.minimum(np.maximum(torque, -limit), limit)
-            _count(counts[3:6], master.step(master_command[j], run.targets[j] if follows else None))
+            _count(counts[3:6], master.step(master_command[j]))
             j += 1
         else:
             for row, signal in enumerate(slave.sense()):

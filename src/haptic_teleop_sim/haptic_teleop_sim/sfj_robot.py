@@ -9,8 +9,6 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Self
 
-from numpy.typing import ArrayLike
-
 from haptic_teleop_control.parameters import Parameter, ParameterTable
 from haptic_teleop_control.quantities import from_parameters, parameters_of, quantity
 from haptic_teleop_control.robots import SFJ_JOINTS, SFJ_MOTOR_JOINTS, SFJ_RATE_HZ, SFJ_STAGES, STAGES
@@ -20,7 +18,6 @@ from .joint_hardware import JointHardware
 from .model import Effect, Model
 from .model_choice import add_effect, check_joint, choose_model
 from .robot import Robot
-from .step_result import StepResult
 
 #: 20 V over 2^12 steps of the analog output, at 0.5 A/V.
 AMPLIFIER_RESOLUTION = 20.0 / 2**12 * 0.5
@@ -186,9 +183,3 @@ class SfjRobot(Robot):
         checked = SFJ_PARAMETERS.check(values, source)
         step = 1.0 / checked["rate"] if dt is None else dt
         return cls(SfjSettings.from_parameters(checked, folder, source), step, checked["seed"])
-
-    def step(self, effort_command: ArrayLike, external_torque: ArrayLike | None = None) -> StepResult:
-        """As `advance`: commands (2,), N·m, at the motors, and torques (2,), N·m, of the environment on the
-        arms.
-        """
-        return self.advance(effort_command, external_torque)
