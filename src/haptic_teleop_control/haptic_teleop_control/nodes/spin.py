@@ -117,13 +117,15 @@ def stop_requests() -> Iterator[threading.Event]:
             signal.signal(number, handler)
 
 
-def spin(nodes: Sequence[HapticNode], should_stop: Callable[[], bool]) -> None:
-    """Runs the callbacks of `nodes` until `should_stop()`; raises what a node's thread failed with."""
+def spin(nodes: Sequence[HapticNode], should_stop: Callable[[], bool], realtime_priority: int = 0) -> None:
+    """Starts `nodes`, runs their callbacks until `should_stop()`; raises what a node's thread failed with."""
     executor = make_executor()
     for node in nodes:
         executor.add_node(node)
     gc.collect()
     gc.freeze()
+    if realtime_priority:  # not earlier: loading and collecting would keep other real-time processes waiting
+        request_realtime(realtime_priority)
     failed = None
     try:
         for node in nodes:
@@ -161,9 +163,7 @@ def _run(node_classes: Sequence[type[HapticNode]], argv: Sequence[str]) -> int:
             nodes = create_nodes(node_classes, arguments)
             try:
                 priority = max(node.values.get("realtime_priority", 0) for node in nodes)
-                if priority:
-                    request_realtime(priority)
-                spin(nodes, stop.is_set)
+                spin(nodes, stop.is_set, priority)
             finally:
                 stop_nodes(nodes)
         finally:
