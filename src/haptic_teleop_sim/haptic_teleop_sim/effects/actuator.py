@@ -70,7 +70,9 @@ def delay_step(torque, time, dt, p, k, z, o):
 
 
 def _duration(name: str, meaning: str, typical: float, maximum: float) -> EffectParameter:
-    return EffectParameter(name, "s", meaning, minimum=0.0, maximum=maximum, typical=typical)
+    return EffectParameter(
+        name, "s", meaning, minimum=0.0, maximum=maximum, typical=typical, grid=(0.5 * typical, 2.0 * typical)
+    )
 
 
 GAIN_ERROR = EffectEntry(
@@ -143,6 +145,7 @@ DEAD_ZONE = EffectEntry(
             minimum=0.0,
             typical=0.4,
             scale="torque",
+            grid=(0.2, 0.6, 1.2),
         ),
     ),
     sentence="small commanded torques have no effect",

@@ -17,8 +17,9 @@ from typing import Any, Literal
 Kind = Literal["torque", "friction", "friction_factor", "inertia", "input", "output", "skew"]
 Place = Literal["motor", "arm", "joint", "actuator", "motor_encoder", "arm_encoder"]
 
-#: Velocity (rad/s) within which the sign of a velocity is smoothed, unless the effect says otherwise.
-SMOOTHING_VELOCITY = 0.005
+#: Displacement (rad) over which dry friction turns round when the motion does: so small that it counts as a
+#: sticking contact, large enough to integrate (some encoder counts).
+STICTION_ANGLE = 2e-4
 
 
 @dataclass(frozen=True)
@@ -49,6 +50,7 @@ class EffectParameter:
         "drag",
         "cubic",
         "duration",
+        "furthest",
         "one",
     ] = "one"
     grid: tuple[float, ...] = ()
@@ -70,6 +72,12 @@ class EffectEntry:
     ks)`` bounds the added stiffness (N·m/rad) and damping (N·m·s/rad), from which the step is chosen, and, as
     a third number, the rate of own states (1/s). An ``input`` effect is a compiled function ``step(torque,
     time, dt, parameters, offset, states, state_offset)`` with ``states`` places for its memory.
+
+    ``s.direction`` is a memory between -1 and 1 that follows the direction of motion of the location over a
+    small displacement D, d direction = (dq - abs(dq) direction) / D (Dahl 1968), which the kernel integrates
+    exactly; ``memory`` says where D comes from: ``direction`` (``STICTION_ANGLE``, or no memory but
+    tanh(velocity / smoothing) where the effect's last parameter, ``smoothing``, is above zero), ``ratio``
+    (first over second parameter), ``displacement`` (second parameter).
     """
 
     name: str
@@ -83,6 +91,7 @@ class EffectEntry:
     exogenous: Literal["", "other_arm_acceleration"] = ""
     step: Callable[..., float] | None = None
     states: int = 0
+    memory: Literal["", "direction", "ratio", "displacement"] = ""
     rigid_body: bool = True
 
     def __post_init__(self) -> None:

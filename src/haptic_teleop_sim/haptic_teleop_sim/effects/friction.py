@@ -2,18 +2,24 @@
 
 from __future__ import annotations
 
-from .entry import SMOOTHING_VELOCITY, EffectEntry, EffectParameter
+from .entry import STICTION_ANGLE, EffectEntry, EffectParameter
 
 _SMOOTHING = EffectParameter(
     "smoothing",
     "rad/s",
-    "velocity within which the sign is smoothed (1/beta of equation 22)",
-    minimum=1e-6,
+    "velocity within which the sign of the velocity is smoothed, 1/beta of equation 22; "
+    "0: friction that sticks",
+    minimum=0.0,
     maximum=10.0,
-    default=SMOOTHING_VELOCITY,
+    default=0.0,
     neutral=None,
     scale="velocity",
 )
+
+
+def _rate(torque: float, smoothing: float) -> tuple[float, float]:
+    """Stiffness of the sticking contact, or the slope of the smoothed sign."""
+    return (0.0, abs(torque) / smoothing) if smoothing > 0.0 else (abs(torque) / STICTION_ANGLE, 0.0)
 
 
 def _torque(name: str, meaning: str, typical: float = 0.2) -> EffectParameter:
@@ -26,8 +32,9 @@ COULOMB = EffectEntry(
     where=("motor", "arm"),
     parameters=(_torque("torque", "friction torque while sliding"), _SMOOTHING),
     sentence="a dry friction torque of constant size opposes the motion",
-    equation=lambda s, p: -p.torque * s.sign(s.velocity, p.smoothing),
-    rate=lambda p, ks: (0.0, abs(p["torque"]) / p["smoothing"]),
+    equation=lambda s, p: -p.torque * s.direction,
+    rate=lambda p, ks: _rate(p["torque"], p["smoothing"]),
+    memory="direction",
 )
 
 STRIBECK = EffectEntry(
@@ -51,10 +58,10 @@ STRIBECK = EffectEntry(
     ),
     sentence="dry friction is largest where the motion starts and falls with speed (equation 22)",
     equation=lambda s, p: (
-        -(p.coulomb + (p.breakaway - p.coulomb) * s.sech(s.velocity / p.velocity))
-        * s.sign(s.velocity, p.smoothing)
+        -(p.coulomb + (p.breakaway - p.coulomb) * s.sech(s.velocity / p.velocity)) * s.direction
     ),
-    rate=lambda p, ks: (0.0, max(abs(p["breakaway"]), abs(p["coulomb"])) / p["smoothing"]),
+    rate=lambda p, ks: _rate(max(p["breakaway"], p["coulomb"]), p["smoothing"]),
+    memory="direction",
 )
 
 ASYMMETRIC = EffectEntry(
@@ -68,13 +75,10 @@ ASYMMETRIC = EffectEntry(
     ),
     sentence="dry friction differs between the two directions of motion",
     equation=lambda s, p: (
-        -(
-            (p.positive + p.negative) * s.sign(s.velocity, p.smoothing)
-            + (p.positive - p.negative) * s.sign(s.velocity, p.smoothing) ** 2
-        )
-        / 2
+        -((p.positive + p.negative) * s.direction + (p.positive - p.negative) * s.direction**2) / 2
     ),
-    rate=lambda p, ks: (0.0, 2 * max(abs(p["positive"]), abs(p["negative"])) / p["smoothing"]),
+    rate=lambda p, ks: _rate(2 * max(p["positive"], p["negative"]), p["smoothing"]),
+    memory="direction",
 )
 
 PRESLIDING = EffectEntry(
@@ -95,9 +99,9 @@ PRESLIDING = EffectEntry(
         ),
     ),
     sentence="friction builds up over a small elastic displacement before the contact slides (Dahl)",
-    equation=lambda s, p: -p.stiffness * s.state0,
-    rates=(lambda s, p: s.velocity - p.stiffness / (p.torque + 1e-9) * s.abs(s.velocity) * s.state0,),
-    rate=lambda p, ks: (abs(p["stiffness"]), 0.0, 5.0 * p["stiffness"] / (p["torque"] + 1e-9)),
+    equation=lambda s, p: -p.torque * s.direction,
+    rate=lambda p, ks: (abs(p["stiffness"]), 0.0),
+    memory="ratio",
 )
 
 QUADRATIC_DRAG = EffectEntry(
@@ -146,13 +150,9 @@ POSITION_DEPENDENT = EffectEntry(
         _SMOOTHING,
     ),
     sentence="dry friction varies with the angle",
-    equation=lambda s, p: (
-        -(p.torque + p.amplitude * s.sin(p.order * s.position + p.phase)) * s.sign(s.velocity, p.smoothing)
-    ),
-    rate=lambda p, ks: (
-        abs(p["amplitude"] * p["order"]),
-        (abs(p["torque"]) + abs(p["amplitude"])) / p["smoothing"],
-    ),
+    equation=lambda s, p: -(p.torque + p.amplitude * s.sin(p.order * s.position + p.phase)) * s.direction,
+    rate=lambda p, ks: _rate(p["torque"] + p["amplitude"], p["smoothing"]),
+    memory="direction",
 )
 
 DRIFT = EffectEntry(
@@ -199,10 +199,9 @@ LOAD_DEPENDENT = EffectEntry(
         _SMOOTHING,
     ),
     sentence="friction grows with the torque that the transmission carries",
-    equation=lambda s, p: (
-        -p.coefficient * s.abs(s.stiffness * s.deflection) * s.sign(s.velocity, p.smoothing)
-    ),
-    rate=lambda p, ks: (abs(p["coefficient"]) * ks, 0.1 * abs(p["coefficient"]) * ks / p["smoothing"]),
+    equation=lambda s, p: -p.coefficient * s.abs(s.stiffness * s.deflection) * s.direction,
+    rate=lambda p, ks: _rate(0.2 * p["coefficient"] * ks, p["smoothing"]),
+    memory="direction",
     rigid_body=False,
 )
 

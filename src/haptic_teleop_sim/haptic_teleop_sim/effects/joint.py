@@ -12,7 +12,13 @@ BACKLASH = EffectEntry(
     where=("joint",),
     parameters=(
         EffectParameter(
-            "width", "rad", "full width of the gap", minimum=0.0, typical=0.15, scale="deflection"
+            "width",
+            "rad",
+            "full width of the gap",
+            minimum=0.0,
+            typical=0.15,
+            scale="deflection",
+            grid=(0.05, 0.2),
         ),
     ),
     sentence="the coupling has play: within a gap it carries no torque",
@@ -55,10 +61,9 @@ HYSTERESIS = EffectEntry(
         ),
     ),
     sentence="loading and unloading the coupling follow different curves (dry friction inside the spring)",
-    equation=lambda s, p: p.torque * s.state0,
-    rates=(lambda s, p: (s.velocity - s.abs(s.velocity) * s.state0) / p.displacement,),
-    # Own rate at a deflection rate of 5 rad/s, which is fast for these machines.
-    rate=lambda p, ks: (abs(p["torque"]) / p["displacement"], 0.0, 5.0 / p["displacement"]),
+    equation=lambda s, p: p.torque * s.direction,
+    rate=lambda p, ks: (abs(p["torque"]) / p["displacement"], 0.0),
+    memory="displacement",
     rigid_body=False,
 )
 
@@ -113,7 +118,7 @@ PAYLOAD_CHANGE = EffectEntry(
             minimum=0.0,
             typical=0.5,
             scale="duration",
-            grid=(0.15, 0.3, 0.45, 0.6, 0.75, 0.9),
+            grid=tuple(k / 20 for k in range(1, 20)),
             neutral=None,
         ),
         EffectParameter(

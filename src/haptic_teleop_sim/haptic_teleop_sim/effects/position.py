@@ -100,13 +100,13 @@ HARD_STOP = EffectEntry(
             "angle",
             "rad",
             "angle of the stop; its sign says on which side the stop lies",
-            typical=0.7,
-            scale="angle",
-            grid=(0.9, 0.75, 0.6, -0.9, -0.75, -0.6),
+            typical=0.9,
+            scale="furthest",
+            grid=(0.97, 0.9, 0.75),
             neutral=None,
         ),
         EffectParameter(
-            "stiffness", "N*m/rad", "stiffness of the stop", minimum=0.0, typical=20.0, scale="stiffness"
+            "stiffness", "N*m/rad", "stiffness of the stop", minimum=0.0, typical=5.0, scale="stiffness"
         ),
         EffectParameter(
             "dissipation",

@@ -45,7 +45,15 @@ SENSOR_DELAY = EffectEntry(
     kind="skew",
     where=("motor_encoder", "arm_encoder"),
     parameters=(
-        EffectParameter("delay", "s", "age of the reading", minimum=0.0, maximum=0.25, typical=0.01),
+        EffectParameter(
+            "delay",
+            "s",
+            "age of the reading",
+            minimum=0.0,
+            maximum=0.25,
+            typical=0.01,
+            grid=(0.005, 0.015),
+        ),
     ),
     sentence="the encoder reports where the axis was a fixed time ago",
 )
@@ -61,6 +69,7 @@ CHANNEL_SKEW = EffectEntry(
             minimum=-0.25,
             maximum=0.25,
             typical=0.01,
+            grid=(-0.015, -0.005, 0.005, 0.015),
         ),
     ),
     sentence="one recorded channel is stamped late or early against the others",

@@ -6,12 +6,17 @@ from types import SimpleNamespace
 
 import sympy as sp
 
-VARIABLES = ("position", "velocity", "deflection", "stiffness", "time", "exogenous", "state0", "state1")
-
-
-def smooth_sign(velocity: sp.Expr, smoothing: sp.Expr | float) -> sp.Expr:
-    """The sign of a velocity, smoothed over ``smoothing`` (rad/s): tanh(v / smoothing)."""
-    return sp.tanh(velocity / smoothing)
+VARIABLES = (
+    "position",
+    "velocity",
+    "deflection",
+    "stiffness",
+    "time",
+    "exogenous",
+    "state0",
+    "state1",
+    "direction",
+)
 
 
 class Side(sp.Function):
@@ -48,7 +53,6 @@ def namespaces(parameter_names: tuple[str, ...]) -> tuple[SimpleNamespace, Simpl
     """Symbols for the variables (with helpers) and for an effect's own parameters, all real."""
     variables = SimpleNamespace(
         **{name: sp.Symbol(name, real=True) for name in VARIABLES},
-        sign=smooth_sign,
         side=Side,
         positive_part=positive_part,
         dead_band=dead_band,

@@ -13,8 +13,8 @@ from ..effects import EFFECTS, EffectEntry
 from ..effects.symbols import VARIABLES, namespaces
 
 #: Derivatives come in this order, then those by the effect's parameters.
-DERIVATIVE_ORDER = ("position", "velocity", "deflection", "stiffness", "state0", "state1")
-_ARGUMENTS = "position, velocity, deflection, stiffness, time, exogenous, state0, state1, p, k"
+DERIVATIVE_ORDER = ("position", "velocity", "deflection", "stiffness", "state0", "state1", "direction")
+_ARGUMENTS = "position, velocity, deflection, stiffness, time, exogenous, state0, state1, direction, p, k"
 DYNAMIC_KINDS = ("torque", "friction", "friction_factor", "inertia")
 
 

@@ -7,8 +7,10 @@ number of sub-steps is chosen from the stiffest part of the model (``pack.py``).
 State: x = [q_motor, q_arm, v_motor, v_arm, own states of effects ..., disturbance torque at motor, at arm].
 ``base`` = [stiffness, motor_inertia, motor_damping, arm_inertia, arm_damping]. ``codes`` has one row per
 effect: code, location (0 motor, 1 arm, 2 joint), kind (0 torque, 1 friction, 2 factor on friction, 3
-inertia), offset of its parameters in ``p``, offset of its states in x, number of states, number of
-parameters.  Factors and inertias come first.
+inertia), offset of its parameters in ``p``, offset of its states in x, number of integrated states, number
+of parameters, kind of memory (0 none, 1 stiction, 2 displacement from the ratio of the first two parameters,
+3 displacement from the second, 4 none but a smoothed sign whose width is the last parameter).  A memory is
+one more state, behind the integrated ones.  Factors and inertias come first.
 """
 
 # ruff: noqa: F821
@@ -54,9 +56,59 @@ def actuate_series(torque, t0, dt, codes, p, z, out):
         out[i] = value_
 
 
+STICTION = 2e-4
+
+
 @inner
-def rates(qm, qa, vm, va, z, t, torque_motor, torque_arm, exogenous, rigid, base, codes, p, dz):
-    """Accelerations of motor and arm; the rates of the effects' own states ``z[4:]`` into ``dz[4:]``.
+def memory_displacement(kind, p, k):
+    """Displacement (rad) over which a memory follows the motion."""
+    if kind == 2:
+        return max(p[k], 1e-12) / p[k + 1]
+    if kind == 3:
+        return p[k + 1]
+    return STICTION
+
+
+@inner
+def side_of(moved, v):
+    """Direction of a motion; of the velocity while nothing has moved."""
+    return 1.0 if moved > 0.0 or (moved == 0.0 and v >= 0.0) else -1.0
+
+
+@inner
+def direction_of(kind, moved, v, s0, p, k, npar):
+    """Direction of motion between -1 and 1: the memory ``s0`` after the location has moved one way by
+    ``moved`` since the start of the step (exact solution of ds = (dq - abs(dq) s) / D), or the smoothed sign.
+    """
+    if kind == 4:
+        return tanh(v / p[k + npar - 1])
+    side = side_of(moved, v)
+    return side + (s0 - side) * math.exp(-abs(moved) / memory_displacement(kind, p, k))
+
+
+@inner
+def update_memories(x, moved_motor, moved_arm, codes, p):
+    """Memories at the end of a step in which motor and arm moved so far."""
+    for e in range(codes.shape[0]):
+        kind = codes[e, 7]
+        if 0 < kind < 4:
+            loc = codes[e, 1]
+            if loc == 0:
+                moved, v = moved_motor, x[2]
+            elif loc == 1:
+                moved, v = moved_arm, x[3]
+            else:
+                moved, v = moved_motor - moved_arm, x[2] - x[3]
+            i = codes[e, 4] + codes[e, 5]
+            x[i] = direction_of(kind, moved, v, x[i], p, codes[e, 3], codes[e, 6])
+
+
+@inner
+def rates(qm, qa, vm, va, z, moved_motor, moved_arm, t, torque_motor, torque_arm, exogenous, rigid, base,
+          codes, p, dz):
+    """Accelerations of motor and arm; the rates of the effects' own states ``z[4:]`` into ``dz[4:]``, those of
+    memories excepted: ``z`` holds them as at the start of the step, since when motor and arm have moved by so
+    much.
 
     Angles and velocities come and go as scalars, because the way through memory would take longer than the
     equations.
@@ -82,7 +134,12 @@ def rates(qm, qa, vm, va, z, t, torque_motor, torque_arm, exogenous, rigid, base
         q, v = (qm, vm) if loc == 0 else ((qa, va) if loc == 1 else (d, dv))
         z0 = z[o] if codes[e, 5] > 0 else 0.0
         z1 = z[o + 1] if codes[e, 5] > 1 else 0.0
-        f = value(code, q, v, d, ks, t, exogenous, z0, z1, p, k)
+        way = 0.0
+        if codes[e, 7] > 0:
+            moved = moved_motor if loc == 0 else (moved_arm if loc == 1 else moved_motor - moved_arm)
+            s0 = z[o + codes[e, 5]] if codes[e, 7] < 4 else 0.0
+            way = direction_of(codes[e, 7], moved, v, s0, p, k, codes[e, 6])
+        f = value(code, q, v, d, ks, t, exogenous, z0, z1, way, p, k)
         if kind == 0:
             if loc == 0:
                 fm += f
@@ -105,7 +162,7 @@ def rates(qm, qa, vm, va, z, t, torque_motor, torque_arm, exogenous, rigid, base
         else:
             ja += f
         for i in range(codes[e, 5]):
-            dz[o + i] = state_rate(2 * code + i, q, v, d, ks, t, exogenous, z0, z1, p, k)
+            dz[o + i] = state_rate(2 * code + i, q, v, d, ks, t, exogenous, z0, z1, 0.0, p, k)
     im = 1.0 / jm
     if rigid:
         return (fm + rubm * facm) * im, 0.0
@@ -133,7 +190,7 @@ def advance(x, t, dt, substeps, torque_motor, torque_arm, exogenous, rigid, base
             weight = 1.0 if k == 0 or k == 3 else 2.0
             ahead = h if k == 2 else 0.5 * h
             when = ts if k == 0 else (ts + h if k == 3 else ts + 0.5 * h)
-            am, aa = rates(y0, y1, y2, y3, z, when, tm, ta, exogenous, rigid, base, codes, p, dz)
+            am, aa = rates(y0, y1, y2, y3, z, y0 - qm, y1 - qa, when, tm, ta, exogenous, rigid, base, codes, p, dz)
             wa = 0.0 if rigid else y3
             s0 += weight * y2
             s1 += weight * wa
@@ -152,7 +209,9 @@ def advance(x, t, dt, substeps, torque_motor, torque_arm, exogenous, rigid, base
         va += sixth * s3
         for j in range(4, own):
             x[j] += sixth * total[j]
-    x[0], x[1], x[2], x[3] = qm, qa, vm, va
+        x[2], x[3] = vm, va
+        update_memories(x, sixth * s0, sixth * s1, codes, p)
+    x[0], x[1] = qm, qa
 
 
 @njit

@@ -16,6 +16,7 @@ IntArray = NDArray[np.int64]
 
 BASE = ("stiffness", "motor_inertia", "motor_damping", "arm_inertia", "arm_damping")
 _DYNAMIC = ("torque", "friction", "friction_factor", "inertia")
+_MEMORY = {"": 0, "direction": 1, "ratio": 2, "displacement": 3}
 _KIND = {"torque": 0, "friction": 1, "friction_factor": 2, "inertia": 3}
 _LOCATION = {"motor": 0, "arm": 1, "joint": 2}
 _CHANNEL = {"motor_encoder": 0, "arm_encoder": 1}
@@ -120,6 +121,9 @@ def pack(model: Model) -> Packed:
             p.append(value)
         code = _CODES[entry.name]
         if entry.kind in _DYNAMIC:
+            memory_kind = _MEMORY[entry.memory]
+            if memory_kind == 1 and e.values["smoothing"] > 0.0:
+                memory_kind = 4
             codes.append(
                 (
                     code,
@@ -129,11 +133,12 @@ def pack(model: Model) -> Packed:
                     state,
                     entry.states,
                     len(entry.parameters),
+                    memory_kind,
                 )
             )
             if entry.name == "extra_flexible_mode":
                 velocity_states.append(state + 1)
-            state += entry.states
+            state += entry.states + (0 < memory_kind < 4)
         elif entry.kind == "input":
             in_codes.append((code, offset, memory))
             memory += entry.states
@@ -146,7 +151,7 @@ def pack(model: Model) -> Packed:
         rigid=model.rigid,
         torque_constant=float(model.parameters["torque_constant"]),
         base=np.array([values[n] for n in BASE]),
-        codes=np.array(codes, dtype=np.int64).reshape(-1, 7),
+        codes=np.array(codes, dtype=np.int64).reshape(-1, 8),
         p=np.array(p if p else [0.0]),
         in_codes=np.array(in_codes, dtype=np.int64).reshape(-1, 3),
         out_codes=np.array(out_codes, dtype=np.int64).reshape(-1, 4),

@@ -89,19 +89,17 @@ def predict(
                     skew_col[channel] = column
             elif name.split(".")[0].endswith("_actuator"):
                 d_torque[:, column] = _torque_slope(packed, input_, dt, t0, name)
-    # A reading that is late by d shows at t + d what the axis did at t: the data are advanced instead.
-    advanced, advance_slope = measured, np.zeros_like(measured)
-    if any(channel_delay) or skew_col.max() >= 0:
-        advanced = measured.copy()
-        steps = np.arange(n)
+    # A reading that is late by d shows at t + d what the axis did at t: whole samples are shifted in the data,
+    # which keeps every reading as it is, and the rest (under half a sample) is left to the prediction.
+    advanced, lead = measured, np.zeros(2)
+    if any(channel_delay):
+        advanced = np.full_like(measured, np.nan)
         for channel, delay in enumerate(channel_delay):
-            where = steps + delay / dt
-            advanced[:, channel] = np.interp(where, steps, measured[:, channel], right=np.nan, left=np.nan)
-            # Slope of the very interpolation, averaged over one sample (its own slope jumps at the samples).
-            advance_slope[:, channel] = (
-                np.interp(where + 0.5, steps, measured[:, channel])
-                - np.interp(where - 0.5, steps, measured[:, channel])
-            ) / dt
+            whole = int(np.rint(delay / dt))
+            source = np.arange(n) + whole
+            good = (source >= 0) & (source < n)
+            advanced[good, channel] = measured[source[good], channel]
+            lead[channel] = whole * dt - delay
     outer = (
         np.zeros(n) if external_torque is None else np.ascontiguousarray(external_torque, dtype=np.float64)
     )
@@ -133,6 +131,7 @@ def predict(
             packed.codes,
             packed.p,
             packed.out_codes,
+            lead,
             innovation,
             states,
         )
@@ -160,7 +159,7 @@ def predict(
         p_col,
         packed.out_codes,
         skew_col,
-        advance_slope,
+        lead,
         innovation,
         d_innovation,
         states,

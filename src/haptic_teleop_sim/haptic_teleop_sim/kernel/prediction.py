@@ -22,7 +22,7 @@ def encoder_reading(angle, channel, codes, p):
     y = angle
     for e in range(codes.shape[0]):
         if codes[e, 1] == channel:
-            y = reading(codes[e, 0], y, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, p, codes[e, 2])
+            y = reading(codes[e, 0], y, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, p, codes[e, 2])
     return y
 
 
@@ -35,7 +35,7 @@ def encoder_series(angle, velocity, channel, codes, p, reading_out, velocity_out
         v = velocity[i]
         for e in range(codes.shape[0]):
             if codes[e, 1] == channel:
-                y = reading_derivatives(codes[e, 0], y, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, p, codes[e, 2], g)
+                y = reading_derivatives(codes[e, 0], y, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, p, codes[e, 2], g)
                 v *= g[0]
         reading_out[i] = y
         velocity_out[i] = v
@@ -52,29 +52,29 @@ def encoder_reading_sensitive(angle, channel, codes, p, p_col, slope_out, ncol, 
     for e in range(codes.shape[0]):
         if codes[e, 1] == channel:
             k = codes[e, 2]
-            y = reading_derivatives(codes[e, 0], y, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, p, k, g)
+            y = reading_derivatives(codes[e, 0], y, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, p, k, g)
             for c in range(ncol):
                 dparam[c] *= g[0]
             slope *= g[0]
             for i in range(codes[e, 3]):
                 if p_col[k + i] >= 0:
-                    dparam[p_col[k + i]] += g[6 + i]
+                    dparam[p_col[k + i]] += g[7 + i]
     slope_out[0] = slope
     return y
 
 
 @njit
 def predict_series(x, s, measured, gain, decay, torque, d_torque, torque_arm, exogenous, t0, dt, substeps,
-                   rigid, base, codes, p, base_col, p_col, out_codes, skew_col, measured_slope, innovation,
+                   rigid, base, codes, p, base_col, p_col, out_codes, skew_col, lead, innovation,
                    d_innovation, states, d_states):
     """One-step prediction of both encoders with exact derivatives by the free parameters.
 
     At every sample: e = y - y_hat, x += gain e, then one sample ahead; disturbance torques decay by
     ``decay``. A NaN in ``measured`` (n, 2) is a missing reading: no correction, e = 0.  With ``gain`` zero
     this is a plain simulation with sensitivities.  Fills innovation (n, 2), d_innovation (n, 2, np) =
-    de/dtheta, states (n, nx) before the correction, d_states (n, 4, np) unless it is empty.  ``skew_col``
-    (2,): column of the delay of each encoder or -1, by which the reading changes with ``measured_slope`` (n,
-    2).
+    de/dtheta, states (n, nx) before the correction, d_states (n, 4, np) unless it is empty.  An encoder
+    shows where its axis was ``-lead`` (2,) seconds ago (less than a sample: whole samples are shifted in
+    ``measured``); ``skew_col`` (2,): column of that delay or -1.
     """
     n = x.shape[0]
     ncol = d_torque.shape[1]
@@ -85,6 +85,9 @@ def predict_series(x, s, measured, gain, decay, torque, d_torque, torque_arm, ex
     z, dz, sums = np.zeros(n), np.zeros(n), np.zeros(n)
     by_state = np.zeros((4, n, n))
     by_parameter = np.zeros((4, n, wide))
+    by_start = np.zeros((4, 4, 2))
+    began = np.zeros((2, wide))
+    last = np.array([x[2], x[3]])
     stage, total = np.zeros((n, wide)), np.zeros((n, wide))
     g = np.zeros(16)
     slope = np.zeros(1)
@@ -104,11 +107,12 @@ def predict_series(x, s, measured, gain, decay, torque, d_torque, torque_arm, ex
                 for c in range(ncol):
                     d_states[i, j, c] = s[j, c]
         for ch in range(2):
+            shown = x[ch] + lead[ch] * x[2 + ch] + 0.5 * lead[ch] ** 2 * (x[2 + ch] - last[ch]) / dt
             if mapped:
-                yh = encoder_reading_sensitive(x[ch], ch, out_codes, p, p_col, slope, ncol, dpar[ch], g)
+                yh = encoder_reading_sensitive(shown, ch, out_codes, p, p_col, slope, ncol, dpar[ch], g)
                 slopes[ch] = slope[0]
             else:
-                yh = x[ch]
+                yh = shown
                 slopes[ch] = 1.0
             m = measured[i, ch]
             if math.isnan(m):
@@ -118,14 +122,15 @@ def predict_series(x, s, measured, gain, decay, torque, d_torque, torque_arm, ex
             else:
                 innovation[i, ch] = m - yh
                 for c in range(ncol):
-                    d_innovation[i, ch, c] = -slopes[ch] * s[ch, c] - dpar[ch, c]
+                    d_innovation[i, ch, c] = -slopes[ch] * (s[ch, c] + lead[ch] * s[2 + ch, c]) - dpar[ch, c]
                 if skew_col[ch] >= 0:
-                    d_innovation[i, ch, skew_col[ch]] += measured_slope[i, ch]
+                    d_innovation[i, ch, skew_col[ch]] += slopes[ch] * x[2 + ch]
         if correcting:
             for j in range(n):
                 x[j] += gain[j, 0] * innovation[i, 0] + gain[j, 1] * innovation[i, 1]
                 for c in range(ncol):
                     s[j, c] += gain[j, 0] * d_innovation[i, 0, c] + gain[j, 1] * d_innovation[i, 1, c]
+        last[0], last[1] = x[2], x[3]
         t = t0 + i * dt
         tm = torque[i] + x[n - 2]
         ta = torque_arm[i] + x[n - 1]
@@ -141,8 +146,9 @@ def predict_series(x, s, measured, gain, decay, torque, d_torque, torque_arm, ex
                 weight = 1.0 if k == 0 or k == 3 else 2.0
                 ahead = h if k == 2 else 0.5 * h
                 when = ts if k == 0 else (ts + h if k == 3 else ts + 0.5 * h)
-                am, aa = rates_sensitive(y0, y1, y2, y3, z, when, tm, ta, exogenous[i], rigid, base, codes, p,
-                                         base_col, p_col, d_torque, i, k, dz, by_state, by_parameter, g)
+                am, aa = rates_sensitive(y0, y1, y2, y3, z, y0 - qm, y1 - qa, when, tm, ta, exogenous[i], rigid, base, codes, p,
+                                         base_col, p_col, d_torque, i, k, dz, by_state, by_parameter,
+                                         by_start, g)
                 wa = 0.0 if rigid else y3
                 s0 += weight * y2
                 s1 += weight * wa
@@ -164,7 +170,11 @@ def predict_series(x, s, measured, gain, decay, torque, d_torque, torque_arm, ex
             if n == 6:
                 step_sensitivities(s, h, rigid, by_state, by_parameter)
             else:
-                step_many_sensitivities(s, h, rigid, by_state, by_parameter, stage, total)
+                for c in range(wide):
+                    began[0, c] = s[0, c]
+                    began[1, c] = s[1, c]
+                step_many_sensitivities(s, h, rigid, by_state, by_parameter, by_start, stage, total)
+                update_memories_sensitive(x, h / 6.0 * s0, h / 6.0 * s1, s, began, codes, p, p_col)
         x[n - 2] *= decay[0]
         x[n - 1] *= decay[1]
         for c in range(ncol):
@@ -174,9 +184,10 @@ def predict_series(x, s, measured, gain, decay, torque, d_torque, torque_arm, ex
 
 @njit
 def innovations_series(x, measured, gain, decay, torque, torque_arm, exogenous, t0, dt, substeps, rigid, base,
-                       codes, p, out_codes, innovation, states):
+                       codes, p, out_codes, lead, innovation, states):
     """The same prediction without derivatives."""
     n = x.shape[0]
+    last = np.array([x[2], x[3]])
     z, dz, total = np.zeros(n), np.zeros(n), np.zeros(n)
     correcting = False
     for j in range(n):
@@ -187,10 +198,12 @@ def innovations_series(x, measured, gain, decay, torque, torque_arm, exogenous, 
             states[i, j] = x[j]
         for ch in range(2):
             m = measured[i, ch]
-            innovation[i, ch] = 0.0 if math.isnan(m) else m - encoder_reading(x[ch], ch, out_codes, p)
+            shown = x[ch] + lead[ch] * x[2 + ch] + 0.5 * lead[ch] ** 2 * (x[2 + ch] - last[ch]) / dt
+            innovation[i, ch] = 0.0 if math.isnan(m) else m - encoder_reading(shown, ch, out_codes, p)
         if correcting:
             for j in range(n):
                 x[j] += gain[j, 0] * innovation[i, 0] + gain[j, 1] * innovation[i, 1]
+        last[0], last[1] = x[2], x[3]
         advance(x, t0 + i * dt, dt, substeps, torque[i], torque_arm[i], exogenous[i], rigid, base, codes, p,
                 z, dz, total)
         x[n - 2] *= decay[0]

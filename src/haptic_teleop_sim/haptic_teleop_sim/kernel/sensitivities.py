@@ -9,6 +9,8 @@ those of the discrete solution: every stage of the state's step is differentiate
 # pyright: reportUndefinedVariable=false
 from __future__ import annotations
 
+import math
+
 import numpy as np
 from numba import njit
 
@@ -16,11 +18,13 @@ from numba import njit
 
 
 @inner
-def rates_sensitive(qm, qa, vm, va, z, t, torque_motor, torque_arm, exogenous, rigid, base, codes, p,
-                    base_col, p_col, d_torque, i_torque, stage, dz, by_state, by_parameter, g):
+def rates_sensitive(qm, qa, vm, va, z, moved_motor, moved_arm, t, torque_motor, torque_arm, exogenous, rigid, base, codes, p,
+                    base_col, p_col, d_torque, i_torque, stage, dz, by_state, by_parameter,
+                    by_start, g):
     """`rates`, and their derivatives into ``by_state[stage]`` (rows, nx) and ``by_parameter[stage]`` (rows,
     columns): rows 2 (motor), 3 (arm) and 4... (own states of effects); the others are trivial. What is zero
-    whatever the state is never written: both arrays must come as zeros.
+    whatever the state is never written: both arrays must come as zeros.  ``by_start[stage]`` (rows, 2):
+    derivatives by the angles at the start of the step, through the memories.
 
     ``base_col``, ``p_col``: column of each parameter or -1; ``d_torque[i_torque]`` (columns,): derivative of
     the acting torque. Sums are kept in scalars, because every parameter but the stiffness enters through one
@@ -47,7 +51,7 @@ def rates_sensitive(qm, qa, vm, va, z, t, torque_motor, torque_arm, exogenous, r
         first += 1
         loc = codes[e, 1]
         q, v = (qm, vm) if loc == 0 else (qa, va)
-        f = value(codes[e, 0], q, v, d, ks, t, exogenous, 0.0, 0.0, p, codes[e, 3])
+        f = value(codes[e, 0], q, v, d, ks, t, exogenous, 0.0, 0.0, 0.0, p, codes[e, 3])
         if codes[e, 2] == 2:
             if loc == 0:
                 facm *= f
@@ -59,6 +63,9 @@ def rates_sensitive(qm, qa, vm, va, z, t, torque_motor, torque_arm, exogenous, r
             ja += f
     im = 1.0 / jm
     ia = 0.0 if rigid else 1.0 / ja
+    for r in range(2, 4):
+        by_start[stage, r, 0] = 0.0
+        by_start[stage, r, 1] = 0.0
     for c in range(d_torque.shape[1]):
         by_parameter[stage, 2, c] = d_torque[i_torque, c] * im
     # Derivatives of the torque at the motor and at the arm by own angle and velocity and by deflection; of
@@ -76,7 +83,35 @@ def rates_sensitive(qm, qa, vm, va, z, t, torque_motor, torque_arm, exogenous, r
         q, v = (qm, vm) if loc == 0 else ((qa, va) if loc == 1 else (d, dv))
         z0 = z[o] if nz > 0 else 0.0
         z1 = z[o + 1] if nz > 1 else 0.0
-        f = value_derivatives(code, q, v, d, ks, t, exogenous, z0, z1, p, k, g)
+        way = 0.0
+        memory = codes[e, 7]
+        moved = 0.0
+        s0 = 0.0
+        if memory > 0:
+            moved = moved_motor if loc == 0 else (moved_arm if loc == 1 else moved_motor - moved_arm)
+            s0 = z[o + nz] if memory < 4 else 0.0
+            way = direction_of(memory, moved, v, s0, p, k, npar)
+        f = value_derivatives(code, q, v, d, ks, t, exogenous, z0, z1, way, p, k, g)
+        slope = 0.0
+        keeps = 0.0
+        if memory == 4:
+            width = p[k + npar - 1]
+            bend = g[6] * (1.0 - way * way) / width
+            g[1] += bend
+            g[7 + npar - 1] -= bend * v / width
+        elif memory > 0:
+            dm = memory_displacement(memory, p, k)
+            side = side_of(moved, v)
+            decay = math.exp(-abs(moved) / dm)
+            slope = g[6] * (1.0 - s0 * side) * decay / dm
+            keeps = g[6] * decay
+            by_displacement = keeps * (s0 - side) * abs(moved) / (dm * dm)
+            g[0] += slope
+            if memory == 2:
+                g[7] += by_displacement / p[k + 1]
+                g[8] -= by_displacement * dm / p[k + 1]
+            elif memory == 3:
+                g[8] += by_displacement
         if loc == 0:
             w = 1.0
             if codes[e, 2] == 1:
@@ -89,11 +124,14 @@ def rates_sensitive(qm, qa, vm, va, z, t, torque_motor, torque_arm, exogenous, r
             m_d += w * g[2]
             m_k += w * g[3]
             w *= im
+            if 0 < memory < 4:
+                by_state[stage, 2, o + nz] = w * keeps
+                by_start[stage, 2, 0] -= w * slope
             for i in range(nz):
                 by_state[stage, 2, o + i] = w * g[4 + i]
             for i in range(npar):
                 if p_col[k + i] >= 0:
-                    by_parameter[stage, 2, p_col[k + i]] = w * g[6 + i]
+                    by_parameter[stage, 2, p_col[k + i]] = w * g[7 + i]
         elif loc == 1:
             w = 1.0
             if codes[e, 2] == 1:
@@ -106,25 +144,35 @@ def rates_sensitive(qm, qa, vm, va, z, t, torque_motor, torque_arm, exogenous, r
             a_d += w * g[2]
             a_k += w * g[3]
             w *= ia
+            if 0 < memory < 4:
+                by_state[stage, 3, o + nz] = w * keeps
+                by_start[stage, 3, 1] -= w * slope
             for i in range(nz):
                 by_state[stage, 3, o + i] = w * g[4 + i]
             for i in range(npar):
                 if p_col[k + i] >= 0:
-                    by_parameter[stage, 3, p_col[k + i]] = w * g[6 + i]
+                    by_parameter[stage, 3, p_col[k + i]] = w * g[7 + i]
         else:
             tau += f
             t_d += g[0] + g[2]
             t_v += g[1]
             t_k += g[3]
+            if 0 < memory < 4:
+                by_state[stage, 2, o + nz] = -im * keeps
+                by_state[stage, 3, o + nz] = ia * keeps
+                by_start[stage, 2, 0] += im * slope
+                by_start[stage, 2, 1] -= im * slope
+                by_start[stage, 3, 0] -= ia * slope
+                by_start[stage, 3, 1] += ia * slope
             for i in range(nz):
                 by_state[stage, 2, o + i] = -im * g[4 + i]
                 by_state[stage, 3, o + i] = ia * g[4 + i]
             for i in range(npar):
                 if p_col[k + i] >= 0:
-                    by_parameter[stage, 2, p_col[k + i]] = -im * g[6 + i]
-                    by_parameter[stage, 3, p_col[k + i]] = ia * g[6 + i]
+                    by_parameter[stage, 2, p_col[k + i]] = -im * g[7 + i]
+                    by_parameter[stage, 3, p_col[k + i]] = ia * g[7 + i]
         for i in range(nz):
-            dz[o + i] = state_rate_derivatives(2 * code + i, q, v, d, ks, t, exogenous, z0, z1, p, k, g)
+            dz[o + i] = state_rate_derivatives(2 * code + i, q, v, d, ks, t, exogenous, z0, z1, 0.0, p, k, g)
             own_state_row(by_state, by_parameter, stage, o + i, g, loc, o, nz, k, npar, base_col, p_col)
     # Acceleration = force / inertia.
     am = (fm + rubm * facm - (0.0 if rigid else tau)) * im
@@ -156,7 +204,7 @@ def rates_sensitive(qm, qa, vm, va, z, t, torque_motor, torque_arm, exogenous, r
         loc = codes[e, 1]
         k = codes[e, 3]
         q, v = (qm, vm) if loc == 0 else (qa, va)
-        f = value_derivatives(codes[e, 0], q, v, d, ks, t, exogenous, 0.0, 0.0, p, k, g)
+        f = value_derivatives(codes[e, 0], q, v, d, ks, t, exogenous, 0.0, 0.0, 0.0, p, k, g)
         if codes[e, 2] == 2:
             others = (facm if loc == 0 else faca) / f if f != 0.0 else 0.0
             weight = (rubm if loc == 0 else ruba) * others
@@ -165,7 +213,7 @@ def rates_sensitive(qm, qa, vm, va, z, t, torque_motor, torque_arm, exogenous, r
         weight *= im if loc == 0 else ia
         for i in range(codes[e, 6]):
             if p_col[k + i] >= 0:
-                by_parameter[stage, 2 + loc, p_col[k + i]] = weight * g[6 + i]
+                by_parameter[stage, 2 + loc, p_col[k + i]] = weight * g[7 + i]
     return am, aa
 
 
@@ -183,7 +231,7 @@ def own_state_row(by_state, by_parameter, stage, row, g, loc, o, nz, k, npar, ba
         by_parameter[stage, row, base_col[0]] = g[3]
     for i in range(npar):
         if p_col[k + i] >= 0:
-            by_parameter[stage, row, p_col[k + i]] = g[6 + i]
+            by_parameter[stage, row, p_col[k + i]] = g[7 + i]
 
 
 @inner
@@ -283,7 +331,7 @@ def step_sensitivities(s, h, rigid, by_state, by_parameter):
 
 
 @njit
-def step_many_sensitivities(s, h, rigid, by_state, by_parameter, stage, total):
+def step_many_sensitivities(s, h, rigid, by_state, by_parameter, by_start, stage, total):
     """The same with any number of own states; ``stage`` and ``total`` (nx, columns) are scratch."""
     n, ncol = s.shape
     rows = n - 2
@@ -299,6 +347,9 @@ def step_many_sensitivities(s, h, rigid, by_state, by_parameter, stage, total):
         for r in range(2, rows):
             for c in range(ncol):
                 rate[r, c] = by_parameter[k, r, c]
+            if r < 4:
+                for c in range(ncol):
+                    rate[r, c] += by_start[k, r, 0] * s[0, c] + by_start[k, r, 1] * s[1, c]
             for j in range(n):
                 factor = by_state[k, r, j]
                 if factor != 0.0:
@@ -313,3 +364,42 @@ def step_many_sensitivities(s, h, rigid, by_state, by_parameter, stage, total):
     for r in range(rows):
         for c in range(ncol):
             s[r, c] = total[r, c]
+
+
+@njit
+def update_memories_sensitive(x, moved_motor, moved_arm, s, began, codes, p, p_col):
+    """Memories and their sensitivities at the end of a step; ``began`` (2, columns): the angles' rows before
+    it.
+    """
+    ncol = s.shape[1]
+    for e in range(codes.shape[0]):
+        kind = codes[e, 7]
+        if 0 < kind < 4:
+            loc = codes[e, 1]
+            k = codes[e, 3]
+            if loc == 0:
+                moved, v = moved_motor, x[2]
+            elif loc == 1:
+                moved, v = moved_arm, x[3]
+            else:
+                moved, v = moved_motor - moved_arm, x[2] - x[3]
+            i = codes[e, 4] + codes[e, 5]
+            d = memory_displacement(kind, p, k)
+            side = side_of(moved, v)
+            decay = math.exp(-abs(moved) / d)
+            slope = (1.0 - x[i] * side) * decay / d
+            by_displacement = (x[i] - side) * decay * abs(moved) / (d * d)
+            for c in range(ncol):
+                if loc == 2:
+                    way = s[0, c] - s[1, c] - began[0, c] + began[1, c]
+                else:
+                    way = s[loc, c] - began[loc, c]
+                s[i, c] = decay * s[i, c] + slope * way
+            if kind == 2:
+                if p_col[k] >= 0:
+                    s[i, p_col[k]] += by_displacement / p[k + 1]
+                if p_col[k + 1] >= 0:
+                    s[i, p_col[k + 1]] -= by_displacement * d / p[k + 1]
+            elif kind == 3 and p_col[k + 1] >= 0:
+                s[i, p_col[k + 1]] += by_displacement
+            x[i] = side + (x[i] - side) * decay
