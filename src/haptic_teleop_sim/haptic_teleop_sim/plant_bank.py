@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -41,9 +41,9 @@ class PlantBank:
             for g, count in enumerate(counts):
                 layout[i, 2 + 2 * g : 4 + 2 * g] = first[g], first[g] + count
             # Offsets into the arrays that all joints share; the states stay relative to the joint's own.
-            codes.append(one.codes + np.array([0, 0, 0, first[4], 0, 0, 0]))
-            in_codes.append(one.in_codes + np.array([0, first[4], first[5]]))
-            out_codes.append(one.out_codes + np.array([0, 0, first[4], 0]))
+            codes.append(_shifted(one.codes, {3: first[4]}))
+            in_codes.append(_shifted(one.in_codes, {1: first[4], 2: first[5]}))
+            out_codes.append(_shifted(one.out_codes, {2: first[4]}))
             p.append(one.p)
             first += np.array([*counts, len(one.p), one.memory])
             for channel, offset in one.skew:
@@ -123,3 +123,11 @@ class PlantBank:
         """
         self._functions.bank_read(self.arrays, self._angles)
         return self._angles
+
+
+def _shifted(codes: NDArray[np.int64], shifts: Mapping[int, int]) -> NDArray[np.int64]:
+    """A copy with offsets added to some columns."""
+    copy = codes.copy()
+    for column, offset in shifts.items():
+        copy[:, column] += offset
+    return copy
