@@ -162,6 +162,19 @@ class Model:
         Path(path).write_text(text, encoding="utf-8")
 
 
+def parameter_bounds(model: Model, name: str) -> tuple[float, float]:
+    """Lowest and highest allowed value of a parameter, by its full name; KeyError if the model has none such.
+    """
+    if name in STRUCTURES[model.structure]:
+        return (1e-12 if name in _POSITIVE else 0.0), math.inf
+    head, _, tail = name.rpartition(".")
+    for e in model.effects:
+        if f"{e.location}.{e.effect}" == head:
+            parameter = e.entry.parameter(tail)
+            return parameter.minimum, parameter.maximum
+    raise KeyError(name)
+
+
 def load_model(path: str | Path) -> Model:
     """Read a model file; ModelError names the file, the key and the remedy."""
     path = Path(path)

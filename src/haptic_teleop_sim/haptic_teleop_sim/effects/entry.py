@@ -77,7 +77,9 @@ class EffectEntry:
     small displacement D, d direction = (dq - abs(dq) direction) / D (Dahl 1968), which the kernel integrates
     exactly; ``memory`` says where D comes from: ``direction`` (``STICTION_ANGLE``, or no memory but
     tanh(velocity / smoothing) where the effect's last parameter, ``smoothing``, is above zero), ``ratio``
-    (first over second parameter), ``displacement`` (second parameter).
+    (first over second parameter), ``displacement`` (second parameter). A ``nuisance`` belongs to how a
+    recording was taken: diagnosis fits it where another effect calls for it and never reports it as missing
+    physics.
     """
 
     name: str
@@ -93,6 +95,7 @@ class EffectEntry:
     states: int = 0
     memory: Literal["", "direction", "ratio", "displacement"] = ""
     rigid_body: bool = True
+    nuisance: bool = False
 
     def __post_init__(self) -> None:
         if self.equation is not None and self.rates and self.states == 0:

@@ -87,6 +87,25 @@ JOINT_DAMPING = EffectEntry(
     rigid_body=False,
 )
 
+PRELOAD = EffectEntry(
+    name="joint_preload",
+    kind="torque",
+    where=("joint",),
+    parameters=(
+        EffectParameter(
+            "torque",
+            "N*m",
+            "torque that the joint carried when its encoders were zeroed",
+            typical=0.1,
+            scale="torque",
+        ),
+    ),
+    sentence="the encoders were zeroed while the joint carried a load",
+    equation=lambda s, p: p.torque,
+    rigid_body=False,
+    nuisance=True,
+)
+
 INERTIAL_COUPLING = EffectEntry(
     name="inertial_coupling",
     kind="torque",
@@ -182,4 +201,13 @@ EXTRA_MODE = EffectEntry(
     rigid_body=False,
 )
 
-ENTRIES = (BACKLASH, HARDENING, HYSTERESIS, JOINT_DAMPING, INERTIAL_COUPLING, PAYLOAD_CHANGE, EXTRA_MODE)
+ENTRIES = (
+    BACKLASH,
+    HARDENING,
+    HYSTERESIS,
+    JOINT_DAMPING,
+    PRELOAD,
+    INERTIAL_COUPLING,
+    PAYLOAD_CHANGE,
+    EXTRA_MODE,
+)

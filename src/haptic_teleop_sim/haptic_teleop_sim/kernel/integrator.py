@@ -106,8 +106,8 @@ def update_memories(x, moved_motor, moved_arm, codes, p):
 @inner
 def rates(qm, qa, vm, va, z, moved_motor, moved_arm, t, torque_motor, torque_arm, exogenous, rigid, base,
           codes, p, dz):
-    """Accelerations of motor and arm; the rates of the effects' own states ``z[4:]`` into ``dz[4:]``, those of
-    memories excepted: ``z`` holds them as at the start of the step, since when motor and arm have moved by so
+    """Accelerations of motor and arm; the rates of the effects' own states ``z[4:]`` into ``dz[4:]``, those
+    of memories excepted: ``z`` holds them as at the start of the step, since when motor and arm have moved by so
     much.
 
     Angles and velocities come and go as scalars, because the way through memory would take longer than the
@@ -190,7 +190,8 @@ def advance(x, t, dt, substeps, torque_motor, torque_arm, exogenous, rigid, base
             weight = 1.0 if k == 0 or k == 3 else 2.0
             ahead = h if k == 2 else 0.5 * h
             when = ts if k == 0 else (ts + h if k == 3 else ts + 0.5 * h)
-            am, aa = rates(y0, y1, y2, y3, z, y0 - qm, y1 - qa, when, tm, ta, exogenous, rigid, base, codes, p, dz)
+            am, aa = rates(y0, y1, y2, y3, z, y0 - qm, y1 - qa, when, tm, ta, exogenous, rigid, base,
+                           codes, p, dz)
             wa = 0.0 if rigid else y3
             s0 += weight * y2
             s1 += weight * wa

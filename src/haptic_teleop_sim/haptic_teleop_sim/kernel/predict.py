@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from ..model import parameter_bounds
 from .build import kernel
 from .pack import Packed
 from .simulate import acting_torque
@@ -89,8 +90,8 @@ def predict(
                     skew_col[channel] = column
             elif name.split(".")[0].endswith("_actuator"):
                 d_torque[:, column] = _torque_slope(packed, input_, dt, t0, name)
-    # A reading that is late by d shows at t + d what the axis did at t: whole samples are shifted in the data,
-    # which keeps every reading as it is, and the rest (under half a sample) is left to the prediction.
+    # A reading that is late by d shows at t + d what the axis did at t: whole samples are shifted in the
+    # data, which keeps every reading as it is, and the rest (under half a sample) is left to the prediction.
     advanced, lead = measured, np.zeros(2)
     if any(channel_delay):
         advanced = np.full_like(measured, np.nan)
@@ -173,12 +174,9 @@ def _torque_slope(packed: Packed, input_: ArrayLike, dt: float, t0: float, name:
     from .pack import pack
 
     value = packed.model.parameter_values()[name]
+    low, high = parameter_bounds(packed.model, name)
     step = 1e-5 * max(abs(value), 1e-3)
-    up = acting_torque(pack(packed.model.with_values({name: value + step})), input_, dt, t0)
-    down = acting_torque(
-        pack(packed.model.with_values({name: max(value - step, 0.0) if value >= 0 else value - step})),
-        input_,
-        dt,
-        t0,
-    )
-    return (up - down) / (step + (value - max(value - step, 0.0) if value >= 0 else step))
+    above, below = min(value + step, high), max(value - step, low)
+    up = acting_torque(pack(packed.model.with_values({name: above})), input_, dt, t0)
+    down = acting_torque(pack(packed.model.with_values({name: below})), input_, dt, t0)
+    return (up - down) / (above - below)

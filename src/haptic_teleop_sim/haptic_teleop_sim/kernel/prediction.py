@@ -35,7 +35,8 @@ def encoder_series(angle, velocity, channel, codes, p, reading_out, velocity_out
         v = velocity[i]
         for e in range(codes.shape[0]):
             if codes[e, 1] == channel:
-                y = reading_derivatives(codes[e, 0], y, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, p, codes[e, 2], g)
+                y = reading_derivatives(codes[e, 0], y, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, p,
+                                        codes[e, 2], g)
                 v *= g[0]
         reading_out[i] = y
         velocity_out[i] = v
@@ -146,7 +147,8 @@ def predict_series(x, s, measured, gain, decay, torque, d_torque, torque_arm, ex
                 weight = 1.0 if k == 0 or k == 3 else 2.0
                 ahead = h if k == 2 else 0.5 * h
                 when = ts if k == 0 else (ts + h if k == 3 else ts + 0.5 * h)
-                am, aa = rates_sensitive(y0, y1, y2, y3, z, y0 - qm, y1 - qa, when, tm, ta, exogenous[i], rigid, base, codes, p,
+                am, aa = rates_sensitive(y0, y1, y2, y3, z, y0 - qm, y1 - qa, when, tm, ta, exogenous[i],
+                                         rigid, base, codes, p,
                                          base_col, p_col, d_torque, i, k, dz, by_state, by_parameter,
                                          by_start, g)
                 wa = 0.0 if rigid else y3

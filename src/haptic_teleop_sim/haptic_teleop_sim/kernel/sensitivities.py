@@ -18,7 +18,8 @@ from numba import njit
 
 
 @inner
-def rates_sensitive(qm, qa, vm, va, z, moved_motor, moved_arm, t, torque_motor, torque_arm, exogenous, rigid, base, codes, p,
+def rates_sensitive(qm, qa, vm, va, z, moved_motor, moved_arm, t, torque_motor, torque_arm, exogenous, rigid,
+                    base, codes, p,
                     base_col, p_col, d_torque, i_torque, stage, dz, by_state, by_parameter,
                     by_start, g):
     """`rates`, and their derivatives into ``by_state[stage]`` (rows, nx) and ``by_parameter[stage]`` (rows,
@@ -390,10 +391,9 @@ def update_memories_sensitive(x, moved_motor, moved_arm, s, began, codes, p, p_c
             slope = (1.0 - x[i] * side) * decay / d
             by_displacement = (x[i] - side) * decay * abs(moved) / (d * d)
             for c in range(ncol):
+                way = s[loc % 2, c] - began[loc % 2, c]
                 if loc == 2:
-                    way = s[0, c] - s[1, c] - began[0, c] + began[1, c]
-                else:
-                    way = s[loc, c] - began[loc, c]
+                    way -= s[1, c] - began[1, c]
                 s[i, c] = decay * s[i, c] + slope * way
             if kind == 2:
                 if p_col[k] >= 0:

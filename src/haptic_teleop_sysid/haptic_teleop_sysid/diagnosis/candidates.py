@@ -9,16 +9,33 @@ from haptic_teleop_sim.effects import EFFECTS, EffectEntry, EffectParameter, loc
 from haptic_teleop_sim.model import Effect, Model
 from haptic_teleop_sysid.estimation.records import Record
 
+from .scales import Scales
+
 #: Share of the typical size at which a candidate is linearised: small, but not at the bound.
 SMALL = 0.05
 #: Effects that do not exist at a small size without turning into another one.
 _FULL_SIZE = ("presliding_friction",)
+#: Only one of each of these groups at one place: they are forms of one thing.
+FAMILIES = (
+    ("coulomb_friction", "stribeck_friction", "asymmetric_friction", "presliding_friction",
+     "position_dependent_friction"),
+    ("sensor_delay", "channel_skew"),
+    ("input_delay", "channel_skew"),
+    ("gravity", "spring_to_ground"),
+)
 
 
-def candidates(model: Model, records: Sequence[Record], scales: dict[str, float]) -> Iterator[Effect]:
-    """Every effect at every place it may sit and that the model does not have yet, at every start of its grid."""
-    present = {(e.effect, e.location) for e in model.effects}
+def family(name: str) -> set[str]:
+    """The effect and all that are forms of the same thing."""
+    return {name}.union(*(set(f) for f in FAMILIES if name in f))
+
+
+def candidates(model: Model, records: Sequence[Record], scales: Scales) -> Iterator[Effect]:
+    """Every effect at every place it may sit, where the model has none of its family yet, at every start."""
+    present = {(n, e.location) for e in model.effects for n in family(e.effect)}
     for name, entry in EFFECTS.items():
+        if entry.nuisance:
+            continue
         if entry.exogenous and not any(r.exogenous.any() for r in records):
             continue
         if name == "gain_error" and "torque_constant" not in model.fixed:
@@ -26,29 +43,60 @@ def candidates(model: Model, records: Sequence[Record], scales: dict[str, float]
         for place in locations(name, model.structure):
             location = model.location(place)
             if (name, location) not in present:
-                for parameters in starts(entry, scales):
+                for parameters in starts(entry, scales, place):
                     yield Effect(name, location, parameters)
 
 
-def starts(entry: EffectEntry, scales: dict[str, float]) -> Iterator[dict[str, float]]:
+def starts(entry: EffectEntry, scales: Scales, place: str) -> Iterator[dict[str, float]]:
     """Parameters to start from: small sizes, and all combinations of the grids of shape parameters."""
-    share = 1.0 if entry.name in _FULL_SIZE else SMALL
-    options = [[(p.name, v) for v in _values(p, scales[p.scale], share)] for p in entry.parameters if _wanted(p)]
+    options = [[(p.name, v) for v in _values(entry, p, scales, place)] for p in entry.parameters if _wanted(p)]
     for combination in itertools.product(*options):
         yield dict(combination)
+
+
+#: Effects that load the joint at rest, so that zeroing the encoders there hides a preload of the joint.
+LOADS_THE_JOINT = ("gravity", "spring_to_ground", "constant_torque")
+
+
+def companion(model: Model, effect: Effect) -> Effect | None:
+    """The nuisance that an effect may call for: a preload of the joint for what loads it at rest."""
+    location = model.location("joint")
+    if model.rigid or effect.effect not in LOADS_THE_JOINT or any(e.location == location and e.entry.nuisance
+                                                                  for e in model.effects):
+        return None
+    return Effect("joint_preload", location, {"torque": 0.0})
+
+
+def larger_starts(effect: Effect, scales: Scales) -> list[Effect]:
+    """The effect at the sizes of its grids: for those that a linearisation at a small size leads astray."""
+    found = []
+    for p in effect.entry.parameters:
+        if p.grid and p.neutral is not None and p.neutral == 0.0:
+            old = effect.parameters[p.name]
+            for g in p.grid:
+                value = g * scales.size[p.scale]
+                if old == 0.0 or (value > 0.0) == (old > 0.0):
+                    found.append(Effect(effect.effect, effect.location, {**effect.parameters, p.name: value}))
+    return found
 
 
 def _wanted(parameter: EffectParameter) -> bool:
     return parameter.default is None or parameter.name in ("phase", "rest")
 
 
-def _values(parameter: EffectParameter, scale: float, share: float) -> tuple[float, ...]:
-    if parameter.grid:
+def _values(entry: EffectEntry, parameter: EffectParameter, scales: Scales, place: str) -> tuple[float, ...]:
+    scale = scales.size[parameter.scale]
+    if parameter.scale == "furthest":
+        channel = 1 if place == "arm" else 0
+        ends = [v for v in (scales.highest[channel], scales.lowest[channel]) if abs(v) > 0.1 * scale]
+        return tuple(g * end for end in ends for g in parameter.grid)
+    if parameter.grid and (parameter.neutral is None or parameter.neutral != 0.0):
         return tuple(g * scale for g in parameter.grid)
     if parameter.name in ("phase", "rest"):
         return (0.0,)
     if parameter.neutral is None:
         return (parameter.typical * scale,)
+    share = 1.0 if entry.name in _FULL_SIZE else SMALL
     return (parameter.neutral + share * (parameter.typical * scale - parameter.neutral),)
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 
 import numpy as np
 from haptic_teleop_sim.model import Model
@@ -10,27 +11,53 @@ from haptic_teleop_sysid.estimation.records import Record
 from scipy.signal import savgol_filter
 
 
-def recording_scales(model: Model, records: Sequence[Record]) -> dict[str, float]:
-    """Typical sizes in SI units, keyed as ``EffectParameter.scale``: rms torque, largest angle and deflection from the
-    start, rms velocity, the structure's stiffness, damping and inertia, and what follows from them."""
-    torque, angle, deflection, velocity, duration = 0.0, 0.0, 0.0, 0.0, 0.0
+@dataclass(frozen=True)
+class Scales:
+    """Typical sizes in SI units: ``size`` by the names of ``EffectParameter.scale``; ``lowest`` and ``highest`` angle of
+    motor and arm, rad; ``dt``, s; ``resolution`` of both encoders, rad."""
+
+    size: dict[str, float]
+    lowest: tuple[float, float]
+    highest: tuple[float, float]
+    dt: float
+    resolution: tuple[float, float]
+
+    def span(self, channel: int) -> float:
+        """How far motor (0) or arm (1) moved, rad."""
+        return self.highest[channel] - self.lowest[channel]
+
+
+def velocity_of(angle: np.ndarray, dt: float) -> np.ndarray:
+    """Velocity (n,) by a local quadratic over some 30 ms, rad/s."""
+    q = np.nan_to_num(angle)
+    length = min(max(5, 2 * int(0.015 / dt) + 1), (len(q) - 1) // 2 * 2 + 1)
+    return np.asarray(savgol_filter(q, length, 2, deriv=1, delta=dt), dtype=float)
+
+
+def recording_scales(model: Model, records: Sequence[Record]) -> Scales:
+    """Scales of recordings for a model: rms torque, largest angle and deflection, rms velocity, and so on."""
+    torque = velocity = deflection = duration = 0.0
     for r in records:
         torque = max(torque, model.parameters["torque_constant"] * float(np.sqrt(np.mean(r.input**2))))
-        q = np.nan_to_num(r.measured[:, 0])
-        length = max(5, 2 * int(0.015 / r.dt) + 1)
-        v = savgol_filter(q, min(length, (len(q) - 1) // 2 * 2 + 1), 2, deriv=1, delta=r.dt)
-        velocity = max(velocity, float(np.sqrt(np.mean(v**2))))
-        angle = max(angle, float(np.nanmax(np.abs(r.measured))))
+        velocity = max(velocity, float(np.sqrt(np.mean(velocity_of(r.measured[:, 0], r.dt) ** 2))))
         if not model.rigid:
             deflection = max(deflection, float(np.nanmax(np.abs(r.measured[:, 0] - r.measured[:, 1]))))
         duration = max(duration, len(r) * r.dt)
+    lowest, highest = [], []
+    for channel in (0, 1):
+        values = np.concatenate([r.measured[:, channel] for r in records])
+        good = values[np.isfinite(values)]
+        lowest.append(float(good.min()) if len(good) else 0.0)
+        highest.append(float(good.max()) if len(good) else 0.0)
+    angle = max(abs(v) for v in (*lowest, *highest, 1e-9))
     p = model.parameters
-    torque, angle, velocity = max(torque, 1e-12), max(angle, 1e-9), max(velocity, 1e-9)
-    deflection = max(deflection, 1e-9)
+    torque, velocity, deflection = max(torque, 1e-12), max(velocity, 1e-9), max(deflection, 1e-9)
     stiffness = float(p.get("stiffness", torque / angle))
-    return {
+    size = {
         "torque": torque, "angle": angle, "deflection": deflection, "velocity": velocity, "stiffness": stiffness,
         "damping": max(float(p["motor_damping"]), 0.1 * torque / velocity),
         "inertia": float(p.get("arm_inertia", p["motor_inertia"])), "drag": 0.3 * torque / velocity**2,
-        "cubic": stiffness / deflection**2, "duration": duration, "one": 1.0,
+        "cubic": stiffness / deflection**2, "duration": duration, "furthest": angle, "one": 1.0,
     }
+    resolution = records[0].resolution
+    return Scales(size, (lowest[0], lowest[1]), (highest[0], highest[1]), records[0].dt, resolution)

@@ -1,0 +1,106 @@
+"""One round of the search: which single further effect explains the recordings best?"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from haptic_teleop_sim.kernel import pack
+from haptic_teleop_sim.model import Effect, Model
+from haptic_teleop_sysid.estimation.gauss_newton import Fit, fit_parameters, likelihood_value
+from haptic_teleop_sysid.estimation.records import Record
+from haptic_teleop_sysid.estimation.tuning import tune_noise
+
+from .candidates import candidates, companion, larger_starts
+from .material import material
+from .scales import Scales
+from .screen import Screened, best_per_effect, screen
+
+#: Least promised gain (nats) that a re-fit is spent on, and the most re-fits of a round.
+_WORTH_A_FIT = 6.0
+_MOST_FITS = 12
+#: Gain (nats) from which a nuisance is kept.
+_WORTH_A_NUISANCE = 8.0
+
+
+@dataclass(frozen=True)
+class Explanation:
+    """A model with one more effect, fitted to the estimation recordings.
+
+    ``gain``: nats it is better there than the model without the effect; ``held_out``: the same on the validation
+    recordings, all numbers kept as they were fitted; ``material``: see ``material.py``; ``effect_index``: which of the
+    model's effects it is.
+    """
+
+    fit: Fit
+    gain: float
+    held_out: float
+    material: bool
+
+    effect_index: int
+
+    @property
+    def effect(self) -> Effect:
+        return self.fit.model.effects[self.effect_index]
+
+    @property
+    def score(self) -> float:
+        """Nats in all, less what further parameters gain by chance on data they were fitted to."""
+        return self.gain + self.held_out - len(self.effect.parameters)
+
+
+def explore(fit: Fit, lab: Model, estimation: Sequence[Record], validation: Sequence[Record], scales: Scales,
+            progress: Callable[[str], None] | None = None) -> list[Explanation]:
+    """Explanations by one further effect, best first (material ones before others).
+
+    ``fit``: the model so far, fitted; ``lab``: the same effects with the structure's parameters as they were believed,
+    which lie nearer the truth than fitted ones where those have swallowed a large effect.
+    """
+    say = progress or (lambda text: None)
+    say("screening all effects")
+    screened = screen(fit, estimation, candidates(fit.model, estimation, scales))
+    chosen = [s for s in best_per_effect(screened) if s.gain > _WORTH_A_FIT][:_MOST_FITS]
+    before = likelihood_value(fit.model, fit.noise, validation)
+    found = []
+    for s in chosen:
+        say(f"fitting {s.effect.effect} at {s.effect.location}")
+        best = refit(fit, lab, s, estimation, scales)
+        if best is not None:
+            after = likelihood_value(best.model, best.noise, validation)
+            index = len(fit.model.effects)
+            found.append(Explanation(best, best.log_likelihood - fit.log_likelihood, after - before,
+                                     material(best.model.effects[index], scales), index))
+    return sorted(found, key=lambda e: (not e.material, -e.score))
+
+
+def refit(fit: Fit, lab: Model, screened: Screened, records: Sequence[Record], scales: Scales) -> Fit | None:
+    """All parameters and the noise levels with the effect inside, from its start or a larger one; None if no start
+    predicts anything."""
+    trials = []
+    starts = [(fit.model, screened.effect)]
+    starts += [(model, effect) for effect in larger_starts(screened.effect, scales) for model in (fit.model, lab)]
+    for model, effect in starts:
+        trial = fit_parameters(model.with_effects(effect), fit.noise, records, iterations=8)
+        if np.isfinite(trial.log_likelihood):
+            trials.append(trial)
+    if not trials:
+        return None
+    best = polish(max(trials, key=lambda t: t.log_likelihood), records)
+    extra = companion(fit.model, screened.effect)
+    if extra is not None:
+        wider = polish(fit_parameters(best.model.with_effects(extra), best.noise, records, iterations=8), records)
+        if wider.log_likelihood > best.log_likelihood + _WORTH_A_NUISANCE:
+            return wider
+    return best
+
+
+def polish(fit: Fit, records: Sequence[Record], rounds: int = 3) -> Fit:
+    """Noise levels and parameters in turn, until neither gains."""
+    for _ in range(rounds):
+        before = fit.log_likelihood
+        noise, _ = tune_noise(pack(fit.model), fit.noise, records, factor=2.0, rounds=1)
+        fit = fit_parameters(fit.model, noise, records, iterations=8)
+        if fit.log_likelihood - before < 2.0:
+            break
+    return fit

@@ -1,0 +1,68 @@
+"""Is an effect large enough to matter, and different enough from its simpler form to bear its own name?
+
+A fit always finds *some* Stribeck dip or *some* difference between two directions.  What follows are the least sizes at
+which the name says something: below, the simpler form (or none) stands.
+"""
+
+from __future__ import annotations
+
+import math
+
+from haptic_teleop_sim.effects.entry import STICTION_ANGLE
+from haptic_teleop_sim.model import Effect
+
+from .scales import Scales
+
+#: A friction form is called by its own name when it departs from plain Coulomb friction by this much.
+_DISTINCT = 0.2
+#: Least size of a torque, as a share of the rms input torque.
+_SMALL_TORQUE = 0.01
+
+
+def material(effect: Effect, scales: Scales) -> bool:
+    """Whether the effect, with these parameters, deserves its name on such a recording."""
+    p = effect.values
+    torque = scales.size["torque"]
+    channel = 1 if "_arm" in effect.location else 0
+    name = effect.effect
+    if name == "stribeck_friction":
+        return (p["breakaway"] > (1 + _DISTINCT) * p["coulomb"] and p["breakaway"] > _SMALL_TORQUE * torque
+                and p["velocity"] > 1e-3 * scales.size["velocity"])
+    if name == "asymmetric_friction":
+        total = p["positive"] + p["negative"]
+        return total > 2 * _SMALL_TORQUE * torque and abs(p["positive"] - p["negative"]) > _DISTINCT * total
+    if name == "presliding_friction":
+        return p["torque"] > _SMALL_TORQUE * torque and p["torque"] / p["stiffness"] > 6 * STICTION_ANGLE
+    if name == "position_dependent_friction":
+        # A sine of which less than a quarter was seen is a slope, not an order.
+        return (p["amplitude"] > _DISTINCT * max(p["torque"], 1e-12) and p["amplitude"] > _SMALL_TORQUE * torque
+                and p["order"] * scales.span(channel) > math.pi / 2)
+    if name == "torque_ripple":
+        return p["amplitude"] > _SMALL_TORQUE * torque and p["order"] * scales.span(channel) > math.pi / 2
+    if name == "encoder_eccentricity":
+        return (p["amplitude"] > 2 * scales.resolution[channel]
+                and p["order"] * scales.span(channel) > math.pi / 2)
+    if name == "encoder_scale":
+        return abs(p["scale"] - 1.0) > 3e-3
+    if name in ("coulomb_friction", "constant_torque", "gravity", "hysteresis"):
+        return abs(p["torque"]) > _SMALL_TORQUE * torque
+    if name in ("input_delay", "actuator_lag", "sensor_delay", "channel_skew"):
+        # Less than a sample is not told from how the samples were taken.
+        return abs(p["time_constant" if name == "actuator_lag" else "delay"]) > 0.75 * scales.dt
+    if name in ("friction_drift", "gain_drift"):
+        return abs(p["change"]) > 0.05
+    if name == "backlash":
+        return p["width"] > 2 * max(scales.resolution)
+    if name == "dead_zone":
+        return p["width"] > 2 * _SMALL_TORQUE * torque
+    if name == "torque_saturation":
+        return p["limit"] < 4 * torque
+    if name == "load_dependent_friction":
+        return p["coefficient"] > 0.01
+    if name == "payload_change":
+        return (abs(p["inertia"]) > 0.03 * scales.size["inertia"]
+                and 0.02 < p["time"] / scales.size["duration"] < 0.98)
+    if name == "hard_stop":
+        reach = scales.highest[channel] if p["angle"] > 0 else scales.lowest[channel]
+        return abs(reach) > abs(p["angle"]) and reach * p["angle"] > 0
+    return True
