@@ -64,7 +64,8 @@ class PlantNode(CommandedNode):
                 self.robot.sense()
             self.robot.step(command)
         self._sensed = True
-        self.publish_state(stamp_now(), *self.robot.sense())
+        signals = self.robot.sense()
+        self.publish_state(stamp_now(), *signals)
 
     def measurements(self) -> dict[str, Any]:
         return {

@@ -1,0 +1,119 @@
+"""What simulated plants and drivers share as nodes: states out, commands in, and when a command may be used.
+
+A command is used when it is finite, names the robot's joints, and answers a state not older than `timeout`.
+The executor only stores commands; a thread of the subclass reads the device or steps the plant.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Sequence
+from typing import Any, ClassVar
+
+import numpy as np
+from numpy.typing import NDArray
+from rclpy.context import Context
+
+from haptic_teleop_control.faults import COMMAND_FAULTS, MALFORMED_COMMAND, NON_FINITE_COMMAND, STALE_COMMAND
+from haptic_teleop_control.nodes.base import HapticNode
+from haptic_teleop_control.nodes.joint_state_io import (
+    FIELDS,
+    JointStatePublisher,
+    JointStateReceiver,
+    stamp_at,
+)
+from haptic_teleop_control.nodes.latency import LatencyMeter
+
+Array = NDArray[np.float64]
+
+START_PATIENCE = 0.2
+"""Seconds for which late commands are only dropped as long as nothing has been driven yet."""
+
+
+class CommandedNode(HapticNode):
+    """Subclasses state the joints and have the parameter `timeout`; they call `permitted` at every sample."""
+
+    JOINTS: ClassVar[Sequence[str]]
+    COMMAND_JOINTS: ClassVar[Sequence[str]]
+    FAULTS: ClassVar = {
+        name: COMMAND_FAULTS[name] for name in (NON_FINITE_COMMAND, MALFORMED_COMMAND, STALE_COMMAND)
+    }
+
+    def __init__(self, context: Context | None = None, **node_options: Any) -> None:
+        super().__init__(context, **node_options)
+        self._timeout_ns = round(self.values["timeout"] * 1e9)
+        self._driven = False  # whether a command has arrived and still holds
+        self.dropped = 0
+        self._stale_since: float | None = None
+        self.latency = LatencyMeter()
+        self.states = JointStatePublisher(self, "joint_states", self.JOINTS, FIELDS)
+        self._position, self._velocity, self._effort = (self.states.view[field] for field in FIELDS)
+        self.commands = JointStateReceiver(
+            self, "effort_command", self.COMMAND_JOINTS, ("effort",),
+            self.on_command, self._command_problem, self._accept,
+        )  # fmt: skip
+        self._command = self.commands.value["effort"]
+        self._last_stamp = 0
+        self.count_rate("states", lambda: self.states.sent)
+        self.count_rate("commands", lambda: self.commands.count)
+
+    def publish_state(self, stamp: int, position: Array, velocity: Array, effort: Array) -> None:
+        """Publishes a state sampled at `stamp` (ns)."""
+        self._position[:] = position
+        self._velocity[:] = velocity
+        self._effort[:] = effort
+        self.states.send(stamp)
+
+    def permitted(self) -> Array | None:
+        """The command in force, (motors,) N·m; None where there is none that may be used now."""
+        if not self._driven or self.faults.latched:
+            return None
+        silence = time.monotonic_ns() - self.commands.received
+        if silence > self._timeout_ns:
+            self._driven = False
+            self.fault(STALE_COMMAND, f"{self.commands.topic} is silent for {silence * 1e-9:.3f} s")
+            return None
+        return self._command
+
+    def on_command(self) -> None:
+        """A good command has arrived."""
+        self._driven = True
+
+    def _accept(self, stamp: int, received: int) -> bool:
+        age = stamp_at(received) - stamp
+        if not -self._timeout_ns <= age <= self._timeout_ns:
+            self._refuse_stale(stamp, age * 1e-9)
+            return False
+        if stamp < self._last_stamp:
+            self.dropped += 1
+            return False
+        self._last_stamp = stamp
+        self._stale_since = None
+        self.latency.add(age)
+        return True
+
+    def _refuse_stale(self, stamp: int, age: float) -> None:
+        now = time.monotonic()
+        if not self._driven:
+            # While a graph comes up its first answers may be late; it is wrong only if that goes on.
+            self._stale_since = self._stale_since or now
+            if now - self._stale_since < START_PATIENCE:
+                self.dropped += 1
+                return
+        self._driven = False
+        what = "without a stamp" if stamp == 0 else f"that answers a state {age:.3f} s old"
+        self.fault(STALE_COMMAND, f"{self.commands.topic}: a command {what}")
+
+    def _command_problem(self, kind: str, detail: str, stamp: int) -> None:
+        self._driven = False
+        self.fault(NON_FINITE_COMMAND if kind == "non_finite" else MALFORMED_COMMAND, detail)
+
+    def on_reset(self) -> None:
+        self._driven = False
+        self._stale_since = None
+        self.commands.forget()
+
+    def state(self) -> str:
+        if self.faults.latched:
+            return "fault"
+        return "driven" if self._driven else f"waiting for {self.commands.topic}"
