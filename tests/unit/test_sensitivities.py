@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+
 from haptic_teleop_sim.effects import EFFECTS
 from haptic_teleop_sim.kernel import INITIAL, pack, predict, simulate
 from haptic_teleop_sim.model import Effect, Model
@@ -54,7 +55,8 @@ VALUES = {
     "sensor_delay": {"delay": 0.0101},
     "channel_skew": {"delay": 0.0041},
 }  # fmt: skip
-# The slope of a record that is advanced by interpolation is a mean over one sample, not the derivative of a kink.
+# The slope of a record that is advanced by interpolation is a mean over one sample, not the derivative of a
+# kink.
 LOOSE = {"sensor_delay": 0.02, "channel_skew": 0.02}
 
 

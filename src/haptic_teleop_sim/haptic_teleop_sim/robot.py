@@ -68,8 +68,13 @@ class Robot:
         """Every joint at rest at its initial angle, nothing flows; the random sequence goes on."""
         angles = [joint.initial_angle for joint in self.joints]
         self.plants.reset([(angle, angle, 0.0, 0.0) for angle in angles])
-        self._filter_state[:] = 0.0
-        self._filter_state[:, 0] = self._filter_state[:, 2] = np.repeat(angles, self.encoders)
+        # The filters begin at what the encoders show, so that nothing seems to move.
+        self._functions.bank_read(self.bank, self._angles)
+        resolution = self.device[0][:, 3:5]
+        step = np.where(resolution > 0.0, resolution, 1.0)
+        shown = np.where(resolution > 0.0, np.rint(self._angles / step) * step, self._angles)
+        self._filter_state[:, 0] = self._filter_state[:, 2] = shown[:, : self.encoders].ravel()
+        self._filter_state[:, 1] = 0.0
         for memory in (self._flow, self._disturbance, self._acceleration):
             memory[:] = 0.0
 
