@@ -36,8 +36,12 @@ def test_every_entry_says_what_it_is():
 
 
 def test_the_vocabulary_is_the_contract_s():
-    names = ["coulomb_friction", "stribeck_friction", "asymmetric_friction", "presliding_friction", "quadratic_drag", "position_dependent_friction", "friction_drift", "load_dependent_friction", "gravity", "spring_to_ground", "constant_torque", "torque_ripple", "backlash", "hardening_spring", "hysteresis", "joint_damping", "input_delay", "actuator_lag", "torque_saturation", "dead_zone", "gain_error", "gain_drift", "inertial_coupling", "extra_flexible_mode", "payload_change", "hard_stop", "encoder_eccentricity", "encoder_scale", "sensor_delay", "channel_skew"]
-    assert set(names) <= set(EFFECTS)
+    names = """coulomb_friction stribeck_friction asymmetric_friction presliding_friction quadratic_drag
+    position_dependent_friction friction_drift load_dependent_friction gravity spring_to_ground
+    constant_torque torque_ripple backlash hardening_spring hysteresis joint_damping input_delay actuator_lag
+    torque_saturation dead_zone gain_error gain_drift inertial_coupling extra_flexible_mode payload_change
+    hard_stop encoder_eccentricity encoder_scale sensor_delay channel_skew"""
+    assert set(names.split()) <= set(EFFECTS)
 
 
 def test_a_rigid_body_has_only_motor_actuator_and_motor_encoder():
@@ -58,7 +62,9 @@ def test_an_unknown_effect_is_answered_with_the_nearest_one():
 
 def run(model, duration, start=(0.0, 0.0, 0.0, 0.0), input_=0.0, dt=DT, **options):
     n = round(duration / dt)
-    return simulate(model, np.broadcast_to(np.asarray(input_, dtype=float), (n,)), dt, np.array(start), **options)
+    return simulate(
+        model, np.broadcast_to(np.asarray(input_, dtype=float), (n,)), dt, np.array(start), **options
+    )
 
 
 def speeding(speed):
@@ -216,7 +222,9 @@ def test_a_constant_torque_accelerates():
 
 def test_torque_ripple_is_a_potential_along_the_angle():
     inertia, amplitude, order, phase = 0.2, 0.3, 5.0, 0.7
-    model = rigid(("torque_ripple", {"amplitude": amplitude, "order": order, "phase": phase}), inertia=inertia)
+    model = rigid(
+        ("torque_ripple", {"amplitude": amplitude, "order": order, "phase": phase}), inertia=inertia
+    )
     states = run(model, 5.0, speeding(1.0)).states
     energy = 0.5 * inertia * states[:, 2] ** 2 + amplitude / order * np.cos(order * states[:, 0] + phase)
     np.testing.assert_allclose(energy, energy[0], rtol=1e-6)
@@ -297,7 +305,8 @@ def test_a_hardening_spring_deflects_as_its_cubic_says(cubic):
 
 
 def linear_matrix(m, joint_damping=0.0):
-    ks, jm, bm, ja, ba = (m[k] for k in ("stiffness", "motor_inertia", "motor_damping", "arm_inertia", "arm_damping"))
+    ks, jm, bm = m["stiffness"], m["motor_inertia"], m["motor_damping"]
+    ja, ba = m["arm_inertia"], m["arm_damping"]
     c = joint_damping
     return np.array([
         [0, 0, 1, 0], [0, 0, 0, 1],
@@ -367,7 +376,11 @@ TIME = DT * np.arange(301)
     ("effect", "values", "expected"),
     [
         ("gain_error", {"gain": 1.2}, 1.2 * RAMP),
-        ("gain_drift", {"change": -0.3, "time_constant": 0.1}, RAMP * (1.0 - 0.3 * (1.0 - np.exp(-TIME / 0.1)))),
+        (
+            "gain_drift",
+            {"change": -0.3, "time_constant": 0.1},
+            RAMP * (1.0 - 0.3 * (1.0 - np.exp(-TIME / 0.1))),
+        ),
         ("torque_saturation", {"limit": 0.8}, np.clip(RAMP, -0.8, 0.8)),
         ("dead_zone", {"width": 0.4}, np.sign(RAMP) * np.maximum(np.abs(RAMP) - 0.2, 0.0)),
         ("input_delay", {"delay": 0.02}, np.concatenate([np.zeros(20), RAMP[:-20]])),
@@ -399,7 +412,9 @@ def test_the_lag_is_that_of_a_first_order_system_in_the_mean_over_each_sample():
 
 def swing(*effects):
     """A body that swings with 0.4 sin(5 t)."""
-    return run(rigid(("spring_to_ground", {"stiffness": 5.0}), *effects, inertia=0.2), 4.0, (0.0, 0.0, 2.0, 0.0))
+    return run(
+        rigid(("spring_to_ground", {"stiffness": 5.0}), *effects, inertia=0.2), 4.0, (0.0, 0.0, 2.0, 0.0)
+    )
 
 
 def test_an_encoder_of_another_scale_reports_in_proportion():
@@ -413,7 +428,9 @@ def test_an_eccentric_encoder_errs_periodically_and_not_at_zero():
     angle, speed = read.states[:, 0], read.states[:, 2]
     error = 0.02 * (np.sin(4.0 * angle + 0.5) - math.sin(0.5))
     np.testing.assert_allclose(read.motor_position, angle + error, atol=1e-14)
-    np.testing.assert_allclose(read.motor_velocity, speed * (1.0 + 0.08 * np.cos(4.0 * angle + 0.5)), atol=1e-14)
+    np.testing.assert_allclose(
+        read.motor_velocity, speed * (1.0 + 0.08 * np.cos(4.0 * angle + 0.5)), atol=1e-14
+    )
     assert read.motor_position[0] == 0.0
 
 

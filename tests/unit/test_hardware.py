@@ -174,7 +174,8 @@ def test_the_random_torque_has_its_size_and_colour():
 
 
 def test_the_stages_pull_at_each_other_where_a_model_says_so():
-    coupled = sfj_stage_model("stage1").with_effects(Effect("inertial_coupling", "stage1_arm", {"coefficient": 0.02}))
+    coupling = Effect("inertial_coupling", "stage1_arm", {"coefficient": 0.02})
+    coupled = sfj_stage_model("stage1").with_effects(coupling)
     robots = [SfjRobot(SfjSettings(stage1=stage_hardware("stage1", m))) for m in (coupled, None)]
     runs = [drive(robot, np.column_stack([np.zeros(300), 1.2 * np.ones(300)]))[1] for robot in robots]
     assert np.all(runs[1][:, 0] == 0.0)
@@ -235,7 +236,9 @@ def test_a_model_file_is_found_beside_the_parameter_file(tmp_path):
 
 
 def test_bad_parameters_are_refused_with_key_and_remedy(tmp_path):
-    with pytest.raises(ConfigurationError, match=r"x.yaml.*stage1.wall.stifness.*did you mean stage1.wall.stiffness"):
+    with pytest.raises(
+        ConfigurationError, match=r"x.yaml.*wall.stifness.*did you mean stage1.wall.stiffness"
+    ):
         SfjRobot.from_parameters({"stage1.wall.stifness": 1.0}, source="x.yaml")
     with pytest.raises(ConfigurationError, match=r"stage1.model.*nowhere.yaml.*no such file"):
         SfjRobot.from_parameters({"stage1.model": "nowhere.yaml"}, folder=tmp_path)

@@ -55,9 +55,7 @@ def test_a_lossless_joint_with_gravity_hardening_and_ripple_keeps_its_energy():
     )  # fmt: skip
     states = simulate(model, np.zeros(20_000), 1e-3, np.array([0.4, -0.2, 0.3, 0.0])).states
     d = states[:, 0] - states[:, 1]
-    stored = (
-        -0.5 * np.cos(states[:, 1] + 0.2) + 2.0 * d**4 + 0.1 / 6.0 * np.cos(6.0 * states[:, 0] + 0.3)
-    )
+    stored = -0.5 * np.cos(states[:, 1] + 0.2) + 2.0 * d**4 + 0.1 / 6.0 * np.cos(6.0 * states[:, 0] + 0.3)
     total = energy(states, stored)
     np.testing.assert_allclose(total, total[0], atol=1e-6 * np.ptp(stored))
 
@@ -94,7 +92,8 @@ START = np.array([0.3, 0.1, -0.5, 0.2])
 
 
 def solved(duration):
-    return solve_ivp(smooth_rates, (0.0, duration), START, args=(0.9,), rtol=1e-12, atol=1e-13, method="DOP853").y[:, -1]
+    exact = {"rtol": 1e-12, "atol": 1e-13, "method": "DOP853"}
+    return solve_ivp(smooth_rates, (0.0, duration), START, args=(0.9,), **exact).y[:, -1]
 
 
 def error_at(dt, duration):

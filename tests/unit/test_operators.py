@@ -81,7 +81,8 @@ def test_the_hand_waits_before_the_first_and_rests_after_the_last_via_point():
 
 def test_the_damping_acts_on_the_rate_of_the_way():
     t = np.linspace(0.0, 2.5, 2501)
-    damped = operator("trajectory", times=(0.5, 2.0), angles=(0.0, 0.4), stiffness=0.0, damping=1.0).torques(t)[:, 0]
+    way = {"times": (0.5, 2.0), "angles": (0.0, 0.4)}
+    damped = operator("trajectory", **way, stiffness=0.0, damping=1.0).torques(t)[:, 0]
     way = torque_of_target((0.5, 2.0), (0.0, 0.4), t)
     np.testing.assert_allclose(damped, np.gradient(way, t), atol=1e-5)
 

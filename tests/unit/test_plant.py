@@ -78,7 +78,9 @@ def test_a_plant_starts_where_it_is_put_and_again_after_a_reset():
 def test_a_bank_is_its_plants_side_by_side():
     """Different structures, effects and delays share one clock and nothing else."""
     models = [
-        flexible(("coulomb_friction", "motor", {"torque": 0.3}), ("input_delay", "actuator", {"delay": 0.007})),
+        flexible(
+            ("coulomb_friction", "motor", {"torque": 0.3}), ("input_delay", "actuator", {"delay": 0.007})
+        ),
         flexible(
             ("extra_flexible_mode", "arm", {"frequency": 4.0, "inertia": 0.05}),
             ("sensor_delay", "arm_encoder", {"delay": 0.011}),

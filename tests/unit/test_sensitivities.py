@@ -96,10 +96,9 @@ def observer(states):
 def prediction(model, measured, start, free=(), gain=True):
     packed = pack(model)
     input_, exogenous = signals()
-    return predict(
-        packed, input_, measured, DT, free, gain=observer(packed.states) if gain else None, decay=(0.99, 0.98),
-        exogenous=exogenous, initial_state=start,
-    )  # fmt: skip
+    correction = observer(packed.states) if gain else None
+    options = {"gain": correction, "decay": (0.99, 0.98), "exogenous": exogenous, "initial_state": start}
+    return predict(packed, input_, measured, DT, free, **options)
 
 
 def slope(model, measured, start, name, step):
@@ -116,7 +115,8 @@ def slope(model, measured, start, name, step):
 
 @pytest.mark.parametrize(("plain", "effect", "place"), cases())
 def test_sensitivities_equal_central_differences(plain, effect, place):
-    extra = [Effect(effect, plain.location(place), VALUES[effect])]
+    values = VALUES.get(effect) or {p.name: p.typical for p in EFFECTS[effect].parameters}
+    extra = [Effect(effect, plain.location(place), values)]
     if EFFECTS[effect].kind == "friction_factor":
         extra.append(Effect("coulomb_friction", plain.location(place), VALUES["coulomb_friction"]))
     model = plain.with_effects(*extra)
@@ -174,5 +174,7 @@ def test_derivatives_stay_finite_far_beyond_the_friction_curve():
     """At hundreds of times the Stribeck velocity, where cosh would overflow."""
     steep = {"coulomb": 0.05, "breakaway": 0.1, "velocity": 1e-4, "smoothing": 0.01}
     model = FLEXIBLE.with_effects(Effect("stribeck_friction", "stage1_motor", steep))
-    got = prediction(model, record(FLEXIBLE), np.array([0.0, 0.0, 2.0, 0.0]), model.free_parameters(), gain=False)
+    got = prediction(
+        model, record(FLEXIBLE), np.array([0.0, 0.0, 2.0, 0.0]), model.free_parameters(), gain=False
+    )
     assert np.all(np.isfinite(got.d_innovation))
