@@ -65,7 +65,7 @@ BAD = {
     "fixed names nothing": (changed(["fixed"], ["stifness"]), "did you mean 'stiffness'"),
     "unknown effect": (changed(["effects", 0, "effect"], "colomb_friction"), "did you mean coulomb_friction"),
     "effect without location": (changed(["effects", 0, "location"], None), "location"),
-    "effect of another joint": (changed(["effects", 0, "location"], "stage2_motor"), "stage1_motor, stage1_arm"),
+    "effect of another joint": (changed(["effects", 0, "location"], "stage2_motor"), "possible: stage1_m"),
     "effect at a joint": (changed(["effects", 0, "location"], "stage1_joint"), "stage1_motor, stage1_arm"),
     "effect with an unknown parameter": (
         changed(["effects", 0, "parameters", "torqe"], 1.0), "did you mean 'torque'",
