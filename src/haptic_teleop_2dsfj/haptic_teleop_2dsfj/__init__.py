@@ -1,4 +1,4 @@
 """The Quanser 2DSFJ: HIL board, amplifier, limit switches, and its driver node.
 
-There is no driver yet, so the package offers no executable; the simulated 2DSFJ is `sfj_sim` of haptic_teleop_sim.
+The driver has never run against the robot: see docs/drivers.md for what that means.
 """

@@ -4,4 +4,13 @@ Read by setup.py (which makes the installed scripts of it), by the front door an
 name. It imports nothing, so that it can be read before anything is installed.
 """
 
-EXECUTABLES: dict[str, tuple[str, str]] = {}
+EXECUTABLES: dict[str, tuple[str, str]] = {
+    "sfj_driver": (
+        "haptic_teleop_2dsfj.nodes.sfj_driver:main",
+        "drive the Quanser 2DSFJ: HIL board, emulated board or captured session",
+    ),
+    "sfj_replay": (
+        "haptic_teleop_2dsfj.replay_session:main",
+        "send captured raw samples of the 2DSFJ through its driver once more",
+    ),
+}

@@ -25,7 +25,7 @@ from haptic_teleop_control.parameters import Parameter, ParameterTable
 ROS_OWN = ("use_sim_time", "start_type_description_service", "qos_overrides")
 """Parameters that every ROS node has; never checked against a table."""
 
-FILE_KEYS = ("model",)
+FILE_KEYS = ("model", "file")
 """Last parts of names of parameters that name a file, relative to the parameter file that states it."""
 
 

@@ -1,0 +1,182 @@
+"""The HIL board with everything that this robot hangs on it: read, write, enable, watchdog.
+
+Every array is made once with the exact type of its call. Outputs are 0 V and the amplifier disabled from
+`open` on until `enable`, and again after `close`, whatever happens in between.
+"""
+
+from __future__ import annotations
+
+import struct
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+
+from haptic_teleop_2dsfj.board_settings import BoardSettings
+from haptic_teleop_2dsfj.hil import (
+    HARDWARE_CLOCK_0,
+    INFINITE,
+    OVERWRITE_ON_OVERFLOW,
+    TRISTATE,
+    Hil,
+    as_device_error,
+)
+from haptic_teleop_control.device import DeviceError
+
+READ_FORMAT = struct.Struct("<4i2d4bI")
+"""A sample as captured: counts, volts of the senses, levels of the switches, periods since the last."""
+WRITE_FORMAT = struct.Struct("<2d3b")
+"""An output as captured: volts of the current commands, levels of the enable lines."""
+
+
+class Board:
+    """counts (4,) int32, sense_volts (2,) float64, switch_levels (4,) int8 and `periods` after each `read`.
+
+    make_hil: makes the `HIL`, called by `open`. on_read, on_write: take the packets' bytes, for captures.
+    Every method raises DeviceError when the board refuses.
+    """
+
+    def __init__(
+        self,
+        settings: BoardSettings,
+        make_hil: Callable[[], Hil],
+        on_read: Callable[[bytes], None] | None = None,
+        on_write: Callable[[bytes], None] | None = None,
+    ) -> None:
+        self.settings = settings
+        self._make_hil = make_hil
+        self._on_read, self._on_write = on_read, on_write
+        self._hil: Hil | None = None
+        self._task: Any = None
+        self._encoders = np.array(settings.encoders, dtype=np.uint32)
+        self._senses = np.array(settings.senses, dtype=np.uint32)
+        self._outputs = np.array(settings.outputs, dtype=np.uint32)
+        self._enables = np.array(settings.enables, dtype=np.uint32)
+        self._switches = np.array(settings.switches, dtype=np.uint32)
+        self._on = np.array(settings.enable_levels, dtype=np.int8)
+        self._off = (1 - self._on).astype(np.int8)
+        self._volts = np.zeros(2, dtype=np.float64)
+        self._zero = np.zeros(2, dtype=np.float64)
+        self.counts = np.zeros(4, dtype=np.int32)
+        self.sense_volts = np.zeros(2, dtype=np.float64)
+        self.switch_levels = np.ones(4, dtype=np.int8)
+        self.periods = 1
+        self.overflows = 0
+        self.enabled = False
+
+    def open(self) -> None:
+        """Opens, sets ranges, directions and expiry values, zeroes the counters, starts the sampling task."""
+        settings = self.settings
+        self._hil = self._make_hil()
+        low, high = np.full(2, -settings.range_volts), np.full(2, settings.range_volts)
+        states = np.full(3, TRISTATE, dtype=np.int32)
+        try:
+            self._call("open", settings.card_type, settings.card_identifier)
+            self._call("set_digital_directions", self._switches, 4, self._enables, 3)
+            self._call("write_digital", self._enables, 3, self._off)
+            self._call("set_analog_input_ranges", self._senses, 2, low, high)
+            self._call("set_analog_output_ranges", self._outputs, 2, low, high)
+            self._call("write_analog", self._outputs, 2, self._zero)
+            self._call("set_encoder_counts", self._encoders, 4, np.zeros(4, dtype=np.int32))
+            # A Q8 can only go to 0 V, and only together with its digital lines in tristate.
+            self._call("watchdog_set_analog_expiration_state", self._outputs, 2, self._zero)
+            self._call("watchdog_set_digital_expiration_state", self._enables, 3, states)
+            self._call("read_digital", self._switches, 4, self.switch_levels)
+            self._task = self._call(
+                "task_create_reader",
+                settings.buffer,
+                self._senses,
+                2,
+                self._encoders,
+                4,
+                self._switches,
+                4,
+                None,
+                0,
+            )
+            self._call("task_set_buffer_overflow_mode", self._task, OVERWRITE_ON_OVERFLOW)
+            self._call("watchdog_start", settings.watchdog)
+            self._call("task_start", self._task, HARDWARE_CLOCK_0, settings.rate, INFINITE)
+        except BaseException:
+            self.close()
+            raise
+        self.overflows = 0
+        self.enabled = False
+
+    def read(self) -> None:
+        """Waits for the next sample; `periods` is 1, or more when samples were missed in between."""
+        taken = self._call(
+            "task_read", self._task, 1, self.sense_volts, self.counts, self.switch_levels, None
+        )
+        if taken < 1:
+            raise DeviceError("task_read: the board's sampling task has stopped")
+        overflows = int(self._call("task_get_buffer_overflows", self._task))
+        self.periods = 1 + max(0, overflows - self.overflows)
+        self.overflows = overflows
+        if self._on_read is not None:
+            self._on_read(
+                READ_FORMAT.pack(*self.counts, *self.sense_volts, *self.switch_levels, self.periods)
+            )
+
+    def write(self, first: float, second: float) -> None:
+        """Volts on the outputs of stage 1 and 2."""
+        self._volts[0], self._volts[1] = first, second
+        self._call("write_analog", self._outputs, 2, self._volts)
+        self._wrote()
+
+    def enable(self, on: bool) -> None:
+        """The amplifier on or off; off means 0 V as well."""
+        if not on:
+            self._volts[:] = 0.0
+            self._call("write_analog", self._outputs, 2, self._zero)
+        self._call("write_digital", self._enables, 3, self._on if on else self._off)
+        self.enabled = on
+        self._wrote()
+
+    def reload_watchdog(self) -> bool:
+        """False when it had expired: the board is at 0 V then, until `rearm_watchdog`."""
+        return bool(self._call("watchdog_reload"))
+
+    def rearm_watchdog(self) -> None:
+        """After an expiry, with the amplifier off."""
+        self._call("watchdog_stop")
+        self._call("watchdog_clear")
+        self.enable(False)
+        self._call("watchdog_start", self.settings.watchdog)
+
+    def close(self) -> None:
+        """0 V, amplifier off, board released. Each step is tried, whatever the others did; no errors."""
+        hil, self._hil = self._hil, None
+        if hil is None:
+            return
+        task, self._task = self._task, None
+        steps: list[tuple[Callable[..., Any], tuple[Any, ...]]] = [
+            (hil.write_analog, (self._outputs, 2, self._zero)),
+            (hil.write_digital, (self._enables, 3, self._off)),
+        ]
+        if task is not None:
+            steps += [(hil.task_stop, (task,)), (hil.task_delete, (task,))]
+        steps += [(hil.watchdog_stop, ()), (hil.close, ())]
+        for step, arguments in steps:
+            try:
+                step(*arguments)
+            except Exception:  # the next step may still work, and nobody could do more
+                continue
+        self.enabled = False
+        self._volts[:] = 0.0
+        self._wrote()
+
+    def _wrote(self) -> None:
+        if self._on_write is not None:
+            self._on_write(WRITE_FORMAT.pack(*self._volts, *(self._on if self.enabled else self._off)))
+
+    def _call(self, name: str, *arguments: Any) -> Any:
+        if self._hil is None:
+            raise DeviceError(f"{name}: the board is not open")
+        try:
+            return getattr(self._hil, name)(*arguments)
+        except (DeviceError, TypeError, AttributeError, NameError):
+            raise  # ours, or a mistake in the program, which must not pass for a fault of the board
+        except Exception as error:
+            # The SDK's error class exists only where the SDK does; whatever it raises, the board refused.
+            raise as_device_error(error, name) from error

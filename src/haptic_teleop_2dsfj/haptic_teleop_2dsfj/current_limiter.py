@@ -1,0 +1,66 @@
+"""From a commanded effort to a current that may flow: every limit in series, none of which trusts another.
+
+effort -> current -> drift correction -> slew -> limit -> limit switches
+"""
+
+from __future__ import annotations
+
+import math
+from enum import IntFlag
+
+from haptic_teleop_2dsfj.limit_switches import LimitSwitches
+from haptic_teleop_2dsfj.overload import Overload
+from haptic_teleop_2dsfj.stage_settings import StageSettings
+
+
+class LimitResult(IntFlag):
+    """What was done to a command."""
+
+    OK = 0
+    REFUSED = 1
+    """It was not finite: zero."""
+    LIMITED = 2
+    SLEWED = 4
+    VETOED = 8
+    """It pushed into a pressed limit switch: zero."""
+    OVERLOAD = 16
+    """I²t is used up: zero, and it must be reported."""
+
+
+class CurrentLimiter:
+    """One stage, 0 or 1. `current` is what flows now, A."""
+
+    def __init__(self, stage: int, settings: StageSettings, switches: LimitSwitches, dt: float) -> None:
+        self.settings = settings
+        self.overload = Overload(settings.continuous_current, settings.current_limit, settings.overload_time)
+        self.current = 0.0
+        self._stage, self._switches, self._dt = stage, switches, dt
+
+    def step(self, effort: float) -> LimitResult:
+        """One sample with `effort`, N·m; then `current` holds what may flow, within every limit."""
+        settings = self.settings
+        result = LimitResult.OK
+        wanted = effort / settings.torque_constant + settings.drift_correction
+        if not math.isfinite(wanted):
+            wanted, result = 0.0, LimitResult.REFUSED
+        way = settings.current_slew * self._dt
+        if abs(wanted - self.current) > way:
+            wanted = self.current + math.copysign(way, wanted - self.current)
+            result |= LimitResult.SLEWED
+        limit = settings.current_limit
+        if abs(wanted) > limit:
+            wanted = math.copysign(limit, wanted)
+            result |= LimitResult.LIMITED
+        if self._switches.veto(self._stage, wanted):
+            wanted = 0.0
+            result |= LimitResult.VETOED
+        if self.overload.step(wanted, self._dt):
+            wanted = 0.0
+            result |= LimitResult.OVERLOAD
+        self.current = wanted
+        return result
+
+    def rest(self) -> None:
+        """One sample without current."""
+        self.current = 0.0
+        self.overload.step(0.0, self._dt)

@@ -1,0 +1,334 @@
+"""A Q8 board that is not there: the very calls of `HIL`, with a simulated robot at its connectors.
+
+It has the board's limits: 14-bit inputs, 12-bit outputs, 24-bit counters, a sampling task that paces its
+reader, a watchdog that goes to 0 V and tristate, and the amplifier with its enable lines behind it. Buffers
+of a wrong type are refused with an error, where the real wrapper would misread them silently.
+
+What a period's output does acts over the whole period, as in the simulated plants.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any, Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from haptic_teleop_2dsfj.amplifier import Amplifier
+from haptic_teleop_2dsfj.board_settings import BoardSettings
+from haptic_teleop_2dsfj.hil import TRISTATE
+from haptic_teleop_control.clocks import Clock
+from haptic_teleop_control.robots import ENCODER_COUNTS_PER_TURN, JOINT_ENCODER_GEARING, SFJ_STAGES, STAGES
+
+INPUT_BITS = 14
+LONGEST_CATCH_UP = 500  # samples of the plant that are made up for after a stall; the rest is lost
+NOT_OPEN, BAD_ARGUMENT, NO_DEVICE = -1, -2, -4
+
+
+class EmulatedError(Exception):
+    """As the SDK's HILError: a code and a message. The codes are the emulation's own."""
+
+    def __init__(self, error_code: int, message: str) -> None:
+        super().__init__(message)
+        self.error_code = error_code
+
+    def get_error_message(self) -> str:
+        return str(self.args[0])
+
+
+class SfjPlant(Protocol):
+    """The robot at the connectors. Order of a sample: `sense`, then `advance` with what acts from then."""
+
+    def sense(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Angles (4,), rad, in the order of the joints, and currents (2,), A, as the sensors give them."""
+        ...
+
+    def advance(self, current: NDArray[np.float64]) -> None:
+        """One sample with `current` (2,), A, counter-clockwise positive."""
+
+
+class EmulatedHil:
+    """See the module. unplug(): every call fails from then on; refuse(call, code): that call fails once;
+    stuck: level of a switch (0 to 3) whatever the arm does, or no entry."""
+
+    def __init__(
+        self,
+        plant: SfjPlant,
+        settings: BoardSettings,
+        amplifier: Amplifier,
+        clock: Clock,
+        switch_angle: float = 1.45,
+    ) -> None:
+        self._plant, self._wiring, self._amplifier, self._clock = plant, settings, amplifier, clock
+        self._switch_angle = switch_angle
+        turn = ENCODER_COUNTS_PER_TURN / (2.0 * np.pi)
+        drives = [SFJ_STAGES[stage].gear_ratio * turn for stage in STAGES]
+        self._counts_per_rad = np.array([*drives, *[JOINT_ENCODER_GEARING * turn] * 2])
+        self.stuck: dict[int, int] = {}
+        self.volts = np.zeros(2)
+        self.levels = np.ones(3, dtype=np.int8)
+        self.current = np.zeros(2)
+        """A, that the amplifier gave over the last period."""
+        self.opened = self.expired = self.tristate = False
+        self.calls: list[str] = []
+        self._gone = False
+        self._refusals: dict[str, int] = {}
+        self._offset = np.array([7, -3, 11, -5], dtype=np.int64)  # counters hold anything at power-up
+        self._angles, self._sensed = np.zeros(4), np.zeros(2)
+        self._timeout = 0
+        self._reloaded: int | None = None
+        self._period = 0
+        self._tick = self._start = 0
+        self._overflows = 0
+        self._look()
+
+    # What a test does to it.
+
+    def unplug(self) -> None:
+        """The cable is pulled."""
+        self._gone = True
+
+    def plug(self) -> None:
+        """The cable is back; the board has forgotten everything."""
+        self._gone = False
+        self.opened = False
+
+    def refuse(self, call: str, code: int) -> None:
+        """The next `call` fails with `code`."""
+        self._refusals[call] = code
+
+    # The calls of HIL.
+
+    def open(self, card_type: str, card_identifier: str) -> None:
+        self._enter("open", needs_open=False)
+        self.opened = True
+        self.expired = self.tristate = False
+        self._reloaded = None
+        self.volts[:] = 0.0
+        self.levels[:] = 1  # lines float high at power-up: both stages disabled
+
+    def close(self) -> None:
+        self._enter("close")
+        self.opened = False
+
+    def is_valid(self) -> bool:
+        return self.opened
+
+    def set_analog_input_ranges(self, channels: Any, n: int, minima: Any, maxima: Any) -> None:
+        self._enter("set_analog_input_ranges")
+        self._types(
+            channels=(channels, np.uint32, n), minima=(minima, np.float64, n), maxima=(maxima, np.float64, n)
+        )
+
+    def set_analog_output_ranges(self, channels: Any, n: int, minima: Any, maxima: Any) -> None:
+        self._enter("set_analog_output_ranges")
+        self._types(
+            channels=(channels, np.uint32, n), minima=(minima, np.float64, n), maxima=(maxima, np.float64, n)
+        )
+
+    def set_digital_directions(self, inputs: Any, n_in: int, outputs: Any, n_out: int) -> None:
+        self._enter("set_digital_directions")
+        self._types(inputs=(inputs, np.uint32, n_in), outputs=(outputs, np.uint32, n_out))
+
+    def set_encoder_counts(self, channels: Any, n: int, counts: Any) -> None:
+        self._enter("set_encoder_counts")
+        self._types(channels=(channels, np.uint32, n), counts=(counts, np.int32, n))
+        for channel, count in zip(channels.tolist(), counts.tolist(), strict=True):
+            i = self._wiring.encoders.index(channel)
+            self._offset[i] = count - round(self._angles[self._joint(i)] * self._counts_per_rad[i])
+
+    def write_analog(self, channels: Any, n: int, volts: Any) -> None:
+        self._enter("write_analog")
+        self._types(channels=(channels, np.uint32, n), volts=(volts, np.float64, n))
+        if self._is_expired():
+            return
+        step, top = self._wiring.output_step, 2**self._wiring.output_bits - 1
+        for channel, value in zip(channels.tolist(), volts.tolist(), strict=True):
+            if not np.isfinite(value):
+                raise EmulatedError(BAD_ARGUMENT, "an output voltage is not finite")
+            code = min(max(round((value + self._wiring.range_volts) / step), 0), top)
+            self.volts[self._wiring.outputs.index(channel)] = code * step - self._wiring.range_volts
+
+    def write_digital(self, channels: Any, n: int, levels: Any) -> None:
+        self._enter("write_digital")
+        self._types(channels=(channels, np.uint32, n), levels=(levels, np.int8, n))
+        if self._is_expired():
+            return
+        for channel, level in zip(channels.tolist(), levels.tolist(), strict=True):
+            self.levels[self._wiring.enables.index(channel)] = level
+
+    def read_digital(self, channels: Any, n: int, levels: Any) -> None:
+        self._enter("read_digital")
+        self._types(channels=(channels, np.uint32, n), levels=(levels, np.int8, n))
+        for i, channel in enumerate(channels.tolist()):
+            levels[i] = self._switch(self._wiring.switches.index(channel))
+
+    def task_create_reader(
+        self,
+        samples: int,
+        analog: Any,
+        n_analog: int,
+        encoder: Any,
+        n_encoder: int,
+        digital: Any,
+        n_digital: int,
+        other: Any,
+        n_other: int,
+    ) -> Mapping[str, list[int]]:
+        self._enter("task_create_reader")
+        self._types(
+            analog=(analog, np.uint32, n_analog),
+            encoder=(encoder, np.uint32, n_encoder),
+            digital=(digital, np.uint32, n_digital),
+        )
+        return {
+            "analog": [self._wiring.senses.index(channel) for channel in analog.tolist()],
+            "encoder": [self._wiring.encoders.index(channel) for channel in encoder.tolist()],
+            "digital": [self._wiring.switches.index(channel) for channel in digital.tolist()],
+        }
+
+    def task_set_buffer_overflow_mode(self, task: Any, mode: int) -> None:
+        self._enter("task_set_buffer_overflow_mode")
+
+    def task_get_buffer_overflows(self, task: Any) -> int:
+        self._enter("task_get_buffer_overflows")
+        return self._overflows
+
+    def task_start(self, task: Any, clock: int, frequency: float, samples: int) -> None:
+        self._enter("task_start")
+        self._period = round(1e9 / frequency)
+        self._start, self._tick, self._overflows = self._clock.now(), 0, 0
+
+    def task_read(
+        self, task: Mapping[str, list[int]], samples: int, analog: Any, encoder: Any, digital: Any, other: Any
+    ) -> int:
+        """Waits for the next sample; a late reader gets the newest one, the others are overflows."""
+        self._enter("task_read")
+        self._types(
+            analog=(analog, np.float64, 2), encoder=(encoder, np.int32, 4), digital=(digital, np.int8, 4)
+        )
+        if not self._period:
+            return 0
+        due = self._start + (self._tick + 1) * self._period
+        late = max(0, (self._clock.now() - due) // self._period)
+        self._overflows += late
+        self._pass(1 + late)
+        self._clock.sleep_until(due)
+        if self._gone:
+            raise EmulatedError(NO_DEVICE, "the board does not respond")
+        step = 2.0 * self._wiring.range_volts / 2**INPUT_BITS
+        for i, sense in enumerate(task["analog"]):
+            volts = self._sensed[sense] / self._amplifier.sense_a_per_v
+            analog[i] = min(
+                max(round(volts / step) * step, -self._wiring.range_volts), self._wiring.range_volts
+            )
+        span = 1 << self._wiring.counter_bits
+        for i, counter in enumerate(task["encoder"]):
+            count = round(self._angles[self._joint(counter)] * self._counts_per_rad[counter])
+            encoder[i] = (count + self._offset[counter] + span // 2) % span - span // 2
+        for i, switch in enumerate(task["digital"]):
+            digital[i] = self._switch(switch)
+        return 1
+
+    def task_stop(self, task: Any) -> None:
+        self._enter("task_stop")
+        self._period = 0
+
+    def task_delete(self, task: Any) -> None:
+        self._enter("task_delete")
+
+    def watchdog_set_analog_expiration_state(self, channels: Any, n: int, volts: Any) -> None:
+        self._enter("watchdog_set_analog_expiration_state")
+        self._types(channels=(channels, np.uint32, n), volts=(volts, np.float64, n))
+        if np.any(volts):
+            raise EmulatedError(BAD_ARGUMENT, "a Q8 can only expire to 0 V")
+
+    def watchdog_set_digital_expiration_state(self, channels: Any, n: int, states: Any) -> None:
+        self._enter("watchdog_set_digital_expiration_state")
+        self._types(channels=(channels, np.uint32, n), states=(states, np.int32, n))
+        if np.any(states != TRISTATE):
+            raise EmulatedError(BAD_ARGUMENT, "a Q8 can only expire to tristate")
+
+    def watchdog_start(self, timeout: float) -> None:
+        self._enter("watchdog_start")
+        self._timeout = round(timeout * 1e9)
+        self._reloaded = self._clock.now()
+
+    def watchdog_stop(self) -> None:
+        self._enter("watchdog_stop")
+        self._is_expired()
+        self._reloaded = None
+
+    def watchdog_reload(self) -> bool:
+        self._enter("watchdog_reload")
+        if self._is_expired():
+            return False
+        if self._reloaded is not None:
+            self._reloaded = self._clock.now()
+        return True
+
+    def watchdog_clear(self) -> None:
+        self._enter("watchdog_clear")
+        self.expired = self.tristate = False
+
+    # Inside.
+
+    @property
+    def amplifier_on(self) -> tuple[bool, bool]:
+        """Per stage: its enable line low, the master line high, and nothing in tristate."""
+        master = self.levels[2] == 1 and not self.tristate and self.opened
+        return bool(master and self.levels[0] == 0), bool(master and self.levels[1] == 0)
+
+    def _enter(self, call: str, needs_open: bool = True) -> None:
+        self.calls.append(call)
+        del self.calls[:-200]
+        if self._gone:
+            raise EmulatedError(NO_DEVICE, "the board does not respond")
+        if call in self._refusals:
+            raise EmulatedError(self._refusals.pop(call), f"{call} was refused")
+        if needs_open and not self.opened:
+            raise EmulatedError(NOT_OPEN, f"{call}: the board is not open")
+
+    @staticmethod
+    def _types(**buffers: tuple[Any, Any, int]) -> None:
+        for name, (buffer, dtype, size) in buffers.items():
+            if not isinstance(buffer, np.ndarray) or buffer.dtype != dtype or buffer.shape != (size,):
+                wanted = np.dtype(dtype).name
+                raise EmulatedError(BAD_ARGUMENT, f"{name} must be {size} values of type {wanted}")
+
+    def _is_expired(self, moment: int | None = None) -> bool:
+        now = self._clock.now() if moment is None else moment
+        if self._reloaded is not None and now - self._reloaded > self._timeout:
+            self._reloaded = None
+            self.expired = self.tristate = True
+            self.volts[:] = 0.0
+        return self.expired
+
+    def _pass(self, periods: int) -> None:
+        """The time until the next sample: the plant moves on with what the outputs give in each period."""
+        for k in range(periods):
+            self._is_expired(self._start + self._tick * self._period)
+            for i, on in enumerate(self.amplifier_on):
+                self.current[i] = self._amplifier.commanded(self.volts[i]) if on and not self._gone else 0.0
+            # The first sample shows the plant as it is: it has not been driven yet.
+            if self._tick > 0 and k < LONGEST_CATCH_UP:
+                self._plant.advance(self.current)
+                self._look()
+            self._tick += 1
+
+    def _look(self) -> None:
+        angles, currents = self._plant.sense()
+        self._angles[:], self._sensed[:] = angles, currents
+
+    @staticmethod
+    def _joint(counter: int) -> int:
+        # Counters: drive 1, drive 2, joint 1, joint 2; joints: motor 1, arm 1, motor 2, arm 2.
+        return (0, 2, 1, 3)[counter]
+
+    def _switch(self, switch: int) -> int:
+        if switch in self.stuck:
+            return self.stuck[switch]
+        arm = self._angles[1 + 2 * (switch // 2)]
+        beyond = arm >= self._switch_angle if switch % 2 == 0 else arm <= -self._switch_angle
+        return 0 if beyond else 1

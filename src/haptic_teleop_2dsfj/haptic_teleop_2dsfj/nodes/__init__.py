@@ -1,0 +1,1 @@
+"""The driver of the 2DSFJ as a ROS 2 node."""

@@ -1,0 +1,175 @@
+"""What both drivers share as nodes: a thread that owns the device, paced by the device's own samples.
+
+    read (waits for the device) -> publish the state -> wait for its answer, but not long -> write
+
+The thread is the only one that touches the device. Reading is the loop's clock; a write never waits for a
+command, and what has no answer in time is written with the last command until that is too old.
+"""
+
+from __future__ import annotations
+
+import threading
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any, ClassVar
+
+import numpy as np
+from rclpy.context import Context
+
+from haptic_teleop_control.device import DeviceError, Driver, ReadResult, Reporter
+from haptic_teleop_control.errors import ConfigurationError
+from haptic_teleop_control.nodes.commanded import CommandedNode
+from haptic_teleop_control.nodes.deadline import request_realtime
+from haptic_teleop_control.nodes.joint_state_io import stamp_now
+from haptic_teleop_control.raw_capture import COMMAND, RESET, RawCapture, read_capture
+from haptic_teleop_control.replay import Session
+
+LOST_POLL = 0.1
+"""Seconds between two looks for a reset while the device is lost."""
+
+STOP_PATIENCE = 1.0
+"""Seconds that the thread has to come back from the device when the node ends."""
+
+
+class DriverNode(CommandedNode):
+    """Subclasses build their driver in `make_driver`. Parameters that every driver has: `device`,
+    `answer_wait`, `timeout`, `capture`, `realtime_priority`."""
+
+    ROBOT: ClassVar[str]
+
+    def __init__(self, context: Context | None = None, **node_options: Any) -> None:
+        super().__init__(context, **node_options)
+        self._answer_wait = self.values["answer_wait"]
+        self._answered = threading.Event()
+        self._state_stamp = 0
+        self._stop = threading.Event()
+        self._wants_reset = threading.Event()
+        self._lost = False
+        self.cycles = 0
+        self.unanswered = 0
+        self.capture: RawCapture | None = None
+        self.session: Session | None = None
+        if self.values["device"] == "replay":
+            self.session = Session(read_capture(self.values["replay.file"], self.ROBOT))
+        self.driver: Driver = self.make_driver(Reporter(self.fault, lambda: self.faults.latched))
+        self._thread = threading.Thread(target=self._run, name=self.NAME, daemon=True)
+
+    def make_driver(self, reporter: Reporter) -> Driver:
+        """The driver that the parameters describe, not yet open. Raises HapticTeleopError."""
+        raise NotImplementedError
+
+    def start(self) -> None:
+        self._open_capture()
+        try:
+            self.driver.open()
+        except DeviceError as refusal:
+            raise ConfigurationError(
+                f"{self.get_fully_qualified_name()}: the device cannot be opened: {refusal}; check cable and "
+                "power and run `haptic-teleop doctor`, or set device: emulated."
+            ) from refusal
+        self.get_logger().info(self.driver.describe())
+        self._thread.start()
+
+    def _open_capture(self) -> None:
+        path = self.values["capture"]
+        if path:
+            parameters: Mapping[str, Any] = dict(self.values)
+            self.capture = RawCapture(Path(path), self.ROBOT, parameters)
+            self.get_logger().info(f"raw packets go to {path}")
+
+    def on_command(self) -> None:
+        super().on_command()
+        if self.commands.stamp >= self._state_stamp:
+            self._answered.set()
+
+    def on_reset(self) -> None:
+        super().on_reset()
+        self._wants_reset.set()
+
+    # The thread that owns the device.
+
+    def _run(self) -> None:
+        if self.values["realtime_priority"]:
+            request_realtime(self.values["realtime_priority"], [threading.get_native_id()])
+        try:
+            while not self._stop.is_set():
+                if self._wants_reset.is_set():
+                    self._reset_device(self._lost)
+                if not self._cycle():
+                    break
+        except Exception as failure:
+            self.fail(failure)
+        finally:
+            self.driver.close()
+
+    def _reset_device(self, reopened: bool) -> None:
+        self._wants_reset.clear()
+        if self.capture is not None:
+            self.capture.add(RESET, stamp_now(), bytes([reopened]))
+        if reopened:
+            self.driver.close()
+        self.driver.reset()
+
+    def _cycle(self) -> bool:
+        reopened = None if self.session is None else self.session.take_reset()
+        if reopened is not None:
+            self.faults.reset()
+            self._reset_device(reopened)
+        result = self.driver.read()
+        if result is ReadResult.END:
+            self.get_logger().info("the replayed session is over")
+            return False
+        self._lost = result is ReadResult.LOST
+        if self._lost:
+            self._driven = False
+            self._wants_reset.wait(LOST_POLL)  # nothing paces the loop now
+            return True
+        self.cycles += 1
+        if result is ReadResult.STATE:
+            self._answered.clear()
+            self._state_stamp = stamp_now()
+            self.publish_state(
+                self._state_stamp, self.driver.position, self.driver.velocity, self.driver.effort
+            )
+        self._give(result is ReadResult.STATE)
+        return True
+
+    def _give(self, answerable: bool) -> None:
+        if self.session is not None:
+            _, command = self.session.next_command()
+        else:
+            if answerable and self._driven and not self._answered.wait(self._answer_wait):
+                self.unanswered += 1
+            command = self.permitted() if answerable else None
+        if self.capture is not None:
+            data = b"" if command is None else np.asarray(command, dtype="<f8").tobytes()
+            self.capture.add(COMMAND, self._state_stamp, data)
+        self.driver.write(command)
+
+    # What is said about it.
+
+    def state(self) -> str:
+        return "device lost" if self._lost else super().state()
+
+    def measurements(self) -> dict[str, Any]:
+        values = {
+            "device": self.values["device"],
+            **self.driver.measurements(),
+            "states without an answer in time": self.unanswered,
+            "commands out of order": self.dropped,
+            **self.latency.summary(),
+        }
+        if self.capture is not None:
+            values["packets not captured"] = self.capture.dropped
+            if self.capture.failure is not None:
+                values["capture failed"] = str(self.capture.failure)
+        return values
+
+    def shutdown_safely(self) -> None:
+        self._driven = False
+        self._stop.set()
+        if self._thread.is_alive():
+            self._thread.join(STOP_PATIENCE)
+        self.driver.close()  # again, in case the thread never ran or hangs in the device
+        if self.capture is not None:
+            self.capture.close()
