@@ -22,7 +22,7 @@ from _bare_graph import bare_node
 from haptic_teleop_control.nodes.composed import node_class
 from haptic_teleop_control.nodes.latency import LatencyMeter
 from haptic_teleop_control.nodes.ros_arguments import parse_ros_arguments
-from haptic_teleop_control.nodes.spin import SWITCH_INTERVAL, create_nodes, spin, stop_nodes, stop_requests
+from haptic_teleop_control.nodes.spin import SWITCH_INTERVAL, create_nodes, spin, stop_requests
 
 NODES = ("sfj_sim", "omni_sim", "force_controller", "signal_generator")
 RATE = 1000.0
@@ -83,7 +83,6 @@ def run_part(kind, names):
                 "faults": faults,
             }
             print(json.dumps(result), flush=True)
-        stop_nodes(nodes)
         rclpy.try_shutdown()
 
 

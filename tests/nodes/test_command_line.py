@@ -116,12 +116,13 @@ def test_a_controller_that_is_told_to_end_sends_zero_first_and_exits_with_0(grap
         graph.until(driven, what="a torque")
         process.send_signal(number)
         asked = time.monotonic()
-        graph.until(lambda: process.poll() is not None, what="the end of the process")
+        graph.until(lambda: not any(effort.last.effort), what="zero")
         taken = time.monotonic() - asked
+        graph.until(lambda: process.poll() is not None, what="the end of the process")
         graph.run(0.1)
         assert list(effort.last.effort) == [0.0, 0.0]
         assert process.returncode == 0
-        assert taken < 3.0
+        assert taken < 1.0  # 0.05 s and less where nothing else runs
     finally:
         process.kill()
         process.wait()

@@ -81,14 +81,18 @@ def create_nodes(node_classes: Sequence[type[HapticNode]], arguments: RosArgumen
     return nodes
 
 
-def stop_nodes(nodes: Sequence[HapticNode]) -> None:
-    """Zero output from every node, the last one made first; one node's failure does not keep the others
-    from it."""
+def quiet_nodes(nodes: Sequence[HapticNode]) -> None:
+    """Zero output from every node, the last one made first, whatever happens to one of them."""
     for node in reversed(nodes):
         try:
             node.shutdown_safely()
         except Exception as failure:
             node.get_logger().error(f"while stopping: {failure}")
+
+
+def stop_nodes(nodes: Sequence[HapticNode]) -> None:
+    """Zero output, then the end of every node."""
+    quiet_nodes(nodes)
     for node in reversed(nodes):
         node.destroy_node()
 
@@ -118,7 +122,8 @@ def stop_requests() -> Iterator[threading.Event]:
 
 
 def spin(nodes: Sequence[HapticNode], should_stop: Callable[[], bool], realtime_priority: int = 0) -> None:
-    """Starts `nodes`, runs their callbacks until `should_stop()`; raises what a node's thread failed with."""
+    """Starts `nodes`, runs their callbacks until `should_stop()`, leaves their outputs at zero; raises what a
+    node's thread failed with."""
     executor = make_executor()
     for node in nodes:
         executor.add_node(node)
@@ -137,6 +142,7 @@ def spin(nodes: Sequence[HapticNode], should_stop: Callable[[], bool], realtime_
     except ExternalShutdownException:
         pass
     finally:
+        quiet_nodes(nodes)  # before the executor, whose end takes a while
         for node in nodes:
             executor.remove_node(node)
         executor.shutdown()
@@ -165,7 +171,8 @@ def _run(node_classes: Sequence[type[HapticNode]], argv: Sequence[str]) -> int:
                 priority = max(node.values.get("realtime_priority", 0) for node in nodes)
                 spin(nodes, stop.is_set, priority)
             finally:
-                stop_nodes(nodes)
+                for node in reversed(nodes):
+                    node.destroy_node()
         finally:
             rclpy.try_shutdown()
     return 0
