@@ -24,6 +24,9 @@ __all__ = ["load_scenario", "main", "record_scenario", "run_scenario", "simulate
 DURATION = 20.0
 """s, where neither the caller nor the file nor the signal says how long."""
 
+FIRST = 0.01
+"""s that are run before the time is taken, so that compiled code is there."""
+
 
 def run_scenario(
     parameters: ScenarioParameters | Mapping[str, Mapping[str, Any]] | str | Path,
@@ -101,6 +104,7 @@ def _main(argv: list[str]) -> int:
         raise ConfigurationError(f"argument --seed is {options.seed}; give a whole number, 0 or more.")
     scenario = load_scenario(options.scenario)
     duration = _duration(scenario, options.duration)
+    simulate_scenario(scenario, FIRST, options.seed)
     begun = time.perf_counter()
     if options.record:
         result = record_scenario(scenario, options.record, duration, options.seed)
