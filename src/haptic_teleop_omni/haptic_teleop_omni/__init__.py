@@ -1,4 +1,4 @@
-"""The Phantom Omni: transports, report codec, compensation, and its driver node.
+"""The Phantom Omni: report layouts, transports, calibration, torque budget, and its driver node.
 
-There is no driver yet, so the package offers no executable; the simulated Omni is `omni_sim` of haptic_teleop_sim.
+The driver has never run against a real device: see docs/drivers.md for what that means.
 """

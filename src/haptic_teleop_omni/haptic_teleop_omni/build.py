@@ -1,0 +1,69 @@
+"""From parameters to a driver with its transport: hidapi, an emulated Omni, or a captured session."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from typing import Any
+
+from haptic_teleop_control.clocks import Clock, SteadyClock, VirtualClock
+from haptic_teleop_control.device import Reporter
+from haptic_teleop_control.faults import COMMAND_FAULTS
+from haptic_teleop_control.plugins import load_object
+from haptic_teleop_control.raw_capture import Capture
+from haptic_teleop_control.replay import ReplayedStates, Session, replay
+from haptic_teleop_omni.driver import OmniDriver
+from haptic_teleop_omni.layout import load_layout
+from haptic_teleop_omni.settings import FAULTS, TABLE, OmniDriverSettings
+from haptic_teleop_omni.transports.emulated import EmulatedOmni
+from haptic_teleop_omni.transports.hidapi import HidapiTransport
+from haptic_teleop_omni.transports.interface import OmniTransport
+from haptic_teleop_omni.transports.replay import ReplayTransport
+
+ALL_FAULTS = {**COMMAND_FAULTS, **FAULTS}
+"""Every fault that the driver or its node may report, with its sentence."""
+
+
+def make_driver(
+    values: Mapping[str, Any],
+    reporter: Reporter,
+    on_packet: Callable[[str, bytes], None] | None = None,
+    session: Session | None = None,
+    clock: Clock | None = None,
+    source: str = "parameters",
+) -> OmniDriver:
+    """The driver that `values` describe (see `settings.TABLE`), not yet open.
+
+    on_packet: takes channel and bytes of every report. session: what `device: replay` replays.
+    Raises ConfigurationError.
+    """
+    checked = TABLE.check(values, source)
+    settings = OmniDriverSettings.from_parameters(checked, source)
+    device = checked["device"]
+    layout = load_layout(checked["layout"] or ("touch_hid" if device == "hardware" else "emulator"))
+    clock = clock or SteadyClock()
+    transport: OmniTransport
+    if device == "replay":
+        assert session is not None
+        transport = ReplayTransport(session, clock)
+    elif device == "emulated":
+        plant = load_object(checked["emulated.plant"], "emulated.plant")(
+            checked["emulated.file"], settings.rate
+        )
+        transport = EmulatedOmni(plant, layout, clock, settings.rate, checked["emulated.docked_time"])
+    else:
+        numbered = layout.output.report_id is not None
+        transport = HidapiTransport(
+            checked["hid.vendor"], checked["hid.product"], checked["hid.serial"], numbered
+        )
+    return OmniDriver(settings, layout, transport, reporter, on_packet)
+
+
+def replay_capture(capture: Capture, parameters: Mapping[str, Any]) -> ReplayedStates:
+    """The joint states of a captured session, with the parameters that it was captured with."""
+    own = {key: value for key, value in parameters.items() if key in TABLE}
+    if not own.get("layout"):
+        own["layout"] = "touch_hid" if own.get("device") == "hardware" else "emulator"
+    session = Session(capture)
+    reporter, latch = Reporter.to_latch(ALL_FAULTS)
+    driver = make_driver({**own, "device": "replay"}, reporter, session=session, clock=VirtualClock())
+    return replay(session, driver, latch)

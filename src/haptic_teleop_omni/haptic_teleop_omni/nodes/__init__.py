@@ -1,0 +1,1 @@
+"""The driver of the Omni as a ROS 2 node."""
