@@ -107,8 +107,12 @@ def test_children_end_when_the_scenario_is_killed(file):
     children = started_by(process.pid)
     time.sleep(1.5)
     process.kill()
-    process.communicate()
-    until(lambda: not any(alive(child) for child in children), 10.0)
+    process.wait()
+    try:
+        until(lambda: not any(alive(child) for child in children), 10.0)
+    finally:
+        for child in filter(alive, children):
+            os.kill(child, signal.SIGKILL)
 
 
 def test_a_child_that_ignores_what_it_is_told_is_killed_in_the_end(monkeypatch):
