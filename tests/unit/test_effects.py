@@ -382,7 +382,7 @@ TIME = DT * np.arange(301)
             RAMP * (1.0 - 0.3 * (1.0 - np.exp(-TIME / 0.1))),
         ),
         ("torque_saturation", {"limit": 0.8}, np.clip(RAMP, -0.8, 0.8)),
-        ("dead_zone", {"width": 0.4}, np.sign(RAMP) * np.maximum(np.abs(RAMP) - 0.2, 0.0)),
+        ("dead_zone", {"width": 0.2}, np.sign(RAMP) * np.maximum(np.abs(RAMP) - 0.2, 0.0)),
         ("input_delay", {"delay": 0.02}, np.concatenate([np.zeros(20), RAMP[:-20]])),
         ("input_delay", {"delay": 0.0}, RAMP),
     ],

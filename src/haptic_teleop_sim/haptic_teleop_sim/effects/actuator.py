@@ -33,8 +33,7 @@ def saturation_step(torque, time, dt, p, k, z, o):
 
 @njit(cache=True)
 def dead_zone_step(torque, time, dt, p, k, z, o):
-    half = 0.5 * p[k]
-    return max(torque - half, 0.0) + min(torque + half, 0.0)
+    return max(torque - p[k], 0.0) + min(torque + p[k], 0.0)
 
 
 @njit(cache=True)
@@ -141,7 +140,7 @@ DEAD_ZONE = EffectEntry(
         EffectParameter(
             "width",
             "N*m",
-            "full width of the band of torques that give none",
+            "largest torque, of either sign, that has no effect",
             minimum=0.0,
             typical=0.4,
             scale="torque",

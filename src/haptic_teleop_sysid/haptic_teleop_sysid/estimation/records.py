@@ -39,11 +39,17 @@ class Record:
         return np.array([motor, arm, 0.0, 0.0])
 
 
-def record_from(data: DataSet) -> Record:
-    """The record of a data set: commanded input where the amplifier follows it (it carries no sensor noise, which
-    matters in a closed loop), otherwise the measured one; invalid samples as missing readings."""
+def record_from(data: DataSet, commanded: bool = False) -> Record:
+    """The record of a data set; invalid samples as missing readings.
+
+    The input is the commanded one where the amplifier follows it (it carries no sensor noise, which matters in a
+    closed loop), otherwise the measured one.  ``commanded`` takes the command wherever it was recorded: then what the
+    actuator makes of it is part of what has to be explained.
+    """
     input_ = data.input
-    if data.commanded_input is not None:
+    if data.commanded_input is not None and commanded:
+        input_ = data.commanded_input
+    elif data.commanded_input is not None:
         difference = float(np.std(data.commanded_input - data.input))
         # 15 mA is what the current sense of these amplifiers shows by itself (facts A3: 5 to 16 mA rms).
         if difference <= max(0.05 * float(np.std(data.input)), 0.015 if data.input_unit == "A" else 0.0):
