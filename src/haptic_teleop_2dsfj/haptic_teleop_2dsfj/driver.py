@@ -83,7 +83,7 @@ class SfjDriver:
         self._open = False
         self._late = 0
         self.missed = 0
-        self.limited = 0
+        self.limited = self.expiries = 0
 
     def open(self) -> None:
         """Opens the board; the pose at this moment is the origin of all angles. Raises HapticTeleopError,
@@ -103,7 +103,7 @@ class SfjDriver:
         try:
             self.board.read()
             if not self.board.reload_watchdog():
-                self._stop("watchdog_expired", f"{self.settings.board.watchdog:g} s without a sample's work")
+                self._expired()
         except EndOfSession:
             return ReadResult.END
         except DeviceError as error:
@@ -190,6 +190,7 @@ class SfjDriver:
         return {
             "amplifier": "on" if self.board.enabled else "off",
             "samples missed": self.missed,
+            "watchdog expiries": self.expiries,
             "samples at the current limit": self.limited,
             "I2t used (%)": " ".join(f"{100.0 * limiter.overload.used:.0f}" for limiter in self.limiters),
             "limit switches pressed": sum(self.switches.pressed),
@@ -220,6 +221,15 @@ class SfjDriver:
             )
             if problem:
                 self._stop(problem[0], f"STAGE {i + 1}, {problem[1]}")
+
+    def _expired(self) -> None:
+        self.expiries += 1
+        driving = self.board.enabled
+        self._rest()
+        # As long as the amplifier is off nothing can have gone wrong: the board is watched anew.
+        self.board.rearm_watchdog()
+        if driving:
+            self._stop("watchdog_expired", f"{self.settings.board.watchdog:g} s without a sample's work")
 
     def _stop(self, fault: str, detail: str) -> None:
         # First the output, then the words.

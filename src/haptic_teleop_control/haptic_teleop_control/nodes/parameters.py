@@ -7,6 +7,7 @@ as overrides.
 
 from __future__ import annotations
 
+import difflib
 import sys
 from collections.abc import Iterable, Mapping
 from pathlib import Path
@@ -75,7 +76,9 @@ def overrides(
     for file in arguments.parameter_files:
         sections = {
             name: {
-                key: value for key, value in values.items() if not (is_wildcard(name) and key in elsewhere)
+                key: value
+                for key, value in values.items()
+                if not (is_wildcard(name) and (key in elsewhere or _speaks_to_others(key, table)))
             }
             for name, values in load_parameter_file(file).items()
         }
@@ -107,6 +110,13 @@ def _section_values(sections: Mapping[str, Mapping[str, Any]], full_name: str) -
         **parameters_for(bare, full_name.rsplit("/", 1)[-1]),
         **parameters_for(exact, full_name),
     }
+
+
+def _speaks_to_others(key: str, table: ParameterTable) -> bool:
+    # In a process of its own a node does not know the others' parameters; but a slip of the pen resembles one
+    # of its own.
+    names = [entry.name for entry in table]
+    return key not in table and not difflib.get_close_matches(key, names, cutoff=0.7)
 
 
 def _check_stated(table: ParameterTable, stated: Mapping[str, Any], source: str) -> dict[str, Any]:

@@ -29,7 +29,12 @@ from haptic_teleop_control.nodes.composed import node_class
 from haptic_teleop_control.nodes.recorder import Recorder
 from haptic_teleop_control.nodes.spin import stop_requests
 from haptic_teleop_control.nodes.watch import ProgressLine, Watcher
-from haptic_teleop_control.parameter_files import check_parameter_file, load_parameter_file, parameters_for
+from haptic_teleop_control.parameter_files import (
+    check_parameter_file,
+    is_wildcard,
+    load_parameter_file,
+    parameters_for,
+)
 
 START_LIMIT = 60.0
 """Seconds until the first state; a first start compiles."""
@@ -58,7 +63,15 @@ class Scenario:
 def load_scenario(path: str | Path, changes: dict[str, Any] | None = None) -> Scenario:
     """Reads and checks the file: every section, every key. Raises ConfigurationError naming file, key and
     remedy."""
-    own = parameters_for(load_parameter_file(path), SCENARIO.node_name)
+    sections = load_parameter_file(path)
+    # What a wildcard says to the nodes is checked with them, below.
+    own = parameters_for(
+        {
+            name: {key: value for key, value in values.items() if not is_wildcard(name) or key in SCENARIO}
+            for name, values in sections.items()
+        },
+        SCENARIO.node_name,
+    )
     values = SCENARIO.check({**own, **(changes or {})}, str(path))
     tables = {name: node_class(name).TABLE for name in values["nodes"]}
     if len(tables) < len(values["nodes"]):

@@ -38,7 +38,7 @@ class OmniPlant(Protocol):
 
 
 class EmulatedOmni:
-    """docked_time: s after the start for which the stylus rests in its inkwell, at the neutral pose; the plant's
+    """docked_time: s after the start for which the stylus rests in its inkwell, at neutral; the plant's
     time begins then.
 
     For tests: `buttons` [2] pressed or not, `drop` reports that get lost, `corrupt` reports that come
