@@ -1,0 +1,107 @@
+"""Drivers on emulated devices with a clock that only moves when somebody waits: for tests without ROS."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+
+from haptic_teleop_2dsfj.amplifier import Amplifier
+from haptic_teleop_2dsfj.board import Board
+from haptic_teleop_2dsfj.build import all_faults
+from haptic_teleop_2dsfj.driver import SfjDriver
+from haptic_teleop_2dsfj.emulated_hil import EmulatedHil
+from haptic_teleop_2dsfj.settings import SfjDriverSettings
+from haptic_teleop_control.clocks import VirtualClock
+from haptic_teleop_control.device import Reporter
+from haptic_teleop_omni.build import ALL_FAULTS
+from haptic_teleop_omni.driver import OmniDriver
+from haptic_teleop_omni.layout import load_layout
+from haptic_teleop_omni.settings import OmniDriverSettings
+from haptic_teleop_omni.transports.emulated import EmulatedOmni
+
+
+@dataclass
+class StillRobot:
+    """A 2DSFJ that stands where the test puts it and remembers what current it was given."""
+
+    angles: np.ndarray = field(default_factory=lambda: np.zeros(4))
+    given: list[tuple[float, float]] = field(default_factory=list)
+    sensed: np.ndarray | None = None
+
+    def sense(self) -> tuple[np.ndarray, np.ndarray]:
+        flowing = np.array(self.given[-1]) if self.given else np.zeros(2)
+        return self.angles, flowing if self.sensed is None else self.sensed
+
+    def advance(self, current: np.ndarray) -> None:
+        self.given.append((float(current[0]), float(current[1])))
+
+
+@dataclass
+class StillOmni:
+    """An Omni that stands where the test puts it and remembers the torques that it was given."""
+
+    angles: np.ndarray = field(default_factory=lambda: np.zeros(3))
+    given: list[np.ndarray] = field(default_factory=list)
+
+    def sense(self) -> np.ndarray:
+        return self.angles
+
+    def advance(self, command: np.ndarray) -> None:
+        self.given.append(command.copy())
+
+
+class SfjRig:
+    """parameters: of `sfj_driver`, with __ for dots. plant: what is behind the board."""
+
+    def __init__(self, plant: Any = None, **parameters: Any) -> None:
+        values = {name.replace("__", "."): value for name, value in parameters.items()}
+        self.settings = SfjDriverSettings.from_parameters(values)
+        self.clock = VirtualClock()
+        self.plant = StillRobot() if plant is None else plant
+        self.hil = EmulatedHil(self.plant, self.settings.board, Amplifier(), self.clock)
+        self.reporter, self.latch = Reporter.to_latch(all_faults())
+        self.driver = SfjDriver(self.settings, Board(self.settings.board, lambda: self.hil), self.reporter)
+        self.driver.open()
+
+    def cycle(self, effort: Any = None) -> Any:
+        result = self.driver.read()
+        self.driver.write(None if effort is None else np.array(effort, dtype=float))
+        return result
+
+    def run(self, samples: int, effort: Any = None) -> None:
+        for _ in range(samples):
+            self.cycle(effort)
+
+    def current(self) -> tuple[float, float]:
+        """A, that flow in the motors after one more sample without touching the board's outputs."""
+        self.driver.read()
+        return float(self.hil.current[0]), float(self.hil.current[1])
+
+
+class OmniRig:
+    """As SfjRig, for `omni_driver`; calibrated at the first report unless the parameters say otherwise."""
+
+    def __init__(
+        self, plant: Any = None, layout: str = "emulator", docked: float = 0.0, **parameters: Any
+    ) -> None:
+        values = {"calibration.method": "start", "torque.ramp_time": 0.0}
+        values |= {name.replace("__", "."): value for name, value in parameters.items()}
+        self.settings = OmniDriverSettings.from_parameters(values)
+        self.clock = VirtualClock()
+        self.plant = StillOmni() if plant is None else plant
+        self.layout = load_layout(layout)
+        self.device = EmulatedOmni(self.plant, self.layout, self.clock, self.settings.rate, docked)
+        self.reporter, self.latch = Reporter.to_latch(ALL_FAULTS)
+        self.driver = OmniDriver(self.settings, self.layout, self.device, self.reporter)
+        self.driver.open()
+
+    def cycle(self, effort: Any = None) -> Any:
+        result = self.driver.read()
+        self.driver.write(None if effort is None else np.array(effort, dtype=float))
+        return result
+
+    def run(self, samples: int, effort: Any = None) -> None:
+        for _ in range(samples):
+            self.cycle(effort)
