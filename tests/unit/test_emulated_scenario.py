@@ -1,0 +1,160 @@
+"""Scenario 1 through the drivers on emulated devices, sample by sample, against the simulated plants."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from haptic_teleop_2dsfj.build import emulated_hil
+from haptic_teleop_2dsfj.settings import TABLE as SFJ_TABLE
+from haptic_teleop_control.clocks import VirtualClock
+from haptic_teleop_control.device import ReadResult, Reporter
+from haptic_teleop_control.laws import LAWS, MasterSide
+from haptic_teleop_control.node_tables import AXES
+from haptic_teleop_control.parameter_files import load_parameter_file, parameters_for
+from haptic_teleop_control.robots import STAGES
+from haptic_teleop_control.signals import SignalGenerator
+from haptic_teleop_omni.build import ALL_FAULTS
+from haptic_teleop_omni.build import make_driver as make_omni_driver
+from haptic_teleop_sim.lockstep import run_scenario
+from haptic_teleop_sim.scenario_parameters import load_scenario
+
+FILE = Path(__file__).parents[2] / "config" / "scenario1_sim.yaml"
+DURATION = 18.0
+
+
+class Slave:
+    """The 2DSFJ's driver on its emulated board, with the plant of the simulated scenario behind it."""
+
+    def __init__(self, changes: dict) -> None:
+        from haptic_teleop_2dsfj.board import Board
+        from haptic_teleop_2dsfj.build import all_faults
+        from haptic_teleop_2dsfj.driver import SfjDriver
+        from haptic_teleop_2dsfj.settings import SfjDriverSettings
+
+        values = SFJ_TABLE.check({"device": "emulated", "emulated.file": str(FILE), **changes})
+        settings = SfjDriverSettings.from_parameters(values)
+        self.hil = emulated_hil(values, settings, VirtualClock())
+        reporter, self.latch = Reporter.to_latch(all_faults())
+        self.driver = SfjDriver(settings, Board(settings.board, lambda: self.hil), reporter)
+        self.driver.open()
+
+
+def through_the_drivers(changes: dict | None = None, duration: float = DURATION) -> dict[str, np.ndarray]:
+    """Position, velocity, effort of the 2DSFJ (n, 4), its commands (n, 2), angles of the Omni (m, 3)."""
+    scenario = load_scenario(FILE)
+    control, signal = scenario.nodes["force_controller"], scenario.nodes["signal_generator"]
+    stated = {k: v for k, v in signal.items() if k in ("kind", "rate") or k.split(".")[0] in STAGES}
+    slave = Slave(changes or {})
+    reporter, omni_latch = Reporter.to_latch(ALL_FAULTS)
+    master = make_omni_driver(
+        {"device": "emulated", "calibration.method": "start", "emulated.docked_time": 0.0,
+         "torque.ramp_time": 0.0, "emulated.file": str(FILE)},
+        reporter, clock=VirtualClock(),
+    )  # fmt: skip
+    master.open()
+    law = LAWS["augmented_error"].from_parameters(control, STAGES, 0.002)
+    wanted = MasterSide.from_parameters(control, AXES, 0.002)
+    felt = MasterSide.from_parameters(control, AXES, 0.001)
+    times = np.arange(round(duration * 500)) / 500
+    reference = SignalGenerator.from_parameters(stated, STAGES).series(times)
+    logs: dict[str, list] = {"position": [], "velocity": [], "effort": [], "command": [], "omni": []}
+    arm_torque, engaged = np.zeros(2), False
+    for k, t in enumerate(times):
+        for _ in range(2):  # the master's state is the older one where times coincide
+            assert master.read() is ReadResult.STATE
+            logs["omni"].append(master.position.copy())
+            torque = np.zeros(3)
+            if engaged:
+                torque[1:] = felt.step(master.position[1:], arm_torque)[1] * min(1.0, t / 0.2)
+            master.write(torque)
+        assert slave.driver.read() is ReadResult.STATE
+        engaged = True
+        position, velocity, effort = slave.driver.position, slave.driver.velocity, slave.driver.effort
+        arm_torque = effort[1::2].copy()
+        desired, _ = wanted.step(reference[k], arm_torque)
+        current = law.step(desired, position[0::2].copy(), position[1::2].copy(), velocity[0::2].copy())
+        command = current * np.array([8.925, 1.392]) * min(1.0, t / 0.2)
+        for name, values in (
+            ("position", position),
+            ("velocity", velocity),
+            ("effort", effort),
+            ("command", command),
+        ):
+            logs[name].append(values.copy())
+        slave.driver.write(command)
+    assert slave.latch.latched is None, slave.latch.sentence
+    assert omni_latch.latched is None, omni_latch.sentence
+    return {name: np.array(values) for name, values in logs.items()}
+
+
+@pytest.fixture(scope="module")
+def simulated() -> dict:
+    sections = load_parameter_file(FILE)
+    return run_scenario({name: dict(parameters_for(sections, name)) for name in (
+        "sfj_sim", "omni_sim", "force_controller", "signal_generator")}, DURATION)  # fmt: skip
+
+
+@pytest.fixture(scope="module")
+def emulated() -> dict:
+    return through_the_drivers()
+
+
+def test_the_2dsfj_moves_as_the_simulated_one_does(simulated, emulated):
+    states = simulated["/sfj/joint_states"]
+    difference = np.abs(emulated["position"] - states.position).max(axis=0)
+    # The converters and counters of the board are those of the simulated plant: stage 1 moves just as there.
+    assert difference[:2].max() < 1e-12
+    # Stage 2 is at its limit of 1.2 A for a moment, which lies between two steps of the output: the board gives
+    # the lower one, the simulated amplifier the limit itself.
+    assert difference[2:].max() < 3 * 2.462e-4
+    assert np.abs(emulated["velocity"] - states.velocity).max() < 0.06
+
+
+def test_the_figures_of_contact_are_the_same_within_the_quantisation(simulated, emulated):
+    states = simulated["/sfj/joint_states"]
+    contact = slice(int(12.0 * 500), int(13.9 * 500))
+    for arm, asked, stiffness in ((1, 0.6, 3.971), (3, 0.8, 3.891)):
+        step = stiffness * 2.462e-4  # torque of one count of the joint's encoder
+        pressed = emulated["effort"][contact, arm].mean()
+        assert pressed == pytest.approx(states.effort[contact, arm].mean(), abs=step)
+        assert pressed == pytest.approx(asked, abs=2 * step)
+        peaks = emulated["effort"][:, arm].max(), states.effort[:, arm].max()
+        assert peaks[0] == pytest.approx(peaks[1], abs=5 * step)
+
+
+def test_the_limits_are_the_same(simulated, emulated):
+    for motor, limit in ((0, 0.94 * 8.925), (1, 1.2 * 1.392)):
+        ours = emulated["command"][:, motor]
+        theirs = simulated["/sfj/effort_command"].effort[:, motor]
+        assert np.abs(ours).max() == pytest.approx(np.abs(theirs).max(), rel=1e-9) == limit
+
+
+def test_the_omni_moves_as_the_simulated_one_does_within_its_torque_steps(simulated, emulated):
+    states = simulated["/omni/joint_states"]
+    assert np.abs(emulated["omni"] - states.position).max() < 5e-3
+
+
+def test_the_drift_correction_shifts_the_current_and_the_force_loop_takes_it_up_again(emulated):
+    shifted = through_the_drivers({"stage1.drift_correction": 0.05}, 13.0)
+    contact = slice(int(12.0 * 500), int(12.9 * 500))
+    assert shifted["effort"][contact, 1].mean() == pytest.approx(0.6, abs=0.003)
+    # What the law asks for is less by just the current that the driver adds.
+    less = emulated["command"][contact, 0].mean() - shifted["command"][contact, 0].mean()
+    assert less / 8.925 == pytest.approx(0.05, abs=0.08)
+
+
+def test_an_uncorrected_bias_of_the_drive_drifts_and_the_correction_stops_it():
+    def drift(correction: float) -> float:
+        plant_bias = 1.1  # N·m on stage 1's motor, just above its Coulomb friction of 0.6 N·m
+        slave = Slave({"stage1.drift_correction": correction})
+        robot = slave.hil._plant.robot
+        advance = robot.step
+        robot.step = lambda effort: advance(np.asarray(effort) + np.array([plant_bias, 0.0]))
+        for _ in range(1500):
+            slave.driver.read()
+            slave.driver.write(np.zeros(2))
+        return float(slave.driver.position[0])
+
+    assert drift(0.0) > 0.1
+    assert abs(drift(-1.1 / 8.925)) < 1e-3
