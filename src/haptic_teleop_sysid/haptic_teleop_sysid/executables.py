@@ -9,6 +9,10 @@ EXECUTABLES: dict[str, tuple[str, str]] = {
         "haptic_teleop_sysid.compare:main",
         "simulate models on the input of recordings and report the fit in percent",
     ),
+    "diagnose": (
+        "haptic_teleop_sysid.diagnose:main",
+        "say why simulation and recording differ, model it, and show the fit improve",
+    ),
     "verify": (
         "haptic_teleop_sysid.verify:main",
         "check a recording of a scenario and write its report",
@@ -16,5 +20,9 @@ EXECUTABLES: dict[str, tuple[str, str]] = {
     "demo": (
         "haptic_teleop_sysid.demo:main",
         "run scenario 1 in simulation as real nodes, record it, verify it",
+    ),
+    "blind": (
+        "haptic_teleop_sysid.blind.command:main",
+        "benchmark diagnose on concealed effects drawn by seed: seal, diagnose, open, score",
     ),
 }

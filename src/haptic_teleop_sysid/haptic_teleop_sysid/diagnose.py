@@ -1,0 +1,177 @@
+"""`haptic-teleop diagnose`: why do simulation and recording differ? Locates the mismatch, names the physics that was
+left out, models it, and shows the fit improve on recordings it has not seen.
+"""
+
+from __future__ import annotations
+
+import argparse
+import time
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from rich.console import Console
+
+from haptic_teleop_control.command_line import run_command
+from haptic_teleop_control.errors import RecordingError
+from haptic_teleop_control.recording import read_recording
+from haptic_teleop_sim.model import Model, load_model
+from haptic_teleop_sysid.dataset import DataSet, load_dataset
+from haptic_teleop_sysid.diagnosis.experiment import suggest
+from haptic_teleop_sysid.diagnosis.page import diagnosis_page
+from haptic_teleop_sysid.diagnosis.proof import Proof, mean_percent, prove
+from haptic_teleop_sysid.diagnosis.search import SearchResult, search
+from haptic_teleop_sysid.diagnosis.verdict import Verdict, decide_verdict
+from haptic_teleop_sysid.diagnosis.words import separating
+from haptic_teleop_sysid.estimation.records import Record, record_from
+from haptic_teleop_sysid.results import tool_version, write_json
+
+#: Samples below which no recording can say anything about six parameters and their noise.
+FEWEST_SAMPLES = 500
+#: Difference (A or N·m, relative to the rms command) up to which the measured current counts as following.
+_FOLLOWS = 0.1
+
+
+def records_of(data: list[DataSet]) -> list[Record]:
+    """Records driven by the command, refused where there is nothing to learn from."""
+    records = []
+    for dataset in data:
+        record = record_from(dataset, commanded=True)
+        if len(record) < FEWEST_SAMPLES:
+            raise RecordingError(f"{dataset.name} has {len(record)} samples; a diagnosis needs at least {FEWEST_SAMPLES}: "
+                                 "record for longer.")
+        if float(np.std(record.input)) < 1e-9 or float(np.nanstd(record.measured[:, 0])) < 1e-9:
+            raise RecordingError(f"{dataset.name}: the input or the motor angle does not change, so there is nothing to "
+                                 "diagnose: record while the joint is driven.")
+        records.append(record)
+    return records
+
+
+def sense_follows(data: list[DataSet]) -> bool:
+    """Whether a measured current was recorded that follows its command without further delay."""
+    for dataset in data:
+        if dataset.commanded_input is None or dataset.input_source != "measured effort":
+            return False
+        rms = float(np.std(dataset.commanded_input))
+        noise = 0.02 if dataset.input_unit == "A" else 0.0
+        if float(np.std(dataset.input - dataset.commanded_input)) > _FOLLOWS * rms + noise:
+            return False
+    return True
+
+
+def diagnose(model: Model, estimation: list[DataSet], validation: list[DataSet], say=lambda text: None
+             ) -> tuple[SearchResult, Verdict, Proof, dict[str, Any]]:
+    """Search, decide and prove; the last part is the content of diagnosis.json without run time and version."""
+    learn, judge = records_of(estimation), records_of(validation)
+    result = search(model, learn, judge, sense_follows=sense_follows(estimation), progress=say)
+    say("deciding")
+    verdict = decide_verdict(result, learn, judge)
+    say("simulating both models on all recordings")
+    proof = prove(result.baseline.model, result.final.model, [*estimation, *validation])
+    say("choosing the next experiment")
+    n = len(estimation)
+    content = {
+        "schema": 1, "robot": model.robot, "joint": model.joint, "structure": model.structure,
+        "verdict": verdict.kind, "where": verdict.where, "findings": verdict.findings,
+        "fit": {
+            "baseline": {"estimation": mean_percent(proof.baseline[:n]), "validation": mean_percent(proof.baseline[n:])},
+            "augmented": {"estimation": mean_percent(proof.augmented[:n]),
+                          "validation": mean_percent(proof.augmented[n:])},
+            "windows": "; ".join(f"{d.name}: {f.windows.why}" for d, f in
+                                 zip([*estimation, *validation], proof.baseline, strict=True)),
+        },
+        "next_experiment": next_experiment(result, verdict, learn),
+        "baseline_parameters": result.baseline.model.parameter_values(),
+    }
+    if verdict.kind == "unknown" and verdict.remaining:
+        best = verdict.remaining[0]
+        content["residual_curve"] = {"equation": best.equation, "variable": best.name, "unit": best.unit,
+                                     "value": best.centre.tolist(), "torque": best.torque.tolist()}
+    return result, verdict, proof, content
+
+
+def next_experiment(result: SearchResult, verdict: Verdict, records: list[Record]) -> dict[str, Any]:
+    """What to record next, as the contract has it."""
+    unsure = next((c for c in result.choices if c.ambiguous), None)
+    if unsure is not None:
+        rival = unsure.others[0][0]
+        names = (unsure.chosen.effect.effect, rival.effect.effect)
+        found = suggest(unsure.chosen.fit, rival.fit, names, records[0], result.scales)
+        text = separating([unsure.chosen.effect, rival.effect])
+        if found is None or found.expected_discrimination < 0.6:
+            return {"why": f"{names[0]} against {names[1]}: {text}", "signal_generator": {},
+                    "expected_discrimination": 0.5 if found is None else found.expected_discrimination}
+        return {"why": f"{found.why}; also: {text}", "signal_generator": found.signal_generator,
+                "expected_discrimination": found.expected_discrimination}
+    tried = [e for e in result.last_round if e.material]
+    if verdict.kind in ("no_mismatch", "unknown") and tried:
+        names = (tried[0].effect.effect, "the structure found so far")
+        found = suggest(tried[0].fit, result.final, names, records[0], result.scales)
+        if found is not None:
+            return {"why": found.why, "signal_generator": found.signal_generator,
+                    "expected_discrimination": found.expected_discrimination}
+    return {"why": "nothing is left to separate; a recording of another day would show drift", "signal_generator": {},
+            "expected_discrimination": 1.0}
+
+
+def run(argv: list[str]) -> int:
+    """Do what the arguments say; returns the exit status."""
+    began = time.perf_counter()
+    arguments = _parser().parse_args(argv)
+    model = replace(load_model(arguments.model), source=arguments.model)
+    console, progress = Console(), Console(stderr=True)
+    with progress.status("reading recordings") as status:
+        estimation = [_load(bag, model, arguments.allow_gaps) for bag in arguments.estimation]
+        validation = [_load(bag, model, arguments.allow_gaps) for bag in arguments.validation]
+        output = Path(arguments.output)
+        output.mkdir(parents=True, exist_ok=True)
+        result, verdict, proof, content = diagnose(model, estimation, validation, lambda text: status.update(text))
+        status.update("writing the report")
+        content |= {"runtime_s": round(time.perf_counter() - began, 2), "version": tool_version()}
+        write_json(output / "diagnosis.json", content)
+        replace(result.final.model, source=str(output / "augmented_model.yaml")).save(output / "augmented_model.yaml")
+        data = [*estimation, *validation]
+        page = diagnosis_page(result, verdict, content, proof, data, records_of(estimation), len(estimation))
+        report = page.write(output / "report.html")
+    console.print(summary(content), markup=False, highlight=False, soft_wrap=True)
+    console.print(f"report: {report}", markup=False, highlight=False, soft_wrap=True)
+    return 0
+
+
+def summary(content: dict[str, Any]) -> str:
+    """The verdict in a few lines for the terminal."""
+    lines = [f"verdict: {content['verdict']}"]
+    for f in content["findings"]:
+        numbers = ", ".join(f"{n} {p['value']:.4g} ± {p['std']:.1g} {p['unit']}" for n, p in f["parameters"].items())
+        lines.append(f"  {f['effect']} at {f['location']} ({100 * f['confidence']:.0f} %): {numbers}")
+        lines += [f"    or {a['effect']} at {a['location']} ({100 * a['confidence']:.0f} %)" for a in f["alternatives"]]
+    for part in ("estimation", "validation"):
+        before, after = content["fit"]["baseline"][part], content["fit"]["augmented"][part]
+        lines.append(f"  {part}: " + ", ".join(f"{n} {before[n]:.1f} -> {after[n]:.1f} %" for n in before))
+    return "\n".join(lines)
+
+
+def _load(bag: str, model: Model, allow_gaps: bool) -> DataSet:
+    return load_dataset(read_recording(bag), model, bag, allow_gaps)
+
+
+def main(argv: list[str] | None = None) -> int:
+    """Entry point: exit status 0 when a verdict was reached, 2 for bad arguments or an unusable recording."""
+    return run_command(run, argv)
+
+
+def _parser() -> argparse.ArgumentParser:
+    parser = argparse.ArgumentParser(prog="haptic-teleop diagnose", description=__doc__)
+    parser.add_argument("--model", required=True, metavar="MODEL.yaml", help="what the lab believes")
+    parser.add_argument("--estimation", nargs="+", required=True, metavar="BAG", help="recordings to learn from")
+    parser.add_argument("--validation", nargs="+", required=True, metavar="BAG",
+                        help="other recordings, of another amplitude or band, on which a finding must stand up")
+    parser.add_argument("--output", required=True, metavar="DIR",
+                        help="where diagnosis.json, augmented_model.yaml and report.html go")
+    parser.add_argument("--allow-gaps", action="store_true", help="leave holes in a recording out instead of refusing it")
+    return parser
+
+
+if __name__ == "__main__":
+    raise SystemExit(main())

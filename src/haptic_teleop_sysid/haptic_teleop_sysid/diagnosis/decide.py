@@ -1,0 +1,70 @@
+"""From explanations to a verdict: how sure, which others fit as well, and when to say nothing."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from .explore import Explanation
+
+#: Nats that an effect must gain on the estimation and on the validation recordings. Clean recordings gain less than
+#: this through the same search (see docs/diagnosis.md for the study and its false-alarm rate).
+LEAST_GAIN = 25.0
+LEAST_HELD_OUT = 10.0
+#: A second effect must gain at least this share of the first: smaller ones are what a slightly wrong form of the first
+#: leaves behind.
+LEAST_SHARE = 0.07
+#: Explanations whose score is within this share of the best one's are as good: forms of friction differ by more, while
+#: the noise of real recordings is not white to within a few percent.
+AS_GOOD = 0.03
+#: From this confidence on a single name is given.
+SURE = 0.7
+
+
+@dataclass(frozen=True)
+class Choice:
+    """What one round of the search found: the chosen explanation, its confidence, and the others that remain possible
+    with theirs."""
+
+    chosen: Explanation
+    confidence: float
+    others: tuple[tuple[Explanation, float], ...] = field(default=())
+
+    @property
+    def ambiguous(self) -> bool:
+        return self.confidence < SURE and bool(self.others)
+
+
+def choose(found: Sequence[Explanation], best_so_far: float, sense_follows: bool) -> Choice | None:
+    """The best explanation that is material and gains enough on both kinds of recordings; None if there is none.
+
+    ``best_so_far``: score of the strongest effect found before (0 in the first round).  ``sense_follows``: the measured
+    current follows the command without extra delay, so that a command stamped early is unlikely.
+    """
+    good = [e for e in found if e.material and e.gain >= LEAST_GAIN and e.held_out >= LEAST_HELD_OUT
+            and e.score >= LEAST_SHARE * best_so_far]
+    if not good:
+        return None
+    best = max(good, key=lambda e: e.score)
+    margin = 6.0 + AS_GOOD * best.score
+    close = [e for e in good if e.score > best.score - 3.0 * margin]
+    weights = np.array([np.exp((e.score - best.score) / margin) * _prior(e, sense_follows) for e in close])
+    # What lies a whole margin behind is hardly a rival.
+    weights[[e.score < best.score - margin for e in close]] *= 0.2
+    weights = weights / weights.sum()
+    order = np.argsort(-weights, kind="stable")
+    ranked = [(close[i], float(weights[i])) for i in order]
+    rivals = tuple((e, p) for e, p in ranked[1:] if p > 0.02)
+    return Choice(ranked[0][0], ranked[0][1], rivals)
+
+
+def _prior(explanation: Explanation, sense_follows: bool) -> float:
+    """How likely an effect is before looking: delays come from mechanisms before they come from wrong stamps, and a
+    command whose measured current follows it was stamped right."""
+    if explanation.effect.effect == "channel_skew":
+        if explanation.effect.location.endswith("_actuator"):
+            return 0.1 if sense_follows else 0.8
+        return 0.9
+    return 1.0

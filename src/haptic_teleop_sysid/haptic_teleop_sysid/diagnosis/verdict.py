@@ -1,0 +1,130 @@
+"""The verdict on a search, in the contract's terms."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from haptic_teleop_sim.model import Model
+from haptic_teleop_sysid.estimation.gauss_newton import Fit
+from haptic_teleop_sysid.estimation.records import Record
+
+from .decide import Choice
+from .residual import Condition, conditions, intervals, shares
+from .search import SearchResult
+from .words import because
+
+#: Share of the left-over torque that a curve must explain on other recordings to count as physics nobody named.
+STRUCTURED = 0.25
+#: Least rms of that left-over torque, relative to the rms input torque.
+NOTICEABLE = 0.02
+
+
+@dataclass(frozen=True)
+class Verdict:
+    """``kind``: identified | ambiguous | unknown | no_mismatch; ``where``, ``findings``: as in the contract;
+    ``remaining``: what the left-over torque still depends on, strongest first; ``before``: the same of the baseline."""
+
+    kind: str
+    where: list[dict[str, Any]]
+    findings: list[dict[str, Any]]
+    remaining: list[Condition]
+    before: list[Condition]
+
+
+def decide_verdict(result: SearchResult, estimation: Sequence[Record], validation: Sequence[Record]) -> Verdict:
+    """The verdict on a search."""
+    joint = result.baseline.model.joint
+    before = conditions(result.baseline, estimation, validation, joint)
+    remaining = conditions(result.final, estimation, validation, joint) if result.choices else before
+    findings = [finding(c, result.final) for c in result.choices]
+    unexplained = structured(result.final, remaining, estimation, result)
+    if result.choices:
+        kind = "ambiguous" if any(c.ambiguous for c in result.choices) else "identified"
+    else:
+        kind = "unknown" if unexplained is not None else "no_mismatch"
+    where = _where(result, before, estimation, unexplained if kind == "unknown" else None)
+    return Verdict(kind, where, findings, remaining, before)
+
+
+def structured(fit: Fit, found: Sequence[Condition], records: Sequence[Record], result: SearchResult
+               ) -> Condition | None:
+    """What the left-over torque noticeably depends on, or None."""
+    if not found or found[0].explained < STRUCTURED:
+        return None
+    best = found[0]
+    size = float(np.sqrt(np.mean(best.torque**2))) if len(best.torque) else 0.0
+    return best if size > NOTICEABLE * result.scales.size["torque"] else None
+
+
+def finding(choice: Choice, final: Fit) -> dict[str, Any]:
+    """One finding, with the numbers of the final model."""
+    effect = choice.chosen.effect
+    fitted = next(e for e in final.model.effects if (e.effect, e.location) == (effect.effect, effect.location))
+    std = standard_errors(final)
+    head = f"{effect.location}.{effect.effect}."
+    parameters = {
+        name: {"value": float(value), "std": std.get(head + name, 0.0), "unit": fitted.entry.parameter(name).unit}
+        for name, value in fitted.parameters.items()
+    }
+    return {
+        "effect": effect.effect, "location": effect.location, "parameters": parameters,
+        "confidence": round(choice.confidence, 4),
+        "alternatives": [{"effect": e.effect.effect, "location": e.effect.location, "confidence": round(p, 4)}
+                         for e, p in choice.others],
+        "because": because(choice),
+    }
+
+
+def standard_errors(fit: Fit) -> dict[str, float]:
+    """Standard errors by parameter name, from the information matrix (parameters at a bound have none)."""
+    if not len(fit.free):
+        return {}
+    scale = np.sqrt(np.maximum(np.diag(fit.information), 1e-300))
+    inverse = np.linalg.pinv(fit.information / np.outer(scale, scale), rcond=1e-12, hermitian=True)
+    return {n: float(np.sqrt(max(v, 0.0)) / s) for n, v, s in zip(fit.free, np.diag(inverse), scale, strict=True)}
+
+
+def _where(result: SearchResult, before: Sequence[Condition], estimation: Sequence[Record],
+           unexplained: Condition | None) -> list[dict[str, Any]]:
+    if unexplained is not None:
+        motor, arm = shares(result.final, estimation)
+        share = motor if unexplained.equation.endswith("_motor") else arm
+        return [{"equation": unexplained.equation, "share": round(share, 3), "condition": unexplained.name,
+                 "intervals": []}]
+    if not result.choices:
+        return []
+    total = sum(max(c.chosen.score, 0.0) for c in result.choices) or 1.0
+    rows = []
+    fit = result.baseline
+    for choice in sorted(result.choices, key=lambda c: -c.chosen.score):
+        effect = choice.chosen.effect
+        rows.append({
+            "equation": effect.location, "share": round(max(choice.chosen.score, 0.0) / total, 3),
+            "condition": condition_of(result.baseline.model, effect.effect, effect.location, before),
+            "intervals": [list(i) for i in intervals(fit, result.final, estimation[0])],
+        })
+    return rows
+
+
+_CONDITION = {
+    "coulomb_friction": "sign of {v}", "stribeck_friction": "{v} near reversal", "asymmetric_friction": "direction of {v}",
+    "presliding_friction": "displacement since the last reversal", "quadratic_drag": "{v} squared",
+    "position_dependent_friction": "{q} while moving", "friction_drift": "time", "load_dependent_friction":
+    "joint torque while moving", "gravity": "{q}", "spring_to_ground": "{q}", "constant_torque": "always",
+    "torque_ripple": "{q}, periodically", "backlash": "deflection near zero", "hardening_spring": "deflection",
+    "hysteresis": "deflection and its direction", "joint_damping": "rate of deflection", "input_delay": "changes of the input",
+    "actuator_lag": "changes of the input", "torque_saturation": "large inputs", "dead_zone": "small inputs",
+    "gain_error": "input", "gain_drift": "input and time", "inertial_coupling": "acceleration of the other stage",
+    "extra_flexible_mode": "frequency", "payload_change": "time", "hard_stop": "{q} at the stop",
+    "encoder_eccentricity": "{q}, periodically", "encoder_scale": "{q}", "sensor_delay": "velocity", "channel_skew":
+    "velocity",
+}
+
+
+def condition_of(model: Model, effect: str, location: str, before: Sequence[Condition]) -> str:
+    """Under which condition the effect shows, in words."""
+    part = "arm" if "_arm" in location else "motor"
+    return _CONDITION.get(effect, "input").format(v=f"{part} velocity", q=f"{part} angle")
