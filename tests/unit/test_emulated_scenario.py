@@ -105,8 +105,8 @@ def test_the_2dsfj_moves_as_the_simulated_one_does(simulated, emulated):
     difference = np.abs(emulated["position"] - states.position).max(axis=0)
     # The converters and counters of the board are those of the simulated plant: stage 1 moves just as there.
     assert difference[:2].max() < 1e-12
-    # Stage 2 is at its limit of 1.2 A for a moment, which lies between two steps of the output: the board gives
-    # the lower one, the simulated amplifier the limit itself.
+    # Stage 2 is at its limit of 1.2 A for a moment, which lies between two steps of the output: the board
+    # gives the lower one, the simulated amplifier the limit itself.
     assert difference[2:].max() < 3 * 2.462e-4
     assert np.abs(emulated["velocity"] - states.velocity).max() < 0.06
 
