@@ -65,11 +65,14 @@ def test_ros_own_parameters_pass(tmp_path):
     assert read(tmp_path, section("plant", "{use_sim_time: false, gain: 2.0}")) == {"gain": 2.0}
 
 
-def test_a_wildcard_may_speak_to_a_neighbour_in_the_same_process_only(tmp_path):
-    text = section("/**", "{colour: blue}")
-    assert read(tmp_path, text, neighbours=[OTHER]) == {}
+def test_a_wildcard_may_speak_to_a_neighbour_in_the_same_process(tmp_path):
+    assert read(tmp_path, section("/**", "{colour: blue}"), neighbours=[OTHER]) == {}
+
+
+def test_a_wildcard_may_speak_to_any_node_of_the_project_but_not_to_none(tmp_path):
+    assert read(tmp_path, section("/**", "{command_source: device, gain: 2.0}")) == {"gain": 2.0}
     with pytest.raises(ConfigurationError, match="colour"):
-        read(tmp_path, text)
+        read(tmp_path, section("/**", "{colour: blue}"))
 
 
 def test_a_renamed_node_reads_the_section_of_its_new_name():

@@ -7,7 +7,6 @@ as overrides.
 
 from __future__ import annotations
 
-import difflib
 import sys
 from collections.abc import Iterable, Mapping
 from pathlib import Path
@@ -113,10 +112,14 @@ def _section_values(sections: Mapping[str, Mapping[str, Any]], full_name: str) -
 
 
 def _speaks_to_others(key: str, table: ParameterTable) -> bool:
-    # In a process of its own a node does not know the others' parameters; but a slip of the pen resembles one
-    # of its own.
-    names = [entry.name for entry in table]
-    return key not in table and not difflib.get_close_matches(key, names, cutoff=0.7)
+    # In a process of its own a node knows no neighbours, but a wildcard may mean them: the key must then be
+    # a parameter of some node of the project. Looked up only when one turns up that is not our own.
+    from haptic_teleop_control.nodes.composed import node_class, node_names  # it imports this module
+    from haptic_teleop_control.nodes.recorder import Recorder
+
+    if key in table or _is_ros_own(key):
+        return False
+    return any(key in other for other in (Recorder.TABLE, *(node_class(name).TABLE for name in node_names())))
 
 
 def _check_stated(table: ParameterTable, stated: Mapping[str, Any], source: str) -> dict[str, Any]:
