@@ -18,7 +18,10 @@ setup(
     maintainer_email=MAINTAINER.get("email"),
     license=MANIFEST.findtext("license"),
     packages=find_packages(),
-    package_data={"": ["*"]},  # pages, pictures and tables that lie among the modules
+    package_data={
+        "": ["*"],
+        NAME: ["*", "layouts/*", "udev/*"],
+    },  # pages, pictures and tables that lie among the modules
     data_files=[
         ("share/ament_index/resource_index/packages", [f"resource/{NAME}"]),
         (f"share/{NAME}", ["package.xml"]),

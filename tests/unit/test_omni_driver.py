@@ -324,7 +324,91 @@ def test_a_layout_that_is_not_there_is_answered_with_those_that_are():
 
 
 def test_a_real_device_that_is_not_there_is_a_device_error_and_no_traceback():
-    pytest.importorskip("hid", reason="hidapi is not installed")
+    pytest.importorskip("hidraw", reason="hidapi is not installed")
     driver = make_driver({"device": "hardware"}, Reporter.to_latch({})[0])
     with pytest.raises(DeviceError, match="2988:0304"):
         driver.open()
+
+
+# hidapi, with a module in its place that answers as the library's documentation says.
+
+
+class FakeHid:
+    """The one device of a stand-in for hidapi's module."""
+
+    def __init__(self) -> None:
+        self.reports: list[bytes] = []
+        self.written: list[bytes] = []
+        self.gone = False
+        self.nonblocking = 0
+
+    def device(self):
+        return self
+
+    def open(self, vendor: int, product: int, serial: str | None) -> None:
+        if self.gone:
+            raise OSError("open failed")
+
+    def set_nonblocking(self, on: int) -> None:
+        self.nonblocking = on
+
+    def read(self, size: int, timeout_ms: int = 0) -> list[int]:
+        if self.gone:
+            raise OSError("read error")
+        assert timeout_ms or self.nonblocking, "this call would wait for ever"
+        return list(self.reports.pop(0)) if self.reports else []
+
+    def write(self, data: bytes) -> int:
+        self.written.append(bytes(data))
+        return -1 if self.gone else len(data)
+
+    def error(self) -> str:
+        return "no such device"
+
+    def close(self) -> None: ...
+
+
+@pytest.fixture
+def fake(monkeypatch):
+    import sys
+
+    fake = FakeHid()
+    monkeypatch.setitem(sys.modules, "hidraw", fake)
+    return fake
+
+
+def test_hidapi_is_read_and_written_in_whole_reports(fake):
+    from haptic_teleop_omni.transports.hidapi import HidapiTransport
+
+    for numbered, sent in ((False, b"\x00abc"), (True, b"abc")):
+        transport = HidapiTransport(1, 2, "", numbered)
+        transport.open()
+        fake.reports = [b"first", b"second"]
+        assert [transport.read(0.01), transport.read(0.0), transport.read(0.0)] == [b"first", b"second", None]
+        transport.write(b"abc")
+        assert fake.written[-1] == sent
+
+
+def test_a_hid_device_that_goes_away_is_a_device_error_in_every_call(fake):
+    from haptic_teleop_omni.transports.hidapi import HidapiTransport
+
+    transport = HidapiTransport(1, 2)
+    transport.open()
+    fake.gone = True
+    for call in (lambda: transport.read(0.01), lambda: transport.write(b"a"), transport.open):
+        with pytest.raises(DeviceError):
+            call()
+    transport.close()
+    with pytest.raises(DeviceError, match="not open"):
+        transport.read(0.01)
+
+
+def test_without_hidapi_one_sentence_says_what_to_install(monkeypatch):
+    import sys
+
+    from haptic_teleop_omni.transports.hidapi import HidapiTransport
+
+    for name in ("hid", "hidraw"):
+        monkeypatch.setitem(sys.modules, name, None)
+    with pytest.raises(ConfigurationError, match="pip install hidapi"):
+        HidapiTransport(1, 2).open()

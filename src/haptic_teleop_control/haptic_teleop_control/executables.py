@@ -29,4 +29,8 @@ EXECUTABLES: dict[str, tuple[str, str]] = {
         "haptic_teleop_control.nodes.scenario:main",
         "start the nodes of a scenario file, watch them and stop them",
     ),
+    "doctor": (
+        "haptic_teleop_control.doctor:main",
+        "say what is there and what is missing: environment, ROS 2, scheduling, devices",
+    ),
 }

@@ -13,6 +13,9 @@ from haptic_teleop_control.device import DeviceError
 from haptic_teleop_control.errors import ConfigurationError
 
 _LARGEST = 4096
+MODULES = ("hidraw", "hid")
+"""hidapi's modules, the better one first: its wheels for Linux bring both, and there `hid` takes the whole
+USB interface away from the kernel, while `hidraw` uses the kernel's own HID driver."""
 
 
 class HidapiTransport:
@@ -29,14 +32,7 @@ class HidapiTransport:
 
     def open(self) -> None:
         """Raises ConfigurationError without the library, DeviceError when the device cannot be opened."""
-        try:
-            hid = importlib.import_module("hid")
-        except ImportError as missing:
-            raise ConfigurationError(
-                "device is hardware, but Python finds no module hid; run `pip install hidapi`, or set "
-                "device: emulated."
-            ) from missing
-        device = hid.device()
+        device = _library().device()
         try:
             device.open(self._vendor, self._product, self._serial or None)
             device.set_nonblocking(1)  # without a timeout `read` then returns at once
@@ -77,3 +73,15 @@ class HidapiTransport:
         if self._device is None:
             raise DeviceError("the HID device is not open")
         return self._device
+
+
+def _library() -> Any:
+    for name in MODULES:
+        try:
+            return importlib.import_module(name)
+        except ImportError:
+            continue
+    raise ConfigurationError(
+        "device is hardware, but Python finds no module hid; run `pip install hidapi`, or set "
+        "device: emulated."
+    )

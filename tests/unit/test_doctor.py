@@ -1,0 +1,121 @@
+"""`doctor` finds what is there, names the remedy for what is not, and says so in its exit status."""
+
+import sys
+import types
+from pathlib import Path
+
+import pytest
+
+from haptic_teleop_2dsfj import doctor_checks as sfj
+from haptic_teleop_control import doctor
+from haptic_teleop_control.health import ABSENT, BAD, OK, Check
+from haptic_teleop_omni import doctor_checks as omni
+
+
+def by_subject(checks: list[Check]) -> dict[str, Check]:
+    return {check.subject: check for check in checks}
+
+
+def hid_device(root: Path) -> Path:
+    (root / "sys/class/hidraw/hidraw3/device").mkdir(parents=True)
+    (root / "sys/class/hidraw/hidraw3/device/uevent").write_text("HID_ID=0003:00002988:00000304\n")
+    (root / "dev").mkdir()
+    node = root / "dev/hidraw3"
+    node.touch()
+    return node
+
+
+def test_a_touch_that_may_be_opened_is_found(tmp_path):
+    hid_device(tmp_path)
+    found = by_subject(omni.checks(tmp_path))["Omni"]
+    assert found.level == OK
+    assert "hidraw3" in found.finding
+
+
+def test_a_touch_without_permission_is_a_problem_with_the_udev_rule_as_remedy(tmp_path, monkeypatch):
+    hid_device(tmp_path)
+    monkeypatch.setattr(omni.os, "access", lambda path, mode: False)
+    found = by_subject(omni.checks(tmp_path))["Omni"]
+    assert found.level == BAD
+    assert "--udev-rule" in found.remedy
+
+
+def test_the_omni_on_firewire_is_recognised_and_told_to_be_out_of_reach(tmp_path):
+    device = tmp_path / "sys/bus/firewire/devices/fw1"
+    device.mkdir(parents=True)
+    (device / "vendor").write_text("0x000b99\n")
+    found = by_subject(omni.checks(tmp_path))["Omni"]
+    assert found.level == BAD
+    assert "FireWire" in found.finding
+
+
+def test_without_a_device_it_is_absent_and_that_is_no_problem(tmp_path):
+    assert by_subject(omni.checks(tmp_path))["Omni"].level == ABSENT
+
+
+def test_an_installed_rule_is_found(tmp_path):
+    folder = tmp_path / "etc/udev/rules.d"
+    folder.mkdir(parents=True)
+    assert by_subject(omni.checks(tmp_path))["udev rule"].level == ABSENT
+    (folder / omni.RULE).write_text(omni.udev_rule())
+    assert by_subject(omni.checks(tmp_path))["udev rule"].level == OK
+
+
+def test_the_sdk_without_its_library_is_a_problem(monkeypatch):
+    assert sfj.checks()[0].level == ABSENT
+    monkeypatch.setattr(sfj, "_package", lambda: True)
+    monkeypatch.setattr(sfj.ctypes.util, "find_library", lambda name: None)
+    assert sfj.checks()[0].level == BAD
+
+
+@pytest.mark.parametrize(("limit", "level"), [("", BAD), ("SUBNET", BAD), ("LOCALHOST", OK), ("off", OK)])
+def test_a_graph_that_the_whole_network_sees_is_a_problem(monkeypatch, limit, level):
+    monkeypatch.setenv("ROS_AUTOMATIC_DISCOVERY_RANGE", limit)
+    monkeypatch.delenv("ROS_LOCALHOST_ONLY", raising=False)
+    assert doctor._discovery().level == level
+
+
+def test_wheels_in_a_sourced_shell_are_a_problem(monkeypatch):
+    pytest.importorskip("rclpy", reason="needs ROS 2")
+    monkeypatch.setenv("ROS_DISTRO", "jazzy")
+    assert doctor._ros()[0].level == BAD
+    monkeypatch.delenv("ROS_DISTRO")
+    assert doctor._ros()[0].level == OK
+
+
+def test_refused_real_time_scheduling_is_a_problem_with_its_remedy(monkeypatch):
+    def refuse(*_: object) -> None:
+        raise PermissionError(1, "Operation not permitted")
+
+    monkeypatch.setattr(doctor.os, "sched_setscheduler", refuse)
+    check = doctor._realtime()
+    assert check.level == BAD
+    assert "rtprio" in check.remedy
+
+
+def test_the_exit_status_counts_problems_and_with_hardware_what_is_absent(monkeypatch, capsys):
+    found = [Check("a", OK, "there"), Check("b", ABSENT, "not there", "buy one")]
+    monkeypatch.setattr(doctor, "all_checks", lambda: found)
+    assert doctor.main([]) == 0
+    assert "b: not there; buy one" in capsys.readouterr().out
+    assert doctor.main(["--hardware"]) == 1
+    found.append(Check("c", BAD, "broken", "mend it"))
+    assert doctor.main([]) == 1
+
+
+def test_it_asks_every_package_that_has_something_to_say():
+    subjects = {check.subject for check in doctor.all_checks()}
+    assert {"Python", "ROS 2", "timing", "hidapi", "report layout", "Quanser SDK"} <= subjects
+
+
+def test_the_offered_udev_rule_names_the_device(capsys):
+    assert doctor.main(["--udev-rule"]) == 0
+    rule = capsys.readouterr().out
+    assert 'ATTRS{idVendor}=="2988", ATTRS{idProduct}=="0304"' in rule
+
+
+def test_a_quanser_package_is_found_by_its_name(monkeypatch):
+    package = types.ModuleType("quanser")
+    package.__path__ = []  # type: ignore[attr-defined]
+    monkeypatch.setitem(sys.modules, "quanser", package)
+    assert not sfj._package()
