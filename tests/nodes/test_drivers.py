@@ -230,3 +230,52 @@ def test_sigint_ends_a_driver_with_0_and_a_sentence_refuses_a_board_that_is_not_
     )  # fmt: skip
     assert done.returncode == 2
     assert "quanser.hardware" in done.stderr.splitlines()[-1]
+
+
+SCENARIO = """
+/**:
+  ros__parameters: {device: emulated, timeout: 0.2, realtime_priority: 20}
+scenario:
+  ros__parameters: {nodes: [sfj_driver, omni_driver, force_controller, signal_generator], duration: 2.0}
+sfj_driver:
+  ros__parameters: {board: {watchdog: 0.2}, emulated: {file: plant.yaml}}
+omni_driver:
+  ros__parameters: {rate: 500.0, silence: 0.2, emulated: {file: plant.yaml, docked_time: 0.3}}
+force_controller:
+  ros__parameters: {master_rate: 500.0}
+signal_generator:
+  ros__parameters:
+    rate: 200.0
+    stage1: {enabled: true, step: {enabled: true, amplitude: 0.05}}
+"""
+
+
+def test_a_scenario_file_runs_the_drivers_by_one_parameter_and_moves_the_robot_behind_them(tmp_path):
+    (tmp_path / "plant.yaml").write_text("sfj_sim:\n  ros__parameters: {stage1: {wall: {angle: 0.3}}}\n")
+    file = tmp_path / "scenario.yaml"
+    file.write_text(SCENARIO)
+    done = subprocess.run(
+        [*FRONT_DOOR, "scenario", str(file), "--record", str(tmp_path / "bag")],
+        capture_output=True,
+        text=True,
+        timeout=90,
+        check=False,
+    )
+    assert done.returncode == 0, done.stderr
+    recording = read_recording(tmp_path / "bag")
+    arm = recording.topic("/sfj/joint_states").signal("stage1_arm", "position")
+    assert 0.25 < arm.max() < 0.35, "it met the wall that the plant's file describes"
+    assert recording.parameters["/sfj/sfj_driver"]["device"] == "emulated"
+    assert not recording.topic("/sfj/effort_command").effort[-1].any()
+    assert len(recording.topic("/omni/joint_states")) > 500
+
+
+def test_the_shipped_file_differs_from_the_simulated_one_in_the_robots_only(repository):
+    from haptic_teleop_control.nodes.scenario import load_scenario
+    from haptic_teleop_control.parameter_files import load_parameter_file
+
+    real, sim = (repository / "config" / f"scenario1_{kind}.yaml" for kind in ("real", "sim"))
+    assert load_scenario(real).nodes == ("sfj_driver", "omni_driver", "force_controller", "signal_generator")
+    ours, theirs = load_parameter_file(real), load_parameter_file(sim)
+    for node in ("force_controller", "signal_generator", "recorder"):
+        assert ours[node] == theirs[node]

@@ -31,7 +31,7 @@ def sfj_plant(file: str, rate: float) -> SfjConnectors:
     """
     values, folder, source = _section(file, "sfj_sim", SFJ_PARAMETERS)
     settings = SfjSettings.from_parameters(values, folder, source)
-    bare = SfjSettings(_bare(settings.stage1), _bare(settings.stage2))
+    bare = replace(settings, stage1=_bare(settings.stage1), stage2=_bare(settings.stage2))
     return SfjConnectors(SfjRobot(bare, 1.0 / rate, values["seed"]))
 
 
