@@ -15,7 +15,7 @@ LEAST_GAIN = 25.0
 LEAST_HELD_OUT = 10.0
 #: A second effect must gain at least this share of the first: smaller ones are what a slightly wrong form of the first
 #: leaves behind.
-LEAST_SHARE = 0.07
+LEAST_SHARE = 0.12
 #: Explanations whose score is within this share of the best one's are as good: forms of friction differ by more, while
 #: the noise of real recordings is not white to within a few percent.
 AS_GOOD = 0.03

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from haptic_teleop_sim.kernel import pack
 from haptic_teleop_sim.model import Effect, Model
-from haptic_teleop_sysid.estimation.gauss_newton import Fit, fit_parameters, likelihood_value
+from haptic_teleop_sysid.estimation.gauss_newton import Fit, fit_parameters
 from haptic_teleop_sysid.estimation.noise import NoiseModel
 from haptic_teleop_sysid.estimation.records import Record
 from haptic_teleop_sysid.estimation.tuning import tune_noise
@@ -32,7 +32,7 @@ class Explanation:
     """A model with one more effect, fitted to the estimation recordings.
 
     ``gain``: nats it is better there than the model without the effect; ``held_out``: the same on the validation
-    recordings, all numbers kept as they were fitted; ``material``: see ``material.py``; ``effect_index``: which
+    recordings, the model kept as it was fitted; ``material``: see ``material.py``; ``effect_index``: which
     of the model's effects it is.
     """
 
@@ -81,19 +81,29 @@ def explore(
         again = from_quiet(candidate, estimation)
         if again.log_likelihood > candidate.log_likelihood:
             fits[i] = again
-    before = likelihood_value(fit.model, fit.noise, validation)
+    say("judging on recordings that were not fitted")
+    before = held_out_likelihood(fit, validation)
     index = len(fit.model.effects)
     found = [
         Explanation(
             f,
             f.log_likelihood - fit.log_likelihood,
-            likelihood_value(f.model, f.noise, validation) - before,
+            held_out_likelihood(f, validation) - before,
             material(f.model.effects[index], scales),
             index,
         )
         for f in fits
     ]
     return sorted(found, key=lambda e: (not e.material, -e.score))
+
+
+def held_out_likelihood(fit: Fit, records: Sequence[Record]) -> float:
+    """Log-likelihood of other recordings: the model as it was fitted, the noise levels as these recordings have them.
+
+    Levels carried over would judge the noise, not the physics: a disturbance may be larger on another day, and a model
+    that leaves nothing unexplained has levels near zero, under which the smallest further effect is a catastrophe.
+    """
+    return tune_noise(pack(fit.model), fit.noise, records, factor=4.0, rounds=2)[1]
 
 
 def refit(fit: Fit, lab: Model, screened: Screened, records: Sequence[Record], scales: Scales) -> Fit | None:

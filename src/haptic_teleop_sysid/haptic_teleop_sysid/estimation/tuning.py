@@ -12,6 +12,8 @@ from .noise import NoiseModel
 from .records import Record
 
 _LEVELS = ("motor_torque", "arm_torque", "motor_angle", "arm_angle", "motor_time", "arm_time")
+#: Least disturbance relative to the rms input torque. Below, the observer would all but stop correcting its model.
+_LEAST_TORQUE = 2e-4
 _BOUNDS = {"motor_time": (2e-3, 1e3), "arm_time": (2e-3, 1e3)}
 
 
@@ -36,6 +38,8 @@ def tune_noise(packed: Packed, noise: NoiseModel, records: Sequence[Record], *, 
     """Coordinate search over the logarithms of the levels; the step goes from ``factor`` to its square root each
     round.  Returns the noise model and the log-likelihood."""
     best = likelihood_of(packed, noise, records)
+    torque = packed.torque_constant * float(np.sqrt(np.mean([np.mean(r.input**2) for r in records])))
+    least = {"motor_torque": _LEAST_TORQUE * torque, "arm_torque": _LEAST_TORQUE * torque}
     for _ in range(rounds):
         for name in _LEVELS:
             if packed.rigid and name.startswith("arm"):
@@ -44,7 +48,7 @@ def tune_noise(packed: Packed, noise: NoiseModel, records: Sequence[Record], *, 
                 moved = False
                 while True:
                     trial = noise.scaled(**{name: step})
-                    low, high = _BOUNDS.get(name, (0.0, np.inf))
+                    low, high = _BOUNDS.get(name, (least.get(name, 0.0), np.inf))
                     if not low <= getattr(trial, name) <= high:
                         break
                     value = likelihood_of(packed, trial, records)
