@@ -232,6 +232,46 @@ def test_sigint_ends_a_driver_with_0_and_a_sentence_refuses_a_board_that_is_not_
     assert "quanser.hardware" in done.stderr.splitlines()[-1]
 
 
+def test_a_frozen_driver_finds_its_board_at_zero_when_it_wakes_and_stays_stopped(graph):
+    states, heard = Sink(graph, "/sfj/joint_states"), []
+    graph.probe.create_subscription(DiagnosticArray, "/diagnostics", heard.append, 10)
+
+    def stopped() -> bool:
+        status = heard[-1].status[0]
+        expiries = next(int(entry.value) for entry in status.values if entry.key == "watchdog expiries")
+        return status.level == b"\x02" and expiries > 0
+
+    command = Source(graph, "/sfj/effort_command", SFJ_MOTOR_JOINTS)
+    stated = ("device:=emulated", "timeout:=0.2", "board.watchdog:=0.1")
+    process = subprocess.Popen(
+        [*FRONT_DOOR, "sfj_driver", "--ros-args", *(part for rule in stated for part in ("-p", rule))]
+    )
+    try:
+        graph.until(lambda: command.connected() and states.messages, what="discovery")
+
+        def push(seconds: float) -> None:
+            end = time.monotonic() + seconds
+            while time.monotonic() < end:
+                command.send(stamp=stamp_of(states.last), effort=[2.0, 0.4])
+                graph.run(0.004)
+
+        push(0.3)
+        assert states.last.effort[0] > 1.0
+        process.send_signal(signal.SIGSTOP)
+        time.sleep(0.5)
+        process.send_signal(signal.SIGCONT)
+        count = len(states.messages)
+        graph.until(lambda: len(states.messages) > count + 20)
+        push(0.2)
+        assert abs(states.last.effort[0]) < 0.5, "what is left is the offset and noise of the current's sense"
+        graph.until(stopped)
+        # Whichever it notices first: that its last command is old, or that the board went to 0 V.
+        assert heard[-1].status[0].message.split(":")[0] in ("watchdog_expired", "stale_command")
+    finally:
+        process.send_signal(signal.SIGINT)
+        assert process.wait(20) == 0
+
+
 SCENARIO = """
 /**:
   ros__parameters: {device: emulated, timeout: 0.2, realtime_priority: 20}

@@ -141,6 +141,8 @@ class DriverNode(CommandedNode):
             if answerable and self._driven and not self._answered.wait(self._answer_wait):
                 self.unanswered += 1
             command = self.permitted() if answerable else None
+            if command is not None:
+                command = command.copy()  # at once: the executor may store the next one at any moment
         if self.capture is not None:
             data = b"" if command is None else np.asarray(command, dtype="<f8").tobytes()
             self.capture.add(COMMAND, self._state_stamp, data)
