@@ -10,12 +10,15 @@ the output (closed loop), and does not let a slow disturbance pass for physics.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from haptic_teleop_sim.kernel import Packed
 from numpy.typing import NDArray
-from scipy.linalg import expm, solve_discrete_are
+
+from haptic_teleop_sim.kernel import Packed
+
+from .riccati import exponential, stationary_covariance
 
 FloatArray = NDArray[np.float64]
 
@@ -63,28 +66,31 @@ def linearised(packed: Packed) -> tuple[FloatArray, FloatArray]:
     return a, c
 
 
-def observer_gain(packed: Packed, noise: NoiseModel, dt: float) -> FloatArray:
+def observer_gain(
+    packed: Packed, noise: NoiseModel, dt: float, measured: Sequence[int] | None = None
+) -> FloatArray:
     """Stationary Kalman gain (packed.states, 2) of the structure linearised at speed; own states of effects
-    get none.
+    get none. ``measured`` says which encoders take part (0 motor, 1 arm; both by default, the motor's alone for
+    a rigid body): an arm that nobody reads has to be inferred from the motor, with another gain.
 
     Raises numpy.linalg.LinAlgError when the Riccati equation has no solution (unobservable or overflowing
     levels).
     """
     a, c = linearised(packed)
     transition = np.zeros((6, 6))
-    transition[:4, :] = expm(a * dt)[:4, :]
+    transition[:4, :] = exponential(a * dt)[:4, :]
     decay = noise.decay(dt)
     transition[4, 4], transition[5, 5] = decay
     q = np.zeros((6, 6))
     q[4, 4] = noise.motor_torque**2 * (1.0 - decay[0] ** 2)
     q[5, 5] = noise.arm_torque**2 * (1.0 - decay[1] ** 2)
     keep = [0, 2, 4] if packed.rigid else list(range(6))
-    channels = [0] if packed.rigid else [0, 1]
+    channels = ([0] if packed.rigid else [0, 1]) if measured is None else list(measured)
     f, qq, cc = transition[np.ix_(keep, keep)], q[np.ix_(keep, keep)], c[np.ix_(channels, keep)]
-    r = np.diag([noise.motor_angle**2, noise.arm_angle**2][: len(channels)])
+    r = np.diag([(noise.motor_angle**2, noise.arm_angle**2)[c] for c in channels])
     # Scaled to unit encoder noise: the equation mixes 1e-10 rad^2 with N·m^2 otherwise.
     scale = noise.motor_angle**2
-    p = solve_discrete_are(f.T, cc.T, qq / scale, r / scale)
+    p = stationary_covariance(f, cc, qq / scale, r / scale)
     gain = p @ cc.T @ np.linalg.inv(cc @ p @ cc.T + r / scale)
     full = np.zeros((packed.states, 2))
     places = {0: 0, 1: 1, 2: 2, 3: 3, 4: packed.states - 2, 5: packed.states - 1}
