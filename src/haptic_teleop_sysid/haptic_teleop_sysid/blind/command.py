@@ -1,0 +1,179 @@
+"""`haptic-teleop blind`: draw concealed cases, seal their labels, diagnose, open, score."""
+
+from __future__ import annotations
+
+import argparse
+import json
+import os
+import shlex
+import statistics
+from pathlib import Path
+from typing import Any
+
+from rich.console import Console
+
+from haptic_teleop_control.command_line import run_command
+from haptic_teleop_control.errors import ConfigurationError
+from haptic_teleop_sysid.blind.cases import KINDS, LEVELS
+from haptic_teleop_sysid.blind.runner import (
+    FRONT_DOOR,
+    ONE_THREAD,
+    RAN,
+    diagnose,
+    generate,
+    parse_cases,
+    plan,
+    spread,
+)
+from haptic_teleop_sysid.blind.sealing import open_labels, seal, sealed_digest
+
+PLAN = "plan.json"
+
+
+def parser() -> argparse.ArgumentParser:
+    """Return the command's arguments."""
+    found = argparse.ArgumentParser(prog="blind", description=__doc__)
+    found.add_argument("--seed", type=int, required=True, help="what all draws come from")
+    found.add_argument(
+        "--cases",
+        default="single=300,clean=300,pair=40,outside=40,tied=30",
+        help="how many of each kind: single, clean, pair, outside (the table), tied (cannot be told apart)",
+    )
+    found.add_argument("--output", type=Path, required=True, help="directory of cases, results and report")
+    found.add_argument("--levels", default=",".join(f"{v:g}" for v in LEVELS), help="sizes of singles, as d'")
+    found.add_argument("--jobs", type=int, default=-1, help="processes at once; -1: all cores")
+    found.add_argument("--dask", metavar="ADDRESS", help="scheduler of a Dask cluster, or `local`")
+    found.add_argument(
+        "--timeout", type=float, default=300.0, help="seconds after which a diagnosis has failed"
+    )
+    found.add_argument("--only", choices=("generate", "score"), help="one part: the cases, or the score")
+    found.add_argument("--resume", action="store_true", help="keep what an earlier run finished")
+    found.add_argument("--baselines", type=int, default=0, metavar="N", help="also run baselines on N cases")
+    found.add_argument("--command", help="what to run instead of this installation's diagnose")
+    return found
+
+
+def main(argv: list[str] | None = None) -> int:
+    """Run the command; 0 when all was scored, 2 for bad arguments."""
+    return run_command(_body, argv)
+
+
+def _levels(text: str) -> tuple[float, ...]:
+    try:
+        levels = tuple(float(piece) for piece in text.split(","))
+    except ValueError:
+        levels = ()
+    if not levels or min(levels) < 0.5 or max(levels) > 1e4:
+        raise ConfigurationError(f'--levels {text!r} is not a list of d\' from 0.5 to 10000: write "2,8,32".')
+    return levels
+
+
+def _body(argv: list[str]) -> int:
+    arguments = parser().parse_args(argv)
+    os.environ.update(ONE_THREAD)  # inherited by every worker
+    cases = parse_cases(arguments.cases, KINDS)
+    levels = _levels(arguments.levels)
+    output: Path = arguments.output
+    if arguments.timeout <= 0 or arguments.baselines < 0 or arguments.seed < 0:
+        raise ConfigurationError("--timeout must be positive, --seed and --baselines at least 0.")
+    say = Console(stderr=True)
+    wanted = {"seed": arguments.seed, "cases": cases, "levels": list(levels)}
+    listed = plan(arguments.seed, cases)
+    if arguments.only != "score":
+        _generate(arguments, output, wanted, listed, levels, say)
+    elif not (output / PLAN).exists() or json.loads((output / PLAN).read_text()) != wanted:
+        raise ConfigurationError(
+            f"{output} was not generated with this --seed, --cases and --levels: give the same."
+        )
+    digest = sealed_digest(output)
+    say.print(f"labels sealed, SHA-256 {digest}")
+    if arguments.only == "generate":
+        return 0
+    if arguments.only is None:
+        command = FRONT_DOOR if arguments.command is None else tuple(shlex.split(arguments.command))
+        waiting = [
+            (output / "cases" / name, command, arguments.timeout)
+            for name, _, _ in listed
+            if not (arguments.resume and (output / "cases" / name / RAN).exists())
+        ]
+        spread(diagnose, waiting, arguments.jobs, arguments.dask, "diagnosing", threads=True)
+    missing = [name for name, _, _ in listed if not (output / "cases" / name / RAN).exists()]
+    labels = open_labels(output, str(arguments.seed), missing, digest)
+    say.print("labels opened, digest as before")
+    return _score(arguments, output, labels, wanted, digest, say)
+
+
+def _generate(
+    arguments: argparse.Namespace,
+    output: Path,
+    wanted: dict[str, Any],
+    listed: list[tuple[str, str, int]],
+    levels: tuple[float, ...],
+    say: Console,
+) -> None:
+    planned = output / PLAN
+    if planned.exists():
+        if json.loads(planned.read_text()) != wanted:
+            raise ConfigurationError(
+                f"{output} holds other cases: choose another --output, or the same cases."
+            )
+        if not arguments.resume:
+            raise ConfigurationError(
+                f"{output} holds an earlier run: say --resume or choose another --output."
+            )
+        if sealed_digest(output) is not None:
+            return
+    try:
+        (output / "cases").mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise ConfigurationError(
+            f"--output {output} cannot be used ({error.strerror}): choose another."
+        ) from None
+    planned.write_text(json.dumps(wanted))
+    jobs = [((arguments.seed, name, kind, index, output / "cases", levels),) for name, kind, index in listed]
+    made = spread(generate, jobs, arguments.jobs, arguments.dask, "generating")
+    labels = {name: label for name, label, _ in sorted(made)}
+    seal(labels, output, str(arguments.seed))
+    say.print(
+        f"{len(made)} cases, {statistics.median(seconds for _, _, seconds in made):.2f} s each (median)"
+    )
+
+
+def _score(
+    arguments: argparse.Namespace,
+    output: Path,
+    labels: dict[str, Any],
+    wanted: dict[str, Any],
+    digest: str | None,
+    say: Console,
+) -> int:
+    from haptic_teleop_sysid.blind.page import markdown, write_page
+    from haptic_teleop_sysid.blind.scoring import score_case
+    from haptic_teleop_sysid.blind.summary import summarise
+    from haptic_teleop_sysid.results import tool_version, write_json
+
+    scores = [score_case(name, label, output / "cases" / name) for name, label in labels.items()]
+    summary = summarise(scores)
+    baselines: dict[str, Any] = {}
+    if arguments.baselines:
+        from haptic_teleop_sysid.blind.baselines import run_baselines
+
+        baselines = run_baselines(
+            output / "cases", labels, arguments.baselines, arguments.jobs, arguments.dask
+        )
+    result = {
+        "schema": 1,
+        "seed": wanted["seed"],
+        "cases_asked": wanted["cases"],
+        "levels": wanted["levels"],
+        "digest": digest,
+        "version": tool_version(),
+        "summary": summary,
+        "baselines": baselines,
+        "cases": scores,
+    }
+    write_json(output / "blind.json", result)
+    (output / "table.md").write_text(markdown(result))
+    write_page(result, output / "report.html")
+    say.print(f"wrote {output}/blind.json, report.html, table.md")
+    return 0

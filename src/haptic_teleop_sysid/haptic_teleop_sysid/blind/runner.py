@@ -1,0 +1,138 @@
+"""Generates cases and runs `diagnose` on them: each in its own process, over all cores or Dask."""
+
+from __future__ import annotations
+
+import json
+import os
+import shutil
+import subprocess
+import sys
+import time
+from collections.abc import Callable, Iterable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
+
+from haptic_teleop_control.errors import ConfigurationError
+
+ONE_THREAD: dict[str, str] = {f"{name}_NUM_THREADS": "1" for name in ("OMP", "OPENBLAS", "MKL", "NUMBA")}
+FRONT_DOOR = (
+    sys.executable,
+    "-c",
+    "from haptic_teleop_control.front_door import main; raise SystemExit(main())",
+    "diagnose",
+)
+RAN = "run.json"
+
+
+def parse_cases(text: str, known: tuple[str, ...]) -> dict[str, int]:
+    """Return {kind: number} of `single=300,clean=300`. ConfigurationError on anything else."""
+    found: dict[str, int] = {}
+    for piece in text.split(","):
+        kind, _, number = piece.strip().partition("=")
+        if kind not in known or not number.isdigit() or kind in found:
+            raise ConfigurationError(
+                f"--cases {piece.strip()!r} is not KIND=NUMBER with KIND once out of {', '.join(known)}: "
+                f'write it like "single=30,clean=30".'
+            )
+        found[kind] = int(number)
+    if not sum(found.values()):
+        raise ConfigurationError("--cases asks for no case: give at least one.")
+    return found
+
+
+def plan(seed: int, cases: dict[str, int]) -> list[tuple[str, str, int]]:
+    """Return (name, kind, index) of every case, in an order that says nothing about the kind."""
+    listed = [(kind, index) for kind, number in cases.items() for index in range(number)]
+    order = np.random.default_rng((seed, 77)).permutation(len(listed))
+    return [(f"case{place + 1:04d}", *listed[i]) for place, i in enumerate(order)]
+
+
+def generate(job: tuple[int, str, str, int, Path, tuple[float, ...]]) -> tuple[str, dict[str, Any], float]:
+    """Draw and write one case; return its name, label and the seconds it took."""
+    from haptic_teleop_sysid.blind.bags import write_case
+    from haptic_teleop_sysid.blind.cases import draw_case
+
+    seed, name, kind, index, directory, levels = job
+    begin = time.perf_counter()
+    target = directory / name
+    if target.exists():
+        shutil.rmtree(target)  # a case cut off in the middle of its writing
+    target.mkdir(parents=True)
+    label = write_case(draw_case(seed, kind, index, name, levels), target)
+    return name, label, time.perf_counter() - begin
+
+
+def diagnose(directory: Path, command: tuple[str, ...], timeout: float) -> dict[str, Any]:
+    """Run the command on one case; write and return what happened: status, seconds, last words."""
+    output = directory / "diagnosis"
+    if output.exists():
+        shutil.rmtree(output)
+    arguments = [
+        *command,
+        *("--model", str(directory / "model.yaml")),
+        *("--estimation", str(directory / "estimation")),
+        *("--validation", str(directory / "validation")),
+        *("--output", str(output)),
+    ]
+    begin = time.perf_counter()
+    try:
+        done = subprocess.run(
+            arguments, capture_output=True, text=True, timeout=timeout, env={**os.environ, **ONE_THREAD}
+        )
+        status, words = str(done.returncode), done.stderr.strip().splitlines()[-1:]
+    except subprocess.TimeoutExpired:
+        status, words = "timeout", []
+    ran = {"status": status, "seconds": time.perf_counter() - begin, "message": " ".join(words)}
+    (directory / RAN).write_text(json.dumps(ran))
+    return ran
+
+
+@contextmanager
+def _workers(
+    jobs: int, dask: str | None, threads: bool
+) -> Iterator[Callable[[Iterable[Any]], Iterable[Any]]]:
+    try:
+        from joblib import Parallel, parallel_config
+    except ImportError:
+        raise ConfigurationError("joblib is missing: pip install joblib.") from None
+    if dask is None:
+        backend = "threading" if threads else "loky"  # a diagnosis is a process already
+        yield Parallel(n_jobs=jobs, backend=backend, return_as="generator_unordered")
+        return
+    try:
+        from dask.distributed import Client  # pyright: ignore[reportMissingImports]
+    except ImportError:
+        raise ConfigurationError("--dask needs Dask: pip install 'dask[distributed]'.") from None
+    with Client(address=None if dask == "local" else dask), parallel_config(backend="dask"):
+        yield Parallel(n_jobs=-1)
+
+
+def spread(
+    work: Callable[..., Any],
+    jobs_of: list[tuple[Any, ...]],
+    jobs: int,
+    dask: str | None,
+    title: str,
+    threads: bool = False,
+) -> list[Any]:
+    """Return the results of `work(*arguments)` over all cores, with a progress bar on standard error."""
+    from joblib import delayed
+    from rich.console import Console
+
+    results: list[Any] = []
+    if not jobs_of:
+        return results
+    columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeRemainingColumn())
+    with (
+        Progress(*columns, console=Console(stderr=True)) as progress,
+        _workers(jobs, dask, threads) as parallel,
+    ):
+        task = progress.add_task(title, total=len(jobs_of))
+        for result in parallel(delayed(work)(*arguments) for arguments in jobs_of):
+            results.append(result)
+            progress.advance(task)
+    return results
