@@ -35,8 +35,8 @@ def velocity(position: Array) -> Array:
     """
     w = 2 * math.pi * VELOCITY_FILTER_CUTOFF_HZ
     system = ([w * w, 0.0], [1.0, 2 * VELOCITY_FILTER_DAMPING * w, w * w])
-    top, bottom, _ = cont2discrete(system, PERIOD, method="foh")
-    return np.asarray(lfilter(np.ravel(top), bottom, position - position[0]))
+    found: Any = cont2discrete(system, PERIOD, method="foh")
+    return np.asarray(lfilter(np.ravel(found[0]), found[1], position - position[0]))
 
 
 def record(case: Case, which: int) -> tuple[dict[str, JointStateSeries], dict[str, Any]]:

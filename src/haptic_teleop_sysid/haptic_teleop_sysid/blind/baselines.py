@@ -50,15 +50,17 @@ def read_motion(bag: Path, stage: str) -> Motion:
     period = float(np.median(np.diff(t)))
     raw = np.column_stack([states.signal(f"{stage}_{side}", "position") for side in ("motor", "arm")])
     effort = states.signal(f"{stage}_motor", "effort") / SFJ_STAGES[stage].torque_constant
-    top, bottom = butter(3, CUTOFF_HZ * 2 * period)
-    smooth = filtfilt(top, bottom, raw, axis=0)
+    design: Any = butter(3, CUTOFF_HZ * 2 * period)
+    smooth = filtfilt(design[0], design[1], raw, axis=0)
     speed = np.gradient(smooth, period, axis=0)
     acceleration = np.gradient(speed, period, axis=0)
     held = np.append(effort[1:], effort[-1])
-    current = filtfilt(top, bottom, 0.5 * (held + effort))  # mean of before and after: as at the sample
+    current = filtfilt(
+        design[0], design[1], 0.5 * (held + effort)
+    )  # mean of before and after: as at the sample
     columns = (*smooth.T, *speed.T, *acceleration.T, current, t)
     kept = [np.asarray(c, dtype=np.float64)[50:-50:SKIP] for c in columns]
-    return Motion(*kept, period, raw)
+    return Motion(*kept, period, raw)  # pyright: ignore[reportCallIssue]
 
 
 def library(m: Motion) -> dict[str, list[tuple[Array, Array]]]:
@@ -128,11 +130,11 @@ def _scaled(target: Array, base: Array) -> tuple[Array, Array, Array]:
     n = len(target) // 2
     left = target - base @ np.linalg.lstsq(base, target, rcond=None)[0]
     weight = np.repeat([1.0 / (np.std(left[:n]) + 1e-12), 1.0 / (np.std(left[n:]) + 1e-12)], n)
-    return target * weight, base * weight[:, None], weight
+    return target * weight, base * weight[:, None], np.asarray(weight, dtype=np.float64)
 
 
 def sparse_regression(m: Motion, stiffness: float, threshold: float) -> list[str]:
-    """Return what STLSQ keeps beside the base, strongest first: normalised columns, hard threshold, ten rounds."""
+    """Return what STLSQ keeps beside the base, strongest first: normalised columns, hard threshold."""
     target, base = equations(m, stiffness)
     y, fixed, weight = _scaled(target, base)
     terms = [(name, np.concatenate(pair) * weight) for name, pairs in library(m).items() for pair in pairs]
@@ -170,7 +172,7 @@ def fit_everything(m: Motion, stiffness: float, least: float) -> list[str]:
 
 
 def grouped(m: Motion, stiffness: float, gain: float) -> list[str]:
-    """Return effects picked one by one, all columns of one at once, while BIC improves by more than `gain`."""
+    """Return effects picked one by one, all columns of one at once, while BIC gains."""
     target, base = equations(m, stiffness)
     y, columns, weight = _scaled(target, base)
     groups = {
@@ -230,7 +232,7 @@ def examine(directory: Path, stage: str) -> dict[str, Any]:
 def run_baselines(
     cases: Path, labels: dict[str, Any], number: int, jobs: int, dask: str | None
 ) -> dict[str, dict[str, Any]]:
-    """Return each method's rates with its usual threshold, and with the one calibrated on half of the clean
+    """Return each method's rates with its usual threshold and with the one calibrated on half of the clean
     recordings (at most 5 % alarms); judged on the other half and on the singles and pairs.
     """
     from haptic_teleop_sysid.blind.runner import spread

@@ -130,8 +130,8 @@ def nested_fits(m: Motion, parameters: dict[str, Any], gain: float) -> list[str]
 
 def _gains(m: Motion, parameters: dict[str, Any]) -> list[tuple[str, float]]:
     """Return (effect, improvement of BIC), best first."""
-    top, bottom = butter(3, 15.0 * 2 * m.period)
-    smooth = filtfilt(top, bottom, m.raw, axis=0)
+    design: Any = butter(3, 15.0 * 2 * m.period)
+    smooth = filtfilt(design[0], design[1], m.raw, axis=0)
     speeds = np.gradient(smooth, m.period, axis=0)
     u = _held(m)
     usable = len(u) // WINDOW * WINDOW
@@ -148,6 +148,7 @@ def _gains(m: Motion, parameters: dict[str, Any]) -> list[tuple[str, float]]:
             p = np.array([kt, parameters["stiffness"], jm, bm, ja, ba])
             value = x[5] * scale if kind else 0.0
             out = _simulate(u[:usable], starts, m.period, p, kind, value, speed)
+            out = np.clip(out, -1e3, 1e3)
             return np.nan_to_num(
                 ((out - measured) / spread)[::DECIMATION].ravel(), nan=1e3, posinf=1e3, neginf=-1e3
             )
