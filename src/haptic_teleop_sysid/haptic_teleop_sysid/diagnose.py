@@ -20,17 +20,20 @@ from haptic_teleop_sim.model import Model, load_model
 from haptic_teleop_sysid.dataset import DataSet, load_dataset
 from haptic_teleop_sysid.diagnosis.experiment import suggest
 from haptic_teleop_sysid.diagnosis.page import diagnosis_page
-from haptic_teleop_sysid.diagnosis.proof import Proof, mean_percent, prove
-from haptic_teleop_sysid.diagnosis.search import SearchResult, search
+from haptic_teleop_sysid.diagnosis.proof import Proof, mean_percent, prove, with_command
+from haptic_teleop_sysid.diagnosis.search import POOR_FIT, SearchResult, search, search_by_simulation
 from haptic_teleop_sysid.diagnosis.verdict import Verdict, decide_verdict
 from haptic_teleop_sysid.diagnosis.words import separating
 from haptic_teleop_sysid.estimation.records import Record, record_from
+from haptic_teleop_sysid.fit import choose_windows, simulated_fit
 from haptic_teleop_sysid.results import tool_version, write_json
 
 #: Samples below which no recording can say anything about six parameters and their noise.
 FEWEST_SAMPLES = 500
 #: Difference (A or N·m, relative to the rms command) up to which the measured current counts as following.
 _FOLLOWS = 0.1
+#: Loss of the simulated fit on unseen recordings, percent, from which a finding is not believed.
+HARM = 2.0
 
 
 def records_of(data: list[DataSet]) -> list[Record]:
@@ -39,11 +42,15 @@ def records_of(data: list[DataSet]) -> list[Record]:
     for dataset in data:
         record = record_from(dataset, commanded=True)
         if len(record) < FEWEST_SAMPLES:
-            raise RecordingError(f"{dataset.name} has {len(record)} samples; a diagnosis needs at least {FEWEST_SAMPLES}: "
-                                 "record for longer.")
+            raise RecordingError(
+                f"{dataset.name} has {len(record)} samples; a diagnosis needs at least {FEWEST_SAMPLES}: "
+                "record for longer."
+            )
         if float(np.std(record.input)) < 1e-9 or float(np.nanstd(record.measured[:, 0])) < 1e-9:
-            raise RecordingError(f"{dataset.name}: the input or the motor angle does not change, so there is nothing to "
-                                 "diagnose: record while the joint is driven.")
+            raise RecordingError(
+                f"{dataset.name}: the input or the motor angle does not change, so there is nothing to "
+                "diagnose: record while the joint is driven."
+            )
         records.append(record)
     return records
 
@@ -60,11 +67,34 @@ def sense_follows(data: list[DataSet]) -> bool:
     return True
 
 
-def diagnose(model: Model, estimation: list[DataSet], validation: list[DataSet], say=lambda text: None
-             ) -> tuple[SearchResult, Verdict, Proof, dict[str, Any]]:
+def position_percent(model: Model, data: list[DataSet]) -> float:
+    """Mean simulated fit of the angles, percent, each at least -100."""
+    fits = [simulated_fit(model, d, choose_windows(model, d)) for d in map(with_command, data)]
+    return float(
+        np.mean([max(p, -100.0) for f in fits for n, p in f.percent.items() if n.endswith("position")])
+    )
+
+
+def diagnose(
+    model: Model, estimation: list[DataSet], validation: list[DataSet], say=lambda text: None
+) -> tuple[SearchResult, Verdict, Proof, dict[str, Any]]:
     """Search, decide and prove; the last part is the content of diagnosis.json without run time and version."""
     learn, judge = records_of(estimation), records_of(validation)
     result = search(model, learn, judge, sense_follows=sense_follows(estimation), progress=say)
+
+    def percent(candidate: Model) -> tuple[float, float]:
+        return position_percent(candidate, estimation), position_percent(candidate, validation)
+
+    before = percent(result.baseline.model)
+    harmful = result.choices and percent(result.final.model)[1] < before[1] - HARM
+    if harmful or (not result.choices and min(before) < POOR_FIT):
+        say("searching by free simulation")
+        second = search_by_simulation(model, result.baseline, learn, judge, percent=percent, progress=say)
+        if second.choices:
+            result = second
+        elif harmful:
+            # What predicts the next sample better but runs away when it runs freely is no explanation.
+            result = replace(result, choices=(), final=result.baseline)
     say("deciding")
     verdict = decide_verdict(result, learn, judge)
     say("simulating both models on all recordings")
@@ -72,22 +102,39 @@ def diagnose(model: Model, estimation: list[DataSet], validation: list[DataSet],
     say("choosing the next experiment")
     n = len(estimation)
     content = {
-        "schema": 1, "robot": model.robot, "joint": model.joint, "structure": model.structure,
-        "verdict": verdict.kind, "where": verdict.where, "findings": verdict.findings,
+        "schema": 1,
+        "robot": model.robot,
+        "joint": model.joint,
+        "structure": model.structure,
+        "verdict": verdict.kind,
+        "where": verdict.where,
+        "findings": verdict.findings,
         "fit": {
-            "baseline": {"estimation": mean_percent(proof.baseline[:n]), "validation": mean_percent(proof.baseline[n:])},
-            "augmented": {"estimation": mean_percent(proof.augmented[:n]),
-                          "validation": mean_percent(proof.augmented[n:])},
-            "windows": "; ".join(f"{d.name}: {f.windows.why}" for d, f in
-                                 zip([*estimation, *validation], proof.baseline, strict=True)),
+            "baseline": {
+                "estimation": mean_percent(proof.baseline[:n]),
+                "validation": mean_percent(proof.baseline[n:]),
+            },
+            "augmented": {
+                "estimation": mean_percent(proof.augmented[:n]),
+                "validation": mean_percent(proof.augmented[n:]),
+            },
+            "windows": "; ".join(
+                f"{d.name}: {f.windows.why}"
+                for d, f in zip([*estimation, *validation], proof.baseline, strict=True)
+            ),
         },
         "next_experiment": next_experiment(result, verdict, learn),
         "baseline_parameters": result.baseline.model.parameter_values(),
     }
     if verdict.kind == "unknown" and verdict.remaining:
         best = verdict.remaining[0]
-        content["residual_curve"] = {"equation": best.equation, "variable": best.name, "unit": best.unit,
-                                     "value": best.centre.tolist(), "torque": best.torque.tolist()}
+        content["residual_curve"] = {
+            "equation": best.equation,
+            "variable": best.name,
+            "unit": best.unit,
+            "value": best.centre.tolist(),
+            "torque": best.torque.tolist(),
+        }
     return result, verdict, proof, content
 
 
@@ -100,19 +147,31 @@ def next_experiment(result: SearchResult, verdict: Verdict, records: list[Record
         found = suggest(unsure.chosen.fit, rival.fit, names, records[0], result.scales)
         text = separating([unsure.chosen.effect, rival.effect])
         if found is None or found.expected_discrimination < 0.6:
-            return {"why": f"{names[0]} against {names[1]}: {text}", "signal_generator": {},
-                    "expected_discrimination": 0.5 if found is None else found.expected_discrimination}
-        return {"why": f"{found.why}; also: {text}", "signal_generator": found.signal_generator,
-                "expected_discrimination": found.expected_discrimination}
+            return {
+                "why": f"{names[0]} against {names[1]}: {text}",
+                "signal_generator": {},
+                "expected_discrimination": 0.5 if found is None else found.expected_discrimination,
+            }
+        return {
+            "why": f"{found.why}; also: {text}",
+            "signal_generator": found.signal_generator,
+            "expected_discrimination": found.expected_discrimination,
+        }
     tried = [e for e in result.last_round if e.material]
     if verdict.kind in ("no_mismatch", "unknown") and tried:
         names = (tried[0].effect.effect, "the structure found so far")
         found = suggest(tried[0].fit, result.final, names, records[0], result.scales)
         if found is not None:
-            return {"why": found.why, "signal_generator": found.signal_generator,
-                    "expected_discrimination": found.expected_discrimination}
-    return {"why": "nothing is left to separate; a recording of another day would show drift", "signal_generator": {},
-            "expected_discrimination": 1.0}
+            return {
+                "why": found.why,
+                "signal_generator": found.signal_generator,
+                "expected_discrimination": found.expected_discrimination,
+            }
+    return {
+        "why": "nothing is left to separate; a recording of another day would show drift",
+        "signal_generator": {},
+        "expected_discrimination": 1.0,
+    }
 
 
 def run(argv: list[str]) -> int:
@@ -126,11 +185,15 @@ def run(argv: list[str]) -> int:
         validation = [_load(bag, model, arguments.allow_gaps) for bag in arguments.validation]
         output = Path(arguments.output)
         output.mkdir(parents=True, exist_ok=True)
-        result, verdict, proof, content = diagnose(model, estimation, validation, lambda text: status.update(text))
+        result, verdict, proof, content = diagnose(
+            model, estimation, validation, lambda text: status.update(text)
+        )
         status.update("writing the report")
         content |= {"runtime_s": round(time.perf_counter() - began, 2), "version": tool_version()}
         write_json(output / "diagnosis.json", content)
-        replace(result.final.model, source=str(output / "augmented_model.yaml")).save(output / "augmented_model.yaml")
+        replace(result.final.model, source=str(output / "augmented_model.yaml")).save(
+            output / "augmented_model.yaml"
+        )
         data = [*estimation, *validation]
         page = diagnosis_page(result, verdict, content, proof, data, records_of(estimation), len(estimation))
         report = page.write(output / "report.html")
@@ -143,9 +206,14 @@ def summary(content: dict[str, Any]) -> str:
     """The verdict in a few lines for the terminal."""
     lines = [f"verdict: {content['verdict']}"]
     for f in content["findings"]:
-        numbers = ", ".join(f"{n} {p['value']:.4g} ± {p['std']:.1g} {p['unit']}" for n, p in f["parameters"].items())
+        numbers = ", ".join(
+            f"{n} {p['value']:.4g} ± {p['std']:.1g} {p['unit']}" for n, p in f["parameters"].items()
+        )
         lines.append(f"  {f['effect']} at {f['location']} ({100 * f['confidence']:.0f} %): {numbers}")
-        lines += [f"    or {a['effect']} at {a['location']} ({100 * a['confidence']:.0f} %)" for a in f["alternatives"]]
+        lines += [
+            f"    or {a['effect']} at {a['location']} ({100 * a['confidence']:.0f} %)"
+            for a in f["alternatives"]
+        ]
     for part in ("estimation", "validation"):
         before, after = content["fit"]["baseline"][part], content["fit"]["augmented"][part]
         lines.append(f"  {part}: " + ", ".join(f"{n} {before[n]:.1f} -> {after[n]:.1f} %" for n in before))
@@ -164,12 +232,25 @@ def main(argv: list[str] | None = None) -> int:
 def _parser() -> argparse.ArgumentParser:
     parser = argparse.ArgumentParser(prog="haptic-teleop diagnose", description=__doc__)
     parser.add_argument("--model", required=True, metavar="MODEL.yaml", help="what the lab believes")
-    parser.add_argument("--estimation", nargs="+", required=True, metavar="BAG", help="recordings to learn from")
-    parser.add_argument("--validation", nargs="+", required=True, metavar="BAG",
-                        help="other recordings, of another amplitude or band, on which a finding must stand up")
-    parser.add_argument("--output", required=True, metavar="DIR",
-                        help="where diagnosis.json, augmented_model.yaml and report.html go")
-    parser.add_argument("--allow-gaps", action="store_true", help="leave holes in a recording out instead of refusing it")
+    parser.add_argument(
+        "--estimation", nargs="+", required=True, metavar="BAG", help="recordings to learn from"
+    )
+    parser.add_argument(
+        "--validation",
+        nargs="+",
+        required=True,
+        metavar="BAG",
+        help="other recordings, of another amplitude or band, on which a finding must stand up",
+    )
+    parser.add_argument(
+        "--output",
+        required=True,
+        metavar="DIR",
+        help="where diagnosis.json, augmented_model.yaml and report.html go",
+    )
+    parser.add_argument(
+        "--allow-gaps", action="store_true", help="leave holes in a recording out instead of refusing it"
+    )
     return parser
 
 

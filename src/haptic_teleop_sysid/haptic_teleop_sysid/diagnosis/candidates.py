@@ -17,8 +17,13 @@ SMALL = 0.05
 _FULL_SIZE = ("presliding_friction",)
 #: Only one of each of these groups at one place: they are forms of one thing.
 FAMILIES = (
-    ("coulomb_friction", "stribeck_friction", "asymmetric_friction", "presliding_friction",
-     "position_dependent_friction"),
+    (
+        "coulomb_friction",
+        "stribeck_friction",
+        "asymmetric_friction",
+        "presliding_friction",
+        "position_dependent_friction",
+    ),
     ("sensor_delay", "channel_skew"),
     ("input_delay", "channel_skew"),
     ("gravity", "spring_to_ground"),
@@ -49,7 +54,9 @@ def candidates(model: Model, records: Sequence[Record], scales: Scales) -> Itera
 
 def starts(entry: EffectEntry, scales: Scales, place: str) -> Iterator[dict[str, float]]:
     """Parameters to start from: small sizes, and all combinations of the grids of shape parameters."""
-    options = [[(p.name, v) for v in _values(entry, p, scales, place)] for p in entry.parameters if _wanted(p)]
+    options = [
+        [(p.name, v) for v in _values(entry, p, scales, place)] for p in entry.parameters if _wanted(p)
+    ]
     for combination in itertools.product(*options):
         yield dict(combination)
 
@@ -61,8 +68,11 @@ LOADS_THE_JOINT = ("gravity", "spring_to_ground", "constant_torque")
 def companion(model: Model, effect: Effect) -> Effect | None:
     """The nuisance that an effect may call for: a preload of the joint for what loads it at rest."""
     location = model.location("joint")
-    if model.rigid or effect.effect not in LOADS_THE_JOINT or any(e.location == location and e.entry.nuisance
-                                                                  for e in model.effects):
+    if (
+        model.rigid
+        or effect.effect not in LOADS_THE_JOINT
+        or any(e.location == location and e.entry.nuisance for e in model.effects)
+    ):
         return None
     return Effect("joint_preload", location, {"torque": 0.0})
 

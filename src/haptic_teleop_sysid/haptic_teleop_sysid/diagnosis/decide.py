@@ -43,8 +43,14 @@ def choose(found: Sequence[Explanation], best_so_far: float, sense_follows: bool
     ``best_so_far``: score of the strongest effect found before (0 in the first round).  ``sense_follows``: the measured
     current follows the command without extra delay, so that a command stamped early is unlikely.
     """
-    good = [e for e in found if e.material and e.gain >= LEAST_GAIN and e.held_out >= LEAST_HELD_OUT
-            and e.score >= LEAST_SHARE * best_so_far]
+    good = [
+        e
+        for e in found
+        if e.material
+        and e.gain >= LEAST_GAIN
+        and e.held_out >= LEAST_HELD_OUT
+        and e.score >= LEAST_SHARE * best_so_far
+    ]
     if not good:
         return None
     best = max(good, key=lambda e: e.score)

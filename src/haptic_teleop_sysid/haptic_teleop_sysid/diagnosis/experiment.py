@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from math import erf, sqrt
 
 import numpy as np
+
 from haptic_teleop_control.robots import SFJ_STAGES
 from haptic_teleop_control.signals import SignalGenerator
 from haptic_teleop_sim.kernel import simulate
@@ -37,13 +38,22 @@ def menu(model: Model, scales: Scales, period: float) -> list[dict[str, object]]
     options: list[dict[str, object]] = []
     for share in (0.4, 1.0, 2.0):
         for f_max in (2.0, 8.0, min(25.0, 0.2 / period)):
-            options.append({
-                f"{stage}.multisine.enabled": True, f"{stage}.multisine.rms": float(min(share * rms, 0.4 * limit)),
-                f"{stage}.multisine.f_min": 0.1, f"{stage}.multisine.f_max": f_max, f"{stage}.multisine.period": 10.0,
-            })
-        options.append({f"{stage}.triangle.enabled": True,
-                        f"{stage}.triangle.amplitude": float(min(1.6 * share * rms, limit)),
-                        f"{stage}.triangle.period": 6.0})
+            options.append(
+                {
+                    f"{stage}.multisine.enabled": True,
+                    f"{stage}.multisine.rms": float(min(share * rms, 0.4 * limit)),
+                    f"{stage}.multisine.f_min": 0.1,
+                    f"{stage}.multisine.f_max": f_max,
+                    f"{stage}.multisine.period": 10.0,
+                }
+            )
+        options.append(
+            {
+                f"{stage}.triangle.enabled": True,
+                f"{stage}.triangle.amplitude": float(min(1.6 * share * rms, limit)),
+                f"{stage}.triangle.period": 6.0,
+            }
+        )
     common = {"kind": "effort", "rate": 1.0 / period, f"{stage}.enabled": True}
     return [{**common, **o, f"{stage}.saturation": float(limit)} for o in options]
 
@@ -71,8 +81,9 @@ def told_apart(truth: Fit, rival: Fit, input_: np.ndarray, record: Record, seed:
     return float(gain) if np.isfinite(gain) else 0.0
 
 
-def suggest(first: Fit, second: Fit, names: tuple[str, str], record: Record, scales: Scales, seconds: float = 12.0
-            ) -> Suggestion | None:
+def suggest(
+    first: Fit, second: Fit, names: tuple[str, str], record: Record, scales: Scales, seconds: float = 12.0
+) -> Suggestion | None:
     """The excitation of the menu that separates two fitted models best; None when none could be simulated."""
     time = record.dt * np.arange(int(seconds / record.dt))
     best: tuple[float, dict[str, object]] | None = None

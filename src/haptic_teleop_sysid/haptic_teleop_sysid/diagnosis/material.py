@@ -26,8 +26,11 @@ def material(effect: Effect, scales: Scales) -> bool:
     channel = 1 if "_arm" in effect.location else 0
     name = effect.effect
     if name == "stribeck_friction":
-        return (p["breakaway"] > (1 + _DISTINCT) * p["coulomb"] and p["breakaway"] > _SMALL_TORQUE * torque
-                and p["velocity"] > 1e-3 * scales.size["velocity"])
+        return (
+            p["breakaway"] > (1 + _DISTINCT) * p["coulomb"]
+            and p["breakaway"] > _SMALL_TORQUE * torque
+            and p["velocity"] > 1e-3 * scales.size["velocity"]
+        )
     if name == "asymmetric_friction":
         total = p["positive"] + p["negative"]
         return total > 2 * _SMALL_TORQUE * torque and abs(p["positive"] - p["negative"]) > _DISTINCT * total
@@ -35,13 +38,18 @@ def material(effect: Effect, scales: Scales) -> bool:
         return p["torque"] > _SMALL_TORQUE * torque and p["torque"] / p["stiffness"] > 6 * STICTION_ANGLE
     if name == "position_dependent_friction":
         # A sine of which less than a quarter was seen is a slope, not an order.
-        return (p["amplitude"] > _DISTINCT * max(p["torque"], 1e-12) and p["amplitude"] > _SMALL_TORQUE * torque
-                and p["order"] * scales.span(channel) > math.pi / 2)
+        return (
+            p["amplitude"] > _DISTINCT * max(p["torque"], 1e-12)
+            and p["amplitude"] > _SMALL_TORQUE * torque
+            and p["order"] * scales.span(channel) > math.pi / 2
+        )
     if name == "torque_ripple":
         return p["amplitude"] > _SMALL_TORQUE * torque and p["order"] * scales.span(channel) > math.pi / 2
     if name == "encoder_eccentricity":
-        return (p["amplitude"] > 2 * scales.resolution[channel]
-                and p["order"] * scales.span(channel) > math.pi / 2)
+        return (
+            p["amplitude"] > 2 * scales.resolution[channel]
+            and p["order"] * scales.span(channel) > math.pi / 2
+        )
     if name == "encoder_scale":
         return abs(p["scale"] - 1.0) > 3e-3
     if name in ("coulomb_friction", "constant_torque", "gravity", "hysteresis"):
@@ -60,8 +68,10 @@ def material(effect: Effect, scales: Scales) -> bool:
     if name == "load_dependent_friction":
         return p["coefficient"] > 0.01
     if name == "payload_change":
-        return (abs(p["inertia"]) > 0.03 * scales.size["inertia"]
-                and 0.02 < p["time"] / scales.size["duration"] < 0.98)
+        return (
+            abs(p["inertia"]) > 0.03 * scales.size["inertia"]
+            and 0.02 < p["time"] / scales.size["duration"] < 0.98
+        )
     if name == "hard_stop":
         reach = scales.highest[channel] if p["angle"] > 0 else scales.lowest[channel]
         return abs(reach) > abs(p["angle"]) and reach * p["angle"] > 0

@@ -6,14 +6,15 @@ from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
+from matplotlib import rc_context
+from matplotlib.figure import Figure
+
 from haptic_teleop_sysid.dataset import DataSet
 from haptic_teleop_sysid.estimation.records import Record
 from haptic_teleop_sysid.report import Page, Panel, Series, stacked_panels
 from haptic_teleop_sysid.report.pictures import STYLE
-from matplotlib import rc_context
-from matplotlib.figure import Figure
 
-from .proof import Proof, mean_percent
+from .proof import Proof
 from .residual import Condition, left_over
 from .search import SearchResult
 from .verdict import Verdict
@@ -22,13 +23,23 @@ _HEADLINE = {
     "identified": ("good", "The missing physics has a name: {names}."),
     "ambiguous": ("fair", "These recordings cannot tell {names} apart: see the next experiment."),
     "unknown": ("fair", "Something is missing that no known effect explains; it sits at {where}."),
-    "no_mismatch": ("good", "The given structure, re-estimated, explains these recordings; nothing is missing that they "
-                    "could show."),
+    "no_mismatch": (
+        "good",
+        "The given structure, re-estimated, explains these recordings; nothing is missing that they "
+        "could show.",
+    ),
 }
 
 
-def diagnosis_page(result: SearchResult, verdict: Verdict, content: dict[str, Any], proof: Proof,
-                   data: Sequence[DataSet], estimation: Sequence[Record], estimations: int) -> Page:
+def diagnosis_page(
+    result: SearchResult,
+    verdict: Verdict,
+    content: dict[str, Any],
+    proof: Proof,
+    data: Sequence[DataSet],
+    estimation: Sequence[Record],
+    estimations: int,
+) -> Page:
     """The page of one diagnosis; ``data``: estimation recordings first, of which there are ``estimations``."""
     model = result.baseline.model
     page = Page(f"Diagnosis of {model.robot} {model.joint}", f"{model.structure}; {len(data)} recordings")
@@ -43,51 +54,78 @@ def diagnosis_page(result: SearchResult, verdict: Verdict, content: dict[str, An
             page.key_figure(f"{before[name]:.1f} → {after[name]:.1f} %", f"fit of {name}", label)
     _findings(page, verdict, content)
     _fits(page, content)
-    section = page.section("Where it sits", "Torque that the observer had to add to follow the first recording: with the "
-                           "given structure, and with what was found.")
+    section = page.section(
+        "Where it sits",
+        "Torque that the observer had to add to follow the first recording: with the "
+        "given structure, and with what was found.",
+    )
     section.picture(_left_over_picture(result, estimation[0]), "left-over torque before and after")
     curves = [c for c in verdict.before[:3] if len(c.centre)]
     if curves:
         section.picture(_curves(curves, verdict.remaining), "left-over torque against what it follows best")
-        section.table(("equation", "depends on", "explained before", "explained after"), [
-            (c.equation, c.name, f"{100 * max(c.explained, 0):.0f} %", f"{100 * max(_after(c, verdict), 0):.0f} %")
-            for c in verdict.before[:6]], "share of the left-over torque that a curve explains on recordings it was not "
-            "drawn from")
+        section.table(
+            ("equation", "depends on", "explained before", "explained after"),
+            [
+                (
+                    c.equation,
+                    c.name,
+                    f"{100 * max(c.explained, 0):.0f} %",
+                    f"{100 * max(_after(c, verdict), 0):.0f} %",
+                )
+                for c in verdict.before[:6]
+            ],
+            "share of the left-over torque that a curve explains on recordings it was not drawn from",
+        )
     for number, dataset in enumerate(data):
         kind = "estimation" if number < estimations else "validation, not used for the fit"
-        page.section(f"{dataset.name} ({kind})").picture(_response(dataset, proof, number), "measured and simulated")
+        page.section(f"{dataset.name} ({kind})").picture(
+            _response(dataset, proof, number), "measured and simulated"
+        )
     _tried(page, result)
     return page
 
 
 def _names(verdict: Verdict) -> str:
     if verdict.kind == "ambiguous":
-        return " or ".join(dict.fromkeys(f"{n['effect']} at {n['location']}" for f in verdict.findings
-                                         for n in (f, *f["alternatives"])))
+        return " or ".join(
+            dict.fromkeys(
+                f"{n['effect']} at {n['location']}" for f in verdict.findings for n in (f, *f["alternatives"])
+            )
+        )
     return " and ".join(f"{f['effect']} at {f['location']}" for f in verdict.findings)
 
 
 def _where(verdict: Verdict) -> str:
-    return ", ".join(f"{w['equation']} and depends on {w['condition']}" for w in verdict.where) or "no single place"
+    return (
+        ", ".join(f"{w['equation']} and depends on {w['condition']}" for w in verdict.where)
+        or "no single place"
+    )
 
 
 def _findings(page: Page, verdict: Verdict, content: dict[str, Any]) -> None:
     section = page.section("What was found")
     for f in verdict.findings:
         section.text(f["because"])
-        section.table(("parameter", "value", "standard error", "unit"), [
-            (n, f"{p['value']:.5g}", f"{p['std']:.2g}", p["unit"]) for n, p in f["parameters"].items()],
-            f"{f['effect']} at {f['location']}")
+        section.table(
+            ("parameter", "value", "standard error", "unit"),
+            [(n, f"{p['value']:.5g}", f"{p['std']:.2g}", p["unit"]) for n, p in f["parameters"].items()],
+            f"{f['effect']} at {f['location']}",
+        )
         if f["alternatives"]:
-            section.table(("other explanation", "at", "confidence"), [
-                (a["effect"], a["location"], f"{100 * a['confidence']:.0f} %") for a in f["alternatives"]])
+            section.table(
+                ("other explanation", "at", "confidence"),
+                [(a["effect"], a["location"], f"{100 * a['confidence']:.0f} %") for a in f["alternatives"]],
+            )
     if not verdict.findings:
         section.text(_HEADLINE[verdict.kind][1].format(names="", where=_where(verdict)))
     experiment = content["next_experiment"]
     section.text(f"Next experiment: {experiment['why']}.")
     if experiment["signal_generator"]:
-        section.table(("signal generator", "setting"), sorted(experiment["signal_generator"].items()),
-                      f"expected to tell them apart with probability {experiment['expected_discrimination']:.2f}")
+        section.table(
+            ("signal generator", "setting"),
+            sorted(experiment["signal_generator"].items()),
+            f"expected to tell them apart with probability {experiment['expected_discrimination']:.2f}",
+        )
 
 
 def _fits(page: Page, content: dict[str, Any]) -> None:
@@ -95,9 +133,11 @@ def _fits(page: Page, content: dict[str, Any]) -> None:
     for part in ("estimation", "validation"):
         before, after = content["fit"]["baseline"][part], content["fit"]["augmented"][part]
         rows += [(part, n, f"{before[n]:.1f}", f"{after[n]:.1f}") for n in before]
-    page.section("Before and after", "Simulated response to the recorded command, in percent of the signal's deviation; "
-                 "the baseline is the given structure re-estimated on the same data. " + content["fit"]["windows"]).table(
-        ("recordings", "signal", "baseline", "augmented"), rows)
+    page.section(
+        "Before and after",
+        "Simulated response to the recorded command, in percent of the signal's deviation; "
+        "the baseline is the given structure re-estimated on the same data. " + content["fit"]["windows"],
+    ).table(("recordings", "signal", "baseline", "augmented"), rows)
 
 
 def _left_over_picture(result: SearchResult, record: Record) -> Figure:
@@ -112,8 +152,14 @@ def _left_over_picture(result: SearchResult, record: Record) -> Figure:
 
 
 def _after(condition: Condition, verdict: Verdict) -> float:
-    return next((c.explained for c in verdict.remaining
-                 if (c.equation, c.name) == (condition.equation, condition.name)), 0.0)
+    return next(
+        (
+            c.explained
+            for c in verdict.remaining
+            if (c.equation, c.name) == (condition.equation, condition.name)
+        ),
+        0.0,
+    )
 
 
 def _curves(curves: Sequence[Condition], remaining: Sequence[Condition]) -> Figure:
@@ -123,7 +169,9 @@ def _curves(curves: Sequence[Condition], remaining: Sequence[Condition]) -> Figu
             axes.plot(c.centre, c.torque, "o-", color="#c2570d", markersize=3, label="given structure")
             for r in remaining:
                 if (r.equation, r.name) == (c.equation, c.name) and r is not c:
-                    axes.plot(r.centre, r.torque, "o-", color="#2166ad", markersize=3, label="with what was found")
+                    axes.plot(
+                        r.centre, r.torque, "o-", color="#2166ad", markersize=3, label="with what was found"
+                    )
             axes.set_title(c.equation)
             axes.set_xlabel(f"{c.name} ({c.unit})")
         np.atleast_1d(figure.axes)[0].set_ylabel("left-over torque (N·m)")
@@ -135,18 +183,36 @@ def _response(dataset: DataSet, proof: Proof, number: int) -> Figure:
     panels = []
     for signal, measured in dataset.signals().items():
         lines = [Series("measured", dataset.time, measured, colour=0, width=1.8)]
-        for fit, label, colour in ((proof.baseline[number], "baseline", 2), (proof.augmented[number], "augmented", 1)):
+        for fit, label, colour in (
+            (proof.baseline[number], "baseline", 2),
+            (proof.augmented[number], "augmented", 1),
+        ):
             low, high = float(np.min(measured)), float(np.max(measured))
             room = 0.6 * (high - low)
-            lines.append(Series(f"{label}  {fit.percent[signal]:.1f} %", dataset.time,
-                                np.clip(fit.simulated[signal], low - room, high + room), colour=colour))
+            lines.append(
+                Series(
+                    f"{label}  {fit.percent[signal]:.1f} %",
+                    dataset.time,
+                    np.clip(fit.simulated[signal], low - room, high + room),
+                    colour=colour,
+                )
+            )
         panels.append(Panel(signal, dataset.units()[signal], lines))
     return stacked_panels(panels, x_label="time (s)")
 
 
 def _tried(page: Page, result: SearchResult) -> None:
-    rows = [(e.effect.effect, e.effect.location, f"{e.gain:.0f}", f"{e.held_out:.0f}", "yes" if e.material else "no")
-            for e in result.last_round[:10]]
+    rows = [
+        (
+            e.effect.effect,
+            e.effect.location,
+            f"{e.gain:.0f}",
+            f"{e.held_out:.0f}",
+            "yes" if e.material else "no",
+        )
+        for e in result.last_round[:10]
+    ]
     if rows:
-        page.section("What else was tried", "Further effects that did not stand up in the last round of the search.").table(
-            ("effect", "at", "gain (nats)", "on unseen recordings", "large enough to matter"), rows)
+        page.section(
+            "What else was tried", "Further effects that did not stand up in the last round of the search."
+        ).table(("effect", "at", "gain (nats)", "on unseen recordings", "large enough to matter"), rows)

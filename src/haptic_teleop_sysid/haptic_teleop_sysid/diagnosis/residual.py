@@ -6,11 +6,12 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
+
 from haptic_teleop_sim.kernel import pack
 from haptic_teleop_sysid.estimation.gauss_newton import Fit
 from haptic_teleop_sysid.estimation.likelihood import innovations, settled
 from haptic_teleop_sysid.estimation.records import Record
-from numpy.typing import NDArray
 
 from .scales import velocity_of
 
@@ -44,8 +45,16 @@ class LeftOver:
     quantities: dict[str, FloatArray]
 
 
-UNITS = {"motor velocity": "rad/s", "motor angle": "rad", "arm velocity": "rad/s", "arm angle": "rad",
-         "deflection": "rad", "rate of deflection": "rad/s", "input torque": "N*m", "time": "s"}
+UNITS = {
+    "motor velocity": "rad/s",
+    "motor angle": "rad",
+    "arm velocity": "rad/s",
+    "arm angle": "rad",
+    "deflection": "rad",
+    "rate of deflection": "rad/s",
+    "input torque": "N*m",
+    "time": "s",
+}
 
 
 def left_over(fit: Fit, record: Record) -> LeftOver:
@@ -57,15 +66,25 @@ def left_over(fit: Fit, record: Record) -> LeftOver:
         q = np.column_stack([q[:, 0], q[:, 0]])
     vm, va = velocity_of(q[:, 0], record.dt), velocity_of(q[:, 1], record.dt)
     time = record.dt * np.arange(len(record))
-    quantities = {"motor velocity": vm, "motor angle": q[:, 0], "time": time,
-                  "input torque": record.input * packed.torque_constant}
+    quantities = {
+        "motor velocity": vm,
+        "motor angle": q[:, 0],
+        "time": time,
+        "input torque": record.input * packed.torque_constant,
+    }
     if not packed.rigid:
-        quantities |= {"arm velocity": va, "arm angle": q[:, 1], "deflection": q[:, 0] - q[:, 1],
-                       "rate of deflection": vm - va}
+        quantities |= {
+            "arm velocity": va,
+            "arm angle": q[:, 1],
+            "deflection": q[:, 0] - q[:, 1],
+            "rate of deflection": vm - va,
+        }
     return LeftOver(time, states[:, -2:], quantities)
 
 
-def conditions(fit: Fit, estimation: Sequence[Record], validation: Sequence[Record], joint: str) -> list[Condition]:
+def conditions(
+    fit: Fit, estimation: Sequence[Record], validation: Sequence[Record], joint: str
+) -> list[Condition]:
     """What the left-over torques depend on, the strongest first.
 
     A curve of means over bins is drawn from the estimation recordings and judged on the validation recordings, where
@@ -80,20 +99,28 @@ def conditions(fit: Fit, estimation: Sequence[Record], validation: Sequence[Reco
         for name in learn[0].quantities:
             if name == "time":
                 continue
-            result.append(_condition(equation, name, _pooled(learn, estimation, name, channel),
-                                     _pooled(judge, validation, name, channel)))
+            result.append(
+                _condition(
+                    equation,
+                    name,
+                    _pooled(learn, estimation, name, channel),
+                    _pooled(judge, validation, name, channel),
+                )
+            )
     return sorted(result, key=lambda c: -c.explained)
 
 
-def _pooled(parts: Sequence[LeftOver], records: Sequence[Record], name: str, channel: int
-            ) -> tuple[FloatArray, FloatArray]:
+def _pooled(
+    parts: Sequence[LeftOver], records: Sequence[Record], name: str, channel: int
+) -> tuple[FloatArray, FloatArray]:
     x = np.concatenate([settled(r, p.quantities[name]) for p, r in zip(parts, records, strict=True)])
     y = np.concatenate([settled(r, p.torque[:, channel]) for p, r in zip(parts, records, strict=True)])
     return x, y
 
 
-def _condition(equation: str, name: str, learn: tuple[FloatArray, FloatArray], judge: tuple[FloatArray, FloatArray]
-               ) -> Condition:
+def _condition(
+    equation: str, name: str, learn: tuple[FloatArray, FloatArray], judge: tuple[FloatArray, FloatArray]
+) -> Condition:
     x, y = learn
     edges = np.unique(np.quantile(x, np.linspace(0.0, 1.0, _BINS + 1)))
     if len(edges) < 4:
@@ -126,6 +153,7 @@ def shares(fit: Fit, records: Sequence[Record]) -> tuple[float, float]:
 def intervals(before: Fit, after: Fit, record: Record, seconds: float = 0.5) -> list[tuple[float, float]]:
     """When the mismatch showed: stretches (start, end), s, in which prediction errors shrank by far more than on
     average; empty when it shows throughout."""
+
     def energy(fit: Fit) -> FloatArray:
         e = innovations(pack(fit.model), fit.noise, record).innovation
         return np.sum((e / np.array(record.resolution)) ** 2, axis=1)

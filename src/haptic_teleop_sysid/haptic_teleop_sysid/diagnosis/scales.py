@@ -6,9 +6,10 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.signal import savgol_filter
+
 from haptic_teleop_sim.model import Model
 from haptic_teleop_sysid.estimation.records import Record
-from scipy.signal import savgol_filter
 
 
 @dataclass(frozen=True)
@@ -54,10 +55,18 @@ def recording_scales(model: Model, records: Sequence[Record]) -> Scales:
     torque, velocity, deflection = max(torque, 1e-12), max(velocity, 1e-9), max(deflection, 1e-9)
     stiffness = float(p.get("stiffness", torque / angle))
     size = {
-        "torque": torque, "angle": angle, "deflection": deflection, "velocity": velocity, "stiffness": stiffness,
+        "torque": torque,
+        "angle": angle,
+        "deflection": deflection,
+        "velocity": velocity,
+        "stiffness": stiffness,
         "damping": max(float(p["motor_damping"]), 0.1 * torque / velocity),
-        "inertia": float(p.get("arm_inertia", p["motor_inertia"])), "drag": 0.3 * torque / velocity**2,
-        "cubic": stiffness / deflection**2, "duration": duration, "furthest": angle, "one": 1.0,
+        "inertia": float(p.get("arm_inertia", p["motor_inertia"])),
+        "drag": 0.3 * torque / velocity**2,
+        "cubic": stiffness / deflection**2,
+        "duration": duration,
+        "furthest": angle,
+        "one": 1.0,
     }
     resolution = records[0].resolution
     return Scales(size, (lowest[0], lowest[1]), (highest[0], highest[1]), records[0].dt, resolution)

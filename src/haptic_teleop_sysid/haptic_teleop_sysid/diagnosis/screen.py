@@ -13,7 +13,8 @@ from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from haptic_teleop_sim.model import Effect, Model
+
+from haptic_teleop_sim.model import Effect
 from haptic_teleop_sysid.estimation.gauss_newton import Fit, bounds, gauss_newton_step, normal_equations
 from haptic_teleop_sysid.estimation.records import Record
 
@@ -28,8 +29,9 @@ class Screened:
     gain: float
 
 
-def screen(fit: Fit, records: Sequence[Record], effects: Iterable[Effect],
-           progress: Callable[[], None] | None = None) -> list[Screened]:
+def screen(
+    fit: Fit, records: Sequence[Record], effects: Iterable[Effect], progress: Callable[[], None] | None = None
+) -> list[Screened]:
     """Candidates by promised gain, best first; those whose best size has the wrong sign are left out."""
     result = []
     for effect in effects:
@@ -53,7 +55,9 @@ def _score(fit: Fit, records: Sequence[Record], effect: Effect) -> Screened | No
     active = np.ones(len(free), dtype=bool)
     step = gauss_newton_step(information, gradient, 1e-9, active)
     gain = value - fit.log_likelihood - 0.5 * float(gradient @ step)
-    sizes = {n.removeprefix(head): model.parameter_values()[n] + step[len(fit.free) + i] for i, n in enumerate(own)}
+    sizes = {
+        n.removeprefix(head): model.parameter_values()[n] + step[len(fit.free) + i] for i, n in enumerate(own)
+    }
     start = _polar(effect, sizes)
     low, high = bounds(model, tuple(own))
     new = {**effect.parameters, **start}
@@ -71,8 +75,11 @@ def _score(fit: Fit, records: Sequence[Record], effect: Effect) -> Screened | No
 
 def _sizes(effect: Effect) -> tuple[str, ...]:
     """The parameters whose sign makes sense or not, of effects with a single one."""
-    names = [p.name for p in effect.entry.parameters
-             if p.default is None and p.neutral == 0.0 and p.name in effect.parameters]
+    names = [
+        p.name
+        for p in effect.entry.parameters
+        if p.default is None and p.neutral == 0.0 and p.name in effect.parameters
+    ]
     return tuple(names) if len(names) == 1 else ()
 
 

@@ -6,13 +6,15 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
 from haptic_teleop_sim.model import Model
-from haptic_teleop_sysid.estimation.gauss_newton import Fit
+from haptic_teleop_sysid.estimation.gauss_newton import Fit, fit_parameters
 from haptic_teleop_sysid.estimation.joint_fit import fit_model
 from haptic_teleop_sysid.estimation.records import Record
 
+from .candidates import family
 from .decide import Choice, choose
 from .explore import Explanation, explore
 from .scales import Scales, recording_scales
+from .simulated import explore_simulated, simulation_noise
 
 #: Effects that are looked for one after another.
 MOST_EFFECTS = 3
@@ -30,8 +32,20 @@ class SearchResult:
     scales: Scales
 
 
-def search(model: Model, estimation: Sequence[Record], validation: Sequence[Record], *, sense_follows: bool = False,
-           progress: Callable[[str], None] | None = None) -> SearchResult:
+#: Simulated fit (percent) of the re-estimated baseline below which the search by simulation is tried.
+POOR_FIT = 75.0
+#: Least improvement of the simulated fit, percent, estimation and validation added up, for an effect found so.
+LEAST_PERCENT = 6.0
+
+
+def search(
+    model: Model,
+    estimation: Sequence[Record],
+    validation: Sequence[Record],
+    *,
+    sense_follows: bool = False,
+    progress: Callable[[str], None] | None = None,
+) -> SearchResult:
     """Find the effects that the model lacks on the estimation recordings and that stand up on the validation ones."""
     say = progress or (lambda text: None)
     say("re-estimating the given structure")
@@ -41,12 +55,67 @@ def search(model: Model, estimation: Sequence[Record], validation: Sequence[Reco
     found: list[Explanation] = []
     for number in range(MOST_EFFECTS):
         lab = replace(model, effects=fit.model.effects)
-        found = explore(fit, lab, estimation, validation, scales,
-                        lambda text, n=number: say(f"effect {n + 1}: {text}"))
+        found = explore(
+            fit, lab, estimation, validation, scales, lambda text, n=number: say(f"effect {n + 1}: {text}")
+        )
         choice = choose(found, strongest, sense_follows)
         if choice is None:
             break
         choices.append(choice)
         fit = choice.chosen.fit
         strongest = max(strongest, choice.chosen.score)
+    return SearchResult(baseline, fit, tuple(choices), tuple(found), scales)
+
+
+def search_by_simulation(
+    model: Model,
+    predicted: Fit,
+    estimation: Sequence[Record],
+    validation: Sequence[Record],
+    *,
+    percent: Callable[[Model], tuple[float, float]],
+    progress: Callable[[str], None],
+) -> SearchResult:
+    """The search with an observer that hardly corrects, the same for all models.
+
+    Short recordings of a machine whose torque was itself measured with much noise can be followed by almost any model
+    that is corrected at every sample; how they differ shows when they have to run freely.  ``percent`` gives the
+    simulated fit of a model on both kinds of recordings: an effect is taken when it helps on both and by
+    ``LEAST_PERCENT`` in all.
+    """
+    noise = simulation_noise(predicted, estimation)
+    progress("re-estimating the given structure, freely running")
+    fit = baseline = fit_parameters(model, noise, estimation, iterations=40)
+    scales = recording_scales(baseline.model, estimation)
+    choices: list[Choice] = []
+    found: list[Explanation] = []
+    before = percent(baseline.model)
+    for number in range(MOST_EFFECTS):
+        lab = replace(model, effects=fit.model.effects)
+        found = explore_simulated(
+            fit,
+            lab,
+            estimation,
+            validation,
+            scales,
+            lambda text, n=number: progress(f"effect {n + 1}, freely running: {text}"),
+        )
+        good = []
+        for e in found[:10]:
+            after = percent(e.fit.model)
+            better = (after[0] - before[0], after[1] - before[1])
+            if e.material and min(better) > -0.5 and sum(better) > LEAST_PERCENT:
+                good.append((sum(better), e, after))
+        if not good:
+            break
+        good.sort(key=lambda g: -g[0])
+        most = good[0][0]
+        # As good within a tenth of the improvement: not to be told apart by these recordings. Of forms of one thing
+        # the simpler is taken unless it does clearly less.
+        forms = family(good[0][1].effect.effect)
+        close = [g for g in good if g[0] > (0.6 if g[1].effect.effect in forms else 0.9) * most]
+        simplest = min(close, key=lambda g: (len(g[1].effect.parameters), -g[0]))
+        rivals = tuple((g[1], round(0.5 / len(close), 4)) for g in close if g is not simplest)
+        choices.append(Choice(simplest[1], 1.0 - sum(p for _, p in rivals), rivals))
+        fit, before = simplest[1].fit, simplest[2]
     return SearchResult(baseline, fit, tuple(choices), tuple(found), scales)

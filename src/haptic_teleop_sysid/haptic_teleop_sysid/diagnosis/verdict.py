@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
+
 from haptic_teleop_sim.model import Model
 from haptic_teleop_sysid.estimation.gauss_newton import Fit
 from haptic_teleop_sysid.estimation.records import Record
@@ -34,7 +35,9 @@ class Verdict:
     before: list[Condition]
 
 
-def decide_verdict(result: SearchResult, estimation: Sequence[Record], validation: Sequence[Record]) -> Verdict:
+def decide_verdict(
+    result: SearchResult, estimation: Sequence[Record], validation: Sequence[Record]
+) -> Verdict:
     """The verdict on a search."""
     joint = result.baseline.model.joint
     before = conditions(result.baseline, estimation, validation, joint)
@@ -49,8 +52,9 @@ def decide_verdict(result: SearchResult, estimation: Sequence[Record], validatio
     return Verdict(kind, where, findings, remaining, before)
 
 
-def structured(fit: Fit, found: Sequence[Condition], records: Sequence[Record], result: SearchResult
-               ) -> Condition | None:
+def structured(
+    fit: Fit, found: Sequence[Condition], records: Sequence[Record], result: SearchResult
+) -> Condition | None:
     """What the left-over torque noticeably depends on, or None."""
     if not found or found[0].explained < STRUCTURED:
         return None
@@ -62,18 +66,28 @@ def structured(fit: Fit, found: Sequence[Condition], records: Sequence[Record], 
 def finding(choice: Choice, final: Fit) -> dict[str, Any]:
     """One finding, with the numbers of the final model."""
     effect = choice.chosen.effect
-    fitted = next(e for e in final.model.effects if (e.effect, e.location) == (effect.effect, effect.location))
+    fitted = next(
+        e for e in final.model.effects if (e.effect, e.location) == (effect.effect, effect.location)
+    )
     std = standard_errors(final)
     head = f"{effect.location}.{effect.effect}."
     parameters = {
-        name: {"value": float(value), "std": std.get(head + name, 0.0), "unit": fitted.entry.parameter(name).unit}
+        name: {
+            "value": float(value),
+            "std": std.get(head + name, 0.0),
+            "unit": fitted.entry.parameter(name).unit,
+        }
         for name, value in fitted.parameters.items()
     }
     return {
-        "effect": effect.effect, "location": effect.location, "parameters": parameters,
+        "effect": effect.effect,
+        "location": effect.location,
+        "parameters": parameters,
         "confidence": round(choice.confidence, 4),
-        "alternatives": [{"effect": e.effect.effect, "location": e.effect.location, "confidence": round(p, 4)}
-                         for e, p in choice.others],
+        "alternatives": [
+            {"effect": e.effect.effect, "location": e.effect.location, "confidence": round(p, 4)}
+            for e, p in choice.others
+        ],
         "because": because(choice),
     }
 
@@ -84,16 +98,28 @@ def standard_errors(fit: Fit) -> dict[str, float]:
         return {}
     scale = np.sqrt(np.maximum(np.diag(fit.information), 1e-300))
     inverse = np.linalg.pinv(fit.information / np.outer(scale, scale), rcond=1e-12, hermitian=True)
-    return {n: float(np.sqrt(max(v, 0.0)) / s) for n, v, s in zip(fit.free, np.diag(inverse), scale, strict=True)}
+    return {
+        n: float(np.sqrt(max(v, 0.0)) / s) for n, v, s in zip(fit.free, np.diag(inverse), scale, strict=True)
+    }
 
 
-def _where(result: SearchResult, before: Sequence[Condition], estimation: Sequence[Record],
-           unexplained: Condition | None) -> list[dict[str, Any]]:
+def _where(
+    result: SearchResult,
+    before: Sequence[Condition],
+    estimation: Sequence[Record],
+    unexplained: Condition | None,
+) -> list[dict[str, Any]]:
     if unexplained is not None:
         motor, arm = shares(result.final, estimation)
         share = motor if unexplained.equation.endswith("_motor") else arm
-        return [{"equation": unexplained.equation, "share": round(share, 3), "condition": unexplained.name,
-                 "intervals": []}]
+        return [
+            {
+                "equation": unexplained.equation,
+                "share": round(share, 3),
+                "condition": unexplained.name,
+                "intervals": [],
+            }
+        ]
     if not result.choices:
         return []
     total = sum(max(c.chosen.score, 0.0) for c in result.choices) or 1.0
@@ -101,26 +127,48 @@ def _where(result: SearchResult, before: Sequence[Condition], estimation: Sequen
     fit = result.baseline
     for choice in sorted(result.choices, key=lambda c: -c.chosen.score):
         effect = choice.chosen.effect
-        rows.append({
-            "equation": effect.location, "share": round(max(choice.chosen.score, 0.0) / total, 3),
-            "condition": condition_of(result.baseline.model, effect.effect, effect.location, before),
-            "intervals": [list(i) for i in intervals(fit, result.final, estimation[0])],
-        })
+        rows.append(
+            {
+                "equation": effect.location,
+                "share": round(max(choice.chosen.score, 0.0) / total, 3),
+                "condition": condition_of(result.baseline.model, effect.effect, effect.location, before),
+                "intervals": [list(i) for i in intervals(fit, result.final, estimation[0])],
+            }
+        )
     return rows
 
 
 _CONDITION = {
-    "coulomb_friction": "sign of {v}", "stribeck_friction": "{v} near reversal", "asymmetric_friction": "direction of {v}",
-    "presliding_friction": "displacement since the last reversal", "quadratic_drag": "{v} squared",
-    "position_dependent_friction": "{q} while moving", "friction_drift": "time", "load_dependent_friction":
-    "joint torque while moving", "gravity": "{q}", "spring_to_ground": "{q}", "constant_torque": "always",
-    "torque_ripple": "{q}, periodically", "backlash": "deflection near zero", "hardening_spring": "deflection",
-    "hysteresis": "deflection and its direction", "joint_damping": "rate of deflection", "input_delay": "changes of the input",
-    "actuator_lag": "changes of the input", "torque_saturation": "large inputs", "dead_zone": "small inputs",
-    "gain_error": "input", "gain_drift": "input and time", "inertial_coupling": "acceleration of the other stage",
-    "extra_flexible_mode": "frequency", "payload_change": "time", "hard_stop": "{q} at the stop",
-    "encoder_eccentricity": "{q}, periodically", "encoder_scale": "{q}", "sensor_delay": "velocity", "channel_skew":
-    "velocity",
+    "coulomb_friction": "sign of {v}",
+    "stribeck_friction": "{v} near reversal",
+    "asymmetric_friction": "direction of {v}",
+    "presliding_friction": "displacement since the last reversal",
+    "quadratic_drag": "{v} squared",
+    "position_dependent_friction": "{q} while moving",
+    "friction_drift": "time",
+    "load_dependent_friction": "joint torque while moving",
+    "gravity": "{q}",
+    "spring_to_ground": "{q}",
+    "constant_torque": "always",
+    "torque_ripple": "{q}, periodically",
+    "backlash": "deflection near zero",
+    "hardening_spring": "deflection",
+    "hysteresis": "deflection and its direction",
+    "joint_damping": "rate of deflection",
+    "input_delay": "changes of the input",
+    "actuator_lag": "changes of the input",
+    "torque_saturation": "large inputs",
+    "dead_zone": "small inputs",
+    "gain_error": "input",
+    "gain_drift": "input and time",
+    "inertial_coupling": "acceleration of the other stage",
+    "extra_flexible_mode": "frequency",
+    "payload_change": "time",
+    "hard_stop": "{q} at the stop",
+    "encoder_eccentricity": "{q}, periodically",
+    "encoder_scale": "{q}",
+    "sensor_delay": "velocity",
+    "channel_skew": "velocity",
 }
 
 

@@ -8,16 +8,24 @@ from .decide import Choice
 
 #: What would separate explanations that a recording cannot tell apart.
 SEPARATES: dict[frozenset[str], str] = {
-    frozenset({"sensor_delay", "channel_skew"}): "no recording of these channels can tell them apart: put one and the "
+    frozenset(
+        {"sensor_delay", "channel_skew"}
+    ): "no recording of these channels can tell them apart: put one and the "
     "same signal (a tap on the arm with a time-stamped contact) on both channels",
-    frozenset({"input_delay", "channel_skew"}): "record the measured current with the clock of the encoders, or close "
+    frozenset(
+        {"input_delay", "channel_skew"}
+    ): "record the measured current with the clock of the encoders, or close "
     "the loop with a known controller clock",
     frozenset({"input_delay", "actuator_lag"}): "excite up to frequencies above 1 / (2 delay)",
     frozenset({"gravity", "spring_to_ground"}): "move through more than 60 degrees, or rotate the base",
-    frozenset({"coulomb_friction", "stribeck_friction"}): "move three times as far and through zero very slowly",
+    frozenset(
+        {"coulomb_friction", "stribeck_friction"}
+    ): "move three times as far and through zero very slowly",
     frozenset({"coulomb_friction", "asymmetric_friction"}): "hold constant speeds in both directions",
     frozenset({"coulomb_friction", "presliding_friction"}): "move below breakaway first, then slide",
-    frozenset({"backlash", "hardening_spring"}): "sweep the deflection's amplitude, with and without a bias torque",
+    frozenset(
+        {"backlash", "hardening_spring"}
+    ): "sweep the deflection's amplitude, with and without a bias torque",
     frozenset({"quadratic_drag", "coulomb_friction"}): "drive at three times the speed",
     frozenset({"payload_change", "friction_drift"}): "record again with and without the load",
 }
@@ -27,9 +35,13 @@ def because(choice: Choice) -> str:
     """One sentence a lab engineer understands."""
     e = choice.chosen
     sentence = e.effect.entry.sentence
-    numbers = ", ".join(f"{n} {v:.4g} {e.effect.entry.parameter(n).unit}" for n, v in e.effect.parameters.items())
-    text = (f"{sentence[0].upper()}{sentence[1:]} ({numbers}): with it the recording is predicted better by "
-            f"{e.gain:.0f} nats, and recordings that were not used for the fit by {e.held_out:.0f}")
+    numbers = ", ".join(
+        f"{n} {v:.4g} {e.effect.entry.parameter(n).unit}" for n, v in e.effect.parameters.items()
+    )
+    text = (
+        f"{sentence[0].upper()}{sentence[1:]} ({numbers}): with it the recording is predicted better by "
+        f"{e.gain:.0f} nats, and recordings that were not used for the fit by {e.held_out:.0f}"
+    )
     if choice.others:
         rival, p = choice.others[0]
         text += f"; {rival.effect.effect} at {rival.effect.location} is the runner-up ({100 * p:.0f} %)"
@@ -39,4 +51,6 @@ def because(choice: Choice) -> str:
 def separating(effects: list[Effect]) -> str:
     """What would separate the first two of these effects."""
     names = frozenset(e.effect for e in effects[:2])
-    return SEPARATES.get(names, "an experiment of another amplitude and band in which their predictions differ")
+    return SEPARATES.get(
+        names, "an experiment of another amplitude and band in which their predictions differ"
+    )

@@ -29,6 +29,8 @@ class NoiseModel:
 
     motor_torque, arm_torque: rms of the disturbance torques, N·m. motor_time, arm_time: their correlation
     times, s. motor_angle, arm_angle: rms of the encoders' noise, rad.  All greater than zero.
+    ``reference``: the structure (as ``Packed.base``) whose linearisation gives the observer gain, so that several
+    models are judged by one and the same observer; None: each model's own.
     """
 
     motor_torque: float
@@ -37,6 +39,7 @@ class NoiseModel:
     arm_angle: float
     motor_time: float = 0.1
     arm_time: float = 0.1
+    reference: tuple[float, ...] | None = None
 
     def scaled(self, **factors: float) -> NoiseModel:
         """A copy with some levels multiplied."""
@@ -47,10 +50,10 @@ class NoiseModel:
         return float(np.exp(-dt / self.motor_time)), float(np.exp(-dt / self.arm_time))
 
 
-def linearised(packed: Packed) -> tuple[FloatArray, FloatArray]:
+def linearised(packed: Packed, reference: tuple[float, ...] | None = None) -> tuple[FloatArray, FloatArray]:
     """(6, 6) continuous system matrix over [q_motor, q_arm, v_motor, v_arm, d_motor, d_arm] of the structure,
-    and the location of the measured angles (2, 6)."""
-    ks, jm, bm, ja, ba = packed.base
+    and the location of the measured angles (2, 6); ``reference`` replaces the model's numbers."""
+    ks, jm, bm, ja, ba = packed.base if reference is None else reference
     a = np.zeros((6, 6))
     a[0, 2] = 1.0
     if not packed.rigid:
@@ -70,13 +73,13 @@ def observer_gain(
     packed: Packed, noise: NoiseModel, dt: float, measured: Sequence[int] | None = None
 ) -> FloatArray:
     """Stationary Kalman gain (packed.states, 2) of the structure linearised at speed; own states of effects
-    get none. ``measured`` says which encoders take part (0 motor, 1 arm; both by default, the motor's alone for
-    a rigid body): an arm that nobody reads has to be inferred from the motor, with another gain.
+    get none. ``measured`` says which encoders take part (0 motor, 1 arm; both by default, the motor's alone
+    for a rigid body): an arm that nobody reads has to be inferred from the motor, with another gain.
 
     Raises numpy.linalg.LinAlgError when the Riccati equation has no solution (unobservable or overflowing
     levels).
     """
-    a, c = linearised(packed)
+    a, c = linearised(packed, noise.reference)
     transition = np.zeros((6, 6))
     transition[:4, :] = exponential(a * dt)[:4, :]
     decay = noise.decay(dt)
