@@ -15,7 +15,9 @@ LEAST_GAIN = 25.0
 LEAST_HELD_OUT = 10.0
 #: A second effect must gain at least this share of the first: smaller ones are what a slightly wrong form of the first
 #: leaves behind.
-LEAST_SHARE = 0.12
+LEAST_SHARE = 0.15
+#: ... and this share when it is not even clear which effect it is.
+LEAST_SHARE_UNSURE = 0.3
 #: Explanations whose score is within this share of the best one's are as good: forms of friction differ by more, while
 #: the noise of real recordings is not white to within a few percent.
 AS_GOOD = 0.03
@@ -63,7 +65,10 @@ def choose(found: Sequence[Explanation], best_so_far: float, sense_follows: bool
     order = np.argsort(-weights, kind="stable")
     ranked = [(close[i], float(weights[i])) for i in order]
     rivals = tuple((e, p) for e, p in ranked[1:] if p > 0.02)
-    return Choice(ranked[0][0], ranked[0][1], rivals)
+    choice = Choice(ranked[0][0], ranked[0][1], rivals)
+    if choice.ambiguous and choice.chosen.score < LEAST_SHARE_UNSURE * best_so_far:
+        return None
+    return choice
 
 
 def _prior(explanation: Explanation, sense_follows: bool) -> float:
