@@ -1,5 +1,5 @@
-"""`haptic-teleop diagnose`: why do simulation and recording differ? Locates the mismatch, names the physics that was
-left out, models it, and shows the fit improve on recordings it has not seen.
+"""`haptic-teleop diagnose`: why do simulation and recording differ? Locates the mismatch, names the physics
+that was left out, models it, and shows the fit improve on recordings it has not seen.
 """
 
 from __future__ import annotations
@@ -78,7 +78,9 @@ def position_percent(model: Model, data: list[DataSet]) -> float:
 def diagnose(
     model: Model, estimation: list[DataSet], validation: list[DataSet], say=lambda text: None
 ) -> tuple[SearchResult, Verdict, Proof, dict[str, Any]]:
-    """Search, decide and prove; the last part is the content of diagnosis.json without run time and version."""
+    """Search, decide and prove; the last part is the content of diagnosis.json without run time and
+    version.
+    """
     learn, judge = records_of(estimation), records_of(validation)
     result = search(model, learn, judge, sense_follows=sense_follows(estimation), progress=say)
 

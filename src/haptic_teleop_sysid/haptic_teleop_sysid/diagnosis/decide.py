@@ -9,17 +9,17 @@ import numpy as np
 
 from .explore import Explanation
 
-#: Nats that an effect must gain on the estimation and on the validation recordings. Clean recordings gain less than
-#: this through the same search (see docs/diagnosis.md for the study and its false-alarm rate).
+#: Nats that an effect must gain on the estimation and on the validation recordings. Set on development
+#: recordings, of which few are clean: docs/diagnosis.md says which, and what has to be measured yet.
 LEAST_GAIN = 25.0
 LEAST_HELD_OUT = 10.0
-#: A second effect must gain at least this share of the first: smaller ones are what a slightly wrong form of the first
-#: leaves behind.
+#: A second effect must gain at least this share of the first: smaller ones are what a slightly wrong form of
+#: the first leaves behind.
 LEAST_SHARE = 0.15
 #: ... and this share when it is not even clear which effect it is.
 LEAST_SHARE_UNSURE = 0.3
-#: Explanations whose score is within this share of the best one's are as good: forms of friction differ by more, while
-#: the noise of real recordings is not white to within a few percent.
+#: Explanations whose score is within this share of the best one's are as good: forms of friction differ by
+#: more, while the noise of real recordings is not white to within a few percent.
 AS_GOOD = 0.03
 #: From this confidence on a single name is given.
 SURE = 0.7
@@ -27,8 +27,9 @@ SURE = 0.7
 
 @dataclass(frozen=True)
 class Choice:
-    """What one round of the search found: the chosen explanation, its confidence, and the others that remain possible
-    with theirs."""
+    """What one round of the search found: the chosen explanation, its confidence, and the others that remain
+    possible with theirs.
+    """
 
     chosen: Explanation
     confidence: float
@@ -40,10 +41,11 @@ class Choice:
 
 
 def choose(found: Sequence[Explanation], best_so_far: float, sense_follows: bool) -> Choice | None:
-    """The best explanation that is material and gains enough on both kinds of recordings; None if there is none.
+    """The best explanation that is material and gains enough on both kinds of recordings; None if there is
+    none.
 
-    ``best_so_far``: score of the strongest effect found before (0 in the first round).  ``sense_follows``: the measured
-    current follows the command without extra delay, so that a command stamped early is unlikely.
+    ``best_so_far``: score of the strongest effect found before (0 in the first round).  ``sense_follows``:
+    the measured current follows the command without extra delay, so that a command stamped early is unlikely.
     """
     good = [
         e
@@ -72,8 +74,9 @@ def choose(found: Sequence[Explanation], best_so_far: float, sense_follows: bool
 
 
 def _prior(explanation: Explanation, sense_follows: bool) -> float:
-    """How likely an effect is before looking: delays come from mechanisms before they come from wrong stamps, and a
-    command whose measured current follows it was stamped right."""
+    """How likely an effect is before looking: delays come from mechanisms before they come from wrong stamps,
+    and a command whose measured current follows it was stamped right.
+    """
     if explanation.effect.effect == "channel_skew":
         if explanation.effect.location.endswith("_actuator"):
             return 0.1 if sense_follows else 0.8

@@ -28,8 +28,9 @@ class Suggestion:
 
 
 def menu(model: Model, scales: Scales, period: float) -> list[dict[str, object]]:
-    """Settings of the signal generator to choose from: multisines and slow triangles of several amplitudes and bands,
-    in effort (N·m), within the recommended current."""
+    """Settings of the signal generator to choose from: multisines and slow triangles of several amplitudes
+    and bands, in effort (N·m), within the recommended current.
+    """
     stage = model.joint if model.joint in SFJ_STAGES else "stage1"
     rms = scales.size["torque"]
     limit = 4.0 * rms
@@ -59,8 +60,9 @@ def menu(model: Model, scales: Scales, period: float) -> list[dict[str, object]]
 
 
 def told_apart(truth: Fit, rival: Fit, input_: np.ndarray, record: Record, seed: int = 1) -> float:
-    """Nats by which a recording of ``truth`` under ``input_`` would speak against ``rival`` after a re-fit of the
-    rival's structure; simulated with the fitted noise level at the motor."""
+    """Nats by which a recording of ``truth`` under ``input_`` would speak against ``rival`` after a re-fit of
+    the rival's structure; simulated with the fitted noise level at the motor.
+    """
     generator = np.random.default_rng(seed)
     dt, n = record.dt, len(input_)
     decay = truth.noise.decay(dt)[0]

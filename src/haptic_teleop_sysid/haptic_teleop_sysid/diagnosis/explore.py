@@ -32,9 +32,9 @@ _WORTH_A_NUISANCE = 8.0
 class Explanation:
     """A model with one more effect, fitted to the estimation recordings.
 
-    ``gain``: nats it is better there than the model without the effect; ``held_out``: the same on the validation
-    recordings, the model kept as it was fitted; ``material``: see ``material.py``; ``effect_index``: which
-    of the model's effects it is.
+    ``gain``: nats it is better there than the model without the effect; ``held_out``: the same on the
+    validation recordings, the model kept as it was fitted; ``material``: see ``material.py``;
+    ``effect_index``: which of the model's effects it is.
     """
 
     fit: Fit
@@ -99,10 +99,12 @@ def explore(
 
 
 def held_out_likelihood(fit: Fit, records: Sequence[Record]) -> float:
-    """Log-likelihood of other recordings: the model as it was fitted, the noise levels as these recordings have them.
+    """Log-likelihood of other recordings: the model as it was fitted, the noise levels as these recordings
+    have them.
 
-    Levels carried over would judge the noise, not the physics: a disturbance may be larger on another day, and a model
-    that leaves nothing unexplained has levels near zero, under which the smallest further effect is a catastrophe.
+    Levels carried over would judge the noise, not the physics: a disturbance may be larger on another day,
+    and a model that leaves nothing unexplained has levels near zero, under which the smallest further effect
+    is a catastrophe.
     """
     return tune_noise(pack(fit.model), fit.noise, records, factor=4.0, rounds=2)[1]
 
@@ -137,8 +139,8 @@ def _quiet(noise: NoiseModel) -> NoiseModel:
 def from_quiet(fit: Fit, records: Sequence[Record]) -> Fit:
     """The fit repeated from a noise model with little disturbance.
 
-    Where much was unexplained the noise model has taken it over; in such noise a good explanation looks hardly
-    better than none, and the fit stays where it is.
+    Where much was unexplained the noise model has taken it over; in such noise a good explanation looks
+    hardly better than none, and the fit stays where it is.
     """
     return polish(fit_parameters(fit.model, _quiet(fit.noise), records, iterations=10), records)
 

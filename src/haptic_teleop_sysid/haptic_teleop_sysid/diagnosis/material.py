@@ -1,7 +1,7 @@
 """Is an effect large enough to matter, and different enough from its simpler form to bear its own name?
 
-A fit always finds *some* Stribeck dip or *some* difference between two directions.  What follows are the least sizes at
-which the name says something: below, the simpler form (or none) stands.
+A fit always finds *some* Stribeck dip or *some* difference between two directions.  What follows are the
+least sizes at which the name says something: below, the simpler form (or none) stands.
 """
 
 from __future__ import annotations

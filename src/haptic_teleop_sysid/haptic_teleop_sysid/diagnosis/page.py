@@ -40,7 +40,7 @@ def diagnosis_page(
     estimation: Sequence[Record],
     estimations: int,
 ) -> Page:
-    """The page of one diagnosis; ``data``: estimation recordings first, of which there are ``estimations``."""
+    """The page of one diagnosis; ``data``: estimation recordings first, ``estimations`` of them."""
     model = result.baseline.model
     page = Page(f"Diagnosis of {model.robot} {model.joint}", f"{model.structure}; {len(data)} recordings")
     status, headline = _HEADLINE[verdict.kind]
@@ -165,7 +165,8 @@ def _after(condition: Condition, verdict: Verdict) -> float:
 def _curves(curves: Sequence[Condition], remaining: Sequence[Condition]) -> Figure:
     with rc_context(STYLE):
         figure = Figure(figsize=(8.6, 2.6), layout="constrained")
-        for axes, c in zip(np.atleast_1d(figure.subplots(1, len(curves))), curves, strict=True):
+        panels = list(figure.subplots(1, len(curves), squeeze=False)[0])
+        for axes, c in zip(panels, curves, strict=True):
             axes.plot(c.centre, c.torque, "o-", color="#c2570d", markersize=3, label="given structure")
             for r in remaining:
                 if (r.equation, r.name) == (c.equation, c.name) and r is not c:
@@ -174,8 +175,8 @@ def _curves(curves: Sequence[Condition], remaining: Sequence[Condition]) -> Figu
                     )
             axes.set_title(c.equation)
             axes.set_xlabel(f"{c.name} ({c.unit})")
-        np.atleast_1d(figure.axes)[0].set_ylabel("left-over torque (N·m)")
-        np.atleast_1d(figure.axes)[0].legend()
+        panels[0].set_ylabel("left-over torque (N·m)")
+        panels[0].legend()
     return figure
 
 

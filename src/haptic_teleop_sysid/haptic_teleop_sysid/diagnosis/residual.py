@@ -1,4 +1,6 @@
-"""What is left over: the disturbance torques that the observer needs to follow a recording, and what they depend on."""
+"""What is left over: the disturbance torques that the observer needs to follow a recording, and what they
+depend on.
+"""
 
 from __future__ import annotations
 
@@ -23,8 +25,8 @@ _BINS = 24
 class Condition:
     """How far the left-over torque of one equation follows one quantity.
 
-    ``explained``: share of its variance on recordings that were not used to draw the curve; ``centre`` (bins,),
-    ``torque`` (bins,): the curve, in ``unit`` and N·m.
+    ``explained``: share of its variance on recordings that were not used to draw the curve; ``centre``
+    (bins,), ``torque`` (bins,): the curve, in ``unit`` and N·m.
     """
 
     equation: str
@@ -37,8 +39,9 @@ class Condition:
 
 @dataclass(frozen=True)
 class LeftOver:
-    """Left-over torque of one recording: time (n,) s, torque (n, 2) N·m at motor and arm, and the quantities that it
-    may depend on, by name (n,)."""
+    """Left-over torque of one recording: time (n,) s, torque (n, 2) N·m at motor and arm, and the quantities
+    that it may depend on, by name (n,).
+    """
 
     time: FloatArray
     torque: FloatArray
@@ -65,7 +68,7 @@ def left_over(fit: Fit, record: Record) -> LeftOver:
     if packed.rigid or not np.any(np.isfinite(record.measured[:, 1])):
         q = np.column_stack([q[:, 0], q[:, 0]])
     vm, va = velocity_of(q[:, 0], record.dt), velocity_of(q[:, 1], record.dt)
-    time = record.dt * np.arange(len(record))
+    time = record.dt * np.arange(len(record), dtype=np.float64)
     quantities = {
         "motor velocity": vm,
         "motor angle": q[:, 0],
@@ -87,9 +90,9 @@ def conditions(
 ) -> list[Condition]:
     """What the left-over torques depend on, the strongest first.
 
-    A curve of means over bins is drawn from the estimation recordings and judged on the validation recordings, where
-    both have data (Kerschen et al. 2006 call it the restoring-force surface).  Time is judged within a recording, on
-    every other sample block, because times of two recordings have nothing to do with each other.
+    A curve of means over bins is drawn from the estimation recordings and judged on the validation
+    recordings, where both have data (Kerschen et al. 2006 call it the restoring-force surface).  Time is
+    left out, because times of two recordings have nothing to do with each other.
     """
     learn = [left_over(fit, r) for r in estimation]
     judge = [left_over(fit, r) for r in validation]
@@ -151,15 +154,16 @@ def shares(fit: Fit, records: Sequence[Record]) -> tuple[float, float]:
 
 
 def intervals(before: Fit, after: Fit, record: Record, seconds: float = 0.5) -> list[tuple[float, float]]:
-    """When the mismatch showed: stretches (start, end), s, in which prediction errors shrank by far more than on
-    average; empty when it shows throughout."""
+    """When the mismatch showed: stretches (start, end), s, in which prediction errors shrank by far more than
+    on average; empty when it shows throughout.
+    """
 
     def energy(fit: Fit) -> FloatArray:
         e = innovations(pack(fit.model), fit.noise, record).innovation
         return np.sum((e / np.array(record.resolution)) ** 2, axis=1)
 
     gain = energy(before) - energy(after)
-    size = max(1, int(round(seconds / record.dt)))
+    size = max(1, round(seconds / record.dt))
     blocks = np.add.reduceat(gain, np.arange(0, len(gain), size))
     total = float(np.sum(np.maximum(blocks, 0.0)))
     if total <= 0.0:

@@ -14,8 +14,9 @@ from haptic_teleop_sysid.estimation.records import Record
 
 @dataclass(frozen=True)
 class Scales:
-    """Typical sizes in SI units: ``size`` by the names of ``EffectParameter.scale``; ``lowest`` and ``highest`` angle of
-    motor and arm, rad; ``dt``, s; ``resolution`` of both encoders, rad."""
+    """Typical sizes in SI units: ``size`` by the names of ``EffectParameter.scale``; ``lowest`` and
+    ``highest`` angle of motor and arm, rad; ``dt``, s; ``resolution`` of both encoders, rad.
+    """
 
     size: dict[str, float]
     lowest: tuple[float, float]

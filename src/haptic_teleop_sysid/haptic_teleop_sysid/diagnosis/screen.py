@@ -1,9 +1,9 @@
 """Screening: one linearisation per candidate says what a fit of it could gain.
 
 At a small size of the candidate the innovations and their derivatives by the structure's parameters *and* the
-candidate's are computed; the best linear combination of them explains part of the innovations that the structure
-alone cannot (score test, Rao 1948, in the whitened innovations; the structure's parameters are projected out because
-a re-fit would absorb them).
+candidate's are computed; the best linear combination of them explains part of the innovations that the
+structure alone cannot (score test, Rao 1948, in the whitened innovations; the structure's parameters are
+projected out because a re-fit would absorb them).
 """
 
 from __future__ import annotations
@@ -84,7 +84,9 @@ def _sizes(effect: Effect) -> tuple[str, ...]:
 
 
 def _polar(effect: Effect, sizes: dict[str, float]) -> dict[str, float]:
-    """A step in (amplitude, phase) at small amplitude is one in (sine, cosine): turned back into amplitude and phase."""
+    """A step in (amplitude, phase) at small amplitude is one in (sine, cosine): turned back into amplitude
+    and phase.
+    """
     if "phase" not in sizes or "amplitude" not in sizes:
         if "phase" in sizes and "torque" in sizes:
             return _polar_named(effect, sizes, "torque")

@@ -22,8 +22,9 @@ MOST_EFFECTS = 3
 
 @dataclass(frozen=True)
 class SearchResult:
-    """``baseline``: the given structure re-estimated; ``final``: with all chosen effects; ``choices``: one per effect
-    found; ``last_round``: what was tried after the last choice and did not stand up."""
+    """``baseline``: the given structure re-estimated; ``final``: with all chosen effects; ``choices``: one
+    per effect found; ``last_round``: what was tried after the last choice and did not stand up.
+    """
 
     baseline: Fit
     final: Fit
@@ -34,7 +35,8 @@ class SearchResult:
 
 #: Simulated fit (percent) of the re-estimated baseline below which the search by simulation is tried.
 POOR_FIT = 75.0
-#: Least improvement of the simulated fit, percent, estimation and validation added up, for an effect found so.
+#: Least improvement of the simulated fit, percent, estimation and validation added up, for an effect
+#: found so.
 LEAST_PERCENT = 6.0
 
 
@@ -46,7 +48,9 @@ def search(
     sense_follows: bool = False,
     progress: Callable[[str], None] | None = None,
 ) -> SearchResult:
-    """Find the effects that the model lacks on the estimation recordings and that stand up on the validation ones."""
+    """Find the effects that the model lacks on the estimation recordings and that stand up on the validation
+    ones.
+    """
     say = progress or (lambda text: None)
     say("re-estimating the given structure")
     baseline = fit_model(model, estimation)
@@ -78,10 +82,10 @@ def search_by_simulation(
 ) -> SearchResult:
     """The search with an observer that hardly corrects, the same for all models.
 
-    Short recordings of a machine whose torque was itself measured with much noise can be followed by almost any model
-    that is corrected at every sample; how they differ shows when they have to run freely.  ``percent`` gives the
-    simulated fit of a model on both kinds of recordings: an effect is taken when it helps on both and by
-    ``LEAST_PERCENT`` in all.
+    Short recordings of a machine whose torque was itself measured with much noise can be followed by almost
+    any model that is corrected at every sample; how they differ shows when they have to run freely.
+    ``percent`` gives the simulated fit of a model on both kinds of recordings: an effect is taken when it
+    helps on both and by ``LEAST_PERCENT`` in all.
     """
     noise = simulation_noise(predicted, estimation)
     progress("re-estimating the given structure, freely running")
@@ -110,8 +114,8 @@ def search_by_simulation(
             break
         good.sort(key=lambda g: -g[0])
         most = good[0][0]
-        # As good within a tenth of the improvement: not to be told apart by these recordings. Of forms of one thing
-        # the simpler is taken unless it does clearly less.
+        # As good within a tenth of the improvement: not to be told apart by these recordings. Of forms of one
+        # thing the simpler is taken unless it does clearly less.
         forms = family(good[0][1].effect.effect)
         close = [g for g in good if g[0] > (0.6 if g[1].effect.effect in forms else 0.9) * most]
         simplest = min(close, key=lambda g: (len(g[1].effect.parameters), -g[0]))

@@ -20,15 +20,16 @@ from .material import material
 from .scales import Scales
 from .screen import best_per_effect, screen
 
-#: Disturbance torque of the observer relative to the rms input torque, and its correlation time, s: the observer then
-#: takes about a second to follow what its model does not explain.
+#: Disturbance torque of the observer relative to the rms input torque, and its correlation time, s: the
+#: observer then takes about a second to follow what its model does not explain.
 _DISTURBANCE, _TIME = 0.01, 0.5
 _MOST_FITS = 12
 
 
 def simulation_noise(fit: Fit, records: Sequence[Record]) -> NoiseModel:
-    """A noise model whose observer hardly corrects, fixed to the structure of ``fit`` so that no model can win by
-    having itself corrected more."""
+    """A noise model whose observer hardly corrects, fixed to the structure of ``fit`` so that no model can
+    win by having itself corrected more.
+    """
     packed = pack(fit.model)
     start = initial_noise(packed, records)
     # ``initial_noise`` gives 5 % and 2 % of the rms torque.
@@ -44,8 +45,9 @@ def simulation_noise(fit: Fit, records: Sequence[Record]) -> NoiseModel:
 
 
 def mechanical(effects: Iterable[Effect]) -> list[Effect]:
-    """Torques on motor, arm and joint: what changes the scale of the input or of a reading could imitate anything when a
-    model runs freely, by making it forget its input."""
+    """Torques on motor, arm and joint: what changes the scale of the input or of a reading could imitate
+    anything when a model runs freely, by making it forget its input.
+    """
     return [e for e in effects if e.entry.kind in ("torque", "friction")]
 
 
@@ -57,8 +59,9 @@ def explore_simulated(
     scales: Scales,
     progress: Callable[[str], None],
 ) -> list[Explanation]:
-    """Explanations by one further mechanical effect, all with the same observer; their gains are not nats of independent
-    errors and only rank them."""
+    """Explanations by one further mechanical effect, all with the same observer; their gains are not nats of
+    independent errors and only rank them.
+    """
     progress("screening mechanical effects")
     tried = mechanical(candidates(fit.model, estimation, scales))
     screened = best_per_effect(screen(fit, estimation, tried))[:_MOST_FITS]

@@ -17,7 +17,8 @@ from .residual import Condition, conditions, intervals, shares
 from .search import SearchResult
 from .words import because
 
-#: Share of the left-over torque that a curve must explain on other recordings to count as physics nobody named.
+#: Share of the left-over torque that a curve must explain on other recordings to count as physics nobody
+#: named.
 STRUCTURED = 0.25
 #: Least rms of that left-over torque, relative to the rms input torque.
 NOTICEABLE = 0.02
@@ -26,7 +27,8 @@ NOTICEABLE = 0.02
 @dataclass(frozen=True)
 class Verdict:
     """``kind``: identified | ambiguous | unknown | no_mismatch; ``where``, ``findings``: as in the contract;
-    ``remaining``: what the left-over torque still depends on, strongest first; ``before``: the same of the baseline."""
+    ``remaining``: what the left-over torque still depends on, strongest first; ``before``: the same of the
+    baseline."""
 
     kind: str
     where: list[dict[str, Any]]
