@@ -1,0 +1,368 @@
+"""The parts of the diagnosis, each by itself: candidates, sizes, choice, and what a left-over torque depends
+on.  Recordings come from an integrator written here."""
+
+import math
+
+import numpy as np
+import pytest
+
+from haptic_teleop_sim.effects import EFFECTS
+from haptic_teleop_sim.model import Effect, Model
+from haptic_teleop_sysid.diagnosis.candidates import candidates, larger_starts
+from haptic_teleop_sysid.diagnosis.decide import LEAST_GAIN, LEAST_HELD_OUT, LEAST_SHARE, choose
+from haptic_teleop_sysid.diagnosis.explore import Explanation
+from haptic_teleop_sysid.diagnosis.material import material
+from haptic_teleop_sysid.diagnosis.residual import conditions, intervals
+from haptic_teleop_sysid.diagnosis.scales import recording_scales
+from haptic_teleop_sysid.estimation.gauss_newton import Fit
+from haptic_teleop_sysid.estimation.noise import NoiseModel
+from haptic_teleop_sysid.estimation.records import Record
+
+DT = 0.002
+STEP = 1e-5
+PARAMETERS = {
+    "torque_constant": 8.925,
+    "stiffness": 3.971,
+    "motor_inertia": 0.0635,
+    "motor_damping": 2.6,
+    "arm_inertia": 0.17,
+    "arm_damping": 0.02,
+}
+MODEL = Model("sfj", "stage1", "flexible_joint", PARAMETERS, fixed=("stiffness", "torque_constant"))
+RIGID = Model(
+    "generic",
+    "j",
+    "rigid_body",
+    {n: PARAMETERS[n] for n in ("torque_constant", "motor_inertia", "motor_damping")},
+    fixed=("torque_constant",),
+    io={
+        "input": {"topic": "/plant/joint_states", "joint": "j", "field": "effort"},
+        "motor": {"topic": "/plant/joint_states", "joint": "j"},
+        "arm": None,
+    },
+)
+NOISE = NoiseModel(0.05, 0.02, 5e-6, 5e-6)
+
+#: The contract's vocabulary: where each effect may sit in a flexible joint.
+BODIES, ENCODERS = ("motor", "arm"), ("motor_encoder", "arm_encoder")
+VOCABULARY = {
+    "coulomb_friction": BODIES,
+    "stribeck_friction": BODIES,
+    "asymmetric_friction": BODIES,
+    "presliding_friction": BODIES,
+    "quadratic_drag": BODIES,
+    "position_dependent_friction": BODIES,
+    "friction_drift": BODIES,
+    "load_dependent_friction": ("motor",),
+    "gravity": ("arm",),
+    "spring_to_ground": BODIES,
+    "constant_torque": BODIES,
+    "torque_ripple": ("motor",),
+    "backlash": ("joint",),
+    "hardening_spring": ("joint",),
+    "hysteresis": ("joint",),
+    "joint_damping": ("joint",),
+    "input_delay": ("actuator",),
+    "actuator_lag": ("actuator",),
+    "torque_saturation": ("actuator",),
+    "dead_zone": ("actuator",),
+    "gain_error": ("actuator",),
+    "gain_drift": ("actuator",),
+    "inertial_coupling": ("arm",),
+    "extra_flexible_mode": ("arm",),
+    "payload_change": ("arm",),
+    "hard_stop": BODIES,
+    "encoder_eccentricity": ENCODERS,
+    "encoder_scale": ENCODERS,
+    "sensor_delay": ENCODERS,
+    "channel_skew": (*ENCODERS, "actuator"),
+}
+
+
+def joint_record(seed, seconds=8.0, rms=0.25, motor_torque=None, arm_torque=None, window=None, name="made"):
+    """A record of the flexible joint under random sines, integrated by the semi-implicit Euler rule at 50 us;
+    ``motor_torque`` and ``arm_torque`` are added torques as functions of the angle, N·m.  ``window``: times
+    in s in which the input is three times as large."""
+    rng = np.random.default_rng(seed)
+    time = DT * np.arange(int(seconds / DT))
+    input_ = np.zeros(len(time))
+    for f in (0.15, 0.4, 0.9, 1.7, 3.1):
+        input_ += rms * np.sqrt(2.0 / 5.0) * np.sin(2.0 * np.pi * (f * time + rng.uniform()))
+    if window is not None:
+        input_[(time >= window[0]) & (time < window[1])] *= 3.0
+    disturbance = 2e-3 * rng.standard_normal(len(time))
+    p, parts = PARAMETERS, 40
+    h = DT / parts
+    qm = qa = vm = va = 0.0
+    measured = np.empty((len(time), 2))
+    for i, u in enumerate(input_):
+        measured[i] = qm, qa
+        drive = p["torque_constant"] * float(u) + float(disturbance[i])
+        for _ in range(parts):
+            elastic = p["stiffness"] * (qm - qa)
+            tm = drive - elastic - p["motor_damping"] * vm
+            ta = elastic - p["arm_damping"] * va
+            if motor_torque is not None:
+                tm += motor_torque(qm)
+            if arm_torque is not None:
+                ta += arm_torque(qa)
+            vm += h * tm / p["motor_inertia"]
+            va += h * ta / p["arm_inertia"]
+            qm += h * vm
+            qa += h * va
+    measured = np.rint(measured / STEP) * STEP
+    return Record(name, DT, input_, measured, np.zeros(len(time)), (STEP, STEP), at_rest=True)
+
+
+def fit_of(model=MODEL, log_likelihood=0.0):
+    """A fit with given parameters: nothing is estimated here."""
+    return Fit(model, NOISE, (), log_likelihood, np.zeros((0, 0)), np.zeros(0), True, 0, "as given")
+
+
+@pytest.fixture(scope="module")
+def clean():
+    return [joint_record(1), joint_record(2, rms=0.35)]
+
+
+@pytest.fixture(scope="module")
+def scales(clean):
+    return recording_scales(MODEL, clean[:1])
+
+
+def coupled(record):
+    """The record with an acceleration of the other arm."""
+    return Record(
+        record.name, record.dt, record.input, record.measured, np.cos(record.input), record.resolution
+    )
+
+
+# candidates
+
+
+def test_every_effect_of_the_vocabulary_is_tried_everywhere_in_a_flexible_joint(clean, scales):
+    found = {(e.effect, e.location) for e in candidates(MODEL, [coupled(clean[0])], scales)}
+    assert {(n, f"stage1_{place}") for n, places in VOCABULARY.items() for place in places} <= found
+    assert {n for n, _ in found} == {n for n, entry in EFFECTS.items() if not entry.nuisance}
+
+
+def test_a_rigid_body_is_offered_only_what_it_can_have(clean, scales):
+    found = {(e.effect, e.location) for e in candidates(RIGID, [coupled(clean[0])], scales)}
+    assert {place for _, place in found} == {"j_motor", "j_actuator", "j_motor_encoder"}
+    of_a_joint_or_an_arm = {
+        "backlash",
+        "hardening_spring",
+        "hysteresis",
+        "joint_damping",
+        "load_dependent_friction",
+        "inertial_coupling",
+        "extra_flexible_mode",
+    }
+    assert {n for n, _ in found} == set(VOCABULARY) - of_a_joint_or_an_arm
+    assert ("gravity", "j_motor") in found
+    assert ("payload_change", "j_motor") in found
+
+
+def test_every_candidate_can_be_put_into_the_model(clean, scales):
+    for effect in candidates(MODEL, [coupled(clean[0])], scales):
+        assert MODEL.with_effects(effect).effects == (effect,)
+
+
+def test_coupling_needs_a_recording_of_the_other_arm(clean, scales):
+    assert "inertial_coupling" not in {e.effect for e in candidates(MODEL, clean, scales)}
+
+
+def test_a_gain_error_is_not_tried_where_the_torque_constant_is_estimated(clean, scales):
+    free = Model("sfj", "stage1", "flexible_joint", PARAMETERS, fixed=("stiffness",))
+    assert "gain_error" not in {e.effect for e in candidates(free, clean, scales)}
+
+
+def test_a_second_form_of_friction_is_not_tried_beside_the_first(clean, scales):
+    model = MODEL.with_effects(Effect("coulomb_friction", "stage1_motor", {"torque": 0.1}))
+    found = {(e.effect, e.location) for e in candidates(model, clean, scales)}
+    assert ("stribeck_friction", "stage1_motor") not in found
+    assert ("coulomb_friction", "stage1_motor") not in found
+    assert ("coulomb_friction", "stage1_arm") in found
+    assert ("quadratic_drag", "stage1_motor") in found
+
+
+def test_larger_starts_reach_the_sizes_that_a_small_one_cannot_see(scales):
+    small = Effect("backlash", "stage1_joint", {"width": 1e-4 * scales.size["deflection"]})
+    widths = [e.parameters["width"] for e in larger_starts(small, scales)]
+    assert len(widths) >= 2
+    assert max(widths) > 0.1 * scales.size["deflection"]
+    assert min(widths) > small.parameters["width"]
+
+
+def test_larger_starts_keep_the_sign(scales):
+    late = [
+        e.parameters["delay"]
+        for e in larger_starts(Effect("channel_skew", "stage1_actuator", {"delay": 0.001}), scales)
+    ]
+    early = [
+        e.parameters["delay"]
+        for e in larger_starts(Effect("channel_skew", "stage1_actuator", {"delay": -0.001}), scales)
+    ]
+    assert late and min(late) > 0.0
+    assert early and max(early) < 0.0
+
+
+def test_larger_starts_leave_alone_what_is_linear(scales):
+    assert larger_starts(Effect("joint_damping", "stage1_joint", {"coefficient": 0.1}), scales) == []
+
+
+# sizes
+
+
+@pytest.mark.parametrize(
+    ("effect", "place", "parameters", "expected"),
+    [
+        ("coulomb_friction", "motor", {"torque": 0.1}, True),
+        ("coulomb_friction", "motor", {"torque": 1e-4}, False),
+        ("stribeck_friction", "motor", {"coulomb": 0.2, "breakaway": 0.3, "velocity": 0.1}, True),
+        ("stribeck_friction", "motor", {"coulomb": 0.2, "breakaway": 0.22, "velocity": 0.1}, False),
+        ("stribeck_friction", "motor", {"coulomb": 0.2, "breakaway": 0.3, "velocity": 1e-6}, False),
+        ("asymmetric_friction", "motor", {"positive": 0.1, "negative": 0.3}, True),
+        ("asymmetric_friction", "motor", {"positive": 0.2, "negative": 0.21}, False),
+        ("presliding_friction", "motor", {"torque": 0.2, "stiffness": 10.0}, True),
+        ("presliding_friction", "motor", {"torque": 0.2, "stiffness": 1000.0}, False),
+        ("torque_ripple", "motor", {"amplitude": 0.2, "order": 10.0}, True),
+        ("torque_ripple", "motor", {"amplitude": 1e-4, "order": 10.0}, False),
+        ("torque_ripple", "motor", {"amplitude": 0.2, "order": 0.1}, False),
+        ("position_dependent_friction", "arm", {"torque": 0.1, "amplitude": 0.1, "order": 9.0}, True),
+        ("position_dependent_friction", "arm", {"torque": 0.1, "amplitude": 0.01, "order": 9.0}, False),
+        ("input_delay", "actuator", {"delay": 0.004}, True),
+        ("input_delay", "actuator", {"delay": 0.001}, False),
+        ("channel_skew", "arm_encoder", {"delay": -0.004}, True),
+        ("actuator_lag", "actuator", {"time_constant": 0.02}, True),
+        ("backlash", "joint", {"width": 0.01}, True),
+        ("backlash", "joint", {"width": 1e-5}, False),
+        ("encoder_scale", "arm_encoder", {"scale": 1.01}, True),
+        ("encoder_scale", "arm_encoder", {"scale": 1.001}, False),
+        ("torque_saturation", "actuator", {"limit": 2.0}, True),
+        ("torque_saturation", "actuator", {"limit": 100.0}, False),
+        ("payload_change", "arm", {"time": 4.0, "inertia": 0.05}, True),
+        ("payload_change", "arm", {"time": 4.0, "inertia": 0.001}, False),
+        ("payload_change", "arm", {"time": 0.01, "inertia": 0.05}, False),
+        ("hard_stop", "arm", {"angle": 0.05, "stiffness": 10.0}, True),
+        ("hard_stop", "arm", {"angle": 3.0, "stiffness": 10.0}, False),
+        ("friction_drift", "motor", {"change": 0.3, "time_constant": 3.0}, True),
+        ("friction_drift", "motor", {"change": 0.01, "time_constant": 3.0}, False),
+    ],
+)
+def test_only_sizes_that_matter_bear_a_name(scales, effect, place, parameters, expected):
+    assert material(Effect(effect, f"stage1_{place}", parameters), scales) is expected
+
+
+# choice
+
+
+def explanation(name, gain, held_out, place="motor", is_material=True, **parameters):
+    effect = Effect(name, f"stage1_{place}", parameters or {"torque": 0.1})
+    return Explanation(fit_of(MODEL.with_effects(effect)), gain, held_out, is_material, 0)
+
+
+def test_a_clean_recording_yields_no_choice():
+    assert choose([], 0.0, False) is None
+    assert choose([explanation("coulomb_friction", 4.0, 1.0)], 0.0, False) is None
+
+
+def test_an_effect_that_gains_only_where_it_was_fitted_is_refused():
+    assert choose([explanation("coulomb_friction", 500.0, 0.5 * LEAST_HELD_OUT)], 0.0, False) is None
+    assert choose([explanation("coulomb_friction", 0.5 * LEAST_GAIN, 500.0)], 0.0, False) is None
+
+
+def test_an_immaterial_effect_is_refused():
+    assert choose([explanation("coulomb_friction", 500.0, 500.0, is_material=False)], 0.0, False) is None
+
+
+def test_a_clear_winner_is_named_alone():
+    choice = choose(
+        [explanation("coulomb_friction", 400.0, 400.0), explanation("constant_torque", 100.0, 100.0)],
+        0.0,
+        False,
+    )
+    assert choice is not None
+    assert choice.chosen.effect.effect == "coulomb_friction"
+    assert choice.confidence == pytest.approx(1.0, abs=0.01)
+    assert not choice.ambiguous
+    assert choice.others == ()
+
+
+def test_an_exact_tie_is_ambiguous_and_names_both():
+    choice = choose(
+        [explanation("coulomb_friction", 300.0, 200.0), explanation("constant_torque", 300.0, 200.0)],
+        0.0,
+        False,
+    )
+    assert choice is not None
+    assert choice.ambiguous
+    assert choice.confidence == pytest.approx(0.5)
+    (other, share), *rest = choice.others
+    assert {choice.chosen.effect.effect, other.effect.effect} == {"coulomb_friction", "constant_torque"}
+    assert share == pytest.approx(0.5)
+    assert rest == []
+
+
+def test_a_weak_second_effect_is_refused():
+    weak = explanation("coulomb_friction", 60.0, 40.0)
+    assert choose([weak], 0.0, False) is not None
+    assert choose([weak], 200.0 / LEAST_SHARE, False) is None
+
+
+def test_a_current_that_follows_its_command_speaks_against_a_wrong_stamp():
+    tie = [
+        explanation("channel_skew", 300.0, 200.0, "actuator", delay=0.01),
+        explanation("input_delay", 300.0, 200.0, "actuator", delay=0.01),
+    ]
+    unknown, follows = choose(tie, 0.0, False), choose(tie, 0.0, True)
+    assert unknown is not None and follows is not None
+    assert unknown.ambiguous
+    assert follows.chosen.effect.effect == "input_delay"
+    assert follows.confidence > unknown.confidence
+    assert not follows.ambiguous
+
+
+# what is left over
+
+
+def test_a_torque_that_follows_the_motor_angle_is_found_on_recordings_not_used_for_the_curve():
+    amplitude = 0.6
+
+    def planted(angle):
+        return -amplitude * math.sin(6.0 * angle)
+
+    made = [joint_record(3, motor_torque=planted), joint_record(4, rms=0.3, motor_torque=planted)]
+    found = conditions(fit_of(), made[:1], made[1:], "stage1")
+    best = found[0]
+    assert (best.equation, best.name, best.unit) == ("stage1_motor", "motor angle", "rad")
+    assert best.explained > 0.8
+    expected = -amplitude * np.sin(6.0 * best.centre)
+    assert float(np.sqrt(np.mean((best.torque - expected)[2:-2] ** 2))) < 0.2 * amplitude
+    assert [c.explained for c in found] == sorted((c.explained for c in found), reverse=True)
+
+
+def test_noise_alone_follows_nothing(clean):
+    assert conditions(fit_of(), clean[:1], clean[1:], "stage1")[0].explained < 0.25
+
+
+def test_the_stretch_in_which_the_arm_met_a_stop_is_found():
+    stiffness, angle, window = 40.0, 0.6, (4.0, 5.5)
+    quiet = joint_record(5, rms=0.1)
+    assert np.max(np.abs(quiet.measured[:, 1])) < angle
+
+    def stop(q):
+        return -stiffness * (q - angle) if q > angle else -stiffness * (q + angle) if q < -angle else 0.0
+
+    record = joint_record(5, rms=0.1, arm_torque=stop, window=window)
+    touching = DT * np.flatnonzero(np.abs(record.measured[:, 1]) > angle)
+    assert len(touching) > 50
+    sizes = {"angle": angle, "stiffness": stiffness, "both_sides": 1.0}
+    stopped = MODEL.with_effects(Effect("hard_stop", "stage1_arm", sizes))
+    found = intervals(fit_of(), fit_of(stopped), record)
+    assert found
+    assert all(start > touching[0] - 0.5 and end < touching[-1] + 1.0 for start, end in found)
+    assert any(start <= t <= end for start, end in found for t in touching)
+
+
+def test_models_that_are_the_same_differ_at_no_time(clean):
+    assert intervals(fit_of(), fit_of(), clean[0]) == []
