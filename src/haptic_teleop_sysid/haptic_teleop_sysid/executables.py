@@ -13,6 +13,10 @@ EXECUTABLES: dict[str, tuple[str, str]] = {
         "haptic_teleop_sysid.diagnose:main",
         "say why simulation and recording differ, model it, and show the fit improve",
     ),
+    "estimate": (
+        "haptic_teleop_sysid.estimate:main",
+        "estimate a model's parameters from recordings, with standard errors",
+    ),
     "verify": (
         "haptic_teleop_sysid.verify:main",
         "check a recording of a scenario and write its report",

@@ -12,7 +12,7 @@ all.
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -60,8 +60,15 @@ class _Window:
     weights: Array
 
 
-def fit_parameters(model: Model, data: Sequence[tuple[DataSet, Windows]]) -> ParameterFit:
-    """Return the model with its free parameters fitted to all `data` at once, within the parameters' ranges.
+def fit_parameters(
+    model: Model,
+    data: Sequence[tuple[DataSet, Windows]],
+    limits: Mapping[str, tuple[float, float]] | None = None,
+    at_rest: bool = False,
+) -> ParameterFit:
+    """Return the model with its free parameters fitted to all `data` at once, within the parameters' ranges,
+    narrowed by `limits`. With `at_rest` every window starts where it was measured, without speed, and initial
+    states are not estimated.
 
     Inertias, stiffness and torque constant are searched on a logarithmic scale. Raises ModelError when
     nothing is free.
@@ -76,11 +83,11 @@ def fit_parameters(model: Model, data: Sequence[tuple[DataSet, Windows]]) -> Par
         for dataset, chosen in data
         for span in chosen.spans
     ]
-    used = [0, 2] if model.rigid else [0, 1, 2, 3]
-    states = np.array([_initial(model, window) for window in windows])
+    used = [] if at_rest else ([0, 2] if model.rigid else [0, 1, 2, 3])
+    states = np.array([_resting(window) if at_rest else _initial(model, window) for window in windows])
     values = model.parameter_values()
     start = np.array([_inner(name, values[name]) for name in names])
-    lower, upper = _bounds(model, names)
+    lower, upper = _bounds(model, names, limits or {})
     start = np.clip(start, lower + 1e-12, upper - 1e-12)
     last: dict[bytes, Array] = {}
 
@@ -170,14 +177,21 @@ def _state_scales(windows: list[_Window]) -> Array:
 
 
 def _inner(name: str, value: float) -> float:
-    return math.log(value) if name in LOGARITHMIC else value
+    return (math.log(value) if value < math.inf else value) if name in LOGARITHMIC else value
 
 
 def _outer(name: str, value: float) -> float:
     return math.exp(min(value, 50.0)) if name in LOGARITHMIC else float(value)
 
 
-def _bounds(model: Model, names: tuple[str, ...]) -> tuple[Array, Array]:
+def _resting(window: _Window) -> Array:
+    motor, arm = window.angles[0]
+    return np.array([motor, arm if np.isfinite(arm) else motor, 0.0, 0.0])
+
+
+def _bounds(
+    model: Model, names: tuple[str, ...], limits: Mapping[str, tuple[float, float]]
+) -> tuple[Array, Array]:
     ranges = {
         f"{effect.location}.{effect.effect}.{parameter.name}": (parameter.minimum, parameter.maximum)
         for effect in model.effects
@@ -186,6 +200,9 @@ def _bounds(model: Model, names: tuple[str, ...]) -> tuple[Array, Array]:
     lower, upper = [], []
     for name in names:
         low, high = (-np.inf, np.inf) if name in LOGARITHMIC else ranges.get(name, (0.0, np.inf))
+        if name in limits:
+            own = [_inner(name, v) if v > 0.0 or name not in LOGARITHMIC else -np.inf for v in limits[name]]
+            low, high = max(low, own[0]), min(high, own[1])
         lower.append(low)
         upper.append(high)
     return np.array(lower), np.array(upper)

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
+from numpy.typing import NDArray
+
 from haptic_teleop_sim.kernel import Prediction, pack
 from haptic_teleop_sim.model import STRUCTURES, Model
-from numpy.typing import NDArray
 
 from .likelihood import channels, covariance, innovations, log_likelihood, settled
 from .noise import NoiseModel
@@ -18,14 +19,20 @@ FloatArray = NDArray[np.float64]
 
 #: A parameter of the structure moves at most by this factor in one step.
 _LARGEST_FACTOR = 4.0
+#: A step relatively smaller than this is rounding.
+_RESOLUTION = 1e-8
+#: A trial stiffer than this (steps per sample), and four times stiffer than the start, is not worth its time.
+_MOST_SUBSTEPS = 32
+#: Derivatives beyond this are taken for diverged.
+_OVERFLOW = 1e120
 
 
 @dataclass(frozen=True)
 class Fit:
     """A fitted model.
 
-    ``log_likelihood`` of the recordings; ``information`` (p, p): Gauss-Newton information matrix of ``free`` at the
-    end; ``gradient`` (p,); ``converged`` with a sentence in ``message``.
+    ``log_likelihood`` of the recordings; ``information`` (p, p): Gauss-Newton information matrix of
+    ``free`` at the end; ``gradient`` (p,); ``converged`` with a sentence in ``message``.
     """
 
     model: Model
@@ -40,19 +47,31 @@ class Fit:
     at_bound: tuple[str, ...] = field(default=())
 
 
-def bounds(model: Model, free: Sequence[str]) -> tuple[FloatArray, FloatArray]:
-    """Lowest and highest allowed value of each free parameter: (p,), (p,)."""
-    limits = {f"{e.location}.{e.effect}.{p.name}": (p.minimum, p.maximum)
-              for e in model.effects for p in e.entry.parameters}
+#: Bounds of one's own by parameter name: (lowest, highest).
+Limits = Mapping[str, tuple[float, float]]
+
+
+def bounds(model: Model, free: Sequence[str], own: Limits | None = None) -> tuple[FloatArray, FloatArray]:
+    """Lowest and highest allowed value of each free parameter, (p,), (p,): the physical ones, narrowed by
+    ``own``."""
+    limits = {
+        f"{e.location}.{e.effect}.{p.name}": (p.minimum, p.maximum)
+        for e in model.effects
+        for p in e.entry.parameters
+    }
     for name in STRUCTURES[model.structure]:
         positive = name in ("torque_constant", "stiffness", "motor_inertia", "arm_inertia")
         limits[name] = (1e-12 if positive else 0.0, np.inf)
-    low, high = zip(*(limits[name] for name in free), strict=True) if free else ((), ())
-    return np.array(low, dtype=float), np.array(high, dtype=float)
+    for name, (low, high) in (own or {}).items():
+        if name in limits:
+            limits[name] = (max(low, limits[name][0]), min(high, limits[name][1]))
+    lowest, highest = zip(*(limits[name] for name in free), strict=True) if free else ((), ())
+    return np.array(lowest, dtype=float), np.array(highest, dtype=float)
 
 
-def normal_equations(model: Model, noise: NoiseModel, records: Sequence[Record], free: tuple[str, ...]
-                     ) -> tuple[FloatArray, FloatArray, float]:
+def normal_equations(
+    model: Model, noise: NoiseModel, records: Sequence[Record], free: tuple[str, ...]
+) -> tuple[FloatArray, FloatArray, float]:
     """Information (p, p) and gradient (p,) of the negative log-likelihood, and the log-likelihood."""
     packed = pack(model)
     information, gradient = np.zeros((len(free), len(free))), np.zeros(len(free))
@@ -61,6 +80,10 @@ def normal_equations(model: Model, noise: NoiseModel, records: Sequence[Record],
     if not np.isfinite(value):
         return information, gradient, -np.inf
     for record, prediction in zip(records, predictions, strict=True):
+        # The derivatives may overflow although the prediction does not, where the observer is nearly
+        # unstable.
+        if not np.max(np.abs(prediction.d_innovation), initial=0.0) < _OVERFLOW:
+            return np.zeros_like(information), np.zeros_like(gradient), -np.inf
         whitened, jacobian = whiten(packed, record, prediction)
         information += jacobian.T @ jacobian
         gradient += jacobian.T @ whitened
@@ -68,7 +91,8 @@ def normal_equations(model: Model, noise: NoiseModel, records: Sequence[Record],
 
 
 def whiten(packed, record: Record, prediction: Prediction) -> tuple[FloatArray, FloatArray]:
-    """Innovations (m,) and their derivatives (m, p) in units of their standard deviation, channels decorrelated."""
+    """Innovations (m,) and their derivatives (m, p) in units of their standard deviation, channels
+    decorrelated."""
     chosen = channels(packed, record)
     weight = np.linalg.inv(np.linalg.cholesky(covariance(packed, record, prediction.innovation))).T
     e = settled(record, prediction.innovation)[:, chosen] @ weight
@@ -77,8 +101,9 @@ def whiten(packed, record: Record, prediction: Prediction) -> tuple[FloatArray, 
     return e.reshape(-1), jacobian
 
 
-def gauss_newton_step(information: FloatArray, gradient: FloatArray, damping: float, active: NDArray[np.bool_]
-                      ) -> FloatArray:
+def gauss_newton_step(
+    information: FloatArray, gradient: FloatArray, damping: float, active: NDArray[np.bool_]
+) -> FloatArray:
     """Damped step (p,) in parameters scaled to unit information; inactive and unexcited ones stay."""
     scale = np.sqrt(np.maximum(np.diag(information), 0.0))
     active = active & (scale > 1e-150)
@@ -91,37 +116,63 @@ def gauss_newton_step(information: FloatArray, gradient: FloatArray, damping: fl
     return step
 
 
-def fit_parameters(model: Model, noise: NoiseModel, records: Sequence[Record], *, free: tuple[str, ...] | None = None,
-                   iterations: int = 20, tolerance: float = 1e-3,
-                   progress: Callable[[int, float], None] | None = None) -> Fit:
+def fit_parameters(
+    model: Model,
+    noise: NoiseModel,
+    records: Sequence[Record],
+    *,
+    free: tuple[str, ...] | None = None,
+    iterations: int = 20,
+    tolerance: float = 1e-3,
+    progress: Callable[[int, float], None] | None = None,
+    limits: Limits | None = None,
+) -> Fit:
     """Maximise the likelihood over the free parameters of the model at a given noise model.
 
-    Starts from the model's values (moved inside their bounds).  Ends when a step promises less than ``tolerance``
-    nats, or no damped step gains anything.
+    Starts from the model's values (moved inside their bounds).  Ends when a step promises less than
+    ``tolerance`` nats, or no damped step gains anything.
     """
     names = model.free_parameters() if free is None else free
-    low, high = bounds(model, names)
+    low, high = bounds(model, names, limits)
     values = model.parameter_values()
     theta = np.clip(np.array([values[n] for n in names], dtype=float), low, high)
     model = model.with_values(dict(zip(names, theta, strict=True)))
-    structural = np.array([n in STRUCTURES[model.structure] for n in names], dtype=bool)
+    measured_in_factors = np.array([_scales(model, n) for n in names], dtype=bool)
+    reach = np.array([_reach(model, n, records) for n in names])
     information, gradient, best = normal_equations(model, noise, records, names)
+    steps_allowed = max(_MOST_SUBSTEPS, 4 * _substeps(model, records))
     damping, converged, message, count = 1e-6, False, "stopped at the limit of iterations", 0
     if not np.isfinite(best):
-        return Fit(model, noise, names, best, information, gradient, False, 0, "the start does not predict anything")
+        return Fit(
+            model, noise, names, best, information, gradient, False, 0, "the start does not predict anything"
+        )
     for count in range(1, iterations + 1):
         active = ~((theta <= low) & (gradient > 0)) & ~((theta >= high) & (gradient < 0))
-        promised = -0.5 * float(gradient @ gauss_newton_step(information, gradient, 0.0, active))
+        whole = gauss_newton_step(information, gradient, 0.0, active)
+        promised = -0.5 * float(gradient @ whole)
         if abs(promised) < tolerance:
             converged, message = True, "converged"
+            break
+        if np.all(np.abs(whole) <= _RESOLUTION * np.maximum(np.abs(theta), 1e-12)):
+            # Data without noise: the likelihood gains without end by ever smaller residuals.
+            converged, message = True, "at the resolution of the arithmetic"
             break
         for _ in range(8):
             step = gauss_newton_step(information, gradient, damping, active)
             new = np.clip(theta + step, low, high)
             limit = np.maximum(np.abs(theta), 1e-12)
-            new[structural] = np.clip(new, theta - limit * (1 - 1 / _LARGEST_FACTOR),
-                                      theta + limit * (_LARGEST_FACTOR - 1))[structural]
+            new[measured_in_factors] = np.clip(
+                new, theta - limit * (1 - 1 / _LARGEST_FACTOR), theta + limit * (_LARGEST_FACTOR - 1)
+            )[measured_in_factors]
+            new = np.clip(
+                new,
+                theta - np.maximum(3 * np.abs(theta), reach),
+                theta + np.maximum(3 * np.abs(theta), reach),
+            )
             trial = model.with_values(dict(zip(names, new, strict=True)))
+            if _substeps(trial, records) > steps_allowed:
+                damping = max(damping * 30, 1e-4)
+                continue
             result = normal_equations(trial, noise, records, names) if damping < 1e-3 else None
             value = result[2] if result is not None else likelihood_value(trial, noise, records)
             if value > best:
@@ -130,7 +181,8 @@ def fit_parameters(model: Model, noise: NoiseModel, records: Sequence[Record], *
                 break
             damping = max(damping * 30, 1e-4)
         else:
-            converged, message = promised < 1.0, "no step gains anything: the model bends too much here or is at its best"
+            converged = promised < 1.0
+            message = "no step gains anything: the model bends too much here or is at its best"
             break
         theta, model, (information, gradient, best) = new, trial, result
         damping = max(damping / 30, 1e-9)
@@ -138,6 +190,37 @@ def fit_parameters(model: Model, noise: NoiseModel, records: Sequence[Record], *
             progress(count, best)
     at_bound = tuple(n for n, t, a, b in zip(names, theta, low, high, strict=True) if t <= a or t >= b)
     return Fit(model, noise, names, best, information, gradient, converged, count, message, at_bound)
+
+
+def _substeps(model: Model, records: Sequence[Record]) -> int:
+    """Steps per sample that the model's stiffness asks for."""
+    packed = pack(model)
+    return max(packed.substeps(record.dt) for record in records)
+
+
+def _scales(model: Model, name: str) -> bool:
+    """Whether a parameter is a positive quantity without which the model has no meaning: it changes in
+    factors."""
+    if name in STRUCTURES[model.structure]:
+        return True
+    parameter = _effect_parameter(model, name)
+    return parameter is not None and parameter.neutral is None and parameter.minimum > 0.0
+
+
+def _reach(model: Model, name: str, records: Sequence[Record]) -> float:
+    """How far one step may go from zero: for a torque as much as acts, else without limit."""
+    parameter = _effect_parameter(model, name)
+    if parameter is None or parameter.scale != "torque":
+        return np.inf
+    return float(np.max([np.std(r.input) for r in records])) * model.parameters["torque_constant"]
+
+
+def _effect_parameter(model: Model, name: str):
+    for effect in model.effects:
+        head = f"{effect.location}.{effect.effect}."
+        if name.startswith(head):
+            return effect.entry.parameter(name.removeprefix(head))
+    return None
 
 
 def likelihood_value(model: Model, noise: NoiseModel, records: Sequence[Record]) -> float:

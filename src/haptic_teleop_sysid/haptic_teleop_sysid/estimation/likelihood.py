@@ -5,8 +5,9 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
-from haptic_teleop_sim.kernel import Packed, Prediction, predict
 from numpy.typing import NDArray
+
+from haptic_teleop_sim.kernel import Packed, Prediction, predict
 
 from .noise import NoiseModel, observer_gain
 from .records import Record
@@ -17,18 +18,36 @@ FloatArray = NDArray[np.float64]
 SETTLING = 0.2
 
 
-def innovations(packed: Packed, noise: NoiseModel, record: Record, free: tuple[str, ...] = ()) -> Prediction:
-    """One-step predictions of a recording, with derivatives by ``free``; LinAlgError for an impossible noise model."""
+def innovations(
+    packed: Packed,
+    noise: NoiseModel,
+    record: Record,
+    free: tuple[str, ...] = (),
+    gain: FloatArray | None = None,
+) -> Prediction:
+    """One-step predictions of a recording, with derivatives by ``free`` at a held observer gain (that of the
+    model and the noise model, or ``gain``); LinAlgError for an impossible noise model."""
     return predict(
-        packed, record.input, record.measured, record.dt, free, gain=observer_gain(packed, noise, record.dt),
-        decay=noise.decay(record.dt), initial_state=record.initial_state(), exogenous=record.exogenous,
+        packed,
+        record.input,
+        record.measured,
+        record.dt,
+        free,
+        gain=observer_gain(packed, noise, record.dt, channels(packed, record)) if gain is None else gain,
+        decay=noise.decay(record.dt),
+        initial_state=record.initial_state(),
+        exogenous=record.exogenous,
     )
 
 
 def settled(record: Record, values: FloatArray) -> FloatArray:
     """The part of ``values`` (n, ...) after the observer has settled; at most a tenth is left out."""
-    skip = min(int(round(SETTLING / record.dt)), len(record) // 10)
-    return values[skip:]
+    return values[settling(record) :]
+
+
+def settling(record: Record) -> int:
+    """Samples at the start that do not count."""
+    return 0 if record.at_rest else min(round(SETTLING / record.dt), len(record) // 10)
 
 
 def channels(packed: Packed, record: Record) -> list[int]:

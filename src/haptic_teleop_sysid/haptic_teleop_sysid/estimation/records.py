@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
+from numpy.typing import NDArray
+
 from haptic_teleop_control.robots import OMNI_RESOLUTION, SFJ_STAGES
 from haptic_teleop_sysid.dataset import DataSet
-from numpy.typing import NDArray
 
 FloatArray = NDArray[np.float64]
 
@@ -16,9 +17,11 @@ FloatArray = NDArray[np.float64]
 class Record:
     """One recording of one joint.
 
-    ``input`` (n,): A (sfj) or N·m, held from each sample to the next; ``measured`` (n, 2): motor and arm angle, rad,
-    NaN where missing; ``exogenous`` (n,): the other arm's acceleration, rad/s^2; ``resolution``: rad, step of either
-    encoder, or the rms of its noise where no step is known.
+    ``input`` (n,): A (sfj) or N·m, held from each sample to the next; ``measured`` (n, 2): motor and arm
+    angle, rad, NaN where missing; ``exogenous`` (n,): the other arm's acceleration, rad/s^2;
+    ``resolution``: rad, step of either encoder, or the rms of its noise where no step is known.
+    ``at_rest``: the joint is known to rest at the first sample, which then counts like every other;
+    otherwise the observer is given time to find out.
     """
 
     name: str
@@ -27,6 +30,7 @@ class Record:
     measured: FloatArray
     exogenous: FloatArray
     resolution: tuple[float, float]
+    at_rest: bool = False
 
     def __len__(self) -> int:
         return len(self.input)
@@ -42,18 +46,11 @@ class Record:
 def record_from(data: DataSet, commanded: bool = False) -> Record:
     """The record of a data set; invalid samples as missing readings.
 
-    The input is the commanded one where the amplifier follows it (it carries no sensor noise, which matters in a
-    closed loop), otherwise the measured one.  ``commanded`` takes the command wherever it was recorded: then what the
-    actuator makes of it is part of what has to be explained.
+    The input is the commanded one where the amplifier follows it (it carries no sensor noise, which matters
+    in a closed loop), otherwise the measured one.  ``commanded`` takes the command wherever it was
+    recorded: then what the actuator makes of it is part of what has to be explained.
     """
-    input_ = data.input
-    if data.commanded_input is not None and commanded:
-        input_ = data.commanded_input
-    elif data.commanded_input is not None:
-        difference = float(np.std(data.commanded_input - data.input))
-        # 15 mA is what the current sense of these amplifiers shows by itself (facts A3: 5 to 16 mA rms).
-        if difference <= max(0.05 * float(np.std(data.input)), 0.015 if data.input_unit == "A" else 0.0):
-            input_ = data.commanded_input
+    data = with_trusted_input(data, commanded)
     measured = np.full((len(data), 2), np.nan)
     measured[:, 0] = data.motor_position
     if data.arm_position is not None:
@@ -61,8 +58,28 @@ def record_from(data: DataSet, commanded: bool = False) -> Record:
     if len(data.valid):
         measured[~data.valid] = np.nan
     exogenous = np.zeros(len(data)) if data.exogenous is None else data.exogenous
-    return Record(data.name, data.dt, np.ascontiguousarray(input_), measured, np.ascontiguousarray(exogenous),
-                  _resolution(data, measured))
+    return Record(
+        data.name,
+        data.dt,
+        np.ascontiguousarray(data.input),
+        measured,
+        np.ascontiguousarray(exogenous),
+        _resolution(data, measured),
+    )
+
+
+def with_trusted_input(data: DataSet, commanded: bool = False) -> DataSet:
+    """The data set with the commanded input as its input where the amplifier followed it, or wherever it was
+    recorded (``commanded``): it carries neither noise nor offset of the current sense."""
+    if data.commanded_input is None:
+        return data
+    if commanded:
+        return replace(data, input=data.commanded_input, input_source="commanded effort")
+    difference = float(np.std(data.commanded_input - data.input))
+    # 15 mA is what the current sense of these amplifiers shows by itself (facts A3: 5 to 16 mA rms).
+    if difference > max(0.05 * float(np.std(data.input)), 0.015 if data.input_unit == "A" else 0.0):
+        return data
+    return replace(data, input=data.commanded_input, input_source="commanded effort")
 
 
 def _resolution(data: DataSet, measured: FloatArray) -> tuple[float, float]:
@@ -76,8 +93,8 @@ def _resolution(data: DataSet, measured: FloatArray) -> tuple[float, float]:
 
 
 def smallest_step(angle: FloatArray) -> float:
-    """The step of an encoder (rad) from its readings: the smallest difference that occurs, but at least the noise
-    seen in third differences of a smooth motion."""
+    """The step of an encoder (rad) from its readings: the smallest difference that occurs, but at least the
+    noise seen in third differences of a smooth motion."""
     good = angle[np.isfinite(angle)]
     if len(good) < 10:
         return 1.0

@@ -1,7 +1,8 @@
 """Matrix exponential and stationary Riccati equation for matrices of a few rows.
 
-The library's routines check, balance and order eigenvalues, which takes a hundred times longer than the arithmetic for
-6 x 6 matrices, and the observer gain is wanted thousands of times in a diagnosis.  Tests hold both against the library.
+The library's routines check, balance and order eigenvalues, which takes a hundred times longer than the
+arithmetic for 6 x 6 matrices, and the observer gain is wanted thousands of times in a diagnosis.  Tests
+hold both against the library.
 """
 
 from __future__ import annotations
@@ -14,7 +15,8 @@ _TERMS = 14
 
 
 def exponential(a: FloatArray) -> FloatArray:
-    """exp(a) (n, n) by scaling and squaring of the Taylor series, to rounding for any finite matrix of moderate norm."""
+    """exp(a) (n, n) by scaling and squaring of the Taylor series, to rounding for any finite matrix of
+    moderate norm."""
     norm = float(np.max(np.sum(np.abs(a), axis=1)))
     if not np.isfinite(norm):
         raise np.linalg.LinAlgError("the matrix is not finite")
@@ -30,11 +32,14 @@ def exponential(a: FloatArray) -> FloatArray:
     return total
 
 
-def stationary_covariance(f: FloatArray, c: FloatArray, q: FloatArray, r: FloatArray, most: int = 60) -> FloatArray:
+def stationary_covariance(
+    f: FloatArray, c: FloatArray, q: FloatArray, r: FloatArray, most: int = 60
+) -> FloatArray:
     """Covariance P (n, n) of the one-step prediction error of a stationary Kalman filter:
 
-    P = F (P - P C' (C P C' + R)^-1 C P) F' + Q, by structured doubling (Chu, Fan and Lin 2005), which doubles the
-    number of samples at every step.  Raises LinAlgError when it does not settle (an unobservable drift).
+    P = F (P - P C' (C P C' + R)^-1 C P) F' + Q, by structured doubling (Chu, Fan and Lin 2005), which
+    doubles the number of samples at every step.  Raises LinAlgError when it does not settle (an
+    unobservable drift).
     """
     identity = np.eye(len(f))
     a = f.T.copy()
@@ -52,4 +57,6 @@ def stationary_covariance(f: FloatArray, c: FloatArray, q: FloatArray, r: FloatA
         # Every state on its own scale: angles are some 1e-10, torques 1e-2.
         if np.all(np.abs(np.diag(step)) <= 1e-10 * np.abs(np.diag(h))):
             return h
-    raise np.linalg.LinAlgError("the stationary Riccati equation has no solution for this model and these levels")
+    raise np.linalg.LinAlgError(
+        "the stationary Riccati equation has no solution for this model and these levels"
+    )

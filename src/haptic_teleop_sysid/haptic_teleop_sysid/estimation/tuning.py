@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
+
 from haptic_teleop_sim.kernel import Packed
 
 from .likelihood import innovations, log_likelihood
@@ -12,13 +13,15 @@ from .noise import NoiseModel
 from .records import Record
 
 _LEVELS = ("motor_torque", "arm_torque", "motor_angle", "arm_angle", "motor_time", "arm_time")
-#: Least disturbance relative to the rms input torque. Below, the observer would all but stop correcting its model.
+#: Least disturbance relative to the rms input torque. Below, the observer would all but stop correcting its
+#: model.
 _LEAST_TORQUE = 2e-4
 _BOUNDS = {"motor_time": (2e-3, 1e3), "arm_time": (2e-3, 1e3)}
 
 
 def initial_noise(packed: Packed, records: Sequence[Record]) -> NoiseModel:
-    """A start: disturbances of 5 % (motor) and 2 % (arm) of the rms input torque, encoder noise from its step."""
+    """A start: disturbances of 5 % (motor) and 2 % (arm) of the rms input torque, encoder noise from its
+    step."""
     torque = packed.torque_constant * float(np.sqrt(np.mean([np.mean(r.input**2) for r in records])))
     torque = max(torque, 1e-9)
     motor, arm = (float(np.mean([r.resolution[i] for r in records])) / np.sqrt(12.0) for i in (0, 1))
@@ -33,10 +36,17 @@ def likelihood_of(packed: Packed, noise: NoiseModel, records: Sequence[Record]) 
         return -np.inf
 
 
-def tune_noise(packed: Packed, noise: NoiseModel, records: Sequence[Record], *, factor: float = 4.0,
-               rounds: int = 2, enough: float = 0.5) -> tuple[NoiseModel, float]:
-    """Coordinate search over the logarithms of the levels; the step goes from ``factor`` to its square root each
-    round.  Returns the noise model and the log-likelihood."""
+def tune_noise(
+    packed: Packed,
+    noise: NoiseModel,
+    records: Sequence[Record],
+    *,
+    factor: float = 4.0,
+    rounds: int = 2,
+    enough: float = 0.5,
+) -> tuple[NoiseModel, float]:
+    """Coordinate search over the logarithms of the levels; the step goes from ``factor`` to its square root
+    each round.  Returns the noise model and the log-likelihood."""
     best = likelihood_of(packed, noise, records)
     torque = packed.torque_constant * float(np.sqrt(np.mean([np.mean(r.input**2) for r in records])))
     least = {"motor_torque": _LEAST_TORQUE * torque, "arm_torque": _LEAST_TORQUE * torque}

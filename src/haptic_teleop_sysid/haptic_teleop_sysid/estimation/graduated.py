@@ -1,0 +1,130 @@
+"""Coming near the best parameters from a distance: first a predictor that looks far ahead, then the
+one-step one.
+
+Tuned at a start that is far off, the noise model takes the model's error for a disturbance torque, and the
+predictor then follows the measurement whatever the parameters are: the search stops where it began.  So the
+levels are first set by hand: encoders so noisy that the observer trusts the model over many samples, nearly a
+simulation, whose errors show every wrong parameter; then less noisy ones, each fit starting from the last.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+
+import numpy as np
+
+from haptic_teleop_sim.kernel import pack
+from haptic_teleop_sim.model import Model
+
+from .gauss_newton import Fit, Limits, fit_parameters
+from .joint_fit import fit_model
+from .noise import NoiseModel
+from .records import Record
+from .tuning import initial_noise, tune_noise
+
+#: Encoder noise of each stage as a share of the motion's standard deviation.
+STAGES = (0.1, 0.003)
+_MOTOR_SHARE, _ARM_SHARE = 0.02, 0.0004
+
+
+def distrustful_noise(model: Model, records: Sequence[Record], share: float) -> NoiseModel:
+    """A noise model whose encoders err by ``share`` of the motion (never less than their resolution), and
+    whose disturbances are 2 % (motor) and 0.04 % (arm) of the rms input torque."""
+    base = initial_noise(pack(model), records)
+    spread = np.array(
+        [
+            [np.nanstd(r.measured[:, c]) if np.any(np.isfinite(r.measured[:, c])) else np.nan for c in (0, 1)]
+            for r in records
+        ]
+    )
+    motor = share * float(np.mean(spread[:, 0]))
+    # An arm that was not measured has no encoder; the number is then not used.
+    arm = share * float(np.mean(spread[:, 1])) if np.all(np.isfinite(spread[:, 1])) else motor
+    torque = base.motor_torque / 0.05
+    return NoiseModel(
+        _MOTOR_SHARE * torque, _ARM_SHARE * torque, max(motor, base.motor_angle), max(arm, base.arm_angle)
+    )
+
+
+def is_shape(model: Model, name: str) -> bool:
+    """Whether a parameter says how an effect looks rather than how large it is."""
+    for effect in model.effects:
+        head = f"{effect.location}.{effect.effect}."
+        if name.startswith(head):
+            return effect.entry.parameter(name.removeprefix(head)).neutral is None
+    return False
+
+
+def approach(
+    model: Model,
+    records: Sequence[Record],
+    *,
+    free: tuple[str, ...] | None = None,
+    limits: Limits | None = None,
+    iterations: int = 20,
+    stages: Sequence[float] = STAGES,
+    progress: Callable[[int, float], None] | None = None,
+) -> Fit:
+    """Fit the free parameters with predictors that look less and less far ahead; the last stage's fit.
+
+    Its ``log_likelihood`` compares starts (same stages, same recordings), not models: the levels are not
+    tuned.
+    """
+    free = model.free_parameters() if free is None else free
+    fit: Fit | None = None
+    for number, share in enumerate(stages):
+        # First without the shapes (a Stribeck velocity, a gap): while the sizes are wrong they run away.
+        for chosen in (tuple(n for n in free if not is_shape(model, n)), free) if number == 0 else (free,):
+            noise = distrustful_noise(model, records, share)
+            fit = fit_parameters(
+                model, noise, records, free=chosen, iterations=iterations, limits=limits, progress=progress
+            )
+            if np.isfinite(fit.log_likelihood):
+                model = fit.model
+    if fit is None:
+        raise ValueError("no stage was given")
+    return fit
+
+
+def fit_from_afar(
+    model: Model,
+    records: Sequence[Record],
+    *,
+    free: tuple[str, ...] | None = None,
+    limits: Limits | None = None,
+    progress: Callable[[int, float], None] | None = None,
+) -> Fit:
+    """`fit_model` after `approach`, then `polish`; where the approach did not arrive, the better of this
+    and of `fit_model` alone."""
+    near = approach(model, records, free=free, limits=limits, progress=progress)
+    fit = fit_model(near.model, records, free=free, limits=limits, progress=progress)
+    if not (near.converged and fit.converged):
+        other = fit_model(model, records, free=free, limits=limits, progress=progress)
+        fit = max(fit, other, key=lambda one: one.log_likelihood)
+    return polish(fit, records, limits=limits, progress=progress)
+
+
+def polish(
+    fit: Fit,
+    records: Sequence[Record],
+    *,
+    rounds: int = 2,
+    limits: Limits | None = None,
+    progress: Callable[[int, float], None] | None = None,
+) -> Fit:
+    """Tune the noise levels to 5 % and fit once more, ``rounds`` times at most, while likelihood is gained.
+
+    Measured: with levels found to a factor of 1.4 only, weakly excited parameters were biased by 0.8 of their
+    standard error, and polished by 0.3.
+    """
+    for _ in range(rounds):
+        if not np.isfinite(fit.log_likelihood):
+            break
+        noise, _ = tune_noise(pack(fit.model), fit.noise, records, factor=1.3, rounds=3, enough=0.05)
+        better = fit_parameters(fit.model, noise, records, free=fit.free, limits=limits, progress=progress)
+        if not better.log_likelihood > fit.log_likelihood:
+            break
+        gained, fit = better.log_likelihood - fit.log_likelihood, better
+        if gained < 0.5:
+            break
+    return fit

@@ -1,0 +1,217 @@
+"""How sure the estimated parameters are, and which of them the recordings cannot determine.
+
+    V = H^-1 M H^-1,   H = sum J' J,   M = sum over lags of (1 - |k|/(L+1)) sum_t s_t s_(t+k)',  s_t = J_t'
+    e_t
+
+e: whitened innovations, J: their derivatives.  This is the sandwich of a misspecified likelihood (White,
+Econometrica 50, 1982) with the lag window of Newey and West (Econometrica 55, 1987): it holds also where the
+innovations are not quite white, as behind an encoder that steps, where H^-1 alone is too sure.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.stats import norm
+
+from haptic_teleop_control.errors import ModelError
+from haptic_teleop_sim.kernel import Packed, pack
+from haptic_teleop_sim.model import STRUCTURES
+
+from .gauss_newton import Fit, whiten
+from .likelihood import channels, innovations, settling
+from .noise import NoiseModel, observer_gain
+from .records import Record
+
+FloatArray = NDArray[np.float64]
+
+#: s; correlation of the scores is counted up to this lag at least.
+MEMORY = 0.1
+#: Relative step of a derivative through the observer's gain.
+STEP = 1e-3
+#: A direction of the scaled information this much weaker than the strongest cannot be told from rounding.
+SINGULAR = 1e-9
+#: Beyond this relative standard deviation a quantity that cannot be zero is called undetermined.
+VAGUE = 0.5
+QUANTILE_95 = float(norm.ppf(0.975))
+
+
+@dataclass(frozen=True)
+class Uncertainty:
+    """Of the parameters ``names`` (p): ``std`` (p,), inf where undetermined; ``correlation`` (p, p), NaN
+    there; ``information_std`` (p,) what the information matrix alone says; ``undetermined``: name -> why,
+    in words; ``near_zero``: names that may as well be zero; ``condition`` of the information scaled to unit
+    diagonal."""
+
+    names: tuple[str, ...]
+    std: FloatArray
+    correlation: FloatArray
+    information_std: FloatArray
+    undetermined: dict[str, str]
+    near_zero: tuple[str, ...]
+    condition: float
+
+    def interval(self, name: str, value: float) -> tuple[float, float] | None:
+        """95 % interval about a value; None where undetermined."""
+        if name in self.undetermined:
+            return None
+        half = QUANTILE_95 * float(self.std[self.names.index(name)])
+        return value - half, value + half
+
+
+def score_covariance(scores: FloatArray, lags: int) -> FloatArray:
+    """(p, p) long-run second moment of scores (n, p), Bartlett window over ``lags``."""
+    total = scores.T @ scores
+    for k in range(1, min(lags, len(scores) - 1) + 1):
+        cross = scores[:-k].T @ scores[k:]
+        total += (1.0 - k / (lags + 1.0)) * (cross + cross.T)
+    return total
+
+
+def uncertainty(fit: Fit, records: Sequence[Record]) -> Uncertainty:
+    """Standard errors, correlations and what is undetermined, at a fit of ``records``."""
+    names = fit.free
+    packed = pack(fit.model)
+    levels = _levels(packed)
+    p = len(names) + len(levels)
+    information, meat = np.zeros((p, p)), np.zeros((p, p))
+    for record in records:
+        prediction = innovations(packed, fit.noise, record, names)
+        # The levels of the noise were estimated from the same data: what they may still vary makes the
+        # parameters less sure, so their derivatives take part.
+        columns = np.stack([_by_level(packed, fit.noise, record, level) for level in levels], axis=2)
+        by_gain = np.stack([_through_gain(fit, packed, record, name) for name in names], axis=2)
+        whole = np.concatenate([prediction.d_innovation + by_gain, columns], axis=2)
+        prediction = replace(prediction, d_innovation=whole)
+        whitened, jacobian = whiten(packed, record, prediction)
+        width = len(whitened) // len(prediction.innovation[settling(record) :])
+        scores = (jacobian * whitened[:, None]).reshape(-1, width, p).sum(axis=1)
+        n = len(scores)
+        lags = max(round(MEMORY / record.dt), int(4.0 * (n / 100.0) ** (2.0 / 9.0)))
+        information += jacobian.T @ jacobian
+        meat += score_covariance(scores, min(lags, n // 10))
+    return _judge(fit, information, meat)
+
+
+def _levels(packed: Packed) -> tuple[str, ...]:
+    motor = ("motor_torque", "motor_angle", "motor_time")
+    return motor if packed.rigid else (*motor, "arm_torque", "arm_angle", "arm_time")
+
+
+def _by_level(packed: Packed, noise: NoiseModel, record: Record, level: str) -> FloatArray:
+    """Derivative (n, 2) of the innovations by the logarithm of a noise level, by central differences; zero
+    where the observer does not exist for one of them."""
+    noises = [noise.scaled(**{level: float(np.exp(sign * STEP))}) for sign in (1.0, -1.0)]
+    return _slope([(packed, one) for one in noises], packed, noise, record, STEP)
+
+
+def _through_gain(fit: Fit, packed: Packed, record: Record, name: str) -> FloatArray:
+    """Derivative (n, 2) of the innovations by a parameter in so far as it changes the observer's gain,
+    which the exact derivatives hold. Without it a scale common to all torques seems to show, and it does
+    not."""
+    value = fit.model.parameter_values()[name]
+    step = STEP * max(abs(value), 1e-9)
+    # Below zero nothing is physical: the step then goes up only.
+    values = (value + step, value - step if value - step > 0.0 else value)
+    changed = [(pack(fit.model.with_values({name: v})), fit.noise) for v in values]
+    return _slope(changed, packed, fit.noise, record, 0.5 * (values[0] - values[1]))
+
+
+def _slope(
+    pairs: Sequence[tuple[Packed, NoiseModel]], packed: Packed, noise: NoiseModel, record: Record, step: float
+) -> FloatArray:
+    """Central difference (n, 2) of the innovations between the gains of two models with noise; zero where
+    one of them has none."""
+    used = channels(packed, record)
+    try:
+        gains = [observer_gain(model, levels, record.dt, used) for model, levels in pairs]
+        runs = [
+            innovations(packed, levels, record, gain=gain).innovation
+            for gain, (_, levels) in zip(gains, pairs, strict=True)
+        ]
+    except (np.linalg.LinAlgError, ValueError, ModelError):
+        return np.zeros((len(record), 2))
+    slope = (runs[0] - runs[1]) / (2.0 * step)
+    return slope if np.all(np.isfinite(slope)) else np.zeros((len(record), 2))
+
+
+def _judge(fit: Fit, information: FloatArray, meat: FloatArray) -> Uncertainty:
+    names, p = fit.free, len(information)
+    everything = (*names, *(f"noise level {i}" for i in range(p - len(names))))
+    values = fit.model.parameter_values()
+    undetermined: dict[str, str] = {}
+    scale = np.sqrt(np.maximum(np.diag(information), 0.0))
+    seen = scale > 1e-150
+    for name in np.array(everything, dtype=object)[~seen]:
+        undetermined[name] = "nothing in the recording depends on it"
+    index = np.flatnonzero(seen)
+    s = scale[index]
+    correlation_matrix = information[np.ix_(index, index)] / np.outer(s, s)
+    levels, directions = np.linalg.eigh(correlation_matrix) if len(index) else (np.zeros(0), np.zeros((0, 0)))
+    top = float(levels[-1]) if len(levels) else 1.0
+    weak = levels < SINGULAR * top * max(len(levels), 1)
+    condition = top / float(levels[0]) if len(levels) and levels[0] > 0 else float("inf")
+    for column in np.flatnonzero(weak):
+        _singular(everything, index, directions[:, column], undetermined)
+    kept = directions[:, ~weak]
+    inverse = (kept / levels[~weak]) @ kept.T
+    bread = np.zeros((p, p))
+    bread[np.ix_(index, index)] = inverse / np.outer(s, s)
+    count = len(names)
+    covariance = (bread @ meat @ bread)[:count, :count]
+    bread = bread[:count, :count]
+    undetermined = {name: why for name, why in undetermined.items() if name in names}
+    std = np.sqrt(np.maximum(np.diag(covariance), 0.0))
+    plain = np.sqrt(np.maximum(np.diag(bread), 0.0))
+    # Overlapping windows may underrate: never surer than the information itself.
+    std = np.maximum(std, plain)
+    near_zero = []
+    for i, name in enumerate(names):
+        if name in undetermined:
+            continue
+        value = abs(values[name])
+        if name in fit.at_bound:
+            undetermined[name] = "it ends at its bound"
+        elif _may_vanish(fit, name):
+            if value < 2.0 * std[i]:
+                near_zero.append(name)
+        elif std[i] > VAGUE * value:
+            share = 100.0 * std[i] / max(value, 1e-300)
+            undetermined[name] = f"its standard deviation is {share:.0f} % of its value"
+    with np.errstate(divide="ignore", invalid="ignore"):
+        correlation = covariance / np.outer(np.sqrt(np.diag(covariance)), np.sqrt(np.diag(covariance)))
+    for i, name in enumerate(names):
+        if name in undetermined:
+            std[i] = plain[i] = np.inf
+            correlation[i, :] = correlation[:, i] = np.nan
+    return Uncertainty(names, std, correlation, plain, undetermined, tuple(near_zero), condition)
+
+
+def _singular(
+    names: tuple[str, ...], index: NDArray[np.intp], direction: FloatArray, told: dict[str, str]
+) -> None:
+    """Tell of each parameter that moves along a direction in which the recording sees nothing."""
+    part = [names[index[i]] for i in np.flatnonzero(np.abs(direction) > 1e-3 * np.max(np.abs(direction)))]
+    for name in part:
+        others = [other for other in part if other != name]
+        told[name] = (
+            f"changing it together with {', '.join(others)} changes nothing that was recorded: fix one of "
+            "them"
+            if others
+            else "nothing in the recording depends on it"
+        )
+
+
+def _may_vanish(fit: Fit, name: str) -> bool:
+    """Whether zero is a physical value at which the rest of the model still makes sense."""
+    if name in STRUCTURES[fit.model.structure]:
+        return name.endswith("_damping")
+    for effect in fit.model.effects:
+        head = f"{effect.location}.{effect.effect}."
+        if name.startswith(head):
+            parameter = effect.entry.parameter(name.removeprefix(head))
+            return parameter.neutral == 0.0
+    return False

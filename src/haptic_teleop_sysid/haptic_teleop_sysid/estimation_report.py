@@ -1,0 +1,263 @@
+"""How an estimate is shown: table and verdict on the terminal, page with pictures, estimate.json."""
+
+from __future__ import annotations
+
+from dataclasses import asdict, dataclass
+from typing import Any
+
+import numpy as np
+from matplotlib.figure import Figure
+from rich.table import Table
+from rich.text import Text
+
+from haptic_teleop_sysid.comparison_report import percent_text, within
+from haptic_teleop_sysid.dataset import DataSet
+from haptic_teleop_sysid.estimation.strategies import Estimate
+from haptic_teleop_sysid.fit import SimulatedFit
+from haptic_teleop_sysid.parameter_table import HEADER, Row, as_text, parameter_rows
+from haptic_teleop_sysid.report import Page, Panel, Series, stacked_panels
+from haptic_teleop_sysid.residuals import Residuals, reading
+from haptic_teleop_sysid.windows import closed_loop
+
+
+@dataclass(frozen=True)
+class Result:
+    """Everything `estimate` found. Data sets by bag, `validation` names those not used for the fit; fits by
+    (start or estimate, bag); `residuals` by bag; `told` by bag: what was done to the data set."""
+
+    estimate: Estimate
+    data: dict[str, DataSet]
+    validation: tuple[str, ...]
+    fits: dict[tuple[str, str], SimulatedFit]
+    residuals: dict[str, list[Residuals]]
+    told: dict[str, list[str]]
+
+
+def as_json(result: Result) -> dict[str, Any]:
+    """The content of estimate.json."""
+    found, unsure = result.estimate, result.estimate.uncertainty
+    model = found.model
+    return {
+        "schema": 1,
+        "robot": model.robot,
+        "joint": model.joint,
+        "structure": model.structure,
+        "method": found.method,
+        "converged": found.converged,
+        "message": found.message,
+        "iterations": found.iterations,
+        "estimation_s": found.seconds,
+        "parameters": [asdict(row) for row in parameter_rows(found)],
+        "undetermined": {} if unsure is None else unsure.undetermined,
+        "correlation": None if unsure is None else {"names": unsure.names, "matrix": unsure.correlation},
+        "condition": None if unsure is None else unsure.condition,
+        "log_likelihood": None if found.fit is None else found.fit.log_likelihood,
+        "noise": None if found.fit is None else asdict(found.fit.noise),
+        "starts": found.starts,
+        "output_error": found.output_error,
+        "disagreement": found.disagreement(),
+        "fit": {
+            which: {bag: result.fits[which, bag].percent for bag in result.data}
+            for which in ("start", "estimate")
+        },
+        "windows": {
+            bag: {
+                "seconds": result.fits["estimate", bag].windows.seconds,
+                "why": result.fits["estimate", bag].windows.why,
+            }
+            for bag in result.data
+        },
+        "recordings": {
+            bag: {
+                "role": "validation" if bag in result.validation else "estimation",
+                "samples": len(d),
+                "period_s": d.dt,
+                "start_s": d.start,
+                "end_s": float(d.time[-1]),
+                "input": d.input_source,
+                "problems": d.problems,
+                "treatment": result.told[bag],
+            }
+            for bag, d in result.data.items()
+        },
+        "residuals": {
+            bag: [
+                {
+                    "signal": r.signal,
+                    "rms_rad": r.rms,
+                    "bound": r.bound,
+                    "auto_outside": r.outside[0],
+                    "cross_outside": r.outside[1],
+                }
+                for r in found_
+            ]
+            for bag, found_ in result.residuals.items()
+        },
+    }
+
+
+def verdict(result: Result) -> list[tuple[str, str]]:
+    """(status, sentence) of what may be believed: convergence, what is undetermined, what the residuals
+    say."""
+    found = result.estimate
+    told: list[tuple[str, str]] = []
+    if found.converged:
+        told.append(
+            ("good", f"The search ended at an optimum after {found.iterations} iterations ({found.message}).")
+        )
+    else:
+        told.append(
+            ("bad", f"The search did not end at an optimum: {found.message}. Do not use these numbers.")
+        )
+    if found.uncertainty is not None:
+        for name, why in found.uncertainty.undetermined.items():
+            told.append(("fair", f"{name} cannot be determined from these recordings: {why}."))
+        for name, value in found.disagreement().items():
+            told.append(
+                (
+                    "bad",
+                    f"{name}: the output error finds {value:.4g} instead, far outside the interval. The "
+                    "two weigh "
+                    "fast and slow motion differently: the measured input carries noise, or something fast "
+                    "is "
+                    "missing from the model. For slow motion trust --method output-error.",
+                )
+            )
+        for name in found.uncertainty.near_zero:
+            told.append(("plain", f"{name} cannot be told from zero."))
+    else:
+        told.append(("fair", f"{found.method} says nothing of how sure its numbers are."))
+    for bag, dataset in result.data.items():
+        for problem in dataset.problems:
+            told.append(("fair", f"{bag}: {problem}."))
+    return told
+
+
+def tables(result: Result) -> list[Table]:
+    """Parameters, and fits of start and estimate on all recordings, for the terminal."""
+    found = Table(
+        title=Text(f"{result.estimate.model.joint}: {result.estimate.method}"), title_justify="left"
+    )
+    for column in HEADER:
+        found.add_column(column, justify="right" if column in ("start", "estimate", "std. error") else "left")
+    for row in parameter_rows(result.estimate):
+        found.add_row(*(Text(cell) for cell in as_text(row)))
+    fits = Table(title="simulated fit in %", title_justify="left")
+    for column in ("recording", "signal", "start", "estimate"):
+        fits.add_column(column, justify="right" if column in ("start", "estimate") else "left")
+    for row in fit_rows(result):
+        fits.add_row(*(Text(cell) for cell in row))
+    return [found, fits]
+
+
+def fit_rows(result: Result) -> list[list[str]]:
+    """Recording with its role, signal, fit of the start, fit of the estimate."""
+    rows = []
+    for bag, dataset in result.data.items():
+        role = "validation" if bag in result.validation else "estimation"
+        for signal in dataset.signals():
+            both = [percent_text(result.fits[which, bag].percent[signal]) for which in ("start", "estimate")]
+            rows.append([f"{bag} ({role})", signal, *both])
+    return rows
+
+
+def page(result: Result) -> Page:
+    """The report."""
+    found = result.estimate
+    report = Page("Estimated parameters", f"{found.model.robot} {found.model.joint}, {found.method}")
+    for status, sentence in verdict(result):
+        report.verdict(status, sentence)  # pyright: ignore[reportArgumentType]
+    rows = parameter_rows(found)
+    report.section("Parameters").table(HEADER, [as_text(row) for row in rows], "SI units; intervals of 95 %")
+    _correlation(report, result)
+    section = report.section(
+        "Fit",
+        "Simulated response to the recorded input, 100·(1 − ‖y − ŷ‖ / ‖y − mean y‖); "
+        "initial state estimated for each window, nothing corrected along the way.",
+    )
+    section.table(["recording", "signal", "start", "estimate"], fit_rows(result), "in percent")
+    for bag, dataset in result.data.items():
+        role = "validation" if bag in result.validation else "estimation"
+        part = report.section(f"{bag} ({role})")
+        windows = result.fits["estimate", bag].windows
+        extent = (
+            "the whole"
+            if windows.seconds is None
+            else f"{len(windows.spans)} windows of {windows.seconds:.2f} s"
+        )
+        part.text(
+            f"{len(dataset)} samples of {dataset.dt * 1e3:.3g} ms; simulated over {extent} ({windows.why})."
+        )
+        for sentence in result.told[bag]:
+            part.text(f"{sentence[0].upper()}{sentence[1:]}.")
+        part.picture(fit_picture(result, bag), f"Measured and simulated response, {bag}")
+        residuals = result.residuals.get(bag, [])
+        if residuals:
+            for sentence in reading(residuals, closed_loop(dataset)):
+                part.text(sentence)
+            part.picture(
+                residual_picture(residuals, dataset.dt), "Correlation of the one-step prediction errors"
+            )
+    return report
+
+
+def _correlation(report: Page, result: Result) -> None:
+    unsure = result.estimate.uncertainty
+    if unsure is None or len(unsure.names) < 2:
+        return
+    rows = [
+        [name, *("–" if not np.isfinite(c) else f"{c:+.2f}" for c in line)]
+        for name, line in zip(unsure.names, unsure.correlation, strict=True)
+    ]
+    report.section(
+        "Correlation of the estimates", "Near ±1 only a combination of the two is known well."
+    ).table(["", *unsure.names], rows)
+
+
+def fit_picture(result: Result, bag: str) -> Figure:
+    """Each output as measured, as the start and as the estimate simulate it, and the input."""
+    dataset = result.data[bag]
+    panels = []
+    for signal, measured in dataset.signals().items():
+        lines = [Series("measured", dataset.time, measured, colour=0, width=1.8)]
+        for number, which in enumerate(("start", "estimate"), start=1):
+            fit = result.fits[which, bag]
+            label = f"{which}  {percent_text(fit.percent[signal])} %"
+            lines.append(
+                Series(label, dataset.time, within(fit.simulated[signal], measured), colour=3 - number)
+            )
+        panels.append(Panel(signal, dataset.units()[signal], lines))
+    unit = "A" if dataset.input_unit == "A" else "N·m"
+    panels.append(
+        Panel(f"input ({dataset.input_source})", unit, [Series("", dataset.time, dataset.input, colour=0)])
+    )
+    return stacked_panels(panels, x_label="time since the recording's first sample (s)")
+
+
+def residual_picture(residuals: list[Residuals], dt: float) -> Figure:
+    """Auto- and cross-correlation with their 99 % bounds."""
+    panels = []
+    for one in residuals:
+        time = np.asarray(one.lags * dt, dtype=np.float64)
+        bounds = (-one.bound, one.bound)
+        later = one.lags > 0
+        panels.append(
+            Panel(
+                f"{one.signal}: error with itself later",
+                "1",
+                [Series("", time[later], np.asarray(one.auto[later]), colour=1)],
+                guides=bounds,
+            )
+        )
+        panels.append(
+            Panel(
+                f"{one.signal}: input with error later (left of 0: feedback)",
+                "1",
+                [Series("", time, one.cross, colour=2)],
+                guides=bounds,
+            )
+        )
+    return stacked_panels(panels, x_label="lag (s)", height=1.4)
+
+
+__all__ = ["Result", "Row", "as_json", "fit_picture", "page", "residual_picture", "tables", "verdict"]

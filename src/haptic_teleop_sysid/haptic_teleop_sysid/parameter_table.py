@@ -1,0 +1,92 @@
+"""The estimated parameters in rows: value, standard error, interval, and what may not be said."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from haptic_teleop_sim.model import PARAMETER_UNITS, STRUCTURES, Model
+from haptic_teleop_sysid.estimation.strategies import Estimate
+
+
+@dataclass(frozen=True)
+class Row:
+    """`value` is None where the data do not determine it, `std` and `interval` where there is nothing to say.
+    status: "estimated", "fixed", "not determined" or "not distinguishable from zero"; `note` in words."""
+
+    name: str
+    unit: str
+    start: float
+    value: float | None
+    std: float | None
+    interval: tuple[float, float] | None
+    status: str
+    note: str = ""
+
+
+def unit_of(model: Model, name: str) -> str:
+    """Unit of a parameter by its full name."""
+    if name in STRUCTURES[model.structure]:
+        plain_gain = name == "torque_constant" and model.robot != "sfj"
+        return "1" if plain_gain else PARAMETER_UNITS[name]
+    for effect in model.effects:
+        head = f"{effect.location}.{effect.effect}."
+        if name.startswith(head):
+            return effect.entry.parameter(name.removeprefix(head)).unit
+    return ""
+
+
+def parameter_rows(found: Estimate) -> list[Row]:
+    """All parameters of the model in its order, the estimated and the fixed ones."""
+    values, start = found.model.parameter_values(), found.start.parameter_values()
+    free, unsure = found.model.free_parameters(), found.uncertainty
+    rows = []
+    for name, value in values.items():
+        unit = unit_of(found.model, name)
+        if name not in free:
+            rows.append(Row(name, unit, start[name], value, None, None, "fixed"))
+        elif unsure is None:
+            rows.append(
+                Row(
+                    name,
+                    unit,
+                    start[name],
+                    value,
+                    None,
+                    None,
+                    "estimated",
+                    f"{found.method} knows no noise and gives no standard error",
+                )
+            )
+        elif name in unsure.undetermined:
+            why = unsure.undetermined[name]
+            rows.append(Row(name, unit, start[name], None, None, None, "not determined", why))
+        else:
+            std = float(unsure.std[unsure.names.index(name)])
+            zero = name in unsure.near_zero
+            rows.append(
+                Row(
+                    name,
+                    unit,
+                    start[name],
+                    value,
+                    std,
+                    unsure.interval(name, value),
+                    "not distinguishable from zero" if zero else "estimated",
+                    "it may as well be zero" if zero else "",
+                )
+            )
+    return rows
+
+
+def as_text(row: Row) -> list[str]:
+    """The row's cells for a table: name, unit, start, value, standard error, interval, remark."""
+    if row.value is None:
+        value, std, interval = "not determined", "–", "–"
+    else:
+        value = f"{row.value:.6g}"
+        std = "–" if row.std is None else f"{row.std:.2g}"
+        interval = "–" if row.interval is None else f"{row.interval[0]:.5g} … {row.interval[1]:.5g}"
+    return [row.name, row.unit, f"{row.start:.6g}", value, std, interval, row.note or row.status]
+
+
+HEADER = ["parameter", "unit", "start", "estimate", "std. error", "95 % interval", "remark"]

@@ -1,0 +1,75 @@
+"""How far off the estimates are, and how often their 95 % intervals hold the truth: the table in
+identification.md.
+
+    python tests/studies/identification_coverage.py [SEEDS] [stage-open] [stage-closed] [axis]
+
+Encoders step, current is sensed with noise, a random torque of 1 % rms of the motor torque acts, starts are
+30 % off.
+"""
+
+from __future__ import annotations
+
+import sys
+import time
+from pathlib import Path
+
+import numpy as np
+
+from haptic_teleop_sysid.dataset import load_dataset
+from haptic_teleop_sysid.estimation.graduated import fit_from_afar
+from haptic_teleop_sysid.estimation.records import record_from
+from haptic_teleop_sysid.estimation.uncertainty import uncertainty
+
+sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "unit"))
+from identification_plants import AXIS, STAGE, axis_recording, off, stage_recording
+
+CASES = {
+    "stage-open": (STAGE, lambda seed: stage_recording(seed=seed, seconds=60.0)),
+    "stage-closed": (STAGE, lambda seed: stage_recording(seed=seed, seconds=60.0, closed=True)),
+    "axis": (AXIS, lambda seed: axis_recording(seed=seed, seconds=60.0)),
+}
+
+
+def study(case: str, seeds: int) -> None:
+    """Print the table of one case, failures included."""
+    truth, make = CASES[case]
+    names, true = truth.free_parameters(), truth.parameter_values()
+    errors, scores, seconds, undetermined, unconverged = [], [], [], 0, 0
+    for seed in range(1, seeds + 1):
+        start = off(truth, seed)
+        record = record_from(load_dataset(make(seed), start))
+        begun = time.perf_counter()
+        fit = fit_from_afar(start, [record])
+        unsure = uncertainty(fit, [record])
+        seconds.append(time.perf_counter() - begun)
+        found = fit.model.parameter_values()
+        undetermined += len(unsure.undetermined)
+        unconverged += not fit.converged
+        errors.append([found[n] / true[n] - 1.0 for n in names])
+        scores.append([(found[n] - true[n]) / s for n, s in zip(names, unsure.std, strict=True)])
+    error, score = np.abs(errors), np.array(scores)
+    inside = np.abs(score) < 1.96
+    print(
+        f"\n{case}: {seeds} seeds, {np.median(seconds):.1f} s each, {unconverged} not converged, "
+        f"{undetermined} called undetermined"
+    )
+    print(
+        "| parameter | median error | worst error | covered by 95 % | mean of error / std |\n"
+        "|---|---|---|---|---|"
+    )
+    for i, name in enumerate(names):
+        print(
+            f"| {name} | {100 * np.median(error[:, i]):.4f} % | {100 * error[:, i].max():.4f} % | "
+            f"{100 * inside[:, i].mean():.0f} % | {score[:, i].mean():+.2f} |"
+        )
+    print(
+        f"| all | {100 * np.median(error):.4f} % | {100 * error.max():.4f} % | {100 * inside.mean():.1f} % "
+        "| |",
+        flush=True,
+    )
+
+
+if __name__ == "__main__":
+    count = int(sys.argv[1]) if len(sys.argv) > 1 else 50
+    for name in sys.argv[2:] or CASES:
+        study(name, count)
