@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from scipy.interpolate import CubicSpline
 from scipy.linalg import expm
 
 import haptic_teleop_sysid.blind as blind_package
@@ -91,6 +92,18 @@ def test_a_delay_of_whole_samples_shifts_the_response_by_them() -> None:
     current = 0.2 * np.sin(np.arange(1500) * 0.02)
     late = moved({"delay": 0.014}, current)
     assert np.allclose(late[7:, :4], moved({}, current)[:-7, :4], atol=1e-12)
+
+
+def test_a_delay_between_two_integration_steps_is_not_rounded() -> None:
+    current = 0.2 * np.sin(np.arange(2000) * 0.02)
+    late = moved({"delay": 0.00113, "m_sensor_delay": 0.00227}, current)
+    calm = moved({}, current)
+    time = np.arange(2000) * 0.002
+    path = CubicSpline(time, calm[:, 0])
+    at_actuator, shown = path(time - 0.00113), path(time - 0.00113 - 0.00227)
+    speed = np.std(calm[:, 2])  # one integration step would be 2e-5 s x speed
+    assert np.max(np.abs(late[:, 0] - at_actuator)[50:]) < 2e-6 * speed + 1e-6
+    assert np.max(np.abs(late[:, 6] - shown)[50:]) < 2e-6 * speed + 1e-6
 
 
 def test_a_lag_ends_where_the_exponential_does() -> None:

@@ -77,6 +77,9 @@ class Unlucky(Exception):
 
 def draw_case(seed: int, kind: str, index: int, name: str, levels: tuple[float, ...] = LEVELS) -> Case:
     """Return case `index` of `kind`, the same for the same seed. Draws without result are drawn again."""
+    if kind == "single":  # few cases, too, are a mixture of all effects
+        turn, place = divmod(index, len(PLACES))
+        index = turn * len(PLACES) + int(np.random.default_rng((seed, 55)).permutation(len(PLACES))[place])
     for attempt in range(60):
         entropy = (seed, zlib.crc32(kind.encode()), index, attempt)
         try:

@@ -73,7 +73,7 @@ def _body(argv: list[str]) -> int:
     os.environ.update(ONE_THREAD)  # inherited by every worker
     cases = parse_cases(arguments.cases, KINDS)
     levels = _levels(arguments.levels)
-    output: Path = arguments.output
+    output: Path = arguments.output.resolve()  # workers of a cluster stand elsewhere
     if arguments.timeout <= 0 or arguments.baselines < 0 or arguments.seed < 0:
         raise ConfigurationError("--timeout must be positive, --seed and --baselines at least 0.")
     say = Console(stderr=True)

@@ -143,6 +143,15 @@ def _slide(z, v, dt, bristle):
 
 
 @njit(cache=True, inline="always")
+def _before(past, place, steps):
+    """The angle `steps` (any number) integration steps ago; `place` is where the newest lies."""
+    whole = int(steps)
+    rest = steps - whole
+    n = len(past)
+    return (1.0 - rest) * past[(place - whole) % n] + rest * past[(place - whole - 1) % n]
+
+
+@njit(cache=True, inline="always")
 def _shown(e, o, q):
     """What an ideal reader of this encoder would show at the angle `q`."""
     shown = q * (1.0 + e[o + SCALE])
@@ -182,10 +191,8 @@ def integrate(p, e, mode, gains, reference, push, gate, other_speed, other_accel
     current, place = 0.0, 0
     integral, speed_filtered, last_read = 0.0, 0.0, 0.0
     for k in range(n):
-        place_m = (place - round(e[SENSOR_DELAY] / dt)) % history
-        place_a = (place - round(e[ARM + SENSOR_DELAY] / dt)) % history
-        now_m = qm if e[SENSOR_DELAY] == 0.0 else past_m[place_m]
-        now_a = qa if e[ARM + SENSOR_DELAY] == 0.0 else past_a[place_a]
+        now_m = _before(past_m, place, e[SENSOR_DELAY] / dt)
+        now_a = _before(past_a, place, e[ARM + SENSOR_DELAY] / dt)
         shown_m, shown_a = _shown(e, 0, now_m) - zero_m, _shown(e, ARM, now_a) - zero_a
         read_m, read_a = shown_m, shown_a
         if quantise:
@@ -218,8 +225,15 @@ def integrate(p, e, mode, gains, reference, push, gate, other_speed, other_accel
             # --- from the command to the torque
             amp = command
             if e[DELAY] != 0.0:
-                late = math.floor((t - e[DELAY]) / period)
-                amp = out[int(late), 8] if late >= 0.0 else 0.0
+                # The step may see the change of the held command: it gets its share of both.
+                begin = math.floor((t - 0.5 * dt - e[DELAY]) / period + 1e-9)
+                end = (t + 0.5 * dt - e[DELAY]) / period
+                part = 1.0
+                if math.floor(end) > begin:
+                    part = 1.0 - min((end - math.floor(end)) * period / dt, 1.0)
+                old = out[int(begin), 8] if begin >= 0.0 else 0.0
+                new = out[int(begin) + 1, 8] if part < 1.0 and begin >= -1.0 else 0.0
+                amp = part * old + (1.0 - part) * new
             if e[CURRENT_STEP] != 0.0:
                 wobble = e[CURRENT_STEP] * (0.5 * math.sin(377.0 * t) + 0.3 * math.sin(1013.0 * t))
                 amp = e[CURRENT_STEP] * math.floor((amp + wobble) / e[CURRENT_STEP] + 0.5)

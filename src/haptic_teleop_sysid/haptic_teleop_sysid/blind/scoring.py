@@ -173,8 +173,7 @@ def _fit(label: dict[str, Any], diagnosis: dict[str, Any]) -> dict[str, Any] | N
     names = [n for n in next(iter(floor.values()), {}) if _number(before.get(n)) and _number(after.get(n))]
     if not names:
         return None
-    window = fit.get("window_s", fit.get("window"))
-    closest = _window(window if _number(window) else None, label["loop"])
+    closest = _window(fit, label["loop"])
     mean = {
         key: sum(values[n] for n in names) / len(names)
         for key, values in (("before", before), ("after", after), ("floor", floor[closest]))
@@ -192,10 +191,12 @@ def _number(value: object) -> bool:
     return isinstance(value, (int, float)) and math.isfinite(value)
 
 
-def _window(window: float | None, loop: str) -> str:
-    """Return the floor's window nearest to the one reported, or to the usual one where none is."""
-    if window is None:
-        return "whole" if loop.startswith("open") else "4"
+def _window(fit: dict[str, Any], loop: str) -> str:
+    """Return the floor's window nearest to the one reported: as a number, in words, or else the usual one."""
+    window, words = fit.get("window_s"), str(fit.get("windows", "")).rpartition("validation:")[2]
+    if not isinstance(window, (int, float)):
+        cut = "made in closed loop" in words or "drifts by" in words
+        return "4" if cut or not loop.startswith("open") else "whole"
     if window > 12.0:
         return "whole"
     return min(("1", "2", "4", "8"), key=lambda w: abs(math.log(float(w) / window)))
