@@ -13,6 +13,10 @@ EXECUTABLES: dict[str, tuple[str, str]] = {
         "haptic_teleop_control.nodes.force_controller:main",
         "couple master and slave: the augmented-error force law of each stage",
     ),
+    "acquisition": (
+        "haptic_teleop_control.nodes.acquisition:main",
+        "identification experiment on one stage or axis: a node of `haptic-teleop acquire`",
+    ),
     "recorder": (
         "haptic_teleop_control.nodes.recorder:main",
         "record topics to an MCAP bag that describes itself",

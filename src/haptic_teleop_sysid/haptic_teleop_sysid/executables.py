@@ -13,6 +13,10 @@ EXECUTABLES: dict[str, tuple[str, str]] = {
         "haptic_teleop_sysid.diagnose:main",
         "say why simulation and recording differ, model it, and show the fit improve",
     ),
+    "acquire": (
+        "haptic_teleop_sysid.acquire:main",
+        "run an identification experiment on one stage or axis, into a bag",
+    ),
     "estimate": (
         "haptic_teleop_sysid.estimate:main",
         "estimate a model's parameters from recordings, with standard errors",

@@ -140,7 +140,9 @@ def run(scenario: Scenario) -> int:
 
 def _watch(scenario: Scenario, children: Sequence[Child], stop: threading.Event) -> dict[str, str]:
     begun = time.monotonic()
-    with Watcher() as watcher, ProgressLine() as progress:
+    # The slave's states tell when a scenario runs; an experiment on the Omni has no other robot.
+    robot = "sfj" if any(name.startswith("sfj") for name in scenario.nodes) else "omni"
+    with Watcher(robot) as watcher, ProgressLine() as progress:
         while not stop.is_set() and all(child.status is None for child in children):
             watcher.look(LOOK_INTERVAL)
             for child in children:
@@ -149,7 +151,7 @@ def _watch(scenario: Scenario, children: Sequence[Child], stop: threading.Event)
             if scenario.duration and watcher.elapsed >= scenario.duration:
                 break
             if watcher.started is None and time.monotonic() - begun > START_LIMIT:
-                sentence = f"no state of the 2DSFJ within {START_LIMIT:g} s; put its plant among the nodes"
+                sentence = f"no state of {robot} within {START_LIMIT:g} s; put its plant among the nodes"
                 return {SCENARIO.node_name: sentence}
         return watcher.faults
 

@@ -22,7 +22,7 @@ from rich.live import Live
 from rich.text import Text
 from sensor_msgs.msg import JointState
 
-from haptic_teleop_control.robots import SFJ_JOINTS, STAGES
+from haptic_teleop_control.robots import OMNI_JOINTS, SFJ_JOINTS, STAGES
 
 NEWEST_ONLY = QoSProfile(depth=1, reliability=ReliabilityPolicy.BEST_EFFORT)
 PLAIN_INTERVAL = 2.0
@@ -30,12 +30,15 @@ PLAIN_INTERVAL = 2.0
 
 
 class Watcher:
-    """An rclpy node that knows the latest state of the 2DSFJ and every fault reported; a context manager.
+    """An rclpy node that knows the latest state of a robot ("sfj" or "omni") and every fault reported; a
+    context manager.
 
     faults: node -> the sentence it reported last. started: steady time of the first state, or None.
     """
 
-    def __init__(self) -> None:
+    def __init__(self, robot: str = "sfj") -> None:
+        self._topic = f"/{robot}/joint_states"
+        self._joints = SFJ_JOINTS if robot == "sfj" else OMNI_JOINTS
         self.faults: dict[str, str] = {}
         self.started: float | None = None
         self._state: JointState | None = None
@@ -43,7 +46,7 @@ class Watcher:
     def __enter__(self) -> Self:
         rclpy.init(args=[], signal_handler_options=rclpy.signals.SignalHandlerOptions.NO)
         self._node = Node("scenario", start_parameter_services=False)
-        self._node.create_subscription(JointState, "/sfj/joint_states", self._take, NEWEST_ONLY)
+        self._node.create_subscription(JointState, self._topic, self._take, NEWEST_ONLY)
         self._node.create_subscription(DiagnosticArray, "/diagnostics", self._diagnose, 10)
         self._executor = SingleThreadedExecutor()
         self._executor.add_node(self._node)
@@ -70,10 +73,14 @@ class Watcher:
     def line(self, duration: float) -> str:
         """Time, and angle of the arm and torque on the environment of both stages."""
         if self._state is None:
-            return "waiting for /sfj/joint_states"
+            return f"waiting for {self._topic}"
         total = f" / {duration:.0f}" if duration > 0.0 else ""
         parts = [f"{self.elapsed:5.1f}{total} s"]
-        for index, stage in enumerate(STAGES):
+        if self._joints == OMNI_JOINTS:
+            values = zip(OMNI_JOINTS, self._state.position, self._state.effort, strict=True)
+            for name, angle, torque in values:
+                parts.append(f"{name}: {angle:+.3f} rad {torque:+.3f} N·m")
+        for index, stage in enumerate(STAGES if self._joints == SFJ_JOINTS else ()):
             arm = SFJ_JOINTS.index(f"{stage}_arm")
             angle, torque = self._state.position[arm], self._state.effort[arm]
             parts.append(f"stage {index + 1}: {angle:+.3f} rad {torque:+.3f} N·m")
@@ -82,7 +89,7 @@ class Watcher:
         return "   ".join(parts)
 
     def _take(self, message: JointState) -> None:
-        if list(message.name) == list(SFJ_JOINTS) and len(message.effort) == len(SFJ_JOINTS):
+        if list(message.name) == list(self._joints) and len(message.effort) == len(self._joints):
             self._state = message
             if self.started is None:
                 self.started = time.monotonic()
