@@ -43,6 +43,9 @@ def load(
         refuse_huge(bag)
         recording = read_recording(bag)
         dataset = load_dataset(recording, model, bag, allow_gaps)
+        # Damage to the file is told with the result, not only what the stream's stamps show.
+        told_already = [p for p in recording.problems if p not in dataset.problems]
+        dataset = replace(dataset, problems=(*told_already, *dataset.problems))
         refuse_idle(dataset)
         data[bag], told[bag] = prepare(dataset, recording, model, treatment)
         refuse_idle(data[bag])

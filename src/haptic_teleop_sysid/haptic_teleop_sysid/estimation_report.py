@@ -135,13 +135,17 @@ def verdict(result: Result) -> list[tuple[str, str]]:
 
 def tables(result: Result) -> list[Table]:
     """Parameters, and fits of start and estimate on all recordings, for the terminal."""
-    found = Table(
-        title=Text(f"{result.estimate.model.joint}: {result.estimate.method}"), title_justify="left"
-    )
-    for column in HEADER:
-        found.add_column(column, justify="right" if column in ("start", "estimate", "std. error") else "left")
+    title = Text(f"{result.estimate.model.joint}: {result.estimate.method}")
+    found = Table(title=title, title_justify="left")
+    shown = ("parameter", "estimate", "std. error", "unit", "remark")
+    for column in shown:
+        right = column in ("estimate", "std. error")
+        found.add_column(column, justify="right" if right else "left", overflow="fold")
     for row in parameter_rows(result.estimate):
-        found.add_row(*(Text(cell) for cell in as_text(row)))
+        cells = dict(zip(HEADER, as_text(row), strict=True)) | {"remark": row.status}
+        if row.value is None:
+            cells["estimate"] = "–"
+        found.add_row(*(Text(cells[column]) for column in shown))
     fits = Table(title="simulated fit in %", title_justify="left")
     for column in ("recording", "signal", "start", "estimate"):
         fits.add_column(column, justify="right" if column in ("start", "estimate") else "left")

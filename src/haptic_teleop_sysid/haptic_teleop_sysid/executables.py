@@ -17,6 +17,18 @@ EXECUTABLES: dict[str, tuple[str, str]] = {
         "haptic_teleop_sysid.acquire:main",
         "run an identification experiment on one stage or axis, into a bag",
     ),
+    "dataset": (
+        "haptic_teleop_sysid.dataset_report:main",
+        "look at recordings before anything is fitted: gaps, jitter, excitation",
+    ),
+    "stiffness": (
+        "haptic_teleop_sysid.stiffness:main",
+        "joint stiffness from a table of hung weights, with its uncertainty",
+    ),
+    "encoders": (
+        "haptic_teleop_sysid.encoders:main",
+        "drive against joint encoder over the range: gearing and largest error",
+    ),
     "estimate": (
         "haptic_teleop_sysid.estimate:main",
         "estimate a model's parameters from recordings, with standard errors",

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 from haptic_teleop_sim.model import PARAMETER_UNITS, STRUCTURES, Model
@@ -82,11 +83,20 @@ def as_text(row: Row) -> list[str]:
     """The row's cells for a table: name, unit, start, value, standard error, interval, remark."""
     if row.value is None:
         value, std, interval = "not determined", "–", "–"
+    elif row.std is None or row.interval is None:
+        value, std, interval = f"{row.value:.6g}", "–", "–"
     else:
-        value = f"{row.value:.6g}"
-        std = "–" if row.std is None else f"{row.std:.2g}"
-        interval = "–" if row.interval is None else f"{row.interval[0]:.5g} … {row.interval[1]:.5g}"
+        value, std = rounded(row.value, row.std), f"{row.std:.2g}"
+        interval = " … ".join(rounded(end, row.std) for end in row.interval)
     return [row.name, row.unit, f"{row.start:.6g}", value, std, interval, row.note or row.status]
+
+
+def rounded(value: float, std: float) -> str:
+    """The value with as many digits as its standard error (two of its own) leaves meaningful."""
+    if not (std > 0.0 and math.isfinite(std) and value != 0.0):
+        return f"{value:.6g}"
+    digits = math.floor(math.log10(abs(value))) - math.floor(math.log10(std)) + 2
+    return f"{value:.{min(max(digits, 2), 12)}g}"
 
 
 HEADER = ["parameter", "unit", "start", "estimate", "std. error", "95 % interval", "remark"]

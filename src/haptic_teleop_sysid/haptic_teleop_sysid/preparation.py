@@ -103,7 +103,8 @@ def prepare(
 def lead_in(dataset: DataSet, recording: Recording) -> float:
     """Seconds before the experiment began: the delay that the acquisition recorded, else the time for which
     exactly nothing was commanded; 0 when there is none (shorter than 0.1 s)."""
-    stated = recorded_value(recording.parameters, ("signal.delay", f"{dataset.joint}.delay"), ("acquisition",))
+    names = ("signal.delay", f"{dataset.joint}.delay")
+    stated = recorded_value(recording.parameters, names, ("acquisition",))
     if stated is not None:
         found = stated[0]
     elif dataset.commanded_input is not None and np.any(dataset.commanded_input != 0.0):

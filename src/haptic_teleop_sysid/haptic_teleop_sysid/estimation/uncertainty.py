@@ -153,7 +153,6 @@ def _judge(fit: Fit, information: FloatArray, meat: FloatArray) -> Uncertainty:
     levels, directions = np.linalg.eigh(correlation_matrix) if len(index) else (np.zeros(0), np.zeros((0, 0)))
     top = float(levels[-1]) if len(levels) else 1.0
     weak = levels < SINGULAR * top * max(len(levels), 1)
-    condition = top / float(levels[0]) if len(levels) and levels[0] > 0 else float("inf")
     for column in np.flatnonzero(weak):
         _singular(everything, index, directions[:, column], undetermined)
     kept = directions[:, ~weak]
@@ -163,6 +162,7 @@ def _judge(fit: Fit, information: FloatArray, meat: FloatArray) -> Uncertainty:
     count = len(names)
     covariance = (bread @ meat @ bread)[:count, :count]
     bread = bread[:count, :count]
+    condition = _condition(bread) if not undetermined.keys() & set(names) else float("inf")
     undetermined = {name: why for name, why in undetermined.items() if name in names}
     std = np.sqrt(np.maximum(np.diag(covariance), 0.0))
     plain = np.sqrt(np.maximum(np.diag(bread), 0.0))
@@ -188,6 +188,14 @@ def _judge(fit: Fit, information: FloatArray, meat: FloatArray) -> Uncertainty:
             std[i] = plain[i] = np.inf
             correlation[i, :] = correlation[:, i] = np.nan
     return Uncertainty(names, std, correlation, plain, undetermined, tuple(near_zero), condition)
+
+
+def _condition(bread: FloatArray) -> float:
+    """Condition of the parameters' inverse information, noise levels eliminated, scaled to unit diagonal."""
+    scale = np.sqrt(np.maximum(np.diag(bread), 0.0))
+    if not len(bread) or not np.all(scale > 0.0):
+        return float("inf")
+    return float(np.linalg.cond(bread / np.outer(scale, scale)))
 
 
 def _singular(

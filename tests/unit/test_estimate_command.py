@@ -1,0 +1,209 @@
+"""`estimate` and `dataset` on the command line: what they write, and one sentence for what cannot be used."""
+
+import json
+from dataclasses import replace
+
+import numpy as np
+import pytest
+import yaml
+from identification_plants import STAGE, axis_recording, stage_recording
+
+from haptic_teleop_control.recording import JointStateSeries, write_recording
+from haptic_teleop_sim.model import load_model
+from haptic_teleop_sysid.dataset_report import main as dataset_main
+from haptic_teleop_sysid.estimate import main
+from haptic_teleop_sysid.preparation import Treatment, prepare, resampled
+
+SECONDS = 8.0
+
+
+@pytest.fixture(scope="module")
+def recording():
+    return stage_recording(seconds=SECONDS)
+
+
+@pytest.fixture
+def model(tmp_path):
+    path = tmp_path / "model.yaml"
+    STAGE.save(path)
+    return path
+
+
+def written(tmp_path, recording, name="bag", **changes):
+    """A bag of the recording, its states changed field by field."""
+    states = recording.topics["/sfj/joint_states"]
+    topics = {**recording.topics, "/sfj/joint_states": replace(states, **changes)}
+    return write_recording(tmp_path / name, topics, {}, recording.experiment)
+
+
+def refused(capsys, *arguments):
+    """The sentence of a run that must end with status 2."""
+    assert main([str(a) for a in arguments]) == 2
+    told = capsys.readouterr().err
+    assert "Traceback" not in told
+    return " ".join(told.split())
+
+
+def kept(series, keep):
+    arrays = ("stamp", "received", "position", "velocity", "effort")
+    found = {n: getattr(series, n)[keep] for n in arrays if getattr(series, n) is not None}
+    return replace(series, **found)
+
+
+def test_a_run_writes_model_numbers_and_report(tmp_path, model, recording, capsys):
+    bag, other = written(tmp_path, recording), tmp_path / "other"
+    write_recording(other, stage_recording(seed=2, seconds=6.0).topics, {}, {"kind": "open loop"})
+    arguments = ["--model", str(model), "--bag", str(bag), "--validation", str(other), "--output"]
+    assert main([*arguments, str(tmp_path / "out")]) == 0
+    result = json.loads((tmp_path / "out" / "estimate.json").read_text())
+    rows = {row["name"]: row for row in result["parameters"]}
+    assert rows["stiffness"]["status"] == "fixed"
+    assert rows["arm_inertia"]["value"] == pytest.approx(0.17, rel=1e-3)
+    assert rows["arm_inertia"]["interval"][0] < rows["arm_inertia"]["interval"][1]
+    assert result["converged"] is True
+    assert set(result["fit"]["estimate"]) == {str(bag), str(other)}
+    assert result["recordings"][str(other)]["role"] == "validation"
+    estimated = load_model(tmp_path / "out" / "model.yaml")
+    assert estimated.parameters["arm_inertia"] == rows["arm_inertia"]["value"]
+    assert "<svg" in (tmp_path / "out" / "report.html").read_text()
+    assert "std. error" in capsys.readouterr().out
+    assert "earlier run" in refused(capsys, *arguments, tmp_path / "out")
+
+
+def test_an_empty_recording(tmp_path, model, recording, capsys):
+    empty = kept(recording.topics["/sfj/joint_states"], slice(0, 0))
+    bag = write_recording(tmp_path / "empty", {"/sfj/joint_states": empty}, {}, {})
+    assert "empty" in refused(capsys, "--model", model, "--bag", bag, "--output", tmp_path / "o")
+    (tmp_path / "nothing").mkdir()
+    told = refused(capsys, "--model", model, "--bag", tmp_path / "nothing", "--output", tmp_path / "o")
+    assert "nothing" in told
+
+
+def test_a_truncated_recording_is_used_as_far_as_it_goes_and_says_so(tmp_path, model, recording):
+    bag = written(tmp_path, recording)
+    file = next(bag.glob("*.mcap"))
+    file.write_bytes(file.read_bytes()[: int(0.7 * file.stat().st_size)])
+    assert main(["--model", str(model), "--bag", str(bag), "--output", str(tmp_path / "o")]) == 0
+    result = json.loads((tmp_path / "o" / "estimate.json").read_text())
+    assert result["recordings"][str(bag)]["problems"]
+    assert result["recordings"][str(bag)]["samples"] < SECONDS * 500
+
+
+def test_a_recording_with_a_single_joint(tmp_path, model, recording, capsys):
+    states = recording.topics["/sfj/joint_states"]
+    one = JointStateSeries(
+        states.stamp,
+        states.received,
+        ("stage1_motor",),
+        *(getattr(states, f)[:, :1] for f in ("position", "velocity", "effort")),
+    )
+    bag = write_recording(tmp_path / "one", {"/sfj/joint_states": one}, {}, {})
+    assert "no joint stage1_arm" in refused(
+        capsys, "--model", model, "--bag", bag, "--output", tmp_path / "o"
+    )
+
+
+def test_an_input_that_never_changes(tmp_path, model, recording, capsys):
+    topics = dict(recording.topics)
+    command = topics["/sfj/effort_command"]
+    topics["/sfj/effort_command"] = replace(command, effort=np.full_like(command.effort, 0.5))
+    bag = write_recording(tmp_path / "constant", topics, {}, {})
+    told = refused(capsys, "--model", model, "--bag", bag, "--output", tmp_path / "o")
+    assert "not identifiable" in told and "never changes" in told
+
+
+def test_a_joint_that_stands_still(tmp_path, model, recording, capsys):
+    still = np.zeros_like(recording.topics["/sfj/joint_states"].position)
+    bag = written(tmp_path, recording, position=still)
+    told = refused(capsys, "--model", model, "--bag", bag, "--output", tmp_path / "o")
+    assert "not identifiable" in told and "encoder steps" in told
+
+
+def test_values_that_are_no_numbers_are_left_out_and_told(tmp_path, model, recording):
+    position = recording.topics["/sfj/joint_states"].position.copy()
+    position[1000:1003] = np.nan
+    bag = written(tmp_path, recording, position=position)
+    assert main(["--model", str(model), "--bag", str(bag), "--output", str(tmp_path / "o")]) == 0
+    result = json.loads((tmp_path / "o" / "estimate.json").read_text())
+    assert any("no finite number" in p for p in result["recordings"][str(bag)]["problems"])
+    rows = {row["name"]: row for row in result["parameters"]}
+    assert rows["arm_inertia"]["value"] == pytest.approx(0.17, rel=1e-2)
+
+
+def test_a_recording_of_five_samples(tmp_path, model, recording, capsys):
+    five = kept(recording.topics["/sfj/joint_states"], slice(0, 5))
+    bag = write_recording(tmp_path / "five", {"/sfj/joint_states": five}, {}, {})
+    assert "5 usable samples" in refused(capsys, "--model", model, "--bag", bag, "--output", tmp_path / "o")
+
+
+def test_a_recording_of_ten_hours_is_refused_unread(tmp_path, model, recording, capsys):
+    bag = written(tmp_path, recording)
+    path = bag / "metadata.yaml"
+    content = yaml.safe_load(path.read_text())
+    information = content["rosbag2_bagfile_information"]
+    information["message_count"] = 36_000_000
+    information["duration"]["nanoseconds"] = 36_000_000_000_000
+    path.write_text(yaml.safe_dump(content))
+    told = refused(capsys, "--model", model, "--bag", bag, "--output", tmp_path / "o")
+    assert "10.0 h" in told and "cut a shorter one" in told
+
+
+def test_a_start_outside_its_bounds_and_names_that_do_not_exist(tmp_path, model, recording, capsys):
+    common = ["--model", model, "--bag", written(tmp_path, recording), "--output", tmp_path / "o"]
+    told = refused(capsys, *common, "--bound", "arm_inertia=1:2")
+    assert "arm_inertia starts at 0.17, outside its bounds 1 to 2" in told
+    assert "has no parameter 'mass'" in refused(capsys, *common, "--fix", "mass")
+    assert "does not read NAME=LOW:HIGH" in refused(capsys, *common, "--bound", "arm_inertia")
+    every = [n for n in STAGE.parameters if n != "stiffness"]
+    assert "nothing to estimate" in refused(capsys, *common, "--fix", *every)
+
+
+def test_two_bags_of_different_robots(tmp_path, model, recording, capsys):
+    good = written(tmp_path, recording)
+    omni = write_recording(tmp_path / "omni", axis_recording(seconds=2.0).topics, {}, {})
+    told = refused(capsys, "--model", model, "--bag", good, omni, "--output", tmp_path / "o")
+    assert "stage1 of sfj" in told and str(omni) in told
+
+
+def test_the_data_set_report_judges_recording_and_excitation(tmp_path, model, recording, capsys):
+    states = recording.topics["/sfj/joint_states"]
+    holed = kept(states, np.r_[0:1000, 1050 : len(states)])
+    bag = write_recording(tmp_path / "holed", {**recording.topics, "/sfj/joint_states": holed}, {}, {})
+    arguments = ["--bag", str(bag), "--output", str(tmp_path / "look")]
+    assert dataset_main([*arguments, "--model", str(model)]) == 0
+    found = json.loads((tmp_path / "look" / "dataset.json").read_text())["recordings"][0]
+    assert found["topics"]["/sfj/joint_states"]["lost"] == 50
+    assert any("gaps" in problem for problem in found["problems"])
+    assert set(found["expected_std"]) == set(STAGE.free_parameters())
+    low, high = found["band_hz"]
+    assert 0.1 <= low < high <= 13.0
+    assert "samples are lost" in " ".join(capsys.readouterr().out.split())
+
+
+def test_the_data_set_report_tells_what_a_poor_signal_cannot_teach(tmp_path, recording):
+    # All six free: the scale common to all cannot show in any recording.
+    free = tmp_path / "free.yaml"
+    replace(STAGE, fixed=()).save(free)
+    bag = written(tmp_path, recording)
+    arguments = ["--bag", str(bag), "--model", str(free), "--output", str(tmp_path / "look")]
+    assert dataset_main(arguments) == 0
+    found = json.loads((tmp_path / "look" / "dataset.json").read_text())["recordings"][0]
+    assert "torque_constant" in found["undetermined"]
+
+
+def test_treatments_do_what_they_say(recording):
+    from haptic_teleop_sysid.dataset import load_dataset
+
+    dataset = load_dataset(recording, STAGE, "bag")
+    halved = resampled(dataset, 250.0)
+    assert halved.dt == pytest.approx(2 * dataset.dt)
+    assert np.array_equal(halved.motor_position, dataset.motor_position[::2][: len(halved)])
+    assert halved.input == pytest.approx(dataset.input.reshape(-1, 2).mean(axis=1))
+    moved = replace(dataset, motor_position=dataset.motor_position + 0.3)
+    back, told = prepare(moved, recording, STAGE, Treatment(lead_in=0.5, offset="remove"))
+    expected = np.mean(moved.motor_position[5:250])
+    assert back.motor_position[0] == pytest.approx(moved.motor_position[250] - expected)
+    assert any("moved by" in sentence for sentence in told)
+    flat, _ = prepare(dataset, recording, STAGE, Treatment(lead_in="none", detrend="linear", span=(1.0, 5.0)))
+    slope = np.polyfit(flat.time, flat.motor_position, 1)[0]
+    assert abs(slope) < 1e-12
