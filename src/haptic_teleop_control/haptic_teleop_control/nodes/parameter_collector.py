@@ -12,7 +12,9 @@ from rclpy.parameter import parameter_value_to_python
 from rclpy.qos import qos_profile_parameter_events
 
 PATIENCE = 30
-"""Polls after which a node that has not answered is given up."""
+"""Polls after which a node that has not answered is asked anew; twice as many after every attempt in vain.
+
+A node that compiles its plant at the first start answers nothing for ten seconds and more."""
 
 
 class ParameterCollector:
@@ -28,7 +30,7 @@ class ParameterCollector:
         self.parameters: dict[str, dict[str, Any]] = {}
         self.latest: dict[str, dict[str, Any]] = {}
         self._queries: dict[str, _Query] = {}
-        self._silent: set[str] = set()
+        self._vain: dict[str, int] = {}
         node.create_subscription(
             ParameterEvent, "/parameter_events", self._event, qos_profile_parameter_events
         )
@@ -44,12 +46,7 @@ class ParameterCollector:
         for name, namespace in self.node.get_node_names_and_namespaces():
             full = f"{namespace.rstrip('/')}/{name}"
             # A leading underscore marks nodes that tools hide, such as the ros2 daemon.
-            if (
-                full != own
-                and not name.startswith("_")
-                and full not in self.latest
-                and full not in self._silent
-            ):
+            if full != own and not name.startswith("_") and full not in self.latest:
                 self._ask(full)
         self._advance()
 
@@ -72,13 +69,13 @@ class ParameterCollector:
     def _advance(self) -> None:
         for full, query in list(self._queries.items()):
             query.advance()
-            if query.answer is None and query.polls < PATIENCE:
+            if query.answer is None and query.polls < PATIENCE * 2 ** self._vain.get(full, 0):
                 continue
             if query.answer is not None:
                 self.parameters.setdefault(full, query.answer)
                 self.latest[full] = dict(query.answer)
             elif full not in self.parameters:
-                self._silent.add(full)
+                self._vain[full] = self._vain.get(full, 0) + 1
             query.destroy()
             del self._queries[full]
 
