@@ -7,6 +7,7 @@ from dataclasses import replace
 from pathlib import Path
 
 import pytest
+from identification_plants import STAGE, stage_recording
 from joint_recordings import TRUTH, excitation, joint_recording, response
 
 from haptic_teleop_control.recording import write_recording
@@ -61,7 +62,7 @@ def test_the_report_shows_a_picture_and_escapes_names(tmp_path, bag, models):
     output = tmp_path / "out"
     assert run("--model", *models, "--bag", bag, "--output", output) == 0
     page = (output / "report.html").read_text()
-    assert page.count("<svg") == 1
+    assert page.count("<svg") == 1 + len(models)  # the responses, and the residuals of each model
     assert "recordings &lt;i&gt;" in page
     assert "<i>" not in page
     # One file that needs nothing else.
@@ -169,3 +170,16 @@ def test_the_real_robot_axis_fits_better_with_coulomb_friction(shared_data, tmp_
     )
     assert with_friction > without + 5.0
     assert with_friction > 95.0
+
+
+def test_residuals_of_the_true_model_are_white_and_those_of_a_wrong_one_are_not():
+    recording = stage_recording(seconds=12.0, band=(0.2, 12.0))
+    # The stiffness of the joint is what the arm's motion depends on.
+    wrong = STAGE.with_values({"stiffness": 1.2 * STAGE.parameters["stiffness"]})
+    result = compare.compare({"true": STAGE, "wrong": wrong}, {"bag": recording}, window=4.0)
+    white, coloured = (result.residuals[name, "bag"][1] for name in ("true", "wrong"))
+    assert white.signal == "stage1_arm.position"
+    assert white.outside[0] < 0.05
+    # The noise levels, tuned to each model, take over what they can of the error; not all.
+    assert coloured.outside[0] > 0.15
+    assert coloured.rms > white.rms

@@ -6,7 +6,7 @@ from __future__ import annotations
 
 import argparse
 import time
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
@@ -21,6 +21,7 @@ from haptic_teleop_sysid.dataset import DataSet, load_dataset
 from haptic_teleop_sysid.fit import SimulatedFit, choose_windows, simulated_fit
 from haptic_teleop_sysid.parameter_fit import ParameterFit, fit_parameters
 from haptic_teleop_sysid.report import claim_output_directory, save_png
+from haptic_teleop_sysid.residuals import Residuals, model_residuals
 from haptic_teleop_sysid.results import tool_version, write_json
 from haptic_teleop_sysid.windows import Windows
 
@@ -29,7 +30,8 @@ from haptic_teleop_sysid.windows import Windows
 class Comparison:
     """Models and bags by the names that the command line gave them.
 
-    `data`, `windows` by bag; `fits` by (model, bag); `fitted` by model where parameters were fitted.
+    `data`, `windows` by bag; `fits` by (model, bag); `fitted` by model where parameters were fitted;
+    `residuals` of the one-step predictions by (model, bag), where the model predicts at all.
     """
 
     models: dict[str, Model]
@@ -37,6 +39,7 @@ class Comparison:
     windows: dict[str, Windows]
     fits: dict[tuple[str, str], SimulatedFit]
     fitted: dict[str, ParameterFit]
+    residuals: dict[tuple[str, str], list[Residuals]] = field(default_factory=dict)
 
 
 def compare(
@@ -77,11 +80,16 @@ def compare(
         (name, bag): simulated_fit(models[name], dataset, windows[bag])
         for (name, bag), dataset in data.items()
     }
+    residuals = {
+        (name, bag): found
+        for (name, bag), dataset in data.items()
+        if (found := model_residuals(models[name], dataset)) is not None
+    }
     # The richest data set of a bag (a flexible joint has an arm, a rigid body none) is the one to draw.
     shown = {
         bag: max((data[name, bag] for name in models), key=lambda d: len(d.signals())) for bag in recordings
     }
-    return Comparison(models, shown, windows, fits, fitted)
+    return Comparison(models, shown, windows, fits, fitted, residuals)
 
 
 def as_json(result: Comparison) -> dict[str, Any]:
@@ -109,6 +117,16 @@ def as_json(result: Comparison) -> dict[str, Any]:
                 "problems": dataset.problems,
             }
             for bag, dataset in result.data.items()
+        },
+        "residuals": {
+            name: {
+                bag: {
+                    r.signal: {"rms_rad": r.rms, "auto_outside": r.outside[0], "cross_outside": r.outside[1]}
+                    for r in result.residuals.get((name, bag), [])
+                }
+                for bag in bags
+            }
+            for name in result.models
         },
         "parameters": {name: model.parameter_values() for name, model in result.models.items()},
         "parameter_fit": {

@@ -9,7 +9,10 @@ from matplotlib.figure import Figure
 from rich.table import Table
 from rich.text import Text
 
-from haptic_teleop_sysid.report import Page, Panel, Series, stacked_panels
+from haptic_teleop_sysid.report import Page, Panel, Section, Series, stacked_panels
+from haptic_teleop_sysid.residual_picture import residual_picture
+from haptic_teleop_sysid.residuals import UNDER_FEEDBACK
+from haptic_teleop_sysid.windows import closed_loop
 
 if TYPE_CHECKING:
     from haptic_teleop_sysid.compare import Comparison
@@ -123,8 +126,32 @@ def comparison_page(result: Comparison, pictures: dict[str, Figure]) -> Page:
         section.table(["model", *signals], rows, "Fit in percent: 100·(1 − ‖y − ŷ‖ / ‖y − mean y‖)")
         section.table(["model", *(f"{s} ({units[s]})" for s in signals)], errors, "Error, root mean square")
         section.picture(pictures[bag], f"Measured and simulated response, {bag}")
+        _residuals(section, result, bag)
     _parameters(page, result)
     return page
+
+
+def _residuals(section: Section, result: Comparison, bag: str) -> None:
+    loop = closed_loop(result.data[bag])
+    rows = [
+        [short(name, result), r.signal, f"{r.rms:.3g}", *(f"{100 * share:.0f} %" for share in r.outside)]
+        for name in result.models
+        for r in result.residuals.get((name, bag), [])
+    ]
+    if not rows:
+        return
+    section.text(
+        "One-step prediction errors, the noise levels tuned for each model: of a model that explains "
+        "everything about "
+        "1 % of the correlations lie beyond the 99 % bound."
+        + (f" {UNDER_FEEDBACK}" if loop else "")
+    )
+    header = ["model", "encoder", "error (rad rms)", "with itself later, beyond", "with past inputs, beyond"]
+    section.table(header, rows, "Residual analysis")
+    for name in result.models:
+        if found := result.residuals.get((name, bag)):
+            title = f"Correlation of the one-step errors of {short(name, result)}, {bag}"
+            section.picture(residual_picture(found, result.data[bag].dt), title)
 
 
 def _summary(page: Page, result: Comparison) -> None:

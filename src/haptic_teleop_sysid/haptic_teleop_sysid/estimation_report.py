@@ -16,6 +16,7 @@ from haptic_teleop_sysid.estimation.strategies import Estimate
 from haptic_teleop_sysid.fit import SimulatedFit
 from haptic_teleop_sysid.parameter_table import HEADER, Row, as_text, parameter_rows
 from haptic_teleop_sysid.report import Page, Panel, Series, stacked_panels
+from haptic_teleop_sysid.residual_picture import residual_picture
 from haptic_teleop_sysid.residuals import Residuals, reading
 from haptic_teleop_sysid.windows import closed_loop
 
@@ -236,32 +237,6 @@ def fit_picture(result: Result, bag: str) -> Figure:
         Panel(f"input ({dataset.input_source})", unit, [Series("", dataset.time, dataset.input, colour=0)])
     )
     return stacked_panels(panels, x_label="time since the recording's first sample (s)")
-
-
-def residual_picture(residuals: list[Residuals], dt: float) -> Figure:
-    """Auto- and cross-correlation with their 99 % bounds."""
-    panels = []
-    for one in residuals:
-        time = np.asarray(one.lags * dt, dtype=np.float64)
-        bounds = (-one.bound, one.bound)
-        later = one.lags > 0
-        panels.append(
-            Panel(
-                f"{one.signal}: error with itself later",
-                "1",
-                [Series("", time[later], np.asarray(one.auto[later]), colour=1)],
-                guides=bounds,
-            )
-        )
-        panels.append(
-            Panel(
-                f"{one.signal}: input with error later (left of 0: feedback)",
-                "1",
-                [Series("", time, one.cross, colour=2)],
-                guides=bounds,
-            )
-        )
-    return stacked_panels(panels, x_label="lag (s)", height=1.4)
 
 
 __all__ = ["Result", "Row", "as_json", "fit_picture", "page", "residual_picture", "tables", "verdict"]

@@ -18,12 +18,22 @@ from scipy.linalg import solve_toeplitz
 from scipy.signal import fftconvolve, lfilter
 
 from haptic_teleop_sim.kernel import pack
+from haptic_teleop_sim.model import Model
+from haptic_teleop_sysid.dataset import DataSet
 from haptic_teleop_sysid.estimation.gauss_newton import Fit
 from haptic_teleop_sysid.estimation.likelihood import channels, innovations, settled
-from haptic_teleop_sysid.estimation.records import Record
+from haptic_teleop_sysid.estimation.records import Record, record_from
+from haptic_teleop_sysid.estimation.tuning import initial_noise, tune_noise
 
 Array = NDArray[np.float64]
 QUANTILE_99 = 2.576
+FEWEST_SAMPLES = 200
+"""Samples below which correlations over 50 lags say nothing."""
+UNDER_FEEDBACK = (
+    "The recording was made in closed loop: correlation at negative lags is the controller answering the "
+    "disturbance "
+    "and says nothing against the model; read the positive lags."
+)
 ORDER = 20
 """Of the autoregressive filter that whitens the input."""
 
@@ -53,6 +63,24 @@ def residual_analysis(fit: Fit, record: Record, lags: int = 50) -> list[Residual
         correlations(e[:, c], u, min(lags, len(u) // 4), f"{fit.model.joint}_{place[c]}.position")
         for c in channels(packed, record)
     ]
+
+
+def model_residuals(model: Model, dataset: DataSet) -> list[Residuals] | None:
+    """`residual_analysis` of a model as it is, the noise levels tuned to the data set; None where it
+    predicts nothing or the data set is too short to tell."""
+    if len(dataset) < FEWEST_SAMPLES:
+        return None
+    record = record_from(dataset)
+    packed = pack(model)
+    try:
+        noise, value = tune_noise(packed, initial_noise(packed, [record]), [record])
+    except (np.linalg.LinAlgError, ValueError):
+        return None
+    if not np.isfinite(value):
+        return None
+    nothing = np.zeros(0)
+    fit = Fit(model, noise, (), value, np.zeros((0, 0)), nothing, True, 0, "not fitted")
+    return residual_analysis(fit, record)
 
 
 def correlations(e: Array, u: Array, lags: int, signal: str = "") -> Residuals:
@@ -97,11 +125,7 @@ def reading(found: list[Residuals], closed_loop: bool | None) -> list[str]:
             + "."
         )
     if closed_loop:
-        told.append(
-            "The recording was made in closed loop: correlation at negative lags is the controller "
-            "answering the "
-            "disturbance and says nothing against the model; read the positive lags."
-        )
+        told.append(UNDER_FEEDBACK)
     return told
 
 

@@ -97,7 +97,19 @@ def fit_from_afar(
     """`fit_model` after `approach`, then `polish`; where the approach did not arrive, the better of this
     and of `fit_model` alone."""
     near = approach(model, records, free=free, limits=limits, progress=progress)
-    fit = fit_model(near.model, records, free=free, limits=limits, progress=progress)
+    # From a quiet noise model, so that the disturbance does not grow until it replaces friction.
+    quiet = distrustful_noise(near.model, records, 0.0)
+    # Two rounds: the polish below does the rest.
+    fit = fit_model(
+        near.model,
+        records,
+        noise=quiet,
+        free=free,
+        rounds=2,
+        iterations=25,
+        limits=limits,
+        progress=progress,
+    )
     if not (near.converged and fit.converged):
         other = fit_model(model, records, free=free, limits=limits, progress=progress)
         fit = max(fit, other, key=lambda one: one.log_likelihood)
@@ -120,7 +132,7 @@ def polish(
     for _ in range(rounds):
         if not np.isfinite(fit.log_likelihood):
             break
-        noise, _ = tune_noise(pack(fit.model), fit.noise, records, factor=1.3, rounds=3, enough=0.05)
+        noise, _ = tune_noise(pack(fit.model), fit.noise, records, factor=1.25, rounds=2, enough=0.1)
         better = fit_parameters(fit.model, noise, records, free=fit.free, limits=limits, progress=progress)
         if not better.log_likelihood > fit.log_likelihood:
             break

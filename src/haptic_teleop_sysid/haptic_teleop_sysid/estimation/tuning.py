@@ -8,7 +8,7 @@ import numpy as np
 
 from haptic_teleop_sim.kernel import Packed
 
-from .likelihood import innovations, log_likelihood
+from .likelihood import channels, innovations, log_likelihood
 from .noise import NoiseModel
 from .records import Record
 
@@ -53,6 +53,8 @@ def tune_noise(
     for _ in range(rounds):
         for name in _LEVELS:
             if packed.rigid and name.startswith("arm"):
+                continue
+            if name == "arm_angle" and not any(1 in channels(packed, record) for record in records):
                 continue
             for step in (factor, 1.0 / factor):
                 moved = False
