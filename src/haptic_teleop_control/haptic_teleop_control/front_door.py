@@ -107,8 +107,8 @@ def start(name: str, arguments: Sequence[str]) -> int:
     """Run an executable in this process with its arguments untouched, and return its exit status."""
     # The ROS 2 wheels make the environment an ament prefix. A sourced installation has set its own.
     os.environ.setdefault("AMENT_PREFIX_PATH", sys.prefix)
-    # Matrices here have six rows: threads of the linear algebra library would only spin against each other and
-    # against the control loops (measured: 24 ms instead of 0.3 ms for an observer gain on two busy cores).
+    # Matrices here have six rows: threads of the linear algebra library would only spin against each other
+    # and the control loops (measured: 24 ms instead of 0.3 ms for an observer gain on two busy cores).
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
     main_of_executable = load(name)
     # What asks for the process' own arguments (argparse for the program's name, rclpy.init) must see the

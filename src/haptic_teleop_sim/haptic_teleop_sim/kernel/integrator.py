@@ -107,8 +107,8 @@ def update_memories(x, moved_motor, moved_arm, codes, p):
 def rates(qm, qa, vm, va, z, moved_motor, moved_arm, t, torque_motor, torque_arm, exogenous, rigid, base,
           codes, p, dz):
     """Accelerations of motor and arm; the rates of the effects' own states ``z[4:]`` into ``dz[4:]``, those
-    of memories excepted: ``z`` holds them as at the start of the step, since when motor and arm have moved by so
-    much.
+    of memories excepted: ``z`` holds them as at the start of the step, since when motor and arm have
+    moved by so much.
 
     Angles and velocities come and go as scalars, because the way through memory would take longer than the
     equations.

@@ -19,9 +19,9 @@ from .words import because
 
 #: Share of the left-over torque that a curve must explain on other recordings to count as physics nobody
 #: named.
-STRUCTURED = 0.25
+STRUCTURED = 0.5
 #: Least rms of that left-over torque, relative to the rms input torque.
-NOTICEABLE = 0.02
+NOTICEABLE = 0.03
 
 
 @dataclass(frozen=True)

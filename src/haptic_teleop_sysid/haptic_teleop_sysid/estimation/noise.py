@@ -29,8 +29,8 @@ class NoiseModel:
 
     motor_torque, arm_torque: rms of the disturbance torques, N·m. motor_time, arm_time: their correlation
     times, s. motor_angle, arm_angle: rms of the encoders' noise, rad.  All greater than zero.
-    ``reference``: the structure (as ``Packed.base``) whose linearisation gives the observer gain, so that several
-    models are judged by one and the same observer; None: each model's own.
+    ``reference``: the structure (as ``Packed.base``) whose linearisation gives the observer gain, so that
+    several models are judged by one and the same observer; None: each model's own.
     """
 
     motor_torque: float
