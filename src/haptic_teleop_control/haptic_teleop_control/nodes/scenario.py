@@ -141,7 +141,7 @@ def run(scenario: Scenario) -> int:
 def _watch(scenario: Scenario, children: Sequence[Child], stop: threading.Event) -> dict[str, str]:
     begun = time.monotonic()
     # The slave's states tell when a scenario runs; an experiment on the Omni has no other robot.
-    robot = "sfj" if any(name.startswith("sfj") for name in scenario.nodes) else "omni"
+    robot = "sfj" if any(node_class(name).NAMESPACE == "sfj" for name in scenario.nodes) else "omni"
     with Watcher(robot) as watcher, ProgressLine() as progress:
         while not stop.is_set() and all(child.status is None for child in children):
             watcher.look(LOOK_INTERVAL)
