@@ -32,6 +32,7 @@ setup(
     data_files=[
         ("share/ament_index/resource_index/packages", [f"resource/{NAME}"]),
         (f"share/{NAME}", ["package.xml"]),
+        (f"share/{NAME}/launch", sorted(str(file) for file in Path("launch").glob("*.launch.py"))),
         *CONFIG_FILES,
     ],
     install_requires=["setuptools"],

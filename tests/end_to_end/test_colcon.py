@@ -111,3 +111,11 @@ def test_the_settings_are_installed_into_the_share_folder_of_control(workspace):
     files = {path.relative_to(source): path.read_bytes() for path in source.rglob("*.yaml")}
     assert files
     assert {path.relative_to(installed): path.read_bytes() for path in installed.rglob("*.yaml")} == files
+
+
+def test_the_launch_file_is_installed_where_ros2_launch_looks(workspace):
+    share = workspace / "install/haptic_teleop_control/share/haptic_teleop_control"
+    sources = workspace / "src/haptic_teleop_control/launch"
+    names = {path.name for path in sources.glob("*.launch.py")}
+    assert names
+    assert {path.name for path in (share / "launch").glob("*.launch.py")} == names
