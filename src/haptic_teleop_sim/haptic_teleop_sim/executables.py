@@ -9,6 +9,10 @@ EXECUTABLES: dict[str, tuple[str, str]] = {
         "haptic_teleop_sim.nodes.sfj_sim:main",
         "the simulated Quanser 2DSFJ, interchangeable with its driver",
     ),
+    "mujoco_sim": (
+        "haptic_teleop_sim.nodes.mujoco_sim:main",
+        "the 2DSFJ simulated by MuJoCo, an engine that is not this project's, in place of sfj_sim",
+    ),
     "omni_sim": (
         "haptic_teleop_sim.nodes.omni_sim:main",
         "the simulated Phantom Omni and its operator, interchangeable with its driver",

@@ -9,7 +9,8 @@ The series are what a recording of the robot's node would hold, so `write_record
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
+from typing import Protocol
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -26,6 +27,29 @@ Array = NDArray[np.float64]
 
 Controller = Callable[[float, Array, Array, Array], ArrayLike]
 """(time s, position rad, velocity rad/s, effort N·m) of all joints -> effort of the motors, N·m."""
+
+
+class SteppedRobot(Protocol):
+    """What a closed loop needs of a robot: `SfjRobot`, `OmniRobot`, `MujocoRobot`, or one of your own."""
+
+    @property
+    def namespace(self) -> str: ...
+
+    @property
+    def names(self) -> Sequence[str]: ...
+
+    @property
+    def motors(self) -> Sequence[str]: ...
+
+    @property
+    def dt(self) -> float: ...
+
+    @property
+    def time(self) -> float: ...
+
+    def sense(self) -> tuple[Array, Array, Array]: ...
+
+    def step(self, effort_command: ArrayLike) -> StepResult: ...
 
 
 def run_open_loop(
@@ -52,7 +76,9 @@ def run_open_loop(
     return _topics(robot, start + sample_times(1.0 / robot.dt, n * robot.dt), out, commands)
 
 
-def run_closed_loop(robot: Robot, controller: Controller, duration: float) -> dict[str, JointStateSeries]:
+def run_closed_loop(
+    robot: SteppedRobot, controller: Controller, duration: float
+) -> dict[str, JointStateSeries]:
     """The robot's topics while `controller` answers every sample, for `duration` s from where the robot is.
 
     The answer to a sample acts until the next. Raises ConfigurationError for a duration that is not positive.
@@ -86,7 +112,7 @@ class PositionLoop:
         return self._kp * error - self._kd * velocity[self._motors]
 
 
-def _topics(robot: Robot, times: Array, states: Array, commands: Array) -> dict[str, JointStateSeries]:
+def _topics(robot: SteppedRobot, times: Array, states: Array, commands: Array) -> dict[str, JointStateSeries]:
     return {
         f"{robot.namespace}/joint_states": series(times, robot.names, states=states),
         f"{robot.namespace}/effort_command": series(times, robot.motors, effort=commands),

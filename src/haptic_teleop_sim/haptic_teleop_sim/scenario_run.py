@@ -25,6 +25,7 @@ from haptic_teleop_control.recording import JointStateSeries
 from haptic_teleop_control.robots import OMNI_JOINTS, OMNI_PEAK_TORQUE, SFJ_JOINTS, SFJ_MOTOR_JOINTS, STAGES
 from haptic_teleop_control.signals import SignalGenerator
 
+from .experiments import SteppedRobot
 from .hardware import OmniRobot, SfjRobot, StepResult
 from .kernel import stepping
 from .scenario_parameters import ScenarioParameters
@@ -48,7 +49,7 @@ class ScenarioResult:
 class _Prepared:
     """Everything before the first sample."""
 
-    slave: SfjRobot
+    slave: SteppedRobot
     master: OmniRobot
     law: ForceLaw
     wanted: MasterSide
@@ -65,15 +66,20 @@ class _Prepared:
 
 
 def simulate_scenario(
-    parameters: ScenarioParameters, duration: float, seed: int | None = None, law: ForceLaw | None = None
+    parameters: ScenarioParameters,
+    duration: float,
+    seed: int | None = None,
+    law: ForceLaw | None = None,
+    slave: SteppedRobot | None = None,
 ) -> ScenarioResult:
     """Run a scenario for `duration` s, both robots from rest.
 
     seed: of both robots, instead of those in the parameters. law: one of your own for the two stages, instead
-    of the one that `law` names; it is stepped at `slave_rate`. Raises ConfigurationError or ModelError for
-    parameters that do not make a scenario.
+    of the one that `law` names; it is stepped at `slave_rate`. slave: a robot of your own in place of the one
+    that `sfj_sim` describes, such as `MujocoRobot`, sampled at its rate. Raises ConfigurationError or
+    ModelError for parameters that do not make a scenario.
     """
-    run = _prepare(parameters, duration, seed, law)
+    run = _prepare(parameters, duration, seed, law, slave)
     outputs = (
         np.empty((len(run.times[SLAVE]), 3, 4)),
         np.empty((len(run.times[SLAVE]), 2)),
@@ -81,13 +87,14 @@ def simulate_scenario(
         np.zeros((len(run.times[MASTER]), 3)),
     )
     counts = np.zeros(7, dtype=np.int64)
-    loop = _compiled_loop if law is None and type(run.law) is AugmentedErrorLaw else _python_loop
+    compiled = law is None and slave is None and type(run.law) is AugmentedErrorLaw
+    loop = _compiled_loop if compiled else _python_loop
     loop(run, outputs, counts)
-    slave, slave_command, master, master_command = outputs
+    slave_out, slave_command, master_out, master_command = outputs
     topics = {
-        "/sfj/joint_states": series(run.times[SLAVE], SFJ_JOINTS, states=slave),
+        "/sfj/joint_states": series(run.times[SLAVE], SFJ_JOINTS, states=slave_out),
         "/sfj/effort_command": series(run.times[SLAVE], SFJ_MOTOR_JOINTS, effort=slave_command),
-        "/omni/joint_states": series(run.times[MASTER], OMNI_JOINTS, states=master),
+        "/omni/joint_states": series(run.times[MASTER], OMNI_JOINTS, states=master_out),
         "/omni/effort_command": series(run.times[MASTER], OMNI_JOINTS, effort=master_command),
         "/reference": series(run.reference_times, run.joints, **_field(parameters, run.reference)),
     }
@@ -101,7 +108,11 @@ def _field(parameters: ScenarioParameters, reference: Array) -> dict[str, Array]
 
 
 def _prepare(
-    parameters: ScenarioParameters, duration: float, seed: int | None, law: ForceLaw | None
+    parameters: ScenarioParameters,
+    duration: float,
+    seed: int | None,
+    law: ForceLaw | None,
+    slave: SteppedRobot | None,
 ) -> _Prepared:
     nodes, source = parameters.nodes, parameters.source
     control, signal = nodes["force_controller"], nodes["signal_generator"]
@@ -134,7 +145,8 @@ def _prepare(
     kinds = np.concatenate([np.full(len(master_times), MASTER), np.full(len(slave_times), SLAVE)])
     order = np.argsort(stamps(both), kind="stable")
     return _Prepared(
-        slave=SfjRobot.from_parameters(_own(nodes["sfj_sim"], seed), folder=parameters.folder, source=source),
+        slave=slave
+        or SfjRobot.from_parameters(_own(nodes["sfj_sim"], seed), folder=parameters.folder, source=source),
         master=OmniRobot.from_parameters(
             _own(nodes["omni_sim"], seed), folder=parameters.folder, source=source
         ),
@@ -172,7 +184,7 @@ def _latest(times: Array, moments: Array) -> NDArray[np.int64]:
 
 def _compiled_loop(run: _Prepared, outputs: tuple[Array, ...], counts: NDArray[np.int64]) -> None:
     law = run.law
-    assert isinstance(law, AugmentedErrorLaw)
+    assert isinstance(law, AugmentedErrorLaw) and isinstance(run.slave, SfjRobot)
     slave, master = run.slave, run.master
     n_slave, n_master = len(run.times[SLAVE]), len(run.times[MASTER])
     hand = master.operator.torques(run.times[MASTER])

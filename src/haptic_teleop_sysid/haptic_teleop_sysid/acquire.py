@@ -25,7 +25,7 @@ from haptic_teleop_control.errors import ConfigurationError
 from haptic_teleop_control.node_tables import REALTIME_PRIORITY, SCENARIO
 from haptic_teleop_control.parameters import ParameterTable, load_parameter_file, parameters_for
 from haptic_teleop_control.recording import JointStateSeries, write_recording
-from haptic_teleop_sim.experiments import run_closed_loop
+from haptic_teleop_sim.experiments import SteppedRobot, run_closed_loop
 from haptic_teleop_sim.hardware import OMNI_PARAMETERS, SFJ_PARAMETERS, OmniRobot, SfjRobot
 from haptic_teleop_sysid.demo import run_scenario
 
@@ -52,16 +52,18 @@ def run_lockstep(
     sections: Mapping[str, Mapping[str, Any]],
     folder: Path | None = None,
     source: str = "parameters",
+    plant: SteppedRobot | None = None,
 ) -> tuple[dict[str, JointStateSeries], dict[str, dict[str, Any]]]:
     """The topics that a recording of the graph would hold, until the signal's end or an abort, and the
-    parameters."""
+    parameters. `plant`: a robot of your own in place of the one that the file's `sfj_sim` or `omni_sim`
+    describes."""
     node = f"{experiment.robot}_sim"
     table = SFJ_PARAMETERS if experiment.robot == "sfj" else OMNI_PARAMETERS
     whole = ParameterTable(node, [*table, REALTIME_PRIORITY])
     values = whole.check(dict(parameters_for(sections, node)), source)
     own = {k: v for k, v in values.items() if k != REALTIME_PRIORITY.name}
     kind = SfjRobot if experiment.robot == "sfj" else OmniRobot
-    robot = kind.from_parameters(own, folder=folder, source=source)
+    robot = plant or kind.from_parameters(own, folder=folder, source=source)
     experiment.reset()
     signal: list[float] = []
 
