@@ -1,6 +1,7 @@
 """The driver of the 2DSFJ on an emulated board: signs, limits, switches, faults, the end."""
 
 import math
+import sys
 
 import numpy as np
 import pytest
@@ -133,6 +134,21 @@ def test_i2t_trips_when_its_time_at_the_limit_is_over_and_not_before():
     assert off(rig)
 
 
+@pytest.mark.parametrize("late", [0.0, 0.009])
+def test_i2t_trips_at_the_same_time_however_many_samples_are_missed(late):
+    rig = SfjRig(
+        stage1__i2t__time=0.5,
+        stage1__i2t__continuous=0.3,
+        board__watchdog=0.2,
+        supervisor__frozen_time=10.0,
+    )
+    while rig.latch.latched is None and rig.clock.now() < 2e9:
+        rig.clock.advance(late)
+        rig.cycle((50.0, 0.0))
+    assert rig.latch.latched == "overload"
+    assert rig.clock.now() * 1e-9 == pytest.approx(0.5, abs=0.015)
+
+
 def test_the_continuous_current_flows_for_ever():
     rig = SfjRig(stage1__i2t__time=0.05, stage1__i2t__continuous=0.3)
     rig.run(2000, (0.3 * 8.925, 0.0))
@@ -182,7 +198,7 @@ def test_a_bouncing_switch_is_one_hit():
     switches.start([1, 1, 1, 1])
     levels = [0, 1, 0, 1, 1, 1, 0, 1, 1, 0] + [1] * 9 + [0] + [1] * 10
     reports = [switches.step([level, 1, 1, 1]) for level in levels]
-    assert [report for report in reports if report] == ["STAGE 1: MAX limit switch hit"]
+    assert [report for report in reports if report] == [("limit_switch", "STAGE 1: MAX limit switch hit")]
     assert not switches.pressed[0]
     assert switches.step([0, 1, 1, 1]), "released for its time, the next one counts"
 
@@ -205,6 +221,44 @@ def test_both_ends_pressed_at_the_start_is_broken_wiring():
     rig.driver.open()
     assert rig.latch.latched == "limit_switch_stuck"
     rig.run(3, PUSH)
+    assert off(rig)
+
+
+def test_both_ends_pressed_while_it_runs_is_broken_wiring_too():
+    rig = SfjRig()
+    rig.run(3, PUSH)
+    rig.hil.stuck[0] = 0
+    rig.cycle(PUSH)
+    assert rig.latch.latched == "limit_switch"
+    rig.latch.reset()
+    rig.driver.reset()
+    rig.hil.stuck[1] = 0
+    rig.cycle((-2.0, 0.0))
+    assert rig.latch.latched == "limit_switch_stuck"
+    rig.latch.reset()
+    rig.driver.reset()
+    assert rig.latch.latched == "limit_switch_stuck", "a reset does not mend a cable"
+    rig.run(3, (2.0, 0.0))
+    assert off(rig)
+
+
+@pytest.mark.parametrize(("switch", "away"), [(0, -1.0), (1, 1.0)])
+def test_a_switch_that_stays_pressed_when_its_arm_has_left_is_stuck(switch, away):
+    plant = StillRobot()
+    rig = SfjRig(plant)
+    rig.hil.stuck[switch] = 0
+    rig.cycle()
+    rig.latch.reset()
+    rig.driver.reset()
+    for angle in np.arange(0.0, 0.34, 0.02):
+        plant.angles[:2] = away * angle
+        rig.cycle((2.0 * away, 0.0))
+    assert rig.latch.latched is None
+    plant.angles[:2] = away * 0.36
+    rig.cycle((2.0 * away, 0.0))
+    rig.cycle((2.0 * away, 0.0))
+    assert rig.latch.latched == "limit_switch_stuck"
+    assert f"STAGE 1: {'MAX' if switch == 0 else 'MIN'}" in rig.latch.sentence
     assert off(rig)
 
 
@@ -285,7 +339,117 @@ def test_closing_goes_on_when_one_of_its_steps_fails(broken):
     rig.hil.refuse(broken, -1)
     rig.driver.close()
     assert not rig.hil.opened
-    assert not any(rig.hil.amplifier_on)
+    rig.clock.advance(0.03)  # what could not be written the board's watchdog does
+    rig.hil.open("q8", "0")
+    assert off(rig)
+
+
+def test_a_killed_driver_leaves_its_board_to_the_watchdog_and_the_next_one_can_use_it():
+    rig = SfjRig()
+    rig.run(5, PUSH)
+    assert all(rig.hil.amplifier_on)
+    rig.clock.advance(0.021)
+    heir = Board(rig.settings.board, lambda: rig.hil)
+    rig.hil.open("q8", "0")
+    assert off(rig), "before anybody has written anything"
+    heir.open()
+    assert off(rig)
+    heir.read()
+    assert heir.reload_watchdog()
+    heir.enable(True)
+    heir.write(-0.5, 0.0)
+    assert rig.hil.volts[0] == pytest.approx(-0.5, abs=STEP)
+
+
+def test_a_watchdog_that_expires_between_a_sample_and_its_output_is_no_lost_board():
+    plant = StillRobot()
+    rig = SfjRig(plant)
+    rig.run(5, PUSH)
+    plant.angles[:] = 0.01
+    rig.driver.read()
+    rig.clock.advance(0.03)
+    rig.driver.write(np.array(PUSH))
+    assert rig.latch.latched == "watchdog_expired"
+    assert off(rig)
+    rig.latch.reset()
+    rig.driver.reset()
+    rig.run(3, PUSH)
+    assert any(rig.plant.given[-1])
+    assert rig.driver.position == pytest.approx([0.01] * 4, abs=3e-4), "the origin of the angles is kept"
+
+
+def test_an_expired_board_takes_no_output_until_its_watchdog_is_cleared():
+    rig = SfjRig()
+    rig.cycle()
+    rig.clock.advance(0.03)
+    for call in (lambda: rig.driver.board.write(0.5, 0.5), lambda: rig.driver.board.enable(True)):
+        with pytest.raises(DeviceError, match="watchdog has expired"):
+            call()
+    rig.driver.board.rearm_watchdog()
+    rig.driver.board.enable(True)
+    assert all(rig.hil.amplifier_on)
+
+
+# What each argument is in the SDK's C prototypes: handle, text, double, (u)int32, and arrays of these.
+PROTOTYPES = {
+    "open": "tt", "close": "", "set_digital_directions": "UuUu", "set_analog_input_ranges": "UuDD",
+    "set_analog_output_ranges": "UuDD", "set_encoder_quadrature_mode": "UuI", "set_encoder_counts": "UuI",
+    "write_analog": "UuD", "write_digital": "UuB", "read_digital": "UuB",
+    "task_create_reader": "uUuUuUuUu", "task_set_buffer_overflow_mode": "hi",
+    "task_get_buffer_overflows": "h",
+    "task_start": "hidu", "task_read": "huDIBD", "task_stop": "h", "task_delete": "h",
+    "watchdog_set_analog_expiration_state": "UuD", "watchdog_set_digital_expiration_state": "UuI",
+    "watchdog_start": "d", "watchdog_stop": "", "watchdog_reload": "", "watchdog_is_expired": "",
+    "watchdog_clear": "",
+}  # fmt: skip
+ARRAYS = {"U": np.uint32, "I": np.int32, "D": np.float64, "B": np.int8}
+
+
+class StrictHil:
+    """Passes every call on to `hil`, if a C compiler would have taken its arguments."""
+
+    def __init__(self, hil) -> None:
+        self._hil = hil
+        self.called: set[str] = set()
+
+    def __getattr__(self, name):
+        call, kinds = getattr(self._hil, name), PROTOTYPES[name]
+
+        def checked(*arguments):
+            assert len(arguments) == len(kinds)
+            for kind, value in zip(kinds, arguments, strict=True):
+                if kind in ARRAYS:
+                    assert value is None or (value.dtype == ARRAYS[kind] and value.flags.c_contiguous), name
+                elif kind == "u":
+                    assert isinstance(value, int) and 0 <= value < 2**32, name
+                elif kind == "i":
+                    assert isinstance(value, int) and -(2**31) <= value < 2**31, name
+                elif kind != "h":
+                    assert isinstance(value, {"d": float, "t": str}[kind]), name
+            self.called.add(name)
+            return call(*arguments)
+
+        return checked
+
+
+def test_every_call_of_a_session_fits_the_prototypes_of_the_sdk():
+    rig = SfjRig()
+    rig.driver.close()
+    strict = StrictHil(rig.hil)
+    rig.driver.board = Board(rig.settings.board, lambda: strict)
+    rig.driver.open()
+    rig.run(3, PUSH)
+    rig.clock.advance(0.1)
+    rig.cycle(PUSH)
+    rig.driver.reset()
+    rig.driver.read()
+    rig.clock.advance(0.1)
+    rig.driver.write(np.array(PUSH))
+    rig.latch.reset()
+    rig.driver.write(np.array(PUSH))
+    rig.driver.close()
+    assert strict.called == set(PROTOTYPES)
+    assert rig.latch.counts["board_error"] == 0
 
 
 def test_every_buffer_has_the_type_that_its_call_needs():
@@ -306,6 +470,30 @@ def test_without_the_sdk_one_sentence_says_what_to_install():
     driver = make_driver({"device": "hardware"}, reporter)
     with pytest.raises(ConfigurationError, match=r"quanser\.hardware is not installed; install .*emulated"):
         driver.open()
+
+
+def test_an_sdk_that_lacks_a_call_is_told_to_be_too_old():
+    class Old:
+        def __getattr__(self, name):
+            if name == "task_set_buffer_overflow_mode":
+                raise AttributeError(name)
+            return lambda *_: None
+
+    board = Board(BoardSettings(), Old)
+    with pytest.raises(DeviceError, match=r"task_set_buffer_overflow_mode: .*too old.*newer"):
+        board.open()
+
+
+def test_a_module_that_the_sdk_needs_is_named(monkeypatch, tmp_path):
+    package = tmp_path / "quanser" / "hardware"
+    package.mkdir(parents=True)
+    (tmp_path / "quanser" / "__init__.py").touch()
+    (package / "__init__.py").write_text("import a_module_that_nobody_has\n")
+    monkeypatch.syspath_prepend(str(tmp_path))
+    with pytest.raises(ConfigurationError, match="needs the Python module a_module_that_nobody_has"):
+        make_driver({"device": "hardware"}, Reporter.to_latch({})[0]).open()
+    for name in ("quanser", "quanser.hardware"):
+        sys.modules.pop(name, None)
 
 
 def test_a_plant_that_does_not_exist_is_named():

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import struct
 from collections.abc import Callable
+from contextlib import suppress
 from typing import Any
 
 import numpy as np
@@ -17,6 +18,7 @@ from haptic_teleop_2dsfj.hil import (
     HARDWARE_CLOCK_0,
     INFINITE,
     OVERWRITE_ON_OVERFLOW,
+    QUADRATURE_4X,
     TRISTATE,
     Hil,
     as_device_error,
@@ -70,13 +72,16 @@ class Board:
         self._hil = self._make_hil()
         low, high = np.full(2, -settings.range_volts), np.full(2, settings.range_volts)
         states = np.full(3, TRISTATE, dtype=np.int32)
+        modes = np.full(4, QUADRATURE_4X, dtype=np.int32)
         try:
             self._call("open", settings.card_type, settings.card_identifier)
+            self._clear_watchdog()  # a driver that was killed leaves an expired board behind
             self._call("set_digital_directions", self._switches, 4, self._enables, 3)
             self._call("write_digital", self._enables, 3, self._off)
             self._call("set_analog_input_ranges", self._senses, 2, low, high)
             self._call("set_analog_output_ranges", self._outputs, 2, low, high)
             self._call("write_analog", self._outputs, 2, self._zero)
+            self._call("set_encoder_quadrature_mode", self._encoders, 4, modes)
             self._call("set_encoder_counts", self._encoders, 4, np.zeros(4, dtype=np.int32))
             # A Q8 can only go to 0 V, and only together with its digital lines in tristate.
             self._call("watchdog_set_analog_expiration_state", self._outputs, 2, self._zero)
@@ -134,37 +139,45 @@ class Board:
         self._wrote()
 
     def reload_watchdog(self) -> bool:
-        """False when it had expired: the board is at 0 V then, until `rearm_watchdog`."""
+        """False when it had expired: the board is at 0 V then, and takes no output until `rearm_watchdog`."""
         return bool(self._call("watchdog_reload"))
 
+    def watchdog_expired(self) -> bool:
+        """Whether the board has gone to 0 V by itself, which is why it refuses outputs."""
+        return bool(self._call("watchdog_is_expired"))
+
     def rearm_watchdog(self) -> None:
-        """After an expiry, with the amplifier off."""
+        """After an expiry or a fault; ends with the amplifier off."""
         self._call("watchdog_stop")
-        self._call("watchdog_clear")
+        self._clear_watchdog()
         self.enable(False)
         self._call("watchdog_start", self.settings.watchdog)
 
     def close(self) -> None:
-        """0 V, amplifier off, board released. Each step is tried, whatever the others did; no errors."""
+        """0 V, amplifier off, board released. Each step is tried, whatever the others did; no errors.
+
+        Where an output was refused the watchdog is left running: the board then goes to 0 V by itself.
+        """
         hil, self._hil = self._hil, None
         if hil is None:
             return
         task, self._task = self._task, None
-        steps: list[tuple[Callable[..., Any], tuple[Any, ...]]] = [
-            (hil.write_analog, (self._outputs, 2, self._zero)),
-            (hil.write_digital, (self._enables, 3, self._off)),
-        ]
+        zeroed = _tried(hil.write_analog, self._outputs, 2, self._zero)
+        disabled = _tried(hil.write_digital, self._enables, 3, self._off)
         if task is not None:
-            steps += [(hil.task_stop, (task,)), (hil.task_delete, (task,))]
-        steps += [(hil.watchdog_stop, ()), (hil.close, ())]
-        for step, arguments in steps:
-            try:
-                step(*arguments)
-            except Exception:  # the next step may still work, and nobody could do more
-                continue
+            _tried(hil.task_stop, task)
+            _tried(hil.task_delete, task)
+        if zeroed and disabled:
+            _tried(hil.watchdog_stop)
+        _tried(hil.close)
         self.enabled = False
         self._volts[:] = 0.0
         self._wrote()
+
+    def _clear_watchdog(self) -> None:
+        # A board may refuse this when nothing had expired; one that stays locked refuses the next output.
+        with suppress(DeviceError):
+            self._call("watchdog_clear")
 
     def _wrote(self) -> None:
         if self._on_write is not None:
@@ -173,10 +186,21 @@ class Board:
     def _call(self, name: str, *arguments: Any) -> Any:
         if self._hil is None:
             raise DeviceError(f"{name}: the board is not open")
+        call = getattr(self._hil, name, None)
+        if call is None:
+            raise DeviceError(f"{name}: this Quanser SDK is too old to have it; install a newer one")
         try:
-            return getattr(self._hil, name)(*arguments)
+            return call(*arguments)
         except (DeviceError, TypeError, AttributeError, NameError):
             raise  # ours, or a mistake in the program, which must not pass for a fault of the board
         except Exception as error:
             # The SDK's error class exists only where the SDK does; whatever it raises, the board refused.
             raise as_device_error(error, name) from error
+
+
+def _tried(step: Callable[..., Any], *arguments: Any) -> bool:
+    try:
+        step(*arguments)
+    except Exception:  # the next step may still work, and nobody could do more
+        return False
+    return True

@@ -36,9 +36,12 @@ class CurrentLimiter:
         self.current = 0.0
         self._stage, self._switches, self._dt = stage, switches, dt
 
-    def step(self, effort: float) -> LimitResult:
-        """One sample with `effort`, N·m; then `current` holds what may flow, within every limit."""
+    def step(self, effort: float, periods: int = 1) -> LimitResult:
+        """One sample with `effort`, N·m, `periods` after the last one; then `current` holds what may flow,
+        within every limit."""
         settings = self.settings
+        if periods > 1:  # while the loop was late, what flowed before went on flowing
+            self.overload.step(self.current, (periods - 1) * self._dt)
         result = LimitResult.OK
         wanted = effort / settings.torque_constant + settings.drift_correction
         if not math.isfinite(wanted):
@@ -60,7 +63,9 @@ class CurrentLimiter:
         self.current = wanted
         return result
 
-    def rest(self) -> None:
-        """One sample without current."""
+    def rest(self, periods: int = 1) -> None:
+        """`periods` samples without current, once that which flows has ended."""
+        if periods > 1:
+            self.overload.step(self.current, (periods - 1) * self._dt)
         self.current = 0.0
         self.overload.step(0.0, self._dt)

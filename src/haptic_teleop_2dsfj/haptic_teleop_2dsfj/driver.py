@@ -41,6 +41,7 @@ class BoardLike(Protocol):
     def write(self, first: float, second: float) -> None: ...
     def enable(self, on: bool) -> None: ...
     def reload_watchdog(self) -> bool: ...
+    def watchdog_expired(self) -> bool: ...
     def rearm_watchdog(self) -> None: ...
     def close(self) -> None: ...
 
@@ -92,9 +93,8 @@ class SfjDriver:
         self._open = True
         self.encoders.reset()
         self.filter.reset(np.zeros(4))
-        problem = self.switches.start(self.board.switch_levels.tolist())
-        if problem:
-            self._reporter.fault("limit_switch_stuck", problem)
+        self.switches.start(self.board.switch_levels.tolist())
+        self._check_wiring()
 
     def read(self) -> ReadResult:
         """Waits for the board's next sample, checks it, and fills position, velocity and effort."""
@@ -137,7 +137,7 @@ class SfjDriver:
             amplifier = self.settings.amplifier
             volts = [0.0, 0.0]
             for i, limiter in enumerate(self.limiters):
-                result = limiter.step(float(effort[i]))
+                result = limiter.step(float(effort[i]), self.board.periods)
                 if result & LimitResult.REFUSED:
                     self._stop("non_finite_command", f"stage {i + 1}: {effort[i]}")
                     return
@@ -157,7 +157,7 @@ class SfjDriver:
                 self._settling = 0
             self.board.write(*volts)
         except DeviceError as error:
-            self._lose(error)
+            self._refused(error)
 
     def reset(self) -> None:
         """Rearms the watchdog and forgets suspicions; opens the board again when it was lost."""
@@ -166,8 +166,9 @@ class SfjDriver:
         self._late = 0
         try:
             if self._open:
-                self._rest()
+                self._halt()
                 self.board.rearm_watchdog()
+                self._check_wiring()
             else:
                 self.open()
         except DeviceError as error:
@@ -204,9 +205,9 @@ class SfjDriver:
         self._late = self._late + 1 if periods > _MOST_LATE else 0
         if self._late >= 2:
             self._stop("late", f"{periods - 1} samples missed at once, twice in a row")
-        hit = self.switches.step(self.board.switch_levels.tolist())
+        hit = self.switches.step(self.board.switch_levels.tolist(), self.position[1::2].tolist())
         if hit:
-            self._stop("limit_switch", hit)
+            self._stop(*hit)
         self._settling = min(self._settling + 1, 2)
         for i, supervisor in enumerate(self._supervisors):
             commanded = self._flow[i] if self._settling >= 2 else self.measured[i]
@@ -222,11 +223,17 @@ class SfjDriver:
             if problem:
                 self._stop(problem[0], f"STAGE {i + 1}, {problem[1]}")
 
+    def _check_wiring(self) -> None:
+        problem = self.switches.impossible()
+        if problem:
+            self._reporter.fault("limit_switch_stuck", problem)
+
     def _expired(self) -> None:
         self.expiries += 1
         driving = self.board.enabled
-        self._rest()
-        # As long as the amplifier is off nothing can have gone wrong: the board is watched anew.
+        self._halt()
+        # As long as the amplifier is off nothing can have gone wrong: the board is watched anew. It takes no
+        # output before that.
         self.board.rearm_watchdog()
         if driving:
             self._stop("watchdog_expired", f"{self.settings.board.watchdog:g} s without a sample's work")
@@ -234,17 +241,35 @@ class SfjDriver:
     def _stop(self, fault: str, detail: str) -> None:
         # First the output, then the words.
         try:
-            self._rest()
+            self._off()
         except DeviceError as error:
-            self._lose(error)
+            self._refused(error)
         self._reporter.fault(fault, detail)
 
     def _rest(self) -> None:
-        self._flow = [0.0, 0.0]
         for limiter in self.limiters:
-            limiter.rest()
+            limiter.rest(self.board.periods)
+        self._off()
+
+    def _off(self) -> None:
+        self._halt()
         if self.board.enabled:
             self.board.enable(False)
+
+    def _halt(self) -> None:
+        self._flow = [0.0, 0.0]
+        for limiter in self.limiters:
+            limiter.current = 0.0
+
+    def _refused(self, error: DeviceError) -> None:
+        # Between its reload and an output the watchdog may have expired: the board is there, and locked.
+        try:
+            if self.board.watchdog_expired():
+                self._expired()
+                return
+        except DeviceError as further:
+            error = further
+        self._lose(error)
 
     def _lose(self, error: DeviceError) -> None:
         self.close()

@@ -17,13 +17,15 @@ from numpy.typing import NDArray
 
 from haptic_teleop_2dsfj.amplifier import Amplifier
 from haptic_teleop_2dsfj.board_settings import BoardSettings
-from haptic_teleop_2dsfj.hil import TRISTATE
+from haptic_teleop_2dsfj.hil import QUADRATURE_4X, TRISTATE
 from haptic_teleop_control.clocks import Clock
 from haptic_teleop_control.robots import ENCODER_COUNTS_PER_TURN, JOINT_ENCODER_GEARING, SFJ_STAGES, STAGES
 
 INPUT_BITS = 14
 LONGEST_CATCH_UP = 500  # samples of the plant that are made up for after a stall; the rest is lost
-NOT_OPEN, BAD_ARGUMENT, NO_DEVICE = -1, -2, -4
+NOT_OPEN, BAD_ARGUMENT, EXPIRED, NO_DEVICE = -1, -2, -3, -4
+LOCKED = ("write_", "set_")
+"""Beginnings of the calls that an expired board refuses until its watchdog has been cleared."""
 
 
 class EmulatedError(Exception):
@@ -92,7 +94,10 @@ class EmulatedHil:
     def plug(self) -> None:
         """The cable is back; the board has forgotten everything."""
         self._gone = False
-        self.opened = False
+        self.opened = self.expired = self.tristate = False
+        self._reloaded = None
+        self.volts[:] = 0.0
+        self.levels[:] = 1  # lines float high at power-up: both stages disabled
 
     def refuse(self, call: str, code: int) -> None:
         """The next `call` fails with `code`."""
@@ -102,11 +107,8 @@ class EmulatedHil:
 
     def open(self, card_type: str, card_identifier: str) -> None:
         self._enter("open", needs_open=False)
+        self._is_expired()  # the watchdog runs in the board, whatever became of who started it
         self.opened = True
-        self.expired = self.tristate = False
-        self._reloaded = None
-        self.volts[:] = 0.0
-        self.levels[:] = 1  # lines float high at power-up: both stages disabled
 
     def close(self) -> None:
         self._enter("close")
@@ -131,6 +133,12 @@ class EmulatedHil:
         self._enter("set_digital_directions")
         self._types(inputs=(inputs, np.uint32, n_in), outputs=(outputs, np.uint32, n_out))
 
+    def set_encoder_quadrature_mode(self, channels: Any, n: int, modes: Any) -> None:
+        self._enter("set_encoder_quadrature_mode")
+        self._types(channels=(channels, np.uint32, n), modes=(modes, np.int32, n))
+        if np.any(modes != QUADRATURE_4X):
+            raise EmulatedError(BAD_ARGUMENT, "the emulated encoders count four edges per line")
+
     def set_encoder_counts(self, channels: Any, n: int, counts: Any) -> None:
         self._enter("set_encoder_counts")
         self._types(channels=(channels, np.uint32, n), counts=(counts, np.int32, n))
@@ -141,8 +149,6 @@ class EmulatedHil:
     def write_analog(self, channels: Any, n: int, volts: Any) -> None:
         self._enter("write_analog")
         self._types(channels=(channels, np.uint32, n), volts=(volts, np.float64, n))
-        if self._is_expired():
-            return
         step, top = self._wiring.output_step, 2**self._wiring.output_bits - 1
         for channel, value in zip(channels.tolist(), volts.tolist(), strict=True):
             if not np.isfinite(value):
@@ -153,8 +159,6 @@ class EmulatedHil:
     def write_digital(self, channels: Any, n: int, levels: Any) -> None:
         self._enter("write_digital")
         self._types(channels=(channels, np.uint32, n), levels=(levels, np.int8, n))
-        if self._is_expired():
-            return
         for channel, level in zip(channels.tolist(), levels.tolist(), strict=True):
             self.levels[self._wiring.enables.index(channel)] = level
 
@@ -197,6 +201,8 @@ class EmulatedHil:
 
     def task_start(self, task: Any, clock: int, frequency: float, samples: int) -> None:
         self._enter("task_start")
+        if not 0 <= samples < 2**32:  # as cffi does, before anything reaches the library
+            raise OverflowError("can't convert negative number to unsigned")
         self._period = round(1e9 / frequency)
         self._start, self._tick, self._overflows = self._clock.now(), 0, 0
 
@@ -271,14 +277,21 @@ class EmulatedHil:
 
     def watchdog_clear(self) -> None:
         self._enter("watchdog_clear")
+        if not self._is_expired():
+            raise EmulatedError(BAD_ARGUMENT, "there is nothing to clear")
         self.expired = self.tristate = False
+
+    def watchdog_is_expired(self) -> bool:
+        self._enter("watchdog_is_expired")
+        return self._is_expired()
 
     # Inside.
 
     @property
     def amplifier_on(self) -> tuple[bool, bool]:
-        """Per stage: its enable line low, the master line high, and nothing in tristate."""
-        master = self.levels[2] == 1 and not self.tristate and self.opened
+        """Per stage: its enable line low, the master line high, and nothing in tristate. Lines keep their
+        levels when the board is released."""
+        master = self.levels[2] == 1 and not self.tristate
         return bool(master and self.levels[0] == 0), bool(master and self.levels[1] == 0)
 
     def _enter(self, call: str, needs_open: bool = True) -> None:
@@ -290,6 +303,8 @@ class EmulatedHil:
             raise EmulatedError(self._refusals.pop(call), f"{call} was refused")
         if needs_open and not self.opened:
             raise EmulatedError(NOT_OPEN, f"{call}: the board is not open")
+        if call.startswith(LOCKED) and self._is_expired():
+            raise EmulatedError(EXPIRED, f"{call}: the watchdog has expired")
 
     @staticmethod
     def _types(**buffers: tuple[Any, Any, int]) -> None:

@@ -16,12 +16,19 @@ HARDWARE_CLOCK_0 = 0
 SYSTEM_CLOCK_1 = -1
 OVERWRITE_ON_OVERFLOW = 1
 TRISTATE = 2
-INFINITE = -1
-"""Numbers of Quanser's enumerations (`Clock`, `BufferOverflowMode`, `DigitalState`, `HIL.INFINITE`)."""
+QUADRATURE_4X = 4
+"""Numbers of Quanser's `Clock`, `BufferOverflowMode`, `DigitalState` and `EncoderQuadratureMode`."""
+
+INFINITE = 2**32 - 1
+"""Samples of a task without end: the uint32 that C's -1 becomes. The wrapper refuses a negative number."""
 
 
 class Hil(Protocol):
-    """Channels are uint32 arrays, counts int32, volts float64, digital lines int8, digital states int32."""
+    """Channels are uint32 arrays, counts int32, volts float64, digital lines int8, digital states and
+    quadrature modes int32; numbers of channels and samples are never negative.
+
+    Once the watchdog has expired the board takes no output until `watchdog_clear`.
+    """
 
     def open(self, card_type: str, card_identifier: str) -> None: ...
     def close(self) -> None: ...
@@ -29,6 +36,7 @@ class Hil(Protocol):
     def set_analog_input_ranges(self, channels: Any, n: int, minima: Any, maxima: Any) -> None: ...
     def set_analog_output_ranges(self, channels: Any, n: int, minima: Any, maxima: Any) -> None: ...
     def set_digital_directions(self, inputs: Any, n_in: int, outputs: Any, n_out: int) -> None: ...
+    def set_encoder_quadrature_mode(self, channels: Any, n: int, modes: Any) -> None: ...
     def set_encoder_counts(self, channels: Any, n: int, counts: Any) -> None: ...
     def write_analog(self, channels: Any, n: int, volts: Any) -> None: ...
     def write_digital(self, channels: Any, n: int, levels: Any) -> None: ...
@@ -58,6 +66,7 @@ class Hil(Protocol):
     def watchdog_start(self, timeout: float) -> None: ...
     def watchdog_stop(self) -> None: ...
     def watchdog_reload(self) -> bool: ...
+    def watchdog_is_expired(self) -> bool: ...
     def watchdog_clear(self) -> None: ...
 
 
@@ -69,13 +78,18 @@ def quanser_hil() -> Hil:
     try:
         hardware = importlib.import_module("quanser.hardware")
     except ModuleNotFoundError as missing:
+        if missing.name and not missing.name.startswith("quanser"):
+            raise ConfigurationError(
+                f"device is hardware, but Quanser's package needs the Python module {missing.name}, which is "
+                "not installed; install it, or set device: emulated."
+            ) from missing
         raise ConfigurationError(
             "device is hardware, but Quanser's Python package quanser.hardware is not installed; install the "
             "Quanser SDK and the quanser_api wheels of its python folder, or set device: emulated."
         ) from missing
     except OSError as missing:  # the package is there, its C library is not
         raise ConfigurationError(
-            f"device is hardware, but Quanser's library hil cannot be loaded ({missing}); install the "
+            f"device is hardware, but Quanser's libraries cannot be loaded ({missing}); install the "
             "Quanser SDK, or set device: emulated."
         ) from missing
     return hardware.HIL()

@@ -49,6 +49,9 @@ class ReplayBoard:
     def reload_watchdog(self) -> bool:
         return True
 
+    def watchdog_expired(self) -> bool:
+        return False
+
     def rearm_watchdog(self) -> None: ...
 
     def close(self) -> None:
