@@ -27,10 +27,13 @@ from haptic_teleop_control.parameters import ParameterTable, load_parameter_file
 from haptic_teleop_control.recording import JointStateSeries, write_recording
 from haptic_teleop_sim.experiments import SteppedRobot, run_closed_loop
 from haptic_teleop_sim.hardware import OMNI_PARAMETERS, SFJ_PARAMETERS, OmniRobot, SfjRobot
+from haptic_teleop_sim.mujoco_robot import MujocoRobot
 from haptic_teleop_sysid.demo import run_scenario
 
 AFTERWARDS = 0.5
 """s of recording after the signal's end."""
+PLANTS = {"sfj_sim": SfjRobot, "mujoco_sim": MujocoRobot, "omni_sim": OmniRobot}
+"""Robots that run without ROS or clock, by the node that they are in a graph."""
 START_SECONDS = 1.0
 """s that the graph may take until the experiment's first state, on top."""
 
@@ -52,18 +55,16 @@ def run_lockstep(
     sections: Mapping[str, Mapping[str, Any]],
     folder: Path | None = None,
     source: str = "parameters",
-    plant: SteppedRobot | None = None,
+    node: str = "",
 ) -> tuple[dict[str, JointStateSeries], dict[str, dict[str, Any]]]:
     """The topics that a recording of the graph would hold, until the signal's end or an abort, and the
-    parameters. `plant`: a robot of your own in place of the one that the file's `sfj_sim` or `omni_sim`
-    describes."""
-    node = f"{experiment.robot}_sim"
+    parameters. node: the plant's, `sfj_sim` or `omni_sim` where it is empty."""
+    node = node or f"{experiment.robot}_sim"
     table = SFJ_PARAMETERS if experiment.robot == "sfj" else OMNI_PARAMETERS
     whole = ParameterTable(node, [*table, REALTIME_PRIORITY])
     values = whole.check(dict(parameters_for(sections, node)), source)
     own = {k: v for k, v in values.items() if k != REALTIME_PRIORITY.name}
-    kind = SfjRobot if experiment.robot == "sfj" else OmniRobot
-    robot = plant or kind.from_parameters(own, folder=folder, source=source)
+    robot: SteppedRobot = PLANTS[node].from_parameters(own, folder=folder, source=source)
     experiment.reset()
     signal: list[float] = []
 
@@ -98,7 +99,8 @@ def run(argv: list[str]) -> int:
     if not arguments.lockstep:
         return _graph(path, experiment, output)
     with screen.status("simulating"):
-        topics, recorded = run_lockstep(experiment, sections, path.parent, str(path))
+        node = "mujoco_sim" if "mujoco_sim" in scenario["nodes"] else ""
+        topics, recorded = run_lockstep(experiment, sections, path.parent, str(path), node)
         described = {"kind": experiment.kind, "note": scenario["note"], "runner": "lockstep"}
         write_recording(output, topics, recorded, described)
     if experiment.phase == ABORTED:
