@@ -5,10 +5,13 @@ from __future__ import annotations
 import ctypes
 import os
 import signal
+import socket
 import subprocess
 import sys
 import time
 from collections.abc import Sequence
+
+from haptic_teleop_control.nodes import link
 
 STOPPING = ((signal.SIGINT, 8.0), (signal.SIGTERM, 2.0), (signal.SIGKILL, 2.0))
 """What a child is sent in turn, and the seconds it is given to end after each."""
@@ -23,10 +26,11 @@ class Child:
     stops the children in order. If the parent dies, the system sends the child SIGTERM.
 
     Its standard error comes through the parent (`relay`), who may be keeping a live line on the terminal.
+    An `armed` child waits before its nodes start for what comes over `link`.
     Start children before any thread: between fork and exec only the forking thread exists.
     """
 
-    def __init__(self, name: str, arguments: Sequence[str]) -> None:
+    def __init__(self, name: str, arguments: Sequence[str], armed: bool = False) -> None:
         self.name = name
         self._text = b""
         parent = os.getpid()
@@ -36,13 +40,17 @@ class Child:
             if os.getppid() != parent:  # it died before the line above
                 os._exit(1)
 
-        self.process = subprocess.Popen(
-            [sys.executable, "-m", "haptic_teleop_control.front_door", name, *arguments],
-            stdin=subprocess.DEVNULL,
-            stderr=subprocess.PIPE,
-            start_new_session=True,
-            preexec_fn=tie_to_parent,
-        )
+        ours, theirs = socket.socketpair()
+        self.link = link.Link(ours)
+        option = [link.OPTION] if armed else []
+        with theirs:
+            self.process = subprocess.Popen(
+                [sys.executable, "-m", "haptic_teleop_control.front_door", name, *option, *arguments],
+                stdin=theirs if armed else subprocess.DEVNULL,
+                stderr=subprocess.PIPE,
+                start_new_session=True,
+                preexec_fn=tie_to_parent,
+            )
         assert self.process.stderr is not None
         self._pipe = self.process.stderr.fileno()
         os.set_blocking(self._pipe, False)

@@ -13,6 +13,7 @@ from haptic_teleop_control.command_line import run_command
 from haptic_teleop_control.errors import ConfigurationError
 from haptic_teleop_control.front_door import executables
 from haptic_teleop_control.nodes.base import HapticNode
+from haptic_teleop_control.nodes.link import OPTION
 from haptic_teleop_control.nodes.spin import node_help, run_nodes
 
 HELP = """composed: runs several nodes in one process: the 1 kHz default on one machine
@@ -52,6 +53,8 @@ def _composed(argv: Sequence[str]) -> int:
     own, ros = list(argv[:end]), list(argv[end:])
     names = [argument for argument in own if not argument.startswith("-")]
     options = [argument for argument in own if argument.startswith("-")]
+    armed = OPTION in options
+    options = [option for option in options if option != OPTION]
     for option in options:
         if option not in ("-h", "--help"):
             raise ConfigurationError(f"{option} is not an option of composed; see `composed --help`.")
@@ -62,7 +65,7 @@ def _composed(argv: Sequence[str]) -> int:
         raise ConfigurationError(f"composed: no node; name at least one of {', '.join(node_names())}.")
     if len(set(names)) < len(names):
         raise ConfigurationError("composed: a node is named twice; start the second in its own process.")
-    return run_nodes([node_class(name) for name in names], ros)
+    return run_nodes([node_class(name) for name in names], [OPTION, *ros] if armed else ros)
 
 
 def main(argv: list[str] | None = None) -> int:

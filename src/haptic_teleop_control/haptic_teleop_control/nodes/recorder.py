@@ -18,12 +18,20 @@ from rclpy.signals import SignalHandlerOptions
 
 from haptic_teleop_control.command_line import run_command
 from haptic_teleop_control.errors import ConfigurationError, RecordingError
+from haptic_teleop_control.nodes.arming import ArmedStart
 from haptic_teleop_control.nodes.base import HapticNode
+from haptic_teleop_control.nodes.connections import IN, Endpoints, endpoints
 from haptic_teleop_control.nodes.parameter_collector import ParameterCollector
 from haptic_teleop_control.nodes.recorded_topic import RecordedTopic
 from haptic_teleop_control.nodes.recorder_table import KNOWN_TYPES, TABLE, experiment_description
 from haptic_teleop_control.nodes.ros_arguments import parse_ros_arguments
-from haptic_teleop_control.nodes.spin import create_nodes, make_executor, node_help, stop_requests
+from haptic_teleop_control.nodes.spin import (
+    armed_start,
+    create_nodes,
+    make_executor,
+    node_help,
+    stop_requests,
+)
 from haptic_teleop_control.recording.verify import verify_recording
 from haptic_teleop_control.recording.writer import RecordingWriter
 
@@ -34,7 +42,11 @@ LOG_PERIOD = 10.0
 
 
 class Recorder(HapticNode):
-    """Writes every message it receives until `stop` is set; `finish` ends the recording."""
+    """Writes every message it receives until `stop` is set; `finish` ends the recording.
+
+    With `armed` it takes messages and drops them until that start is there, so that the recording begins
+    with the experiment.
+    """
 
     NAME = "recorder"
     SUMMARY = "record topics to an MCAP bag that describes itself"
@@ -54,6 +66,7 @@ class Recorder(HapticNode):
             numbered=values["existing"] == "number" or not values["output"],
         )
         self.stop = False
+        self.armed: ArmedStart | None = None
         self.problems: list[str] = []
         self.received: dict[str, int] = {}
         self.started = time.monotonic()
@@ -83,6 +96,11 @@ class Recorder(HapticNode):
     def measurements(self) -> dict[str, Any]:
         return dict(self.received)
 
+    def arm(self, armed: ArmedStart) -> None:
+        """Waits from now on; to be called before the first message."""
+        self.armed = armed
+        armed.ready(self._nodes, self._endpoints())
+
     def finish(self, executor: Executor) -> int:
         """Asks for the parameters once more, closes, and verifies the recording; 0 if it is whole, else 1."""
         self._collector.ask_again()
@@ -110,6 +128,9 @@ class Recorder(HapticNode):
         executor.spin_once(timeout_sec=DRAIN_PERIOD)
         for topic in self._topics:
             topic.drain()
+        if self.armed is not None and self.armed.poll():
+            self.armed = None
+            self._begin()
 
     def shutdown_safely(self) -> None:
         self._collector.close()
@@ -119,7 +140,25 @@ class Recorder(HapticNode):
             self._problem(str(refusal))
         self._input.destroy_node()
 
+    def _begin(self) -> None:
+        self.started = time.monotonic()
+        self._deadline = self.started + (self.values["duration"] or float("inf"))
+        self._next_log = self.started + LOG_PERIOD
+
+    def _nodes(self) -> list[Node]:
+        return [self, self._input]
+
+    def _endpoints(self) -> Endpoints:
+        """A topic of unknown type is subscribed to when a publisher has told its type."""
+        found = endpoints(self._nodes())
+        name = self._input.get_fully_qualified_name()
+        for topic in self._topics:
+            found[IN].setdefault(topic.name, [name])
+        return found
+
     def _receive(self, topic: RecordedTopic, data: bytes, received: int, published: int) -> None:
+        if self.armed is not None:
+            return
         name = topic.name
         if self.stop and self.problems:
             return  # the disk refuses; what is written stays readable
@@ -139,13 +178,17 @@ class Recorder(HapticNode):
             topic.follow()
             if topic.problem != before:
                 self._problem(topic.problem)
-        self._collector.poll()
+        if self.armed is None or self.armed.expecting:
+            # Earlier, nodes are still compiling: they would answer a question that was given up long ago.
+            self._collector.poll()
         self._store_parameters()
         try:
             self.writer.flush_older(time.time_ns())
         except RecordingError as refusal:
             self._problem(str(refusal))
             self.stop = True
+        if self.armed is not None:
+            return
         now = time.monotonic()
         free = shutil.disk_usage(self.writer.path).free
         if free < self.values["minimum_free_space"] and not self.stop:
@@ -220,6 +263,7 @@ def _main(argv: list[str]) -> int:
     if any(argument in ("-h", "--help") for argument in argv):
         print(node_help(Recorder))
         return 0
+    argv, armed = armed_start(argv)
     arguments = parse_ros_arguments(argv)
     if arguments.other:
         raise ConfigurationError(f"{arguments.other[0]} is not an argument of a node; see --help.")
@@ -232,6 +276,8 @@ def _main(argv: list[str]) -> int:
             executor.add_node(node)
             gc.collect()
             gc.freeze()
+            if armed is not None:
+                node.arm(armed)
             try:
                 while rclpy.ok() and not node.stop and not stop.is_set():
                     node.spin_once(executor)

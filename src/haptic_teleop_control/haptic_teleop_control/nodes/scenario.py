@@ -7,6 +7,8 @@
     sfj_sim: {...}                 # the nodes' own parameters, as ROS reads them
 
 The control nodes share one process, or have one each (`processes`); the recorder always has its own.
+None of them starts before all have compiled what they need and know each other (`arming`): time counts from
+there.
 """
 
 from __future__ import annotations
@@ -28,6 +30,7 @@ from haptic_teleop_control.nodes.children import Child, stop_all
 from haptic_teleop_control.nodes.composed import node_class
 from haptic_teleop_control.nodes.recorder import Recorder
 from haptic_teleop_control.nodes.spin import stop_requests
+from haptic_teleop_control.nodes.starter import START_INTERVAL, Starter
 from haptic_teleop_control.nodes.watch import ProgressLine, Watcher
 from haptic_teleop_control.parameter_files import (
     check_parameter_file,
@@ -36,11 +39,8 @@ from haptic_teleop_control.parameter_files import (
     parameters_for,
 )
 
-START_LIMIT = 60.0
-"""Seconds until the first state; a first start compiles."""
-
-RECORDING = "recording to "
-"""What the recorder logs when it is ready."""
+FIRST_STATE_LIMIT = 30.0
+"""Seconds from the start until the first state; a device may have to be calibrated."""
 
 LOOK_INTERVAL = 0.1
 LAST_COMMANDS = 0.3
@@ -87,47 +87,36 @@ def load_scenario(path: str | Path, changes: dict[str, Any] | None = None) -> Sc
     )
 
 
-def start_nodes(scenario: Scenario) -> list[Child]:
-    """The control processes: one, or one for each node."""
+def start_children(scenario: Scenario) -> list[Child]:
+    """The control processes, one or one for each node, and after them the recorder if there is to be one; all
+    wait for the start."""
     ros = ["--ros-args", "--params-file", str(scenario.file)]
     if scenario.processes:
-        return [Child(name, ros) for name in scenario.nodes]
-    return [Child("composed", [*scenario.nodes, *ros])]
-
-
-def start_recorder(scenario: Scenario, stop: threading.Event) -> Child:
-    """The recorder, once it says that it records: what comes before that would be missing. It may fail
-    instead."""
-    stated = {"output": scenario.record, "experiment": scenario.file.stem, "note": scenario.note}
-    arguments = ["--ros-args", "--params-file", str(scenario.file)]
-    for key, value in stated.items():
-        arguments += ["-p", f"{key}:={json.dumps(value)}"]  # JSON text is YAML text
-    recorder = Child("recorder", arguments)
-    deadline = time.monotonic() + START_LIMIT
-    while recorder.status is None and not stop.is_set() and time.monotonic() < deadline:
-        if any(RECORDING in line for line in recorder.relay()):
-            break
-        time.sleep(LOOK_INTERVAL)
-    return recorder
+        children = [Child(name, ros, armed=True) for name in scenario.nodes]
+    else:
+        children = [Child("composed", [*scenario.nodes, *ros], armed=True)]
+    if scenario.record:
+        stated = {"output": scenario.record, "experiment": scenario.file.stem, "note": scenario.note}
+        # JSON text is YAML text.
+        given = [part for key, value in stated.items() for part in ("-p", f"{key}:={json.dumps(value)}")]
+        children.append(Child(Recorder.NAME, [*ros, *given], armed=True))
+    return children
 
 
 def run(scenario: Scenario) -> int:
     """Runs it to its end; exit status 0, or that of the first process that failed, or 1 for a fault."""
     children: list[Child] = []
-    recorder: Child | None = None
     faults: dict[str, str] = {}
     with stop_requests() as stop:
         try:
-            if scenario.record:
-                recorder = start_recorder(scenario, stop)
-            if recorder is None or recorder.status is None:
-                children = start_nodes(scenario)
-                faults = _watch(scenario, [*children, recorder] if recorder else children, stop)
+            children = start_children(scenario)
+            faults = _watch(scenario, children, stop)
         finally:
             # In order: outputs to zero, then the recording's end.
-            statuses = stop_all(children)
-            if recorder is not None:
-                if recorder.status is None and children:
+            control = [child for child in children if child.name != Recorder.NAME]
+            statuses = stop_all(control)
+            for recorder in children[len(control) :]:
+                if recorder.status is None:
                     time.sleep(LAST_COMMANDS)
                 statuses[recorder.name] = recorder.stop()
     for node, sentence in faults.items():
@@ -139,20 +128,29 @@ def run(scenario: Scenario) -> int:
 
 
 def _watch(scenario: Scenario, children: Sequence[Child], stop: threading.Event) -> dict[str, str]:
-    begun = time.monotonic()
-    # The slave's states tell when a scenario runs; an experiment on the Omni has no other robot.
+    # The slave's states tell how a scenario goes; an experiment on the Omni has no other robot.
     robot = "sfj" if any(node_class(name).NAMESPACE == "sfj" for name in scenario.nodes) else "omni"
     with Watcher(robot) as watcher, ProgressLine() as progress:
+        starter = Starter(children, watcher.node)
         while not stop.is_set() and all(child.status is None for child in children):
-            watcher.look(LOOK_INTERVAL)
+            watcher.look(LOOK_INTERVAL if starter.done else START_INTERVAL)
             for child in children:
                 child.relay()
+            if not starter.done:
+                starter.poll()
+                progress.show(starter.line)
+                if not starter.done:
+                    continue
+                if starter.missing:
+                    print(f"warning: {starter.warning}", file=sys.stderr, flush=True)
+                watcher.begin()
             progress.show(watcher.line(scenario.duration))
-            if scenario.duration and watcher.elapsed >= scenario.duration:
-                break
-            if watcher.started is None and time.monotonic() - begun > START_LIMIT:
-                sentence = f"no state of {robot} within {START_LIMIT:g} s; put its plant among the nodes"
+            over = scenario.duration > 0.0 and watcher.elapsed >= scenario.duration
+            if watcher.blind and (over or watcher.elapsed > FIRST_STATE_LIMIT):
+                sentence = f"no state of {robot} in {watcher.elapsed:.0f} s; put its plant among the nodes"
                 return {SCENARIO.node_name: sentence}
+            if over:
+                break
         return watcher.faults
 
 
@@ -164,7 +162,7 @@ def _scenario(argv: Sequence[str]) -> int:
         "file", help="parameter file with a section `scenario:`, such as config/scenario1_sim.yaml"
     )
     parser.add_argument(
-        "--duration", type=float, metavar="S", help="seconds from the first state; 0: until Ctrl-C"
+        "--duration", type=float, metavar="S", help="seconds from the start; 0: until Ctrl-C"
     )
     parser.add_argument(
         "--record", metavar="DIR", help="directory of the recording, which must not exist yet"

@@ -16,14 +16,19 @@ from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
 
 from haptic_teleop_control.command_line import run_command
 from haptic_teleop_control.errors import ConfigurationError
+from haptic_teleop_control.nodes.arming import ArmedStart
 from haptic_teleop_control.nodes.base import HapticNode
 from haptic_teleop_control.nodes.deadline import request_realtime
+from haptic_teleop_control.nodes.link import OPTION, Link
 from haptic_teleop_control.nodes.parameters import overrides
 from haptic_teleop_control.nodes.ros_arguments import RosArguments, parse_ros_arguments
 
 POLL = 0.05
 """Seconds after which the loop looks whether it has been asked to end; a signal does not wake the
 executor."""
+
+START_POLL = 0.01
+"""The same while the start is awaited: processes that start together shall do so within two states."""
 
 SWITCH_INTERVAL = 5e-4
 """Seconds after which a thread that waits for the interpreter gets it: Python's 5 ms are five periods of 1
@@ -107,13 +112,37 @@ def make_executor(context: rclpy.Context | None = None) -> rclpy.executors.Execu
     return EventsExecutor(context=context)
 
 
-@contextmanager
-def stop_requests() -> Iterator[threading.Event]:
+class StopRequests(threading.Event):
     """An event that SIGINT and SIGTERM set; nothing is interrupted, so that no message is half sent."""
-    stop = threading.Event()
-    previous = {
-        number: signal.signal(number, lambda *_: stop.set()) for number in (signal.SIGINT, signal.SIGTERM)
-    }
+
+    class Interrupt(BaseException):
+        """A signal in a block of `interruptible`."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self._interrupts = False
+
+    def take(self, *_: object) -> None:
+        self.set()
+        if self._interrupts:
+            raise self.Interrupt
+
+    @contextmanager
+    def interruptible(self) -> Iterator[None]:
+        """Within this block a signal also ends what is under way, such as a compilation of ten seconds;
+        nothing moves yet."""
+        self._interrupts = True
+        try:
+            yield
+        finally:
+            self._interrupts = False
+
+
+@contextmanager
+def stop_requests() -> Iterator[StopRequests]:
+    """`StopRequests` as long as the block lasts."""
+    stop = StopRequests()
+    previous = {number: signal.signal(number, stop.take) for number in (signal.SIGINT, signal.SIGTERM)}
     try:
         yield stop
     finally:
@@ -121,9 +150,20 @@ def stop_requests() -> Iterator[threading.Event]:
             signal.signal(number, handler)
 
 
-def spin(nodes: Sequence[HapticNode], should_stop: Callable[[], bool], realtime_priority: int = 0) -> None:
-    """Starts `nodes`, runs their callbacks until `should_stop()`, leaves their outputs at zero; raises what a
-    node's thread failed with."""
+def armed_start(argv: Sequence[str]) -> tuple[list[str], ArmedStart | None]:
+    """The arguments without `link.OPTION`, and the start to wait for if it was among them."""
+    rest = [argument for argument in argv if argument != OPTION]
+    return rest, ArmedStart(Link.to_parent()) if len(rest) < len(argv) else None
+
+
+def spin(
+    nodes: Sequence[HapticNode],
+    should_stop: Callable[[], bool],
+    realtime_priority: int = 0,
+    may_start: Callable[[], bool] = lambda: True,
+) -> None:
+    """Starts `nodes` as soon as they may, runs their callbacks until `should_stop()`, leaves their outputs at
+    zero; raises what a node's thread failed with."""
     executor = make_executor()
     for node in nodes:
         executor.add_node(node)
@@ -133,6 +173,10 @@ def spin(nodes: Sequence[HapticNode], should_stop: Callable[[], bool], realtime_
         request_realtime(realtime_priority)
     failed = None
     try:
+        while not may_start():
+            if should_stop() or not rclpy.ok():
+                return
+            executor.spin_once(timeout_sec=START_POLL)
         for node in nodes:
             node.start()
         while rclpy.ok() and not should_stop() and failed is None:
@@ -154,6 +198,7 @@ def _run(node_classes: Sequence[type[HapticNode]], argv: Sequence[str]) -> int:
     if any(argument in ("-h", "--help") for argument in argv):
         print("\n\n".join(node_help(node_class) for node_class in node_classes))
         return 0
+    argv, armed = armed_start(argv)
     arguments = parse_ros_arguments(argv)
     if arguments.other:
         raise ConfigurationError(f"{arguments.other[0]} is not an argument of a node; see --help.")
@@ -166,13 +211,20 @@ def _run(node_classes: Sequence[type[HapticNode]], argv: Sequence[str]) -> int:
                 f"--ros-args: {str(refusal).splitlines()[0]}; see `--help`."
             ) from refusal
         try:
-            nodes = create_nodes(node_classes, arguments)
+            with stop.interruptible():
+                nodes = create_nodes(node_classes, arguments)
             try:
                 priority = max(node.values.get("realtime_priority", 0) for node in nodes)
-                spin(nodes, stop.is_set, priority)
+                if armed is None:
+                    spin(nodes, stop.is_set, priority)
+                else:
+                    armed.ready(lambda: nodes)
+                    spin(nodes, lambda: stop.is_set() or armed.abandoned, priority, armed.poll)
             finally:
                 for node in reversed(nodes):
                     node.destroy_node()
+        except StopRequests.Interrupt:
+            pass
         finally:
             rclpy.try_shutdown()
     return 0

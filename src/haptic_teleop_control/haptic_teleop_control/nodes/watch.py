@@ -33,36 +33,46 @@ class Watcher:
     """An rclpy node that knows the latest state of a robot ("sfj" or "omni") and every fault reported; a
     context manager.
 
-    faults: node -> the sentence it reported last. started: steady time of the first state, or None.
+    faults: node -> the sentence it reported last. node: the node, within the context. Time counts from
+    `begin`.
     """
 
     def __init__(self, robot: str = "sfj") -> None:
         self._topic = f"/{robot}/joint_states"
         self._joints = SFJ_JOINTS if robot == "sfj" else OMNI_JOINTS
         self.faults: dict[str, str] = {}
-        self.started: float | None = None
+        self._begun: float | None = None
         self._state: JointState | None = None
 
     def __enter__(self) -> Self:
         rclpy.init(args=[], signal_handler_options=rclpy.signals.SignalHandlerOptions.NO)
-        self._node = Node("scenario", start_parameter_services=False)
-        self._node.create_subscription(JointState, self._topic, self._take, NEWEST_ONLY)
-        self._node.create_subscription(DiagnosticArray, "/diagnostics", self._diagnose, 10)
+        self.node = Node("scenario", start_parameter_services=False)
+        self.node.create_subscription(JointState, self._topic, self._take, NEWEST_ONLY)
+        self.node.create_subscription(DiagnosticArray, "/diagnostics", self._diagnose, 10)
         self._executor = SingleThreadedExecutor()
-        self._executor.add_node(self._node)
+        self._executor.add_node(self.node)
         return self
 
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
         self._executor.shutdown()
-        self._node.destroy_node()
+        self.node.destroy_node()
         rclpy.try_shutdown()
+
+    def begin(self) -> None:
+        """The nodes start now."""
+        self._begun = time.monotonic()
 
     @property
     def elapsed(self) -> float:
-        """Seconds since the first state; 0 before it."""
-        return 0.0 if self.started is None else time.monotonic() - self.started
+        """Seconds since `begin`; 0 before it."""
+        return 0.0 if self._begun is None else time.monotonic() - self._begun
+
+    @property
+    def blind(self) -> bool:
+        """Whether no state has been seen yet."""
+        return self._state is None
 
     def look(self, seconds: float) -> None:
         """Waits, then takes what is there."""
@@ -72,10 +82,10 @@ class Watcher:
 
     def line(self, duration: float) -> str:
         """Time, and angle of the arm and torque on the environment of both stages."""
-        if self._state is None:
-            return f"waiting for {self._topic}"
         total = f" / {duration:.0f}" if duration > 0.0 else ""
         parts = [f"{self.elapsed:5.1f}{total} s"]
+        if self._state is None:
+            return f"{parts[0]}   waiting for {self._topic}"
         if self._joints == OMNI_JOINTS:
             values = zip(OMNI_JOINTS, self._state.position, self._state.effort, strict=True)
             for name, angle, torque in values:
@@ -91,8 +101,6 @@ class Watcher:
     def _take(self, message: JointState) -> None:
         if list(message.name) == list(self._joints) and len(message.effort) == len(self._joints):
             self._state = message
-            if self.started is None:
-                self.started = time.monotonic()
 
     def _diagnose(self, message: DiagnosticArray) -> None:
         for status in message.status:

@@ -1,0 +1,85 @@
+"""A start that waits: nodes exist, have compiled and know each other before the first sample is published.
+
+    process: {"ready": its endpoints}     parent, when all are ready: {"expect": everybody's endpoints}
+    process: {"waiting": [topics]} ...    until it is empty
+    parent, when nobody waits: {"start": true}      process: {"started": true}, and runs
+
+Without it the first seconds of an experiment are lost to whoever is discovered late: the middleware repeats a
+discovery message that was lost only after seconds.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Iterable
+
+import numba.core.event
+from rclpy.node import Node
+
+from haptic_teleop_control.nodes.connections import Endpoints, endpoints, unconnected
+from haptic_teleop_control.nodes.link import Link
+
+LOOK_INTERVAL = 0.1
+"""Seconds between two looks at the graph."""
+
+
+class ArmedStart:
+    """The side of a process that was started with `link.OPTION`; call `poll` until it returns True."""
+
+    def __init__(self, link: Link) -> None:
+        self._link = link
+        self._nodes: Callable[[], Iterable[Node]] = list
+        self._expected: Endpoints | None = None
+        self._waiting: list[str] | None = None
+        self._next_look = 0.0
+        self._compiles = False
+        self._listener = _CompileListener(self._compiling)
+        numba.core.event.register("numba:compile", self._listener)
+
+    def ready(self, nodes: Callable[[], Iterable[Node]], announced: Endpoints | None = None) -> None:
+        """The nodes exist. `announced`: what they will have, where that is more than they have now."""
+        numba.core.event.unregister("numba:compile", self._listener)
+        self._nodes = nodes
+        self._link.send(ready=endpoints(nodes()) if announced is None else announced)
+
+    @property
+    def expecting(self) -> bool:
+        """Whether all processes are ready, so that their nodes answer."""
+        return self._expected is not None
+
+    @property
+    def abandoned(self) -> bool:
+        """Whether the parent has gone."""
+        return self._link.closed
+
+    def poll(self) -> bool:
+        """Takes what the parent says and tells it what is missing; True once when the start is there."""
+        for message in self._link.receive():
+            if "expect" in message:
+                self._expected = message["expect"]
+            if "start" in message:
+                self._link.send(started=True)
+                return True
+        if self._expected is not None and time.monotonic() >= self._next_look:
+            self._next_look = time.monotonic() + LOOK_INTERVAL
+            waiting = unconnected(self._nodes(), self._expected)
+            if waiting != self._waiting:
+                self._waiting = waiting
+                self._link.send(waiting=waiting)
+        return False
+
+    def _compiling(self) -> None:
+        if not self._compiles:
+            self._compiles = True
+            self._link.send(compiling=True)
+
+
+class _CompileListener(numba.core.event.Listener):
+    def __init__(self, on_start: Callable[[], None]) -> None:
+        self._on_start = on_start
+
+    def on_start(self, event: numba.core.event.Event) -> None:
+        self._on_start()
+
+    def on_end(self, event: numba.core.event.Event) -> None:
+        pass

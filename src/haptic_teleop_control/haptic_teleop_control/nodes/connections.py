@@ -1,0 +1,78 @@
+"""Whether the publishers and subscriptions of one process have met those of others.
+
+What a graph query lists is only known to exist. Here an endpoint counts as connected when the middleware has
+matched it, too: only then does a sample arrive.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+
+from rclpy.node import Node
+from rclpy.qos import QoSCompatibility, QoSProfile, qos_check_compatible
+from rclpy.topic_endpoint_info import TopicEndpointInfo
+
+OUT, IN = "publishers", "subscriptions"
+Endpoints = dict[str, dict[str, list[str]]]
+"""{"publishers": {topic: [full node name, ...]}, "subscriptions": {...}}"""
+
+SERVICE_TOPICS = ("/parameter_events", "/rosout")
+"""Topics that every node has; nothing here depends on their first message."""
+
+
+def endpoints(nodes: Iterable[Node]) -> Endpoints:
+    """What `nodes` publish and subscribe to."""
+    found: Endpoints = {OUT: {}, IN: {}}
+    for node in nodes:
+        for direction, ends in ((OUT, node.publishers), (IN, node.subscriptions)):
+            for end in ends:
+                if end.topic_name not in SERVICE_TOPICS:
+                    found[direction].setdefault(end.topic_name, []).append(node.get_fully_qualified_name())
+    return found
+
+
+def merged(several: Iterable[Endpoints]) -> Endpoints:
+    """The endpoints of several processes in one."""
+    whole: Endpoints = {OUT: {}, IN: {}}
+    for one in several:
+        for direction, topics in one.items():
+            for topic, names in topics.items():
+                whole[direction].setdefault(topic, []).extend(names)
+    return whole
+
+
+def unconnected(nodes: Iterable[Node], expected: Mapping[str, Mapping[str, list[str]]]) -> list[str]:
+    """Topics on which an endpoint of `nodes` has not yet met all its `expected` counterparts, sorted.
+
+    A counterpart has been met when the graph shows it by name and the middleware has matched as many
+    endpoints as the graph shows compatible ones.
+    """
+    missing = set()
+    for node in nodes:
+        for publisher in node.publishers:
+            topic = publisher.topic_name
+            seen = node.get_subscriptions_info_by_topic(topic)
+            count = publisher.get_subscription_count()
+            if not _met(expected[IN].get(topic, []), seen, count, publisher.qos_profile, True):
+                missing.add(topic)
+        for subscription in node.subscriptions:
+            topic = subscription.topic_name
+            seen = node.get_publishers_info_by_topic(topic)
+            count = subscription.get_publisher_count()
+            if not _met(expected[OUT].get(topic, []), seen, count, subscription.qos_profile, False):
+                missing.add(topic)
+    return sorted(missing - set(SERVICE_TOPICS))
+
+
+def _met(
+    expected: list[str], seen: list[TopicEndpointInfo], matched: int, own: QoSProfile, publishing: bool
+) -> bool:
+    names = {f"{end.node_namespace.rstrip('/')}/{end.node_name}" for end in seen}
+    if not names.issuperset(expected):
+        return False
+    compatible = 0
+    for end in seen:
+        offered, wanted = (own, end.qos_profile) if publishing else (end.qos_profile, own)
+        verdict, _ = qos_check_compatible(offered, wanted)
+        compatible += verdict != QoSCompatibility.ERROR
+    return matched >= compatible

@@ -1,0 +1,98 @@
+"""Starting armed processes together: the parent's side of `arming`."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Sequence
+
+from rclpy.node import Node
+
+from haptic_teleop_control.nodes.children import Child
+from haptic_teleop_control.nodes.connections import Endpoints, endpoints, merged, unconnected
+
+START_INTERVAL = 0.02
+"""Seconds between two looks at the children until they have started."""
+
+CONNECT_LIMIT = 15.0
+"""Seconds that processes which are ready are given to find each other; then it goes on without."""
+
+
+class Starter:
+    """Leads `children` to their common start; `watching` is a node of this process that shall hear them, too.
+
+    done: the last of them has been told to start. missing: topics on which somebody had not met somebody
+    else by then. line: what is being waited for.
+    """
+
+    def __init__(self, children: Sequence[Child], watching: Node) -> None:
+        self._children, self._watching = list(children), watching
+        self._ready: dict[str, Endpoints] = {}
+        self._waiting: dict[str, list[str]] = {}
+        self._started: set[str] = set()
+        self._told: set[str] = set()
+        self._compiling = False
+        self._expected: Endpoints | None = None
+        self._deadline = 0.0
+        self.missing: list[str] = []
+        self.done = False
+
+    @property
+    def line(self) -> str:
+        """One line for the progress."""
+        if self._expected is None:
+            waited = [child.name for child in self._children if child.name not in self._ready]
+            if self._compiling:
+                return f"compiling, once, some 20 s: {', '.join(waited)}"
+            return f"starting {', '.join(waited)}"
+        return " ".join(["waiting until all know each other", *self._unmet()])
+
+    @property
+    def warning(self) -> str:
+        """What it means that something is missing."""
+        topics = ", ".join(self.missing)
+        return (
+            f"after {CONNECT_LIMIT:g} s not all processes had found each other on {topics}, so the first "
+            "samples there may be missing; it goes on. Look at the load of the machine and its network settings"
+        )
+
+    def poll(self) -> None:
+        """Takes what the children say, and tells them what comes next; never waits."""
+        for child in self._children:
+            for message in child.link.receive():
+                self._take(child.name, message)
+        if self._expected is None:
+            if len(self._ready) == len(self._children):
+                self._expect()
+        elif not self._told:
+            self._waiting[""] = unconnected([self._watching], self._expected)
+            late = time.monotonic() > self._deadline
+            if late or (len(self._waiting) > len(self._children) and not self._unmet()):
+                self.missing = self._unmet()
+                self._tell(self._children[-1])  # the recorder, if there is one: it has to be there first
+        elif self._told == self._started:
+            rest = [child for child in self._children if child.name not in self._told]
+            for child in rest:
+                self._tell(child)
+            self.done = True
+
+    def _take(self, name: str, message: dict) -> None:
+        self._compiling = self._compiling or "compiling" in message
+        if "ready" in message:
+            self._ready[name] = message["ready"]
+        if "waiting" in message:
+            self._waiting[name] = message["waiting"]
+        if "started" in message:
+            self._started.add(name)
+
+    def _expect(self) -> None:
+        self._expected = merged([*self._ready.values(), endpoints([self._watching])])
+        self._deadline = time.monotonic() + CONNECT_LIMIT
+        for child in self._children:
+            child.link.send(expect=self._expected)
+
+    def _tell(self, child: Child) -> None:
+        self._told.add(child.name)
+        child.link.send(start=True)
+
+    def _unmet(self) -> list[str]:
+        return sorted({topic for topics in self._waiting.values() for topic in topics})
