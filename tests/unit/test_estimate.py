@@ -11,8 +11,8 @@ from haptic_teleop_control.errors import ModelError
 from haptic_teleop_control.recording import read_recording
 from haptic_teleop_sim.model import Effect, load_model
 from haptic_teleop_sysid.dataset import load_dataset
+from haptic_teleop_sysid.estimation.scores import score_covariance
 from haptic_teleop_sysid.estimation.strategies import estimate
-from haptic_teleop_sysid.estimation.uncertainty import score_covariance
 from haptic_teleop_sysid.fit import simulated_fit
 from haptic_teleop_sysid.parameter_table import parameter_rows
 

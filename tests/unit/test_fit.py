@@ -174,6 +174,33 @@ def test_least_squares_finds_the_true_parameters():
     assert found.model.parameters["stiffness"] == TRUTH["stiffness"]
 
 
+def test_standard_errors_are_those_of_the_linearised_problem_under_white_noise():
+    names = ("motor_damping", "arm_inertia")
+    sigma, random = np.array([2e-3, 3e-3]), np.random.default_rng(3)
+    states = response(CURRENT)
+    model = replace(MODEL, fixed=tuple(n for n in TRUTH if n not in names))
+    stated = []
+    for _ in range(6):
+        noisy = states.copy()
+        noisy[:, :2] += sigma * random.standard_normal((N, 2))
+        dataset = load_dataset(joint_recording(CURRENT, noisy), MODEL, "made")
+        dataset = replace(dataset, motor_position=noisy[:, 0], arm_position=noisy[:, 1])
+        found = fit_parameters(model, [(dataset, cut(dataset, None, ""))])
+        stated.append([found.std[n] for n in names])
+        assert found.model.parameters["arm_inertia"] == pytest.approx(TRUTH["arm_inertia"], rel=5e-3)
+    # Columns by differences of the test's own integrator; each angle weighs by its spread, as in the fit.
+    spread = states[:, :2].std(axis=0)
+    columns = []
+    for name in names:
+        step = 1e-4 * TRUTH[name]
+        up, down = (response(CURRENT, {**TRUTH, name: TRUTH[name] + s * step})[:, :2] for s in (1, -1))
+        columns.append(((up - down) / (2 * step) / spread).ravel())
+    columns += [(response(np.zeros(N), TRUTH, x)[:, :2] / spread).ravel() for x in np.eye(4)]
+    inverse = np.linalg.pinv(np.column_stack(columns))
+    expected = np.sqrt(np.sum((inverse * np.tile(sigma / spread, N)) ** 2, axis=1))[: len(names)]
+    assert np.allclose(np.mean(stated, axis=0), expected, rtol=0.25)
+
+
 def test_with_everything_fixed_there_is_nothing_to_fit():
     dataset = dataset_of()
     with pytest.raises(ModelError, match="fixed"):

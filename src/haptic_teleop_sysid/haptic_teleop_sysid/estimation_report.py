@@ -20,6 +20,19 @@ from haptic_teleop_sysid.residual_picture import residual_picture
 from haptic_teleop_sysid.residuals import Residuals, reading
 from haptic_teleop_sysid.windows import closed_loop
 
+_DISAGREEMENT = (
+    "the output error finds {:.4g} instead, which chance does not explain. It weighs slow motion more than "
+    "the one-step predictor does, so the two differ where something is wrong."
+)
+_OPEN = (
+    "Either the measured input carries noise, or something fast is missing from the model: for slow motion "
+    "trust --method output-error."
+)
+_LOOPED = (
+    "The recording was made in closed loop, where the output error is biased by every disturbance: look at "
+    "the residuals before you trust either."
+)
+
 
 @dataclass(frozen=True)
 class Result:
@@ -113,17 +126,11 @@ def verdict(result: Result) -> list[tuple[str, str]]:
     if found.uncertainty is not None:
         for name, why in found.uncertainty.undetermined.items():
             told.append(("fair", f"{name} cannot be determined from these recordings: {why}."))
+        looped = any(closed_loop(result.data[b]) for b in result.data if b not in result.validation)
         for name, value in found.disagreement().items():
-            told.append(
-                (
-                    "bad",
-                    f"{name}: the output error finds {value:.4g} instead, far outside the interval. The "
-                    "two weigh "
-                    "fast and slow motion differently: the measured input carries noise, or something fast "
-                    "is "
-                    "missing from the model. For slow motion trust --method output-error.",
-                )
-            )
+            told.append(("bad", f"{name}: {_DISAGREEMENT.format(value)} {_LOOPED if looped else _OPEN}"))
+        if found.output_error == {}:
+            told.append(("plain", "The cross-check by output error did not arrive and says nothing."))
         for name in found.uncertainty.near_zero:
             told.append(("plain", f"{name} cannot be told from zero."))
     else:

@@ -25,7 +25,10 @@ METHODS = ("prediction-error", "output-error", "progressive")
 #: Further starts lie within this factor of the given one, either side.
 SPREAD = 3.0
 #: Standard errors between two methods beyond which one of them must be wrong.
-DISAGREEMENT = 4.0
+DISAGREEMENT = 3.0
+#: Relative gain at which the cross-check by output error ends: far finer than its standard errors.
+CHECK_TOLERANCE = 1e-4
+CHECK_EVALUATIONS = 40
 #: Part of the recording that each stage of the progressive scheme takes.
 STRETCHES = (0.25, 0.5, 0.75, 1.0)
 
@@ -37,7 +40,8 @@ class Estimate:
     """``model`` with the values found by ``method`` from ``start``; ``converged`` with a sentence in
     ``message``; ``fit`` and ``uncertainty`` for the prediction-error method, None for the others, which
     know no noise; ``starts``: log-likelihood reached from each start (the given one first); ``seconds`` it
-    took."""
+    took; ``output_error``: value and standard error (NaN where it has none) of the free parameters by the
+    cross-check; empty where that did not arrive, None where it was not asked for."""
 
     model: Model
     start: Model
@@ -49,21 +53,24 @@ class Estimate:
     fit: Fit | None = None
     uncertainty: Uncertainty | None = None
     starts: tuple[float, ...] = ()
-    output_error: dict[str, float] | None = None
+    output_error: dict[str, tuple[float, float]] | None = None
 
     def disagreement(self) -> dict[str, float]:
-        """Parameters that the output error puts elsewhere, by more than DISAGREEMENT standard errors and 10
-        %: name -> its value. Empty without a cross-check."""
+        """Parameters that the output error puts elsewhere, by more than DISAGREEMENT standard errors of the
+        difference and 10 %: name -> its value. Empty without a cross-check."""
         unsure, found = self.uncertainty, self.model.parameter_values()
-        if self.output_error is None or unsure is None:
+        if not self.output_error or unsure is None:
             return {}
-        return {
-            name: other
-            for name, other in self.output_error.items()
-            if name not in unsure.undetermined
-            and abs(other - found[name])
-            > max(DISAGREEMENT * float(unsure.std[unsure.names.index(name)]), 0.1 * abs(found[name]))
-        }
+        apart = {}
+        for name, (other, std) in self.output_error.items():
+            if name in unsure.undetermined:
+                continue
+            own = float(unsure.std[unsure.names.index(name)])
+            difference = abs(other - found[name])
+            # Not so with a standard error that is no number: nothing can then be said.
+            if difference > DISAGREEMENT * np.hypot(own, std) and difference > 0.1 * abs(found[name]):
+                apart[name] = other
+        return apart
 
 
 def estimate(
@@ -94,10 +101,13 @@ def estimate(
         if cross_check and found.fit is not None:
             if progress is not None:
                 progress("cross-check by output error", 1.0)
-            other = _output_error(found.model, datasets, at_rest, limits)
-            if other.converged:
-                values = other.model.parameter_values()
-                found = replace(found, output_error={n: values[n] for n in model.free_parameters()})
+            pairs = [(d, choose_windows(found.model, d)) for d in datasets]
+            other = least_squares(found.model, pairs, limits, at_rest, CHECK_EVALUATIONS, CHECK_TOLERANCE)
+            values = other.model.parameter_values()
+            arrived = other.converged and not other.fled
+            found = replace(
+                found, output_error={n: (values[n], s) for n, s in other.std.items()} if arrived else {}
+            )
     elif method == "output-error":
         found = _output_error(model, datasets, at_rest, limits)
     else:

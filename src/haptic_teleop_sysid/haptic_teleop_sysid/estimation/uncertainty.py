@@ -25,6 +25,7 @@ from .gauss_newton import Fit, whiten
 from .likelihood import channels, innovations, settling
 from .noise import NoiseModel, observer_gain
 from .records import Record
+from .scores import score_covariance
 
 FloatArray = NDArray[np.float64]
 
@@ -60,15 +61,6 @@ class Uncertainty:
             return None
         half = QUANTILE_95 * float(self.std[self.names.index(name)])
         return value - half, value + half
-
-
-def score_covariance(scores: FloatArray, lags: int) -> FloatArray:
-    """(p, p) long-run second moment of scores (n, p), Bartlett window over ``lags``."""
-    total = scores.T @ scores
-    for k in range(1, min(lags, len(scores) - 1) + 1):
-        cross = scores[:-k].T @ scores[k:]
-        total += (1.0 - k / (lags + 1.0)) * (cross + cross.T)
-    return total
 
 
 def uncertainty(fit: Fit, records: Sequence[Record]) -> Uncertainty:
