@@ -82,7 +82,7 @@ def test_a_raw_torque_never_means_more_than_its_limit(value, limit):
 @given(st.lists(st.integers(-30_000, 30_000), max_size=60), st.sampled_from([16, 24, 32]), st.integers(0))
 def test_counters_that_wrap_give_back_the_way_that_was_gone(steps, bits, start):
     span = 1 << bits
-    raw = Unwrapper(1, bits)
+    raw = Unwrapper([bits])
     raw.step([start % span])
     bank = EncoderBank([1.0], bits)
     way = 0
@@ -103,6 +103,25 @@ def test_a_packet_counter_knows_how_many_were_lost(periods, start):
         now += elapsed
         assert counter.step(now % 2**32) == elapsed
     assert counter.lost == sum(periods) - len(periods)
+
+
+@given(st.lists(st.integers(0, 2**32 - 1), max_size=60), st.sampled_from([1, 8, 16, 32]))
+def test_a_packet_counter_takes_any_numbers_and_counts_each_report_once(numbers, bits):
+    counter = PacketCounter(bits)
+    steps = [counter.step(number % 2**bits) for number in numbers]
+    assert all(step >= -1 for step in steps)
+    assert steps.count(0) == counter.repeated + counter.stale
+    assert steps.count(-1) == counter.restarts
+    assert sum(step - 1 for step in steps if step > 0) == counter.lost
+
+
+@given(st.integers(1, 1000), st.integers(0, 2**32 - 1))
+def test_a_report_that_is_older_than_the_last_is_not_taken_and_changes_nothing(age, start):
+    counter = PacketCounter(32)
+    counter.step(start)
+    assert counter.step((start - age) % 2**32) == 0
+    assert counter.stale == 1
+    assert counter.step((start + 1) % 2**32) == 1
 
 
 @given(ANY, st.floats(0.01, 1.2), st.sampled_from([-1, 1]))

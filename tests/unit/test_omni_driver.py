@@ -218,6 +218,73 @@ def test_a_jump_of_an_encoder_switches_the_motors_off():
     assert idle(rig)
 
 
+def test_after_a_jump_of_an_encoder_a_reset_asks_for_a_new_calibration():
+    plant = StillOmni()
+    rig = OmniRig(plant, calibration__method="button", calibration__hold=0.01)
+    rig.device.buttons[0] = True
+    rig.run(20)
+    rig.device.buttons[0] = False
+    plant.angles[2] = 1.0
+    rig.run(2, PUSH)
+    rig.latch.reset()
+    rig.driver.reset()
+    assert {rig.cycle(PUSH) for _ in range(50)} == {ReadResult.NOTHING}
+    assert idle(rig)
+    rig.device.buttons[0] = True
+    rig.run(20)
+    assert rig.driver.position == pytest.approx([0.0] * 3, abs=COUNT), "where it is held now"
+
+
+def test_reports_that_are_older_than_the_last_do_not_move_the_angles():
+    plant = StillOmni()
+    rig = OmniRig(plant)
+    fresh = rig.device.read
+    old = fresh(1.0)
+    plant.angles[:] = 0.05
+    rig.run(40)
+    position = rig.driver.position.copy()
+    for repetition in range(2):
+        rig.device.read = lambda timeout: old if timeout else None
+        assert rig.cycle(PUSH) is ReadResult.NOTHING
+        assert rig.driver.counter.stale == repetition + 1
+    assert np.all(rig.driver.position == position)
+    assert rig.latch.latched is None, "one that goes on is a fault, see bad_reports"
+    rig.cycle(PUSH)
+    assert rig.latch.latched == "frozen_counter"
+    assert idle(rig)
+
+
+def test_a_device_that_counts_its_reports_anew_has_lost_its_origin():
+    rig = OmniRig(calibration__method="dock", docked=0.3)
+    rig.run(2000)
+    assert rig.driver.calibration.done
+    rig.device._start = rig.clock.now()
+    rig.device._tick = 400  # a device that began again, and is not in its inkwell
+    rig.device._start -= 400 * 1_000_000
+    rig.cycle(PUSH)
+    assert rig.latch.latched == "counter_restart"
+    assert idle(rig)
+    rig.latch.reset()
+    rig.driver.reset()
+    assert {rig.cycle(PUSH) for _ in range(50)} == {ReadResult.NOTHING}
+    assert idle(rig)
+
+
+def test_encoders_of_different_widths_wrap_each_at_its_own():
+    content = broken("input/fields/encoder_y/mask", 0xFFF)
+    layout = parse_layout(content, "narrow.yaml")
+    plant = StillOmni()
+    rig = OmniRig(plant)
+    rig.device._layout = layout
+    rig.driver = OmniDriver(rig.settings, layout, rig.device, rig.reporter)
+    rig.driver.open()
+    for angle in np.arange(0.0, 4.0, 0.02):  # 12 bits of 4.1e-4 rad are 1.68 rad
+        plant.angles[:] = angle
+        rig.cycle()
+        rig.cycle()
+    assert rig.driver.position == pytest.approx(plant.angles, abs=2 * COUNT)
+
+
 def test_an_unplugged_device_is_a_fault_and_nothing_more_is_asked_of_it():
     rig = OmniRig()
     rig.run(5, PUSH)
@@ -307,6 +374,8 @@ def load_folder():
         ("input/fields/encoder_w", {"offset": 0, "type": "u8"}, ["encoder_w is unknown"]),
         ("output/checksum", "md5", ["checksum", "xor8"]),
         ("output/fields/torque_x/idle", 5000, ["torque_x: idle", "4095"]),
+        ("output/fields/torque_x/maximum", 40000, ["torque_x: minimum", "32767"]),
+        ("output/fields/motors_on/mask", 0x3F, ["motors_on: mask", "u8"]),
         ("verified", "yes", ["verified", "true or false"]),
         ("output", None, ["output is missing"]),
     ],
@@ -326,7 +395,7 @@ def test_a_layout_that_is_not_there_is_answered_with_those_that_are():
 def test_a_real_device_that_is_not_there_is_a_device_error_and_no_traceback():
     pytest.importorskip("hidraw", reason="hidapi is not installed")
     driver = make_driver({"device": "hardware"}, Reporter.to_latch({})[0])
-    with pytest.raises(DeviceError, match="2988:0304"):
+    with pytest.raises(DeviceError, match=r"2988:0304.*FireWire"):
         driver.open()
 
 

@@ -15,8 +15,10 @@ from __future__ import annotations
 
 import json
 import queue
+import struct
 import threading
 from collections.abc import Mapping
+from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -80,9 +82,10 @@ class RawCapture:
 
     def close(self) -> None:
         """Writes what is queued and ends the file; a second call does nothing."""
-        if self._thread.is_alive():
-            self._packets.put(None)
-            self._thread.join()
+        while self._thread.is_alive():
+            with suppress(queue.Full):  # of a queue that a full disk has just left behind
+                self._packets.put(None, timeout=1.0)
+                self._thread.join()
 
     def _write_all(self) -> None:
         sequence = 0
@@ -103,7 +106,8 @@ class RawCapture:
 
 @dataclass(frozen=True)
 class Capture:
-    """A capture read back. complete: False when its writer was killed; what is whole is there then."""
+    """A capture read back. complete: False when its writer was killed or the file is damaged; what is whole
+    before that place is there then."""
 
     robot: str
     parameters: dict[str, Any]
@@ -131,12 +135,18 @@ def read_capture(path: str | Path, robot: str) -> Capture:
         raise RecordingError(
             f"{path}: cannot be read ({refusal.strerror}); give a capture that a driver wrote."
         ) from refusal
-    except (McapError, EOFError, ValueError, KeyError):
-        complete = False
+    except (McapError, EOFError, ValueError, LookupError, OverflowError, MemoryError, struct.error):
+        complete = False  # all of them mean bytes that make no sense
     if description is None or "robot" not in description:
         raise RecordingError(f"{path}: is no capture of raw packets; give a file that a driver wrote.")
     if description["robot"] != robot:
         raise RecordingError(
             f"{path}: is a capture of {description['robot']}; give one of {robot}, or use the other driver."
         )
-    return Capture(robot, json.loads(description["parameters"]), packets, complete)
+    try:
+        parameters = dict(json.loads(description["parameters"]))
+    except (KeyError, TypeError, ValueError) as damage:
+        raise RecordingError(
+            f"{path}: haptic_teleop.capture: its parameters cannot be read; give a file that is not damaged."
+        ) from damage
+    return Capture(robot, parameters, packets, complete)

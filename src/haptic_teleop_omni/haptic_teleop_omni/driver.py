@@ -45,7 +45,7 @@ class OmniDriver:
         self._encoders = [layout.input.fields[f"encoder_{axis}"] for axis in AXES]
         self._torques = [layout.output.fields[f"torque_{axis}"] for axis in AXES]
         self._dt = 1.0 / settings.rate
-        self._unwrapper = Unwrapper(3, self._encoders[0].bits)
+        self._unwrapper = Unwrapper([field.bits for field in self._encoders])
         counter = layout.input.fields.get("counter")
         self.counter = PacketCounter(counter.bits) if counter is not None else None
         self.calibration = Calibration(
@@ -67,6 +67,7 @@ class OmniDriver:
         self._open = self._started = self._motors = False
         self._bad = 0
         self._elapsed = 0.0
+        self._lost_origin = False  # something happened after which the calibration cannot be trusted
 
     def open(self) -> None:
         """Opens the device; angles are unknown until it is calibrated. Raises HapticTeleopError,
@@ -77,7 +78,7 @@ class OmniDriver:
         self.calibration.forget()
         if self.counter is not None:
             self.counter.forget()
-        self._started = False
+        self._started = self._lost_origin = False
         self._bad = 0
 
     def read(self) -> ReadResult:
@@ -135,8 +136,12 @@ class OmniDriver:
             self._lose(error)
 
     def reset(self) -> None:
-        """Opens the device again when it was lost; its angles then have to be calibrated anew."""
+        """Opens the device again when it was lost. After that, and after a jump of its encoders or its
+        counter, the angles have to be calibrated anew."""
         self._bad = 0
+        if self._lost_origin:
+            self.calibration.forget()
+            self._started = self._lost_origin = False
         self.budget.rest(self._dt)
         if not self._open:
             try:
@@ -174,6 +179,7 @@ class OmniDriver:
             "motors": "on" if self._motors else "off",
             "reports lost": 0 if counter is None else counter.lost,
             "reports repeated": 0 if counter is None else counter.repeated,
+            "reports out of date": 0 if counter is None else counter.stale,
             "reports malformed": self.malformed,
             "reports overtaken": self.late,
             "samples at a torque limit": self.budget.limited,
@@ -196,12 +202,16 @@ class OmniDriver:
             self._suspect("frozen_counter", f"counter {raw['counter']}")
             return False
         self._bad = 0
-        elapsed = periods * self._dt
+        if periods < 0:
+            self._lost_origin = True
+            self._fault("counter_restart", f"counter {raw['counter']}")
+        elapsed = abs(periods) * self._dt
         self._elapsed += elapsed
         changes = self._unwrapper.step([raw[field.name] for field in self._encoders])
         speeds = [abs(n * f.scale) / elapsed for n, f in zip(changes, self._encoders, strict=True)]
         fastest = max(speeds)
         if fastest > self.settings.highest_speed:
+            self._lost_origin = True
             self._fault("over_speed", f"omni_{AXES[speeds.index(fastest)]} at {fastest:.0f} rad/s")
         self.buttons = (bool(raw.get("button_1", 0)), bool(raw.get("button_2", 0)))
         self.docked = bool(raw.get("docked", 0))

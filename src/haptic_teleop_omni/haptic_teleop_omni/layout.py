@@ -12,7 +12,7 @@ from __future__ import annotations
 import importlib.resources
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -102,7 +102,7 @@ def load_layout(name: str) -> ReportLayout:
     except OSError as refusal:
         known = sorted(entry.name[:-5] for entry in folder.iterdir() if entry.name.endswith(".yaml"))
         raise ConfigurationError(
-            f"layout.file is {name!r}, which cannot be read ({refusal.strerror}); name a file, or one of "
+            f"layout is {name!r}, which cannot be read ({refusal.strerror}); name a file, or one of "
             f"{', '.join(known)}."
         ) from refusal
     except (yaml.YAMLError, UnicodeDecodeError) as problem:
@@ -191,7 +191,16 @@ def _field(name: str, content: Any, where: str, length: int) -> Field:
         unit=str(entry.get("unit", "")),
         **limits,
     )
+    if (found.mask or 0) << found.shift >= full:
+        raise ConfigurationError(
+            f"{where}: mask {found.mask:#x} shifted by {found.shift} is wider than {kind}; narrow it."
+        )
+    natural = replace(found, minimum=None, maximum=None).limits
     low, high = found.limits
+    if not natural[0] <= low <= high <= natural[1]:
+        raise ConfigurationError(
+            f"{where}: minimum {low} and maximum {high} do not fit; choose from {natural[0]} to {natural[1]}."
+        )
     if not low <= found.idle <= high:
         raise ConfigurationError(f"{where}: idle is {found.idle}; choose {low} to {high}.")
     return found

@@ -24,8 +24,11 @@ FAULTS = {
     "device_lost": "the Omni does not answer; check its cable and its power, then reset",
     "silent": "no report has come for too long; check the cable and what else uses the device",
     "malformed_report": "reports do not fit the layout; check the parameter layout",
-    "frozen_counter": "the device repeats the same report; switch it off and on",
-    "over_speed": "an axis moved faster than a hand can; check the encoders and the layout's scale",
+    "frozen_counter": "the device repeats the same report, or sends old ones; switch it off and on",
+    "counter_restart": "the device began to count its reports anew, so its angles may have changed; reset, "
+    "then calibrate it again",
+    "over_speed": "an axis moved faster than a hand can; check the encoders and the layout's scale, reset, "
+    "then calibrate it again",
 }
 """Faults of the driver, with the sentence for the log."""
 

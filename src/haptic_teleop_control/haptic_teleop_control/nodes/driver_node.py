@@ -8,6 +8,7 @@ command, and what has no answer in time is written with the last command until t
 
 from __future__ import annotations
 
+import signal
 import threading
 from collections.abc import Mapping
 from pathlib import Path
@@ -30,6 +31,20 @@ LOST_POLL = 0.1
 STOP_PATIENCE = 1.0
 """Seconds that the thread has to come back from the device when the node ends."""
 
+FURTHER_STOPS = ("SIGHUP", "SIGQUIT")
+"""A terminal that is closed, and Ctrl-\\: by default they end a process without a word to its device."""
+
+
+def stop_at_further_signals() -> None:
+    """Lets the signals of `FURTHER_STOPS` do what SIGTERM does, where the process has a handler for that and
+    nobody has arranged anything else for them (nohup). Does nothing outside the main thread."""
+    handler = signal.getsignal(signal.SIGTERM)
+    if not callable(handler) or threading.current_thread() is not threading.main_thread():
+        return
+    for number in (getattr(signal, name) for name in FURTHER_STOPS if hasattr(signal, name)):
+        if signal.getsignal(number) is signal.SIG_DFL:
+            signal.signal(number, handler)
+
 
 class DriverNode(CommandedNode):
     """Subclasses build their driver in `make_driver`. Parameters that every driver has: `device`,
@@ -50,6 +65,11 @@ class DriverNode(CommandedNode):
         self.capture: RawCapture | None = None
         self.session: Session | None = None
         if self.values["device"] == "replay":
+            if not self.values["replay.file"]:
+                raise ConfigurationError(
+                    f"{self.NAME}: device is replay, but replay.file is empty; name a file that a driver's "
+                    "parameter capture has made."
+                )
             self.session = Session(read_capture(self.values["replay.file"], self.ROBOT))
         self.driver: Driver = self.make_driver(Reporter(self.fault, lambda: self.faults.latched))
         self._thread = threading.Thread(target=self._run, name=self.NAME, daemon=True)
@@ -59,6 +79,7 @@ class DriverNode(CommandedNode):
         raise NotImplementedError
 
     def start(self) -> None:
+        stop_at_further_signals()
         self._open_capture()
         try:
             self.driver.open()
@@ -175,3 +196,8 @@ class DriverNode(CommandedNode):
         self.driver.close()  # again, in case the thread never ran or hangs in the device
         if self.capture is not None:
             self.capture.close()
+            if self.capture.dropped or self.capture.failure is not None:
+                reason = self.capture.failure or "the disk did not keep up"
+                self.get_logger().warning(
+                    f"the capture is not complete, {self.capture.dropped} packets are missing: {reason}"
+                )

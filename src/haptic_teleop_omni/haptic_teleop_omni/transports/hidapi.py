@@ -38,7 +38,8 @@ class HidapiTransport:
             device.set_nonblocking(1)  # without a timeout `read` then returns at once
         except OSError as refusal:
             raise DeviceError(
-                f"no HID device {self._vendor:04x}:{self._product:04x} can be opened ({refusal})"
+                f"no HID device {self._vendor:04x}:{self._product:04x} can be opened ({refusal}); hidapi "
+                "reaches only the Touch with USB HID, not the thesis' Phantom Omni: that is a FireWire device"
             ) from refusal
         self._device = device
 

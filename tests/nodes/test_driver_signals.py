@@ -1,0 +1,58 @@
+"""However a driver's process is asked to end, the last that its device hears is zero and off."""
+
+import signal
+import subprocess
+import sys
+
+import pytest
+from ros_graph import Graph, Sink, Source, stamp_of
+
+from haptic_teleop_2dsfj.board import WRITE_FORMAT
+from haptic_teleop_control.raw_capture import WRITE, read_capture
+from haptic_teleop_control.robots import OMNI_JOINTS, SFJ_MOTOR_JOINTS
+from haptic_teleop_omni.codec import ReportCodec
+from haptic_teleop_omni.layout import load_layout
+
+FRONT_DOOR = (sys.executable, "-m", "haptic_teleop_control.front_door")
+ROBOTS = {
+    "sfj": (SFJ_MOTOR_JOINTS, [2.0, 0.4], ("board.watchdog:=0.2",)),
+    "omni": (OMNI_JOINTS, [0.0, 0.0, 0.1], ("silence:=0.2", "calibration.method:=start")),
+}
+
+
+def is_off(robot: str, packet: bytes) -> bool:
+    """Zero volts and disabling levels (1, 1, 0); idle torques and motors off."""
+    if robot == "sfj":
+        return WRITE_FORMAT.unpack(packet) == (0.0, 0.0, 1, 1, 0)
+    report = load_layout("emulator").output
+    values = ReportCodec(report).decode(packet)
+    assert values is not None
+    return all(values[name] == report.fields[name].idle for name in values)
+
+
+@pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGHUP, signal.SIGQUIT])
+@pytest.mark.parametrize("robot", ROBOTS)
+def test_a_signal_ends_a_driver_with_zero_and_off_as_its_last_packet(graph: Graph, robot, number, tmp_path):
+    motors, effort, stated = ROBOTS[robot]
+    file = tmp_path / "session.mcap"
+    states = Sink(graph, f"/{robot}/joint_states")
+    command = Source(graph, f"/{robot}/effort_command", motors)
+    rules = ("device:=emulated", "timeout:=0.2", f"capture:={file}", *stated)
+    process = subprocess.Popen(
+        [*FRONT_DOOR, f"{robot}_driver", "--ros-args", *(part for rule in rules for part in ("-p", rule))]
+    )
+    try:
+        graph.until(lambda: command.connected() and states.messages, what="discovery")
+        for _ in range(60):
+            command.send(stamp=stamp_of(states.last), effort=effort)
+            graph.run(0.004)
+        process.send_signal(number)
+        assert process.wait(20) == 0
+    finally:
+        process.kill()
+        process.wait()
+    capture = read_capture(file, robot)
+    written = [packet.data for packet in capture.packets if packet.channel == WRITE]
+    assert capture.complete
+    assert is_off(robot, written[-1])
+    assert not all(is_off(robot, packet) for packet in written), "it had been driven"
