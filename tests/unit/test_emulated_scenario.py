@@ -41,7 +41,8 @@ class Slave:
 
 
 def through_the_drivers(changes: dict | None = None, duration: float = DURATION) -> dict[str, np.ndarray]:
-    """Position, velocity, effort of the 2DSFJ (n, 4), its commands (n, 2), angles of the Omni (m, 3)."""
+    """Position, velocity, effort of the 2DSFJ (n, 4), its commands and the currents that flowed in the period
+    before (n, 2), angles and torques of the Omni (m, 3)."""
     scenario = load_scenario(FILE)
     control, signal = scenario.nodes["force_controller"], scenario.nodes["signal_generator"]
     stated = {k: v for k, v in signal.items() if k in ("kind", "rate") or k.split(".")[0] in STAGES}
@@ -58,7 +59,9 @@ def through_the_drivers(changes: dict | None = None, duration: float = DURATION)
     felt = MasterSide.from_parameters(control, AXES, 0.001)
     times = np.arange(round(duration * 500)) / 500
     reference = SignalGenerator.from_parameters(stated, STAGES).series(times)
-    logs: dict[str, list] = {"position": [], "velocity": [], "effort": [], "command": [], "omni": []}
+    logs: dict[str, list] = {
+        name: [] for name in ("position", "velocity", "effort", "command", "flow", "omni", "torque")
+    }
     arm_torque, engaged = np.zeros(2), False
     for k, t in enumerate(times):
         for _ in range(2):  # the master's state is the older one where times coincide
@@ -68,6 +71,7 @@ def through_the_drivers(changes: dict | None = None, duration: float = DURATION)
             if engaged:
                 torque[1:] = felt.step(master.position[1:], arm_torque)[1] * min(1.0, t / 0.2)
             master.write(torque)
+            logs["torque"].append(master.transport.torque.copy())
         assert slave.driver.read() is ReadResult.STATE
         engaged = True
         position, velocity, effort = slave.driver.position, slave.driver.velocity, slave.driver.effort
@@ -80,6 +84,7 @@ def through_the_drivers(changes: dict | None = None, duration: float = DURATION)
             ("velocity", velocity),
             ("effort", effort),
             ("command", command),
+            ("flow", slave.hil.current),
         ):
             logs[name].append(values.copy())
         slave.driver.write(command)
@@ -123,11 +128,22 @@ def test_the_figures_of_contact_are_the_same_within_the_quantisation(simulated, 
         assert peaks[0] == pytest.approx(peaks[1], abs=5 * step)
 
 
-def test_the_limits_are_the_same(simulated, emulated):
-    for motor, limit in ((0, 0.94 * 8.925), (1, 1.2 * 1.392)):
-        ours = emulated["command"][:, motor]
-        theirs = simulated["/sfj/effort_command"].effort[:, motor]
-        assert np.abs(ours).max() == pytest.approx(np.abs(theirs).max(), rel=1e-9) == limit
+def test_the_limits_are_the_same_within_a_step_of_the_output(simulated, emulated):
+    step = 20.0 / 4096 * 0.5  # A
+    for motor, (limit, constant) in enumerate(((0.94, 8.925), (1.2, 1.392))):
+        asked = np.abs(simulated["/sfj/effort_command"].effort[:, motor]).max()
+        assert asked == pytest.approx(limit * constant, rel=1e-9), "the simulated one reaches its limit"
+        assert limit - step < np.abs(emulated["flow"][:, motor]).max() <= limit
+
+
+def test_what_flows_is_what_was_asked_for_one_period_later_and_never_more(emulated):
+    asked = emulated["command"][:-1] / np.array([8.925, 1.392])
+    flowed = emulated["flow"][1:]
+    half_a_step = 20.0 / 4096 * 0.5 / 2
+    at_the_limit = np.abs(asked) > np.array([0.94, 1.2]) - half_a_step
+    assert np.abs(flowed - asked)[~at_the_limit].max() <= half_a_step + 1e-9
+    assert np.all(np.abs(flowed) <= np.array([0.94, 1.2]))
+    assert np.abs(emulated["torque"]).max() <= 0.446
 
 
 def test_the_omni_moves_as_the_simulated_one_does_within_its_torque_steps(simulated, emulated):
@@ -137,11 +153,13 @@ def test_the_omni_moves_as_the_simulated_one_does_within_its_torque_steps(simula
 
 def test_the_drift_correction_shifts_the_current_and_the_force_loop_takes_it_up_again(emulated):
     shifted = through_the_drivers({"stage1.drift_correction": 0.05}, 13.0)
-    contact = slice(int(12.0 * 500), int(12.9 * 500))
+    moving, contact = slice(int(5.0 * 500), int(5.2 * 500)), slice(int(12.0 * 500), int(12.9 * 500))
     assert shifted["effort"][contact, 1].mean() == pytest.approx(0.6, abs=0.003)
     # What the law asks for is less by just the current that the driver adds.
-    less = emulated["command"][contact, 0].mean() - shifted["command"][contact, 0].mean()
-    assert less / 8.925 == pytest.approx(0.05, abs=0.08)
+    for part in (moving, contact):
+        less = emulated["command"][part, 0].mean() - shifted["command"][part, 0].mean()
+        assert less / 8.925 == pytest.approx(0.05, abs=0.0012)
+        assert shifted["flow"][part, 0].mean() == pytest.approx(emulated["flow"][part, 0].mean(), abs=0.0012)
 
 
 def test_an_uncorrected_bias_of_the_drive_drifts_and_the_correction_stops_it():
