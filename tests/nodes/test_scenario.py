@@ -160,11 +160,11 @@ def test_a_mistake_anywhere_in_the_file_is_one_sentence_before_anything_starts(f
 
 
 def test_a_node_that_refuses_its_parameters_ends_the_scenario_with_2(file):
-    file.write_text(FILE.replace("master_rate: 500.0", "master: sfj, slave: omni"))
+    file.write_text(FILE.replace("master_rate: 500.0", "master: sfj"))
     process = start("scenario", str(file))
     _, errors = process.communicate(timeout=60)
     assert process.returncode == 2, errors
-    assert "scenario 2" in errors
+    assert "master and slave are both sfj" in errors
 
 
 def test_the_shipped_scenario_is_that_of_the_thesis(repository):

@@ -6,9 +6,13 @@ The nodes declare them; programs that know no ROS, such as the lockstep runner, 
 from __future__ import annotations
 
 from haptic_teleop_control.laws import LAWS, MasterSide
+from haptic_teleop_control.laws.omni_slave import OmniSlaveLaw
+from haptic_teleop_control.laws.sfj_master import SfjMasterSide
 from haptic_teleop_control.parameters import Parameter, ParameterTable
 from haptic_teleop_control.robots import OMNI_RATE_HZ, PAIRS, SFJ_RATE_HZ, STAGES
 from haptic_teleop_control.signals import signal_parameters
+from haptic_teleop_control.teleoperation.settings import LINK as LINK_OWN
+from haptic_teleop_control.teleoperation.settings import TELEOPERATION
 
 AXES = tuple(PAIRS[stage] for stage in STAGES)
 """Axes of the Omni that are paired with the stages, in the stages' order."""
@@ -40,29 +44,38 @@ SIGNAL_GENERATOR = ParameterTable("signal_generator", [*GENERATOR_OWN, *signal_p
 
 
 def _force_controller() -> ParameterTable:
-    robots = ("omni", "sfj")
     laws = {entry.name: entry for law in LAWS.values() for entry in law.parameters(STAGES)}
-    source = "reference: the generator's position stands for the device's; device: manual mode"
-    ramp = "from zero to full output after a start or reset"
     return ParameterTable(
         "force_controller",
         [
-            Parameter("master", "omni", choices=robots, meaning="robot that the operator holds"),
-            Parameter("slave", "sfj", choices=robots, meaning="robot that touches the environment"),
-            Parameter("law", "augmented_error", choices=tuple(LAWS), meaning="force law of the slave"),
-            Parameter("command_source", "reference", choices=("reference", "device"), meaning=source),
-            Parameter("timeout", 0.05, "s", 0.005, 0.2, meaning="largest age of an input that is used"),
-            Parameter("ramp_time", 0.2, "s", 0.0, 5.0, meaning=ramp),
-            Parameter("slave_rate", SFJ_RATE_HZ, "Hz", 10.0, 1e4, meaning="rate of the slave's states"),
-            Parameter("master_rate", OMNI_RATE_HZ, "Hz", 10.0, 1e4, meaning="rate of the master's states"),
+            *TELEOPERATION,
+            Parameter(
+                "law", "augmented_error", choices=tuple(LAWS), meaning="force law of the 2DSFJ as slave"
+            ),
+            Parameter(
+                "slave_rate", SFJ_RATE_HZ, "Hz", 10.0, 1e4, runtime=True, meaning="rate of the slave's states"
+            ),
+            Parameter(
+                "master_rate",
+                OMNI_RATE_HZ,
+                "Hz",
+                10.0,
+                1e4,
+                runtime=True,
+                meaning="rate of the master's states; the two rates are swapped with the roles",
+            ),
             REALTIME_PRIORITY,
-            *laws.values(),
-            *MasterSide.parameters(AXES),
+            *laws.values(),  # scenario 1: the 2DSFJ as slave
+            *MasterSide.parameters(AXES),  # and the Omni as master
+            *OmniSlaveLaw.parameters(AXES),  # scenario 2: the Omni as slave
+            *SfjMasterSide.parameters(STAGES),  # and the 2DSFJ as master
         ],
     )
 
 
 FORCE_CONTROLLER = _force_controller()
+
+LINK = ParameterTable("link", [*LINK_OWN, REALTIME_PRIORITY])
 
 SCENARIO = ParameterTable(
     "scenario",

@@ -1,235 +1,272 @@
-"""The force controller of scenario 1 as a node: master's position in, slave's current and master's torque
-out.
+"""The teleoperation as a node: states of both robots in, efforts for both out.
 
-The slave's state drives the loop: each state is answered with a command that carries the state's stamp, so
-that age and loop latency can be read from any recording. Whatever is wrong with an input, an answer still
-goes out: zero.
+Each state is answered with a command that carries the state's stamp, so that age and loop latency can be read
+from any recording. Whatever is wrong with an input, an answer still goes out: zero. What is computed is
+`teleoperation.coupling`, the same as in lockstep; which robot is master is a parameter.
 """
 
 from __future__ import annotations
 
 from collections.abc import Mapping
 from functools import partial
+from time import monotonic_ns
 from typing import Any
 
-import numpy as np
 from rclpy.context import Context
+from rclpy.parameter import Parameter
+from rclpy.qos import DurabilityPolicy, QoSProfile
+from std_msgs.msg import String
+from std_srvs.srv import Trigger
 
 from haptic_teleop_control.errors import ConfigurationError
-from haptic_teleop_control.laws import LAWS, LawResult, MasterSide
-from haptic_teleop_control.node_tables import AXES, FORCE_CONTROLLER
+from haptic_teleop_control.laws import LAWS
+from haptic_teleop_control.node_tables import FORCE_CONTROLLER
 from haptic_teleop_control.nodes.base import HapticNode
-from haptic_teleop_control.nodes.joint_state_io import FIELDS, JointStatePublisher, JointStateReceiver
-from haptic_teleop_control.nodes.spin import run_node
-from haptic_teleop_control.robots import (
-    OMNI_JOINTS,
-    OMNI_PEAK_TORQUE,
-    SFJ_JOINTS,
-    SFJ_MOTOR_JOINTS,
-    STAGES,
+from haptic_teleop_control.nodes.joint_state_io import (
+    FIELDS,
+    JointStatePublisher,
+    JointStateReceiver,
+    stamp_at,
 )
+from haptic_teleop_control.nodes.spin import run_node
+from haptic_teleop_control.robots import OMNI_JOINTS, SFJ_JOINTS, SFJ_MOTOR_JOINTS, STAGES
+from haptic_teleop_control.teleoperation.coupling import Coupling
+from haptic_teleop_control.teleoperation.faults import FAULTS, MALFORMED_STATE, NON_FINITE_STATE, TIME_JUMP
+from haptic_teleop_control.teleoperation.machine import State
+from haptic_teleop_control.teleoperation.sides import REFERENCES
 
-# Slices, not lists of indices: they give views of the receivers' arrays, made once and valid for every
-# sample.
-AXIS_SLICE, MOTOR_SLICE, ARM_SLICE = slice(1, 3), slice(0, 4, 2), slice(1, 4, 2)
-assert OMNI_JOINTS[AXIS_SLICE] == AXES
-assert SFJ_JOINTS[MOTOR_SLICE] == SFJ_MOTOR_JOINTS
-SATURATED, REFUSED_INPUT = int(LawResult.SATURATED), int(LawResult.REFUSED_INPUT)
+JOINTS = {"omni": (OMNI_JOINTS, OMNI_JOINTS), "sfj": (SFJ_JOINTS, SFJ_MOTOR_JOINTS)}
+"""Robot -> joints of its states, joints of its commands."""
 
-NON_FINITE_STATE, MALFORMED_STATE, TIME_JUMP = "non_finite_state", "malformed_state", "time_jump"
-STALE_REFERENCE, STALE_MASTER, STALE_SLAVE = "stale_reference", "stale_master", "stale_slave"
-FAULTS = {
-    NON_FINITE_STATE: "a state or reference held a value that is not a finite number; look at its publisher",
-    MALFORMED_STATE: "a state or reference had wrong joint names or number of values; look at its publisher",
-    TIME_JUMP: "the stamps of a state went back by more than the timeout; look for a second publisher",
-    STALE_REFERENCE: "the reference stopped; look whether the signal generator still runs",
-    STALE_MASTER: "the master's state stopped; look whether its driver still runs",
-    STALE_SLAVE: "the slave's state stopped; look whether its driver still runs",
-}
+LATCHED = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
+ROLE_KEYS = ("master", "slave", "master_rate", "slave_rate")
+WAY_FIELDS = ("velocity", "effort")
+
+
+class _Robot:
+    """One robot's topics: its states in, its commands out."""
+
+    def __init__(self, node: ForceController, name: str) -> None:
+        states, motors = JOINTS[name]
+        self.name = name
+        self.last_stamp = 0
+        self.out = JointStatePublisher(node, f"{name}/effort_command", motors, ("effort",))
+        self.effort = self.out.view["effort"]
+        self.input = JointStateReceiver(
+            node, f"{name}/joint_states", states, FIELDS,
+            partial(node.on_state, self), partial(node.on_problem, self), partial(node.follows, self),
+        )  # fmt: skip
+        value = self.input.value
+        self.views = (value["position"], value["velocity"], value["effort"])
+
+
+class _Way:
+    """One direction of the link: what we send into it, and what comes out at the other end."""
+
+    def __init__(self, node: ForceController, name: str, backward: bool) -> None:
+        self.last_stamp = 0
+        self.backward = backward
+        self.out = JointStatePublisher(node, f"teleoperation/{name}", STAGES, WAY_FIELDS)
+        self.input = JointStateReceiver(
+            node, f"link/teleoperation/{name}", STAGES, WAY_FIELDS,
+            partial(node.on_heard, self), partial(node.on_problem, None), partial(node.follows, self),
+        )  # fmt: skip
+
+    def send(self, stamp: int, torque: Any, velocity: Any) -> None:
+        self.out.view["effort"][:] = torque
+        self.out.view["velocity"][:] = velocity
+        self.out.send(stamp)
 
 
 class ForceController(HapticNode):
     NAME = "force_controller"
-    SUMMARY = (
-        "couples master and slave by the augmented-error force law, equations (25) to (32) of the thesis"
-    )
+    SUMMARY = "couples master and slave by force control; which robot is which are parameters"
     TOPICS = (
-        "subscribes sfj/joint_states     the slave's state; each is answered",
-        "subscribes omni/joint_states    the master's state",
-        "subscribes reference            position of omni_y, omni_z (command_source: reference)",
+        "subscribes sfj/joint_states     each state is answered",
+        "subscribes omni/joint_states    each state is answered",
+        "subscribes reference            simulated mode: angles of omni_y, omni_z, or torques on the arms",
         "publishes  sfj/effort_command   effort of both motors, N·m = current x nominal torque constant",
-        "publishes  omni/effort_command  effort of the three axes, N·m: fictitious spring and feedback",
-        "publishes  /diagnostics         rates, faults, saturations",
-        "service    ~/reset              std_srvs/Trigger: leave a latched fault, ramp in again",
+        "publishes  omni/effort_command  effort of the three axes, N·m",
+        "publishes  ~/state    std_msgs/String, latched: off | devices_ready | aligning | engaged | fault",
+        "publishes  teleoperation/master, teleoperation/slave        with link: what goes into it",
+        "subscribes link/teleoperation/master, link/teleoperation/slave   with link: what comes out of it",
+        "publishes  /diagnostics         rates, faults, saturations, energies at the ports, link's delay",
+        "service    ~/engage             std_srvs/Trigger: couple, when both sides are aligned; else align",
+        "service    ~/disengage          std_srvs/Trigger: end the coupling, ramp out",
+        "service    ~/swap               std_srvs/Trigger: exchange master and slave, when not engaged",
+        "service    ~/reset              std_srvs/Trigger: leave a latched fault, through aligning",
     )
     FAULTS = FAULTS
     TABLE = FORCE_CONTROLLER
 
     def __init__(self, context: Context | None = None, **node_options: Any) -> None:
         super().__init__(context, **node_options)
-        values = self.values
-        if (values["master"], values["slave"]) != ("omni", "sfj"):
-            raise ConfigurationError(
-                f"{self.NAME}: master {values['master']} with slave {values['slave']} comes with scenario 2; "
-                "set master: omni and slave: sfj."
-            )
-        self._law = LAWS[values["law"]].from_parameters(values, STAGES, 1.0 / values["slave_rate"])
-        # The same settings at the two rates: what the slave is asked for, and what the hand feels.
-        self._wanted = MasterSide.from_parameters(values, AXES, 1.0 / values["slave_rate"])
-        self._felt = MasterSide.from_parameters(values, AXES, 1.0 / values["master_rate"])
-        self._take(values)
-        self._timeout_ns = round(values["timeout"] * 1e9)
-        self._engaged_at: int | None = None  # steady time at which the ramp began; None while waiting
-        self._last_stamp = {"master": 0, "slave": 0}
-        self.saturations = 0
         self.dropped = 0
+        self._state_out = self.create_publisher(String, "~/state", LATCHED)
+        self._coupling = self._couple(self.values)
+        self._timeout_ns = round(self.values["timeout"] * 1e9)
+        self._robots = {name: _Robot(self, name) for name in JOINTS}
+        self._ways = [_Way(self, "master", False), _Way(self, "slave", True)] if self.values["link"] else []
+        self._reference: JointStateReceiver | None = None
+        self._bind(self._coupling)
+        for act in (self._engage, self._disengage, self._swap):
+            self.create_service(Trigger, f"~/{act.__name__.lstrip('_')}", act)
+        self._publish_state(State.OFF)
+        for name, robot in self._robots.items():
+            self.count_rate(f"{name} states", lambda robot=robot: robot.input.count)
+        self.count_rate("references", lambda: self._reference.count if self._reference else 0)
 
-        self._slave_out = JointStatePublisher(self, "sfj/effort_command", SFJ_MOTOR_JOINTS, ("effort",))
-        self._master_out = JointStatePublisher(self, "omni/effort_command", OMNI_JOINTS, ("effort",))
-        self._slave_effort = self._slave_out.view["effort"]
+    def _couple(self, values: Mapping[str, Any]) -> Coupling:
+        check_roles(values)
+        law = None
+        if values["slave"] == "sfj":
+            law = LAWS[values["law"]].from_parameters(values, STAGES, 1.0 / values["slave_rate"])
+        coupling = Coupling(values, law, self.fault, self._publish_state)
+        felt = coupling.master_port.feedback_gains.any()
+        if felt and values["command_source"] == "reference":
+            self.get_logger().warning(
+                f"feedback is on while a reference commands and nobody holds the {values['master']}; set "
+                "feedback_gain to 0 unless that is meant"
+            )
+        return coupling
+
+    def _bind(self, coupling: Coupling) -> None:
+        """Give the coupling the memory into which samples are received."""
+        master, slave = coupling.roles
+        self._coupling = coupling
+        self._master, self._slave = self._robots[master], self._robots[slave]
+        coupling.master, coupling.slave = self._master.views, self._slave.views
+        joints, field = REFERENCES[master]
+        if self._reference is not None:
+            self._reference.destroy(self)
         self._reference = JointStateReceiver(
-            self, "reference", AXES, ("position",), None, self._reference_problem
+            self, "reference", joints, (field,), self._on_reference, partial(self.on_problem, None)
         )
-        self._master = JointStateReceiver(
-            self, "omni/joint_states", OMNI_JOINTS, ("position",),
-            self._on_master, self._master_problem, partial(self._follows, "master"),
-        )  # fmt: skip
-        self._slave = JointStateReceiver(
-            self, "sfj/joint_states", SFJ_JOINTS, FIELDS,
-            self._on_slave, self._slave_problem, partial(self._follows, "slave"),
-        )  # fmt: skip
-        slave, master = self._slave.value, self._master.value
-        self._motor_position, self._arm_position = (
-            slave["position"][MOTOR_SLICE],
-            slave["position"][ARM_SLICE],
-        )
-        self._motor_velocity, self._arm_torque = slave["velocity"][MOTOR_SLICE], slave["effort"][ARM_SLICE]
-        self._device_position = master["position"][AXIS_SLICE]
-        self._device_effort = self._master_out.view["effort"][AXIS_SLICE]
-        self._from_reference = values["command_source"] == "reference"
-        self._source = self._reference if self._from_reference else self._master
-        self._commanded = self._reference.value["position"] if self._from_reference else self._device_position
-        self.count_rate("slave states", lambda: self._slave.count)
-        self.count_rate("master states", lambda: self._master.count)
-        self.count_rate("references", lambda: self._reference.count)
+        coupling.reference = self._reference.value[field]
 
     # One sample.
 
-    def _on_slave(self) -> None:
-        stamp, now = self._slave.stamp, self._slave.received
-        scale = self._permitted(now)
-        if scale is None:
-            self._slave_out.send_zero(stamp)
-            return
-        desired, _ = self._wanted.step(self._commanded, self._arm_torque)
-        current = self._law.step(desired, self._motor_position, self._arm_position, self._motor_velocity)
-        results = self._law.results.tolist()
-        if REFUSED_INPUT in results:
-            self._disengage(NON_FINITE_STATE, f"{self._slave.topic}: the law's arithmetic overflowed")
-            scale = 0.0
-        elif SATURATED in results:
-            self.saturations += 1
-        np.multiply(current, self._torque_constant * scale, out=self._slave_effort)
-        self._slave_out.send(stamp)
+    def on_state(self, robot: _Robot) -> None:
+        now, stamp, coupling = robot.input.received, robot.input.stamp, self._coupling
+        if robot is self._slave:
+            robot.effort[:] = coupling.on_slave(now)
+            robot.out.send(stamp)
+            if self._ways:
+                self._ways[1].send(stamp, *coupling.to_master)
+        else:
+            robot.effort[:] = coupling.on_master(now)
+            robot.out.send(stamp)
+            if self._ways:
+                self._ways[0].send(stamp, *coupling.to_slave)
 
-    def _on_master(self) -> None:
-        stamp, now = self._master.stamp, self._master.received
-        if self._engaged_at is not None and now - self._slave.received > self._timeout_ns:
-            self._disengage(STALE_SLAVE, f"{self._slave.topic} is silent for {self._slave.age(now):.3f} s")
-        if self._engaged_at is None:
-            self._master_out.send_zero(stamp)
-            return
-        _, felt = self._felt.step(self._device_position, self._arm_torque)
-        np.multiply(felt, self._ramp(now), out=self._device_effort)
-        np.clip(self._device_effort, -OMNI_PEAK_TORQUE, OMNI_PEAK_TORQUE, out=self._device_effort)
-        self._master_out.send(stamp)
+    def on_heard(self, way: _Way) -> None:
+        now, coupling = way.input.received, self._coupling
+        age = (stamp_at(now) - way.input.stamp) * 1e-9
+        first = 2 if way.backward else 0
+        coupling.heard[first] = way.input.value["effort"]
+        coupling.heard[first + 1] = way.input.value["velocity"]
+        (coupling.on_backward if way.backward else coupling.on_forward)(now, age)
 
-    def _follows(self, robot: str, stamp: int, received: int) -> bool:
+    def _on_reference(self) -> None:
+        self._coupling.on_reference(monotonic_ns())
+
+    def follows(self, source: _Robot | _Way, stamp: int, received: int) -> bool:
         """Whether a state is newer than the last; one that was overtaken on its way is dropped, and
         counted."""
-        back = self._last_stamp[robot] - stamp
-        if 0 <= back <= self._timeout_ns:
+        back = source.last_stamp - stamp
+        if 0 <= back <= self._timeout_ns or (back > 0 and isinstance(source, _Way)):
             self.dropped += 1
             return False
-        self._last_stamp[robot] = stamp
+        source.last_stamp = stamp
         if back > 0:  # the new time is the time from now on, and the answer is zero
-            self._disengage(TIME_JUMP, f"the {robot}'s, by {back * 1e-9:.3f} s")
+            name = source.input.topic
+            self._coupling.fault(received, TIME_JUMP, f"{name}, by {back * 1e-9:.3f} s", True)
         return True
 
-    def _permitted(self, now: int) -> float | None:
-        """Share of the output that may go out now, the ramp from 0 to 1; None while waiting or faulted."""
-        source = self._source
-        if self.faults.latched or not source.fresh:
-            return None
-        if now - source.received > self._timeout_ns:
-            name = STALE_REFERENCE if self._from_reference else STALE_MASTER
-            self._disengage(name, f"{source.topic} is silent for {source.age(now):.3f} s")
-            return None
-        if self._engaged_at is None:
-            self._engage(now)
-        return self._ramp(now)
+    def on_problem(self, robot: _Robot | None, kind: str, detail: str, stamp: int) -> None:
+        name = NON_FINITE_STATE if kind == "non_finite" else MALFORMED_STATE
+        self._coupling.fault(monotonic_ns(), name, detail, robot is self._slave)
+        if robot is not None:
+            robot.out.send_zero(stamp)
 
-    def _ramp(self, now: int) -> float:
-        elapsed = (now - (self._engaged_at or now)) * 1e-9
-        return 1.0 if elapsed >= self._ramp_time else elapsed / self._ramp_time
+    # What the operator does.
 
-    # Faults, start and end.
+    def _engage(self, request: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
+        obstacle = self._coupling.engage(monotonic_ns())
+        return self._answer(response, obstacle is None, obstacle or "engaged")
 
-    def _engage(self, now: int) -> None:
-        self._law.reset()
-        self._wanted.reset()
-        self._felt.reset()
-        self._engaged_at = now
+    def _disengage(self, request: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
+        done = self._coupling.disengage(monotonic_ns())
+        return self._answer(response, done, "disengaged" if done else "nothing was engaged")
 
-    def _disengage(self, name: str, detail: str) -> None:
-        self.fault(name, detail)
-        self._engaged_at = None
+    def _swap(self, request: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
+        now = self.values
+        swapped = zip(ROLE_KEYS, ("slave", "master", "slave_rate", "master_rate"), strict=True)
+        result = self.set_parameters_atomically([Parameter(key, value=now[old]) for key, old in swapped])
+        done = f"master {self.values['master']}, slave {self.values['slave']}"
+        return self._answer(response, result.successful, done if result.successful else result.reason)
 
-    def _reference_problem(self, kind: str, detail: str, stamp: int) -> None:
-        self._disengage(NON_FINITE_STATE if kind == "non_finite" else MALFORMED_STATE, detail)
-
-    def _slave_problem(self, kind: str, detail: str, stamp: int) -> None:
-        self._reference_problem(kind, detail, stamp)
-        self._slave_out.send_zero(stamp)
-
-    def _master_problem(self, kind: str, detail: str, stamp: int) -> None:
-        self._reference_problem(kind, detail, stamp)
-        self._master_out.send_zero(stamp)
+    def _answer(self, response: Trigger.Response, success: bool, message: str) -> Trigger.Response:
+        response.success, response.message = success, message
+        self.get_logger().info(message)
+        return response
 
     def on_reset(self) -> None:
-        self._engaged_at = None
-        for receiver in (self._reference, self._master, self._slave):
-            receiver.forget()
-
-    def _take(self, values: Mapping[str, Any]) -> None:
-        self._torque_constant = self._law.torque_constant
-        self._ramp_time = values["ramp_time"]
-        felt = [axis for axis in AXES if values[f"{axis}.feedback_gain"] > 0.0]
-        if felt and values["command_source"] == "reference":
-            self.get_logger().warning(
-                f"feedback is on for {', '.join(felt)} while the reference commands and nobody holds the "
-                "device; set feedback_gain to 0 unless that is meant"
-            )
+        self._coupling.reset(monotonic_ns())
 
     def apply_parameters(self, values: Mapping[str, Any]) -> None:
-        self._law.update(values, STAGES)
-        self._wanted.update(values, AXES)
-        self._felt.update(values, AXES)
-        self._take(values)
+        changed = [key for key in ROLE_KEYS if values[key] != self.values[key]]
+        if not changed:
+            self._coupling.update(values)
+            return
+        if not self._coupling.machine.may_change_roles:
+            raise ConfigurationError(
+                f"{self.NAME}: {changed[0]} cannot change in the state {self._coupling.state.value}; "
+                "disengage or reset first."
+            )
+        self._bind(self._couple(values))
+        self._publish_state(State.OFF)
+
+    # What is said about it.
+
+    def _publish_state(self, state: State) -> None:
+        self._state_out.publish(String(data=state.value))
 
     def state(self) -> str:
-        if self.faults.latched:
-            return "fault"
-        if self._engaged_at is not None:
-            return "engaged"
-        return f"waiting for {self._source.topic}"
+        coupling = self._coupling
+        if coupling.state in (State.ENGAGED, State.FAULT):
+            return coupling.state.value
+        return f"{coupling.state.value}: {coupling.obstacle(monotonic_ns()) or 'aligned'}"
 
     def measurements(self) -> dict[str, Any]:
-        return {"saturated samples": self.saturations, "late or repeated samples dropped": self.dropped}
+        coupling, energies = self._coupling, self._coupling.energies
+        values = {
+            "roles": f"master {coupling.roles[0]}, slave {coupling.roles[1]}",
+            "saturated samples": coupling.saturations,
+            "late or repeated samples dropped": self.dropped,
+        }
+        for i, stage in enumerate(STAGES):
+            values[f"{stage} energy of the master's port (J)"] = f"{energies.master[i]:.5f}"
+            values[f"{stage} energy of the slave's port (J)"] = f"{energies.slave[i]:.5f}"
+            values[f"{stage} lowest energy of the master's port (J)"] = f"{energies.lowest_master[i]:.5f}"
+            if coupling.linked:
+                values[f"{stage} lowest energy of the link (J)"] = f"{energies.lowest_link[i]:.5f}"
+        if coupling.linked:
+            values["round trip (ms)"] = f"{1e3 * coupling.round_trip:.2f}"
+        return values
 
     def shutdown_safely(self) -> None:
-        self._slave_out.send_zero(self._last_stamp["slave"])
-        self._master_out.send_zero(self._last_stamp["master"])
+        for robot in self._robots.values():
+            robot.out.send_zero(robot.last_stamp)
+
+
+def check_roles(values: Mapping[str, Any]) -> None:
+    """Raises ConfigurationError where one robot would be both."""
+    if values["master"] == values["slave"]:
+        raise ConfigurationError(
+            f"{ForceController.NAME}: master and slave are both {values['master']}; change both at once, or "
+            "call ~/swap."
+        )
 
 
 NODE = ForceController

@@ -144,6 +144,10 @@ class JointStateReceiver:
         self.fresh = False
         self.stamp = 0
 
+    def destroy(self, node: Node) -> None:
+        """Receive nothing any more."""
+        node.destroy_subscription(self._subscription)
+
     def _receive(self, message: JointState) -> None:
         received = monotonic_ns()
         stamp = stamp_of(message)

@@ -25,7 +25,6 @@ from dataclasses import dataclass
 
 import numpy as np
 from numba import njit
-from numpy.typing import ArrayLike
 
 from haptic_teleop_control.laws.contract import Array
 from haptic_teleop_control.quantities import check_quantities, quantity
@@ -59,10 +58,10 @@ class PortEnergies:
         self._energy = np.zeros((3, n))
         self._lowest = np.zeros((2, n))
         self._damping = np.zeros(n)
-        zero = np.zeros(n)
-        port_master_step(zero, zero, zero, self.master_dt, self._energy, self._lowest)
-        port_slave_step(zero, zero, zero, zero, self.slave_dt, self._energy, self._lowest)
-        damping_step(zero, self._energy, self.master_dt, 0.0, 1.0, self._damping)
+        self._inputs = np.zeros((4, n))  # copied to, so that one compiled version serves all layouts
+        port_master_step(self._inputs, self.master_dt, self._energy, self._lowest)
+        port_slave_step(self._inputs, self.slave_dt, self._energy, self._lowest)
+        damping_step(self._inputs[0], self._energy, self.master_dt, 0.0, 1.0, self._damping)
 
     @property
     def master(self) -> Array:
@@ -92,35 +91,48 @@ class PortEnergies:
     def at_master(self, device_torque: Array, velocity: Array, feedback_torque: Array) -> None:
         """One sample of the master: torque that acted on it since the last sample, its velocity, and the
         feedback that it was given (positive resists); (n,) each, N·m and rad/s."""
-        port_master_step(device_torque, velocity, feedback_torque, self.master_dt, self._energy, self._lowest)
+        inputs = self._inputs
+        inputs[0] = device_torque
+        inputs[1] = velocity
+        inputs[2] = feedback_torque
+        port_master_step(inputs, self.master_dt, self._energy, self._lowest)
 
     def at_slave(
         self, environment_torque: Array, velocity: Array, sent_torque: Array, heard_velocity: Array
     ) -> None:
         """One sample of the slave: Te and the velocity of its arm; the feedback that it sent, and the
         master's velocity as it heard it; (n,) each."""
-        port_slave_step(
-            environment_torque, velocity, sent_torque, heard_velocity, self.slave_dt, self._energy,
-            self._lowest,
-        )  # fmt: skip
+        inputs = self._inputs
+        inputs[0] = environment_torque
+        inputs[1] = velocity
+        inputs[2] = sent_torque
+        inputs[3] = heard_velocity
+        port_slave_step(inputs, self.slave_dt, self._energy, self._lowest)
 
-    def damping(self, velocity: ArrayLike, settings: PassivitySettings) -> Array:
+    def damping(self, velocity: Array, settings: PassivitySettings) -> Array:
         """(n,) N·m, the torque to add on the device; zero unless the controller is on. A view."""
         if not settings.controller:
             self._damping.fill(0.0)
             return self._damping
+        self._inputs[0] = velocity
         damping_step(
-            velocity, self._energy, self.master_dt, settings.maximum_damping, settings.slowest, self._damping
+            self._inputs[0],
+            self._energy,
+            self.master_dt,
+            settings.maximum_damping,
+            settings.slowest,
+            self._damping,
         )
         return self._damping
 
 
 @njit(cache=True)
-def port_master_step(torque, velocity, feedback, dt, energy, lowest):  # type: ignore[no-untyped-def]
-    """See `PortEnergies.at_master`; changes energy (3, n) and lowest (2, n) in place."""
-    for i in range(torque.shape[0]):
-        work = torque[i] * velocity[i] * dt
-        taken = feedback[i] * velocity[i] * dt
+def port_master_step(inputs, dt, energy, lowest):  # type: ignore[no-untyped-def]
+    """See `PortEnergies.at_master`; inputs (4, n), the last row unused. Changes energy (3, n) and lowest
+    (2, n) in place."""
+    for i in range(inputs.shape[1]):
+        work = inputs[0, i] * inputs[1, i] * dt
+        taken = inputs[2, i] * inputs[1, i] * dt
         if np.isfinite(work) and np.isfinite(taken):
             energy[0, i] -= work
             energy[2, i] += taken
@@ -129,11 +141,11 @@ def port_master_step(torque, velocity, feedback, dt, energy, lowest):  # type: i
 
 
 @njit(cache=True)
-def port_slave_step(torque, velocity, sent, heard, dt, energy, lowest):  # type: ignore[no-untyped-def]
+def port_slave_step(inputs, dt, energy, lowest):  # type: ignore[no-untyped-def]
     """See `PortEnergies.at_slave`."""
-    for i in range(torque.shape[0]):
-        work = torque[i] * velocity[i] * dt
-        given = sent[i] * heard[i] * dt
+    for i in range(inputs.shape[1]):
+        work = inputs[0, i] * inputs[1, i] * dt
+        given = inputs[2, i] * inputs[3, i] * dt
         if np.isfinite(work) and np.isfinite(given):
             energy[1, i] += work
             energy[2, i] -= given

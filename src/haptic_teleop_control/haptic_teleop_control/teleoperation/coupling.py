@@ -1,0 +1,367 @@
+"""Master and slave coupled, sample by sample: the same object behind the controller's node and in lockstep.
+
+It is told when a sample of either robot, of the artificial command or of the link has arrived (`now`, ns of a
+clock that never jumps), answers each robot's sample with efforts, and looks at both sides at each of them.
+Where anything is wrong the answer is zero, or what fades to zero. It never reads a clock and never raises.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from math import inf
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from haptic_teleop_control.laws.contract import ForceLaw
+from haptic_teleop_control.quantities import from_parameters
+from haptic_teleop_control.robots import OMNI_JOINTS, SFJ_JOINTS, SFJ_MOTOR_JOINTS, STAGES
+from haptic_teleop_control.teleoperation.faults import (
+    NON_FINITE_STATE,
+    SLOW_LINK,
+    STALE_LINK,
+    STALE_MASTER,
+    STALE_REFERENCE,
+    STALE_SLAVE,
+)
+from haptic_teleop_control.teleoperation.machine import State, TeleoperationMachine
+from haptic_teleop_control.teleoperation.passivity import PassivitySettings, PortEnergies
+from haptic_teleop_control.teleoperation.sides import (
+    MasterPort,
+    OmniMaster,
+    OmniSlave,
+    SfjMaster,
+    SfjSlave,
+    SlavePort,
+)
+
+Array = NDArray[np.float64]
+
+JOINTS = {"omni": len(OMNI_JOINTS), "sfj": len(SFJ_JOINTS)}
+MOTORS = {"omni": len(OMNI_JOINTS), "sfj": len(SFJ_MOTOR_JOINTS)}
+
+AGE_MEMORY = 0.02
+"""Weight of a new sample in the mean age of what the link brings."""
+
+
+class Stream:
+    """When something was last heard of. at: ns, None before the first sample and after `forget`."""
+
+    __slots__ = ("at", "fault", "name")
+
+    def __init__(self, name: str, fault: str) -> None:
+        self.name, self.fault = name, fault
+        self.at: int | None = None
+
+
+class Coupling:
+    """values: parameters of the force controller. law: for the 2DSFJ as slave (ignored where it is master).
+    report: called with name and detail of every fault. on_enter: called with every new state.
+
+    reference (2,), master, slave: (position, velocity, effort) of the latest samples; to be filled in place
+    before `on_...` is called, or replaced by views once. heard: (4, 2), what came over the link: desired
+    torque and master velocity at the slave; environment torque and slave velocity at the master.
+    """
+
+    def __init__(
+        self,
+        values: Mapping[str, Any],
+        law: ForceLaw | None,
+        report: Callable[[str, str], None],
+        on_enter: Callable[[State], None] = lambda state: None,
+    ) -> None:
+        self.roles = (values["master"], values["slave"])
+        master_dt, slave_dt = 1.0 / values["master_rate"], 1.0 / values["slave_rate"]
+        self.master_port: MasterPort
+        self.slave_port: SlavePort
+        if self.roles[0] == "omni":
+            assert law is not None
+            self.master_port, self.slave_port = OmniMaster(values, master_dt, slave_dt), SfjSlave(law)
+        else:
+            self.master_port, self.slave_port = (
+                SfjMaster(values, master_dt, slave_dt),
+                OmniSlave(values, slave_dt),
+            )
+        self.energies = PortEnergies(len(STAGES), master_dt, slave_dt)
+        self._report, self._on_enter = report, on_enter
+        self.machine = TeleoperationMachine(values["auto_engage"], self._enter)
+        by_robot = {name: f"{name}/joint_states" for name in self.roles}
+        self.from_reference = values["command_source"] == "reference"
+        self.linked = bool(values["link"])
+        self.reference_stream = Stream("reference", STALE_REFERENCE)
+        self.master_stream = Stream(by_robot[self.roles[0]], STALE_MASTER)
+        self.slave_stream = Stream(by_robot[self.roles[1]], STALE_SLAVE)
+        self.forward_stream = Stream("the link to the slave", STALE_LINK)
+        self.backward_stream = Stream("the link to the master", STALE_LINK)
+        required = [self.slave_stream]
+        required += [self.reference_stream] if self.from_reference else [self.master_stream]
+        required += [self.forward_stream, self.backward_stream] if self.linked else []
+        self._required = tuple(required)
+        # In simulated mode nobody needs the device; but once it is there, it may not go silent.
+        self._watched = (self.slave_stream, self.master_stream, *required[1:])
+        self._age = [0.0, 0.0]  # mean age of what the slave and the master hear, s
+
+        self.reference: Array = np.zeros(2)
+        self.master = tuple(np.zeros(JOINTS[self.roles[0]]) for _ in range(3))
+        self.slave = tuple(np.zeros(JOINTS[self.roles[1]]) for _ in range(3))
+        self.heard: Array = np.zeros((4, 2))
+        self.desired: Array = np.zeros(2)
+        self._zero_master, self._zero_slave = np.zeros(MOTORS[self.roles[0]]), np.zeros(MOTORS[self.roles[1]])
+        self._last_master, self._last_slave = self._zero_master.copy(), self._zero_slave.copy()
+        self._no_torque = np.zeros(2)
+        self._now = 0
+        self._engaged_at = self._master_begun = 0
+        self._left_at: int | None = None  # when driving ended, while its last efforts fade
+        self._fading: tuple[bool, bool] = (False, False)  # of master, of slave
+        self.saturations = 0
+        self._take(values)
+
+    def _take(self, values: Mapping[str, Any]) -> None:
+        self._timeout = round(values["timeout"] * 1e9)
+        self._ramp_time, self._fade_time = values["ramp_time"], values["ramp_out_time"]
+        self._align_angle, self._align_speed = values["align.angle"], values["align.speed"]
+        self._longest_round_trip = values["maximum_round_trip"]
+        self.passivity: PassivitySettings = from_parameters(PassivitySettings, values, "passivity.")
+        self.machine.auto_engage = values["auto_engage"]
+
+    def update(self, values: Mapping[str, Any]) -> None:
+        """Take changed parameters while running. Raises ConfigurationError, and then has changed nothing of
+        the side concerned."""
+        self.slave_port.update(values)
+        self.master_port.update(values)
+        self._take(values)
+
+    # Samples.
+
+    def on_reference(self, now: int) -> None:
+        """`reference` holds a new command."""
+        self.reference_stream.at = now
+
+    def on_master(self, now: int) -> Array:
+        """`master` holds a new state; the efforts that answer it, N·m. A view, valid until the next call."""
+        self._now = self.master_stream.at = now
+        state = self._look(now)
+        port, (position, velocity, effort) = self.master_port, self.master
+        torque, speed = port.at_hand(velocity, effort)
+        if self.linked:
+            self._desire()
+        if state is not State.ENGAGED and state is not State.ALIGNING:
+            return self._fade(now, self._last_master, self._zero_master, self._fading[0])
+        share = self._share(now, self._master_begun)
+        coupled = self._share(now, self._engaged_at) if state is State.ENGAGED else 0.0
+        feedback = self._no_torque
+        damping = self._no_torque
+        if state is State.ENGAGED:
+            feedback = self.heard[2] if self.linked else self.slave_port.environment_torque
+            self.energies.at_master(torque, speed, port.feedback_gains * feedback)
+            damping = self.energies.damping(speed, self.passivity)
+            if coupled < share:  # the master has been driven for longer than it has been coupled
+                feedback = feedback * (coupled / share)
+        np.multiply(port.torque(position, velocity, effort, feedback, damping), share, out=self._last_master)
+        return self._last_master
+
+    def on_slave(self, now: int) -> Array:
+        """`slave` holds a new state; the efforts that answer it, as `on_master`."""
+        self._now = self.slave_stream.at = now
+        state = self._look(now)
+        port, (position, velocity, effort) = self.slave_port, self.slave
+        if state is not State.ENGAGED:
+            port.observe(position, velocity, effort)
+            return self._fade(now, self._last_slave, self._zero_slave, self._fading[1])
+        if self.linked:
+            desired, heard = self.heard[0], self.heard[1]
+        else:
+            desired = self._desire()
+            heard = self.master_port.at_hand(self.master[1], self.master[2])[1]
+        driven = port.step(desired, position, velocity, effort)
+        if port.refused:
+            self.fault(
+                now, NON_FINITE_STATE, f"{self.slave_stream.name}: the law's arithmetic overflowed", True
+            )
+            return self._zero_slave
+        self.saturations += port.saturated
+        felt = port.environment_torque
+        self.energies.at_slave(felt, port.velocity(velocity), self.master_port.feedback_gains * felt, heard)
+        np.multiply(driven, self._share(now, self._engaged_at), out=self._last_slave)
+        return self._last_slave
+
+    def on_forward(self, now: int, age: float) -> None:
+        """`heard[0:2]` holds what the master sent, `age` s ago by its stamp."""
+        self._hear(self.forward_stream, 0, now, age)
+
+    def on_backward(self, now: int, age: float) -> None:
+        """`heard[2:4]` holds what the slave sent."""
+        self._hear(self.backward_stream, 1, now, age)
+
+    def _hear(self, stream: Stream, way: int, now: int, age: float) -> None:
+        self._age[way] = age if stream.at is None else self._age[way] + AGE_MEMORY * (age - self._age[way])
+        stream.at = now
+
+    # What the operator does.
+
+    def engage(self, now: int) -> str | None:
+        """Couple the two sides; None when done, else why not."""
+        self._now = now
+        if self.machine.state is State.FAULT:
+            return "a fault is latched; call reset first"
+        obstacle = self.obstacle(now)
+        missing = self._missing(now, self._required) is not None
+        if self.machine.engage(not missing, obstacle is None):
+            return None
+        if missing or obstacle is None:
+            return obstacle or "a side is missing"
+        return f"{obstacle}; it is being aligned, engage again when it is there"
+
+    def disengage(self, now: int) -> bool:
+        """End the coupling; the efforts fade. False where there was none."""
+        self._now = now
+        return self.machine.disengage()
+
+    def reset(self, now: int) -> None:
+        """Leave a latched fault, through aligning. Every stream counts as not heard of yet."""
+        self._now = now
+        self.machine.reset()
+        for stream in (*self._watched, self.forward_stream, self.backward_stream, self.reference_stream):
+            stream.at = None
+
+    def fault(self, now: int, name: str, detail: str, at_once: bool = False) -> None:
+        """Something is wrong: report it, and drive nothing until `reset`. at_once: no fading either,
+        because what was wrong is the state that the efforts answer."""
+        self._now = now
+        self._report(name, detail)
+        self.machine.fault()
+        # The hand gets nothing within one sample; a motor in contact is let go in a short ramp.
+        self._fading = (False, self._fading[1] and not at_once)
+
+    # What is known.
+
+    @property
+    def to_slave(self) -> tuple[Array, Array]:
+        """What goes over the link to the slave: Td, N·m, and the velocity of the hand, rad/s; (2,) each."""
+        return self.desired, self.master_port.at_hand(self.master[1], self.master[2])[1]
+
+    @property
+    def to_master(self) -> tuple[Array, Array]:
+        """What goes over the link to the master: Te, N·m, and the slave's velocity, rad/s."""
+        return self.slave_port.environment_torque, self.slave_port.velocity(self.slave[1])
+
+    @property
+    def state(self) -> State:
+        return self.machine.state
+
+    @property
+    def round_trip(self) -> float:
+        """s, mean age of what the slave hears of the master and the master of the slave, together. Added, the
+        two ages do not depend on how the clocks at both ends agree."""
+        return self._age[0] + self._age[1] if self.linked else 0.0
+
+    def obstacle(self, now: int) -> str | None:
+        """Why the two sides cannot be coupled now, in words; None when they can."""
+        missing = self._missing(now, self._required)
+        if missing is not None:
+            silence = inf if missing.at is None else (now - missing.at) * 1e-9
+            return (
+                f"waiting for {missing.name}"
+                if silence == inf
+                else f"{missing.name} is silent for {silence:.3f} s"
+            )
+        where = self._offset()
+        worst = int(np.argmax(np.abs(where)))
+        if not abs(where[worst]) <= self._align_angle:
+            return (
+                f"{self._commander} of {STAGES[worst]} is {where[worst]:+.3f} rad from neutral, more than "
+                f"{self._align_angle:.3f} rad"
+            )
+        speed = self.slave_port.velocity(self.slave[1])
+        fastest = int(np.argmax(np.abs(speed)))
+        if not abs(speed[fastest]) <= self._align_speed:
+            return (
+                f"the slave of {STAGES[fastest]} moves with {speed[fastest]:+.2f} rad/s, more than "
+                f"{self._align_speed:.2f} rad/s"
+            )
+        if self.round_trip > self._longest_round_trip:
+            return (
+                f"the link's round trip takes {1e3 * self.round_trip:.1f} ms, more than "
+                f"{1e3 * self._longest_round_trip:.1f} ms"
+            )
+        return None
+
+    @property
+    def _commander(self) -> str:
+        return "the artificial command" if self.from_reference else "the master"
+
+    def _offset(self) -> Array:
+        port = self.master_port
+        return port.offset_of(self.reference) if self.from_reference else port.offset(self.master[0])
+
+    # Within a sample.
+
+    def _look(self, now: int) -> State:
+        machine = self.machine
+        state = machine.state
+        if state is State.ENGAGED:
+            missing = self._silent(now)
+            if missing is not None:
+                silence = (now - (missing.at or 0)) * 1e-9
+                self.fault(now, missing.fault, f"{missing.name} is silent for {silence:.3f} s")
+            elif self.linked and self.round_trip > self._longest_round_trip:
+                self.fault(now, SLOW_LINK, f"{1e3 * self.round_trip:.1f} ms for the round trip")
+            return machine.state
+        if state is State.FAULT:
+            return state
+        missing = self._missing(now, self._required)
+        if missing is not None and state is State.ALIGNING:
+            self.fault(now, missing.fault, f"{missing.name} went silent while aligning")
+            return machine.state
+        return machine.cycle(missing is None, missing is None and self.obstacle(now) is None)
+
+    def _missing(self, now: int, streams: tuple[Stream, ...]) -> Stream | None:
+        """The first that was never heard of or is too old."""
+        for stream in streams:
+            if stream.at is None or now - stream.at > self._timeout:
+                return stream
+        return None
+
+    def _silent(self, now: int) -> Stream | None:
+        """The first that was heard of and is too old."""
+        for stream in self._watched:
+            if stream.at is not None and now - stream.at > self._timeout:
+                return stream
+        return None
+
+    def _desire(self) -> Array:
+        port = self.master_port
+        self.desired = port.desired_by(self.reference) if self.from_reference else port.desired(*self.master)
+        return self.desired
+
+    def _share(self, now: int, begun: int) -> float:
+        """The ramp from 0 to 1 since `begun`."""
+        elapsed = (now - begun) * 1e-9
+        return 1.0 if elapsed >= self._ramp_time else elapsed / self._ramp_time
+
+    def _fade(self, now: int, last: Array, zero: Array, fading: bool) -> Array:
+        """What is left of the last efforts."""
+        if not fading or self._left_at is None:
+            return zero
+        elapsed = (now - self._left_at) * 1e-9
+        if elapsed >= self._fade_time:
+            return zero
+        return last * (1.0 - elapsed / self._fade_time)
+
+    def _enter(self, state: State) -> None:
+        now = self._now
+        if state is State.ALIGNING:
+            self.master_port.reset()
+            self._last_master.fill(0.0)
+            self._master_begun = now
+        elif state is State.ENGAGED:
+            self.slave_port.reset()
+            self.energies.reset()
+            self._last_slave.fill(0.0)
+            self._engaged_at = now
+        if state in (State.ALIGNING, State.ENGAGED):
+            self._left_at, self._fading = None, (True, state is State.ENGAGED)
+        elif self._left_at is None:
+            self._left_at = now
+        self._on_enter(state)
