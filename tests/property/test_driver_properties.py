@@ -14,8 +14,12 @@ sys.path.insert(0, str(Path(__file__).parents[1] / "unit"))
 from device_rigs import OmniRig, SfjRig
 
 from haptic_teleop_2dsfj.amplifier import Amplifier
+from haptic_teleop_2dsfj.build import all_faults
+from haptic_teleop_2dsfj.driver import SfjDriver
 from haptic_teleop_2dsfj.encoders import EncoderBank
 from haptic_teleop_2dsfj.overload import Overload
+from haptic_teleop_2dsfj.settings import SfjDriverSettings
+from haptic_teleop_control.device import Reporter
 from haptic_teleop_omni.codec import ReportCodec, raw_of, value_of
 from haptic_teleop_omni.layout import Field, Report, load_layout
 from haptic_teleop_omni.torque_budget import TorqueBudget, TorqueLimits
@@ -147,6 +151,119 @@ def test_whatever_is_commanded_the_2dsfj_gets_a_finite_current_within_its_limits
         assert abs(second) <= 1.2
     if any(not math.isfinite(value) for command in commands for value in command):
         assert rig.latch.latched == "non_finite_command"
+
+
+MOMENTS = st.lists(
+    st.tuples(
+        st.tuples(ANY, ANY) | st.tuples(st.floats(-9.0, 9.0), st.floats(-2.0, 2.0)) | st.none(),
+        st.tuples(*[st.sampled_from([1, 1, 1, 0])] * 4),
+        st.sampled_from([0.0, 0.0, 0.003, 0.01, 0.05]),
+        st.booleans(),
+    ),
+    max_size=25,
+)
+
+
+@given(MOMENTS, st.floats(0.05, 0.94), st.floats(-0.2, 0.2), st.floats(1.0, 1000.0))
+def test_no_mixture_of_commands_switches_pauses_and_resets_passes_a_limit(moments, limit, drift, slew):
+    rig = SfjRig(
+        stage1__current_limit=limit, stage1__drift_correction=drift, stage1__current_slew=slew,
+        limit_switches__debounce=1,
+    )  # fmt: skip
+    for command, levels, pause, reset in moments:
+        rig.hil.stuck.update(enumerate(levels))
+        rig.clock.advance(pause)
+        if reset:
+            rig.latch.reset()
+            rig.driver.reset()
+        rig.cycle(command)
+        flowing = [
+            -0.5 * volts if on else 0.0 for volts, on in zip(rig.hil.volts, rig.hil.amplifier_on, strict=True)
+        ]
+        for stage, (current, most) in enumerate(zip(flowing, (limit, 1.2), strict=True)):
+            assert abs(current) <= most
+            assert not (current > 0.0 and levels[2 * stage] == 0), "towards MAX, which is pressed"
+            assert not (current < 0.0 and levels[2 * stage + 1] == 0), "towards MIN, which is pressed"
+        if rig.latch.latched or command is None:
+            assert flowing == [0.0, 0.0]
+            assert not any(rig.hil.amplifier_on)
+    assert rig.latch.counts["board_error"] == 0
+    for first, second in rig.plant.given:
+        assert abs(first) <= limit
+        assert abs(second) <= 1.2
+
+
+class AnyBoard:
+    """A board that delivers what a test says, and remembers the volts of its outputs."""
+
+    def __init__(self, settings, samples) -> None:
+        self.settings, self._samples = settings, list(samples)
+        self.counts, self.sense_volts = np.zeros(4, dtype=np.int32), np.zeros(2)
+        self.switch_levels = np.ones(4, dtype=np.int8)
+        self.periods, self.enabled, self.volts = 1, False, (0.0, 0.0)
+
+    def open(self) -> None: ...
+
+    def read(self) -> None:
+        counts, volts, levels, self.periods = self._samples.pop(0)
+        self.counts[:], self.sense_volts[:], self.switch_levels[:] = counts, volts, levels
+
+    def write(self, first: float, second: float) -> None:
+        self.volts = (first, second)
+
+    def enable(self, on: bool) -> None:
+        self.enabled = on
+
+    def reload_watchdog(self) -> bool:
+        return True
+
+    def watchdog_expired(self) -> bool:
+        return False
+
+    def rearm_watchdog(self) -> None: ...
+
+    def close(self) -> None:
+        self.enabled = False
+
+
+SAMPLES = st.tuples(
+    st.tuples(*[st.integers(-(2**31), 2**31 - 1) | st.integers(-50, 50)] * 4),
+    st.tuples(ANY, ANY) | st.just((0.0, 0.0)),
+    st.tuples(*[st.integers(-128, 127)] * 4) | st.just((1, 1, 1, 1)),
+    st.integers(1, 2**31) | st.just(1),
+)
+
+
+@given(st.lists(SAMPLES, min_size=1, max_size=20))
+def test_whatever_a_board_delivers_the_driver_goes_on_and_its_states_are_finite(samples):
+    settings = SfjDriverSettings.from_parameters({})
+    reporter, latch = Reporter.to_latch(all_faults())
+    board = AnyBoard(settings.board, samples)
+    driver = SfjDriver(settings, board, reporter)
+    driver.open()
+    for _, sense, _, _ in samples:
+        driver.read()
+        driver.write(np.array([2.0, 0.4]))
+        for values in (driver.position, driver.velocity, driver.effort):
+            assert np.isfinite(values).all()
+        if not np.isfinite(sense).all():
+            assert latch.latched
+        if latch.latched:
+            assert not board.enabled
+
+
+@given(st.lists(st.binary(min_size=44, max_size=44), max_size=20))
+def test_whatever_reports_a_device_sends_the_states_are_finite_and_the_torque_within_its_peak(reports):
+    rig = OmniRig()
+    pending = list(reports)
+    rig.device.read = lambda timeout: pending.pop(0) if pending and timeout else None
+    for _ in reports:
+        rig.cycle((0.1, 9.0, -9.0))
+        for values in (rig.driver.position, rig.driver.velocity, rig.driver.effort):
+            assert np.isfinite(values).all()
+        assert np.abs(rig.device.torque).max() <= 0.446
+        if rig.latch.latched:
+            assert not rig.device.motors_on
 
 
 @given(st.lists(st.tuples(ANY, ANY, ANY), max_size=12))
