@@ -7,7 +7,7 @@ and the driver do here. The drivers find these factories by name, `haptic_teleop
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -32,7 +32,7 @@ def sfj_plant(file: str, rate: float) -> SfjConnectors:
     values, folder, source = _section(file, "sfj_sim", SFJ_PARAMETERS)
     settings = SfjSettings.from_parameters(values, folder, source)
     bare = replace(settings, stage1=_bare(settings.stage1), stage2=_bare(settings.stage2))
-    return SfjConnectors(SfjRobot(bare, 1.0 / rate, values["seed"]))
+    return SfjConnectors(_compiled(lambda: SfjRobot(bare, 1.0 / rate, values["seed"])))
 
 
 def omni_plant(file: str, rate: float) -> OmniConnectors:
@@ -40,7 +40,8 @@ def omni_plant(file: str, rate: float) -> OmniConnectors:
     values, folder, source = _section(file, "omni_sim", OMNI_PARAMETERS)
     settings = OmniSettings.from_parameters(values, folder, source)
     axes = {name: _bare(getattr(settings, name)) for name in OmniRobot.names}
-    return OmniConnectors(OmniRobot(replace(settings, **axes), 1.0 / rate, values["seed"]))
+    whole = replace(settings, **axes)
+    return OmniConnectors(_compiled(lambda: OmniRobot(whole, 1.0 / rate, values["seed"])))
 
 
 class _Connectors:
@@ -68,6 +69,14 @@ class OmniConnectors(_Connectors):
     def sense(self) -> Array:
         """Angles (3,), rad, about the neutral position."""
         return self.robot.sense()[0]
+
+
+def _compiled(make: Callable[[], Robot]) -> Robot:
+    """A robot in its initial state whose functions have compiled: in a driver's loop it would be too late."""
+    first = make()
+    first.sense()
+    first.step(np.zeros(len(first.torque_constants)))
+    return make()
 
 
 def _bare(joint: JointHardware) -> JointHardware:

@@ -1,0 +1,179 @@
+"""What a scenario relies on at its start: nothing compiles any more, and nobody misses the first message."""
+
+from __future__ import annotations
+
+import os
+import signal
+import subprocess
+import sys
+import threading
+import time
+from pathlib import Path
+
+import pytest
+from rclpy.context import Context
+from rclpy.node import Node
+from rclpy.qos import QoSProfile, ReliabilityPolicy
+from sensor_msgs.msg import JointState
+
+from haptic_teleop_control.nodes import starter as starter_module
+from haptic_teleop_control.nodes.children import Child
+from haptic_teleop_control.nodes.composed import node_names
+from haptic_teleop_control.nodes.connections import IN, OUT, endpoints, merged, unconnected
+from haptic_teleop_control.nodes.joint_state_io import STREAM_QOS
+from haptic_teleop_control.nodes.parameter_collector import PATIENCE, ParameterCollector
+from haptic_teleop_control.nodes.spin import StopRequests, stop_requests
+from haptic_teleop_control.nodes.starter import Starter
+from haptic_teleop_control.recording import read_recording
+
+
+@pytest.mark.parametrize("name", node_names())
+def test_nothing_compiles_in_a_node_that_runs(name):
+    """A compilation takes seconds: in the loop these are missing, and a robot has no command meanwhile. In a
+    process of its own, since what one node has compiled is there for the next."""
+    script = Path(__file__).parent / "compiled_while_running.py"
+    done = subprocess.run(
+        [sys.executable, str(script), name], capture_output=True, text=True, timeout=110, check=False
+    )
+    assert done.returncode == 0, done.stderr
+    before, after = done.stdout.splitlines()[-2:]
+    assert after == before
+
+
+def test_a_publisher_is_unconnected_until_every_expected_subscription_has_met_it(graph):
+    publisher = graph.probe.create_publisher(JointState, "/a", STREAM_QOS)
+    here = endpoints([graph.probe])
+    assert here[OUT]["/a"] == ["/probe"]
+    expected = merged([here, {OUT: {}, IN: {"/a": ["/other"]}}])
+    assert unconnected([graph.probe], expected) == ["/a"]
+    context = Context()
+    context.init()
+    other = Node("other", context=context)
+    try:
+        # A subscription that is no counterpart: it asks for more than is offered.
+        reliable = QoSProfile(depth=1, reliability=ReliabilityPolicy.RELIABLE)
+        other.create_subscription(JointState, "/a", print, reliable)
+        graph.until(lambda: graph.probe.get_subscriptions_info_by_topic("/a"))
+        assert publisher.get_subscription_count() == 0
+        other.create_subscription(JointState, "/a", print, STREAM_QOS)
+        graph.until(lambda: not unconnected([graph.probe], expected))
+        assert publisher.get_subscription_count() == 1
+    finally:
+        other.destroy_node()
+        context.try_shutdown()
+
+
+@pytest.mark.parametrize("attempt", range(3))
+def test_the_first_message_after_a_common_start_is_recorded_and_none_before(graph, tmp_path, attempt):
+    """Repeated, because discovery takes another course every time."""
+    publisher = graph.probe.create_publisher(JointState, "/sfj/joint_states", STREAM_QOS)
+    options = {"output": tmp_path / "bag", "topics": "[/sfj/joint_states]"}
+    given = [part for key, value in options.items() for part in ("-p", f"{key}:={value}")]
+    recorder = Child("recorder", ["--ros-args", *given], armed=True)
+    try:
+        starter = Starter([recorder], graph.probe)
+
+        def start() -> bool:
+            if not starter._told:
+                publisher.publish(JointState(name=["joint"], position=[-1.0]))
+            recorder.relay()
+            starter.poll()
+            return starter.done
+
+        graph.until(start, 30.0)
+        for number in range(5):
+            publisher.publish(JointState(name=["joint"], position=[float(number)]))
+        graph.run(0.2)
+    finally:
+        status = recorder.stop()
+    assert (status, starter.missing) == (0, [])
+    series = read_recording(tmp_path / "bag").topics["/sfj/joint_states"]
+    assert series.position[:, 0].tolist() == [0.0, 1.0, 2.0, 3.0, 4.0]
+
+
+def test_a_start_goes_on_after_a_while_and_names_what_is_missing(graph, tmp_path, monkeypatch):
+    monkeypatch.setattr(starter_module, "CONNECT_LIMIT", 0.5)
+    recorder = Child("recorder", ["--ros-args", "-p", f"output:={tmp_path / 'bag'}"], armed=True)
+    try:
+        # It publishes nothing on this topic with the reliability that the subscription asks for.
+        reliable = QoSProfile(depth=1, reliability=ReliabilityPolicy.RELIABLE)
+        graph.probe.create_subscription(JointState, "/lonely", print, reliable)
+        starter = Starter([recorder], graph.probe)
+        starter._ready["somebody"] = {OUT: {"/lonely": ["/nowhere"]}, IN: {}}
+        starter._children.insert(0, _Silent())
+
+        def start() -> bool:
+            recorder.relay()
+            starter.poll()
+            return starter.done
+
+        graph.until(start, 30.0)
+        assert "/lonely" in starter.missing
+        assert "/lonely" in starter.warning
+    finally:
+        recorder.stop()
+
+
+class _Silent:
+    """A child that has said what it has and says no more."""
+
+    name = "somebody"
+
+    class link:
+        @staticmethod
+        def receive() -> list:
+            return []
+
+        @staticmethod
+        def send(**content: object) -> None:
+            pass
+
+
+def test_a_node_that_answers_only_after_seconds_is_asked_again_until_its_parameters_are_there(graph):
+    busy = Node("busy", context=graph.context)
+    busy.declare_parameter("gain", 2.5)
+    collector = ParameterCollector(graph.probe)
+    try:
+        for _ in range(PATIENCE + 5):  # one poll each 0.1 s in the recorder: more than three seconds
+            collector.poll()
+            graph.run(0.02)
+        assert "/busy" not in collector.parameters
+        graph.executor.add_node(busy)
+        graph.until(lambda: collector.poll() or "/busy" in collector.parameters, 20.0)
+        assert collector.parameters["/busy"]["gain"] == 2.5
+    finally:
+        collector.close()
+        graph.executor.remove_node(busy)
+        busy.destroy_node()
+
+
+def test_an_armed_executable_that_nobody_leads_refuses_in_one_sentence():
+    command = [sys.executable, "-m", "haptic_teleop_control.front_door", "signal_generator", "--armed"]
+    done = subprocess.run(command, stdin=subprocess.DEVNULL, capture_output=True, text=True, timeout=30)
+    assert done.returncode == 2
+    assert "leave it out" in done.stderr
+
+
+def test_an_armed_process_ends_when_the_one_that_leads_it_has_gone():
+    child = Child("signal_generator", [], armed=True)
+    end = time.monotonic() + 30.0
+    while not any("ready" in message for message in child.link.receive()):
+        assert child.status is None and time.monotonic() < end
+        time.sleep(0.02)
+    child.link._socket.close()
+    try:
+        assert child.process.wait(10.0) == 0
+    finally:
+        if child.status is None:
+            child.process.kill()
+
+
+def test_a_signal_ends_a_process_that_compiles_at_once():
+    """With a cold cache the constructor of a plant takes some 20 s."""
+    begun = time.monotonic()
+    with stop_requests() as stop:
+        threading.Timer(0.2, lambda: os.kill(os.getpid(), signal.SIGINT)).start()
+        with pytest.raises(StopRequests.Interrupt), stop.interruptible():
+            time.sleep(20.0)
+        assert stop.is_set()
+    assert time.monotonic() - begun < 5.0
