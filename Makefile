@@ -1,6 +1,6 @@
 # `make` alone lists what there is to do. Every target that needs the environment makes it first.
 .DEFAULT_GOAL := help
-.PHONY: help setup demo test bench lint format types contracts check lock clean
+.PHONY: help setup demo discover test bench lint format types contracts check lock clean
 
 BIN := .venv/bin
 UV ?= uv
@@ -15,6 +15,9 @@ setup:  ## build the environment .venv from requirements.lock (idempotent)
 
 demo: setup  ## scenario 1 in simulation as real ROS 2 nodes: recorded, verified, with a report
 	@$(BIN)/haptic-teleop demo $(ARGS)
+
+discover: setup  ## a robot with concealed physics: record, diagnose, open the label, simulate again (SEED=n)
+	@$(BIN)/haptic-teleop discover --seed $(or $(SEED),1) $(ARGS)
 
 test: setup  ## the whole test suite
 	@$(BIN)/python -m pytest $(ARGS)

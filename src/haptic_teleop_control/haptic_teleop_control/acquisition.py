@@ -132,6 +132,10 @@ class Acquisition:
         how = f"position loop, gain {self.values['gain']:g}" if self.closed else "open loop"
         return f"identification of {self.joint}, {how}"
 
+    def series(self, time: ArrayLike) -> Array:
+        """The signal, `unit`, at times (n,), s since the first state; (n,)."""
+        return self._generator.series(np.asarray(time, dtype=np.float64))[:, 0]
+
     def step(self, time: float, position: ArrayLike, velocity: ArrayLike) -> Array:
         """Answer the state at `time`, s since the first: efforts (motors,), N·m, a view; zero once it has
         ended."""

@@ -19,7 +19,7 @@ from .mujoco_model import GRAVITY, Attributes, inertial, number, tag
 #: Impedance of joint limits: the smaller, the nearer a limit is to a spring that adds to other torques.
 _IMPEDANCE = 0.02
 #: rad of penetration at which a stop's dissipation gives the damping that MuJoCo's limits have throughout.
-_TYPICAL_PENETRATION = 0.01
+_TYPICAL_PENETRATION = 0.004
 #: Share of the arm's inertia that comes from its mass being off the axis, where gravity is to pull.
 _OFF_AXIS = 0.3
 
@@ -160,12 +160,17 @@ _SAID: dict[tuple[str, str], Callable[[StageWords, Effect], None]] = {
 }
 
 
+def has_words(effect: str, place: str) -> bool:
+    """Whether MuJoCo can express the effect at this place, e.g. ("backlash", "joint")."""
+    return (effect, place) in _SAID
+
+
 def unexpressed(model: Model) -> list[Effect]:
     """The model's effects that MuJoCo has no words for; empty when it can be built."""
     return [
         e
         for e in model.effects
-        if (e.effect, model.place(e.location)) not in _SAID or e.values.get("smoothing", 0.0) > 0.0
+        if not has_words(e.effect, model.place(e.location)) or e.values.get("smoothing", 0.0) > 0.0
     ]
 
 

@@ -41,6 +41,10 @@ EXECUTABLES: dict[str, tuple[str, str]] = {
         "haptic_teleop_sysid.demo:main",
         "run scenario 1 in simulation as real nodes, record it, verify it",
     ),
+    "discover": (
+        "haptic_teleop_sysid.discover:main",
+        "the whole chain on a robot with concealed physics: record, diagnose, open, simulate again",
+    ),
     "blind": (
         "haptic_teleop_sysid.blind.command:main",
         "benchmark diagnose on concealed effects drawn by seed: seal, diagnose, open, score",

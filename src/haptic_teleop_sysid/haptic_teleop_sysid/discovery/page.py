@@ -1,0 +1,122 @@
+"""The report of one discovery: what was hidden, what was said, how simulation and recording came together."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+from matplotlib.figure import Figure
+
+from haptic_teleop_sysid.comparison_report import percent_text
+from haptic_teleop_sysid.discovery.outcome import Judgement
+from haptic_teleop_sysid.discovery.overlay import AUGMENTED, LAB, REFITTED, Fits, Overlay, mean
+from haptic_teleop_sysid.report import Page, Section
+
+_GOOD = {"right": "good", "in the set": "fair", "unknown": "fair", "right place": "bad"}
+_ROWS = {
+    LAB: "the lab's model, as it was",
+    REFITTED: "the same structure, re-estimated",
+    AUGMENTED: "the augmented model",
+}
+
+
+def discovery_page(
+    content: Mapping[str, Any],
+    judgement: Judgement,
+    overlay: Overlay,
+    validation: Figure,
+) -> Page:
+    """Return the page; `content` is what discover.json holds."""
+    hidden, plant = content["label"]["truth"][0], content["plant"]
+    page = Page(
+        "Discovery: a concealed effect, found and modelled",
+        f"seed {content['seed']}, {hidden['location'].split('_')[0]} of a 2DSFJ simulated by "
+        f"{'MuJoCo' if plant == 'mujoco_sim' else 'sfj_sim with a sealed effect file'}, "
+        f"{content['mode']}",
+    )
+    said = "; ".join(judgement.score["said"]) or "nothing named"
+    page.verdict(
+        _GOOD.get(judgement.outcome, "bad"),  # type: ignore[arg-type]
+        f"Hidden: {_named(hidden)}. Verdict {judgement.diagnosis['verdict']}: {said}. "
+        f"{judgement.sentence.capitalize()}.",
+    )
+    if judgement.beside and judgement.outcome in ("right", "in the set"):
+        page.verdict("fair", f"Also stated, and not hidden: {'; '.join(judgement.beside)}.")
+    fits = content["fits"]
+    for part, label in (("scenario1", "scenario 1"), ("validation", "validation")):
+        values = [f"{percent_text(mean(fits[part][name]))}" for name in (LAB, REFITTED, AUGMENTED)]
+        page.key_figure(f"{values[0]} → {values[2]} %", f"fit to {label}", f"re-estimated: {values[1]} %")
+    _envelope(page.section("The envelope"), content)
+    _sizes(page.section("What was hidden, and what was estimated"), content, judgement)
+    force = page.section(
+        "Scenario 1: force control with contact",
+        "The recording of the real robot, and the scenario run once more with the model in the simulated "
+        "plant, in closed loop: nothing but the command is the same. Times count from the command's onset.",
+    )
+    _table(force, fits["scenario1"])
+    for note in overlay.notes:
+        force.text(f"Note: {note}.")
+    force.picture(overlay.picture, "Scenario 1: recorded, and simulated before and after")
+    open_ = page.section(
+        "Validation: an acquisition that nothing was fitted to",
+        "The simulated response to the recorded command, nothing corrected along the way.",
+    )
+    _table(open_, fits["validation"])
+    open_.picture(validation, "Validation: recorded, and simulated before and after")
+    page.section("To look further").table(
+        ["what", "where"], [[what, where] for what, where in content["files"].items()]
+    )
+    return page
+
+
+def _envelope(section: Section, content: Mapping[str, Any]) -> None:
+    section.text(
+        "Before any recording was made the label - the effect, its place and size, the robot's parameters "
+        "and a random nonce - was sealed, and its SHA-256 digest was printed. The diagnosis ran as a process "
+        "of its own that got two recordings and the lab's model; the plant's files were gone by then. "
+        "Afterwards the seal was opened: label.json has this digest."
+    )
+    section.table(["SHA-256 of label.json"], [[content["digest"]]])
+
+
+def _sizes(section: Section, content: Mapping[str, Any], judgement: Judgement) -> None:
+    truth = content["label"]["truth"][0]
+    estimated = {}
+    for finding in judgement.diagnosis.get("findings") or []:
+        if (finding["effect"], finding["location"]) == (truth["effect"], truth["location"]):
+            estimated = finding["parameters"]
+    rows = []
+    for name, value in truth["parameters"].items():
+        found = estimated.get(name)
+        text = "–" if found is None else f"{found['value']:.4g} ± {found['std'] or 0.0:.1g}"
+        rows.append([f"{truth['effect']} {name}", f"{value:.4g}", text])
+    section.table(["parameter", "hidden", "estimated"], rows, "SI units")
+    rows = []
+    for finding in judgement.diagnosis.get("findings") or []:
+        numbers = ", ".join(f"{n} {p['value']:.4g}" for n, p in finding["parameters"].items())
+        others = ", ".join(f"{a['effect']} @ {a['location']}" for a in finding["alternatives"])
+        rows.append(
+            [
+                f"{finding['effect']} @ {finding['location']}",
+                numbers,
+                f"{100 * finding['confidence']:.0f} %",
+                others,
+            ]
+        )
+    if rows:
+        header = ["finding", "parameters", "confidence", "alternatives"]
+        section.table(header, rows, "As diagnosis.json has it")
+
+
+def _table(section: Section, fits: Mapping[str, Fits]) -> None:
+    signals = list(next(iter(fits.values())))
+    rows = [
+        [text, *(percent_text(fits[name][signal]) for signal in signals), percent_text(mean(fits[name]))]
+        for name, text in _ROWS.items()
+    ]
+    section.table(["model", *signals, "mean"], rows, "Fit in percent: 100·(1 − ‖y − ŷ‖ / ‖y − mean y‖)")
+
+
+def _named(truth: Mapping[str, Any]) -> str:
+    numbers = ", ".join(f"{name} {value:.4g}" for name, value in truth["parameters"].items())
+    return f"{truth['effect']} @ {truth['location']} ({numbers})"
