@@ -119,3 +119,11 @@ def test_a_quanser_package_is_found_by_its_name(monkeypatch):
     package.__path__ = []  # type: ignore[attr-defined]
     monkeypatch.setitem(sys.modules, "quanser", package)
     assert not sfj._package()
+
+
+def test_a_quanser_package_that_cannot_be_loaded_is_no_traceback(monkeypatch, tmp_path):
+    (tmp_path / "quanser").mkdir()
+    (tmp_path / "quanser" / "__init__.py").write_text("raise OSError('libhil.so is not there')\n")
+    monkeypatch.delitem(sys.modules, "quanser", raising=False)
+    monkeypatch.syspath_prepend(str(tmp_path))
+    assert sfj.checks()[0].level == ABSENT

@@ -1,6 +1,8 @@
 """The driver of the Omni on an emulated device: angles, torques, calibration, losses, the end."""
 
 import math
+import sys
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -14,6 +16,7 @@ from haptic_teleop_omni.driver import OmniDriver
 from haptic_teleop_omni.layout import load_layout, parse_layout
 from haptic_teleop_omni.settings import OmniDriverSettings
 from haptic_teleop_omni.torque_budget import TorqueBudget, TorqueLimits
+from haptic_teleop_omni.transports.hidapi import HidapiTransport
 
 PUSH = (0.0, 0.1, -0.05)  # N·m
 COUNT = 4.1e-4  # rad
@@ -439,16 +442,12 @@ class FakeHid:
 
 @pytest.fixture
 def fake(monkeypatch):
-    import sys
-
     fake = FakeHid()
     monkeypatch.setitem(sys.modules, "hidraw", fake)
     return fake
 
 
 def test_hidapi_is_read_and_written_in_whole_reports(fake):
-    from haptic_teleop_omni.transports.hidapi import HidapiTransport
-
     for numbered, sent in ((False, b"\x00abc"), (True, b"abc")):
         transport = HidapiTransport(1, 2, "", numbered)
         transport.open()
@@ -459,8 +458,6 @@ def test_hidapi_is_read_and_written_in_whole_reports(fake):
 
 
 def test_a_hid_device_that_goes_away_is_a_device_error_in_every_call(fake):
-    from haptic_teleop_omni.transports.hidapi import HidapiTransport
-
     transport = HidapiTransport(1, 2)
     transport.open()
     fake.gone = True
@@ -472,11 +469,43 @@ def test_a_hid_device_that_goes_away_is_a_device_error_in_every_call(fake):
         transport.read(0.01)
 
 
+class HidOmni(FakeHid):
+    """The stand-in with the emulated Omni at its other end, as a device of the kernel would be."""
+
+    def __init__(self, device) -> None:
+        super().__init__()
+        self.omni = device
+        device.open()
+
+    def read(self, size: int, timeout_ms: int = 0) -> list[int]:
+        return list(self.omni.read(timeout_ms * 1e-3) or b"")
+
+    def write(self, data: bytes) -> int:
+        assert data[0] == 0, "no report number"
+        self.omni.write(data[1:])
+        return len(data)
+
+
+@pytest.mark.parametrize("verified", [True, False])
+def test_a_real_device_gets_torques_if_and_only_if_its_layout_is_verified(monkeypatch, verified):
+    rig = OmniRig()
+    monkeypatch.setitem(sys.modules, "hidraw", HidOmni(rig.device))
+    layout = replace(load_layout("emulator"), verified=verified)
+    driver = OmniDriver(rig.settings, layout, HidapiTransport(0x2988, 0x0304), rig.reporter)
+    driver.open()
+    states = 0
+    for _ in range(20):
+        states += driver.read() is ReadResult.STATE
+        driver.write(np.array(PUSH))
+    assert states == 20
+    assert rig.latch.latched is None
+    assert rig.device.torque == pytest.approx(PUSH if verified else (0.0, 0.0, 0.0), abs=STEP / 2)
+    assert driver.effort == pytest.approx(PUSH if verified else (0.0, 0.0, 0.0), abs=STEP / 2)
+    driver.close()
+    assert idle(rig)
+
+
 def test_without_hidapi_one_sentence_says_what_to_install(monkeypatch):
-    import sys
-
-    from haptic_teleop_omni.transports.hidapi import HidapiTransport
-
     for name in ("hid", "hidraw"):
         monkeypatch.setitem(sys.modules, name, None)
     with pytest.raises(ConfigurationError, match="pip install hidapi"):

@@ -25,5 +25,5 @@ def checks() -> list[Check]:
 def _package() -> bool:
     try:
         return importlib.util.find_spec("quanser.hardware") is not None
-    except ModuleNotFoundError:
+    except (ImportError, OSError):  # another package of that name, or one that cannot be loaded
         return False
