@@ -2,21 +2,23 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any, Self
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from haptic_teleop_control.omni_compensation import COMPENSATION, OmniCompensation
 from haptic_teleop_control.parameters import Parameter, ParameterTable
-from haptic_teleop_control.quantities import from_parameters, parameters_of
+from haptic_teleop_control.quantities import from_parameters, parameters_of, quantity
 from haptic_teleop_control.robots import OMNI_JOINTS, OMNI_PEAK_TORQUE, OMNI_RATE_HZ, OMNI_RESOLUTION
 
 from .default_models import omni_axis_model
 from .joint_hardware import JointHardware
-from .model import Model
+from .model import Effect, Model
 from .model_choice import check_joint, choose_model
 from .operators import OPERATOR_PARAMETERS, Operator
 from .robot import Robot
@@ -32,6 +34,45 @@ def axis_hardware(axis: str, model: Model | None = None, **changes: float) -> Jo
     """The facts of `axis`, e.g. "omni_y", around `model` (built-in by default), and `changes` to them."""
     values = {"command_limit": OMNI_PEAK_TORQUE, "drive_resolution": OMNI_RESOLUTION}
     return JointHardware(omni_axis_model(axis) if model is None else model, **{**values, **changes})
+
+
+@dataclass(frozen=True)
+class Surfaces:
+    """Hard surfaces either side of an axis, in place of its end stops: a `hard_stop` of its model."""
+
+    angle: float = quantity(
+        math.inf,
+        "rad",
+        "hard surfaces at plus and minus this angle, in place of the end stops; .inf: none",
+        name="wall.angle",
+        above=0.0,
+        infinite=True,
+    )
+    stiffness: float = quantity(
+        200.0, "N·m/rad", "stiffness of the surfaces", name="wall.stiffness", above=0.0
+    )
+    dissipation: float = quantity(
+        1.0,
+        "s/rad",
+        "damping of the surfaces (Hunt and Crossley)",
+        name="wall.dissipation",
+        minimum=0.0,
+        maximum=10.0,
+    )
+
+    def apply(self, model: Model) -> Model:
+        """`model` with these surfaces; itself where there are none."""
+        if not math.isfinite(self.angle):
+            return model
+        location = model.location("motor")
+        stop = {
+            "angle": self.angle,
+            "stiffness": self.stiffness,
+            "dissipation": self.dissipation,
+            "both_sides": 1.0,
+        }
+        others = tuple(e for e in model.effects if (e.effect, e.location) != ("hard_stop", location))
+        return replace(model, effects=(*others, Effect("hard_stop", location, stop)))
 
 
 def _axis_parameters(axis: str) -> list[Parameter]:
@@ -64,6 +105,7 @@ def _table() -> ParameterTable:
         ),
         Parameter("seed", 1, minimum=0, meaning="seed of the random torques"),
         *OPERATOR_PARAMETERS,
+        *COMPENSATION,
     ]
     for axis in OMNI_JOINTS:
         found.append(
@@ -74,6 +116,7 @@ def _table() -> ParameterTable:
             )
         )
         found += _axis_parameters(axis)
+        found += parameters_of(Surfaces(), f"{axis}.", runtime=False)
     return ParameterTable("omni_sim", found)
 
 
@@ -107,14 +150,19 @@ class OmniSettings:
         axes = []
         for axis in OMNI_JOINTS:
             model = choose_model(axis, checked[f"{axis}.model"], omni_axis_model, folder, source)
+            model = from_parameters(Surfaces, checked, f"{axis}.").apply(model)
             renamed = {f"{axis}.{name}": checked[f"{axis}.{_NAMES.get(name, name)}"] for name in _OWN}
             axes.append(from_parameters(JointHardware, renamed, f"{axis}.", model=model))
         return cls(*axes, operator=Operator.from_parameters(checked, source))
 
 
 class OmniRobot(Robot):
-    """The Omni in motion, with its operator's hand on it. Efforts are the torques applied last; commands and
-    signals are (3,)."""
+    """The Omni in motion, with its operator's hand on it. Efforts are the torques applied last, compensation
+    included; commands and signals are (3,).
+
+    compensation: of the horizontal device, or None; `from_parameters` sets it. A device whose driver
+    compensates, such as the emulated one, has none of its own.
+    """
 
     namespace = "/omni"
     names = OMNI_JOINTS
@@ -125,10 +173,9 @@ class OmniRobot(Robot):
         self, settings: OmniSettings | None = None, dt: float = 1.0 / OMNI_RATE_HZ, seed: int = 1
     ) -> None:
         self.settings = settings = OmniSettings() if settings is None else settings
-        self.operator = settings.operator
+        self.compensation: OmniCompensation | None = None
         axes = (settings.omni_x, settings.omni_y, settings.omni_z)
-        self._now = np.zeros(1)
-        super().__init__(self.operator.grip(axes), dt, seed)
+        super().__init__(axes, dt, seed, settings.operator)
 
     @classmethod
     def from_parameters(
@@ -141,14 +188,18 @@ class OmniRobot(Robot):
         """The robot that parameters describe (OMNI_PARAMETERS); dt, s, defaults to 1/`rate`."""
         checked = OMNI_PARAMETERS.check(values, source)
         step = 1.0 / checked["rate"] if dt is None else dt
-        return cls(OmniSettings.from_parameters(checked, folder, source), step, checked["seed"])
+        robot = cls(OmniSettings.from_parameters(checked, folder, source), step, checked["seed"])
+        compensation = OmniCompensation.from_parameters(checked, source)
+        if compensation.settings.active:
+            robot.compensation = compensation
+        return robot
 
     def step(self, effort_command: ArrayLike, external_torque: ArrayLike | None = None) -> StepResult:
-        """As `Robot.step`; the operator's torque comes on top of `external_torque`."""
-        if self.operator.mode == "none":
-            return super().step(effort_command, external_torque)
-        self._now[0] = self.time
-        torque = self.operator.torques(self._now)[0]
-        if external_torque is not None:
-            torque += external_torque
-        return super().step(effort_command, torque)
+        """As `Robot.step`, with the device's own compensation on top of the command while it is powered."""
+        if self.compensation is not None:
+            if self.powered:
+                added = self.compensation.step(self._out[0], self._out[1], self.dt)
+                effort_command = np.asarray(effort_command, dtype=np.float64) + added
+            else:
+                self.compensation.rest()
+        return super().step(effort_command, external_torque)

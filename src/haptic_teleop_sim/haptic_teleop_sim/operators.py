@@ -1,6 +1,8 @@
-"""The operator's hand on the Omni: a passive impedance that holds a posture or moves along via points.
+"""The operator's hand on the master: a passive impedance that holds a posture or moves along via points.
 
-    torque of the hand on an axis = stiffness (target - phi) + damping (target' - phi') - inertia phi''
+    torque of the hand on a joint = stiffness (target - phi) + damping (target' - phi') - inertia phi''
+
+It holds the axes of the Omni, or pushes the arms of the 2DSFJ.
 
 The part that depends on the axis becomes part of the plant (`Operator.grip`): inside the dynamics, where a
 spring and a damper can only dissipate, whatever the sampling time. What is left is `Operator.torques`, a
@@ -65,21 +67,22 @@ class Hand:
             raise ConfigurationError("hand.times do not increase; put them in order, each once.")
 
 
-OPERATOR_PARAMETERS: list[Parameter] = [
-    Parameter(
-        "operator.mode",
-        "none",
-        choices=MODES,
-        meaning="none: nobody holds the device; hold: at the posture; trajectory: along the via points",
-    ),
-    *(p for axis in OMNI_JOINTS for p in parameters_of(Hand(), f"{axis}.hand.", runtime=False)),
-]
-"""Parameters of the operator; part of OMNI_PARAMETERS."""
+def operator_parameters(joints: Sequence[str], hand: Hand) -> list[Parameter]:
+    """Parameters of an operator with a hand on each of `joints`, `hand` by default."""
+    what = "none: nobody holds the device; hold: at the posture; trajectory: along the via points"
+    return [
+        Parameter("operator.mode", "none", choices=MODES, meaning=what),
+        *(p for joint in joints for p in parameters_of(hand, f"{joint}.hand.", runtime=False)),
+    ]
+
+
+OPERATOR_PARAMETERS = operator_parameters(OMNI_JOINTS, Hand())
+"""Parameters of the operator of the Omni; part of OMNI_PARAMETERS."""
 
 
 @dataclass(frozen=True)
 class Operator:
-    """Who holds the device: a mode of MODES, and the hand about each axis."""
+    """Who holds the device: a mode of MODES, and the hand on each joint."""
 
     mode: str = "none"
     hands: tuple[Hand, ...] = field(default_factory=lambda: tuple(Hand() for _ in OMNI_JOINTS))
@@ -89,10 +92,12 @@ class Operator:
             raise ConfigurationError(f"operator.mode is {self.mode!r}; choose {' | '.join(MODES)}.")
 
     @classmethod
-    def from_parameters(cls, values: Mapping[str, Any], source: str = "parameters") -> Self:
+    def from_parameters(
+        cls, values: Mapping[str, Any], source: str = "parameters", joints: Sequence[str] = OMNI_JOINTS
+    ) -> Self:
         """From flat parameters; ConfigurationError names source, key and remedy."""
         hands = []
-        for axis in OMNI_JOINTS:
+        for axis in joints:
             try:
                 hands.append(from_parameters(Hand, values, f"{axis}.hand."))
             except ConfigurationError as error:

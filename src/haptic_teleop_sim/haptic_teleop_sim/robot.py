@@ -12,6 +12,7 @@ from haptic_teleop_control.robots import VELOCITY_FILTER_CUTOFF_HZ, VELOCITY_FIL
 
 from .joint_hardware import JointHardware
 from .kernel import stepping
+from .operators import Operator
 from .plant_bank import PlantBank
 from .step_result import StepResult
 
@@ -24,7 +25,8 @@ class Robot:
     `sense`.
 
     names: joints, in the order of the signals. motors: the joints that take a command. dt: s. seed: of noise
-    and disturbances; equal seeds give equal runs, bit by bit.
+    and disturbances; equal seeds give equal runs, bit by bit. operator: whose hands hold the joints, inside
+    the dynamics. powered: whether the device is commanded at present; what it adds of its own acts only then.
     bank, device: what compiled loops take, see `kernel/stepping.py`.
     """
 
@@ -34,18 +36,23 @@ class Robot:
     encoders: int
     """Encoders per joint: 2 where the arm has its own."""
 
-    def __init__(self, joints: Sequence[JointHardware], dt: float, seed: int) -> None:
+    def __init__(
+        self, joints: Sequence[JointHardware], dt: float, seed: int, operator: Operator | None = None
+    ) -> None:
         self.dt = float(dt)
-        self.joints = tuple(joints)
-        self.plants = PlantBank([joint.model for joint in joints], dt)
+        self.operator = Operator() if operator is None else operator
+        self.powered = True
+        self.joints = self.operator.grip(joints)
+        self.plants = PlantBank([joint.model for joint in self.joints], dt)
         m = len(self.joints)
+        self._now = np.zeros(1)
         self._random = np.random.default_rng(seed)
         self._functions = stepping()
         self._filter_state = np.zeros((self.encoders * m, 3))
         self._flow, self._disturbance, self._acceleration = np.zeros(m), np.zeros(m), np.zeros(m)
         coefficients = velocity_coefficients(self.dt, VELOCITY_FILTER_CUTOFF_HZ, VELOCITY_FILTER_DAMPING)
         self.bank = self.plants.arrays
-        hardware = np.array([joint.row(self.dt) for joint in joints])
+        hardware = np.array([joint.row(self.dt) for joint in self.joints])
         self.device = (
             hardware,
             self._filter_state,
@@ -111,11 +118,14 @@ class Robot:
     def step(self, effort_command: ArrayLike, external_torque: ArrayLike | None = None) -> StepResult:
         """One sample with `effort_command` (m,), N·m, at the motors; says what was done to it.
 
-        `external_torque` (m,), N·m, acts at the arms, or at the bodies where they are rigid; a value that is
-        not finite counts as zero.
+        `external_torque` (m,), N·m, acts at the arms, or at the bodies where they are rigid, beside the
+        operator's; a value that is not finite counts as zero.
         """
         self._effort[:] = effort_command
         self._external[:] = 0.0 if external_torque is None else external_torque
+        if self.operator.mode != "none":
+            self._now[0] = self.time
+            self._external += self.operator.torques(self._now)[0]
         if not len(self._noise):
             self.sense()
         row = self._noise[self._row]

@@ -1,4 +1,5 @@
-"""The simulated Quanser 2DSFJ: two flexible joints, and around them encoders, amplifiers and current sense.
+"""The simulated Quanser 2DSFJ: two flexible joints, around them encoders, amplifiers and current sense, and
+the hands that push its arms.
 """
 
 from __future__ import annotations
@@ -17,6 +18,7 @@ from .default_models import sfj_stage_model
 from .joint_hardware import JointHardware
 from .model import Effect, Model
 from .model_choice import add_effect, check_joint, choose_model
+from .operators import Hand, Operator, operator_parameters
 from .robot import Robot
 
 #: 20 V over 2^12 steps of the analog output, at 0.5 A/V.
@@ -27,6 +29,9 @@ SENSE_RESOLUTION = 20.0 / 2**14 * 2.0
 #: recorded.
 SENSE_OFFSET = {"stage1": -0.015, "stage2": -0.02}
 SENSE_NOISE = 0.01
+
+ARM_HAND = Hand(inertia=0.01, damping=0.3, stiffness=15.0)
+"""A hand on the arm of a stage; *assumed*: some 0.1 kg, 3 N·s/m and 160 N/m at 0.3 m from the joint."""
 
 
 @dataclass(frozen=True)
@@ -108,6 +113,7 @@ def _table() -> ParameterTable:
             "timeout", 0.05, "s", 0.005, 0.2, meaning="age of a command at which the current goes to zero"
         ),
         Parameter("seed", 1, minimum=0, meaning="seed of current-sense noise and disturbances"),
+        *operator_parameters(STAGES, ARM_HAND),
     ]
     for stage in STAGES:
         found.append(
@@ -128,10 +134,11 @@ SFJ_PARAMETERS = _table()
 
 @dataclass(frozen=True)
 class SfjSettings:
-    """Both stages. Raises ModelError when a model belongs to another joint."""
+    """Both stages, and who pushes their arms. Raises ModelError when a model belongs to another joint."""
 
     stage1: JointHardware = field(default_factory=lambda: stage_hardware("stage1"))
     stage2: JointHardware = field(default_factory=lambda: stage_hardware("stage2"))
+    operator: Operator = field(default_factory=lambda: Operator("none", (ARM_HAND, ARM_HAND)))
 
     def __post_init__(self) -> None:
         for stage in STAGES:
@@ -152,7 +159,7 @@ class SfjSettings:
             model = choose_model(stage, checked[f"{stage}.model"], sfj_stage_model, folder, source)
             model = from_parameters(Surroundings, checked, f"{stage}.").apply(model)
             stages.append(from_parameters(JointHardware, checked, f"{stage}.", model=model))
-        return cls(*stages)
+        return cls(*stages, operator=Operator.from_parameters(checked, source, STAGES))
 
 
 class SfjRobot(Robot):
@@ -169,7 +176,8 @@ class SfjRobot(Robot):
         self, settings: SfjSettings | None = None, dt: float = 1.0 / SFJ_RATE_HZ, seed: int = 1
     ) -> None:
         self.settings = SfjSettings() if settings is None else settings
-        super().__init__((self.settings.stage1, self.settings.stage2), dt, seed)
+        stages = (self.settings.stage1, self.settings.stage2)
+        super().__init__(stages, dt, seed, self.settings.operator)
 
     @classmethod
     def from_parameters(
