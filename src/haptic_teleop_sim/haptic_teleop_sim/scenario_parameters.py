@@ -9,7 +9,13 @@ from pathlib import Path
 from typing import Any
 
 from haptic_teleop_control.errors import ConfigurationError
-from haptic_teleop_control.node_tables import FORCE_CONTROLLER, REALTIME_PRIORITY, SCENARIO, SIGNAL_GENERATOR
+from haptic_teleop_control.node_tables import (
+    FORCE_CONTROLLER,
+    LINK,
+    REALTIME_PRIORITY,
+    SCENARIO,
+    SIGNAL_GENERATOR,
+)
 from haptic_teleop_control.parameters import ParameterTable, load_parameter_file, parameters_for
 
 from .hardware import OMNI_PARAMETERS, SFJ_PARAMETERS
@@ -19,14 +25,16 @@ TABLES: dict[str, ParameterTable] = {
     "omni_sim": ParameterTable("omni_sim", [*OMNI_PARAMETERS, REALTIME_PRIORITY]),
     "force_controller": FORCE_CONTROLLER,
     "signal_generator": SIGNAL_GENERATOR,
+    "link": LINK,
 }
-"""Tables of the nodes that take part."""
+"""Tables of the nodes that take part; the link does where `force_controller` says `link: true`."""
 
 FULL_NAMES = {
     "sfj_sim": "/sfj/sfj_sim",
     "omni_sim": "/omni/omni_sim",
     "force_controller": "/force_controller",
     "signal_generator": "/signal_generator",
+    "link": "/link",
 }
 """Names under which a recording keeps the nodes' parameters."""
 
@@ -49,7 +57,9 @@ class ScenarioParameters:
     recorded: Mapping[str, Mapping[str, Any]] = field(init=False)
 
     def __post_init__(self) -> None:
-        recorded = {FULL_NAMES[node]: dict(values) for node, values in self.nodes.items()}
+        linked = self.nodes["force_controller"]["link"]
+        taking_part = [node for node in self.nodes if node != "link" or linked]
+        recorded = {FULL_NAMES[node]: dict(self.nodes[node]) for node in taking_part}
         object.__setattr__(self, "recorded", recorded)
 
 

@@ -34,7 +34,13 @@ def cache_directory() -> Path:
 
 #: Compiled functions of the control package that `stepping.py` calls; part of what decides whether it is
 #: stale.
-_CONTROL = ("filters", "laws.augmented_error", "laws.master_side", "laws.contract")
+_CONTROL = (
+    "filters",
+    "laws.augmented_error",
+    "laws.master_side",
+    "laws.contract",
+    "omni_compensation",
+)
 _OPTIONS = "cache=True, error_model='numpy'"
 _KERNEL = ("integrator.py", "sensitivities.py", "prediction.py")
 _STEPPING = "stepping.py"

@@ -30,6 +30,7 @@ from numba import njit
 from haptic_teleop_control.filters import velocity_step
 from haptic_teleop_control.laws.augmented_error import augmented_error_step
 from haptic_teleop_control.laws.master_side import master_side_step
+from haptic_teleop_control.omni_compensation import compensation_step
 
 # <functions of the kernel are imported here>
 
@@ -164,42 +165,49 @@ def count_flags(flags, counts):
 
 
 @njit
-def scenario_loop(kinds, times, reference, device_commands, slave, slave_device, slave_noise, master,
-                  master_device, master_noise, hand, wanted, wanted_state, felt, felt_state, gains, law_state,
-                  law_dt, ramp_time, master_limit, slave_out, slave_command, master_out, master_command,
-                  counts):
+def scenario_loop(kinds, stamps, reference, latest, device_commands, slave, slave_device, slave_noise, push,
+                  master, master_device, master_noise, hand, compensation, wanted, wanted_state, felt,
+                  felt_state, gains, law_state, law_dt, ramp_time, master_limit, slave_out, slave_command,
+                  master_out, master_command, counts):
     """Scenario 1: every sample of master and slave in order of time, with the controller between them.
 
-    kinds (events,): 0 master, 1 slave; times (events,) s; reference (slave samples, 2): commanded positions
-    of the slave's stages, used unless `device_commands`; hand (master samples, 3): torque of the operator.
+    kinds (events,): 0 master, 1 slave; stamps (events,) ns; reference (samples, 2): commanded positions of
+    the slave's stages, used unless `device_commands`, and latest (events,): its newest row at each event;
+    push (slave samples, 2), hand (master samples, 3): torques of the operators; compensation: whether there
+    is one, its settings, its state, the time between the master's samples.
     The answer to a state acts until the next state of that robot, as in the graph.
     counts (7,): the codes of the slave's steps, of the master's steps, and saturated samples of the law.
     """
+    compensating, compensation_settings, compensation_state, compensation_dt = compensation
     slave_angles, master_angles = np.zeros((2, 2)), np.zeros((3, 2))
-    slave_effort, master_effort = np.zeros(2), np.zeros(3)
-    no_torque = np.zeros(2)
+    slave_effort, master_effort, added = np.zeros(2), np.zeros(3), np.zeros(3)
     enabled = np.ones(2, dtype=np.bool_)
     results = np.zeros(2, dtype=np.int64)
     inner = np.zeros((2, 2))
     inputs, law_inputs = np.zeros((2, 2)), np.zeros((4, 2))
     arm_torque, axis = np.zeros(2), np.zeros(2)
-    engaged = -1.0
+    engaged = np.int64(-1)
     k = j = 0
     for event in range(kinds.shape[0]):
-        now = times[event]
+        elapsed = (stamps[event] - engaged) * 1e-9
+        scale = 1.0 if elapsed >= ramp_time else elapsed / ramp_time
         if kinds[event] == 0:
             state = master_out[j]
             robot_sense(master, master_device, master_noise[j], master_angles, state)
             axis[0], axis[1] = state[0, 1], state[0, 2]
             master_effort[:] = 0.0
-            if engaged >= 0.0:
+            if engaged >= 0:
                 inputs[0] = axis
                 inputs[1] = arm_torque
                 torque = master_side_step(inputs, felt, enabled, felt_state, results)
-                scale = 1.0 if now - engaged >= ramp_time else (now - engaged) / ramp_time
                 for i in range(2):
-                    master_effort[i + 1] = min(max(torque[1, i] * scale, -master_limit), master_limit)
+                    master_effort[i + 1] = min(max(torque[1, i], -master_limit), master_limit) * scale
             master_command[j] = master_effort
+            if compensating:
+                compensation_step(
+                    state[:2], compensation_settings, compensation_dt, compensation_state, added
+                )
+                master_effort += added
             count_flags(
                 robot_step(master_effort, hand[j], master, master_device, master_noise[j]), counts[3:6]
             )
@@ -207,11 +215,12 @@ def scenario_loop(kinds, times, reference, device_commands, slave, slave_device,
         else:
             state = slave_out[k]
             robot_sense(slave, slave_device, slave_noise[k], slave_angles, state)
-            if engaged < 0.0:
-                engaged = now
+            if engaged < 0:
+                engaged = stamps[event]
+                scale = 0.0 if ramp_time > 0.0 else 1.0
             for i in range(2):
                 arm_torque[i] = state[2, 2 * i + 1]
-                inputs[0, i] = axis[i] if device_commands else reference[k, i]
+                inputs[0, i] = axis[i] if device_commands else reference[latest[event], i]
                 inputs[1, i] = arm_torque[i]
                 law_inputs[1, i] = state[0, 2 * i]
                 law_inputs[2, i] = state[0, 2 * i + 1]
@@ -221,9 +230,8 @@ def scenario_loop(kinds, times, reference, device_commands, slave, slave_device,
             current = augmented_error_step(law_inputs, gains, law_dt, enabled, law_state, results, inner)
             if results[0] == 1 or results[1] == 1:
                 counts[6] += 1
-            scale = 1.0 if now - engaged >= ramp_time else (now - engaged) / ramp_time
             for i in range(2):
-                slave_effort[i] = current[i] * (gains[i, 6] * scale)
+                slave_effort[i] = current[i] * gains[i, 6] * scale
             slave_command[k] = slave_effort
-            count_flags(robot_step(slave_effort, no_torque, slave, slave_device, slave_noise[k]), counts[:3])
+            count_flags(robot_step(slave_effort, push[k], slave, slave_device, slave_noise[k]), counts[:3])
             k += 1
