@@ -6,7 +6,7 @@
     /**:                       # a wildcard: * is one part of the name, ** any number of parts
       ros__parameters: {...}
 
-The YAML is that of `yaml.safe_load`, except that a key stated twice is refused.
+The YAML is that of `strict_yaml`.
 """
 
 from __future__ import annotations
@@ -20,6 +20,7 @@ from typing import TYPE_CHECKING, Any
 import yaml
 
 from haptic_teleop_control.errors import ConfigurationError
+from haptic_teleop_control.strict_yaml import parse_yaml, yaml_problem
 
 if TYPE_CHECKING:
     from haptic_teleop_control.parameters import ParameterTable
@@ -35,12 +36,12 @@ def load_parameter_file(path: str | Path) -> dict[str, dict[str, Any]]:
     """
     path = Path(path)
     try:
-        content = yaml.load(path.read_text(encoding="utf-8"), Loader=_StrictLoader)  # a SafeLoader
+        content = parse_yaml(path.read_text(encoding="utf-8"))
     except (OSError, UnicodeDecodeError) as error:
         reason = getattr(error, "strerror", None) or "it is not UTF-8 text"
         raise ConfigurationError(f"{path}: cannot be read ({reason}); give an existing YAML file.") from error
     except yaml.YAMLError as error:
-        raise ConfigurationError(f"{path}: {_yaml_problem(error)}") from error
+        raise ConfigurationError(f"{path}: {yaml_problem(error)}") from None
     if not isinstance(content, dict) or not content:
         raise ConfigurationError(f"{path}: holds no node; write `node_name:` and below it `{_SECTION}:`.")
     sections: dict[str, dict[str, Any]] = {}
@@ -158,34 +159,3 @@ def _flatten(path: Path, node: str, prefix: str, entries: Mapping[Any, Any], fla
             raise ConfigurationError(f"{path}: node {node}: parameter {name} is stated twice; remove one.")
         else:
             flat[name] = value
-
-
-class _StrictLoader(yaml.SafeLoader):
-    """SafeLoader that refuses a key stated twice and takes 1e-3 for the number that ROS takes it for."""
-
-    def construct_mapping(self, node: yaml.MappingNode, deep: bool = False) -> dict[Any, Any]:
-        seen = set()
-        for key_node, _ in node.value:
-            key = self.construct_object(key_node, deep=True)
-            if not isinstance(key, (str, int, float, bool)):
-                raise yaml.constructor.ConstructorError(
-                    None, None, "a key must be a word", key_node.start_mark
-                )
-            if key in seen and key_node.tag != "tag:yaml.org,2002:merge":
-                raise yaml.constructor.ConstructorError(
-                    None, None, f"{key} is stated twice; remove one", key_node.start_mark
-                )
-            seen.add(key)
-        return super().construct_mapping(node, deep)
-
-
-_StrictLoader.add_implicit_resolver(
-    "tag:yaml.org,2002:float", re.compile(r"^[-+]?(\d+\.?\d*|\.\d+)[eE][-+]?\d+$"), list("-+.0123456789")
-)
-
-
-def _yaml_problem(error: yaml.YAMLError) -> str:
-    mark = getattr(error, "problem_mark", None)
-    problem = getattr(error, "problem", None) or "it is not YAML"
-    where = f"line {mark.line + 1}, column {mark.column + 1}: " if mark is not None else ""
-    return f"{where}{problem}; correct that line."

@@ -19,6 +19,7 @@ from typing import Any
 import yaml
 
 from haptic_teleop_control.errors import ConfigurationError
+from haptic_teleop_control.strict_yaml import parse_yaml, yaml_problem
 from haptic_teleop_omni.checksums import CHECKSUMS
 
 TYPES = {
@@ -98,15 +99,17 @@ def load_layout(name: str) -> ReportLayout:
     path = Path(name)
     try:
         text = packaged.read_text("utf-8") if packaged.is_file() else path.read_text("utf-8")
-        content = yaml.safe_load(text)
+        content = parse_yaml(text)
     except OSError as refusal:
         known = sorted(entry.name[:-5] for entry in folder.iterdir() if entry.name.endswith(".yaml"))
         raise ConfigurationError(
             f"layout is {name!r}, which cannot be read ({refusal.strerror}); name a file, or one of "
             f"{', '.join(known)}."
         ) from refusal
-    except (yaml.YAMLError, UnicodeDecodeError) as problem:
-        raise ConfigurationError(f"{name}: is not YAML ({problem}); correct it.") from problem
+    except yaml.YAMLError as problem:
+        raise ConfigurationError(f"{name}: {yaml_problem(problem)}") from None
+    except UnicodeDecodeError as problem:
+        raise ConfigurationError(f"{name}: is no text ({problem}); name another file.") from problem
     return parse_layout(content, name)
 
 

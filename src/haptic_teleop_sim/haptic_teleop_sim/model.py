@@ -14,6 +14,7 @@ from typing import Any
 import yaml
 
 from haptic_teleop_control.errors import ModelError
+from haptic_teleop_control.strict_yaml import parse_yaml, yaml_problem
 
 from .effects import EffectEntry, effect_entry, locations
 
@@ -179,7 +180,7 @@ def load_model(path: str | Path) -> Model:
     """Read a model file; ModelError names the file, the key and the remedy."""
     path = Path(path)
     try:
-        content = yaml.safe_load(path.read_text(encoding="utf-8"))
+        content = parse_yaml(path.read_text(encoding="utf-8"))
     except FileNotFoundError:
         raise ModelError(f"{path}: there is no such model file; give the path of a model YAML") from None
     except (OSError, UnicodeDecodeError) as error:
@@ -187,9 +188,7 @@ def load_model(path: str | Path) -> Model:
             f"{path}: the model file cannot be read ({error}); give a readable YAML file"
         ) from None
     except yaml.YAMLError as error:
-        raise ModelError(
-            f"{path}: this is not valid YAML ({' '.join(str(error).split())}); mend it there"
-        ) from None
+        raise ModelError(f"{path}: {yaml_problem(error)}") from None
     return model_from_mapping(content, str(path))
 
 

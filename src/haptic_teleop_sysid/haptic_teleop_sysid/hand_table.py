@@ -11,6 +11,7 @@ import yaml
 from numpy.typing import NDArray
 
 from haptic_teleop_control.errors import ConfigurationError
+from haptic_teleop_control.strict_yaml import parse_yaml, yaml_problem
 
 Array = NDArray[np.float64]
 
@@ -57,11 +58,9 @@ def _csv_rows(text: str) -> list[dict[str, object]]:
 
 def _yaml_rows(path: str | Path, text: str) -> list[dict[str, object]]:
     try:
-        content = yaml.safe_load(text)
+        content = parse_yaml(text)
     except yaml.YAMLError as error:
-        raise ConfigurationError(
-            f"{path} is no valid YAML ({' '.join(str(error).split())}): mend it."
-        ) from None
+        raise ConfigurationError(f"{path}: {yaml_problem(error)}") from None
     if isinstance(content, dict) and all(isinstance(v, list) for v in content.values()):
         lengths = {len(v) for v in content.values()}
         if len(lengths) == 1:

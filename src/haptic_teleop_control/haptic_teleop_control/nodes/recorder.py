@@ -17,19 +17,18 @@ from rclpy.node import Node
 from rclpy.signals import SignalHandlerOptions
 
 from haptic_teleop_control.command_line import run_command
-from haptic_teleop_control.errors import ConfigurationError, RecordingError
+from haptic_teleop_control.errors import RecordingError
 from haptic_teleop_control.nodes.arming import ArmedStart
 from haptic_teleop_control.nodes.base import HapticNode
 from haptic_teleop_control.nodes.connections import IN, Endpoints, endpoints
 from haptic_teleop_control.nodes.parameter_collector import ParameterCollector
 from haptic_teleop_control.nodes.recorded_topic import RecordedTopic
 from haptic_teleop_control.nodes.recorder_table import KNOWN_TYPES, TABLE, experiment_description
-from haptic_teleop_control.nodes.ros_arguments import parse_ros_arguments
 from haptic_teleop_control.nodes.spin import (
-    armed_start,
     create_nodes,
     make_executor,
     node_help,
+    read_arguments,
     stop_requests,
 )
 from haptic_teleop_control.recording.verify import verify_recording
@@ -263,10 +262,7 @@ def _main(argv: list[str]) -> int:
     if any(argument in ("-h", "--help") for argument in argv):
         print(node_help(Recorder))
         return 0
-    argv, armed = armed_start(argv)
-    arguments = parse_ros_arguments(argv)
-    if arguments.other:
-        raise ConfigurationError(f"{arguments.other[0]} is not an argument of a node; see --help.")
+    argv, arguments, armed = read_arguments(argv)
     with stop_requests() as stop:
         rclpy.init(args=argv, signal_handler_options=SignalHandlerOptions.NO)
         try:

@@ -22,6 +22,7 @@ from haptic_teleop_control.nodes.deadline import request_realtime
 from haptic_teleop_control.nodes.link import OPTION, Link
 from haptic_teleop_control.nodes.parameters import overrides
 from haptic_teleop_control.nodes.ros_arguments import RosArguments, parse_ros_arguments
+from haptic_teleop_control.parameter_files import load_parameter_file
 
 POLL = 0.05
 """Seconds after which the loop looks whether it has been asked to end; a signal does not wake the
@@ -150,10 +151,18 @@ def stop_requests() -> Iterator[StopRequests]:
             signal.signal(number, handler)
 
 
-def armed_start(argv: Sequence[str]) -> tuple[list[str], ArmedStart | None]:
-    """The arguments without `link.OPTION`, and the start to wait for if it was among them."""
+def read_arguments(argv: Sequence[str]) -> tuple[list[str], RosArguments, ArmedStart | None]:
+    """The arguments for rclpy, what they say, and the start to wait for if `link.OPTION` is among them.
+
+    Raises ConfigurationError, also for a parameter file: rcl's own words for it name no remedy.
+    """
     rest = [argument for argument in argv if argument != OPTION]
-    return rest, ArmedStart(Link.to_parent()) if len(rest) < len(argv) else None
+    arguments = parse_ros_arguments(rest)
+    if arguments.other:
+        raise ConfigurationError(f"{arguments.other[0]} is not an argument of a node; see --help.")
+    for file in arguments.parameter_files:
+        load_parameter_file(file)
+    return rest, arguments, ArmedStart(Link.to_parent()) if len(rest) < len(argv) else None
 
 
 def spin(
@@ -198,10 +207,7 @@ def _run(node_classes: Sequence[type[HapticNode]], argv: Sequence[str]) -> int:
     if any(argument in ("-h", "--help") for argument in argv):
         print("\n\n".join(node_help(node_class) for node_class in node_classes))
         return 0
-    argv, armed = armed_start(argv)
-    arguments = parse_ros_arguments(argv)
-    if arguments.other:
-        raise ConfigurationError(f"{arguments.other[0]} is not an argument of a node; see --help.")
+    argv, arguments, armed = read_arguments(argv)
     sys.setswitchinterval(SWITCH_INTERVAL)
     with stop_requests() as stop:
         try:
