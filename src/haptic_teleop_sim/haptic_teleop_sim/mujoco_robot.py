@@ -123,6 +123,11 @@ class MujocoRobot:
         """(2,) nominal effort per command, N·m/A."""
         return self._hardware[0].copy()
 
+    @property
+    def flow(self) -> Array:
+        """(2,) A that the amplifiers give now."""
+        return self._flow.copy()
+
     def sense(self) -> tuple[Array, Array, Array]:
         """Position, rad, velocity, rad/s, and effort, N·m, of the four joints, as of a driver."""
         constant, _, _, _, _, offset, noise, resolution, stiffness, _, _ = self._hardware

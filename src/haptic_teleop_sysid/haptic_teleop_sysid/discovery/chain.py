@@ -102,6 +102,9 @@ def discover(settings: Settings, output: Path, say: Say) -> dict[str, Any]:
         campaign.write_files(output / OPENED, contents, revealed)
         judgement = judge(opened, case)
         hidden = opened["truth"][0]
+        if "baseline_parameters" not in judgement.diagnosis:
+            reason = judgement.diagnosis.get("message", "it states no baseline_parameters")
+            raise StepFailed(f"diagnosis.json cannot be used: {reason}")
         say(f"      hidden: {hidden['effect']} @ {hidden['location']}; {judgement.sentence}")
     return _simulate_and_report(steps, settings, output, drawn, opened, digest, judgement, began)
 

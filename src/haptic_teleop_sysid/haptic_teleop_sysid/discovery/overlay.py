@@ -63,7 +63,11 @@ def simulate_scenario1(
         write_files(folder, {name: with_plant(content, "sfj_sim", named, 1, disturbed=False)}, plants)
         scenario = load_scenario(folder / f"{name}.yaml")
         result = record_scenario(scenario, folder / name)
-        notes += [f"{name}: {what} in {count} samples" for what, count in result.counts.items()]
+        notes += [
+            f"the {name} model ran away in {count} samples and was put back to rest"
+            for what, count in result.counts.items()
+            if what == "sfj diverged"
+        ]
         runs[name] = examine(read_recording(folder / name), name)
     fits = {name: _fits(real, run, stage) for name, run in runs.items()}
     return Overlay(fits, _picture(real, runs, stage), notes)
