@@ -13,6 +13,7 @@ from haptic_teleop_control.errors import MismatchError
 from haptic_teleop_control.recording import Recording, write_recording
 from haptic_teleop_sysid import verify
 from haptic_teleop_sysid.verification.run import agreement, examine
+from haptic_teleop_sysid.verification.verdicts import verdicts
 
 FIELDS = ("position", "velocity", "effort")
 
@@ -138,6 +139,21 @@ def test_lost_samples_and_unanswered_states_are_counted_apart():
     assert graph["topics"]["/sfj/joint_states"]["lost"] == 3
     assert graph["topics"]["/reference"]["lost"] == 0
     assert graph["latency"][0]["unanswered"] == 2
+
+
+@pytest.mark.parametrize(
+    ("reception", "told"),
+    [
+        ({}, "3 samples missing (0.06 %), never taken or lost on the way."),
+        ({"lost_on_the_way": {"/sfj/joint_states": 1}}, "missing (0.06 %): 2 never taken, 1 lost on the way"),
+        ({"lost_on_the_way": {"/sfj/joint_states": 0}}, "missing (0.06 %): 3 never taken, 0 lost on the way"),
+    ],
+)
+def test_what_the_recorder_counted_is_told_apart_from_what_was_never_taken(reception, told):
+    made = replace(scenario(Made(lost=(700, 1500, 1501))), reception=reception)
+    texts = [text for _, text in verdicts(examine(made, "made"))]
+    (sentence,) = (text for text in texts if text.startswith("/sfj/joint_states:"))
+    assert told in sentence
 
 
 def test_rate_is_that_of_the_stamps():

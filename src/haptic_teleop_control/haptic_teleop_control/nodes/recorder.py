@@ -113,6 +113,8 @@ class Recorder(HapticNode):
             self._store_parameters()
             if self._collector.latest != self._collector.parameters:
                 self.writer.describe(parameters_at_stop=self._with_own(self._collector.latest))
+            lost = {topic.name: topic.missed for topic in self._topics if topic.name in self.received}
+            self.writer.describe(reception={"lost_on_the_way": lost})
         except RecordingError as refusal:
             self._problem(str(refusal))
         try:
@@ -232,7 +234,7 @@ class Recorder(HapticNode):
             print(file=sys.stderr)
         for topic in self._topics:
             if topic.missed:
-                print(f"{topic.name}: {topic.missed} messages were lost on the way", file=sys.stderr)
+                print(f"{topic.name}: {topic.missed} messages were lost on the way here", file=sys.stderr)
             elif not self.received.get(topic.name):
                 publishers = (
                     f"its {topic.publishers} publishers sent none"

@@ -16,7 +16,7 @@ from haptic_teleop_control.recording.mcap_records import Damaged
 from haptic_teleop_control.recording.mcap_scan import McapScan
 
 SELF_DESCRIPTION = "haptic_teleop"
-KEYS = ("parameters", "parameters_at_stop", "experiment")
+KEYS = ("parameters", "parameters_at_stop", "experiment", "reception")
 
 
 class Bag:

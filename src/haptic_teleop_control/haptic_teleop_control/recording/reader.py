@@ -27,6 +27,8 @@ class Recording:
     parameters  node name -> {parameter: value}, as the recording describes itself; {} when unknown
     parameters_at_stop   the same at the end of the recording where that differs, else {}
     experiment  {"kind": ..., "note": ...}; {} when unknown
+    reception   {"lost_on_the_way": {topic: messages that were published but did not reach the recorder}}, by
+    the publishers' own numbers; {} when the recorder did not tell
     complete    True when no message is known to be missing and nothing is damaged
     problems    sentences that say what is missing, damaged or odd
     counts      messages by topic, of all types;  types   message type by topic
@@ -38,6 +40,7 @@ class Recording:
     parameters: dict[str, Any] = field(default_factory=dict)
     parameters_at_stop: dict[str, Any] = field(default_factory=dict)
     experiment: dict[str, Any] = field(default_factory=dict)
+    reception: dict[str, Any] = field(default_factory=dict)
     complete: bool = True
     problems: list[str] = field(default_factory=list)
     counts: dict[str, int] = field(default_factory=dict)

@@ -61,7 +61,8 @@ class RecordingWriter:
         self.describe(parameters=parameters, experiment=experiment)
 
     def describe(self, **content: Mapping[str, Any] | None) -> None:
-        """Sets ``parameters``, ``parameters_at_stop`` or ``experiment``; None leaves one as it is.
+        """Sets ``parameters``, ``parameters_at_stop``, ``experiment`` or ``reception``; None leaves one as it
+        is.
 
         It is written into the file at once, so that a recording whose writer is killed still knows it.
         """

@@ -38,7 +38,10 @@ def key_figures(run: Run) -> list[KeyFigure]:
             ))  # fmt: skip
     lost = sum(health["lost"] for health in run.graph["topics"].values())
     total = lost + sum(health["messages"] for health in run.graph["topics"].values())
-    losses = f"{lost} of {total} samples lost"
+    ways = [health["lost_on_the_way"] for health in run.graph["topics"].values()]
+    losses = f"{lost} of {total} samples missing"
+    if None not in ways:
+        losses += f", {sum(ways)} lost on the way"
     if run.graph["latency"]:
         stamp = run.graph["latency"][0]["from_stamp"]
         figures.append(
@@ -100,8 +103,12 @@ def _agreement_section(page: Page, labels: Sequence[str], agreements: Mapping[st
 
 
 def _graph_section(page: Page, runs: Sequence[Run], labels: Sequence[str]) -> None:
-    text = "All from the stamps and times of arrival in the recording."
-    section = page.section("Graph: rates, losses, latency", text)
+    text = (
+        "From the stamps and times of arrival in the recording. Missing samples are those that the rate would "
+        "have had. The recorder counts, by the publishers' own numbers, how many of them were published and "
+        "lost on the way to it; the others were never taken, because the computer was late."
+    )
+    section = page.section("Graph: rates, missing samples, latency", text)
     section.table(*tables.topic_table(runs, labels)).table(*tables.latency_table(runs, labels))
     picture = latency_picture(runs, labels)
     if picture is not None:

@@ -66,12 +66,14 @@ def phase_table(merits: Named) -> Table:
 
 def topic_table(runs: Sequence[Run], labels: Sequence[str]) -> Table:
     """Rates and losses of every topic."""
-    header = ["run", "topic", "messages", "rate (Hz)", "lost", "repeated", "backward"]
-    header += ["longest gap (ms)", "jitter 99 % (ms)"]
+    header = ["run", "topic", "messages", "rate (Hz)", "missing", "lost on the way", "repeated"]
+    header += ["backward", "longest gap (ms)", "jitter 99 % (ms)"]
     rows: list[list[object]] = []
     for run, label in zip(runs, labels, strict=True):
         for topic, health in run.graph["topics"].items():
-            counts = [health["lost"], health["duplicates"], health["backwards"]]
+            way = health["lost_on_the_way"]
+            lost = [health["lost"], "unknown" if way is None else way]
+            counts = [*lost, health["duplicates"], health["backwards"]]
             times = [number(health["longest_gap"], 2, 1e3), number(health["jitter_p99"], 3, 1e3)]
             rows.append([label, topic, health["messages"], number(health["rate"], 1), *counts, *times])
     return header, rows, ""

@@ -1,4 +1,4 @@
-"""The graph's health from stamps alone: rates, lost samples, loop latency."""
+"""The graph's health from stamps, and the recorder's count: rates, missing samples, loop latency."""
 
 from __future__ import annotations
 
@@ -36,11 +36,14 @@ class Latency:
     between_arrivals: dict[str, float]
 
 
-def topic_health(series: JointStateSeries, topic: str) -> dict[str, Any]:
-    """Return one topic's figures as plain data: messages, rate (Hz), period (s), lost, duplicates, backwards,
-    longest_gap (s), jitter_p99 (s) and the sentences about what is wrong (see `recording.quality`).
+def topic_health(series: JointStateSeries, topic: str, on_the_way: int | None = None) -> dict[str, Any]:
+    """Return one topic's figures as plain data: messages, rate (Hz), period (s), lost, lost_on_the_way,
+    duplicates, backwards, longest_gap (s), jitter_p99 (s) and the sentences about what is wrong (see
+    `recording.quality`).
 
-    A publisher that leaves its stamps empty is judged by the times of arrival.
+    lost: samples that the recording lacks, by its stamps. Of these `on_the_way` were published and did not
+    reach the recorder, if it told (else None); the others were never taken, because the node or its device
+    was late. A publisher that leaves its stamps empty is judged by the times of arrival.
     """
     if len(np.unique(series.stamp)) < 3:
         series = replace(series, stamp=series.received)
@@ -51,6 +54,7 @@ def topic_health(series: JointStateSeries, topic: str) -> dict[str, Any]:
         "rate": rate,
         "period": quality.period,
         "lost": quality.lost,
+        "lost_on_the_way": on_the_way,
         "duplicates": quality.duplicates,
         "backwards": quality.backwards,
         "longest_gap": quality.longest_gap,
@@ -85,9 +89,10 @@ def graph_health(recording: Recording) -> dict[str, Any]:
     plain data.
     """
     topics = {}
+    counted = recording.reception.get("lost_on_the_way", {})
     for name, series in recording.topics.items():
         if len(series) > 2:
-            topics[name] = topic_health(series, name)
+            topics[name] = topic_health(series, name, counted.get(name))
     latency = []
     for state_topic, command_topic in PAIRS_OF_TOPICS:
         states, commands = recording.topics.get(state_topic), recording.topics.get(command_topic)

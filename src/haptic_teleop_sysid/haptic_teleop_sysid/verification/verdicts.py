@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+from typing import Any
+
 from haptic_teleop_sysid.report.page import Status
 from haptic_teleop_sysid.verification.merit import Contact, FreeMotion, StageMerit
 from haptic_teleop_sysid.verification.run import Run
@@ -86,18 +89,22 @@ def _current(name: str, merit: StageMerit) -> tuple[Status, str]:
     return "good", f"{text} (limit {merit.current_limit:g} A)."
 
 
+def _missing(health: Mapping[str, Any], share: float) -> str:
+    missing, on_the_way = health["lost"], health["lost_on_the_way"]
+    if not missing and not on_the_way:
+        return "no sample missing"
+    what = f"{missing} {'sample' if missing == 1 else 'samples'} missing ({100 * share:.2g} %)"
+    if on_the_way is None:
+        return f"{what}, never taken or lost on the way"
+    return f"{what}: {max(0, missing - on_the_way)} never taken, {on_the_way} lost on the way to the recorder"
+
+
 def _graph(run: Run) -> list[tuple[Status, str]]:
     found: list[tuple[Status, str]] = []
     for topic, health in run.graph["topics"].items():
         share = health["lost"] / max(1, health["messages"] + health["lost"])
         status: Status = "good" if share == 0.0 else ("fair" if share <= LOST_SHARE else "bad")
-        what = "sample" if health["lost"] == 1 else "samples"
-        lost = (
-            f"{health['lost']} {what} never taken or lost ({100 * share:.2g} %)"
-            if share
-            else "no sample lost"
-        )
-        found.append((status, f"{topic}: {health['rate']:.1f} Hz achieved, {lost}."))
+        found.append((status, f"{topic}: {health['rate']:.1f} Hz achieved, {_missing(health, share)}."))
     for entry in run.graph["latency"]:
         period = run.graph["topics"].get(entry["state_topic"], {}).get("period")
         stamp = entry["from_stamp"]
