@@ -104,7 +104,7 @@ def _agreement_section(page: Page, labels: Sequence[str], agreements: Mapping[st
 
 def _graph_section(page: Page, runs: Sequence[Run], labels: Sequence[str]) -> None:
     text = (
-        "From the stamps and times of arrival in the recording. Missing samples are those that the rate would "
+        "From the stamps and times of arrival in the recording. Missing are the samples that the rate would "
         "have had. The recorder counts, by the publishers' own numbers, how many of them were published and "
         "lost on the way to it; the others were never taken, because the computer was late."
     )
