@@ -11,7 +11,15 @@ EXECUTABLES: dict[str, tuple[str, str]] = {
     ),
     "force_controller": (
         "haptic_teleop_control.nodes.force_controller:main",
-        "couple master and slave: the augmented-error force law of each stage",
+        "couple master and slave by force control; which robot is which are parameters",
+    ),
+    "link": (
+        "haptic_teleop_control.nodes.link_emulator:main",
+        "the network between master and slave: seeded delay, jitter, loss, reordering",
+    ),
+    "operate": (
+        "haptic_teleop_control.operate:main",
+        "engage, disengage, swap or reset the running teleoperation, or print its state",
     ),
     "acquisition": (
         "haptic_teleop_control.nodes.acquisition:main",

@@ -38,7 +38,9 @@ from haptic_teleop_control.teleoperation.sides import REFERENCES
 JOINTS = {"omni": (OMNI_JOINTS, OMNI_JOINTS), "sfj": (SFJ_JOINTS, SFJ_MOTOR_JOINTS)}
 """Robot -> joints of its states, joints of its commands."""
 
-LATCHED = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
+LATCHED = QoSProfile(depth=10, durability=DurabilityPolicy.TRANSIENT_LOCAL)
+"""Several states may be entered in one cycle, and a recording shall hold all of them."""
+
 ROLE_KEYS = ("master", "slave", "master_rate", "slave_rate")
 WAY_FIELDS = ("velocity", "effort")
 

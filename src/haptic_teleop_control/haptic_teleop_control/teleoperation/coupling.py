@@ -42,7 +42,7 @@ JOINTS = {"omni": len(OMNI_JOINTS), "sfj": len(SFJ_JOINTS)}
 MOTORS = {"omni": len(OMNI_JOINTS), "sfj": len(SFJ_MOTOR_JOINTS)}
 
 AGE_MEMORY = 0.02
-"""Weight of a new sample in the mean age of what the link brings."""
+"""Weight of a new sample in the mean age of what the link brings, once there were enough of them."""
 
 
 class Stream:
@@ -101,6 +101,7 @@ class Coupling:
         # In simulated mode nobody needs the device; but once it is there, it may not go silent.
         self._watched = (self.slave_stream, self.master_stream, *required[1:])
         self._age = [0.0, 0.0]  # mean age of what the slave and the master hear, s
+        self._heard_of = [0, 0]  # samples in these means
 
         self.reference: Array = np.zeros(2)
         self.master = tuple(np.zeros(JOINTS[self.roles[0]]) for _ in range(3))
@@ -195,7 +196,10 @@ class Coupling:
         self._hear(self.backward_stream, 1, now, age)
 
     def _hear(self, stream: Stream, way: int, now: int, age: float) -> None:
-        self._age[way] = age if stream.at is None else self._age[way] + AGE_MEMORY * (age - self._age[way])
+        count = 0 if stream.at is None else self._heard_of[way]
+        self._age[way] = 0.0 if count == 0 else self._age[way]
+        self._heard_of[way] = count + 1
+        self._age[way] += max(AGE_MEMORY, 1.0 / (count + 1)) * (age - self._age[way])
         stream.at = now
 
     # What the operator does.

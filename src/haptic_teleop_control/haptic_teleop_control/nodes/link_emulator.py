@@ -1,0 +1,113 @@
+"""The link between master and slave as a node: everything that the controller sends passes through it, and is
+delayed, lost, repeated or overtaken as the parameters say."""
+
+from __future__ import annotations
+
+import heapq
+import threading
+from functools import partial
+from time import monotonic_ns
+from typing import Any
+
+from rclpy.context import Context
+
+from haptic_teleop_control.node_tables import LINK
+from haptic_teleop_control.nodes.base import HapticNode
+from haptic_teleop_control.nodes.joint_state_io import JointStatePublisher, JointStateReceiver
+from haptic_teleop_control.nodes.spin import run_node
+from haptic_teleop_control.quantities import from_parameters
+from haptic_teleop_control.robots import STAGES
+from haptic_teleop_control.teleoperation.link_model import LinkChannel, LinkSettings
+
+FIELDS = ("velocity", "effort")
+WAYS = ("master", "slave")
+"""The two directions, named by who sends; their numbers choose the random sequences."""
+
+
+class LinkEmulator(HapticNode):
+    NAME = "link"
+    SUMMARY = "the network between master and slave: seeded delay, jitter, loss, reordering, duplicates"
+    TOPICS = (
+        "subscribes teleoperation/master, teleoperation/slave            what the controller's sides send",
+        "publishes  link/teleoperation/master, link/teleoperation/slave  the same, as it arrives",
+        "publishes  /diagnostics  packets sent, lost, repeated and delivered, worst lateness of a delivery",
+    )
+    TABLE = LINK
+
+    def __init__(self, context: Context | None = None, **node_options: Any) -> None:
+        super().__init__(context, **node_options)
+        settings = from_parameters(LinkSettings, self.values)
+        self._channels = [LinkChannel(settings, number) for number in range(len(WAYS))]
+        self._out = [JointStatePublisher(self, f"link/teleoperation/{way}", STAGES, FIELDS) for way in WAYS]
+        self._in: list[JointStateReceiver] = []
+        for number, way in enumerate(WAYS):
+            take = partial(self._take, number)
+            self._in.append(JointStateReceiver(self, f"teleoperation/{way}", STAGES, FIELDS, take))
+        # due ns, order of arrival here, way, stamp, values of FIELDS
+        self._under_way: list[tuple[int, int, int, int, list[list[float]]]] = []
+        self._changed = threading.Condition()
+        self._order = 0
+        self._stopped = False
+        self.delivered = 0
+        self.worst_lateness = 0.0
+        self._thread = threading.Thread(target=self._run, name=self.NAME, daemon=True)
+        self.count_rate("packets delivered", lambda: self.delivered)
+
+    def start(self) -> None:
+        self._thread.start()
+
+    def _take(self, number: int) -> None:
+        source = self._in[number]
+        arrivals = self._channels[number].transmit(source.received * 1e-9)
+        values = [source.value[field].tolist() for field in FIELDS]
+        with self._changed:
+            for arrival in arrivals:
+                self._order += 1
+                packet = (round(arrival * 1e9), self._order, number, source.stamp, values)
+                heapq.heappush(self._under_way, packet)
+            self._changed.notify()
+
+    def _run(self) -> None:
+        try:
+            while (packet := self._next()) is not None:
+                due, _, number, stamp, values = packet
+                out = self._out[number]
+                for field, content in zip(FIELDS, values, strict=True):
+                    out.view[field][:] = content
+                out.send(stamp)
+                self.delivered += 1
+                self.worst_lateness = max(self.worst_lateness, (monotonic_ns() - due) * 1e-9)
+        except Exception as failure:
+            self.fail(failure)
+
+    def _next(self) -> tuple[int, int, int, int, list[list[float]]] | None:
+        """The packet that is due, once it is; None at the end."""
+        with self._changed:
+            while not self._stopped:
+                wait = None
+                if self._under_way:
+                    wait = (self._under_way[0][0] - monotonic_ns()) * 1e-9
+                    if wait <= 0.0:
+                        return heapq.heappop(self._under_way)
+                self._changed.wait(wait)
+        return None
+
+    def measurements(self) -> dict[str, Any]:
+        values: dict[str, Any] = {"worst lateness (ms)": f"{1e3 * self.worst_lateness:.2f}"}
+        for way, channel in zip(WAYS, self._channels, strict=True):
+            values[f"from the {way}"] = f"{channel.sent} sent, {channel.lost} lost, {channel.repeated} twice"
+        return values
+
+    def shutdown_safely(self) -> None:
+        with self._changed:
+            self._stopped = True
+            self._changed.notify()
+        if self._thread.is_alive():
+            self._thread.join(1.0)
+
+
+NODE = LinkEmulator
+
+
+def main(argv: list[str] | None = None) -> int:
+    return run_node(NODE, argv)

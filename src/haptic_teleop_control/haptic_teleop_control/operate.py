@@ -1,0 +1,49 @@
+"""What the operator does to a running teleoperation, as a command: engage, disengage, swap, reset, state."""
+
+from __future__ import annotations
+
+import argparse
+from collections.abc import Sequence
+
+from haptic_teleop_control.command_line import run_command
+from haptic_teleop_control.plugins import load_object
+
+ACTS = {
+    "engage": "couple master and slave when both are aligned; align them otherwise",
+    "disengage": "end the coupling; the efforts ramp out",
+    "swap": "exchange master and slave; refused while they are coupled",
+    "reset": "leave a latched fault, through aligning",
+    "state": "print the state: off, devices_ready, aligning, engaged or fault",
+}
+
+CLIENT = "haptic_teleop_control.nodes.operator_client:call"
+"""Loaded when it is needed, because it needs ROS 2."""
+
+
+def main(argv: Sequence[str] | None = None) -> int:
+    """The command `operate`: exit status 0 when it was done, 1 when the controller refused."""
+    return run_command(_main, argv)
+
+
+def _main(argv: list[str]) -> int:
+    lines = [f"{act:<10} {meaning}" for act, meaning in ACTS.items()]
+    parser = argparse.ArgumentParser(
+        prog="operate",
+        description="Call a service of the running force controller.",
+        epilog="\n".join(lines),
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+    )
+    parser.add_argument("act", choices=list(ACTS))
+    parser.add_argument(
+        "--controller",
+        default="/force_controller",
+        metavar="NAME",
+        help="its name (default: /force_controller)",
+    )
+    parser.add_argument(
+        "--wait", type=float, default=10.0, metavar="S", help="for the controller to be found (default: 10 s)"
+    )
+    options = parser.parse_args(argv)
+    done, message = load_object(CLIENT, "CLIENT")(options.controller, options.act, options.wait)
+    print(message)
+    return 0 if done else 1

@@ -1,0 +1,241 @@
+"""The controller as the operator meets it: states, services, roles, and the link, in a real ROS graph."""
+
+import itertools
+import subprocess
+import sys
+import time
+
+import pytest
+from rclpy.parameter import Parameter
+from rclpy.qos import DurabilityPolicy, QoSProfile
+from ros_graph import Graph, Sink, Source
+from std_msgs.msg import String
+from std_srvs.srv import Trigger
+
+from haptic_teleop_control.nodes.force_controller import ForceController
+from haptic_teleop_control.nodes.link_emulator import LinkEmulator
+from haptic_teleop_control.robots import OMNI_JOINTS, SFJ_JOINTS
+
+SFJ_REST = {"position": [0.0] * 4, "velocity": [0.0] * 4, "effort": [0.0] * 4}
+OMNI_REST = {"position": [0.0] * 3, "velocity": [0.0] * 3, "effort": [0.0] * 3}
+LATCHED = QoSProfile(depth=10, durability=DurabilityPolicy.TRANSIENT_LOCAL)
+MANUAL = {"command_source": "device", "auto_engage": False, "ramp_time": 0.0, "timeout": 0.2}
+
+
+class Setting:
+    """A controller between two robots that the test plays."""
+
+    def __init__(self, graph: Graph, **parameters: object) -> None:
+        self.graph = graph
+        self.controller = graph.start(ForceController, **{**MANUAL, **parameters})
+        self.sfj = Source(graph, "/sfj/joint_states", SFJ_JOINTS)
+        self.omni = Source(graph, "/omni/joint_states", OMNI_JOINTS)
+        self.to_sfj, self.to_omni = Sink(graph, "/sfj/effort_command"), Sink(graph, "/omni/effort_command")
+        self.states: list[str] = []
+        graph.probe.create_subscription(
+            String, "/force_controller/state", lambda message: self.states.append(message.data), LATCHED
+        )
+        ends = (self.sfj, self.omni, self.to_sfj, self.to_omni)
+        graph.until(lambda: all(end.connected() for end in ends) and self.states, what="discovery")
+
+    def sample(self, sfj=SFJ_REST, omni=OMNI_REST):
+        """The efforts that answer one sample of each robot: of the 2DSFJ, of the Omni."""
+        first, second = self.omni.send(**omni), self.sfj.send(**sfj)
+        torque = self.graph.until(lambda: self.to_omni.answer_to(first), what="an answer to the Omni")
+        effort = self.graph.until(lambda: self.to_sfj.answer_to(second), what="an answer to the 2DSFJ")
+        return list(effort.effort), list(torque.effort)
+
+    def call(self, act: str, **samples: dict):
+        """A service of the controller, with fresh samples of both robots before it."""
+        client = self.graph.probe.create_client(Trigger, f"/force_controller/{act}")
+        self.graph.until(client.service_is_ready)
+        self.sample(**samples)
+        return self.graph.call(f"/force_controller/{act}")
+
+    @property
+    def state(self) -> str:
+        return self.controller._coupling.state.value
+
+
+def at(angle: float) -> dict:
+    return {**OMNI_REST, "position": [0.0, angle, 0.0]}
+
+
+def test_nothing_is_driven_until_the_operator_engages(graph):
+    setting = Setting(graph)
+    for _ in range(3):
+        assert setting.sample(omni=at(0.02)) == ([0.0, 0.0], [0.0, 0.0, 0.0])
+    assert setting.state == "devices_ready"
+    assert setting.call("engage").success
+    assert setting.state == "engaged"
+    effort, torque = setting.sample(omni=at(0.02))
+    effort, torque = setting.sample(omni=at(0.02))
+    assert effort[0] > 0.0 and torque[1] == pytest.approx(-0.3 * 0.02)
+    graph.until(lambda: setting.states[-1] == "engaged")
+    assert setting.states == ["off", "devices_ready", "aligning", "engaged"]
+
+
+def test_out_of_alignment_the_master_is_pulled_back_and_the_offset_is_told(graph):
+    setting = Setting(graph)
+    setting.sample(omni=at(0.2))
+    answer = setting.call("engage", omni=at(0.2))
+    assert not answer.success
+    assert "stage1" in answer.message and "+0.200 rad" in answer.message
+    assert setting.state == "aligning"
+    effort, torque = setting.sample(omni=at(0.2))
+    assert effort == [0.0, 0.0]
+    assert torque[1] == pytest.approx(-0.3 * 0.2)
+    setting.sample(omni=at(0.01))
+    assert setting.state == "aligning"  # the act was not kept
+    assert setting.call("engage").success
+
+
+def test_disengaging_fades_and_stays(graph):
+    setting = Setting(graph, ramp_out_time=0.3)
+    assert setting.call("engage").success
+    setting.sample(omni=at(0.05))
+    full = setting.sample(omni=at(0.05))[0][0]
+    assert graph.call("/force_controller/disengage").success
+    fading = [setting.sample(omni=at(0.05))[0][0]]
+    end = time.monotonic() + 0.35
+    while time.monotonic() < end:
+        fading.append(setting.sample(omni=at(0.05))[0][0])
+    assert 0.0 < fading[0] <= full
+    assert all(later <= earlier for earlier, later in itertools.pairwise(fading))
+    assert fading[-1] == 0.0
+    assert setting.state == "devices_ready"
+    assert not setting.call("disengage").success
+
+
+def test_a_fault_is_left_by_reset_through_aligning_and_an_act(graph):
+    setting = Setting(graph)
+    assert setting.call("engage").success
+    setting.sfj.send(**{**SFJ_REST, "effort": [float("nan"), 0.0, 0.0, 0.0]})
+    graph.until(lambda: setting.state == "fault")
+    assert setting.sample(omni=at(0.05)) == ([0.0, 0.0], [0.0, 0.0, 0.0])
+    refused = setting.call("engage")
+    assert not refused.success and "reset" in refused.message
+    assert setting.call("reset").success
+    effort, torque = setting.sample(omni=at(0.05))
+    effort, torque = setting.sample(omni=at(0.05))
+    assert setting.state == "aligning"
+    assert effort == [0.0, 0.0] and torque[1] < 0.0
+    assert setting.call("engage").success
+
+
+def test_roles_are_swapped_when_nothing_is_driven_and_not_while_engaged(graph):
+    setting = Setting(graph)
+    assert setting.call("engage").success
+    refused = setting.call("swap")
+    assert not refused.success and "disengage" in refused.message
+    assert setting.controller.values["master"] == "omni" and setting.state == "engaged"
+    assert graph.call("/force_controller/disengage").success
+    assert setting.call("swap").message == "master sfj, slave omni"
+    assert setting.controller.values["slave_rate"] == 1000.0
+    assert setting.call("engage").success
+    # The hand pushes stage 1's arm 0.05 rad ahead: T_h = Ks 0.05, Td = 0.2 (T_h - 0.02), and the Omni, at
+    # rest, gets Kp s + Ki s dt with s = Td, beside a spring that its observer takes for a torque.
+    pushed = {
+        "position": [0.0, 0.05, 0.0, 0.0],
+        "velocity": [0.0] * 4,
+        "effort": [0.0, -3.971 * 0.05, 0.0, 0.0],
+    }
+    setting.sample(sfj=pushed)
+    torque = setting.sample(sfj=pushed)[1]
+    law = setting.controller._coupling.slave_port.law
+    td = 0.2 * (3.971 * 0.05 - 0.02)
+    assert law.augmented_error[0] == pytest.approx(td - law.environment_torque[0], abs=1e-9)
+    assert torque[1] > 0.0 and torque[0] == 0.0
+    assert setting.call("disengage").success and setting.call("swap").success
+    assert setting.controller.values["master"] == "omni"
+
+
+def test_one_role_alone_cannot_change(graph):
+    setting = Setting(graph)
+    result = setting.controller.set_parameters([Parameter("master", value="sfj")])[0]
+    assert not result.successful and "both sfj" in result.reason
+    assert setting.controller.values["master"] == "omni"
+
+
+def test_a_side_that_goes_silent_is_noticed_by_the_other(graph):
+    setting = Setting(graph)
+    assert setting.call("engage").success
+    time.sleep(0.21)
+    stamp = setting.sfj.send(**SFJ_REST)
+    assert list(graph.until(lambda: setting.to_sfj.answer_to(stamp)).effort) == [0.0, 0.0]
+    assert setting.controller.faults.latched == "stale_master"
+
+
+class Linked(Setting):
+    """With the node `link` between the two sides."""
+
+    def __init__(self, graph: Graph, delay: float, **parameters: object) -> None:
+        self.link = graph.start(LinkEmulator, delay=delay)
+        super().__init__(graph, link=True, **parameters)
+        ways = self.controller._ways
+        graph.until(lambda: all(way.input.publishers and way.out.subscribers for way in ways))
+
+    def run(self, seconds: float, omni=OMNI_REST) -> None:
+        end = time.monotonic() + seconds
+        while time.monotonic() < end:
+            self.sample(omni=omni)
+
+
+def test_what_goes_over_the_link_arrives_after_its_delay(graph):
+    setting = Linked(graph, 0.03)
+    setting.run(1.0)
+    assert setting.state == "devices_ready"
+    coupling = setting.controller._coupling
+    assert coupling.round_trip == pytest.approx(0.06, abs=0.02)
+    assert setting.call("engage").success
+    begun = time.monotonic()
+    while not setting.sample(omni=at(0.05))[0][0]:
+        assert time.monotonic() - begun < 1.0
+    assert time.monotonic() - begun >= 0.03
+    assert coupling.heard[0, 0] == pytest.approx(10.0 * 0.05)
+
+
+def test_a_link_that_takes_too_long_is_not_engaged(graph):
+    setting = Linked(graph, 0.08, maximum_round_trip=0.1)
+    setting.run(0.4)
+    refused = setting.call("engage")
+    assert not refused.success
+    assert "round trip" in refused.message and "100.0 ms" in refused.message
+    assert setting.sample(omni=at(0.05))[0] == [0.0, 0.0]
+
+
+def test_a_link_that_goes_dead_is_a_fault(graph):
+    setting = Linked(graph, 0.001)
+    setting.run(0.1)
+    assert setting.call("engage").success
+    setting.link.shutdown_safely()
+    setting.run(0.3)
+    assert setting.controller.faults.latched == "stale_link"
+
+
+def test_the_command_operate_calls_the_services_and_prints_the_state(graph):
+    setting = Setting(graph)
+    setting.sample()
+
+    def operate(act: str) -> tuple[int, str]:
+        command = [sys.executable, "-m", "haptic_teleop_control.front_door", "operate", act]
+        process = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
+
+        def over() -> bool:
+            setting.sample()
+            return process.poll() is not None
+
+        graph.until(over, 30.0, what=f"operate {act}")
+        return process.returncode, process.stdout.read() + process.stderr.read()
+
+    assert operate("state") == (0, "devices_ready\n")
+    assert operate("engage") == (0, "engaged\n")
+    status, said = operate("swap")
+    assert status == 1 and "disengage" in said
+
+
+def test_operate_without_a_controller_ends_with_status_2():
+    command = [sys.executable, "-m", "haptic_teleop_control.front_door", "operate", "engage", "--wait", "0.5"]
+    done = subprocess.run(command, capture_output=True, text=True, timeout=60)
+    assert done.returncode == 2
+    assert "start a scenario" in done.stderr and len(done.stderr.strip().splitlines()) == 1
