@@ -3,6 +3,7 @@ equations."""
 
 import math
 import time
+from itertools import pairwise
 
 import pytest
 from rclpy.parameter import Parameter
@@ -219,3 +220,15 @@ def test_a_good_parameter_changes_the_law_while_it_runs(graph):
     assert setting.controller.set_parameters([Parameter("stage1.kp", value=1.0)])[0].successful
     effort = setting.answer_with_reference().effort[0]
     assert effort == pytest.approx(5.0 / 3.971 * (1.0 * 0.06 + 10.0 * 0.06 * 0.002) * 8.925)
+
+
+def test_a_master_gain_changed_while_running_moves_the_effort_in_small_steps(graph):
+    setting = Setting(graph, stage1__ki=0.0, stage2__ki=0.0)  # without integrator only the gain moves it
+    before = setting.answer_with_reference().effort[0]
+    (done,) = setting.controller.set_parameters([Parameter("omni_y.torque_gain", value=20.0)])
+    assert done.successful, done.reason
+    course = [before]
+    for _ in range(130):  # the ramp takes 0.2 s of samples of 2 ms
+        course.append(setting.answer_with_reference().effort[0])
+    assert course[-1] == pytest.approx(2.0 * before, rel=1e-9)
+    assert max(abs(b - a) for a, b in pairwise(course)) < 0.02 * before

@@ -10,6 +10,7 @@ import pytest
 from haptic_teleop_control.errors import ConfigurationError
 from haptic_teleop_control.filters import LowPass
 from haptic_teleop_control.laws import LawResult, MasterSettings, MasterSide
+from haptic_teleop_control.laws.gain_ramp import RAMP_TIME
 from haptic_teleop_control.parameters import ParameterTable
 
 DT = 0.001
@@ -98,7 +99,9 @@ def test_parameters_make_and_change_it():
     master = MasterSide.from_parameters(table.check({"stage2.spring": 0.1}), ["stage1", "stage2"], DT)
     assert [s.spring for s in master.settings] == [0.3, 0.1]
     master.update(table.check({"stage1.torque_gain": 5.0}), ["stage1", "stage2"])
-    assert master.step([0.1, 0.1], [0.0, 0.0])[0] == pytest.approx([0.5, 1.0])
+    for _ in range(round(RAMP_TIME / DT)):
+        desired, _ = master.step([0.1, 0.1], [0.0, 0.0])
+    assert desired == pytest.approx([0.5, 1.0])
     with pytest.raises(ConfigurationError, match=r"stage1\.spring is -1"):
         master.update({"stage1.spring": -1.0}, ["stage1", "stage2"])
 

@@ -15,7 +15,7 @@ unharmed.
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any, Self
 
@@ -25,6 +25,7 @@ from numpy.typing import ArrayLike
 
 from haptic_teleop_control.errors import ConfigurationError
 from haptic_teleop_control.laws.contract import Array, ForceLaw, LawResult
+from haptic_teleop_control.laws.gain_ramp import GainRamp
 from haptic_teleop_control.parameters import Parameter
 from haptic_teleop_control.quantities import check_quantities, from_parameters, parameters_of, quantity
 from haptic_teleop_control.robots import SFJ_STAGES
@@ -100,7 +101,9 @@ class AugmentedErrorLaw(ForceLaw):
         self._inputs = np.zeros((4, self.stages))
         self._inner = np.zeros((2, self.stages))
         self._gains = tuple(gains)
-        self._matrix = _matrix(self._gains)
+        # Limit and conversion from torque to current hold at once.
+        self._ramp = GainRamp(_matrix(self._gains), self.dt, at_once=(6, 7))
+        self._matrix = self._ramp.value
         self.torque_constant = self._matrix[:, 6].copy()
         # Compiles now, on zeros, instead of in the loop.
         augmented_error_step(
@@ -114,6 +117,8 @@ class AugmentedErrorLaw(ForceLaw):
         arm_position: ArrayLike,
         motor_velocity: ArrayLike,
     ) -> Array:
+        if self._ramp.moving:
+            self._change_gains(self._ramp.step)
         inputs = self._inputs
         inputs[0] = desired_torque
         inputs[1] = motor_position
@@ -126,6 +131,7 @@ class AugmentedErrorLaw(ForceLaw):
     def reset(self, stage: int | None = None) -> None:
         if stage is None:
             self._state[:] = 0.0
+            self._ramp.jump()
         else:
             self._state[stage] = 0.0
 
@@ -152,13 +158,20 @@ class AugmentedErrorLaw(ForceLaw):
 
     @gains.setter
     def gains(self, gains: Sequence[AugmentedErrorGains]) -> None:
+        new = self._checked(gains)
+        self._change_gains(lambda: self._ramp.jump(new))
+        self.torque_constant = new[:, 6].copy()
+
+    def _checked(self, gains: Sequence[AugmentedErrorGains]) -> Array:
         if len(gains) != self.stages:
             raise ConfigurationError(f"augmented_error: gains of {len(gains)} stages; give {self.stages}.")
-        old, new = self._matrix, _matrix(gains)
-        self._state[:, 0] *= (old[:, 3] / old[:, 5]) / (new[:, 3] / new[:, 5])
         self._gains = tuple(gains)
-        self._matrix = new
-        self.torque_constant = new[:, 6].copy()
+        return _matrix(self._gains)
+
+    def _change_gains(self, change: Callable[[], None]) -> None:
+        before = self._matrix[:, 3] / self._matrix[:, 5]
+        change()
+        self._state[:, 0] *= before / (self._matrix[:, 3] / self._matrix[:, 5])
 
     @classmethod
     def parameters(cls, stages: Sequence[str]) -> list[Parameter]:
@@ -172,7 +185,9 @@ class AugmentedErrorLaw(ForceLaw):
         return cls(_gains_from(values, stages), dt)
 
     def update(self, values: Mapping[str, Any], stages: Sequence[str]) -> None:
-        self.gains = _gains_from(values, stages)
+        new = self._checked(_gains_from(values, stages))
+        self._ramp.to(new)
+        self.torque_constant = new[:, 6].copy()
 
 
 def _gains_from(values: Mapping[str, Any], stages: Sequence[str]) -> list[AugmentedErrorGains]:

@@ -23,6 +23,7 @@ from numpy.typing import ArrayLike, NDArray
 from haptic_teleop_control.errors import ConfigurationError
 from haptic_teleop_control.filters import low_pass_coefficients
 from haptic_teleop_control.laws.contract import Array, LawResult
+from haptic_teleop_control.laws.gain_ramp import GainRamp
 from haptic_teleop_control.parameters import Parameter
 from haptic_teleop_control.quantities import check_quantities, from_parameters, parameters_of, quantity
 from haptic_teleop_control.robots import OMNI_CONTINUOUS_TORQUE, OMNI_PEAK_TORQUE
@@ -83,7 +84,8 @@ class MasterSide:
         self._state = np.zeros((self.axes, 2))
         self._inputs = np.zeros((2, self.axes))
         self._settings = tuple(settings)
-        self._matrix = _matrix(self._settings, self.dt)
+        self._ramp = GainRamp(_matrix(self._settings, self.dt), self.dt)
+        self._matrix = self._ramp.value
         master_side_step(self._inputs, self._matrix, self.enabled, self._state.copy(), self.results)
 
     def step(self, position: ArrayLike, feedback_torque: ArrayLike) -> tuple[Array, Array]:
@@ -92,6 +94,8 @@ class MasterSide:
         An axis with an input that is not finite gives zero for both and keeps its filter.
         Raises ValueError when an argument does not have n values.
         """
+        if self._ramp.moving:
+            self._ramp.step()
         self._inputs[0] = position
         self._inputs[1] = feedback_torque
         out = master_side_step(self._inputs, self._matrix, self.enabled, self._state, self.results)
@@ -101,6 +105,7 @@ class MasterSide:
         """Empty the feedback filter of one axis, or of all."""
         if axis is None:
             self._state[:] = 0.0
+            self._ramp.jump()
         else:
             self._state[axis] = 0.0
 
@@ -114,15 +119,18 @@ class MasterSide:
 
     @property
     def settings(self) -> tuple[MasterSettings, ...]:
-        """Settings of each axis; may be assigned while running."""
+        """Settings of each axis; assigned ones hold from the next step on."""
         return self._settings
 
     @settings.setter
     def settings(self, settings: Sequence[MasterSettings]) -> None:
+        self._ramp.jump(self._checked(settings))
+
+    def _checked(self, settings: Sequence[MasterSettings]) -> Array:
         if len(settings) != self.axes:
             raise ConfigurationError(f"master side: settings of {len(settings)} axes; give {self.axes}.")
         self._settings = tuple(settings)
-        self._matrix = _matrix(self._settings, self.dt)
+        return _matrix(self._settings, self.dt)
 
     @classmethod
     def parameters(cls, prefixes: Sequence[str]) -> list[Parameter]:
@@ -137,8 +145,9 @@ class MasterSide:
         return cls(_settings_from(values, prefixes), dt)
 
     def update(self, values: Mapping[str, Any], prefixes: Sequence[str]) -> None:
-        """Take changed parameters while running. Raises ConfigurationError, and then has changed nothing."""
-        self.settings = _settings_from(values, prefixes)
+        """Take changed parameters while running: the torques go over to the new settings within
+        `gain_ramp.RAMP_TIME`. Raises ConfigurationError, and then has changed nothing."""
+        self._ramp.to(self._checked(_settings_from(values, prefixes)))
 
 
 def _settings_from(values: Mapping[str, Any], prefixes: Sequence[str]) -> list[MasterSettings]:
