@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from haptic_teleop_control.device import DeviceError, EndOfSession, ReadResult, Reporter
 from haptic_teleop_control.filters import VelocityFilter
+from haptic_teleop_control.omni_compensation import OmniCompensation
 from haptic_teleop_control.raw_capture import READ, WRITE
 from haptic_teleop_omni.calibration import Calibration
 from haptic_teleop_omni.codec import ReportCodec, raw_of, value_of
@@ -56,6 +57,7 @@ class OmniDriver:
         )
         self.filter = VelocityFilter(3, self._dt, settings.cutoff_hz, settings.damping)
         self.budget = TorqueBudget(3, settings.limits)
+        self.compensation = OmniCompensation(settings.compensation)
         self.may_drive = layout.verified or transport.emulated
         self.position: Array = np.zeros(3)
         self.velocity: Array = np.zeros(3)
@@ -114,18 +116,22 @@ class OmniDriver:
         return ReadResult.STATE
 
     def write(self, effort: Array | None) -> None:
-        """`effort` (3,), N·m, through all limits to the device; None, a latched fault or an angle that is
-        not known yet: idle, motors off."""
+        """`effort` (3,), N·m, and the compensation of the horizontal device, through all limits to the
+        device; None, a latched fault or an angle that is not known yet: idle, motors off."""
         if not self._open:
             return
         elapsed = max(self._elapsed, self._dt)
         drive = effort is not None and self.may_drive and self.calibration.done and not self._reporter.latched
-        allowed = self.budget.step(effort.tolist(), elapsed) if drive and effort is not None else None
+        allowed = None
+        if drive and effort is not None:
+            wanted = effort + self.compensation.step(self.position, self.velocity, elapsed)
+            allowed = self.budget.step(wanted.tolist(), elapsed)
         if drive and allowed is None:
             self._reporter.fault("non_finite_command", str(effort))
         try:
             if allowed is None:
                 self.budget.rest(elapsed)
+                self.compensation.rest()
                 self._idle()
                 return
             peak = self.settings.limits.peak

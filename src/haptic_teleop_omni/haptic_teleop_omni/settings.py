@@ -8,6 +8,7 @@ from typing import Any
 
 from haptic_teleop_control.errors import ConfigurationError
 from haptic_teleop_control.node_tables import REALTIME_PRIORITY
+from haptic_teleop_control.omni_compensation import COMPENSATION, PREFIX, CompensationSettings
 from haptic_teleop_control.parameters import Parameter, ParameterTable
 from haptic_teleop_control.quantities import check_quantities, from_parameters, parameters_of, quantity
 from haptic_teleop_control.robots import (
@@ -38,6 +39,7 @@ class OmniDriverSettings:
     """Raises ConfigurationError naming the field for a value outside its range."""
 
     limits: TorqueLimits = field(default_factory=TorqueLimits)
+    compensation: CompensationSettings = field(default_factory=CompensationSettings)
     rate: float = quantity(
         OMNI_RATE_HZ, "Hz", "reports per second of the device", minimum=10.0, maximum=2000.0
     )
@@ -93,7 +95,8 @@ class OmniDriverSettings:
         checked = TABLE.check(values, source)
         try:
             limits = from_parameters(TorqueLimits, checked, "torque.")
-            return from_parameters(cls, checked, limits=limits)
+            compensation = from_parameters(CompensationSettings, checked, PREFIX)
+            return from_parameters(cls, checked, limits=limits, compensation=compensation)
         except ConfigurationError as error:
             raise ConfigurationError(f"{source}: {error}") from error
 
@@ -129,6 +132,7 @@ def _table() -> ParameterTable:
             REALTIME_PRIORITY,
             *parameters_of(OmniDriverSettings(), runtime=False),
             *parameters_of(TorqueLimits(), "torque.", runtime=False),
+            *COMPENSATION,
         ],
     )
 

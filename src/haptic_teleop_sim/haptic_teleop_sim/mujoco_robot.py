@@ -64,6 +64,12 @@ class MujocoRobot:
         self, settings: SfjSettings | None = None, dt: float = 1.0 / SFJ_RATE_HZ, seed: int = 1
     ) -> None:
         self.settings = SfjSettings() if settings is None else settings
+        if self.settings.operator.mode != "none":
+            raise ConfigurationError(
+                "operator.mode: no hand can push the arms in MuJoCo; set it to none, or take sfj_sim in place "
+                "of mujoco_sim."
+            )
+        self.powered = True
         self.dt = float(dt)
         joints = (self.settings.stage1, self.settings.stage2)
         self._stages = [stage_words(joint.model) for joint in joints]

@@ -23,7 +23,12 @@ LONGEST_CATCH_UP = 1.0
 
 
 class Robot(Protocol):
-    """What the node needs of a simulated robot; positions rad, velocities rad/s, efforts N·m."""
+    """What the node needs of a simulated robot; positions rad, velocities rad/s, efforts N·m.
+
+    powered: whether a command is in force.
+    """
+
+    powered: bool
 
     def sense(self) -> tuple[Array, Array, Array]: ...
 
@@ -56,6 +61,7 @@ class PlantNode(CommandedNode):
         # The answer to the last state holds until this one, as a board holds its output until the next.
         if self._sensed:
             command = self.permitted()
+            self.robot.powered = command is not None
             command = self._zero if command is None else command
             steps = min(periods, self._most_steps)
             self.lost_steps += periods - steps
