@@ -66,8 +66,8 @@ class MujocoRobot:
         self.settings = SfjSettings() if settings is None else settings
         if self.settings.operator.mode != "none":
             raise ConfigurationError(
-                "operator.mode: no hand can push the arms in MuJoCo; set it to none, or take sfj_sim in place "
-                "of mujoco_sim."
+                "operator.mode: no hand can push the arms in MuJoCo; set it to none, or take sfj_sim in "
+                "place of mujoco_sim."
             )
         self.powered = True
         self.dt = float(dt)
