@@ -133,6 +133,12 @@ def test_sensitivities_equal_central_differences(plain, effect, place):
         assert error <= allowed * np.linalg.norm(difference), (name, error / np.linalg.norm(difference))
 
 
+def test_the_contact_of_a_sticking_friction_has_exact_sensitivities(monkeypatch):
+    contact = {"torque": 0.3, "contact_angle": 0.004}
+    monkeypatch.setitem(VALUES, "coulomb_friction", contact)
+    test_sensitivities_equal_central_differences(FLEXIBLE, "coulomb_friction", "motor")
+
+
 def test_prediction_with_and_without_derivatives_is_the_same():
     model = FLEXIBLE.with_effects(
         Effect("stribeck_friction", "stage1_motor", VALUES["stribeck_friction"]),

@@ -17,9 +17,9 @@ from typing import Any, Literal
 Kind = Literal["torque", "friction", "friction_factor", "inertia", "input", "output", "skew"]
 Place = Literal["motor", "arm", "joint", "actuator", "motor_encoder", "arm_encoder"]
 
-#: Displacement (rad) over which dry friction turns round when the motion does: so small that it counts as a
-#: sticking contact, large enough to integrate (some encoder counts).
-STICTION_ANGLE = 2e-4
+#: Displacement (rad) over which dry friction turns round when the motion does, unless a model says otherwise:
+#: so small that it counts as a sticking contact, large enough to integrate.
+STICTION_ANGLE = 2e-5
 
 
 @dataclass(frozen=True)
@@ -75,8 +75,9 @@ class EffectEntry:
 
     ``s.direction`` is a memory between -1 and 1 that follows the direction of motion of the location over a
     small displacement D, d direction = (dq - abs(dq) direction) / D (Dahl 1968), which the kernel integrates
-    exactly; ``memory`` says where D comes from: ``direction`` (``STICTION_ANGLE``, or no memory but
-    tanh(velocity / smoothing) where the effect's last parameter, ``smoothing``, is above zero), ``ratio``
+    exactly; ``memory`` says where D comes from: ``direction`` (the last but one parameter,
+    ``contact_angle``, or no memory but tanh(velocity / smoothing) where the last one, ``smoothing``, is
+    above zero), ``ratio``
     (first over second parameter), ``displacement`` (second parameter). A ``nuisance`` belongs to how a
     recording was taken: diagnosis fits it where another effect calls for it and never reports it as missing
     physics.

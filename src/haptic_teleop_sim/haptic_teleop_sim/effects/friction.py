@@ -17,9 +17,27 @@ _SMOOTHING = EffectParameter(
 )
 
 
-def _rate(torque: float, smoothing: float) -> tuple[float, float]:
+#: What every dry friction may state beside its own parameters.
+_CONTACT = (
+    EffectParameter(
+        "contact_angle",
+        "rad",
+        "displacement over which the contact gives before it slides",
+        minimum=1e-9,
+        maximum=0.1,
+        default=STICTION_ANGLE,
+        neutral=None,
+        scale="one",
+    ),
+    _SMOOTHING,
+)
+
+
+def _rate(torque: float, p: dict[str, float]) -> tuple[float, float]:
     """Stiffness of the sticking contact, or the slope of the smoothed sign."""
-    return (0.0, abs(torque) / smoothing) if smoothing > 0.0 else (abs(torque) / STICTION_ANGLE, 0.0)
+    if p["smoothing"] > 0.0:
+        return 0.0, abs(torque) / p["smoothing"]
+    return abs(torque) / p["contact_angle"], 0.0
 
 
 def _torque(name: str, meaning: str, typical: float = 0.2) -> EffectParameter:
@@ -30,10 +48,10 @@ COULOMB = EffectEntry(
     name="coulomb_friction",
     kind="friction",
     where=("motor", "arm"),
-    parameters=(_torque("torque", "friction torque while sliding"), _SMOOTHING),
+    parameters=(_torque("torque", "friction torque while sliding"), *_CONTACT),
     sentence="a dry friction torque of constant size opposes the motion",
     equation=lambda s, p: -p.torque * s.direction,
-    rate=lambda p, ks: _rate(p["torque"], p["smoothing"]),
+    rate=lambda p, ks: _rate(p["torque"], p),
     memory="direction",
 )
 
@@ -54,13 +72,13 @@ STRIBECK = EffectEntry(
             grid=(0.05, 0.2, 0.6),
             neutral=None,
         ),
-        _SMOOTHING,
+        *_CONTACT,
     ),
     sentence="dry friction is largest where the motion starts and falls with speed (equation 22)",
     equation=lambda s, p: (
         -(p.coulomb + (p.breakaway - p.coulomb) * s.sech(s.velocity / p.velocity)) * s.direction
     ),
-    rate=lambda p, ks: _rate(max(p["breakaway"], p["coulomb"]), p["smoothing"]),
+    rate=lambda p, ks: _rate(max(p["breakaway"], p["coulomb"]), p),
     memory="direction",
 )
 
@@ -71,13 +89,13 @@ ASYMMETRIC = EffectEntry(
     parameters=(
         _torque("positive", "friction torque while moving in the positive direction"),
         _torque("negative", "friction torque while moving in the negative direction", 0.1),
-        _SMOOTHING,
+        *_CONTACT,
     ),
     sentence="dry friction differs between the two directions of motion",
     equation=lambda s, p: (
         -((p.positive + p.negative) * s.direction + (p.positive - p.negative) * s.direction**2) / 2
     ),
-    rate=lambda p, ks: _rate(2 * max(p["positive"], p["negative"]), p["smoothing"]),
+    rate=lambda p, ks: _rate(2 * max(p["positive"], p["negative"]), p),
     memory="direction",
 )
 
@@ -147,11 +165,11 @@ POSITION_DEPENDENT = EffectEntry(
             neutral=None,
         ),
         EffectParameter("phase", "rad", "phase at zero angle", typical=0.5, neutral=None, default=0.0),
-        _SMOOTHING,
+        *_CONTACT,
     ),
     sentence="dry friction varies with the angle",
     equation=lambda s, p: -(p.torque + p.amplitude * s.sin(p.order * s.position + p.phase)) * s.direction,
-    rate=lambda p, ks: _rate(p["torque"] + p["amplitude"], p["smoothing"]),
+    rate=lambda p, ks: _rate(p["torque"] + p["amplitude"], p),
     memory="direction",
 )
 
@@ -196,11 +214,11 @@ LOAD_DEPENDENT = EffectEntry(
             maximum=1.0,
             typical=0.15,
         ),
-        _SMOOTHING,
+        *_CONTACT,
     ),
     sentence="friction grows with the torque that the transmission carries",
     equation=lambda s, p: -p.coefficient * s.abs(s.stiffness * s.deflection) * s.direction,
-    rate=lambda p, ks: _rate(0.2 * p["coefficient"] * ks, p["smoothing"]),
+    rate=lambda p, ks: _rate(0.2 * p["coefficient"] * ks, p),
     memory="direction",
     rigid_body=False,
 )

@@ -56,17 +56,14 @@ def actuate_series(torque, t0, dt, codes, p, z, out):
         out[i] = value_
 
 
-STICTION = 2e-4
-
-
 @inner
-def memory_displacement(kind, p, k):
+def memory_displacement(kind, p, k, npar):
     """Displacement (rad) over which a memory follows the motion."""
     if kind == 2:
         return max(p[k], 1e-12) / p[k + 1]
     if kind == 3:
         return p[k + 1]
-    return STICTION
+    return max(p[k + npar - 2], 1e-12)
 
 
 @inner
@@ -83,7 +80,7 @@ def direction_of(kind, moved, v, s0, p, k, npar):
     if kind == 4:
         return tanh(v / p[k + npar - 1])
     side = side_of(moved, v)
-    return side + (s0 - side) * math.exp(-abs(moved) / memory_displacement(kind, p, k))
+    return side + (s0 - side) * math.exp(-abs(moved) / memory_displacement(kind, p, k, npar))
 
 
 @inner

@@ -101,7 +101,7 @@ def rates_sensitive(qm, qa, vm, va, z, moved_motor, moved_arm, t, torque_motor, 
             g[1] += bend
             g[7 + npar - 1] -= bend * v / width
         elif memory > 0:
-            dm = memory_displacement(memory, p, k)
+            dm = memory_displacement(memory, p, k, npar)
             side = side_of(moved, v)
             decay = math.exp(-abs(moved) / dm)
             slope = g[6] * (1.0 - s0 * side) * decay / dm
@@ -113,6 +113,8 @@ def rates_sensitive(qm, qa, vm, va, z, moved_motor, moved_arm, t, torque_motor, 
                 g[8] -= by_displacement * dm / p[k + 1]
             elif memory == 3:
                 g[8] += by_displacement
+            else:
+                g[7 + npar - 2] += by_displacement
         if loc == 0:
             w = 1.0
             if codes[e, 2] == 1:
@@ -385,7 +387,8 @@ def update_memories_sensitive(x, moved_motor, moved_arm, s, began, codes, p, p_c
             else:
                 moved, v = moved_motor - moved_arm, x[2] - x[3]
             i = codes[e, 4] + codes[e, 5]
-            d = memory_displacement(kind, p, k)
+            npar = codes[e, 6]
+            d = memory_displacement(kind, p, k, npar)
             side = side_of(moved, v)
             decay = math.exp(-abs(moved) / d)
             slope = (1.0 - x[i] * side) * decay / d
@@ -402,4 +405,6 @@ def update_memories_sensitive(x, moved_motor, moved_arm, s, began, codes, p, p_c
                     s[i, p_col[k + 1]] -= by_displacement * d / p[k + 1]
             elif kind == 3 and p_col[k + 1] >= 0:
                 s[i, p_col[k + 1]] += by_displacement
+            elif kind == 1 and p_col[k + npar - 2] >= 0:
+                s[i, p_col[k + npar - 2]] += by_displacement
             x[i] = side + (x[i] - side) * decay

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -12,9 +12,9 @@ from haptic_teleop_sim.model import Effect, Model
 from haptic_teleop_sysid.estimation.gauss_newton import Fit, fit_parameters
 from haptic_teleop_sysid.estimation.noise import NoiseModel
 from haptic_teleop_sysid.estimation.records import Record
-from haptic_teleop_sysid.estimation.tuning import tune_noise
+from haptic_teleop_sysid.estimation.tuning import likelihood_of, tune_noise
 
-from .candidates import candidates, companion, larger_starts
+from .candidates import candidates, companion, contacts, larger_starts
 from .material import material
 from .scales import Scales
 from .screen import Screened, best_per_effect, screen
@@ -22,8 +22,11 @@ from .screen import Screened, best_per_effect, screen
 #: Least promised gain (nats) that a re-fit is spent on, and the most re-fits of a round.
 _WORTH_A_FIT = 6.0
 _MOST_FITS = 12
-#: Explanations that are fitted a second time from a quiet noise model.
-_MOST_QUIET = 4
+#: Explanations that are fitted to the end, and those whose end is a new start for the model without them.
+_MOST_POLISHED = 6
+_MOST_ABLATED = 2
+#: Gain (nats) of the model without them from which everything is done again from there.
+_ANOTHER_HOLLOW = 10.0
 #: Gain (nats) from which a nuisance is kept.
 _WORTH_A_NUISANCE = 8.0
 
@@ -60,89 +63,142 @@ def explore(
     validation: Sequence[Record],
     scales: Scales,
     progress: Callable[[str], None] | None = None,
-) -> list[Explanation]:
-    """Explanations by one further effect, best first (material ones before others).
+    again: bool = True,
+) -> tuple[Fit, list[Explanation]]:
+    """The model so far, better fitted where a rival showed the way, and explanations by one further effect,
+    best first (material ones before others).
 
     ``fit``: the model so far, fitted; ``lab``: the same effects with the structure's parameters as they were
     believed, which lie nearer the truth than fitted ones where those have swallowed a large effect.
     """
     say = progress or (lambda text: None)
     say("screening all effects")
-    screened = screen(fit, estimation, candidates(fit.model, estimation, scales))
-    chosen = [s for s in best_per_effect(screened) if s.gain > _WORTH_A_FIT][:_MOST_FITS]
+    chosen = shortlist(fit, estimation, scales)
     fits: list[Fit] = []
     for s in chosen:
         say(f"fitting {s.effect.effect} at {s.effect.location}")
-        best = refit(fit, lab, s, estimation, scales)
-        if best is not None:
-            fits.append(best)
-    fits.sort(key=lambda f: -f.log_likelihood)
-    for i, candidate in enumerate(fits[:_MOST_QUIET]):
+        fits += refits(fit, lab, s, estimation, scales)
+    fits = best_of_each(fits, len(fit.model.effects))
+    for i, candidate in enumerate(fits[:_MOST_POLISHED]):
         say(f"once more {candidate.model.effects[len(fit.model.effects)].effect}")
-        again = from_quiet(candidate, estimation)
-        if again.log_likelihood > candidate.log_likelihood:
-            fits[i] = again
+        fits[i] = with_companion(polish(candidate, estimation), fit.model, estimation)
+    fits = sorted(fits[:_MOST_POLISHED], key=lambda f: -f.log_likelihood)
+    say("fitting the model without them once more")
+    better = better_baseline(fit, fits[:_MOST_ABLATED], estimation)
+    if again and better.log_likelihood > fit.log_likelihood + _ANOTHER_HOLLOW:
+        return explore(better, lab, estimation, validation, scales, progress, again=False)
+    fit = better
     say("judging on recordings that were not fitted")
-    before = held_out_likelihood(fit, validation)
+    levels = [fit.noise, *(f.noise for f in fits[:_MOST_ABLATED])]
+    before = held_out_likelihood(fit, validation, levels)
     index = len(fit.model.effects)
     found = [
         Explanation(
             f,
             f.log_likelihood - fit.log_likelihood,
-            held_out_likelihood(f, validation) - before,
+            held_out_likelihood(f, validation, [f.noise, fit.noise]) - before,
             material(f.model.effects[index], scales),
             index,
         )
         for f in fits
     ]
-    return sorted(found, key=lambda e: (not e.material, -e.score))
+    return fit, sorted(found, key=lambda e: (not e.material, -e.score))
 
 
-def held_out_likelihood(fit: Fit, records: Sequence[Record]) -> float:
+def shortlist(fit: Fit, records: Sequence[Record], scales: Scales) -> list[Screened]:
+    """The effects worth a fit, by what a linearisation promises: under the noise model as it was fitted, and
+    under a quiet one.
+
+    Where much is unexplained the fitted noise model takes it for a disturbance, under which no effect
+    promises much: a delay of 16 ms that a fit explains with hundreds of nats promised less than seven.
+    """
+    effects = list(candidates(fit.model, records, scales))
+    quiet = fit_parameters(fit.model, _quiet(fit.noise), records, iterations=12)
+    ranked: dict[tuple[str, str], tuple[float, Screened]] = {}
+    for one in (fit, quiet):
+        best = [s for s in best_per_effect(screen(one, records, effects)) if s.gain > _WORTH_A_FIT]
+        for place, s in enumerate(best):
+            key = (s.effect.effect, s.effect.location)
+            if key not in ranked or place < ranked[key][0]:
+                ranked[key] = (place, s)
+    return [s for _, s in sorted(ranked.values(), key=lambda r: r[0])][:_MOST_FITS]
+
+
+def better_baseline(fit: Fit, fits: Sequence[Fit], records: Sequence[Record]) -> Fit:
+    """``fit``, or the same structure fitted from where the rivals ended, without their effect: what a rival
+    gains only by having come out of a hollow is none of its effect's.
+    """
+    count, free = len(fit.model.effects), fit.free
+    for rival in fits:
+        bare = replace(rival.model, effects=rival.model.effects[:count], fixed=fit.model.fixed)
+        again = fit_parameters(bare, rival.noise, records, free=free, iterations=10)
+        if not np.isfinite(again.log_likelihood):
+            continue
+        again = polish(again, records)
+        if again.log_likelihood > fit.log_likelihood + 1.0:
+            fit = again
+    return fit
+
+
+def best_of_each(fits: Sequence[Fit], index: int) -> list[Fit]:
+    """The best fit of each effect at each place, best first."""
+    best: dict[tuple[str, str], Fit] = {}
+    for f in fits:
+        key = (f.model.effects[index].effect, f.model.effects[index].location)
+        if key not in best or f.log_likelihood > best[key].log_likelihood:
+            best[key] = f
+    return sorted(best.values(), key=lambda f: -f.log_likelihood)
+
+
+def held_out_likelihood(
+    fit: Fit, records: Sequence[Record], levels: Sequence[NoiseModel] | None = None
+) -> float:
     """Log-likelihood of other recordings: the model as it was fitted, the noise levels as these recordings
-    have them.
+    have them, sought from all of ``levels``.
 
     Levels carried over would judge the noise, not the physics: a disturbance may be larger on another day,
     and a model that leaves nothing unexplained has levels near zero, under which the smallest further effect
     is a catastrophe.
     """
-    return tune_noise(pack(fit.model), fit.noise, records, factor=4.0, rounds=2)[1]
+    packed = pack(fit.model)
+    starts = [fit.noise] if levels is None else levels
+    best = max(starts, key=lambda noise: likelihood_of(packed, noise, records))
+    return tune_noise(packed, best, records, factor=4.0, rounds=2)[1]
 
 
-def refit(fit: Fit, lab: Model, screened: Screened, records: Sequence[Record], scales: Scales) -> Fit | None:
-    """All parameters and the noise levels with the effect inside, from its start or a larger one; None if no
-    start predicts anything."""
-    trials = [_trial(fit.model, screened.effect, fit.noise, records)]
-    for effect in larger_starts(screened.effect, scales):
-        for noise in (fit.noise, _quiet(fit.noise)):
-            trials.append(_trial(lab, effect, noise, records))
-    trials = [t for t in trials if np.isfinite(t.log_likelihood)]
-    if not trials:
-        return None
-    best = polish(max(trials, key=lambda t: t.log_likelihood), records)
-    extra = companion(fit.model, screened.effect)
-    if extra is not None:
-        wider = polish(_trial(best.model, extra, best.noise, records), records)
-        if wider.log_likelihood > best.log_likelihood + _WORTH_A_NUISANCE:
-            return wider
-    return best
+def refits(
+    fit: Fit, lab: Model, screened: Screened, records: Sequence[Record], scales: Scales
+) -> list[Fit]:
+    """All parameters with the effect inside, from its start and from larger ones, under the noise model as it
+    is and under a quiet one, each with its noise levels tuned; those that predict anything."""
+    found = []
+    for noise in (fit.noise, _quiet(fit.noise)):
+        trials = [_trial(fit.model, e, noise, records) for e in contacts(screened.effect)]
+        trials += [_trial(lab, e, noise, records) for e in larger_starts(screened.effect, scales)]
+        trials = [t for t in trials if np.isfinite(t.log_likelihood)]
+        if trials:
+            found.append(polish(max(trials, key=lambda t: t.log_likelihood), records, rounds=1))
+    return found
+
+
+def with_companion(fit: Fit, before: Model, records: Sequence[Record]) -> Fit:
+    """``fit``, or the same with the nuisance that its effect may call for, where that gains enough."""
+    extra = companion(before, fit.model.effects[len(before.effects)])
+    if extra is None:
+        return fit
+    wider = polish(_trial(fit.model, extra, fit.noise, records), records)
+    return wider if wider.log_likelihood > fit.log_likelihood + _WORTH_A_NUISANCE else fit
 
 
 def _trial(model: Model, effect: Effect, noise: NoiseModel, records: Sequence[Record]) -> Fit:
-    return fit_parameters(model.with_effects(effect), noise, records, iterations=8)
+    wider = model.with_effects(effect)
+    if "contact_angle" in effect.parameters:
+        wider = replace(wider, fixed=(*wider.fixed, f"{effect.location}.{effect.effect}.contact_angle"))
+    return fit_parameters(wider, noise, records, iterations=8)
 
 
 def _quiet(noise: NoiseModel) -> NoiseModel:
     return noise.scaled(motor_torque=0.2, arm_torque=0.2)
-
-
-def from_quiet(fit: Fit, records: Sequence[Record]) -> Fit:
-    """The fit repeated from a noise model with little disturbance.
-
-    Where much was unexplained the noise model has taken it over; in such noise a good explanation looks
-    hardly better than none, and the fit stays where it is.
-    """
-    return polish(fit_parameters(fit.model, _quiet(fit.noise), records, iterations=10), records)
 
 
 def polish(fit: Fit, records: Sequence[Record], rounds: int = 3) -> Fit:

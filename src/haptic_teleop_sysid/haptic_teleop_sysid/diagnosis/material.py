@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import math
 
-from haptic_teleop_sim.effects.entry import STICTION_ANGLE
 from haptic_teleop_sim.model import Effect
 
 from .scales import Scales
@@ -16,7 +15,9 @@ from .scales import Scales
 #: A friction form is called by its own name when it departs from plain Coulomb friction by this much.
 _DISTINCT = 0.2
 #: Least size of a torque, as a share of the rms input torque.
-_SMALL_TORQUE = 0.01
+_SMALL_TORQUE = 0.002
+#: Displacement (rad) from which a contact that gives before it slides bears its own name.
+_PRESLIDING = 1e-3
 
 
 def material(effect: Effect, scales: Scales) -> bool:
@@ -35,7 +36,7 @@ def material(effect: Effect, scales: Scales) -> bool:
         total = p["positive"] + p["negative"]
         return total > 2 * _SMALL_TORQUE * torque and abs(p["positive"] - p["negative"]) > _DISTINCT * total
     if name == "presliding_friction":
-        return p["torque"] > _SMALL_TORQUE * torque and p["torque"] / p["stiffness"] > 6 * STICTION_ANGLE
+        return p["torque"] > _SMALL_TORQUE * torque and p["torque"] / p["stiffness"] > _PRESLIDING
     if name == "position_dependent_friction":
         # A sine of which less than a quarter was seen is a slope, not an order.
         return (

@@ -58,10 +58,12 @@ def search(
     fit, choices, strongest = baseline, [], 0.0
     found: list[Explanation] = []
     for number in range(MOST_EFFECTS):
-        lab = replace(model, effects=fit.model.effects)
-        found = explore(
+        lab = replace(model, effects=fit.model.effects, fixed=fit.model.fixed)
+        fit, found = explore(
             fit, lab, estimation, validation, scales, lambda text, n=number: say(f"effect {n + 1}: {text}")
         )
+        if number == 0:
+            baseline = fit
         choice = choose(found, strongest, sense_follows)
         if choice is None:
             break
@@ -95,7 +97,7 @@ def search_by_simulation(
     found: list[Explanation] = []
     before = percent(baseline.model)
     for number in range(MOST_EFFECTS):
-        lab = replace(model, effects=fit.model.effects)
+        lab = replace(model, effects=fit.model.effects, fixed=fit.model.fixed)
         found = explore_simulated(
             fit,
             lab,

@@ -80,6 +80,7 @@ def finding(choice: Choice, final: Fit) -> dict[str, Any]:
             "unit": fitted.entry.parameter(name).unit,
         }
         for name, value in fitted.parameters.items()
+        if name != "contact_angle"
     }
     return {
         "effect": effect.effect,
