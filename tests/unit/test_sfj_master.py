@@ -141,3 +141,14 @@ def test_parameters_know_the_stage_and_change_while_running():
     with pytest.raises(ConfigurationError, match=r"stage1\.master\.kpm"):
         master.update({"stage1.master.kpm": 0.0}, STAGES)
     assert master.settings[0].torque_gain == 0.4
+
+
+def test_a_feedback_gain_changed_by_parameter_takes_hold_without_a_jump():
+    table = ParameterTable("node", SfjMasterSide.parameters(STAGES))
+    master = SfjMasterSide.from_parameters(table.check({}), STAGES, DT)
+    still = [[0.0, 0.0], [0.0, 0.0], [0.2, 0.2]]
+    master.step(*still)
+    master.update(table.check({"stage1.master.feedback_gain": 1.0}), STAGES)
+    currents = np.array([master.step(*still)[0] for _ in range(150)])
+    assert currents[-1] == -0.94  # the limit: the drive does not follow here
+    assert np.abs(np.diff(currents)).max() < 0.05

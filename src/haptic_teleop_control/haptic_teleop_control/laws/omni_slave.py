@@ -32,6 +32,7 @@ from numpy.typing import ArrayLike
 from haptic_teleop_control.errors import ConfigurationError
 from haptic_teleop_control.filters import velocity_coefficients, velocity_step
 from haptic_teleop_control.laws.contract import Array, LawResult
+from haptic_teleop_control.laws.gain_ramp import GainRamp
 from haptic_teleop_control.parameters import Parameter
 from haptic_teleop_control.quantities import check_quantities, from_parameters, parameters_of, quantity
 from haptic_teleop_control.robots import (
@@ -128,7 +129,8 @@ class OmniSlaveLaw:
         self.enabled = np.ones(n, dtype=np.bool_)
         self.results = np.zeros(n, dtype=np.int64)
         self._settings = tuple(settings)
-        self._matrix = _matrix(self._settings)
+        self._ramp = GainRamp(_matrix(self._settings), self.dt, at_once=(3,))  # the limit protects
+        self._matrix = self._ramp.value
         self._filter = velocity_coefficients(self.dt, VELOCITY_FILTER_CUTOFF_HZ, VELOCITY_FILTER_DAMPING)
         self._inputs = np.zeros((4, n))
         self._inner = np.zeros((3, n))
@@ -151,6 +153,8 @@ class OmniSlaveLaw:
         inputs[1] = position
         inputs[2] = velocity
         inputs[3] = applied_torque
+        if self._ramp.moving:
+            self._ramp.step()
         return omni_slave_step(
             inputs, self._matrix, self.dt, self._filter, self.enabled, self._state, self.results, self._inner
         )
@@ -158,10 +162,12 @@ class OmniSlaveLaw:
     def reset(self) -> None:
         """Forget the past: the next sample starts the observer, with no torque on the environment."""
         self._state[:] = 0.0
+        self._ramp.jump()
 
     def release(self) -> None:
         """Empty the integrators alone; the observer goes on."""
         self._state[:, 0] = 0.0
+        self._ramp.jump()
 
     @property
     def augmented_error(self) -> Array:
@@ -178,15 +184,19 @@ class OmniSlaveLaw:
 
     @property
     def settings(self) -> tuple[OmniSlaveSettings, ...]:
-        """Settings of each axis; may be assigned while running: the integral is kept as a torque."""
+        """Settings of each axis; assigned ones hold from the next step on. The integral is kept as a
+        torque."""
         return self._settings
 
     @settings.setter
     def settings(self, settings: Sequence[OmniSlaveSettings]) -> None:
+        self._ramp.jump(self._checked(settings))
+
+    def _checked(self, settings: Sequence[OmniSlaveSettings]) -> Array:
         if len(settings) != self.axes:
             raise ConfigurationError(f"omni slave: settings of {len(settings)} axes; give {self.axes}.")
         self._settings = tuple(settings)
-        self._matrix = _matrix(self._settings)
+        return _matrix(self._settings)
 
     @classmethod
     def parameters(cls, axes: Sequence[str]) -> list[Parameter]:
@@ -199,8 +209,9 @@ class OmniSlaveLaw:
         return cls(_settings_from(values, axes), dt)
 
     def update(self, values: Mapping[str, Any], axes: Sequence[str]) -> None:
-        """Take changed parameters while running. Raises ConfigurationError, and then has changed nothing."""
-        self.settings = _settings_from(values, axes)
+        """Take changed parameters while running, on a line of `gain_ramp.RAMP_TIME`. Raises
+        ConfigurationError, and then has changed nothing."""
+        self._ramp.to(self._checked(_settings_from(values, axes)))
 
 
 def _settings_from(values: Mapping[str, Any], axes: Sequence[str]) -> list[OmniSlaveSettings]:

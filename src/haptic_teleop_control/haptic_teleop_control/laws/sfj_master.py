@@ -29,6 +29,7 @@ from numpy.typing import ArrayLike
 from haptic_teleop_control.errors import ConfigurationError
 from haptic_teleop_control.filters import low_pass_coefficients
 from haptic_teleop_control.laws.contract import Array, LawResult
+from haptic_teleop_control.laws.gain_ramp import GainRamp
 from haptic_teleop_control.parameters import Parameter
 from haptic_teleop_control.quantities import check_quantities, from_parameters, parameters_of, quantity
 from haptic_teleop_control.robots import SFJ_STAGES
@@ -118,7 +119,11 @@ class SfjMasterSide:
         self.results = np.zeros(n, dtype=np.int64)
         self._state = np.zeros((n, 4))  # base, filtered feedback, last feedback, whether started
         self._inputs = np.zeros((4, n))
-        self.settings = tuple(settings)
+        self._settings = tuple(settings)
+        # The limit protects, and the constant converts.
+        self._ramp = GainRamp(_matrix(self._settings, self.dt), self.dt, at_once=(7,))
+        self._matrix = self._ramp.value
+        self.torque_constant = np.array([one.torque_constant for one in settings])
         sfj_master_step(self._inputs, self._matrix, self.dt, self._state, self.results)
         self.reset()
 
@@ -146,24 +151,30 @@ class SfjMasterSide:
         inputs[1] = motor_velocity
         inputs[2] = feedback_torque
         inputs[3] = resisting_torque
+        if self._ramp.moving:
+            self._ramp.step()
         return sfj_master_step(inputs, self._matrix, self.dt, self._state, self.results)
 
     def reset(self) -> None:
         """Start anew from where the drive will be at the next step."""
         self._state[:] = 0.0
+        self._ramp.jump()
 
     @property
     def settings(self) -> tuple[SfjMasterSettings, ...]:
-        """Settings of each stage; may be assigned while running."""
+        """Settings of each stage; assigned ones hold from the next step on."""
         return self._settings
 
     @settings.setter
     def settings(self, settings: Sequence[SfjMasterSettings]) -> None:
+        self._ramp.jump(self._checked(settings))
+
+    def _checked(self, settings: Sequence[SfjMasterSettings]) -> Array:
         if len(settings) != self.stages:
             raise ConfigurationError(f"sfj master: settings of {len(settings)} stages; give {self.stages}.")
         self._settings = tuple(settings)
-        self._matrix = _matrix(self._settings, self.dt)
         self.torque_constant = np.array([one.torque_constant for one in self._settings])
+        return _matrix(self._settings, self.dt)
 
     @classmethod
     def parameters(cls, stages: Sequence[str]) -> list[Parameter]:
@@ -179,8 +190,9 @@ class SfjMasterSide:
         return cls(_settings_from(values, stages), dt)
 
     def update(self, values: Mapping[str, Any], stages: Sequence[str]) -> None:
-        """Take changed parameters while running. Raises ConfigurationError, and then has changed nothing."""
-        self.settings = _settings_from(values, stages)
+        """Take changed parameters while running, on a line of `gain_ramp.RAMP_TIME`. Raises
+        ConfigurationError, and then has changed nothing."""
+        self._ramp.to(self._checked(_settings_from(values, stages)))
 
 
 def _settings_from(values: Mapping[str, Any], stages: Sequence[str]) -> list[SfjMasterSettings]:
