@@ -48,8 +48,11 @@ def through_the_drivers(changes: dict | None = None, duration: float = DURATION)
     stated = {k: v for k, v in signal.items() if k in ("kind", "rate") or k.split(".")[0] in STAGES}
     slave = Slave(changes or {})
     reporter, omni_latch = Reporter.to_latch(ALL_FAULTS)
+    # What the simulated Omni does of its own, its driver does behind the emulated one.
+    device = scenario.nodes["omni_sim"]
+    compensation = {key: value for key, value in device.items() if key.startswith("compensation.")}
     master = make_omni_driver(
-        {"device": "emulated", "calibration.method": "start", "emulated.docked_time": 0.0,
+        {**compensation, "device": "emulated", "calibration.method": "start", "emulated.docked_time": 0.0,
          "torque.ramp_time": 0.0, "emulated.file": str(FILE)},
         reporter, clock=VirtualClock(),
     )  # fmt: skip

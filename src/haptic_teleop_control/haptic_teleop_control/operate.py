@@ -1,4 +1,5 @@
-"""What the operator does to a running teleoperation, as a command: engage, disengage, swap, reset, state."""
+"""What the operator does to a running teleoperation, as a command: engage, disengage, swap, reset, state; and
+start and stop of the artificial command."""
 
 from __future__ import annotations
 
@@ -13,11 +14,15 @@ ACTS = {
     "disengage": "end the coupling; the efforts ramp out",
     "swap": "exchange master and slave; refused while they are coupled",
     "reset": "leave a latched fault, through aligning",
+    "start": "begin the signal generator's pattern",
+    "stop": "end the pattern: its command goes to zero",
     "state": "print the state: off, devices_ready, aligning, engaged or fault",
 }
 
 CLIENT = "haptic_teleop_control.nodes.operator_client:call"
 """Loaded when it is needed, because it needs ROS 2."""
+
+GENERATOR = "/signal_generator"
 
 
 def main(argv: Sequence[str] | None = None) -> int:
@@ -44,6 +49,7 @@ def _main(argv: list[str]) -> int:
         "--wait", type=float, default=10.0, metavar="S", help="for the controller to be found (default: 10 s)"
     )
     options = parser.parse_args(argv)
-    done, message = load_object(CLIENT, "CLIENT")(options.controller, options.act, options.wait)
+    node = GENERATOR if options.act in ("start", "stop") else options.controller
+    done, message = load_object(CLIENT, "CLIENT")(node, options.act, options.wait)
     print(message)
     return 0 if done else 1
