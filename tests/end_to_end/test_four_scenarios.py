@@ -1,0 +1,96 @@
+"""Both scenarios, in simulation and through the drivers: the same executables, told apart by parameters."""
+
+import shutil
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from haptic_teleop_control.recording import read_recording
+from haptic_teleop_sim.lockstep import load_scenario, simulate_scenario
+
+FRONT_DOOR = [sys.executable, "-m", "haptic_teleop_control.front_door"]
+ARMS, AXES = [1, 3], [1, 2]
+# Per scenario: the slave's states, the joints that touch, where the surface is, the desired torques, how far
+# beyond the surface the joint may come, and what free motion should be, Td / lambda.
+EXPECTED = {
+    1: ("/sfj/joint_states", ARMS, 1.0, (0.6, 0.8), 0.01, (1.2, 1.6)),
+    2: ("/omni/joint_states", AXES, 0.4, (0.1, 0.1), 0.005, (0.5, 0.5)),
+}
+
+
+@pytest.mark.parametrize("number", [1, 2])
+def test_in_simulation_it_moves_freely_presses_and_lets_go(repository, number):
+    result = simulate_scenario(load_scenario(repository / "config" / f"scenario{number}_sim.yaml"), 20.0)
+    topic, joints, surface, torques, deep, speeds = EXPECTED[number]
+    states = result.topics[topic]
+    time_, position = states.time(), states.position[:, joints]
+    assert [state for _, state in result.states] == ["devices_ready", "aligning", "engaged"]
+    assert not any(name.startswith("fault") for name in result.counts)
+    for i, (torque, speed) in enumerate(zip(torques, speeds, strict=True)):
+        first = int(np.argmax(position[:, i] >= surface))
+        assert first > 0
+        span = (time_ > time_[first] - 0.06) & (time_ < time_[first] - 0.02)
+        assert states.velocity[span, joints[i]].mean() == pytest.approx(speed, rel=0.15)
+        assert surface < position[:, i].max() < surface + deep
+        pressing = (time_ > 12.0) & (time_ < 13.9)
+        if number == 1:  # the torque is measured
+            assert states.effort[pressing, joints[i]].mean() == pytest.approx(torque, rel=0.02)
+        else:  # the commanded torque presses, as far as friction lets it: 0.03 N·m
+            commanded = result.topics["/omni/effort_command"].effort[pressing, joints[i]].mean()
+            assert commanded == pytest.approx(torque, abs=0.03)
+        assert position[-1, i] < surface - 0.05
+
+
+def operate(act: str) -> subprocess.CompletedProcess:
+    command = [*FRONT_DOOR, "operate", act, "--wait", "60"]
+    return subprocess.run(command, capture_output=True, text=True, timeout=90)
+
+
+def through_the_drivers(folder: Path, number: int, attempt: int) -> tuple[Path, str]:
+    """One run on emulated devices, engaged and begun as an operator would; recording, and what was said."""
+    bag = folder / f"bag{attempt}"
+    command = [*FRONT_DOOR, "scenario", str(folder / f"scenario{number}_real.yaml"), "--record", str(bag)]
+    process = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
+    try:
+        engaged = operate("engage")
+        deadline = time.monotonic() + 30.0
+        while engaged.returncode != 0 and time.monotonic() < deadline:  # before its calibration, not aligned
+            time.sleep(0.3)
+            engaged = operate("engage")
+        assert engaged.returncode == 0, engaged.stdout + engaged.stderr
+        assert operate("start").returncode == 0
+        time.sleep(4.0)
+        assert operate("disengage").returncode in (0, 1)
+    finally:
+        process.send_signal(signal.SIGINT)
+        _, errors = process.communicate(timeout=60)
+    return bag, errors
+
+
+@pytest.mark.timeout(300)
+@pytest.mark.parametrize("number", [1, 2])
+def test_through_the_drivers_it_waits_for_the_operator_then_moves_and_presses(tmp_path, repository, number):
+    """A machine that stands still for longer than a command may be old ends in a fault, as it must; the run
+    is then repeated."""
+    for file in (repository / "config").glob("scenario*.yaml"):
+        text = file.read_text(encoding="utf-8")
+        patient = text.replace("timeout: 0.05", "timeout: 0.2").replace("watchdog: 0.05", "watchdog: 0.2")
+        (tmp_path / file.name).write_text(patient, encoding="utf-8")
+    shutil.copytree(repository / "config" / "models", tmp_path / "models")
+    for attempt in range(3):
+        bag, errors = through_the_drivers(tmp_path, number, attempt)
+        if "fault in" not in errors:
+            break
+    assert "fault in" not in errors, errors
+    recording = read_recording(bag)
+    topic, joints, surface, _, deep, _ = EXPECTED[number]
+    states = recording.topics[topic]
+    position = states.position[:, joints]
+    assert np.all(position.max(axis=0) > surface - 0.002)
+    assert np.all(position.max(axis=0) < surface + deep)
+    assert recording.parameters["/force_controller"]["auto_engage"] is False
