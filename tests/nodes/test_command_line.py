@@ -60,7 +60,7 @@ def test_an_unknown_key_in_a_parameter_file_is_refused_by_file_and_key(name, sec
         (["--ros-args", "-p", "master:=falcon"], "master"),
         (["--ros-args", "-p", "stage1.kp:=much"], "stage1.kp"),
         (["--ros-args", "-p", "tiemout:=0.1"], "timeout"),
-        (["--ros-args", "-p", "master:=sfj", "-p", "slave:=omni"], "scenario 2"),
+        (["--ros-args", "-p", "master:=sfj", "-p", "slave:=sfj"], "both sfj"),
         (["--ros-args", "--params-file"], "--params-file"),
         (["--ros-args", "--params-file", "/no/such/file.yaml"], "/no/such/file.yaml"),
         (["--ros-args", "-p", "timeout"], "timeout"),
