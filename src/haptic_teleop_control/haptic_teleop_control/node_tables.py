@@ -5,7 +5,7 @@ The nodes declare them; programs that know no ROS, such as the lockstep runner, 
 
 from __future__ import annotations
 
-from haptic_teleop_control.laws import LAWS, MasterSide
+from haptic_teleop_control.laws import LAWS, MasterSide, parameters_of_own_law
 from haptic_teleop_control.laws.omni_slave import OmniSlaveLaw
 from haptic_teleop_control.laws.sfj_master import SfjMasterSide
 from haptic_teleop_control.parameters import Parameter, ParameterTable
@@ -50,7 +50,11 @@ def _force_controller() -> ParameterTable:
         [
             *TELEOPERATION,
             Parameter(
-                "law", "augmented_error", choices=tuple(LAWS), meaning="force law of the 2DSFJ as slave"
+                "law",
+                "augmented_error",
+                choices=tuple(LAWS),
+                plugin=True,
+                meaning="force law of the 2DSFJ as slave; one of your own by its module and name",
             ),
             Parameter(
                 "slave_rate", SFJ_RATE_HZ, "Hz", 10.0, 1e4, runtime=True, meaning="rate of the slave's states"
@@ -70,6 +74,7 @@ def _force_controller() -> ParameterTable:
             *OmniSlaveLaw.parameters(AXES),  # scenario 2: the Omni as slave
             *SfjMasterSide.parameters(STAGES),  # and the 2DSFJ as master
         ],
+        brought=lambda stated: parameters_of_own_law(stated, STAGES),
     )
 
 

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import difflib
 import math
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from typing import Any
 
@@ -34,6 +34,7 @@ class Parameter:
     choices: the values allowed. infinite: whether `.inf` is a meaningful value (it then means "no limit").
     length: number of elements a list must have, None for any number but zero.
     runtime: whether it may change while the node runs. required: whether the file must state it.
+    plugin: whether `module:object` may stand in place of one of the choices.
     Raises ValueError for a declaration that contradicts itself, among others a default outside its own range.
     """
 
@@ -50,6 +51,7 @@ class Parameter:
     infinite: bool = False
     length: int | None = None
     required: bool = False
+    plugin: bool = False
 
     def __post_init__(self) -> None:
         if self.is_list and not self.default:
@@ -95,7 +97,8 @@ class Parameter:
     def limits(self) -> str:
         """The values allowed, for people: `0 < value <= 10`, `a | b`, or an empty text."""
         if self.choices is not None:
-            return " | ".join(str(choice) for choice in self.choices)
+            own = ("module:object",) if self.plugin else ()
+            return " | ".join(str(choice) for choice in (*self.choices, *own))
         lower = f"{self.minimum:g} <= " if self.minimum is not None else ""
         lower = f"{self.above:g} < " if self.above is not None else lower
         upper = f" <= {self.maximum:g}" if self.maximum is not None else ""
@@ -123,6 +126,8 @@ class Parameter:
             if not self._inside(value):
                 unit = f" {self.unit}" if self.unit else ""
                 return f"is {value:g}{unit}; choose {self.limits()}"
+        if self.plugin and ":" in str(value):
+            return None
         if self.choices is not None and value not in self.choices:
             nearest = _nearest(str(value), [str(choice) for choice in self.choices])
             return f"is {value!r}{nearest}; choose {self.limits()}"
@@ -139,10 +144,21 @@ class Parameter:
 
 class ParameterTable:
     """The parameters of one node, in the order of declaration. Raises ValueError for a name declared
-    twice."""
+    twice.
 
-    def __init__(self, node_name: str, parameters: Iterable[Parameter]) -> None:
+    brought: called with the values that are stated, gives the parameters which these bring along, such as
+    those of a law from a module of the user's own; they replace parameters of the same name. It may raise
+    ConfigurationError.
+    """
+
+    def __init__(
+        self,
+        node_name: str,
+        parameters: Iterable[Parameter],
+        brought: Callable[[Mapping[str, Any]], Iterable[Parameter]] | None = None,
+    ) -> None:
         self.node_name = node_name
+        self._brought = brought
         self._parameters: dict[str, Parameter] = {}
         for parameter in parameters:
             if parameter.name in self._parameters:
@@ -161,6 +177,19 @@ class ParameterTable:
     def __getitem__(self, name: str) -> Parameter:
         return self._parameters[name]
 
+    def for_values(self, stated: Mapping[str, Any], source: str = "parameters") -> ParameterTable:
+        """This table together with what the values `stated` bring along; itself where they bring nothing.
+
+        Raises ConfigurationError naming `source` and node for a value that names what cannot be found.
+        """
+        if self._brought is None:
+            return self
+        try:
+            more = {entry.name: entry for entry in self._brought(stated)}
+        except ConfigurationError as error:
+            raise ConfigurationError(f"{source}: node {self.node_name}: parameter {error}") from error
+        return ParameterTable(self.node_name, (self._parameters | more).values()) if more else self
+
     def defaults(self) -> dict[str, Any]:
         """Every parameter's default; lists are copies."""
         return {parameter.name: parameter.convert(parameter.default) for parameter in self}
@@ -173,6 +202,9 @@ class ParameterTable:
         one), type, range, choice, non-finite number, length of a list, or a required parameter that is
         missing.
         """
+        table = self.for_values(mapping, source)
+        if table is not self:
+            return table.check(mapping, source)
         checked = self.defaults()
         checked.update(self._checked(mapping, source))
         for parameter in self:
@@ -187,6 +219,9 @@ class ParameterTable:
     ) -> dict[str, Any]:
         """`current` with `changes`, both checked. Raises ConfigurationError as `check`, and for a parameter
         that may not change while the node runs."""
+        table = self.for_values(current, source)
+        if table is not self:
+            return table.change(current, changes, source)
         checked = self._checked(changes, source)
         for name, value in checked.items():
             if not self[name].runtime and value != current.get(name):

@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from haptic_teleop_control.errors import ConfigurationError
-from haptic_teleop_control.laws import LAWS, ForceLaw
+from haptic_teleop_control.laws import ForceLaw, find_law
 from haptic_teleop_control.recording import JointStateSeries
 from haptic_teleop_control.robots import OMNI_JOINTS, SFJ_JOINTS, SFJ_MOTOR_JOINTS, STAGES
 from haptic_teleop_control.signals import SignalGenerator
@@ -94,7 +94,7 @@ def _prepare(
     omni = OmniRobot.from_parameters(_own(nodes["omni_sim"], seed), folder=parameters.folder, source=source)
     own_law = law
     if roles[SLAVE] == "sfj" and law is None:
-        law = LAWS[control["law"]].from_parameters(control, STAGES, 1.0 / control["slave_rate"])
+        law = find_law(control["law"]).from_parameters(control, STAGES, 1.0 / control["slave_rate"])
     return Prepared(
         robots={
             "sfj": sfj

@@ -19,7 +19,7 @@ from std_msgs.msg import String
 from std_srvs.srv import Trigger
 
 from haptic_teleop_control.errors import ConfigurationError
-from haptic_teleop_control.laws import LAWS
+from haptic_teleop_control.laws import find_law
 from haptic_teleop_control.node_tables import FORCE_CONTROLLER
 from haptic_teleop_control.nodes.base import HapticNode
 from haptic_teleop_control.nodes.joint_state_io import (
@@ -122,7 +122,7 @@ class ForceController(HapticNode):
         check_roles(values)
         law = None
         if values["slave"] == "sfj":
-            law = LAWS[values["law"]].from_parameters(values, STAGES, 1.0 / values["slave_rate"])
+            law = find_law(values["law"]).from_parameters(values, STAGES, 1.0 / values["slave_rate"])
         coupling = Coupling(values, law, self.fault, self._publish_state)
         felt = coupling.master_port.feedback_gains.any()
         if felt and values["command_source"] == "reference":

@@ -36,9 +36,11 @@ def declare_parameters(node: Node, table: ParameterTable) -> dict[str, Any]:
     the change; a ConfigurationError from either refuses the change with its sentence as the reason, and
     nothing changes. The returned dictionary follows the changes.
     """
-    declared = {
-        entry.name: node.declare_parameter(entry.name, entry.default, _descriptor(entry)) for entry in table
-    }
+    # Those that name a module come first: they decide which others there are.
+    first = [entry for entry in table if entry.plugin]
+    declared = {entry.name: _declare(node, entry) for entry in first}
+    table = table.for_values({name: entry.value for name, entry in declared.items()})
+    declared |= {entry.name: _declare(node, entry) for entry in table if entry.name not in declared}
     values = table.check({name: _plain(entry.value) for name, entry in declared.items()}, node.get_name())
 
     def change(requested: list[RosParameter]) -> SetParametersResult:
@@ -58,6 +60,10 @@ def declare_parameters(node: Node, table: ParameterTable) -> dict[str, Any]:
     return values
 
 
+def _declare(node: Node, entry: Parameter) -> RosParameter:
+    return node.declare_parameter(entry.name, entry.default, _descriptor(entry))
+
+
 def overrides(
     table: ParameterTable, full_name: str, arguments: RosArguments, neighbours: Iterable[ParameterTable] = ()
 ) -> list[RosParameter]:
@@ -68,6 +74,7 @@ def overrides(
     name holds for one of them is no error here. Raises ConfigurationError naming file, node, key and
     remedy.
     """
+    table = _with_brought(table, full_name, arguments)
     elsewhere = {entry.name for neighbour in neighbours for entry in neighbour} - {
         entry.name for entry in table
     }
@@ -95,6 +102,19 @@ def overrides(
         stated.update(_check_stated(table, {key: value}, "--ros-args"))
     checked = table.check(stated, ", ".join(arguments.parameter_files) or "--ros-args")
     return [RosParameter(key, value=checked[key]) for key in stated]
+
+
+def _with_brought(table: ParameterTable, full_name: str, arguments: RosArguments) -> ParameterTable:
+    """`table` with the parameters of the modules that the arguments name for this node."""
+    stated: dict[str, Any] = {}
+    for file in arguments.parameter_files:
+        stated.update(_section_values(load_parameter_file(file), full_name))
+    for target, key, text in arguments.parameters:
+        if target in (None, full_name.rsplit("/", 1)[-1]):
+            stated[key] = text
+    plugins = {entry.name for entry in table if entry.plugin}
+    named = {key: value for key, value in stated.items() if key in plugins}
+    return table.for_values(named, ", ".join(arguments.parameter_files) or "--ros-args")
 
 
 def _section_values(sections: Mapping[str, Mapping[str, Any]], full_name: str) -> dict[str, Any]:
