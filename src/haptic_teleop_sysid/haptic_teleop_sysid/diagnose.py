@@ -18,7 +18,6 @@ from haptic_teleop_control.errors import RecordingError
 from haptic_teleop_control.recording import read_recording
 from haptic_teleop_sim.model import Model, load_model
 from haptic_teleop_sysid.dataset import DataSet, load_dataset
-from haptic_teleop_sysid.diagnosis.decide import Choice
 from haptic_teleop_sysid.diagnosis.experiment import suggest
 from haptic_teleop_sysid.diagnosis.page import diagnosis_page
 from haptic_teleop_sysid.diagnosis.proof import Proof, mean_percent, prove, with_command
@@ -35,9 +34,6 @@ FEWEST_SAMPLES = 500
 _FOLLOWS = 0.1
 #: Loss of the simulated fit on unseen recordings, percent, from which a finding is not believed.
 HARM = 2.0
-#: Share of the simulated error that may be left with the first effect, and with each further one.
-LEAST_SHRINKAGE = 0.9
-LEAST_FURTHER_SHRINKAGE = 0.97
 
 
 def records_of(data: list[DataSet]) -> list[Record]:
@@ -79,35 +75,23 @@ def position_percent(model: Model, data: list[DataSet]) -> float:
     )
 
 
-def believable(result: SearchResult, estimation: list[DataSet], validation: list[DataSet]) -> SearchResult:
-    """The search's result up to the last effect that shows in free simulation, too.
-
-    The first effect must shrink the simulated error to ``LEAST_SHRINKAGE`` on both kinds of recordings,
-    each further one must not leave it where it was. Prediction by one sample finds differences that no
-    simulation would ever show; on clean recordings that is what it finds.
-    """
-    kept: list[Choice] = []
-    fit = result.baseline
-    for choice in result.choices:
-        after = choice.chosen.fit
-        ratios = [error_ratio(fit.model, after.model, data) for data in (estimation, validation)]
-        limit = LEAST_SHRINKAGE if not kept else LEAST_FURTHER_SHRINKAGE
-        if max(ratios) > limit if not kept else float(np.mean(ratios)) > limit:
-            break
-        kept.append(choice)
-        fit = after
-    tried = result.last_round if len(kept) == len(result.choices) else ()
-    return replace(result, choices=tuple(kept), final=fit, last_round=tried)
+def unharmful(result: SearchResult, validation: list[DataSet]) -> SearchResult:
+    """The search's result without the last effects while those spoil the free simulation of recordings it has
+    not seen: what predicts the next sample better but runs away when it runs freely is no explanation."""
+    kept = list(result.choices)
+    before = percent_of(result.baseline.model, validation)
+    while kept and percent_of(kept[-1].chosen.fit.model, validation) < before - HARM:
+        kept.pop()
+    if len(kept) == len(result.choices):
+        return result
+    final = kept[-1].chosen.fit if kept else result.baseline
+    return replace(result, choices=tuple(kept), final=final, last_round=())
 
 
-def error_ratio(before: Model, after: Model, data: list[DataSet]) -> float:
-    """Simulated error of one model over another's, the mean over recordings and signals."""
-    ratios = []
-    for d in map(with_command, data):
-        windows = choose_windows(before, d)
-        old, new = simulated_fit(before, d, windows), simulated_fit(after, d, windows)
-        ratios += [new.rms[n] / max(old.rms[n], 1e-12) for n in old.rms]
-    return float(np.mean(ratios))
+def percent_of(model: Model, data: list[DataSet]) -> float:
+    """Mean simulated fit of all signals, percent, each at least -100."""
+    fits = [simulated_fit(model, d, choose_windows(model, d)) for d in map(with_command, data)]
+    return float(np.mean([max(p, -100.0) for f in fits for p in f.percent.values()]))
 
 
 def diagnose(
@@ -122,10 +106,8 @@ def diagnose(
     def percent(candidate: Model) -> tuple[float, float]:
         return position_percent(candidate, estimation), position_percent(candidate, validation)
 
-    before = percent(result.baseline.model)
-    kept = believable(result, estimation, validation)
-    if not kept.choices and (min(before) < POOR_FIT or percent(result.final.model)[1] < before[1] - HARM):
-        # What predicts the next sample better but runs away when it runs freely is no explanation.
+    kept = unharmful(result, validation)
+    if not kept.choices and (result.choices or min(percent(result.baseline.model)) < POOR_FIT):
         say("searching by free simulation")
         kept = search_by_simulation(model, result.baseline, learn, judge, percent=percent, progress=say)
     result = kept

@@ -90,8 +90,8 @@ def larger_starts(effect: Effect, scales: Scales) -> list[Effect]:
     return found
 
 
-#: Displacements (rad) over which dry friction may turn round: which of them is no finding, but a wrong one biases
-#: its torque and makes other forms of friction look better than the true one.
+#: Displacements (rad) over which dry friction may turn round: which of them is no finding, but a wrong one
+#: biases its torque and makes other forms of friction look better than the true one.
 CONTACT_ANGLES = (2e-6, 2e-5, 2e-4)
 
 
@@ -99,9 +99,8 @@ def contacts(effect: Effect) -> list[Effect]:
     """The effect with every contact that it may have; itself where it has none to choose."""
     if effect.entry.memory != "direction":
         return [effect]
-    return [
-        Effect(effect.effect, effect.location, {**effect.parameters, "contact_angle": a}) for a in CONTACT_ANGLES
-    ]
+    own = effect.parameters
+    return [Effect(effect.effect, effect.location, {**own, "contact_angle": a}) for a in CONTACT_ANGLES]
 
 
 def _wanted(parameter: EffectParameter) -> bool:

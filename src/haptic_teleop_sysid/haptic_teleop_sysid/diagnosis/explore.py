@@ -22,8 +22,12 @@ from .screen import Screened, best_per_effect, screen
 #: Least promised gain (nats) that a re-fit is spent on, and the most re-fits of a round.
 _WORTH_A_FIT = 6.0
 _MOST_FITS = 12
-#: Explanations that are fitted to the end, and those whose end is a new start for the model without them.
-_MOST_POLISHED = 6
+#: Gauss-Newton steps of a trial.
+_TRIAL_STEPS = 5
+#: Trials under each noise model whose levels are tuned, explanations that are fitted to the end, and those
+#: whose end is a new start for the model without them.
+_MOST_TUNED = 6
+_MOST_POLISHED = 5
 _MOST_ABLATED = 2
 #: Gain (nats) of the model without them from which everything is done again from there.
 _ANOTHER_HOLLOW = 10.0
@@ -75,9 +79,13 @@ def explore(
     say("screening all effects")
     chosen = shortlist(fit, estimation, scales)
     fits: list[Fit] = []
-    for s in chosen:
-        say(f"fitting {s.effect.effect} at {s.effect.location}")
-        fits += refits(fit, lab, s, estimation, scales)
+    for noise in (fit.noise, _quiet(fit.noise)):
+        trials: list[Fit] = []
+        for s in chosen:
+            say(f"fitting {s.effect.effect} at {s.effect.location}")
+            trials += trial(fit, lab, s, estimation, scales, noise)
+        trials.sort(key=lambda t: -t.log_likelihood)
+        fits += [polish(t, estimation, rounds=1) for t in trials[:_MOST_TUNED]]
     fits = best_of_each(fits, len(fit.model.effects))
     for i, candidate in enumerate(fits[:_MOST_POLISHED]):
         say(f"once more {candidate.model.effects[len(fit.model.effects)].effect}")
@@ -112,11 +120,11 @@ def shortlist(fit: Fit, records: Sequence[Record], scales: Scales) -> list[Scree
     Where much is unexplained the fitted noise model takes it for a disturbance, under which no effect
     promises much: a delay of 16 ms that a fit explains with hundreds of nats promised less than seven.
     """
-    effects = list(candidates(fit.model, records, scales))
     quiet = fit_parameters(fit.model, _quiet(fit.noise), records, iterations=12)
     ranked: dict[tuple[str, str], tuple[float, Screened]] = {}
     for one in (fit, quiet):
-        best = [s for s in best_per_effect(screen(one, records, effects)) if s.gain > _WORTH_A_FIT]
+        screened = screen(one, records, candidates(fit.model, records, scales))
+        best = [s for s in best_per_effect(screened) if s.gain > _WORTH_A_FIT]
         for place, s in enumerate(best):
             key = (s.effect.effect, s.effect.location)
             if key not in ranked or place < ranked[key][0]:
@@ -166,19 +174,14 @@ def held_out_likelihood(
     return tune_noise(packed, best, records, factor=4.0, rounds=2)[1]
 
 
-def refits(
-    fit: Fit, lab: Model, screened: Screened, records: Sequence[Record], scales: Scales
+def trial(
+    fit: Fit, lab: Model, screened: Screened, records: Sequence[Record], scales: Scales, noise: NoiseModel
 ) -> list[Fit]:
-    """All parameters with the effect inside, from its start and from larger ones, under the noise model as it
-    is and under a quiet one, each with its noise levels tuned; those that predict anything."""
-    found = []
-    for noise in (fit.noise, _quiet(fit.noise)):
-        trials = [_trial(fit.model, e, noise, records) for e in contacts(screened.effect)]
-        trials += [_trial(lab, e, noise, records) for e in larger_starts(screened.effect, scales)]
-        trials = [t for t in trials if np.isfinite(t.log_likelihood)]
-        if trials:
-            found.append(polish(max(trials, key=lambda t: t.log_likelihood), records, rounds=1))
-    return found
+    """A few steps from the effect's start and from larger ones: the best, if any predicts anything."""
+    trials = [_trial(fit.model, e, noise, records) for e in contacts(screened.effect)]
+    trials += [_trial(lab, e, noise, records) for e in larger_starts(screened.effect, scales)]
+    trials = [t for t in trials if np.isfinite(t.log_likelihood)]
+    return [max(trials, key=lambda t: t.log_likelihood)] if trials else []
 
 
 def with_companion(fit: Fit, before: Model, records: Sequence[Record]) -> Fit:
@@ -186,7 +189,7 @@ def with_companion(fit: Fit, before: Model, records: Sequence[Record]) -> Fit:
     extra = companion(before, fit.model.effects[len(before.effects)])
     if extra is None:
         return fit
-    wider = polish(_trial(fit.model, extra, fit.noise, records), records)
+    wider = polish(fit_parameters(fit.model.with_effects(extra), fit.noise, records), records)
     return wider if wider.log_likelihood > fit.log_likelihood + _WORTH_A_NUISANCE else fit
 
 
@@ -194,7 +197,7 @@ def _trial(model: Model, effect: Effect, noise: NoiseModel, records: Sequence[Re
     wider = model.with_effects(effect)
     if "contact_angle" in effect.parameters:
         wider = replace(wider, fixed=(*wider.fixed, f"{effect.location}.{effect.effect}.contact_angle"))
-    return fit_parameters(wider, noise, records, iterations=8)
+    return fit_parameters(wider, noise, records, iterations=_TRIAL_STEPS)
 
 
 def _quiet(noise: NoiseModel) -> NoiseModel:
