@@ -39,12 +39,14 @@ _SATURATED = 6
 class ScenarioResult:
     """topics: topic -> series, as a recording of the graph would hold them. counts: what happened, by name,
     in samples of the robot concerned, and faults; only what did happen. states: (time s, state) of the
-    teleoperation, as they were entered.
+    teleoperation, as they were entered. energies: (2,) J of both stages, since the coupling: "master",
+    "slave", "lowest master", and with a link "link" and "lowest link" (see `teleoperation.passivity`).
     """
 
     topics: dict[str, JointStateSeries]
     counts: dict[str, int]
     states: tuple[tuple[float, str], ...] = ()
+    energies: Mapping[str, Array] = field(default_factory=dict)
 
 
 @dataclass(frozen=True)
@@ -84,6 +86,7 @@ class Loop:
     faults: Counter[str] = field(default_factory=Counter)
     states: list[tuple[float, str]] = field(default_factory=list)
     channels: dict[str, JointStateSeries] = field(default_factory=dict)
+    energies: dict[str, Array] = field(default_factory=dict)
 
 
 def run_loop(run: Prepared, outputs: Mapping[str, Outputs]) -> Loop:
@@ -198,7 +201,10 @@ def python_loop(run: Prepared, outputs: Mapping[str, Outputs]) -> Loop:
         _count(loop.counts[rows[kind] : rows[kind] + 3], robot.step(out.commands[k]))
         samples[kind] += 1
     loop.counts[_SATURATED] = coupling.saturations
+    counted = coupling.energies
+    loop.energies = {"master": counted.master, "slave": counted.slave, "lowest master": counted.lowest_master}
     if coupling.linked:
+        loop.energies |= {"link": counted.link, "lowest link": counted.lowest_link}
         for way, name in zip(ways, ("master", "slave"), strict=True):
             loop.channels[f"/teleoperation/{name}"] = JointStateSeries(
                 way.sent_at, way.sent_at.copy(), STAGES, None, way.sent[:, 0].copy(), way.sent[:, 1].copy()

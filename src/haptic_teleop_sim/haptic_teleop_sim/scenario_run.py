@@ -20,6 +20,7 @@ from haptic_teleop_control.laws import ForceLaw, find_law
 from haptic_teleop_control.recording import JointStateSeries
 from haptic_teleop_control.robots import OMNI_JOINTS, SFJ_JOINTS, SFJ_MOTOR_JOINTS, STAGES
 from haptic_teleop_control.signals import SignalGenerator
+from haptic_teleop_control.teleoperation.recorded_energy import port_energies
 from haptic_teleop_control.teleoperation.sides import REFERENCES
 
 from .experiments import SteppedRobot
@@ -70,7 +71,18 @@ def simulate_scenario(
     names = [f"{robot} {name}" for robot in NODES for name in codes] + ["law saturated"]
     counts = {name: int(n) for name, n in zip(names, result.counts, strict=True) if n}
     counts |= {f"fault {name}": n for name, n in result.faults.items()}
-    return ScenarioResult(topics, counts, tuple(result.states))
+    energies = result.energies or _energies(topics)
+    return ScenarioResult(topics, counts, tuple(result.states), energies)
+
+
+def _energies(topics: Mapping[str, JointStateSeries]) -> dict[str, Array]:
+    """Of the compiled loop, which does not count them: it is coupled from the first sample on."""
+    ports = port_energies(topics, "omni", "sfj")
+    return {
+        "master": ports["master"].energy[-1],
+        "slave": ports["slave"].energy[-1],
+        "lowest master": ports["master"].lowest,
+    }
 
 
 def _prepare(

@@ -36,7 +36,7 @@ class PassivitySettings:
 
     controller: bool = quantity(False, "", "damp the master where its port or the link has given energy away")
     maximum_damping: float = quantity(
-        0.02, "N·m·s/rad", "largest damping that is added, on a joint of the master", minimum=0.0, maximum=5.0
+        0.1, "N·m·s/rad", "largest damping that is added, on a joint of the master", minimum=0.0, maximum=5.0
     )
     slowest: float = quantity(
         0.05, "rad/s", "speed below which no damping is added: the measured velocity is noise", above=0.0
