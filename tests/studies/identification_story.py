@@ -18,8 +18,9 @@ from identification_plants import AXIS, STAGE, axis_recording, stage_recording
 
 from haptic_teleop_sim.model import Effect, Model
 from haptic_teleop_sysid.dataset import DataSet, load_dataset
+from haptic_teleop_sysid.estimation.progressive import without_nonlinear
 from haptic_teleop_sysid.estimation.records import with_trusted_input
-from haptic_teleop_sysid.estimation.strategies import estimate, without_nonlinear
+from haptic_teleop_sysid.estimation.strategies import estimate
 from haptic_teleop_sysid.fit import simulated_fit
 from haptic_teleop_sysid.windows import cut
 

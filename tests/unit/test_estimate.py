@@ -13,6 +13,7 @@ from haptic_teleop_sim.model import Effect, load_model
 from haptic_teleop_sysid.dataset import load_dataset
 from haptic_teleop_sysid.estimation.scores import score_covariance
 from haptic_teleop_sysid.estimation.strategies import estimate
+from haptic_teleop_sysid.estimation_report import misled_sentence
 from haptic_teleop_sysid.fit import simulated_fit
 from haptic_teleop_sysid.parameter_table import parameter_rows
 
@@ -119,6 +120,24 @@ def test_bounds_are_kept_and_a_start_outside_them_is_refused():
         estimate(STAGE, [data], limits={"arm_inertia": (1.0, 2.0)})
     with pytest.raises(ModelError, match="'mass', which the model does not have"):
         estimate(STAGE, [data], limits={"mass": (1.0, 2.0)})
+
+
+def test_a_one_step_predictor_misled_by_a_real_robot_is_not_believed_and_it_is_said(shared_data, repository):
+    # Torque ripple and the other axes act on this axis, and the model knows of neither.
+    start = load_model(repository / "tests" / "data" / "kr300_coulomb.yaml")
+    data = load_dataset(read_recording(shared_data / "real" / "kr300" / "estimation"), start)
+    found = estimate(start, [data])
+    assert found.misled is not None
+    assert found.misled.error_ahead < 0.5 * found.misled.error
+    assert "misleads the one-step predictor" in misled_sentence(found)
+    assert simulated_fit(found.model, data).percent["j_motor.position"] > 93.0
+    values = found.model.parameter_values()
+    # Regression of the torque on speed and its sign finds 1800 N·m·s/rad, and 350 and 450 N·m.
+    assert values["motor_damping"] == pytest.approx(1800.0, rel=0.2)
+    assert values["j_motor.coulomb_friction.torque"] == pytest.approx(400.0, rel=0.25)
+    # What would have been believed otherwise.
+    wrong = start.with_values(found.misled.values)
+    assert simulated_fit(wrong, data).percent["j_motor.position"] < 85.0
 
 
 def test_long_run_covariance_is_that_of_an_autoregressive_process():

@@ -9,10 +9,7 @@ import pytest
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "studies"))
 import identification_story as story
-from identification_plants import multisine
 
-from haptic_teleop_control.recording import JointStateSeries, Recording
-from haptic_teleop_sim.model import Effect, Model
 from haptic_teleop_sysid.dataset import load_dataset
 from haptic_teleop_sysid.estimation.strategies import estimate
 
@@ -38,62 +35,16 @@ def test_2dsfj_initial_values_verify_worse_than_damping_only_than_all_parameters
     assert np.all(everything < friction)
 
 
-XML = """
-<mujoco>
-  <option timestep="0.0001" integrator="implicitfast" gravity="0 0 0"/>
-  <worldbody>
-    <body>
-      <joint name="motor" type="hinge" axis="0 0 1" damping="0.35" frictionloss="0.12" solreffriction="0.002
-      1"/> <inertial pos="0 0 0" mass="1" diaginertia="0.02 0.02 0.02"/>
-      <body>
-        <joint name="bend" type="hinge" axis="0 0 1" stiffness="4.0" damping="0.01"/>
-        <inertial pos="0 0 0" mass="1" diaginertia="0.05 0.05 0.05"/>
-      </body>
-    </body>
-  </worldbody>
-  <actuator><motor joint="motor"/></actuator>
-</mujoco>
-"""
-HINGES = {"motor_inertia": 0.02, "motor_damping": 0.35, "stiffness": 4.0, "arm_inertia": 0.05,
-          "j_joint.joint_damping.coefficient": 0.01, "j_motor.coulomb_friction.torque": 0.12}  # fmt: skip
-
-
-def mujoco_recording(seed, seconds=10.0, dt=0.002):
-    """Two hinges with a spring between, stepped 20 times a sample by MuJoCo; angles behind 1e-5 rad
-    encoders."""
-    mujoco = pytest.importorskip("mujoco", reason="MuJoCo is not installed: pip install mujoco")
-    engine = mujoco.MjModel.from_xml_string(XML)
-    state = mujoco.MjData(engine)
-    n = round(seconds / dt)
-    torque = multisine(n, dt, 0.35, (0.1, 8.0), seed)
-    angles = np.empty((n, 2))
-    for i in range(n):
-        angles[i] = state.qpos[0], state.qpos[0] + state.qpos[1]
-        state.ctrl[0] = torque[i]
-        for _ in range(round(dt / engine.opt.timestep)):
-            mujoco.mj_step(engine, state)
-    angles = 1e-5 * np.round(angles / 1e-5)
-    stamps = 1_000_000_000 + np.rint(1e9 * dt * np.arange(n)).astype(np.int64)
-    effort = np.column_stack([torque, np.zeros(n)])
-    series = JointStateSeries(stamps, stamps, ("j", "a"), angles, None, effort)
-    return Recording(Path("mujoco"), {"/plant/joint_states": series}, {}, experiment={"kind": "open loop"})
-
-
 def test_the_parameters_of_an_independent_physics_engine_are_found():
-    topic = "/plant/joint_states"
-    io = {"input": {"topic": topic, "joint": "j", "field": "effort"}, "motor": {"topic": topic, "joint": "j"},
-          "arm": {"topic": topic, "joint": "a"}}  # fmt: skip
-    start = Model(
-        "generic", "j", "flexible_joint",
-        {"torque_constant": 1.0, "stiffness": 5.2, "motor_inertia": 0.026, "motor_damping": 0.25,
-         "arm_inertia": 0.035, "arm_damping": 0.0},
-        fixed=("torque_constant", "arm_damping"),
-        effects=(Effect("joint_damping", "j_joint", {"coefficient": 0.013}),
-                 Effect("coulomb_friction", "j_motor", {"torque": 0.08, "smoothing": 0.01})),
-        io=io,
-    )  # fmt: skip
-    found = estimate(start, [load_dataset(mujoco_recording(1), start)])
+    pytest.importorskip("mujoco", reason="MuJoCo is not installed: pip install mujoco")
+    from hinge_plant import TRUTH, hinge_model, hinge_motion, hinge_recording
+
+    factors = dict(zip(TRUTH, (1.3, 0.7, 1.3, 0.7, 1.3, 0.7), strict=True))
+    start = hinge_model({name: factor * TRUTH[name] for name, factor in factors.items()})
+    torque, angles = hinge_motion(seed=1, seconds=10.0, dt=0.002)
+    data = load_dataset(hinge_recording(torque, angles, 0.002), start)
+    # A narrower smoothing than this acts within less than a sample, and only costs time.
+    found = estimate(start, [data], limits={"j_motor.coulomb_friction.smoothing": (1e-3, 1.0)})
     values = found.model.parameter_values()
-    errors = {name: values[name] / true - 1.0 for name, true in HINGES.items()}
-    # MuJoCo's dry friction creeps where a real contact sticks, so its smoothing is estimated, too.
-    assert max(abs(e) for e in errors.values()) < 0.01
+    assert found.converged
+    assert max(abs(values[name] / true - 1.0) for name, true in TRUTH.items()) < 0.01

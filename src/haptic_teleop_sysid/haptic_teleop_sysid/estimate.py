@@ -19,7 +19,8 @@ from haptic_teleop_sim.model import Model, load_model
 from haptic_teleop_sysid.dataset import DataSet, load_dataset
 from haptic_teleop_sysid.estimation.gauss_newton import Limits
 from haptic_teleop_sysid.estimation.records import record_from, with_trusted_input
-from haptic_teleop_sysid.estimation.strategies import METHODS, Estimate, check_start, estimate
+from haptic_teleop_sysid.estimation.result import Estimate
+from haptic_teleop_sysid.estimation.strategies import METHODS, check_start, estimate
 from haptic_teleop_sysid.estimation_report import Result, as_json, fit_picture, page, tables, verdict
 from haptic_teleop_sysid.excitation import at_values, refuse_idle
 from haptic_teleop_sysid.fit import choose_windows, simulated_fit
@@ -96,7 +97,8 @@ def run_estimate(
         fits["start", bag] = simulated_fit(found.start, dataset, windows)
         fits["estimate", bag] = simulated_fit(found.model, dataset, windows)
         record = record_from(dataset)
-        basis = found.fit or at_values(found.model, [record])
+        # Residuals are those of one step, whichever predictor gave the numbers.
+        basis = found.fit if found.fit and not found.misled else at_values(found.model, [record])
         if math.isfinite(basis.log_likelihood):
             residuals[bag] = residual_analysis(basis, record)
     return Result(found, data, tuple(validation), fits, residuals, told)

@@ -12,7 +12,7 @@ from rich.text import Text
 
 from haptic_teleop_sysid.comparison_report import percent_text, within
 from haptic_teleop_sysid.dataset import DataSet
-from haptic_teleop_sysid.estimation.strategies import Estimate
+from haptic_teleop_sysid.estimation.result import Estimate
 from haptic_teleop_sysid.fit import SimulatedFit
 from haptic_teleop_sysid.parameter_table import HEADER, Row, as_text, parameter_rows
 from haptic_teleop_sysid.report import Page, Panel, Series, stacked_panels
@@ -69,6 +69,7 @@ def as_json(result: Result) -> dict[str, Any]:
         "noise": None if found.fit is None else asdict(found.fit.noise),
         "starts": found.starts,
         "output_error": found.output_error,
+        "misled": None if found.misled is None else asdict(found.misled),
         "disagreement": found.disagreement(),
         "fit": {
             which: {bag: result.fits[which, bag].percent for bag in result.data}
@@ -123,6 +124,8 @@ def verdict(result: Result) -> list[tuple[str, str]]:
         told.append(
             ("bad", f"The search did not end at an optimum: {found.message}. Do not use these numbers.")
         )
+    if found.misled is not None:
+        told.append(("bad", misled_sentence(found)))
     if found.uncertainty is not None:
         for name, why in found.uncertainty.undetermined.items():
             told.append(("fair", f"{name} cannot be determined from these recordings: {why}."))
@@ -139,6 +142,25 @@ def verdict(result: Result) -> list[tuple[str, str]]:
         for problem in dataset.problems:
             told.append(("fair", f"{bag}: {problem}."))
     return told
+
+
+def misled_sentence(found: Estimate) -> str:
+    """What is said where the one-step predictor was not believed."""
+    misled = found.misled
+    assert misled is not None
+    values = found.model.parameter_values()
+    apart = [
+        f"{name} {other:.4g} instead of {values[name]:.4g}"
+        for name, other in misled.values.items()
+        if abs(other - values[name]) > 0.1 * abs(values[name])
+    ]
+    return (
+        "Something quick is missing from the model, and it misleads the one-step predictor"
+        + (f" ({', '.join(apart)})" if apart else "")
+        + f": simulated with its values, the angles err by {100 * misled.error:.3g} % of their spread, with "
+        f"those shown by {100 * misled.error_ahead:.3g} %. Shown are those of a predictor that looks some "
+        f"{misled.ahead:.2g} s ahead; run diagnose to find what is missing."
+    )
 
 
 def tables(result: Result) -> list[Table]:

@@ -6,7 +6,7 @@ import math
 from dataclasses import dataclass
 
 from haptic_teleop_sim.model import PARAMETER_UNITS, STRUCTURES, Model
-from haptic_teleop_sysid.estimation.strategies import Estimate
+from haptic_teleop_sysid.estimation.result import Estimate
 
 
 @dataclass(frozen=True)

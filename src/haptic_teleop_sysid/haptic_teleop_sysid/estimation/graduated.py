@@ -96,12 +96,27 @@ def fit_from_afar(
 ) -> Fit:
     """`fit_model` after `approach`, then `polish`; where the approach did not arrive, the better of this
     and of `fit_model` alone."""
-    near = approach(model, records, free=free, limits=limits, progress=progress)
+    return fit_far_and_near(model, records, free=free, limits=limits, progress=progress)[1]
+
+
+def fit_far_and_near(
+    model: Model,
+    records: Sequence[Record],
+    *,
+    free: tuple[str, ...] | None = None,
+    limits: Limits | None = None,
+    progress: Callable[[int, float], None] | None = None,
+) -> tuple[Fit, Fit]:
+    """Two fits: of the predictor that looks far ahead (`approach`, its last stage), and `fit_from_afar`'s.
+
+    They agree when the model is right, and the second is then the surer. Where something is missing that acts
+    within few samples (a contact that gives before it slides), the second can be far off."""
+    far = approach(model, records, free=free, limits=limits, progress=progress)
     # From a quiet noise model, so that the disturbance does not grow until it replaces friction.
-    quiet = distrustful_noise(near.model, records, 0.0)
+    quiet = distrustful_noise(far.model, records, 0.0)
     # Two rounds: the polish below does the rest.
     fit = fit_model(
-        near.model,
+        far.model,
         records,
         noise=quiet,
         free=free,
@@ -110,10 +125,10 @@ def fit_from_afar(
         limits=limits,
         progress=progress,
     )
-    if not (near.converged and fit.converged):
+    if not (far.converged and fit.converged):
         other = fit_model(model, records, free=free, limits=limits, progress=progress)
         fit = max(fit, other, key=lambda one: one.log_likelihood)
-    return polish(fit, records, limits=limits, progress=progress)
+    return far, polish(fit, records, limits=limits, progress=progress)
 
 
 def polish(

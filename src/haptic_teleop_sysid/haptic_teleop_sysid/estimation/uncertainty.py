@@ -29,7 +29,7 @@ from .scores import score_covariance
 
 FloatArray = NDArray[np.float64]
 
-#: s; correlation of the scores is counted up to this lag at least.
+#: s; correlation of the scores is counted up to this lag.
 MEMORY = 0.1
 #: Relative step of a derivative through the observer's gain.
 STEP = 1e-3
@@ -63,26 +63,31 @@ class Uncertainty:
         return value - half, value + half
 
 
-def uncertainty(fit: Fit, records: Sequence[Record]) -> Uncertainty:
-    """Standard errors, correlations and what is undetermined, at a fit of ``records``."""
+def uncertainty(
+    fit: Fit, records: Sequence[Record], memory: float = MEMORY, tuned: bool = True
+) -> Uncertainty:
+    """Standard errors, correlations and what is undetermined, at a fit of ``records``.
+
+    ``memory``: s over which the innovations may be correlated; ``tuned``: the noise levels were estimated
+    from the same data, and what they may still vary makes the parameters less sure.
+    """
     names = fit.free
     packed = pack(fit.model)
-    levels = _levels(packed)
+    levels = _levels(packed) if tuned else ()
     p = len(names) + len(levels)
     information, meat = np.zeros((p, p)), np.zeros((p, p))
     for record in records:
         prediction = innovations(packed, fit.noise, record, names)
-        # The levels of the noise were estimated from the same data: what they may still vary makes the
-        # parameters less sure, so their derivatives take part.
-        columns = np.stack([_by_level(packed, fit.noise, record, level) for level in levels], axis=2)
+        columns = [_by_level(packed, fit.noise, record, level) for level in levels]
         by_gain = np.stack([_through_gain(fit, packed, record, name) for name in names], axis=2)
-        whole = np.concatenate([prediction.d_innovation + by_gain, columns], axis=2)
+        slopes = prediction.d_innovation + by_gain
+        whole = np.concatenate([slopes, *(c[:, :, None] for c in columns)], axis=2)
         prediction = replace(prediction, d_innovation=whole)
         whitened, jacobian = whiten(packed, record, prediction)
         width = len(whitened) // len(prediction.innovation[settling(record) :])
         scores = (jacobian * whitened[:, None]).reshape(-1, width, p).sum(axis=1)
         n = len(scores)
-        lags = max(round(MEMORY / record.dt), int(4.0 * (n / 100.0) ** (2.0 / 9.0)))
+        lags = max(round(memory / record.dt), int(4.0 * (n / 100.0) ** (2.0 / 9.0)))
         information += jacobian.T @ jacobian
         meat += score_covariance(scores, min(lags, n // 10))
     return _judge(fit, information, meat)
