@@ -95,12 +95,12 @@ def larger_starts(effect: Effect, scales: Scales) -> list[Effect]:
 CONTACT_ANGLES = (2e-6, 2e-5, 2e-4)
 
 
-def contacts(effect: Effect) -> list[Effect]:
-    """The effect with every contact that it may have; itself where it has none to choose."""
+def contacts(effect: Effect, known: float | None = None) -> list[Effect]:
+    """The effect with the ``known`` contact, or every one that it may have; itself where it has none."""
     if effect.entry.memory != "direction":
         return [effect]
-    own = effect.parameters
-    return [Effect(effect.effect, effect.location, {**own, "contact_angle": a}) for a in CONTACT_ANGLES]
+    own, angles = effect.parameters, CONTACT_ANGLES if known is None else (known,)
+    return [Effect(effect.effect, effect.location, {**own, "contact_angle": a}) for a in angles]
 
 
 def _wanted(parameter: EffectParameter) -> bool:

@@ -22,6 +22,8 @@ from .screen import Screened, best_per_effect, screen
 #: Least promised gain (nats) that a re-fit is spent on, and the most re-fits of a round.
 _WORTH_A_FIT = 6.0
 _MOST_FITS = 12
+#: Starts of one effect that are screened under both noise models.
+_STARTS_ONCE_MORE = 3
 #: Gauss-Newton steps of a trial.
 _TRIAL_STEPS = 5
 #: Trials under each noise model whose levels are tuned, explanations that are fitted to the end, and those
@@ -81,9 +83,15 @@ def explore(
     fits: list[Fit] = []
     for noise in (fit.noise, _quiet(fit.noise)):
         trials: list[Fit] = []
+        touched: dict[str, float] = {}
         for s in chosen:
             say(f"fitting {s.effect.effect} at {s.effect.location}")
-            trials += trial(fit, lab, s, estimation, scales, noise)
+            starts = contacts(s.effect, touched.get(s.effect.location))
+            best = trial(fit, lab, starts, larger_starts(s.effect, scales), estimation, noise)
+            trials += best
+            if len(starts) > 1 and best:
+                # One contact for all forms of friction at a place.
+                touched[s.effect.location] = best[0].model.effects[-1].parameters["contact_angle"]
         trials.sort(key=lambda t: -t.log_likelihood)
         fits += [polish(t, estimation, rounds=1) for t in trials[:_MOST_TUNED]]
     fits = best_of_each(fits, len(fit.model.effects))
@@ -122,14 +130,29 @@ def shortlist(fit: Fit, records: Sequence[Record], scales: Scales) -> list[Scree
     """
     quiet = fit_parameters(fit.model, _quiet(fit.noise), records, iterations=12)
     ranked: dict[tuple[str, str], tuple[float, Screened]] = {}
+    effects = list(candidates(fit.model, records, scales))
     for one in (fit, quiet):
-        screened = screen(one, records, candidates(fit.model, records, scales))
+        screened = screen(one, records, effects)
+        effects = few_of_each(screened, effects)
         best = [s for s in best_per_effect(screened) if s.gain > _WORTH_A_FIT]
         for place, s in enumerate(best):
             key = (s.effect.effect, s.effect.location)
             if key not in ranked or place < ranked[key][0]:
                 ranked[key] = (place, s)
     return [s for _, s in sorted(ranked.values(), key=lambda r: r[0])][:_MOST_FITS]
+
+
+def few_of_each(screened: Sequence[Screened], effects: Sequence[Effect]) -> list[Effect]:
+    """The starts worth screening once more: the best ones of each effect at each place, and all starts of
+    those of which none promised anything."""
+    kept: dict[tuple[str, str], int] = {}
+    found = []
+    for s in screened:
+        key = (s.effect.effect, s.effect.location)
+        kept[key] = kept.get(key, 0) + 1
+        if kept[key] <= _STARTS_ONCE_MORE:
+            found.append(s.start)
+    return found + [e for e in effects if (e.effect, e.location) not in kept]
 
 
 def better_baseline(fit: Fit, fits: Sequence[Fit], records: Sequence[Record]) -> Fit:
@@ -175,11 +198,17 @@ def held_out_likelihood(
 
 
 def trial(
-    fit: Fit, lab: Model, screened: Screened, records: Sequence[Record], scales: Scales, noise: NoiseModel
+    fit: Fit,
+    lab: Model,
+    small: Sequence[Effect],
+    large: Sequence[Effect],
+    records: Sequence[Record],
+    noise: NoiseModel,
 ) -> list[Fit]:
-    """A few steps from the effect's start and from larger ones: the best, if any predicts anything."""
-    trials = [_trial(fit.model, e, noise, records) for e in contacts(screened.effect)]
-    trials += [_trial(lab, e, noise, records) for e in larger_starts(screened.effect, scales)]
+    """A few steps from an effect's starts, small ones beside fitted parameters and large ones beside believed
+    ones: the best, if any predicts anything."""
+    trials = [_trial(fit.model, e, noise, records) for e in small]
+    trials += [_trial(lab, e, noise, records) for e in large]
     trials = [t for t in trials if np.isfinite(t.log_likelihood)]
     return [max(trials, key=lambda t: t.log_likelihood)] if trials else []
 

@@ -10,12 +10,15 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
+from numpy.typing import NDArray
 
+from haptic_teleop_sim.kernel import pack
 from haptic_teleop_sim.model import Effect
-from haptic_teleop_sysid.estimation.gauss_newton import Fit, bounds, gauss_newton_step, normal_equations
+from haptic_teleop_sysid.estimation.gauss_newton import OVERFLOW, Fit, bounds, gauss_newton_step, whiten
+from haptic_teleop_sysid.estimation.likelihood import innovations, log_likelihood
 from haptic_teleop_sysid.estimation.records import Record
 
 from .candidates import shape_parameters
@@ -23,10 +26,12 @@ from .candidates import shape_parameters
 
 @dataclass(frozen=True)
 class Screened:
-    """A candidate with the gain (nats) its linearisation promises and the parameters it would then have."""
+    """A candidate with the gain (nats) its linearisation promises and the parameters it would then have;
+    ``start``: the candidate as it was linearised."""
 
     effect: Effect
     gain: float
+    start: Effect
 
 
 def screen(
@@ -34,8 +39,11 @@ def screen(
 ) -> list[Screened]:
     """Candidates by promised gain, best first; those whose best size has the wrong sign are left out."""
     result = []
+    packed = pack(fit.model)
+    # The derivatives by the structure's parameters hardly change with a small effect: one run serves for all.
+    structure = [innovations(packed, fit.noise, r, fit.free).d_innovation for r in records]
     for effect in effects:
-        found = _score(fit, records, effect)
+        found = _score(fit, records, effect, structure)
         if found is not None:
             result.append(found)
         if progress is not None:
@@ -43,16 +51,28 @@ def screen(
     return sorted(result, key=lambda s: -s.gain)
 
 
-def _score(fit: Fit, records: Sequence[Record], effect: Effect) -> Screened | None:
+def _score(
+    fit: Fit, records: Sequence[Record], effect: Effect, structure: Sequence[NDArray[np.float64]]
+) -> Screened | None:
     model = fit.model.with_effects(effect)
     shapes = shape_parameters(effect.entry)
     head = f"{effect.location}.{effect.effect}."
     own = [head + n for n in effect.parameters if n not in shapes]
-    free = (*fit.free, *own)
-    information, gradient, value = normal_equations(model, fit.noise, records, free)
+    packed = pack(model)
+    predictions = [innovations(packed, fit.noise, r, tuple(own)) for r in records]
+    value = log_likelihood(packed, records, [p.innovation for p in predictions])
     if not np.isfinite(value):
         return None
-    active = np.ones(len(free), dtype=bool)
+    size = len(fit.free) + len(own)
+    information, gradient = np.zeros((size, size)), np.zeros(size)
+    for record, prediction, columns in zip(records, predictions, structure, strict=True):
+        whole = replace(prediction, d_innovation=np.concatenate([columns, prediction.d_innovation], axis=2))
+        if not np.max(np.abs(whole.d_innovation), initial=0.0) < OVERFLOW:
+            return None
+        whitened, jacobian = whiten(packed, record, whole)
+        information += jacobian.T @ jacobian
+        gradient += jacobian.T @ whitened
+    active = np.ones(size, dtype=bool)
     step = gauss_newton_step(information, gradient, 1e-9, active)
     gain = value - fit.log_likelihood - 0.5 * float(gradient @ step)
     sizes = {
@@ -70,7 +90,7 @@ def _score(fit: Fit, records: Sequence[Record], effect: Effect) -> Screened | No
             if name in _sizes(effect):
                 return None
             new[name] = float(np.clip(new[name], a, b))
-    return Screened(Effect(effect.effect, effect.location, new), gain)
+    return Screened(Effect(effect.effect, effect.location, new), gain, effect)
 
 
 def _sizes(effect: Effect) -> tuple[str, ...]:

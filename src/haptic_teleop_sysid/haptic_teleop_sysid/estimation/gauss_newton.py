@@ -24,7 +24,7 @@ _RESOLUTION = 1e-8
 #: A trial stiffer than this (steps per sample), and four times stiffer than the start, is not worth its time.
 _MOST_SUBSTEPS = 32
 #: Derivatives beyond this are taken for diverged.
-_OVERFLOW = 1e120
+OVERFLOW = 1e120
 
 
 @dataclass(frozen=True)
@@ -82,7 +82,7 @@ def normal_equations(
     for record, prediction in zip(records, predictions, strict=True):
         # The derivatives may overflow although the prediction does not, where the observer is nearly
         # unstable.
-        if not np.max(np.abs(prediction.d_innovation), initial=0.0) < _OVERFLOW:
+        if not np.max(np.abs(prediction.d_innovation), initial=0.0) < OVERFLOW:
             return np.zeros_like(information), np.zeros_like(gradient), -np.inf
         whitened, jacobian = whiten(packed, record, prediction)
         information += jacobian.T @ jacobian
