@@ -92,7 +92,8 @@ def discover(settings: Settings, output: Path, say: Say) -> dict[str, Any]:
     with steps.step("diagnosing, in a process of its own, with two recordings and the lab's model"):
         ran = diagnose(case, FRONT_DOOR, TIMEOUT)
         if ran["status"] != "0":
-            raise StepFailed(f"diagnose ended with {ran['status']}: {ran['message']}")
+            words = f": {ran['message']}" if ran["message"] else ""
+            raise StepFailed(f"diagnose ended with exit status {ran['status']}{words}")
         say(f"      verdict reached after {ran['seconds']:.0f} s")
     with steps.step("opening the label"):
         opened = open_labels(output, secret, [], digest)
