@@ -1,5 +1,5 @@
-"""`haptic-teleop verify`: check a recording of scenario 1 against what the force law promises, and write its
-report.
+"""`haptic-teleop verify`: check recordings of a scenario against what the force law promises, lay a
+simulation of the same scenario over them, and write a report.
 """
 
 from __future__ import annotations
@@ -13,11 +13,12 @@ from typing import Any
 from rich.console import Console
 
 from haptic_teleop_control.command_line import run_command
-from haptic_teleop_control.errors import ConfigurationError
+from haptic_teleop_control.errors import ConfigurationError, MismatchError
 from haptic_teleop_control.recording import read_recording
 from haptic_teleop_control.robots import STAGES
 from haptic_teleop_sysid.report import claim_output_directory, save_png
 from haptic_teleop_sysid.results import tool_version, write_json
+from haptic_teleop_sysid.verification.overlay import overlay_all
 from haptic_teleop_sysid.verification.page import key_figures, verification_page
 from haptic_teleop_sysid.verification.pictures import stage_picture
 from haptic_teleop_sysid.verification.run import Run, agreement, examine
@@ -38,27 +39,51 @@ def verify(
     output: Path,
     remove_delay: bool = False,
     overrides: dict[str, dict[str, float]] | None = None,
+    simulate: bool = True,
+    scenario: str | None = None,
 ) -> list[Run]:
-    """Examine `bags`, write verify.json, report.html and a picture per stage into the directory `output`;
-    return the runs.
+    """Examine `bags`, simulate what they recorded, write verify.json, report.html and pictures into the
+    directory `output`; return the runs.
 
-    Raises RecordingError and MismatchError, naming the bag, for what cannot be read or is no recording of
-    scenario 1.
+    simulate: whether a simulation is laid over each recording that says enough about itself. scenario: a
+    scenario file whose plants are simulated instead of those that the recordings name; then all of them must
+    say enough.
+    Raises RecordingError and MismatchError, naming the bag, for what cannot be read or is no recording of a
+    scenario, ConfigurationError or ModelError for a scenario or model file that cannot be used.
     """
     began = time.perf_counter()
-    runs = [examine(read_recording(bag), bag, overrides) for bag in bags]
+    recordings = [read_recording(bag) for bag in bags]
+    runs = [examine(recording, bag, overrides) for recording, bag in zip(recordings, bags, strict=True)]
+    if len({one.scenario for one in runs}) > 1:
+        raise MismatchError(f"{', '.join(bags)} are not all of one scenario: verify them in two reports.")
     labels = short_names(bags)
+    named = dict(zip(labels, recordings, strict=True))
+    overlays = overlay_all(named if simulate else {}, scenario, remove_delay)
     agreements = {label: agreement(runs[0], run) for run, label in zip(runs[1:], labels[1:], strict=True)}
     stages = dict.fromkeys(stage for one in runs for stage in one.stages)
     pictures = {stage: stage_picture(runs, stage, labels, remove_delay) for stage in stages}
     for stage, picture in pictures.items():
         save_png(picture, output / f"{stage}.png")
-    verification_page(runs, labels, agreements, pictures).write(output / "report.html")
+    for number, figures in enumerate(overlays.pictures.values(), start=1):
+        for group, picture in figures.items():
+            which = f"_{number}" if len(bags) > 1 else ""
+            save_png(picture, output / f"simulation{which}_{group.replace(' ', '')}.png")
+    verification_page(runs, labels, agreements, pictures, overlays).write(output / "report.html")
     content: dict[str, Any] = {
         "schema": 1,
-        "scenario": 1,
+        "scenario": runs[0].scenario,
         "runs": {run.name: run.as_json() | {"verdicts": verdicts(run)} for run in runs},
         "agreement": {bag: agreements[label] for bag, label in zip(bags[1:], labels[1:], strict=True)},
+        "simulation": {
+            bag: overlays.done[label].as_json()
+            for bag, label in zip(bags, labels, strict=True)
+            if label in overlays.done
+        },
+        "not_simulated": {
+            bag: overlays.reasons[label]
+            for bag, label in zip(bags, labels, strict=True)
+            if label in overlays.reasons
+        },
         "delay_removed": remove_delay,
         "runtime_s": time.perf_counter() - began,
         "version": tool_version(),
@@ -93,7 +118,14 @@ def run(argv: list[str]) -> int:
                 overrides[stage][name] = value
     output = claim_output_directory(arguments.output, RESULT, arguments.overwrite)
     with Console(stderr=True).status("verifying"):
-        runs = verify(arguments.bag, output, arguments.remove_delay, overrides)
+        runs = verify(
+            arguments.bag,
+            output,
+            arguments.remove_delay,
+            overrides,
+            simulate=not arguments.no_simulation,
+            scenario=arguments.simulate,
+        )
     print_summary(runs, output / "report.html")
     return 0
 
@@ -134,6 +166,16 @@ def _parser() -> argparse.ArgumentParser:
     )
     parser.add_argument(
         "--remove-delay", action="store_true", help="count each run's time from the onset of its command"
+    )
+    simulation = parser.add_mutually_exclusive_group()
+    simulation.add_argument(
+        "--simulate",
+        metavar="FILE",
+        help="scenario file whose plants are simulated beside the recordings; needed where these were made "
+        "with drivers (default: the simulated plants that a recording names)",
+    )
+    simulation.add_argument(
+        "--no-simulation", action="store_true", help="no simulation beside the recordings"
     )
     parser.add_argument(
         "--overwrite", action="store_true", help="replace the results of an earlier run in DIR"

@@ -9,6 +9,7 @@ from matplotlib.figure import Figure
 
 from haptic_teleop_sysid.report import Page
 from haptic_teleop_sysid.verification import tables
+from haptic_teleop_sysid.verification.overlay import Overlays, overlay_table
 from haptic_teleop_sysid.verification.pictures import latency_picture
 from haptic_teleop_sysid.verification.run import Run
 from haptic_teleop_sysid.verification.verdicts import verdicts
@@ -56,15 +57,22 @@ def key_figures(run: Run) -> list[KeyFigure]:
     return figures
 
 
+TITLES = {1: "Scenario 1: Omni as master, 2DSFJ as slave", 2: "Scenario 2: 2DSFJ as master, Omni as slave"}
+
+
 def verification_page(
-    runs: Sequence[Run], labels: Sequence[str], agreements: Mapping[str, Any], pictures: Mapping[str, Figure]
+    runs: Sequence[Run],
+    labels: Sequence[str],
+    agreements: Mapping[str, Any],
+    pictures: Mapping[str, Figure],
+    overlays: Overlays,
 ) -> Page:
-    """Return the page: summary, each stage's pictures and figures, the graph's health, the settings and their
-    sources.
+    """Return the page: summary, each stage's pictures and figures, simulation over recording, the graph's
+    health, the settings and their sources.
     """
     kind = runs[0].experiment.get("kind")
     page = Page(
-        "Scenario 1: Omni as master, 2DSFJ as slave",
+        TITLES[runs[0].scenario],
         ", ".join(run.name for run in runs) + (f" ({kind})" if kind else ""),
     )
     for run, label in zip(runs, labels, strict=True):
@@ -75,6 +83,7 @@ def verification_page(
         page.key_figure(*figure)
     for stage, picture in pictures.items():
         _stage_section(page, runs, labels, stage, picture)
+    _overlay_section(page, overlays)
     _agreement_section(page, labels, agreements)
     _graph_section(page, runs, labels)
     _settings_section(page, runs, labels)
@@ -94,6 +103,26 @@ def _stage_section(
     merits = [(label, run.merits[stage]) for run, label in named if stage in run.merits]
     for table in (tables.free_table(merits), tables.contact_table(merits), tables.phase_table(merits)):
         section.table(*table)
+
+
+def _overlay_section(page: Page, overlays: Overlays) -> None:
+    if not overlays.done and not overlays.reasons:
+        return
+    section = page.section("Simulation and recording of the same scenario")
+    for label, reason in overlays.reasons.items():
+        section.text(
+            f"{label} {reason}: no simulation beside it. A scenario file after --simulate gives them."
+        )
+    for label, one in overlays.done.items():
+        delay = "removed" if one.removed else "left in"
+        section.text(
+            f"{label}: plants from {one.plants}; command from {one.command}. The recording's command begins "
+            f"{one.delay:+.3f} s against the simulation's; this delay is {delay}."
+        )
+        for group, picture in overlays.pictures[label].items():
+            section.picture(picture, f"{label}, {group}: recording, and simulation dashed")
+    if overlays.done:
+        section.table(*overlay_table(overlays.done))
 
 
 def _agreement_section(page: Page, labels: Sequence[str], agreements: Mapping[str, Any]) -> None:

@@ -10,7 +10,9 @@ import numpy as np
 
 from haptic_teleop_control.recording import Recording
 from haptic_teleop_sysid.fit import fit_percent
+from haptic_teleop_sysid.recorded_parameters import recorded_text
 from haptic_teleop_sysid.verification.merit import StageMerit, stage_merit
+from haptic_teleop_sysid.verification.settings import CONTROLLER
 from haptic_teleop_sysid.verification.signals import StageRun, read_stages
 from haptic_teleop_sysid.verification.timing import graph_health, latency_samples
 
@@ -30,6 +32,8 @@ class Run:
     complete: bool
     problems: list[str]
     experiment: dict[str, Any]
+    scenario: int = 1
+    """2: the Omni is the slave; it has no force sensor, so there are neither stages nor figures of merit."""
 
     def as_json(self) -> dict[str, Any]:
         """Return the figures as plain data."""
@@ -48,9 +52,10 @@ def examine(
 ) -> Run:
     """Return the examined recording. `overrides`: stage -> setting -> value, see `StageSettings`.
 
-    Raises MismatchError when it is no recording of scenario 1 or does not say enough about itself.
+    Raises MismatchError when it is no recording of a scenario or does not say enough about itself.
     """
-    stages = read_stages(recording, name, overrides)
+    second = recorded_text(recording.parameters, "slave", CONTROLLER) == "omni"
+    stages = {} if second else read_stages(recording, name, overrides)
     merits = {stage: stage_merit(run) for stage, run in stages.items()}
     begins = [
         start for merit in merits.values() for kind, start, _ in merit.phases if kind in ("free", "contact")
@@ -65,6 +70,7 @@ def examine(
         complete=recording.complete,
         problems=list(recording.problems),
         experiment=dict(recording.experiment),
+        scenario=2 if second else 1,
     )
 
 

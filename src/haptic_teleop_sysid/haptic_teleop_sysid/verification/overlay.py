@@ -1,0 +1,217 @@
+"""Simulation and recording of one scenario, laid over each other (thesis 4.4, 5.4): every signal that both
+hold, its fit in percent, with or without the delay between the two.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from matplotlib.figure import Figure
+from numpy.typing import NDArray
+
+from haptic_teleop_control.errors import HapticTeleopError
+from haptic_teleop_control.recording import JointStateSeries, Recording
+from haptic_teleop_control.robots import PAIRS
+from haptic_teleop_sysid.fit import fit_percent
+from haptic_teleop_sysid.report import Panel, Series, stacked_panels
+from haptic_teleop_sysid.verification.signals import MASTER_TOPIC, REFERENCE_TOPIC, STATE_TOPIC
+from haptic_teleop_sysid.verification.simulation import (
+    SimulatedRun,
+    can_be_simulated,
+    simulate_recording,
+)
+
+Array = NDArray[np.float64]
+ONSET_SHARE = 0.02
+"""A command has begun when it is this share of its greatest change away from where it was."""
+SMALLEST_SPREAD = {"rad": 2e-3, "rad/s": 0.02, "N·m": 5e-3}
+"""A signal that moves less than this in the recording (peak to peak) tells nothing about a fit."""
+
+
+@dataclass(frozen=True)
+class Comparison:
+    """One signal of a group ("stage 1", "omni y"). time s and both values, (n,); fit in percent, None for a
+    signal that hardly moves."""
+
+    group: str
+    name: str
+    unit: str
+    time: Array
+    recorded: Array
+    simulated: Array
+    fit: float | None
+
+
+@dataclass(frozen=True)
+class Overlay:
+    """delay: s by which the recording's command begins later than the simulation's; removed: whether it was
+    taken out before the signals were compared."""
+
+    comparisons: list[Comparison]
+    delay: float
+    removed: bool
+    command: str
+    plants: str
+
+    def as_json(self) -> dict[str, Any]:
+        """Return delay, sources and fit in percent by group and signal, as plain data."""
+        fits: dict[str, dict[str, float | None]] = {}
+        for one in self.comparisons:
+            fits.setdefault(one.group, {})[one.name] = one.fit
+        return {
+            "delay_s": self.delay,
+            "delay_removed": self.removed,
+            "command": self.command,
+            "plants": self.plants,
+            "fit_percent": fits,
+        }
+
+
+@dataclass(frozen=True)
+class Overlays:
+    """By a run's label: what was laid over it, the pictures of that by group, or why there is nothing."""
+
+    done: dict[str, Overlay]
+    pictures: dict[str, dict[str, Figure]]
+    reasons: dict[str, str]
+
+
+def signals_of() -> list[tuple[str, str, str, str, str, str]]:
+    """Return (group, name, unit, topic, joint, field) of every signal that is compared."""
+    found = []
+    for stage, axis in PAIRS.items():
+        group = stage.replace("stage", "stage ")
+        motor, arm = f"{stage}_motor", f"{stage}_arm"
+        found += [
+            (group, "motor position", "rad", STATE_TOPIC, motor, "position"),
+            (group, "arm position", "rad", STATE_TOPIC, arm, "position"),
+            (group, "motor velocity", "rad/s", STATE_TOPIC, motor, "velocity"),
+            (group, "environment torque", "N·m", STATE_TOPIC, arm, "effort"),
+            (group, "motor effort", "N·m", STATE_TOPIC, motor, "effort"),
+        ]
+        group = axis.replace("_", " ")
+        found += [
+            (group, "position", "rad", MASTER_TOPIC, axis, "position"),
+            (group, "velocity", "rad/s", MASTER_TOPIC, axis, "velocity"),
+            (group, "effort", "N·m", MASTER_TOPIC, axis, "effort"),
+        ]
+    return found
+
+
+def overlay_all(recordings: Mapping[str, Recording], scenario: str | None, remove_delay: bool) -> Overlays:
+    """Simulate each of `recordings` (label -> recording) and lay it over; errors as `simulate_recording`.
+    Without a `scenario` file those that cannot be simulated are left out, with the reason.
+    """
+    done: dict[str, Overlay] = {}
+    reasons: dict[str, str] = {}
+    for label, recording in recordings.items():
+        try:
+            reason = can_be_simulated(recording) if scenario is None else None
+            if reason is None:
+                done[label] = overlay(recording, simulate_recording(recording, label, scenario), remove_delay)
+        except HapticTeleopError as error:
+            if scenario is not None:  # somebody asked for it
+                raise
+            reason = f"cannot be simulated here ({str(error).rstrip('.')})"
+        if reason is not None:
+            reasons[label] = reason
+    return Overlays(done, {label: overlay_pictures(one) for label, one in done.items()}, reasons)
+
+
+def overlay(recording: Recording, simulated: SimulatedRun, remove_delay: bool = False) -> Overlay:
+    """Lay `simulated` over `recording`: both count from their first state of the 2DSFJ, or, with
+    `remove_delay`, from the onset of their command.
+
+    The simulation is interpolated to the recording's sampling times.
+    """
+    other = simulated.recording
+    begin, other_begin = (one.topic(STATE_TOPIC).stamp[0] for one in (recording, other))
+    delay = _onset(recording, int(begin)) - _onset(other, int(other_begin))
+    shift = delay if remove_delay else 0.0
+    found = []
+    for group, name, unit, topic, joint, field in signals_of():
+        measuring = _signal(recording.topics.get(topic), joint, field, int(begin))
+        simulating = _signal(other.topics.get(topic), joint, field, int(other_begin))
+        if measuring is None or simulating is None:
+            continue
+        (time, measured), (times, values) = measuring, simulating
+        inside = (time - shift >= times[0]) & (time - shift <= times[-1])
+        if np.count_nonzero(inside) < 10:
+            continue
+        time, measured = time[inside], measured[inside]
+        model = np.interp(time - shift, times, values)
+        tells = float(np.ptp(measured)) >= SMALLEST_SPREAD[unit]
+        fit = fit_percent(measured, model) if tells else None
+        found.append(Comparison(group, name, unit, time - shift, measured, model, fit))
+    return Overlay(found, delay, remove_delay, simulated.command, simulated.plants)
+
+
+def overlay_pictures(result: Overlay) -> dict[str, Figure]:
+    """Return a figure for each group of which a signal moves: simulation over recording."""
+    pictures = {}
+    for group in dict.fromkeys(one.group for one in result.comparisons):
+        members = [one for one in result.comparisons if one.group == group]
+        if all(one.fit is None for one in members):
+            continue
+        panels = [
+            Panel(
+                one.name.capitalize() + ("" if one.fit is None else f": fit {one.fit:.1f} %"),
+                one.unit,
+                [
+                    Series("recording", one.time, one.recorded, colour=1),
+                    Series("simulation", one.time, one.simulated, colour=2, style="--"),
+                ],
+            )
+            for one in members
+        ]
+        since = "the simulation's first state, delay removed" if result.removed else "the first state of each"
+        pictures[group] = stacked_panels(panels, x_label=f"time since {since} (s)", height=1.6)
+    return pictures
+
+
+def overlay_table(overlays: Mapping[str, Overlay]) -> tuple[list[str], list[list[object]], str]:
+    """Return header, rows and caption of all fits."""
+    header = ["run", "delay (s)", "signal", "fit (%)"]
+    rows: list[list[object]] = [
+        [
+            label,
+            f"{one.delay:.3f}",
+            f"{entry.group}, {entry.name}",
+            "–" if entry.fit is None else f"{entry.fit:.1f}",
+        ]
+        for label, one in overlays.items()
+        for entry in one.comparisons
+    ]
+    caption = "100·(1 − ‖y − ŷ‖/‖y − mean y‖) over the recording; – for a signal that hardly moves"
+    return header, rows, caption
+
+
+def _signal(
+    series: JointStateSeries | None, joint: str, field: str, begin: int
+) -> tuple[Array, Array] | None:
+    if series is None or joint not in series.names or getattr(series, field) is None or len(series) < 2:
+        return None
+    values = series.signal(joint, field)
+    keep = np.isfinite(values)
+    time = (series.stamp[keep] - begin).astype(np.float64) * 1e-9
+    order = np.argsort(time, kind="stable")
+    return time[order], values[keep][order]
+
+
+def _onset(recording: Recording, begin: int) -> float:
+    """s at which the command first moves; the device's own motion where there was no artificial one."""
+    for topic in (REFERENCE_TOPIC, MASTER_TOPIC):
+        series = recording.topics.get(topic)
+        if series is None or len(series) < 2:
+            continue
+        values = series.position if series.position is not None else series.effort
+        if values is None:
+            continue
+        moved = np.max(np.abs(values - values[0]), axis=1)
+        greatest = float(np.nanmax(moved))
+        if greatest > 0.0:
+            return float((series.stamp[int(np.argmax(moved > ONSET_SHARE * greatest))] - begin) * 1e-9)
+    return 0.0
