@@ -301,8 +301,10 @@ def disturbance_observer_current(desired, motor, arm, velocity, memory, k, dt): 
     side = math.copysign(1.0, desired)
     # Without a command nothing is pressed against, whatever is remembered.
     scale = 0.0 if desired == 0.0 else side / max(abs(desired), k.smallest_torque)
-    contact = _rise(scale * slow, k.threshold)
-    bounced = _rise(scale * (slow - fast), k.threshold)
+    # Torque against the command is no contact of this command; a wrong arm inertia feigns it, too.
+    slow, fast = max(scale * slow, 0.0), max(scale * fast, 0.0)
+    contact = _rise(slow, k.threshold)
+    bounced = _rise(slow - fast, k.threshold)
 
     # What the joint shall hold, the velocity that gets it there, the current that gives the velocity.
     damping = k.lambda_ - k.arm_damping + k.rebound_damping * bounced
