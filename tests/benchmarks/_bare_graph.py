@@ -11,7 +11,12 @@ from sensor_msgs.msg import JointState
 from haptic_teleop_control.nodes.deadline import DeadlineThread
 from haptic_teleop_control.nodes.joint_state_io import STREAM_QOS
 from haptic_teleop_control.nodes.latency import LatencyMeter
+from haptic_teleop_control.nodes.signal_generator import PHASE
 from haptic_teleop_control.robots import OMNI_JOINTS, SFJ_JOINTS, SFJ_MOTOR_JOINTS
+from haptic_teleop_sim.nodes.omni_sim import OmniSim
+from haptic_teleop_sim.nodes.sfj_sim import SfjSim
+
+PHASES = {"sfj_sim": SfjSim.PHASE, "omni_sim": OmniSim.PHASE, "signal_generator": PHASE}
 
 
 class BareSource(Node):
@@ -29,7 +34,7 @@ class BareSource(Node):
         self.out = self.create_publisher(JointState, topic, STREAM_QOS)
         if answer:
             self.create_subscription(JointState, answer, self.take, STREAM_QOS)
-        self.thread = DeadlineThread(1.0 / rate, self.cycle, name)
+        self.thread = DeadlineThread(1.0 / rate, self.cycle, name, phase=PHASES[name])
 
     def start(self):
         self.thread.start()

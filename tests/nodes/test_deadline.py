@@ -3,6 +3,7 @@
 import threading
 import time
 
+import numpy as np
 import pytest
 
 from haptic_teleop_control.nodes.deadline import DeadlineThread
@@ -67,3 +68,20 @@ def test_stop_returns_from_within_the_work_and_before_the_start():
 def test_a_period_that_is_none_is_refused(period):
     with pytest.raises(ValueError, match="positive"):
         DeadlineThread(period, lambda n: None)
+
+
+def test_threads_of_different_phases_wake_at_their_shares_of_the_period_whenever_they_start():
+    period, moments = 0.01, {0.0: [], 0.5: [], 0.875: []}
+    threads = [
+        DeadlineThread(period, lambda n, own=own: own.append(time.monotonic_ns()), phase=phase)
+        for phase, own in moments.items()
+    ]
+    for thread in threads:
+        thread.start()
+        time.sleep(0.003)
+    time.sleep(0.3)
+    for thread in threads:
+        thread.stop()
+    for phase, own in moments.items():
+        late = (np.array(own) * 1e-9 / period - phase) % 1.0
+        assert np.median(late) < 0.25, phase  # 2.5 ms: it wakes after its moment, never before

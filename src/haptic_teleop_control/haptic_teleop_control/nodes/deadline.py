@@ -23,6 +23,10 @@ class DeadlineThread:
     keep up with the clock. `cycles`, `overruns` (periods skipped) and `worst_lateness` (s) may be read from
     any thread. An exception in `work` ends the thread and is handed to `on_failure`.
 
+    `phase`: deadlines lie at this share of a period, 0 to 1, counted by the steady clock, which all processes
+    of a machine share. Threads of commensurable rates with different phases then never wake at the same
+    moment to wait for each other; without a phase the start decides, and they may collide in every cycle.
+
     Raises ValueError when `period` (s) is not positive.
     """
 
@@ -33,6 +37,7 @@ class DeadlineThread:
         name: str = "deadline",
         on_failure: Callable[[BaseException], None] | None = None,
         realtime_priority: int = 0,
+        phase: float | None = None,
     ) -> None:
         if not period > 0.0:
             raise ValueError(f"period is {period}; give a positive number of seconds")
@@ -43,6 +48,7 @@ class DeadlineThread:
         self._work = work
         self._on_failure = on_failure
         self._priority = realtime_priority
+        self._phase_ns = None if phase is None else round(phase * self.period_ns)
         self._stop = threading.Event()
         self._thread = threading.Thread(target=self._run, name=name, daemon=True)
 
@@ -76,6 +82,8 @@ class DeadlineThread:
         work, stopped = self._work, self._stop.is_set
         monotonic, sleep = time.monotonic_ns, time.sleep
         deadline = monotonic() + period
+        if self._phase_ns is not None:
+            deadline -= (deadline - self._phase_ns) % period
         last = deadline - period
         while not stopped():
             wait = deadline - monotonic()

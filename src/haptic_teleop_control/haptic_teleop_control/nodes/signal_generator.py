@@ -17,6 +17,10 @@ from haptic_teleop_control.nodes.spin import run_node
 from haptic_teleop_control.robots import STAGES
 from haptic_teleop_control.signals import SignalGenerator
 
+PHASE = 0.875
+"""At 500 Hz a quarter of a millisecond before the 2DSFJ's state, which is then answered with this reference,
+and after the Omni's (`DeadlineThread`)."""
+
 
 class SignalGeneratorNode(HapticNode):
     """Publishes always: zero before the start, after the end and when stopped, so that silence means a
@@ -41,7 +45,9 @@ class SignalGeneratorNode(HapticNode):
         self._command = self._out.view[kind]
         self.create_service(Trigger, "~/start", self._start)
         self.create_service(Trigger, "~/stop", self._stop)
-        self._thread = DeadlineThread(1.0 / self.values["rate"], self._cycle, self.NAME, self.fail)
+        self._thread = DeadlineThread(
+            1.0 / self.values["rate"], self._cycle, self.NAME, self.fail, phase=PHASE
+        )
         self.count_rate("references", lambda: self._out.sent)
 
     def start(self) -> None:

@@ -22,6 +22,7 @@ class OmniSim(PlantNode):
     )
     JOINTS = OMNI_JOINTS
     COMMAND_JOINTS = OMNI_JOINTS
+    PHASE = 0.5  # at 1 kHz halfway between two states of the 2DSFJ
     TABLE = ParameterTable(NAME, [*OMNI_PARAMETERS, REALTIME_PRIORITY])
 
     def make_robot(self, dt: float) -> OmniRobot:

@@ -6,7 +6,7 @@ The robot is stepped by a thread of its own at absolute deadlines with the lates
 
 from __future__ import annotations
 
-from typing import Any, Protocol
+from typing import Any, ClassVar, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -36,7 +36,9 @@ class Robot(Protocol):
 
 
 class PlantNode(CommandedNode):
-    """Subclasses state the joints and build the robot in `make_robot`."""
+    """Subclasses state the joints, their phase (`DeadlineThread`) and build the robot in `make_robot`."""
+
+    PHASE: ClassVar[float] = 0.0
 
     def __init__(self, context: Context | None = None, **node_options: Any) -> None:
         super().__init__(context, **node_options)
@@ -46,7 +48,7 @@ class PlantNode(CommandedNode):
         self._zero = np.zeros(len(self.COMMAND_JOINTS))
         self._sensed = False
         self.lost_steps = 0
-        self.thread = DeadlineThread(1.0 / rate, self._cycle, self.NAME, self.fail)
+        self.thread = DeadlineThread(1.0 / rate, self._cycle, self.NAME, self.fail, phase=self.PHASE)
         self.robot.step(self._zero)  # compiles now, not in the loop
         self.robot = self.make_robot(1.0 / rate)
 
