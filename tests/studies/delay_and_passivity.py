@@ -12,11 +12,14 @@ from __future__ import annotations
 
 import math
 import sys
+import tempfile
 from collections.abc import Callable
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 
+from haptic_teleop_sim.default_models import omni_axis_model
 from haptic_teleop_sim.scenario_parameters import check_scenario
 from haptic_teleop_sim.scenario_run import ScenarioResult, simulate_scenario
 
@@ -171,38 +174,46 @@ def links() -> None:
         )
 
 
+def sticking(axis: str, folder: Path) -> str:
+    """The built-in model of `axis` with friction that sticks, as a file in `folder`; its name."""
+    model = omni_axis_model(axis)
+    model.with_values({f"{axis}_motor.stribeck_friction.smoothing": 0.0}).save(folder / f"{axis}.yaml")
+    return f"{axis}.yaml"
+
+
 def blind() -> None:
-    """Scenario 2 in simulated mode: what the Omni does with small desired torques."""
-    print("| desired torque | speed asked, had (Y, Z) | pressed, `standstill` 0 (Y, Z) | 1 (Y, Z) |")
+    """Scenario 2 in simulated mode: what the Omni does with small desired torques, at soft surfaces, where
+    its friction sticks; the observer believes in equation (22)."""
+    print("| desired torque | asked | `standstill` 0: speed, pressed (Y; Z) | `standstill` 1: likewise |")
     print("|---|---|---|---|")
-    for desired in (0.01, 0.02, 0.03, 0.04, 0.06, 0.1, 0.15):
-        cells, speeds = [], ""
-        for standstill in (0.0, 1.0):
-            level = desired / 0.2 + 0.02
-            control: dict[str, Any] = {"master": "sfj", "slave": "omni", "master_rate": 500.0}
-            control |= {"slave_rate": 1000.0}
-            signal: dict[str, Any] = {"kind": "effort", "joints": ["stage1_arm", "stage2_arm"]}
-            omni: dict[str, Any] = dict(COMPENSATION)
-            for i, axis in ((1, "omni_y"), (2, "omni_z")):
-                signal |= {f"stage{i}.enabled": True, f"stage{i}.delay": 0.5, f"stage{i}.step.enabled": True}
-                signal |= {f"stage{i}.step.amplitude": level}
-                control |= {f"{axis}.slave.observer.standstill": standstill}
-                omni |= {f"{axis}.wall.angle": 0.4, f"{axis}.resolution": 1e-6}
-            content = {
-                "sfj_sim": {},
-                "omni_sim": omni,
-                "force_controller": control,
-                "signal_generator": signal,
-            }
-            states = simulate_scenario(check_scenario(content), 14.0).topics["/omni/joint_states"]
-            time, position = states.time(), states.position[:, 1:]
-            pressed = 200.0 * np.maximum(position[time > 13.0].mean(axis=0) - 0.4, 0.0)
-            cells.append(", ".join(f"{value:.3f}" if value > 0.0 else "no contact" for value in pressed))
-            if standstill == 0.0:
-                inside = np.all(position < 0.39, axis=1) & (time > 0.9)
-                had = states.velocity[inside, 1:][-200:].mean(axis=0)
-                speeds = f"{desired / 0.2:.2f}, {had[0]:.2f}, {had[1]:.2f} rad/s"
-        print(f"| {desired:g} N·m | {speeds} | {cells[0]} N·m | {cells[1]} N·m |", flush=True)
+    with tempfile.TemporaryDirectory() as name:
+        folder = Path(name)
+        models = {f"{axis}.model": sticking(axis, folder) for axis in ("omni_y", "omni_z")}
+        for desired in (0.01, 0.02, 0.03, 0.04, 0.06, 0.1, 0.15):
+            cells = [_small(desired, standstill, models, folder) for standstill in (0.0, 1.0)]
+            print(f"| {desired:g} N·m | {desired / 0.2:.2f} rad/s | {cells[0]} | {cells[1]} |", flush=True)
+
+
+def _small(desired: float, standstill: float, models: dict[str, str], folder: Path) -> str:
+    control: dict[str, Any] = {"master": "sfj", "slave": "omni", "master_rate": 500.0, "slave_rate": 1000.0}
+    signal: dict[str, Any] = {"kind": "effort", "joints": ["stage1_arm", "stage2_arm"]}
+    omni: dict[str, Any] = {**COMPENSATION, **models}
+    for i, axis in ((1, "omni_y"), (2, "omni_z")):
+        signal |= {f"stage{i}.enabled": True, f"stage{i}.delay": 0.5, f"stage{i}.step.enabled": True}
+        signal |= {f"stage{i}.step.amplitude": desired / 0.2 + 0.02}
+        control |= {f"{axis}.slave.observer.standstill": standstill}
+        # So soft that its depth, read in steps of the encoder, tells the torque to 1 mN·m.
+        omni |= {f"{axis}.wall.angle": 0.4, f"{axis}.wall.stiffness": 2.0}
+    content = {"sfj_sim": {}, "omni_sim": omni, "force_controller": control, "signal_generator": signal}
+    states = simulate_scenario(check_scenario(content, folder), 14.0).topics["/omni/joint_states"]
+    time, found = states.time(), []
+    for column in (1, 2):
+        position = states.position[:, column]
+        free = (time > 0.9) & (np.maximum.accumulate(position) < 0.39)
+        pressed = 2.0 * (position[time > 13.0].mean() - 0.4)
+        speed = states.velocity[free, column][-200:].mean()
+        found.append(f"{speed:.2f} rad/s, " + (f"{pressed:.3f} N·m" if pressed > 0.0 else "no contact"))
+    return "; ".join(found)
 
 
 def main(argv: list[str]) -> None:
