@@ -5,6 +5,7 @@ right, wrong and failed answers. The diagnosis itself is replaced by answers mad
 import hashlib
 import json
 import re
+import shutil
 import sys
 import tempfile
 from pathlib import Path
@@ -12,7 +13,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from haptic_teleop_control.recording import read_recording
+from haptic_teleop_control.recording import JointStateSeries, read_recording, write_recording
 from haptic_teleop_sim.effects import EFFECTS
 from haptic_teleop_sim.model import Effect, Model, load_model
 from haptic_teleop_sim.mujoco_effects import unexpressed
@@ -155,6 +156,7 @@ class Stand:
     def __call__(self, case, command, timeout):
         self.seen = sorted(str(p.relative_to(case)) for p in case.rglob("*"))
         self.left = list(self.temporary.iterdir())
+        self.command = command
         self.files = {p: p.read_bytes() for p in case.parent.rglob("*") if p.is_file()}
         return self.respond(case)
 
@@ -189,6 +191,7 @@ def test_the_true_model_as_an_answer_is_right_and_simulates_what_was_recorded(
     assert content["label"]["truth"][0]["parameters"] == pytest.approx(dict(hidden.parameters))
     assert len(content["label"]["nonce"]) == 32
     # The diagnosis sees bags and the lab's model; no file tells the secret.
+    assert "--allow-gaps" not in stand.command
     top = {name.split("/")[0] for name in stand.seen}
     assert top == {"model.yaml", "estimation", "validation"}
     assert not stand.left
@@ -214,6 +217,44 @@ def test_the_true_model_as_an_answer_is_right_and_simulates_what_was_recorded(
     assert digest in page
     assert "<svg" in page
     assert (output / "scenario1.png").stat().st_size > 10_000
+
+
+def without_samples(recording, missing):
+    """The same recording without some of the states."""
+    whole = read_recording(recording)
+    states = whole.topic("/sfj/joint_states")
+    kept = np.delete(np.arange(len(states)), missing)
+    cut = JointStateSeries(
+        states.stamp[kept], states.received[kept], states.names,
+        *(getattr(states, field)[kept] for field in ("position", "velocity", "effort")),
+    )  # fmt: skip
+    shutil.rmtree(recording)
+    topics = {**whole.topics, "/sfj/joint_states": cut}
+    write_recording(recording, topics, whole.parameters, whole.experiment)
+
+
+def test_holes_in_a_recording_are_left_out_and_told(tmp_path, monkeypatch, experiment):
+    run, seed = campaign.run_acquisition, seed_of(experiment, "spring_to_ground", "arm")
+    robot = drawn(experiment, seed)
+
+    def lossy(file, recording, lockstep):
+        status = run(file, recording, lockstep)
+        if recording.name == "validation":
+            without_samples(recording, np.arange(1500, 1520))
+        return status
+
+    def respond(case):
+        return answer(case, robot.models[robot.stage], robot.lab[robot.stage], [], "no_mismatch")
+
+    monkeypatch.setattr(campaign, "run_acquisition", lossy)
+    stand = Stand(monkeypatch, tmp_path, respond)
+    status, output = start(tmp_path, seed, "--plant", "sfj_sim")
+    assert status == 0
+    assert "--allow-gaps" in stand.command
+    content = json.loads((output / "discover.json").read_text())
+    assert content["notes"] == ["holes in the recording for validation, left out: 1"]
+    assert content["outcome"] == "missed"
+    assert np.mean(list(content["fits"]["validation"]["augmented"].values())) > 90.0
 
 
 def test_a_wrong_name_is_told_as_wrong_and_the_chain_ends_with_0(tmp_path, monkeypatch, experiment, capsys):

@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 
 from haptic_teleop_control.acquisition import Acquisition
 from haptic_teleop_control.parameters import load_parameter_file, parameters_for
-from haptic_teleop_control.recording import write_recording
+from haptic_teleop_control.recording import bag_problems, read_recording, write_recording
 from haptic_teleop_control.robots import SFJ_RATE_HZ, STAGES
 from haptic_teleop_sim.lockstep import simulate_scenario
 from haptic_teleop_sim.model import Model
@@ -26,6 +26,8 @@ from haptic_teleop_sim.scenario_parameters import check_scenario
 from haptic_teleop_sysid import acquire
 from haptic_teleop_sysid.demo import SCENARIO, find_scenario, run_scenario
 from haptic_teleop_sysid.recorded_parameters import flattened
+from haptic_teleop_sysid.time_grid import GAP_PERIODS
+from haptic_teleop_sysid.verification.signals import STATE_TOPIC
 
 Array = NDArray[np.float64]
 Content = dict[str, Any]
@@ -148,6 +150,12 @@ def run_scenario1(file: Path, plant: str, recording: Path, lockstep: bool) -> in
     described = {"kind": file.stem, "note": scenario.note, "runner": "lockstep"}
     write_recording(recording, result.topics, recorded, described)
     return 0
+
+
+def holes(recording: Path) -> int:
+    """How many holes the recorded states have that `diagnose` would not bridge unasked."""
+    states = read_recording(recording).topics[STATE_TOPIC]
+    return len(bag_problems(states, STATE_TOPIC, GAP_PERIODS).gaps)
 
 
 def _disturbance(stage: str) -> Content:

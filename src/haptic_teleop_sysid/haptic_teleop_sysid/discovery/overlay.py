@@ -99,7 +99,7 @@ def open_loop(models: Mapping[str, Model], recording: Path) -> tuple[dict[str, F
     re-estimated one.
     """
     first = models[REFITTED]
-    data = with_command(load_dataset(read_recording(recording), first, recording.name))
+    data = with_command(load_dataset(read_recording(recording), first, recording.name, True))
     windows = choose_windows(first, data)
     fits = {name: simulated_fit(model, data, windows) for name, model in models.items()}
     measured, panels = data.signals(), []

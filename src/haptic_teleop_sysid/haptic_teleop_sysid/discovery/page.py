@@ -9,7 +9,7 @@ from matplotlib.figure import Figure
 
 from haptic_teleop_sysid.comparison_report import percent_text
 from haptic_teleop_sysid.discovery.outcome import Judgement
-from haptic_teleop_sysid.discovery.overlay import AUGMENTED, LAB, REFITTED, Fits, Overlay, mean
+from haptic_teleop_sysid.discovery.overlay import AUGMENTED, LAB, REFITTED, Fits, mean
 from haptic_teleop_sysid.report import Page, Section
 
 _GOOD = {"right": "good", "in the set": "fair", "unknown": "fair", "right place": "bad"}
@@ -23,7 +23,7 @@ _ROWS = {
 def discovery_page(
     content: Mapping[str, Any],
     judgement: Judgement,
-    overlay: Overlay,
+    scenario1: Figure,
     validation: Figure,
 ) -> Page:
     """Return the page; `content` is what discover.json holds."""
@@ -42,6 +42,8 @@ def discovery_page(
     )
     if judgement.beside and judgement.outcome in ("right", "in the set"):
         page.verdict("fair", f"Also stated, and not hidden: {'; '.join(judgement.beside)}.")
+    for note in content["notes"]:
+        page.verdict("fair", f"{note[0].upper()}{note[1:]}.")
     fits = content["fits"]
     for part, label in (("scenario1", "scenario 1"), ("validation", "validation")):
         values = [f"{percent_text(mean(fits[part][name]))}" for name in (LAB, REFITTED, AUGMENTED)]
@@ -54,9 +56,7 @@ def discovery_page(
         "plant, in closed loop: nothing but the command is the same. Times count from the command's onset.",
     )
     _table(force, fits["scenario1"])
-    for note in overlay.notes:
-        force.text(f"Note: {note}.")
-    force.picture(overlay.picture, "Scenario 1: recorded, and simulated before and after")
+    force.picture(scenario1, "Scenario 1: recorded, and simulated before and after")
     open_ = page.section(
         "Validation: an acquisition that nothing was fitted to",
         "The simulated response to the recorded command, nothing corrected along the way.",
