@@ -134,6 +134,7 @@ def diagnose(
                 "estimation": mean_percent(proof.augmented[:n]),
                 "validation": mean_percent(proof.augmented[n:]),
             },
+            "window_s": proof.baseline[-1].windows.seconds,
             "windows": "; ".join(
                 f"{d.name}: {f.windows.why}"
                 for d, f in zip([*estimation, *validation], proof.baseline, strict=True)
