@@ -46,6 +46,17 @@ def test_in_simulation_it_moves_freely_presses_and_lets_go(repository, number):
         assert position[-1, i] < surface - 0.05
 
 
+def test_over_the_link_of_the_shipped_file_it_presses_and_stays_passive(repository):
+    result = simulate_scenario(load_scenario(repository / "config" / "scenario1_link_sim.yaml"), 9.0)
+    states = result.topics["/sfj/joint_states"]
+    pressing = states.time() > 8.0
+    assert np.all(states.effort[pressing][:, ARMS].mean(axis=0) > 0.4)
+    assert np.all(states.effort[pressing][:, ARMS].std(axis=0) < 0.02)
+    assert result.energies["lowest link"].min() > -2.5e-3
+    assert result.energies["lowest master"].min() > -10e-3
+    assert not result.counts
+
+
 def operate(act: str) -> subprocess.CompletedProcess:
     command = [*FRONT_DOOR, "operate", act, "--wait", "60"]
     return subprocess.run(command, capture_output=True, text=True, timeout=90)

@@ -104,6 +104,7 @@ class ForceController(HapticNode):
     def __init__(self, context: Context | None = None, **node_options: Any) -> None:
         super().__init__(context, **node_options)
         self.dropped = 0
+        self._warned = False
         self._state_out = self.create_publisher(String, "~/state", LATCHED)
         self._coupling = self._couple(self.values)
         self._timeout_ns = round(self.values["timeout"] * 1e9)
@@ -240,7 +241,20 @@ class ForceController(HapticNode):
             return coupling.state.value
         return f"{coupling.state.value}: {coupling.obstacle(monotonic_ns()) or 'aligned'}"
 
+    def _warn_of_energy(self) -> None:
+        """Once for each coupling: a port gave away more than the operator wants to bear."""
+        energies, allowed = self._coupling.energies, -self._coupling.passivity.epsilon
+        lowest = {"the master's port": energies.lowest_master, "the link": energies.lowest_link}
+        active = [name for name, values in lowest.items() if values.min() < allowed]
+        if active and not self._warned:
+            self.get_logger().warning(
+                f"{' and '.join(active)} gave away more than {-allowed:g} J: hold the master firmly, lower "
+                "the feedback gain, or set passivity.controller"
+            )
+        self._warned = bool(active)
+
     def measurements(self) -> dict[str, Any]:
+        self._warn_of_energy()
         coupling, energies = self._coupling, self._coupling.energies
         values = {
             "roles": f"master {coupling.roles[0]}, slave {coupling.roles[1]}",

@@ -38,6 +38,9 @@ class PassivitySettings:
     maximum_damping: float = quantity(
         0.1, "N·m·s/rad", "largest damping that is added, on a joint of the master", minimum=0.0, maximum=5.0
     )
+    epsilon: float = quantity(
+        0.1, "J", "energy that a port may give away before the controller's node warns", minimum=0.0
+    )
     slowest: float = quantity(
         0.05, "rad/s", "speed below which no damping is added: the measured velocity is noise", above=0.0
     )
