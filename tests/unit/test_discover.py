@@ -257,6 +257,27 @@ def test_holes_in_a_recording_are_left_out_and_told(tmp_path, monkeypatch, exper
     assert np.mean(list(content["fits"]["validation"]["augmented"].values())) > 90.0
 
 
+def test_a_run_of_the_graph_that_was_stopped_is_made_once_more_and_not_a_third_time(
+    tmp_path, monkeypatch, capsys
+):
+    acquire, tried = campaign.run_acquisition, []
+    monkeypatch.setattr(campaign, "run_acquisition", lambda file, bag, lockstep: acquire(file, bag, True))
+
+    def stopped(file, plant, recording, lockstep):
+        assert not lockstep
+        tried.append(recording.exists())
+        recording.mkdir()
+        return 1
+
+    monkeypatch.setattr(campaign, "run_scenario1", stopped)
+    arguments = ["--seed", "3", "--plant", "sfj_sim", "--seconds", str(SECONDS)]
+    assert discover.main([*arguments, "--output", str(tmp_path / "out")]) == 1
+    assert tried == [False, False]
+    told = capsys.readouterr().err
+    assert "once more" in told
+    assert "scenario 1 ended with exit status 1" in told
+
+
 def test_a_wrong_name_is_told_as_wrong_and_the_chain_ends_with_0(tmp_path, monkeypatch, experiment, capsys):
     seed = seed_of(experiment, "joint_damping", "joint")
     stage = drawn(experiment, seed).stage

@@ -38,6 +38,8 @@ SIGNALS = {"stage1": {"rms": 0.18, "f_max": 4.0}, "stage2": {"rms": 0.18, "f_max
 """A and Hz: lower bands than of the project's acquisitions, so that the stages travel some tenths of a radian
 as they do in scenario 1, with currents below the recommended 0.5 A."""
 SCENARIO_RUN = "scenario1"
+PATIENCE = 0.2
+"""s, the largest timeout that the nodes take."""
 LEAD_IN = 1.0
 """s at rest before a signal."""
 
@@ -64,8 +66,15 @@ def acquisition_content(stage: str, which: str, seconds: float) -> Content:
 
 
 def scenario_content() -> Content:
-    """The parameter file of scenario 1, its plant still `sfj_sim` with the built-in models."""
-    return yaml.safe_load(find_scenario(SCENARIO).read_text(encoding="utf-8"))
+    """The parameter file of scenario 1, its plant still `sfj_sim` with the built-in models.
+
+    Commands and states may be as old as in the acquisitions: a chain of minutes on a machine that has other
+    work should not end because some node had to wait.
+    """
+    content = yaml.safe_load(find_scenario(SCENARIO).read_text(encoding="utf-8"))
+    for node in ("sfj_sim", "omni_sim", "force_controller"):
+        content[node]["ros__parameters"]["timeout"] = PATIENCE
+    return content
 
 
 def with_plant(
