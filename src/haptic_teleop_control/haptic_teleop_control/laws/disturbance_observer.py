@@ -24,7 +24,7 @@ m = S(r_2 / Td) moves g from the one to the other, and
     Tr    = (1 - caution c) Td - (lambda - B2 + rebound_damping c) th2'
 
 lets a bounced arm come back slowly, so that it does not bounce again. S rises smoothly from 0 to 1 between
-`threshold` and one and a half of it. While m is near 1, Tr is never more than Td: an arm that flies back is
+`threshold` and one and a half of it. While m is near 1, Tr lies between 0 and Td: an arm that flies back is
 braked with no more torque than is asked for at the wall, which is what keeps the torque from overshooting.
 
 After momentum-based collision detection (De Luca et al. 2006) and torque control of series elastic joints
@@ -155,28 +155,29 @@ class DisturbanceObserverSettings:
 
 _TUNED: dict[str, dict[str, Any]] = {
     "stage1": {
-        "motor_rate": 130.0,
-        "disturbance_rate": 240.0,
-        "contact_rate": 45.0,
-        "contact_sense": 0.035,
-        "contact_memory": 0.9,
+        "motor_rate": 140.0,
+        "disturbance_rate": 250.0,
+        "contact_rate": 39.0,
+        "contact_sense": 0.0375,
+        "contact_memory": 0.93,
         "threshold": 0.18,
         "smallest_torque": 0.2,
-        "caution": 0.4,
-        "rebound_damping": 1.75,
+        "caution": 0.57,
+        "rebound_damping": 1.65,
         "motor_inertia": 0.0635,
         "motor_damping": 2.6,
         "arm_inertia": 0.17,
         "arm_damping": 0.02,
     },
+    # The light arm is back at the wall before the drive could spare it anything.
     "stage2": {
         "motor_rate": 140.0,
-        "disturbance_rate": 120.0,
-        "contact_rate": 60.0,
-        "contact_sense": 0.005,
-        "contact_memory": 0.03,
-        "threshold": 0.18,
-        "smallest_torque": 0.2,
+        "disturbance_rate": 250.0,
+        "contact_rate": 56.0,
+        "contact_sense": 0.0045,
+        "contact_memory": 0.0055,
+        "threshold": 0.15,
+        "smallest_torque": 0.12,
         "caution": 0.0,
         "rebound_damping": 0.0,
         "motor_inertia": 0.00704,
@@ -269,7 +270,8 @@ def disturbance_observer_current(desired, motor, arm, velocity, memory, k, dt): 
         memory[_STARTED] = 1.0
         # As if both had always moved with the motor's velocity, and nothing had been touched.
         lag = 2.0 * VELOCITY_FILTER_DAMPING / (2.0 * math.pi * VELOCITY_FILTER_CUTOFF_HZ)
-        memory[1], memory[2], memory[3] = arm - lag * velocity, velocity, arm
+        before = arm - velocity * dt
+        memory[1], memory[2], memory[3] = before - lag * velocity, velocity, before
         memory[_ANGLE], memory[_SPEED], memory[_TORQUE] = motor - velocity * dt, velocity, torque
         memory[_SMOOTH] = velocity
         memory[_FAST] = memory[_SLOW] = k.arm_inertia * velocity
@@ -309,8 +311,8 @@ def disturbance_observer_current(desired, motor, arm, velocity, memory, k, dt): 
     # What the joint shall hold, the velocity that gets it there, the current that gives the velocity.
     damping = k.lambda_ - k.arm_damping + k.rebound_damping * bounced
     wanted = side * ((1.0 - k.caution * bounced) * desired - damping * arm_speed)
-    if wanted > abs(desired):
-        wanted = abs(desired) + (1.0 - contact) * (wanted - abs(desired))
+    inside = min(max(wanted, 0.0), abs(desired))
+    wanted = inside + (1.0 - contact) * (wanted - inside)
     rate = k.stiffness / k.lambda_
     rate += contact * max(k.contact_rate - rate, 0.0)
     target = arm_speed + rate / k.stiffness * (side * wanted - torque)

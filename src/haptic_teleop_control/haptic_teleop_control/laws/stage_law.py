@@ -111,7 +111,7 @@ class StageLaw(ForceLaw):
             wanted = float(self.current(desired, motor, arm, velocity, memory, constants, self.dt))
         except ArithmeticError:
             wanted = math.nan
-        if not math.isfinite(wanted + memory.dot(memory)):
+        if not (math.isfinite(wanted) and all(map(math.isfinite, memory.tolist()))):
             memory[:] = self._before
             return 0.0, _REFUSED_INPUT
         limit = self._limits[stage]
