@@ -170,7 +170,7 @@ def test_a_law_is_found_by_its_name_and_one_of_ones_own_by_module_and_name(monke
         "class Half(StageLaw): ...\n"
         "number = 3\n"
     )  # fmt: skip
-    with pytest.raises(ConfigurationError, match="cannot be found.*start from the folder"):
+    with pytest.raises(ConfigurationError, match=r"cannot be found.*start from the folder"):
         find_law("law_lying_here:Half")
     monkeypatch.chdir(tmp_path)
     monkeypatch.setattr("sys.path", [*__import__("sys").path])

@@ -268,11 +268,12 @@ def disturbance_observer_current(desired, motor, arm, velocity, memory, k, dt): 
     torque = k.stiffness * (motor - arm)
     if memory[_STARTED] == 0.0:
         memory[_STARTED] = 1.0
-        # As if both had always moved with the motor's velocity, and nothing had been touched.
+        # As if both had always moved with the motor's velocity, driven as that needs, and touched nothing.
         lag = 2.0 * VELOCITY_FILTER_DAMPING / (2.0 * math.pi * VELOCITY_FILTER_CUTOFF_HZ)
         before = arm - velocity * dt
         memory[1], memory[2], memory[3] = before - lag * velocity, velocity, before
         memory[_ANGLE], memory[_SPEED], memory[_TORQUE] = motor - velocity * dt, velocity, torque
+        memory[_APPLIED] = (torque + k.motor_damping * velocity) / k.torque_constant
         memory[_SMOOTH] = velocity
         memory[_FAST] = memory[_SLOW] = k.arm_inertia * velocity
 
