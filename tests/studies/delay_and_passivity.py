@@ -10,7 +10,6 @@ lowest of either stage.
 
 from __future__ import annotations
 
-import math
 import sys
 import tempfile
 from collections.abc import Callable
@@ -166,12 +165,11 @@ def links() -> None:
                 faults += 1
                 continue
             found.append(judge(result, "omni")[1:])
-        wobble, master, lost = np.array(found).T if found else np.full((3, 1), math.nan)
-        print(
-            f"| {name} | {wobble.max():.1f} % | {1e3 * master.min():.1f}, {1e3 * lost.min():.1f} mJ "
-            f"| {faults} of 10 |",
-            flush=True,
-        )
+        worst = "– | –"
+        if found:
+            wobble, master, lost = np.array(found).T
+            worst = f"{wobble.max():.1f} % | {1e3 * master.min():.1f}, {1e3 * lost.min():.1f} mJ"
+        print(f"| {name} | {worst} | {faults} of 10 |", flush=True)
 
 
 def sticking(axis: str, folder: Path) -> str:
