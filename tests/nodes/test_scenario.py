@@ -12,6 +12,7 @@ import pytest
 from haptic_teleop_control.errors import ConfigurationError
 from haptic_teleop_control.nodes.children import Child, stop_all
 from haptic_teleop_control.nodes.scenario import load_scenario, main
+from haptic_teleop_control.recording import read_recording
 
 FILE = """
 scenario:
@@ -76,8 +77,6 @@ def test_a_scenario_moves_the_plant_and_ends_by_itself_with_0(file, mode):
 
 
 def test_a_recorded_scenario_holds_the_zero_output_of_the_end(file, tmp_path):
-    from haptic_teleop_control.recording.reader import read_recording
-
     bag = tmp_path / "bag"
     process = start("scenario", str(file), "--record", str(bag))
     _, errors = process.communicate(timeout=60)
@@ -94,15 +93,22 @@ def test_a_recorded_scenario_holds_the_zero_output_of_the_end(file, tmp_path):
     assert recording.parameters["/force_controller"]["timeout"] == 0.2
 
 
-def test_ctrl_c_ends_everything_with_0(file):
-    process = start("scenario", str(file), "--duration", "0")
-    until(lambda: started_by(process.pid))
+@pytest.mark.parametrize("moment", [0.0, 0.5, 1.5, 6.0])
+def test_ctrl_c_ends_everything_with_0_at_any_moment(file, tmp_path, moment):
+    bag = tmp_path / "bag"
+    process = start("scenario", str(file), "--duration", "0", "--record", str(bag))
+    until(lambda: len(started_by(process.pid)) == 2)
     children = started_by(process.pid)
-    time.sleep(2.0)
+    time.sleep(moment)
     process.send_signal(signal.SIGINT)
     _, errors = process.communicate(timeout=30)
     assert process.returncode == 0, errors
+    assert "Traceback" not in errors
     assert not any(alive(child) for child in children)
+    # What is there is a recording; before the start there is nothing to keep, and the name stays free.
+    if bag.exists():
+        assert read_recording(bag).complete
+        assert "stage 1:" in errors
 
 
 def test_children_end_when_the_scenario_is_killed(file):

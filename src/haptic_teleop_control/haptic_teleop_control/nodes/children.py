@@ -16,6 +16,7 @@ from haptic_teleop_control.nodes import link
 STOPPING = ((signal.SIGINT, 8.0), (signal.SIGTERM, 2.0), (signal.SIGKILL, 2.0))
 """What a child is sent in turn, and the seconds it is given to end after each."""
 
+STOP_SIGNALS = (signal.SIGINT, signal.SIGTERM)
 _PR_SET_PDEATHSIG = 1
 _POLL = 0.02
 _libc = ctypes.CDLL(None, use_errno=True)
@@ -35,7 +36,9 @@ class Child:
         self._text = b""
         parent = os.getpid()
 
-        def tie_to_parent() -> None:
+        def prepare() -> None:
+            # A signal that comes before the child has its handlers waits for them (`stop_requests`).
+            signal.pthread_sigmask(signal.SIG_BLOCK, STOP_SIGNALS)
             _libc.prctl(_PR_SET_PDEATHSIG, signal.SIGTERM)
             if os.getppid() != parent:  # it died before the line above
                 os._exit(1)
@@ -49,7 +52,7 @@ class Child:
                 stdin=theirs if armed else subprocess.DEVNULL,
                 stderr=subprocess.PIPE,
                 start_new_session=True,
-                preexec_fn=tie_to_parent,
+                preexec_fn=prepare,
             )
         assert self.process.stderr is not None
         self._pipe = self.process.stderr.fileno()

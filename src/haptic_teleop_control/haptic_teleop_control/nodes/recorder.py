@@ -24,6 +24,7 @@ from haptic_teleop_control.nodes.connections import IN, Endpoints, endpoints
 from haptic_teleop_control.nodes.parameter_collector import ParameterCollector
 from haptic_teleop_control.nodes.recorded_topic import RecordedTopic
 from haptic_teleop_control.nodes.recorder_table import KNOWN_TYPES, TABLE, experiment_description
+from haptic_teleop_control.nodes.recorder_verdict import print_verdict
 from haptic_teleop_control.nodes.spin import (
     create_nodes,
     make_executor,
@@ -122,7 +123,14 @@ class Recorder(HapticNode):
             self.problems += verify_recording(self.writer.path, self.received)
         except RecordingError as refusal:
             self._problem(str(refusal))
-        return self._verdict(elapsed)
+        return print_verdict(self.writer.path, self._topics, self.received, self.problems, elapsed)
+
+    def withdraw(self) -> int:
+        """Removes the recording, which holds nothing because the start never came; 0."""
+        self.writer.close()
+        shutil.rmtree(self.writer.path)
+        self.get_logger().info(f"nothing was started, so {self.writer.path} is removed")
+        return 0
 
     def spin_once(self, executor: Executor) -> None:
         """One turn: callbacks of this node if there are any, then all messages that have arrived."""
@@ -228,31 +236,6 @@ class Recorder(HapticNode):
         self.problems.append(sentence)
         self.get_logger().error(sentence)
 
-    def _verdict(self, elapsed: float) -> int:
-        total = sum(self.received.values())
-        if sys.stderr.isatty():
-            print(file=sys.stderr)
-        for topic in self._topics:
-            if topic.missed:
-                print(f"{topic.name}: {topic.missed} messages were lost on the way here", file=sys.stderr)
-            elif not self.received.get(topic.name):
-                publishers = (
-                    f"its {topic.publishers} publishers sent none"
-                    if topic.publishers
-                    else "nobody publishes it"
-                )
-                print(f"{topic.name}: no messages: {publishers}", file=sys.stderr)
-        if not total:
-            self.problems.append("nothing was received: start the nodes, with the same ROS_DOMAIN_ID")
-        for problem in self.problems:
-            print(f"error: {problem}", file=sys.stderr)
-        missed = sum(topic.missed for topic in self._topics)
-        print(
-            f"{self.writer.path}: {total} messages on {len(self.received)} topics in {elapsed:.1f} s, "
-            f"{missed} lost on the way, {'with errors' if self.problems else 'verified'}"
-        )
-        return 1 if self.problems else 0
-
 
 def main(argv: Sequence[str] | None = None) -> int:
     """The executable: records until SIGINT, SIGTERM or `duration`; exit status 0 when the recording is
@@ -280,7 +263,7 @@ def _main(argv: list[str]) -> int:
                 while rclpy.ok() and not node.stop and not stop.is_set():
                     node.spin_once(executor)
                 node.stop = True
-                return node.finish(executor)
+                return node.finish(executor) if node.armed is None else node.withdraw()
             except ExternalShutdownException:
                 return 1
             finally:

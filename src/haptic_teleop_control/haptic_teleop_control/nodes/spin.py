@@ -18,6 +18,7 @@ from haptic_teleop_control.command_line import run_command
 from haptic_teleop_control.errors import ConfigurationError
 from haptic_teleop_control.nodes.arming import ArmedStart
 from haptic_teleop_control.nodes.base import HapticNode
+from haptic_teleop_control.nodes.children import STOP_SIGNALS
 from haptic_teleop_control.nodes.deadline import request_realtime
 from haptic_teleop_control.nodes.link import OPTION, Link
 from haptic_teleop_control.nodes.parameters import overrides
@@ -131,7 +132,9 @@ class StopRequests(threading.Event):
     @contextmanager
     def interruptible(self) -> Iterator[None]:
         """Within this block a signal also ends what is under way, such as a compilation of ten seconds;
-        nothing moves yet."""
+        nothing moves yet. One that was there before ends it at once."""
+        if self.is_set():
+            raise self.Interrupt
         self._interrupts = True
         try:
             yield
@@ -143,7 +146,8 @@ class StopRequests(threading.Event):
 def stop_requests() -> Iterator[StopRequests]:
     """`StopRequests` as long as the block lasts."""
     stop = StopRequests()
-    previous = {number: signal.signal(number, stop.take) for number in (signal.SIGINT, signal.SIGTERM)}
+    previous = {number: signal.signal(number, stop.take) for number in STOP_SIGNALS}
+    signal.pthread_sigmask(signal.SIG_UNBLOCK, STOP_SIGNALS)
     try:
         yield stop
     finally:

@@ -52,7 +52,7 @@ class Starter:
         topics = ", ".join(self.missing)
         return (
             f"after {CONNECT_LIMIT:g} s not all processes had found each other on {topics}, so the first "
-            "samples there may be missing; it goes on. Look at the load of the machine and its network settings"
+            "samples there may be missing; it goes on. Look at the machine's load and its network settings"
         )
 
     def poll(self) -> None:
