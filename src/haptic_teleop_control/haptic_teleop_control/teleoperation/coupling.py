@@ -8,7 +8,6 @@ Where anything is wrong the answer is zero, or what fades to zero. It never read
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from math import inf
 from typing import Any
 
 import numpy as np
@@ -17,14 +16,7 @@ from numpy.typing import NDArray
 from haptic_teleop_control.laws.contract import ForceLaw
 from haptic_teleop_control.quantities import from_parameters
 from haptic_teleop_control.robots import OMNI_JOINTS, SFJ_JOINTS, SFJ_MOTOR_JOINTS, STAGES
-from haptic_teleop_control.teleoperation.faults import (
-    NON_FINITE_STATE,
-    SLOW_LINK,
-    STALE_LINK,
-    STALE_MASTER,
-    STALE_REFERENCE,
-    STALE_SLAVE,
-)
+from haptic_teleop_control.teleoperation.faults import NON_FINITE_STATE, SLOW_LINK
 from haptic_teleop_control.teleoperation.machine import State, TeleoperationMachine
 from haptic_teleop_control.teleoperation.passivity import PassivitySettings, PortEnergies
 from haptic_teleop_control.teleoperation.sides import (
@@ -35,24 +27,12 @@ from haptic_teleop_control.teleoperation.sides import (
     SfjSlave,
     SlavePort,
 )
+from haptic_teleop_control.teleoperation.streams import Streams
 
 Array = NDArray[np.float64]
 
 JOINTS = {"omni": len(OMNI_JOINTS), "sfj": len(SFJ_JOINTS)}
 MOTORS = {"omni": len(OMNI_JOINTS), "sfj": len(SFJ_MOTOR_JOINTS)}
-
-AGE_MEMORY = 0.02
-"""Weight of a new sample in the mean age of what the link brings, once there were enough of them."""
-
-
-class Stream:
-    """When something was last heard of. at: ns, None before the first sample and after `forget`."""
-
-    __slots__ = ("at", "fault", "name")
-
-    def __init__(self, name: str, fault: str) -> None:
-        self.name, self.fault = name, fault
-        self.at: int | None = None
 
 
 class Coupling:
@@ -86,22 +66,10 @@ class Coupling:
         self.energies = PortEnergies(len(STAGES), master_dt, slave_dt)
         self._report, self._on_enter = report, on_enter
         self.machine = TeleoperationMachine(values["auto_engage"], self._enter)
-        by_robot = {name: f"{name}/joint_states" for name in self.roles}
         self.from_reference = values["command_source"] == "reference"
         self.linked = bool(values["link"])
-        self.reference_stream = Stream("reference", STALE_REFERENCE)
-        self.master_stream = Stream(by_robot[self.roles[0]], STALE_MASTER)
-        self.slave_stream = Stream(by_robot[self.roles[1]], STALE_SLAVE)
-        self.forward_stream = Stream("the link to the slave", STALE_LINK)
-        self.backward_stream = Stream("the link to the master", STALE_LINK)
-        required = [self.slave_stream]
-        required += [self.reference_stream] if self.from_reference else [self.master_stream]
-        required += [self.forward_stream, self.backward_stream] if self.linked else []
-        self._required = tuple(required)
-        # In simulated mode nobody needs the device; but once it is there, it may not go silent.
-        self._watched = (self.slave_stream, self.master_stream, *required[1:])
-        self._age = [0.0, 0.0]  # mean age of what the slave and the master hear, s
-        self._heard_of = [0, 0]  # samples in these means
+        timeout = round(values["timeout"] * 1e9)
+        self.streams = Streams(*self.roles, self.from_reference, self.linked, timeout)
 
         self.reference: Array = np.zeros(2)
         self.master = tuple(np.zeros(JOINTS[self.roles[0]]) for _ in range(3))
@@ -119,7 +87,6 @@ class Coupling:
         self._take(values)
 
     def _take(self, values: Mapping[str, Any]) -> None:
-        self._timeout = round(values["timeout"] * 1e9)
         self._ramp_time, self._fade_time = values["ramp_time"], values["ramp_out_time"]
         self._align_angle, self._align_speed = values["align.angle"], values["align.speed"]
         self._longest_round_trip = values["maximum_round_trip"]
@@ -137,11 +104,11 @@ class Coupling:
 
     def on_reference(self, now: int) -> None:
         """`reference` holds a new command."""
-        self.reference_stream.at = now
+        self.streams.reference.at = now
 
     def on_master(self, now: int) -> Array:
         """`master` holds a new state; the efforts that answer it, N·m. A view, valid until the next call."""
-        self._now = self.master_stream.at = now
+        self._now = self.streams.master.at = now
         state = self._look(now)
         port, (position, velocity, effort) = self.master_port, self.master
         torque, speed = port.at_hand(velocity, effort)
@@ -164,7 +131,7 @@ class Coupling:
 
     def on_slave(self, now: int) -> Array:
         """`slave` holds a new state; the efforts that answer it, as `on_master`."""
-        self._now = self.slave_stream.at = now
+        self._now = self.streams.slave.at = now
         state = self._look(now)
         port, (position, velocity, effort) = self.slave_port, self.slave
         if state is not State.ENGAGED:
@@ -178,7 +145,7 @@ class Coupling:
         driven = port.step(desired, position, velocity, effort)
         if port.refused:
             self.fault(
-                now, NON_FINITE_STATE, f"{self.slave_stream.name}: the law's arithmetic overflowed", True
+                now, NON_FINITE_STATE, f"{self.streams.slave.name}: the law's arithmetic overflowed", True
             )
             return self._zero_slave
         self.saturations += port.saturated
@@ -189,18 +156,11 @@ class Coupling:
 
     def on_forward(self, now: int, age: float) -> None:
         """`heard[0:2]` holds what the master sent, `age` s ago by its stamp."""
-        self._hear(self.forward_stream, 0, now, age)
+        self.streams.forward.hear(now, age)
 
     def on_backward(self, now: int, age: float) -> None:
         """`heard[2:4]` holds what the slave sent."""
-        self._hear(self.backward_stream, 1, now, age)
-
-    def _hear(self, stream: Stream, way: int, now: int, age: float) -> None:
-        count = 0 if stream.at is None else self._heard_of[way]
-        self._age[way] = 0.0 if count == 0 else self._age[way]
-        self._heard_of[way] = count + 1
-        self._age[way] += max(AGE_MEMORY, 1.0 / (count + 1)) * (age - self._age[way])
-        stream.at = now
+        self.streams.backward.hear(now, age)
 
     # What the operator does.
 
@@ -210,7 +170,7 @@ class Coupling:
         if self.machine.state is State.FAULT:
             return "a fault is latched; call reset first"
         obstacle = self.obstacle(now)
-        missing = self._missing(now, self._required) is not None
+        missing = self.streams.missing(now) is not None
         if self.machine.engage(not missing, obstacle is None):
             return None
         if missing or obstacle is None:
@@ -226,8 +186,7 @@ class Coupling:
         """Leave a latched fault, through aligning. Every stream counts as not heard of yet."""
         self._now = now
         self.machine.reset()
-        for stream in (*self._watched, self.forward_stream, self.backward_stream, self.reference_stream):
-            stream.at = None
+        self.streams.forget()
 
     def fault(self, now: int, name: str, detail: str, at_once: bool = False) -> None:
         """Something is wrong: report it, and drive nothing until `reset`. at_once: no fading either,
@@ -256,20 +215,16 @@ class Coupling:
 
     @property
     def round_trip(self) -> float:
-        """s, mean age of what the slave hears of the master and the master of the slave, together. Added, the
-        two ages do not depend on how the clocks at both ends agree."""
-        return self._age[0] + self._age[1] if self.linked else 0.0
+        """See Streams.round_trip."""
+        return self.streams.round_trip
 
     def obstacle(self, now: int) -> str | None:
         """Why the two sides cannot be coupled now, in words; None when they can."""
-        missing = self._missing(now, self._required)
+        missing = self.streams.missing(now)
         if missing is not None:
-            silence = inf if missing.at is None else (now - missing.at) * 1e-9
-            return (
-                f"waiting for {missing.name}"
-                if silence == inf
-                else f"{missing.name} is silent for {silence:.3f} s"
-            )
+            if missing.at is None:
+                return f"waiting for {missing.name}"
+            return f"{missing.name} is silent for {missing.silence(now):.3f} s"
         where = self._offset()
         worst = int(np.argmax(np.abs(where)))
         if not abs(where[worst]) <= self._align_angle:
@@ -305,34 +260,20 @@ class Coupling:
         machine = self.machine
         state = machine.state
         if state is State.ENGAGED:
-            missing = self._silent(now)
+            missing = self.streams.silent(now)
             if missing is not None:
-                silence = (now - (missing.at or 0)) * 1e-9
+                silence = missing.silence(now)
                 self.fault(now, missing.fault, f"{missing.name} is silent for {silence:.3f} s")
             elif self.linked and self.round_trip > self._longest_round_trip:
                 self.fault(now, SLOW_LINK, f"{1e3 * self.round_trip:.1f} ms for the round trip")
             return machine.state
         if state is State.FAULT:
             return state
-        missing = self._missing(now, self._required)
+        missing = self.streams.missing(now)
         if missing is not None and state is State.ALIGNING:
             self.fault(now, missing.fault, f"{missing.name} went silent while aligning")
             return machine.state
         return machine.cycle(missing is None, missing is None and self.obstacle(now) is None)
-
-    def _missing(self, now: int, streams: tuple[Stream, ...]) -> Stream | None:
-        """The first that was never heard of or is too old."""
-        for stream in streams:
-            if stream.at is None or now - stream.at > self._timeout:
-                return stream
-        return None
-
-    def _silent(self, now: int) -> Stream | None:
-        """The first that was heard of and is too old."""
-        for stream in self._watched:
-            if stream.at is not None and now - stream.at > self._timeout:
-                return stream
-        return None
 
     def _desire(self) -> Array:
         port = self.master_port
