@@ -74,7 +74,7 @@ def test_the_first_message_after_a_common_start_is_recorded_and_none_before(grap
         starter = Starter([recorder], graph.probe)
 
         def start() -> bool:
-            if not starter._told:
+            if starter._expected is None:
                 publisher.publish(JointState(name=["joint"], position=[-1.0]))
             recorder.relay()
             starter.poll()

@@ -53,12 +53,12 @@ class ArmedStart:
         return self._link.closed
 
     def poll(self) -> bool:
-        """Takes what the parent says and tells it what is missing; True once when the start is there."""
+        """Takes what the parent says and tells it what is missing; True once when the start is there, which
+        is then to be confirmed."""
         for message in self._link.receive():
             if "expect" in message:
                 self._expected = message["expect"]
             if "start" in message:
-                self._link.send(started=True)
                 return True
         if self._expected is not None and time.monotonic() >= self._next_look:
             self._next_look = time.monotonic() + LOOK_INTERVAL
@@ -67,6 +67,17 @@ class ArmedStart:
                 self._waiting = waiting
                 self._link.send(waiting=waiting)
         return False
+
+    def begin(self) -> bool:
+        """`poll`, and `confirm` at once."""
+        begins = self.poll()
+        if begins:
+            self.confirm()
+        return begins
+
+    def confirm(self) -> None:
+        """Tells the parent that the start has been made; for a recorder, that others may follow."""
+        self._link.send(started=True)
 
     def _compiling(self) -> None:
         if not self._compiles:

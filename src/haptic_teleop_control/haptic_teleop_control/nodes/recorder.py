@@ -135,9 +135,12 @@ class Recorder(HapticNode):
     def spin_once(self, executor: Executor) -> None:
         """One turn: callbacks of this node if there are any, then all messages that have arrived."""
         executor.spin_once(timeout_sec=DRAIN_PERIOD)
+        begins = self.armed is not None and self.armed.poll()
         for topic in self._topics:
             topic.drain()
-        if self.armed is not None and self.armed.poll():
+        if begins and self.armed is not None:
+            # What was there before has been taken, and dropped; what comes from now on counts.
+            self.armed.confirm()
             self.armed = None
             self._begin()
 

@@ -229,7 +229,7 @@ def _run(node_classes: Sequence[type[HapticNode]], argv: Sequence[str]) -> int:
                     spin(nodes, stop.is_set, priority)
                 else:
                     armed.ready(lambda: nodes)
-                    spin(nodes, lambda: stop.is_set() or armed.abandoned, priority, armed.poll)
+                    spin(nodes, lambda: stop.is_set() or armed.abandoned, priority, armed.begin)
             finally:
                 for node in reversed(nodes):
                     node.destroy_node()
