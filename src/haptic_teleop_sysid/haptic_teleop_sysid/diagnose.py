@@ -6,6 +6,7 @@ from __future__ import annotations
 
 import argparse
 import time
+from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -20,12 +21,18 @@ from haptic_teleop_sim.model import Model, load_model
 from haptic_teleop_sysid.dataset import DataSet, load_dataset
 from haptic_teleop_sysid.diagnosis.experiment import suggest
 from haptic_teleop_sysid.diagnosis.page import diagnosis_page
-from haptic_teleop_sysid.diagnosis.proof import Proof, mean_percent, prove, with_command
-from haptic_teleop_sysid.diagnosis.search import POOR_FIT, SearchResult, search, search_by_simulation
+from haptic_teleop_sysid.diagnosis.proof import Course, Proof, mean_percent, prove
+from haptic_teleop_sysid.diagnosis.search import (
+    LEAST_PERCENT,
+    POOR_FIT,
+    SearchResult,
+    search,
+    search_by_simulation,
+)
 from haptic_teleop_sysid.diagnosis.verdict import Verdict, decide_verdict
 from haptic_teleop_sysid.diagnosis.words import separating
+from haptic_teleop_sysid.estimation.joint_fit import fit_model
 from haptic_teleop_sysid.estimation.records import Record, record_from
-from haptic_teleop_sysid.fit import choose_windows, simulated_fit
 from haptic_teleop_sysid.results import tool_version, write_json
 
 #: Samples below which no recording can say anything about six parameters and their noise.
@@ -67,31 +74,17 @@ def sense_follows(data: list[DataSet]) -> bool:
     return True
 
 
-def position_percent(model: Model, data: list[DataSet]) -> float:
-    """Mean simulated fit of the angles, percent, each at least -100."""
-    fits = [simulated_fit(model, d, choose_windows(model, d)) for d in map(with_command, data)]
-    return float(
-        np.mean([max(p, -100.0) for f in fits for n, p in f.percent.items() if n.endswith("position")])
-    )
-
-
-def unharmful(result: SearchResult, validation: list[DataSet]) -> SearchResult:
+def unharmful(result: SearchResult, percent: Callable[[Model], float]) -> SearchResult:
     """The search's result without the last effects while those spoil the free simulation of recordings it has
     not seen: what predicts the next sample better but runs away when it runs freely is no explanation."""
     kept = list(result.choices)
-    before = percent_of(result.baseline.model, validation)
-    while kept and percent_of(kept[-1].chosen.fit.model, validation) < before - HARM:
+    before = percent(result.baseline.model)
+    while kept and percent(kept[-1].chosen.fit.model) < before - HARM:
         kept.pop()
     if len(kept) == len(result.choices):
         return result
     final = kept[-1].chosen.fit if kept else result.baseline
     return replace(result, choices=tuple(kept), final=final, last_round=())
-
-
-def percent_of(model: Model, data: list[DataSet]) -> float:
-    """Mean simulated fit of all signals, percent, each at least -100."""
-    fits = [simulated_fit(model, d, choose_windows(model, d)) for d in map(with_command, data)]
-    return float(np.mean([max(p, -100.0) for f in fits for p in f.percent.values()]))
 
 
 def diagnose(
@@ -101,22 +94,37 @@ def diagnose(
     version.
     """
     learn, judge = records_of(estimation), records_of(validation)
-    result = search(model, learn, judge, sense_follows=sense_follows(estimation), progress=say)
+    n, everything = len(estimation), [*estimation, *validation]
+    say("re-estimating the given structure")
+    baseline = fit_model(model, learn)
+    course = Course.of(baseline.model, everything)
+    result = search(
+        model,
+        baseline,
+        learn,
+        judge,
+        sense_follows=sense_follows(estimation),
+        percent=lambda candidate: float(np.mean(course.percent(candidate))),
+        progress=say,
+    )
 
     def percent(candidate: Model) -> tuple[float, float]:
-        return position_percent(candidate, estimation), position_percent(candidate, validation)
+        fits = course.percent(candidate, "position")
+        return float(np.mean(fits[:n])), float(np.mean(fits[n:]))
 
-    kept = unharmful(result, validation)
-    if not kept.choices and (result.choices or min(percent(result.baseline.model)) < POOR_FIT):
+    kept = unharmful(result, lambda candidate: float(np.mean(course.percent(candidate)[n:])))
+    if min(percent(kept.final.model)) < POOR_FIT or (result.choices and not kept.choices):
         say("searching by free simulation")
-        kept = search_by_simulation(model, result.baseline, learn, judge, percent=percent, progress=say)
+        free = search_by_simulation(model, result.baseline, learn, judge, percent=percent, progress=say)
+        gained = sum(percent(free.final.model)) - sum(percent(kept.final.model))
+        if free.choices and (not kept.choices or gained > LEAST_PERCENT):
+            kept = free
     result = kept
     say("deciding")
     verdict = decide_verdict(result, learn, judge)
     say("simulating both models on all recordings")
-    proof = prove(result.baseline.model, result.final.model, [*estimation, *validation])
+    proof = prove(result.baseline.model, result.final.model, course)
     say("choosing the next experiment")
-    n = len(estimation)
     content = {
         "schema": 1,
         "robot": model.robot,
@@ -137,7 +145,7 @@ def diagnose(
             "window_s": proof.baseline[-1].windows.seconds,
             "windows": "; ".join(
                 f"{d.name}: {f.windows.why}"
-                for d, f in zip([*estimation, *validation], proof.baseline, strict=True)
+                for d, f in zip(everything, proof.baseline, strict=True)
             ),
         },
         "next_experiment": next_experiment(result, verdict, learn),

@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
+
+from haptic_teleop_sim.model import Model
+from haptic_teleop_sysid.estimation.gauss_newton import Fit
 
 from .explore import Explanation
 
@@ -21,6 +24,10 @@ LEAST_SHARE_UNSURE = 0.3
 #: Explanations whose score is within this share of the best one's are as good: forms of friction differ by
 #: more, while the noise of real recordings is not white to within a few percent.
 AS_GOOD = 0.03
+#: Percent of simulated fit that a rival may be worse before its weight falls to a third.
+SIMULATED_MARGIN = 4.0
+#: Standard errors that an effect's size must differ by from none at all.
+SIGNIFICANT = 3.0
 #: From this confidence on a single name is given.
 SURE = 0.7
 
@@ -40,12 +47,18 @@ class Choice:
         return self.confidence < SURE and bool(self.others)
 
 
-def choose(found: Sequence[Explanation], best_so_far: float, sense_follows: bool) -> Choice | None:
+def choose(
+    found: Sequence[Explanation],
+    best_so_far: float,
+    sense_follows: bool,
+    percent: Callable[[Model], float] | None = None,
+) -> Choice | None:
     """The best explanation that is material and gains enough on both kinds of recordings; None if there is
     none.
 
     ``best_so_far``: score of the strongest effect found before (0 in the first round).  ``sense_follows``:
     the measured current follows the command without extra delay, so that a command stamped early is unlikely.
+    ``percent``: simulated fit of a model, which tells rivals apart that predict the next sample alike.
     """
     good = [
         e
@@ -54,6 +67,7 @@ def choose(found: Sequence[Explanation], best_so_far: float, sense_follows: bool
         and e.gain >= LEAST_GAIN
         and e.held_out >= LEAST_HELD_OUT
         and e.score >= LEAST_SHARE * best_so_far
+        and significant(e)
     ]
     if not good:
         return None
@@ -63,6 +77,9 @@ def choose(found: Sequence[Explanation], best_so_far: float, sense_follows: bool
     weights = np.array([np.exp((e.score - best.score) / margin) * _prior(e, sense_follows) for e in close])
     # What lies a whole margin behind is hardly a rival.
     weights[[e.score < best.score - margin for e in close]] *= 0.2
+    if percent is not None and len(close) > 1:
+        fits = np.array([percent(e.fit.model) for e in close])
+        weights = weights * np.exp((fits - fits.max()) / SIMULATED_MARGIN)
     weights = weights / weights.sum()
     order = np.argsort(-weights, kind="stable")
     ranked = [(close[i], float(weights[i])) for i in order]
@@ -82,3 +99,26 @@ def _prior(explanation: Explanation, sense_follows: bool) -> float:
             return 0.1 if sense_follows else 0.8
         return 0.9
     return 1.0
+
+
+def significant(explanation: Explanation) -> bool:
+    """Whether the effect's size differs from none by more than its uncertainty."""
+    effect, std = explanation.effect, standard_errors(explanation.fit)
+    head = f"{effect.location}.{effect.effect}."
+    sizes = [
+        abs(effect.values[p.name] - p.neutral) > SIGNIFICANT * std.get(head + p.name, 0.0)
+        for p in effect.entry.parameters
+        if p.default is None and p.neutral is not None
+    ]
+    return any(sizes) or not sizes
+
+
+def standard_errors(fit: Fit) -> dict[str, float]:
+    """Standard errors by parameter name, from the information matrix (parameters at a bound have none)."""
+    if not len(fit.free):
+        return {}
+    scale = np.sqrt(np.maximum(np.diag(fit.information), 1e-300))
+    inverse = np.linalg.pinv(fit.information / np.outer(scale, scale), rcond=1e-12, hermitian=True)
+    return {
+        n: float(np.sqrt(max(v, 0.0)) / s) for n, v, s in zip(fit.free, np.diag(inverse), scale, strict=True)
+    }

@@ -18,6 +18,8 @@ _DISTINCT = 0.2
 _SMALL_TORQUE = 0.002
 #: Displacement (rad) from which a contact that gives before it slides bears its own name.
 _PRESLIDING = 1e-3
+#: ... and the share of the whole travel up to which it does.
+_STILL = 0.3
 
 
 def material(effect: Effect, scales: Scales) -> bool:
@@ -36,7 +38,9 @@ def material(effect: Effect, scales: Scales) -> bool:
         total = p["positive"] + p["negative"]
         return total > 2 * _SMALL_TORQUE * torque and abs(p["positive"] - p["negative"]) > _DISTINCT * total
     if name == "presliding_friction":
-        return p["torque"] > _SMALL_TORQUE * torque and p["torque"] / p["stiffness"] > _PRESLIDING
+        gives = p["torque"] / p["stiffness"]
+        # A contact that hardly ever slides is a spring.
+        return p["torque"] > _SMALL_TORQUE * torque and _PRESLIDING < gives < _STILL * scales.span(channel)
     if name == "position_dependent_friction":
         # A sine of which less than a quarter was seen is a slope, not an order.
         return (

@@ -10,6 +10,7 @@ import numpy as np
 from haptic_teleop_sim.model import Model
 from haptic_teleop_sysid.dataset import DataSet
 from haptic_teleop_sysid.fit import SimulatedFit, choose_windows, simulated_fit
+from haptic_teleop_sysid.windows import Windows
 
 
 @dataclass(frozen=True)
@@ -20,15 +21,35 @@ class Proof:
     augmented: tuple[SimulatedFit, ...]
 
 
-def prove(baseline: Model, augmented: Model, data: Sequence[DataSet]) -> Proof:
-    """Simulate both models on every data set; the windows are the baseline's."""
-    before, after = [], []
-    for dataset in data:
-        driven = with_command(dataset)
-        windows = choose_windows(baseline, driven)
-        before.append(simulated_fit(baseline, driven, windows))
-        after.append(simulated_fit(augmented, driven, windows))
-    return Proof(tuple(before), tuple(after))
+@dataclass(frozen=True)
+class Course:
+    """Recordings with the windows over which every model of one diagnosis is simulated."""
+
+    data: tuple[DataSet, ...]
+    windows: tuple[Windows, ...]
+
+    @staticmethod
+    def of(baseline: Model, data: Sequence[DataSet]) -> Course:
+        """The recordings, driven by the command; the baseline says whether windows are needed."""
+        driven = tuple(with_command(d) for d in data)
+        return Course(driven, tuple(choose_windows(baseline, d) for d in driven))
+
+    def simulate(self, model: Model) -> tuple[SimulatedFit, ...]:
+        """The model's simulated responses, recording by recording."""
+        return tuple(simulated_fit(model, d, w) for d, w in zip(self.data, self.windows, strict=True))
+
+    def percent(self, model: Model, ending: str = "") -> tuple[float, ...]:
+        """Mean simulated fit (percent, each signal at least -100) of each recording, over signals whose names
+        end so."""
+        return tuple(
+            float(np.mean([max(p, -100.0) for n, p in f.percent.items() if n.endswith(ending)]))
+            for f in self.simulate(model)
+        )
+
+
+def prove(baseline: Model, augmented: Model, course: Course) -> Proof:
+    """Simulate both models on every recording, over the same windows."""
+    return Proof(course.simulate(baseline), course.simulate(augmented))
 
 
 def with_command(dataset: DataSet) -> DataSet:

@@ -7,7 +7,6 @@ from dataclasses import dataclass, replace
 
 from haptic_teleop_sim.model import Model
 from haptic_teleop_sysid.estimation.gauss_newton import Fit, fit_parameters
-from haptic_teleop_sysid.estimation.joint_fit import fit_model
 from haptic_teleop_sysid.estimation.records import Record
 
 from .candidates import family
@@ -42,18 +41,18 @@ LEAST_PERCENT = 6.0
 
 def search(
     model: Model,
+    baseline: Fit,
     estimation: Sequence[Record],
     validation: Sequence[Record],
     *,
     sense_follows: bool = False,
+    percent: Callable[[Model], float] | None = None,
     progress: Callable[[str], None] | None = None,
 ) -> SearchResult:
-    """Find the effects that the model lacks on the estimation recordings and that stand up on the validation
-    ones.
+    """Find the effects that the model, re-estimated as ``baseline``, lacks on the estimation recordings and
+    that stand up on the validation ones. ``percent``: simulated fit of a model, see `choose`.
     """
     say = progress or (lambda text: None)
-    say("re-estimating the given structure")
-    baseline = fit_model(model, estimation)
     scales = recording_scales(baseline.model, estimation)
     fit, choices, strongest = baseline, [], 0.0
     found: list[Explanation] = []
@@ -64,7 +63,7 @@ def search(
         )
         if number == 0:
             baseline = fit
-        choice = choose(found, strongest, sense_follows)
+        choice = choose(found, strongest, sense_follows, percent)
         if choice is None:
             break
         choices.append(choice)

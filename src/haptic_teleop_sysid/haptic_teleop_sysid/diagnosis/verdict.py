@@ -12,7 +12,7 @@ from haptic_teleop_sim.model import Model
 from haptic_teleop_sysid.estimation.gauss_newton import Fit
 from haptic_teleop_sysid.estimation.records import Record
 
-from .decide import Choice
+from .decide import Choice, standard_errors
 from .residual import Condition, conditions, intervals, shares
 from .search import SearchResult
 from .words import because
@@ -92,17 +92,6 @@ def finding(choice: Choice, final: Fit) -> dict[str, Any]:
             for e, p in choice.others
         ],
         "because": because(choice),
-    }
-
-
-def standard_errors(fit: Fit) -> dict[str, float]:
-    """Standard errors by parameter name, from the information matrix (parameters at a bound have none)."""
-    if not len(fit.free):
-        return {}
-    scale = np.sqrt(np.maximum(np.diag(fit.information), 1e-300))
-    inverse = np.linalg.pinv(fit.information / np.outer(scale, scale), rcond=1e-12, hermitian=True)
-    return {
-        n: float(np.sqrt(max(v, 0.0)) / s) for n, v, s in zip(fit.free, np.diag(inverse), scale, strict=True)
     }
 
 
