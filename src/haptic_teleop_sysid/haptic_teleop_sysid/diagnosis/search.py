@@ -109,16 +109,16 @@ def search_by_simulation(
         for e in found[:10]:
             after = percent(e.fit.model)
             better = (after[0] - before[0], after[1] - before[1])
-            if e.material and min(better) > -0.5 and sum(better) > LEAST_PERCENT:
+            if e.material and min(better) > -1.0 and sum(better) > LEAST_PERCENT / 2:
                 good.append((sum(better), e, after))
-        if not good:
+        if not good or max(g[0] for g in good) < LEAST_PERCENT:
             break
         good.sort(key=lambda g: -g[0])
         most = good[0][0]
         # As good within a tenth of the improvement: not to be told apart by these recordings. Of forms of one
         # thing the simpler is taken unless it does clearly less.
         forms = family(good[0][1].effect.effect)
-        close = [g for g in good if g[0] > (0.6 if g[1].effect.effect in forms else 0.9) * most]
+        close = [g for g in good if g[0] > (0.4 if g[1].effect.effect in forms else 0.9) * most]
         simplest = min(close, key=lambda g: (len(g[1].effect.parameters), -g[0]))
         rivals = tuple((g[1], round(0.5 / len(close), 4)) for g in close if g is not simplest)
         choices.append(Choice(simplest[1], 1.0 - sum(p for _, p in rivals), rivals))
