@@ -111,7 +111,7 @@ class Coupling:
         self._now = self.streams.master.at = now
         state = self._look(now)
         port, (position, velocity, effort) = self.master_port, self.master
-        torque, speed = port.at_hand(velocity, effort)
+        torque, speed = port.at_hand(velocity, effort, self._last_master)
         if self.linked:
             self._desire()
         if state is not State.ENGAGED and state is not State.ALIGNING:
@@ -141,7 +141,7 @@ class Coupling:
             desired, heard = self.heard[0], self.heard[1]
         else:
             desired = self._desire()
-            heard = self.master_port.at_hand(self.master[1], self.master[2])[1]
+            heard = self._hand_velocity()
         driven = port.step(desired, position, velocity, effort)
         if port.refused:
             self.fault(
@@ -202,7 +202,7 @@ class Coupling:
     @property
     def to_slave(self) -> tuple[Array, Array]:
         """What goes over the link to the slave: Td, N·m, and the velocity of the hand, rad/s; (2,) each."""
-        return self.desired, self.master_port.at_hand(self.master[1], self.master[2])[1]
+        return self.desired, self._hand_velocity()
 
     @property
     def to_master(self) -> tuple[Array, Array]:
@@ -279,6 +279,9 @@ class Coupling:
         port = self.master_port
         self.desired = port.desired_by(self.reference) if self.from_reference else port.desired(*self.master)
         return self.desired
+
+    def _hand_velocity(self) -> Array:
+        return self.master_port.at_hand(self.master[1], self.master[2], self._last_master)[1]
 
     def _share(self, now: int, begun: int) -> float:
         """The ramp from 0 to 1 since `begun`."""

@@ -66,8 +66,10 @@ class MasterPort(Protocol):
         """Efforts of the robot's motors, N·m, for the slave's Te and an added torque on the hand."""
         ...
 
-    def at_hand(self, velocity: Array, effort: Array) -> tuple[Array, Array]:
-        """Torque of the device on the hand, N·m, and the velocity of the joint that the hand holds."""
+    def at_hand(self, velocity: Array, effort: Array, given: Array) -> tuple[Array, Array]:
+        """Torque of the device on the hand since the last sample, N·m, and the velocity of the joint that the
+        hand holds. given: the efforts that answered the last sample; what a device adds of its own to
+        compensate itself is no part of what the hand is given."""
         ...
 
     @property
@@ -141,8 +143,8 @@ class OmniMaster:
         np.clip(self._effort_axes, -OMNI_PEAK_TORQUE, OMNI_PEAK_TORQUE, out=self._effort_axes)
         return self._effort
 
-    def at_hand(self, velocity: Array, effort: Array) -> tuple[Array, Array]:
-        return effort[AXIS_SLICE], velocity[AXIS_SLICE]
+    def at_hand(self, velocity: Array, effort: Array, given: Array) -> tuple[Array, Array]:
+        return given[AXIS_SLICE], velocity[AXIS_SLICE]
 
     @property
     def feedback_gains(self) -> Array:
@@ -193,7 +195,7 @@ class SfjMaster:
         self.saturated = _SATURATED in self.side.results.tolist()
         return current * self.side.torque_constant
 
-    def at_hand(self, velocity: Array, effort: Array) -> tuple[Array, Array]:
+    def at_hand(self, velocity: Array, effort: Array, given: Array) -> tuple[Array, Array]:
         return effort[ARM_SLICE], velocity[ARM_SLICE]
 
     @property
