@@ -93,9 +93,10 @@ class McapScan:
                 self.count += len(messages.channel)
                 yield messages
         if not ended and not summary.trusted:
+            rest = self.size - self._reached
             self.problems.append(
-                "it has no closing part (its writer was stopped before it closed it, or it was cut), "
-                f"and its last {self.size - self._reached} bytes are no whole record"
+                "it has no closing part (its writer was stopped before it closed it, or it was cut)"
+                + (f", and its last {rest} bytes are no whole record" if rest else "")
             )
         elif summary.problem:
             self.problems.append(summary.problem)
