@@ -72,6 +72,8 @@ def check_parameter_file(path: str | Path, tables: Mapping[str, ParameterTable])
     node.
     """
     sections = load_parameter_file(path)
+    stated = {node: parameters_for(sections, node) for node in tables}
+    tables = {node: table.for_values(stated[node], str(path)) for node, table in tables.items()}
     for name, values in sections.items():
         matched = [node for node in tables if _matches(name, node)]
         if not matched:
