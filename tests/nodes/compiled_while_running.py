@@ -1,9 +1,13 @@
-"""Prints the compiled functions of a node at its start, and again after it has run: `... NODE`.
+"""Prints for each node the functions that were compiled at its start, and those after it has run: JSON lines.
 
-A program of its own, because what is compiled stays compiled in a process.
+    compiled_while_running.py NODE ...
+
+A process for each, because what is compiled stays compiled; forked, because importing takes longest.
 """
 
 import gc
+import json
+import os
 import sys
 
 import numpy as np
@@ -28,19 +32,20 @@ TOPICS = {
 }
 
 
-def print_compiled() -> None:
+def compiled() -> list[str]:
     """Functions with the number of their signatures, whether compiled just now or read from the cache."""
     functions = [item for item in gc.get_objects() if isinstance(item, Dispatcher) and item.overloads]
-    print(sorted(f"{one.__module__}.{one.__name__} {len(one.overloads)}" for one in functions))
+    return sorted(f"{one.__module__}.{one.__name__} {len(one.overloads)}" for one in functions)
 
 
-def main(name: str) -> None:
+def run(name: str) -> None:
     graph = Graph()
     kind = node_class(name)
+    before: list[str] = []
 
     class Watched(kind):
         def start(self) -> None:
-            print_compiled()
+            before.extend(compiled())
             super().start()
 
     sources = {topic: Source(graph, topic, joints) for topic, joints in TOPICS.items()}
@@ -54,9 +59,16 @@ def main(name: str) -> None:
             chosen = next(names for end, names in fields.items() if topic.endswith(end))
             source.send(**dict.fromkeys(chosen, values))
         graph.run(0.005)
-    print_compiled()
+    print(json.dumps([name, before, compiled()]), flush=True)
     graph.close()
 
 
 if __name__ == "__main__":
-    main(sys.argv[1])
+    for name in sys.argv[1:]:
+        node_class(name)
+    for name in sys.argv[1:]:
+        child = os.fork()
+        if not child:
+            run(name)
+            os._exit(0)
+        os.waitpid(child, 0)
