@@ -10,7 +10,10 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from haptic_teleop_control.errors import ConfigurationError
+from haptic_teleop_control.recording import JointStateSeries
+from haptic_teleop_control.robots import OMNI_JOINTS, SFJ_JOINTS
 from haptic_teleop_control.teleoperation.passivity import PassivitySettings, PortEnergies
+from haptic_teleop_control.teleoperation.recorded_energy import port_energies
 
 DT = 0.001
 ZERO = np.zeros(1)
@@ -107,3 +110,25 @@ def test_samples_that_are_no_numbers_are_left_out():
 def test_a_damping_that_is_none_is_refused():
     with pytest.raises(ConfigurationError, match="maximum_damping"):
         PassivitySettings(maximum_damping=-1.0)
+
+
+def test_energies_of_a_recording_are_torque_times_way():
+    """The 2DSFJ presses with 0.5 N·m over 0.2 rad; the hand moves the Omni by 0.1 rad against 0.03 N·m, while
+    the device adds 0.2 N·m of its own."""
+    n, stamp = 101, np.arange(101, dtype=np.int64) * 10_000_000 + 10**9
+    ones = np.ones((n, 1))
+    sfj = JointStateSeries(
+        stamp, stamp, SFJ_JOINTS, ones * np.zeros(4), ones * [0.0, 0.2, 0.0, 0.0], ones * [0.0, 0.5, 0.0, 0.0]
+    )
+    omni = JointStateSeries(
+        stamp, stamp, OMNI_JOINTS, ones * np.zeros(3), ones * [0.0, 0.1, 0.0], ones * [0.0, 0.17, 0.0]
+    )
+    command = JointStateSeries(stamp, stamp, OMNI_JOINTS, None, None, ones * [0.0, -0.03, 0.0])
+    topics = {"/sfj/joint_states": sfj, "/omni/joint_states": omni, "/omni/effort_command": command}
+    ports = port_energies(topics, "omni", "sfj")
+    np.testing.assert_allclose(ports["slave"].energy[-1], [0.5 * 0.2 * 1.01, 0.0])
+    np.testing.assert_allclose(ports["master"].energy[-1], [0.03 * 0.1 * 1.0, 0.0])
+    assert not ports["master"].lowest.any()
+    swapped = port_energies({"/sfj/joint_states": sfj}, "sfj", "omni")
+    assert set(swapped) == {"master"}
+    np.testing.assert_allclose(swapped["master"].lowest, [-0.5 * 0.2 * 1.01, 0.0])

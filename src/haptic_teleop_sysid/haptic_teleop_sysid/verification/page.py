@@ -9,6 +9,7 @@ from matplotlib.figure import Figure
 
 from haptic_teleop_sysid.report import Page
 from haptic_teleop_sysid.verification import tables
+from haptic_teleop_sysid.verification.energy import EXPLANATION, energy_picture, energy_table
 from haptic_teleop_sysid.verification.overlay import Overlays, overlay_table
 from haptic_teleop_sysid.verification.pictures import latency_picture
 from haptic_teleop_sysid.verification.run import Run
@@ -85,6 +86,7 @@ def verification_page(
         _stage_section(page, runs, labels, stage, picture)
     _overlay_section(page, overlays)
     _agreement_section(page, labels, agreements)
+    _energy_section(page, runs, labels)
     _graph_section(page, runs, labels)
     _settings_section(page, runs, labels)
     return page
@@ -129,6 +131,13 @@ def _agreement_section(page: Page, labels: Sequence[str], agreements: Mapping[st
     if any(agreements.values()):
         text = f"Fit in percent of each run to {labels[0]}, both counted from their command's onset."
         page.section("Agreement between the runs", text).table(*tables.agreement_table(agreements))
+
+
+def _energy_section(page: Page, runs: Sequence[Run], labels: Sequence[str]) -> None:
+    picture = energy_picture(runs[0].energies)
+    if picture is not None:
+        section = page.section("Energy at the ports", EXPLANATION).picture(picture, f"Energy, {labels[0]}")
+        section.table(*energy_table([run.energies for run in runs], labels))
 
 
 def _graph_section(page: Page, runs: Sequence[Run], labels: Sequence[str]) -> None:

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
 
 from haptic_teleop_control.recording import Recording
+from haptic_teleop_control.teleoperation.recorded_energy import PortEnergy, port_energies
 from haptic_teleop_sysid.fit import fit_percent
 from haptic_teleop_sysid.recorded_parameters import recorded_text
 from haptic_teleop_sysid.verification.merit import StageMerit, stage_merit
@@ -34,6 +35,8 @@ class Run:
     experiment: dict[str, Any]
     scenario: int = 1
     """2: the Omni is the slave; it has no force sensor, so there are neither stages nor figures of merit."""
+    energies: dict[str, PortEnergy] = field(default_factory=dict)
+    """Of the ports "master" and "slave", as far as the recording holds their robots."""
 
     def as_json(self) -> dict[str, Any]:
         """Return the figures as plain data."""
@@ -44,6 +47,10 @@ class Run:
             "complete": self.complete,
             "problems": self.problems,
             "experiment": self.experiment,
+            "energy_j": {
+                port: {"end": one.energy[-1].tolist(), "lowest": one.lowest.tolist()}
+                for port, one in self.energies.items()
+            },
         }
 
 
@@ -71,6 +78,7 @@ def examine(
         problems=list(recording.problems),
         experiment=dict(recording.experiment),
         scenario=2 if second else 1,
+        energies=port_energies(recording.topics, *(("sfj", "omni") if second else ("omni", "sfj"))),
     )
 
 
