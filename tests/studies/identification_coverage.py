@@ -16,9 +16,7 @@ from pathlib import Path
 import numpy as np
 
 from haptic_teleop_sysid.dataset import load_dataset
-from haptic_teleop_sysid.estimation.graduated import fit_from_afar
-from haptic_teleop_sysid.estimation.records import record_from
-from haptic_teleop_sysid.estimation.uncertainty import uncertainty
+from haptic_teleop_sysid.estimation.strategies import estimate
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "unit"))
 from identification_plants import AXIS, STAGE, axis_recording, off, stage_recording
@@ -34,24 +32,28 @@ def study(case: str, seeds: int) -> None:
     """Print the table of one case, failures included."""
     truth, make = CASES[case]
     names, true = truth.free_parameters(), truth.parameter_values()
-    errors, scores, seconds, undetermined, unconverged = [], [], [], 0, 0
+    errors, scores, seconds, undetermined, unconverged, doubted, misled = [], [], [], 0, 0, 0, 0
     for seed in range(1, seeds + 1):
         start = off(truth, seed)
-        record = record_from(load_dataset(make(seed), start))
-        begun = time.perf_counter()
-        fit = fit_from_afar(start, [record])
-        unsure = uncertainty(fit, [record])
-        seconds.append(time.perf_counter() - begun)
+        data = load_dataset(make(seed), start)
+        begun = time.process_time()
+        fit = estimate(start, [data], cross_check=True)
+        seconds.append(time.process_time() - begun)
+        unsure = fit.uncertainty
+        if unsure is None:
+            raise RuntimeError(f"{case}, seed {seed}: {fit.message}")
         found = fit.model.parameter_values()
         undetermined += len(unsure.undetermined)
         unconverged += not fit.converged
+        doubted += bool(fit.disagreement())
+        misled += fit.misled is not None
         errors.append([found[n] / true[n] - 1.0 for n in names])
         scores.append([(found[n] - true[n]) / s for n, s in zip(names, unsure.std, strict=True)])
     error, score = np.abs(errors), np.array(scores)
     inside = np.abs(score) < 1.96
     print(
         f"\n{case}: {seeds} seeds, {np.median(seconds):.1f} s each, {unconverged} not converged, "
-        f"{undetermined} called undetermined"
+        f"{undetermined} called undetermined, {doubted} doubted when looking further ahead, {misled} given up"
     )
     print(
         "| parameter | median error | worst error | covered by 95 % | mean of error / std |\n"

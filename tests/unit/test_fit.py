@@ -14,6 +14,7 @@ from haptic_teleop_sim.model import Effect, Model
 from haptic_teleop_sysid.dataset import load_dataset
 from haptic_teleop_sysid.fit import choose_windows, fit_percent, simulated_fit
 from haptic_teleop_sysid.parameter_fit import fit_parameters
+from haptic_teleop_sysid.velocity_series import velocity_series
 from haptic_teleop_sysid.windows import closed_loop, cut
 
 MODEL = Model("sfj", "stage1", "flexible_joint", TRUTH)
@@ -66,6 +67,17 @@ def test_velocities_are_compared_as_the_recordings_filter_shows_them():
     assert percent["stage1_motor.velocity"] > 99.9
     unaware = simulated_fit(MODEL, replace(dataset, velocity_filter=None), cut(dataset, None, "")).percent
     assert unaware["stage1_motor.velocity"] < 97.0
+
+
+def test_filtered_velocities_follow_the_filters_differential_equation():
+    # A steady motion shows its speed from the first sample, a step of speed the filter's step response.
+    dt, speed, cutoff, damping = 1e-4, 0.7, 40.0, 0.9
+    t = dt * np.arange(2000)
+    assert velocity_series(0.2 + speed * t, dt, cutoff, damping, speed) == pytest.approx(speed)
+    wc, wd = 2 * np.pi * cutoff, 2 * np.pi * cutoff * np.sqrt(1 - damping**2)
+    decay = np.exp(-damping * wc * t)
+    response_ = 1 - decay * (np.cos(wd * t) + damping * wc / wd * np.sin(wd * t))
+    assert velocity_series(speed * t, dt, cutoff, damping) == pytest.approx(speed * response_, abs=1e-3)
 
 
 def test_a_wrong_model_is_given_its_best_initial_state():

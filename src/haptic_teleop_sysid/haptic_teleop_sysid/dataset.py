@@ -10,13 +10,13 @@ from numpy.typing import NDArray
 from scipy.signal import savgol_filter
 
 from haptic_teleop_control.errors import MismatchError, RecordingError
-from haptic_teleop_control.filters import VelocityFilter
 from haptic_teleop_control.recording import Recording, bag_problems
 from haptic_teleop_control.robots import SFJ_STAGES, VELOCITY_FILTER_CUTOFF_HZ, VELOCITY_FILTER_DAMPING
 from haptic_teleop_sim.model import Model
 from haptic_teleop_sysid.channels import Channel, Channels, channels_for
 from haptic_teleop_sysid.recorded_parameters import recorded_value
 from haptic_teleop_sysid.time_grid import GAP_PERIODS, NS, TimeGrid
+from haptic_teleop_sysid.velocity_series import velocity_series
 
 Array = NDArray[np.float64]
 
@@ -188,9 +188,7 @@ def _motion(channel: Channel, grid: TimeGrid, robot: str, valid: NDArray[np.bool
         return position, _finite(grid.sampled(recorded), valid)
     if robot == "generic":
         return position, _derivative(position, 11, 1, grid.dt)
-    velocity_filter = VelocityFilter(1, grid.dt, VELOCITY_FILTER_CUTOFF_HZ, VELOCITY_FILTER_DAMPING)
-    velocity_filter.reset(position[:1])
-    return position, np.array([float(velocity_filter.step(value)[0]) for value in position[:, None]])
+    return position, velocity_series(position, grid.dt, VELOCITY_FILTER_CUTOFF_HZ, VELOCITY_FILTER_DAMPING)
 
 
 def _finite(values: Array, valid: NDArray[np.bool_] | None) -> Array:

@@ -21,17 +21,14 @@ from haptic_teleop_sysid.residuals import Residuals, reading
 from haptic_teleop_sysid.windows import closed_loop
 
 _DISAGREEMENT = (
-    "the output error finds {:.4g} instead, which chance does not explain. It weighs slow motion more than "
-    "the one-step predictor does, so the two differ where something is wrong."
+    "a predictor that looks {ahead:.2g} s ahead, and so weighs slow motion more, finds {value:.4g} instead, "
+    "which chance does not explain."
 )
 _OPEN = (
-    "Either the measured input carries noise, or something fast is missing from the model: for slow motion "
-    "trust --method output-error."
+    "Either the measured input carries noise, or something is missing from the model: for slow motion trust "
+    "--method output-error."
 )
-_LOOPED = (
-    "The recording was made in closed loop, where the output error is biased by every disturbance: look at "
-    "the residuals before you trust either."
-)
+_LOOPED = "Something is missing from the model, or acts that nobody recorded: look at the residuals first."
 
 
 @dataclass(frozen=True)
@@ -68,7 +65,7 @@ def as_json(result: Result) -> dict[str, Any]:
         "log_likelihood": None if found.fit is None else found.fit.log_likelihood,
         "noise": None if found.fit is None else asdict(found.fit.noise),
         "starts": found.starts,
-        "output_error": found.output_error,
+        "far_sighted": None if found.far_sighted is None else asdict(found.far_sighted),
         "misled": None if found.misled is None else asdict(found.misled),
         "disagreement": found.disagreement(),
         "fit": {
@@ -131,13 +128,16 @@ def verdict(result: Result) -> list[tuple[str, str]]:
             told.append(("fair", f"{name} cannot be determined from these recordings: {why}."))
         looped = any(closed_loop(result.data[b]) for b in result.data if b not in result.validation)
         for name, value in found.disagreement().items():
-            told.append(("bad", f"{name}: {_DISAGREEMENT.format(value)} {_LOOPED if looped else _OPEN}"))
-        if found.output_error == {}:
-            told.append(("plain", "The cross-check by output error did not arrive and says nothing."))
+            ahead = 0.0 if found.far_sighted is None else found.far_sighted.ahead
+            sentence = _DISAGREEMENT.format(ahead=ahead, value=value)
+            told.append(("bad", f"{name}: {sentence} {_LOOPED if looped else _OPEN}"))
+        if found.far_sighted is not None and not found.far_sighted.values:
+            told.append(("plain", "The cross-check by looking further ahead did not arrive: it is silent."))
         for name in found.uncertainty.near_zero:
             told.append(("plain", f"{name} cannot be told from zero."))
     else:
-        told.append(("fair", f"{found.method} says nothing of how sure its numbers are."))
+        sentence = "its standard errors, where it has any, hold for an open loop and a right model only"
+        told.append(("fair", f"{found.method} knows no noise: {sentence}."))
     for bag, dataset in result.data.items():
         for problem in dataset.problems:
             told.append(("fair", f"{bag}: {problem}."))

@@ -15,11 +15,11 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from haptic_teleop_control.filters import VelocityFilter
 from haptic_teleop_sim.kernel import Packed, acting_torque, pack, simulate
 from haptic_teleop_sim.model import Model
 from haptic_teleop_sysid.dataset import DataSet
 from haptic_teleop_sysid.initial_state import estimate_initial_state, without_actuator
+from haptic_teleop_sysid.velocity_series import velocity_series
 from haptic_teleop_sysid.windows import DEFAULT_SECONDS, Windows, closed_loop, cut, drift_share
 
 Array = NDArray[np.float64]
@@ -131,7 +131,5 @@ def as_recorded(position: Array, velocity: Array, dataset: DataSet) -> Array:
     """
     if dataset.velocity_filter is None:
         return velocity
-    velocity_filter = VelocityFilter(1, dataset.dt, *dataset.velocity_filter)
     # The filter had been running before the window began.
-    velocity_filter.reset(position[:1] - dataset.dt * velocity[:1], velocity[:1])
-    return np.array([float(velocity_filter.step(value)[0]) for value in position[:, None]])
+    return velocity_series(position, dataset.dt, *dataset.velocity_filter, velocity=float(velocity[0]))

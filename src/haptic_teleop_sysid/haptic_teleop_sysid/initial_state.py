@@ -6,7 +6,6 @@ from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.optimize import least_squares
 
 from haptic_teleop_sim.kernel import INITIAL, Packed, predict
 from haptic_teleop_sim.model import Model
@@ -14,6 +13,9 @@ from haptic_teleop_sysid.dataset import DataSet
 
 Array = NDArray[np.float64]
 HUGE = 1e6
+GAIN = 1e-6
+"""Relative gain of the sum of squares that is not worth another response."""
+MOST_TRIALS = 30
 
 
 def without_actuator(model: Model) -> Model:
@@ -57,22 +59,19 @@ def estimate_initial_state(
 ) -> Array:
     """Return (4,): the initial state that makes the free response over `span` nearest to the measured angles.
 
-    Gauss-Newton with the exact sensitivities of the response, from the recorded state; the recorded state
-    itself where the response does not stay finite.
+    Damped Gauss-Newton with the exact sensitivities of the response, from the recorded state; the recorded
+    state itself where the response does not stay finite.
     """
     part = slice(*span)
     angles = encoder_angles(dataset, span)
     weights = 1.0 / angle_scales(dataset)
     used = [0, 2] if mechanics.rigid else [0, 1, 2, 3]
     names = tuple(INITIAL[i] for i in used)
-    first = measured_state(dataset, span[0])
     exogenous = None if dataset.exogenous is None else dataset.exogenous[part]
     t0 = float(dataset.start + dataset.dt * span[0])
-    slopes: dict[bytes, Array] = {}
 
-    def evaluate(x: Array) -> Array:
-        state = first.copy()
-        state[used] = x
+    def normal(state: Array) -> tuple[Array, Array, float]:
+        """J'J (k, k), J'r (k,) and half r'r of the weighted errors r and their derivatives J."""
         result = predict(
             mechanics,
             torque[part],
@@ -83,28 +82,31 @@ def estimate_initial_state(
             exogenous=exogenous,
             t0=t0,
         )
-        slopes.clear()
-        slopes[x.tobytes()] = bounded(result.d_innovation * weights[:, None]).reshape(-1, len(used))
-        return bounded(result.innovation * weights).ravel()
+        error = bounded(result.innovation * weights).ravel()
+        slope = bounded(result.d_innovation * weights[:, None]).reshape(len(error), -1)
+        return slope.T @ slope, slope.T @ error, 0.5 * float(error @ error)
 
-    def slope(x: Array) -> Array:
-        if x.tobytes() not in slopes:
-            evaluate(x)
-        return slopes[x.tobytes()]
-
-    # Chosen steps, because an angle and a speed differ in size.
-    speed = max(float(np.std(dataset.motor_velocity)), 1e-9)
-    scales = np.array([*angle_scales(dataset), speed, speed])
-    found = least_squares(
-        evaluate,
-        first[used],
-        jac=slope,  # pyright: ignore[reportArgumentType]
-        x_scale=scales[used],
-        method="trf",
-        max_nfev=40,
-    )
-    first[used] = found.x
-    return first
+    state = measured_state(dataset, span[0])
+    information, gradient, cost = normal(state)
+    damping = 1e-9
+    for _ in range(MOST_TRIALS):
+        scale = np.sqrt(np.maximum(np.diag(information), 1e-300))
+        lessened = information / np.outer(scale, scale) + damping * np.eye(len(used))
+        step = -np.linalg.solve(lessened, gradient / scale) / scale
+        trial = state.copy()
+        trial[used] += step
+        answer = normal(trial)
+        if not answer[2] < cost:
+            if -float(gradient @ step) < GAIN * cost:
+                break
+            damping = max(30.0 * damping, 1e-4)
+            continue
+        gained = cost - answer[2]
+        state, (information, gradient, cost) = trial, answer
+        damping = max(damping / 30.0, 1e-9)
+        if gained < GAIN * cost:
+            break
+    return state
 
 
 def bounded(values: Array) -> Array:

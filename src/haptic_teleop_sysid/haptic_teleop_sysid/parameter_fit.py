@@ -58,13 +58,10 @@ def fit_parameters(
     data: Sequence[tuple[DataSet, Windows]],
     limits: Mapping[str, tuple[float, float]] | None = None,
     at_rest: bool = False,
-    evaluations: int = MOST_EVALUATIONS,
-    tolerance: float = 1e-8,
 ) -> ParameterFit:
     """Return the model with its free parameters fitted to all `data` at once, within the parameters' ranges,
     narrowed by `limits`. With `at_rest` every window starts where it was measured, without speed, and initial
-    states are not estimated. The search ends when the sum of squares gains less than `tolerance`, relatively,
-    or after so many `evaluations`.
+    states are not estimated.
 
     Inertias, stiffness and torque constant are searched on a logarithmic scale. Raises ModelError when
     nothing is free.
@@ -110,8 +107,7 @@ def fit_parameters(
         jac=jacobian,  # pyright: ignore[reportArgumentType]
         bounds=(np.concatenate([lower, -unbounded]), np.concatenate([upper, unbounded])),
         x_scale=np.concatenate([typical, np.tile(_state_scales(windows)[list(used)], len(windows))]),
-        ftol=tolerance,
-        max_nfev=evaluations,
+        max_nfev=MOST_EVALUATIONS,
         method="trf",
     )
     result = {name: outer(name, x) for name, x in zip(names, found.x, strict=False)}

@@ -46,16 +46,18 @@ def parameter_rows(found: Estimate) -> list[Row]:
         if name not in free:
             rows.append(Row(name, unit, start[name], value, None, None, "fixed"))
         elif unsure is None:
+            std = found.plain_std.get(name, math.nan)
+            note = f"{found.method} knows no noise"
             rows.append(
                 Row(
                     name,
                     unit,
                     start[name],
                     value,
-                    None,
+                    std if math.isfinite(std) else None,
                     None,
                     "estimated",
-                    f"{found.method} knows no noise and gives no standard error",
+                    note if math.isfinite(std) else f"{note} and gives no standard error",
                 )
             )
         elif name in unsure.undetermined:
@@ -83,8 +85,10 @@ def as_text(row: Row) -> list[str]:
     """The row's cells for a table: name, unit, start, value, standard error, interval, remark."""
     if row.value is None:
         value, std, interval = "not determined", "–", "–"
-    elif row.std is None or row.interval is None:
+    elif row.std is None:
         value, std, interval = f"{row.value:.6g}", "–", "–"
+    elif row.interval is None:
+        value, std, interval = rounded(row.value, row.std), f"{row.std:.2g}", "–"
     else:
         value, std = rounded(row.value, row.std), f"{row.std:.2g}"
         interval = " … ".join(rounded(end, row.std) for end in row.interval)

@@ -21,12 +21,13 @@ from haptic_teleop_sysid.fit import choose_windows, simulated_fit
 from haptic_teleop_sysid.windows import Windows
 
 from .gauss_newton import Fit, Limits, bounds, fit_parameters
-from .graduated import STAGES, approach, fit_far_and_near
+from .graduated import STAGES, approach, distrustful_noise, fit_far_and_near
 from .likelihood import channels
 from .noise import NoiseModel, linearised, observer_gain
 from .progress import Progress, silent
 from .records import Record, record_from
-from .result import Estimate, Misled
+from .result import Estimate, FarSighted, Misled
+from .riccati import exponential
 from .uncertainty import MEMORY, uncertainty
 
 #: Further starts lie within this factor of the given one, either side.
@@ -36,6 +37,8 @@ SPREAD = 3.0
 CLEARLY_BETTER = 0.8
 #: and the other's by more than this share of the angles' spread.
 NOTICEABLE = 0.02
+#: Relative difference of the two predictors' parameters up to which nothing is simulated.
+ALIKE = 0.1
 #: Iterations of the far-sighted predictor once it is the one to believe.
 ITERATIONS = 60
 
@@ -89,7 +92,7 @@ def prediction_error(
 
 def _misled(far: Fit, near: Fit, records: Sequence[Record], datasets: Sequence[DataSet]) -> Misled | None:
     """What to tell where the one-step predictor is not to be believed, else None."""
-    if not np.isfinite(far.log_likelihood):
+    if not np.isfinite(far.log_likelihood) or _agree(far, near):
         return None
     windows = [choose_windows(far.model, d) for d in datasets]
     errors = [_simulated_error(fit, datasets, windows) for fit in (near, far)]
@@ -98,6 +101,12 @@ def _misled(far: Fit, near: Fit, records: Sequence[Record], datasets: Sequence[D
     values = near.model.parameter_values()
     ahead = max(look_ahead(far.model, far.noise, record) for record in records)
     return Misled({n: values[n] for n in near.free}, errors[0], errors[1], ahead)
+
+
+def _agree(one: Fit, other: Fit) -> bool:
+    """Whether all parameters are the same to ALIKE: then it hardly matters which to believe."""
+    a, b = one.model.parameter_values(), other.model.parameter_values()
+    return all(abs(a[n] - b[n]) <= ALIKE * abs(b[n]) for n in other.free)
 
 
 def _simulated_error(fit: Fit, datasets: Sequence[DataSet], windows: Sequence[Windows]) -> float:
@@ -112,15 +121,32 @@ def _simulated_error(fit: Fit, datasets: Sequence[DataSet], windows: Sequence[Wi
     return float(np.sqrt(np.mean(np.square(shares))))
 
 
+def cross_checked(
+    found: Estimate, datasets: Sequence[DataSet], at_rest: bool, limits: Limits | None
+) -> Estimate:
+    """The estimate with what the predictor that looks farthest ahead finds from there (`FarSighted`)."""
+    records = [replace(record_from(d), at_rest=at_rest) for d in datasets]
+    noise = distrustful_noise(found.model, records, STAGES[0])
+    fit = fit_parameters(found.model, noise, records, iterations=ITERATIONS, limits=limits)
+    ahead = max(look_ahead(fit.model, noise, record) for record in records)
+    # Friction makes its likelihood rough: where no step gains anything any more is near enough.
+    if not fit.converged and fit.iterations == ITERATIONS:
+        return replace(found, far_sighted=FarSighted({}, ahead))
+    unsure = uncertainty(fit, records, max(MEMORY, ahead), tuned=False)
+    values = fit.model.parameter_values()
+    told = {n: (values[n], float(std)) for n, std in zip(unsure.names, unsure.std, strict=True)}
+    return replace(found, far_sighted=FarSighted(told, ahead))
+
+
 def look_ahead(model: Model, noise: NoiseModel, record: Record) -> float:
     """Time constant, s, with which the observer of the linearised joint forgets: of its slowest pole."""
     packed = pack(model)
     used = channels(packed, record)
     gain = observer_gain(packed, noise, record.dt, used)
     keep = [0, 2, 4] if packed.rigid else list(range(6))
-    places = [{0: 0, 1: 1, 2: 2, 3: 3, 4: -2, 5: -1}[state] for state in keep]
+    places = [{4: -2, 5: -1}.get(state, state) for state in keep]
     a, c = linearised(packed, noise.reference)
-    transition = np.eye(6) + a * record.dt
+    transition = exponential(a * record.dt)
     transition[4, 4], transition[5, 5] = noise.decay(record.dt)
     correction = np.eye(len(keep)) - gain[np.ix_(places, used)] @ c[np.ix_(used, keep)]
     poles = np.abs(np.linalg.eigvals(transition[np.ix_(keep, keep)] @ correction))

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 from haptic_teleop_sim.model import Model
 
@@ -26,13 +26,22 @@ class Misled:
 
 
 @dataclass(frozen=True)
+class FarSighted:
+    """What a predictor finds that looks ``ahead``, s: value and standard error (infinite where it has none)
+    by parameter, empty where its search did not arrive."""
+
+    values: dict[str, tuple[float, float]]
+    ahead: float
+
+
+@dataclass(frozen=True)
 class Estimate:
     """``model`` with the values found by ``method`` from ``start``; ``converged`` with a sentence in
     ``message``; ``fit`` and ``uncertainty`` for the prediction-error method, None for the others, which
     know no noise; ``starts``: log-likelihood reached from each start (the given one first); ``seconds`` it
-    took; ``output_error``: value and standard error (NaN where it has none) of the free parameters by the
-    cross-check, empty where that did not arrive, None where it was not asked for; ``misled``: set where the
-    one-step predictor was not believed, and ``fit`` is that of the one that looks further ahead."""
+    took; ``far_sighted``: the cross-check, None where it was not asked for; ``misled``: set where the
+    one-step predictor was not believed, and ``fit`` is that of the one that looks further ahead;
+    ``plain_std``: standard errors by parameter of a method without noise model, NaN where it has none."""
 
     model: Model
     start: Model
@@ -44,24 +53,22 @@ class Estimate:
     fit: Fit | None = None
     uncertainty: Uncertainty | None = None
     starts: tuple[float, ...] = ()
-    output_error: dict[str, tuple[float, float]] | None = None
+    far_sighted: FarSighted | None = None
     misled: Misled | None = None
+    plain_std: dict[str, float] = field(default_factory=dict)
 
     def disagreement(self) -> dict[str, float]:
-        """Parameters that the output error puts elsewhere, by more than 10 % and DISAGREEMENT of its own
+        """Parameters that the far-sighted predictor puts elsewhere, by more than 10 % and DISAGREEMENT of its
         standard errors: name -> its value. Empty without a cross-check.
 
-        Where the model is right the predictor is efficient, and the variance of the difference is that of the
-        output error less the predictor's (Hausman, Econometrica 46, 1978): at most the former."""
+        Where the model is right one step ahead is efficient, and the variance of the difference is that of
+        the other's less its own (Hausman, Econometrica 46, 1978): at most the former."""
         unsure, found = self.uncertainty, self.model.parameter_values()
-        if not self.output_error or unsure is None:
+        if self.far_sighted is None or unsure is None:
             return {}
-        apart = {}
-        for name, (other, std) in self.output_error.items():
-            if name in unsure.undetermined:
-                continue
-            difference = abs(other - found[name])
-            # Not so with a standard error that is no number: nothing can then be said.
-            if difference > DISAGREEMENT * std and difference > 0.1 * abs(found[name]):
-                apart[name] = other
-        return apart
+        return {
+            name: other
+            for name, (other, std) in self.far_sighted.values.items()
+            if name not in unsure.undetermined
+            and abs(other - found[name]) > max(DISAGREEMENT * std, 0.1 * abs(found[name]))
+        }

@@ -13,16 +13,13 @@ from haptic_teleop_sysid.fit import choose_windows
 from haptic_teleop_sysid.parameter_fit import fit_parameters as least_squares
 
 from .gauss_newton import Limits, bounds
-from .prediction_error import prediction_error
+from .prediction_error import cross_checked, prediction_error
 from .progress import Progress, silent
 from .progressive import progressive
 from .records import with_trusted_input
 from .result import Estimate
 
 METHODS = ("prediction-error", "output-error", "progressive")
-#: Relative gain at which the cross-check by output error ends: far finer than its standard errors.
-CHECK_TOLERANCE = 1e-4
-CHECK_EVALUATIONS = 40
 
 
 def estimate(
@@ -41,9 +38,9 @@ def estimate(
 
     ``at_rest``: the initial state is known (at rest where it was first read), otherwise it is estimated.
     ``multi_start``: number of starts, the further ones drawn with ``seed`` (prediction error only).
-    ``cross_check``: estimate by output error too, and keep its values to compare. ``limits`` narrow the
-    parameters' physical ranges.  ``progress(what, share)`` is called now and then.  Raises ModelError when
-    nothing is free, or a start lies outside its limits.
+    ``cross_check``: estimate with a predictor that looks further ahead, too, to compare. ``limits`` narrow
+    the parameters' physical ranges.  ``progress(what, share)`` is called now and then.  Raises ModelError
+    when nothing is free, or a start lies outside its limits.
     """
     begun = time.perf_counter()
     check_start(model, limits)
@@ -51,8 +48,8 @@ def estimate(
     if method == "prediction-error":
         found = prediction_error(model, datasets, at_rest, multi_start, seed, limits, progress)
         if cross_check and found.fit is not None:
-            progress("cross-check by output error", 1.0)
-            found = _cross_checked(found, datasets, at_rest, limits)
+            progress("cross-check by looking further ahead", 1.0)
+            found = cross_checked(found, datasets, at_rest, limits)
     elif method == "output-error":
         found = _output_error(model, datasets, at_rest, limits)
     else:
@@ -86,16 +83,6 @@ def check_start(model: Model, limits: Limits | None) -> None:
             )
 
 
-def _cross_checked(
-    found: Estimate, datasets: Sequence[DataSet], at_rest: bool, limits: Limits | None
-) -> Estimate:
-    pairs = [(d, choose_windows(found.model, d)) for d in datasets]
-    other = least_squares(found.model, pairs, limits, at_rest, CHECK_EVALUATIONS, CHECK_TOLERANCE)
-    arrived = other.converged and not other.fled
-    values = other.model.parameter_values()
-    return replace(found, output_error={n: (values[n], s) for n, s in other.std.items()} if arrived else {})
-
-
 def _output_error(
     model: Model, datasets: Sequence[DataSet], at_rest: bool, limits: Limits | None
 ) -> Estimate:
@@ -104,4 +91,6 @@ def _output_error(
     if found.fled:
         message += f"; {', '.join(found.fled)} fled: the structure cannot follow the recording"
     converged = found.converged and not found.fled
-    return Estimate(found.model, model, "output-error", converged, message, 0.0, found.evaluations)
+    return Estimate(
+        found.model, model, "output-error", converged, message, 0.0, found.evaluations, plain_std=found.std
+    )
