@@ -15,8 +15,10 @@ from rich.console import Console
 from haptic_teleop_control.command_line import run_command
 from haptic_teleop_control.errors import ConfigurationError
 from haptic_teleop_sim.mujoco_robot import mujoco_installed, mujoco_module
-from haptic_teleop_sysid.discovery.chain import RESULT, Settings, StepFailed, discover
+from haptic_teleop_sysid.discovery.chain import discover
+from haptic_teleop_sysid.discovery.conclusion import RESULT
 from haptic_teleop_sysid.discovery.overlay import AUGMENTED, LAB, REFITTED, mean
+from haptic_teleop_sysid.discovery.steps import Settings, StepFailed
 from haptic_teleop_sysid.report import claim_output_directory, numbered_output_directory
 
 PLANTS = {"auto": None, "mujoco": "mujoco_sim", "sfj_sim": "sfj_sim"}
