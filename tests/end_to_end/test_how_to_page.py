@@ -1,4 +1,4 @@
-"""docs/how_to_write_a_controller.md, done literally in an empty folder: its files written, its commands run."""
+"""docs/how_to_write_a_controller.md, done literally in an empty folder: files written, commands run."""
 
 import json
 import os

@@ -108,6 +108,9 @@ def _command(recording: Recording, nodes: dict[str, dict[str, Any]], name: str) 
     control = TABLES[CONTROLLER].check(nodes[CONTROLLER], name)
     if control["command_source"] == "reference" and GENERATOR in nodes:
         return "the signal generator's parameters"
+    held = nodes.get(f"{control['master']}_sim", {}).get("operator.mode", "none")
+    if control["command_source"] == "device" and held != "none":
+        return "the simulated operator's parameters"
     joints, field = REFERENCES[control["master"]]
     series, source = _commanding(recording, control, joints, field, name)
     nodes[CONTROLLER] = nodes[CONTROLLER] | {"command_source": "reference"}

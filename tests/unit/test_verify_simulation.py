@@ -1,0 +1,157 @@
+"""A recording and the simulation of its own scenario: laid over each other, they tell what was changed."""
+
+from __future__ import annotations
+
+import copy
+import json
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from haptic_teleop_control.errors import ConfigurationError, MismatchError
+from haptic_teleop_control.recording import Recording, write_recording
+from haptic_teleop_sim.lockstep import load_scenario, run_scenario
+from haptic_teleop_sim.scenario_parameters import check_scenario
+from haptic_teleop_sysid import verify
+from haptic_teleop_sysid.verification.overlay import overlay, overlay_all, overlay_pictures
+from haptic_teleop_sysid.verification.simulation import simulate_recording
+
+SECONDS = 3.0
+CONFIG = Path(__file__).resolve().parents[2] / "config"
+
+
+def sections(delay=0.5, wall=0.3):
+    stages = {f"stage{i}.{key}": value for i, level in ((1, 0.06), (2, 0.08)) for key, value in {
+        "enabled": True, "delay": delay, "step.enabled": True, "step.amplitude": level}.items()}  # fmt: skip
+    walls = {f"stage{i}.wall.{k}": v for i in (1, 2) for k, v in (("angle", wall), ("dissipation", 1.0))}
+    return {"sfj_sim": walls, "omni_sim": {}, "force_controller": {}, "signal_generator": stages}
+
+
+def recorded(said=None, **made):
+    """A recording of the scenario `made`, which says of itself that it was `said`."""
+    topics = run_scenario(check_scenario(sections(**made)), SECONDS)
+    parameters = check_scenario(sections(**(made if said is None else said))).recorded
+    return Recording(Path("bag"), topics, copy.deepcopy(dict(parameters)), experiment={"kind": "test"})
+
+
+def fits(recording, remove_delay=False, scenario=None):
+    result = overlay(recording, simulate_recording(recording, "bag", scenario), remove_delay)
+    return result, result.as_json()["fit_percent"]
+
+
+def test_a_recording_of_the_simulation_itself_fits_to_the_last_bit():
+    result, fit = fits(recorded())
+    assert result.delay == 0.0
+    for stage in ("stage 1", "stage 2"):
+        assert set(fit[stage].values()) == {100.0}, fit
+    assert fit["omni z"]["position"] is None  # nobody moves it
+    assert result.command == "the signal generator's parameters"
+
+
+def test_a_delayed_recording_fits_only_when_the_delay_is_removed():
+    recording = recorded(said={"delay": 0.5}, delay=0.7)
+    left, fit = fits(recording)
+    assert left.delay == pytest.approx(0.2, abs=2e-3)
+    assert fit["stage 1"]["arm position"] < 85.0
+    removed, fit = fits(recording, remove_delay=True)
+    assert removed.removed and removed.delay == left.delay
+    assert fit["stage 1"]["arm position"] > 99.5
+    assert fit["stage 2"]["environment torque"] > 98.0
+
+
+def test_the_fit_is_one_hundred_times_one_minus_the_relative_error():
+    recording = recorded(said={"wall": 0.4})
+    result, fit = fits(recording)
+    simulated = run_scenario(check_scenario(sections(wall=0.4)), SECONDS)["/sfj/joint_states"]
+    y = recording.topics["/sfj/joint_states"].signal("stage1_arm", "position")
+    error = np.linalg.norm(y - simulated.signal("stage1_arm", "position"))
+    expected = 100.0 * (1.0 - error / np.linalg.norm(y - y.mean()))
+    assert fit["stage 1"]["arm position"] == pytest.approx(expected, abs=1e-9)
+    assert fit["stage 1"]["arm position"] < 80.0
+    assert {"stage 1", "stage 2"} <= set(overlay_pictures(result)) < {one.group for one in result.comparisons}
+
+
+def test_a_command_that_no_generator_gave_is_taken_from_the_recording():
+    recording = recorded()
+    reference = recording.topics.pop("/reference")
+    omni = recording.topics["/omni/joint_states"]
+    # A hand that held the device where the reference wanted it.
+    position = omni.position.copy()
+    index = np.searchsorted(reference.stamp, omni.stamp, side="right") - 1
+    position[:, 1:] = reference.position[np.maximum(index, 0)]
+    recording.topics["/omni/joint_states"] = replace(omni, position=position)
+    control = recording.parameters["/force_controller"]
+    control["command_source"] = "device"
+    del recording.parameters["/signal_generator"]
+    result, fit = fits(recording)
+    assert result.command == "what /omni/joint_states recorded"
+    assert fit["stage 1"]["arm position"] > 99.0
+    assert fit["stage 2"]["environment torque"] > 98.0
+
+
+def test_robots_that_were_not_simulated_need_a_scenario_file_for_their_plants(tmp_path):
+    recording = recorded()
+    for plant, driver in (("sfj_sim", "sfj_driver"), ("omni_sim", "omni_driver")):
+        robot = plant.split("_")[0]
+        recording.parameters[f"/{robot}/{driver}"] = {"rate": 500.0}
+        del recording.parameters[f"/{robot}/{plant}"]
+    left_out = overlay_all({"bag": recording}, None, False)
+    assert "sfj_sim and omni_sim" in left_out.reasons["bag"] and not left_out.done
+    with pytest.raises(MismatchError, match=r"bag was not made with sfj_sim.*--simulate"):
+        simulate_recording(recording, "bag")
+    file = tmp_path / "plants.yaml"
+    file.write_text(
+        "sfj_sim: {ros__parameters: {stage1.wall: {angle: 0.3, dissipation: 1.0}, "
+        "stage2.wall: {angle: 0.3, dissipation: 1.0}}}\n"
+    )
+    result, fit = fits(recording, scenario=str(file))
+    assert result.plants == str(file)
+    assert fit["stage 1"]["arm position"] == 100.0
+
+
+def test_a_model_file_that_is_not_here_leaves_a_run_out_unless_its_simulation_was_asked_for():
+    recording = recorded()
+    recording.parameters["/sfj/sfj_sim"]["stage1.model"] = "not/here.yaml"
+    reasons = overlay_all({"bag": recording}, None, False).reasons
+    assert "cannot be simulated here" in reasons["bag"] and "not/here.yaml" in reasons["bag"]
+    with pytest.raises(ConfigurationError, match=r"bag cannot be simulated.*not/here\.yaml"):
+        simulate_recording(recording, "bag")
+
+
+def test_the_second_scenario_is_laid_over_its_simulation_too(tmp_path, capsys):
+    scenario = load_scenario(CONFIG / "scenario2_sim.yaml")
+    topics = run_scenario(scenario, 7.0)
+    bag = str(write_recording(tmp_path / "second", topics, dict(scenario.recorded), {"kind": "second"}))
+    assert verify.main([bag, "--output", str(tmp_path / "out")]) == 0
+    result = json.loads((tmp_path / "out" / "verify.json").read_text())
+    assert result["scenario"] == 2
+    assert result["simulation"][bag]["fit_percent"]["omni y"]["position"] == 100.0
+    assert (tmp_path / "out" / "simulation_omniy.png").stat().st_size > 10_000
+    assert "Scenario 2" in (tmp_path / "out" / "report.html").read_text()
+    first = str(write_recording(tmp_path / "first", recorded().topics, recorded().parameters, {}))
+    assert verify.main([first, bag, "--output", str(tmp_path / "both")]) == 2
+    assert "not all of one scenario" in capsys.readouterr().err
+
+
+def test_the_report_shows_the_recording_over_its_simulation_unless_told_not_to(tmp_path):
+    one = recorded()
+    bag = str(write_recording(tmp_path / "bag", one.topics, one.parameters, {}))
+    output, without = tmp_path / "out", tmp_path / "without"
+    assert verify.main([bag, "--output", str(output)]) == 0
+    assert verify.main([bag, "--output", str(without), "--no-simulation"]) == 0
+    pages = [(folder / "report.html").read_text() for folder in (output, without)]
+    drawn = [path.name for path in output.iterdir() if path.name.startswith("simulation_")]
+    assert {"simulation_stage1.png", "simulation_stage2.png"} <= set(drawn)
+    assert pages[0].count("<svg") == pages[1].count("<svg") + len(drawn)
+    title = "Simulation and recording of the same scenario"
+    assert title in pages[0] and title not in pages[1]
+    assert json.loads((without / "verify.json").read_text())["simulation"] == {}
+
+
+@pytest.mark.parametrize("arguments", [["--simulate", "absent.yaml"], ["--simulate", "x", "--no-simulation"]])
+def test_a_scenario_file_that_cannot_be_used_ends_with_status_2(tmp_path, arguments):
+    one = recorded()
+    bag = str(write_recording(tmp_path / "bag", one.topics, one.parameters, {}))
+    assert verify.main([bag, "--output", str(tmp_path / "out"), *arguments]) == 2
