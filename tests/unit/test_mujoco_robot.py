@@ -49,7 +49,7 @@ def settings(*effects):
     return SfjSettings(stage_hardware("stage1", model, **quiet), stage_hardware("stage2", **quiet))
 
 
-def driven(robot, seconds=4.0):
+def driven(robot, seconds=3.0):
     """Stage 1 follows a current of three sines, stage 2 rests."""
 
     def effort(time, position, velocity, effort):
@@ -59,13 +59,18 @@ def driven(robot, seconds=4.0):
     return run_closed_loop(robot, effort, seconds)["/sfj/joint_states"]
 
 
+@pytest.fixture(scope="module")
+def without():
+    """Positions of stage 1 in MuJoCo without any effect."""
+    return driven(MujocoRobot(settings())).position[:, :2]
+
+
 @MUJOCO
 @pytest.mark.parametrize(("effect", "place", "values"), EFFECTS)
-def test_an_effect_moves_the_arm_in_mujoco_as_in_the_projects_own_simulator(effect, place, values):
+def test_an_effect_moves_the_arm_in_mujoco_as_in_the_projects_own_simulator(effect, place, values, without):
     one = Effect(effect, f"stage1_{place}", values)
-    ours, theirs, without = (
-        driven(robot).position[:, :2]
-        for robot in (SfjRobot(settings(one)), MujocoRobot(settings(one)), MujocoRobot(settings()))
+    ours, theirs = (
+        driven(robot).position[:, :2] for robot in (SfjRobot(settings(one)), MujocoRobot(settings(one)))
     )
     difference = np.sqrt(np.mean((ours - theirs) ** 2, axis=0))
     # Two integrators and two ideas of dry friction differ by less than a tenth of what the effect does.
