@@ -6,11 +6,9 @@ from typing import Any
 from haptic_teleop_control.errors import ConfigurationError
 from haptic_teleop_control.laws.augmented_error import AugmentedErrorGains, AugmentedErrorLaw
 from haptic_teleop_control.laws.contract import ForceLaw, LawResult
-from haptic_teleop_control.laws.disturbance_observer import (
-    DisturbanceObserverLaw,
-    DisturbanceObserverSettings,
-)
+from haptic_teleop_control.laws.disturbance_observer import DisturbanceObserverLaw
 from haptic_teleop_control.laws.master_side import MasterSettings, MasterSide
+from haptic_teleop_control.laws.observer_settings import DisturbanceObserverSettings
 from haptic_teleop_control.laws.stage_law import StageLaw
 from haptic_teleop_control.parameters import Parameter
 from haptic_teleop_control.plugins import load_object
