@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -10,12 +11,14 @@ import numpy as np
 from haptic_teleop_2dsfj.amplifier import Amplifier
 from haptic_teleop_2dsfj.board import Board
 from haptic_teleop_2dsfj.build import all_faults
+from haptic_teleop_2dsfj.build import make_driver as make_sfj_driver
 from haptic_teleop_2dsfj.driver import SfjDriver
 from haptic_teleop_2dsfj.emulated_hil import EmulatedHil
 from haptic_teleop_2dsfj.settings import SfjDriverSettings
 from haptic_teleop_control.clocks import VirtualClock
 from haptic_teleop_control.device import Reporter
 from haptic_teleop_omni.build import ALL_FAULTS
+from haptic_teleop_omni.build import make_driver as make_omni_driver
 from haptic_teleop_omni.driver import OmniDriver
 from haptic_teleop_omni.layout import load_layout
 from haptic_teleop_omni.settings import OmniDriverSettings
@@ -105,3 +108,24 @@ class OmniRig:
     def run(self, samples: int, effort: Any = None) -> None:
         for _ in range(samples):
             self.cycle(effort)
+
+
+class EmulatedPair:
+    """Both drivers on emulated devices, each with a virtual clock; open.
+
+    sfj, omni: their parameters, `device: emulated` unless they say otherwise.
+    """
+
+    def __init__(self, sfj: Mapping[str, Any], omni: Mapping[str, Any]) -> None:
+        sfj_reporter, self.sfj_latch = Reporter.to_latch(all_faults())
+        omni_reporter, self.omni_latch = Reporter.to_latch(ALL_FAULTS)
+        emulated = {"device": "emulated"}
+        self.sfj = make_sfj_driver({**emulated, **sfj}, sfj_reporter, clock=VirtualClock())
+        self.omni = make_omni_driver({**emulated, **omni}, omni_reporter, clock=VirtualClock())
+        self.sfj.open()
+        self.omni.open()
+
+    @property
+    def faults(self) -> list[str]:
+        """Sentences of what latched, in either driver."""
+        return [latch.sentence for latch in (self.sfj_latch, self.omni_latch) if latch.latched]
