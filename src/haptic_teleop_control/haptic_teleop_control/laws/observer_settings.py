@@ -1,4 +1,4 @@
-"""Settings of the law with observers (`disturbance_observer`): what a stage is, and how it shall be driven."""
+"""Settings of the law with observers (`disturbance_observer`): what a stage is and how it shall be driven."""
 
 from __future__ import annotations
 

@@ -1,0 +1,179 @@
+"""The tables and the picture of contact_quality.py, and their place in docs/contact.md."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+from pathlib import Path
+
+import matplotlib
+import numpy as np
+from contact_quality import DT, LAMBDA, SPEEDS, WALLS, Case, Merit, Plant, simulate
+from matplotlib.figure import Figure
+
+from haptic_teleop_control.laws import find_law
+from haptic_teleop_control.robots import STAGES
+
+BEGIN, END = "<!-- tables: written by tests/studies/contact_quality.py -->", "<!-- end of tables -->"
+SHORT = {"augmented_error": "thesis", "disturbance_observer": "observer"}
+Results = dict[str, list[Merit]]
+
+
+def _worst(merits: Sequence[Merit], value: Callable[[Merit], float]) -> float:
+    return max(map(value, merits))
+
+
+def _cell(merits: Sequence[Merit]) -> list[str]:
+    strong = [one for one in merits if not one.weak]
+    settled = [one.settling for one in merits if not math.isnan(one.settling)]
+    unsettled = len(merits) - len(settled)
+    times = f"{np.median(settled):.2f} / {max(settled):.2f}" if settled else "–"
+    return [
+        f"{np.median([one.overshoot for one in merits]):.1f} / {_worst(merits, lambda m: m.overshoot):.1f}",
+        f"{np.median([one.bounces for one in merits]):.0f} / {_worst(merits, lambda m: m.bounces):.0f}",
+        f"{np.median([one.impulse for one in merits]):.3f}",
+        times + (f", {unsettled} never" if unsettled else ""),
+        f"{np.median([one.contact_rms for one in merits]):.1f}",
+        f"{np.median([abs(m.speed_error) for m in strong]):.1f} / "
+        f"{_worst(strong, lambda m: abs(m.speed_error)):.1f}",
+        f"{np.median([one.free_rms for one in merits]):.0f}",
+        f"{sum(one.meets_aim for one in merits)} of {len(merits)}",
+    ]
+
+
+HEADER = (
+    "overshoot, %",
+    "bounces",
+    "impulse, N·m·s",
+    "settling, s",
+    "rms Td − Te, mN·m",
+    "free-speed error, %",
+    "free rms, %",
+    "aim met",
+)
+
+
+def _table(rows: Sequence[Sequence[str]], first: Sequence[str]) -> str:
+    lines = ["| " + " | ".join([*first, *HEADER]) + " |", "|" + "---|" * (len(first) + len(HEADER))]
+    return "\n".join(lines + ["| " + " | ".join(row) + " |" for row in rows])
+
+
+def _by_wall(results: Results, stage: str) -> str:
+    rows = []
+    for wall in WALLS:
+        for law, merits in results.items():
+            chosen = [m for m in merits if m.stage == stage and m.case.wall == wall]
+            rows.append([f"{wall:g}", SHORT.get(law, law), *_cell(chosen)])
+    for law, merits in results.items():
+        rows.append(["**all**", SHORT.get(law, law), *_cell([m for m in merits if m.stage == stage])])
+    return _table(rows, ("wall, N·m/rad", "law"))
+
+
+def _nominal(results: Results, stage: str) -> str:
+    rows = []
+    for speed in SPEEDS:
+        for wall in WALLS:
+            for law, merits in results.items():
+                wanted = (stage, "nominal", wall, speed)
+                chosen = [
+                    m for m in merits if (m.stage, m.case.plant.name, m.case.wall, m.case.speed) == wanted
+                ]
+                rows.append([f"{speed:g}", f"{wall:g}", SHORT.get(law, law), *_cell(chosen)])
+    lines = _table(rows, ("Td/λ, rad/s", "wall", "law"))
+    # One run each: its value is its median and its worst.
+    return "\n".join(_single(line) for line in lines.splitlines())
+
+
+def _single(line: str) -> str:
+    cells = [cell.split(" / ")[0] if " / " in cell else cell for cell in line.split(" | ")]
+    return " | ".join(cells)
+
+
+def _failures(merits: Sequence[Merit]) -> str:
+    reasons: dict[str, Callable[[Merit], bool]] = {
+        "overshoot above 5 %": lambda m: m.overshoot > 5.0,
+        "a second bounce": lambda m: m.bounces > 1,
+        "a third bounce or more": lambda m: m.bounces > 2,
+        "free speed off by more than 2 %, drive strong enough": lambda m: (
+            not m.weak and abs(m.speed_error) > 2.0
+        ),
+        "drive too weak for Td/λ (not counted against the law)": lambda m: m.weak,
+        "not settled within the run": lambda m: math.isnan(m.settling),
+    }
+    lines = ["| | stage 1 | stage 2 | at walls of, N·m/rad |", "|---|---|---|---|"]
+    for name, holds in reasons.items():
+        found = [m for m in merits if holds(m)]
+        counts = [sum(m.stage == stage for m in found) for stage in STAGES]
+        totals = [sum(m.stage == stage for m in merits) for stage in STAGES]
+        walls = ", ".join(f"{wall:g}" for wall in sorted({m.case.wall for m in found})) or "–"
+        shares = [f"{count} of {total}" for count, total in zip(counts, totals, strict=True)]
+        lines.append(f"| {name} | {' | '.join(shares)} | {walls} |")
+    return "\n".join(lines)
+
+
+def tables(results: Results, others: dict[str, Results]) -> str:
+    """All tables as Markdown."""
+    parts = []
+    for stage in STAGES:
+        parts += [
+            f"### {stage.replace('stage', 'Stage ')}: all plants, speeds and frictions",
+            _by_wall(results, stage),
+        ]
+    for law, merits in results.items():
+        parts += [f"### Where the aim is missed: {SHORT.get(law, law)}", _failures(merits)]
+    for stage in STAGES:
+        parts += [
+            f"### {stage.replace('stage', 'Stage ')}: the nominal plant, run by run",
+            _nominal(results, stage),
+        ]
+    rows = [
+        [
+            name,
+            stage.replace("stage", "stage "),
+            SHORT.get(law, law),
+            *_cell([m for m in merits if m.stage == stage]),
+        ]
+        for name, found in others.items()
+        for stage in STAGES
+        for law, merits in found.items()
+    ]
+    parts += [
+        "### Beside the grid: the nominal plant at walls of 100 and 2000 N·m/rad",
+        _table(rows, ("", "stage", "law")),
+    ]
+    return "\n\n".join(parts)
+
+
+def picture(laws: Sequence[str], speed: float = 1.0) -> Figure:
+    """Contact torque of both stages at a soft and at a hard wall, all laws."""
+    colours = ("#8a8f98", "#2166ad", "#c2570d", "#1a7f5b")
+    with matplotlib.rc_context({"font.size": 8.5, "axes.grid": True, "grid.color": "#dfe3ea"}):
+        figure = Figure(figsize=(8.6, 4.6), layout="constrained")
+        axes = figure.subplots(2, 2, sharey="row")
+        for row, stage in enumerate(STAGES):
+            for column, wall in enumerate((100.0, 2000.0)):
+                axis = axes[row, column]
+                for law, colour in zip(laws, colours, strict=False):
+                    made = find_law(law).from_parameters({}, STAGES, DT)
+                    time, shown = simulate(Case(Plant("nominal"), wall, speed), made)
+                    axis.plot(
+                        time, shown[:, 2, 2 * row + 1], color=colour, linewidth=1.2, label=SHORT.get(law, law)
+                    )
+                axis.axhline(LAMBDA * speed, color="#1c2431", linewidth=0.8, linestyle="--")
+                axis.set_xlim(0.0, 4.0)
+                axis.set_title(f"{stage.replace('stage', 'stage ')}, wall {wall:g} N·m/rad", fontsize=9)
+            axes[row, 0].set_ylabel("Te, N·m")
+        axes[0, 0].legend(frameon=False)
+        for axis in axes[1]:
+            axis.set_xlabel("time, s")
+    return figure
+
+
+def write(folder: Path, text: str, figure: Figure) -> None:
+    """Put the tables between their marks in contact.md, and the picture beside it."""
+    page = folder / "contact.md"
+    content = page.read_text(encoding="utf-8")
+    before, rest = content.split(BEGIN)
+    after = rest.split(END)[1]
+    page.write_text(f"{before}{BEGIN}\n\n{text}\n\n{END}{after}", encoding="utf-8")
+    figure.savefig(folder / "contact.png", dpi=100, facecolor="white")
