@@ -330,6 +330,15 @@ def test_what_mujoco_has_no_words_for_comes_from_the_sealed_file(tmp_path, monke
     assert "/sfj/sfj_sim" in read_recording(output / "scenario1").parameters
 
 
+def test_without_mujoco_the_robot_comes_from_the_sealed_file(tmp_path, monkeypatch, experiment):
+    monkeypatch.setitem(sys.modules, "mujoco", None)
+    seed = seed_of(experiment, "backlash", "joint")
+    Stand(monkeypatch, tmp_path, lambda case: {"status": "1", "seconds": 0.1, "message": "broken on purpose"})
+    status, output = start(tmp_path, seed)
+    assert status == 1
+    assert "/sfj/sfj_sim" in read_recording(output / "scenario1").parameters
+
+
 def test_a_failed_diagnosis_ends_with_1_and_the_label_stays_sealed(tmp_path, monkeypatch, capsys):
     Stand(monkeypatch, tmp_path, lambda case: {"status": "1", "seconds": 0.1, "message": "broken on purpose"})
     status, output = start(tmp_path, 3, "--plant", "sfj_sim")
