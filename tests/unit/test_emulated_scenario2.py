@@ -197,9 +197,9 @@ def test_the_file_for_the_robots_as_it_stands_gives_the_same_figures(simulated):
     compared = slice(1800, 8000)
     apart = np.abs(run["omni angle"][compared, 2] - simulated["omni angle"][1800 + late : 8000 + late, 2])
     assert apart.max() < 1.001 * COUNT
-    # The simulated Y is coupled at its first sample, when nothing compensates its spring yet, which the observer
-    # takes for environment. It creeps away and begins the pattern 4.5 mrad behind and with -5 mN·m still asked
-    # for: a lead for the docked one, once.
+    # The simulated Y is coupled at its first sample, when nothing compensates its spring yet, which the
+    # observer takes for environment. It creeps away and begins the pattern 4.5 mrad behind and with -5 mN·m
+    # still asked for: a lead for the docked one, once.
     free = slice(FREE.start - late, FREE.stop - late)
     leads = run["omni angle"][free, 1] - simulated["omni angle"][FREE, 1]
     assert 0.0 < leads.mean() < 0.01
