@@ -8,9 +8,11 @@ import time
 from pathlib import Path
 
 import pytest
+from sensor_msgs.msg import JointState
 
 from haptic_teleop_control.errors import ConfigurationError
 from haptic_teleop_control.nodes.children import Child, stop_all
+from haptic_teleop_control.nodes.joint_state_io import STREAM_QOS
 from haptic_teleop_control.nodes.scenario import load_scenario, main
 from haptic_teleop_control.recording import read_recording
 
@@ -172,6 +174,17 @@ def test_a_node_that_refuses_its_parameters_ends_the_scenario_with_2(file):
     _, errors = process.communicate(timeout=60)
     assert process.returncode == 2, errors
     assert "master and slave are both sfj" in errors
+
+
+def test_a_second_controller_in_the_same_domain_is_refused_before_anything_moves(file, graph, tmp_path):
+    graph.probe.create_publisher(JointState, "/sfj/effort_command", STREAM_QOS)
+    process = start("scenario", str(file), "--record", str(tmp_path / "bag"))
+    graph.until(lambda: process.poll() is not None, 60.0)
+    _, errors = process.communicate(timeout=60)
+    assert process.returncode == 2, errors
+    assert "/sfj/effort_command is also published by /probe" in errors.splitlines()[-1]
+    assert "stage 1:" not in errors
+    assert not (tmp_path / "bag").exists()
 
 
 def test_the_shipped_scenario_is_that_of_the_thesis(repository):

@@ -16,6 +16,7 @@ OUT, IN = "publishers", "subscriptions"
 Endpoints = dict[str, dict[str, list[str]]]
 """{"publishers": {topic: [full node name, ...]}, "subscriptions": {...}}"""
 
+JOINT_STATE = "sensor_msgs/msg/JointState"
 SERVICE_TOPICS = ("/parameter_events", "/rosout")
 """Topics that every node has; nothing here depends on their first message."""
 
@@ -64,11 +65,26 @@ def unconnected(nodes: Iterable[Node], expected: Mapping[str, Mapping[str, list[
     return sorted(missing - set(SERVICE_TOPICS))
 
 
+def strangers(node: Node, ours: Mapping[str, Mapping[str, list[str]]]) -> dict[str, list[str]]:
+    """Topic of joint states that we publish -> nodes that are not ours and publish on it, too, as `node` sees
+    it. Two commands, or two plants, on one topic are never meant."""
+    found = {}
+    for topic, names in ours[OUT].items():
+        ends = node.get_publishers_info_by_topic(topic)
+        others = {_name(end) for end in ends if end.topic_type == JOINT_STATE} - set(names)
+        if others:
+            found[topic] = sorted(others)
+    return found
+
+
+def _name(end: TopicEndpointInfo) -> str:
+    return f"{end.node_namespace.rstrip('/')}/{end.node_name}"
+
+
 def _met(
     expected: list[str], seen: list[TopicEndpointInfo], matched: int, own: QoSProfile, publishing: bool
 ) -> bool:
-    names = {f"{end.node_namespace.rstrip('/')}/{end.node_name}" for end in seen}
-    if not names.issuperset(expected):
+    if not {_name(end) for end in seen}.issuperset(expected):
         return False
     compatible = 0
     for end in seen:

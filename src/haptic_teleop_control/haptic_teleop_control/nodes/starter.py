@@ -7,8 +7,9 @@ from collections.abc import Sequence
 
 from rclpy.node import Node
 
+from haptic_teleop_control.errors import ConfigurationError
 from haptic_teleop_control.nodes.children import Child
-from haptic_teleop_control.nodes.connections import Endpoints, endpoints, merged, unconnected
+from haptic_teleop_control.nodes.connections import Endpoints, endpoints, merged, strangers, unconnected
 
 START_INTERVAL = 0.02
 """Seconds between two looks at the children until they have started."""
@@ -56,7 +57,10 @@ class Starter:
         )
 
     def poll(self) -> None:
-        """Takes what the children say, and tells them what comes next; never waits."""
+        """Takes what the children say, and tells them what comes next; never waits.
+
+        Raises ConfigurationError before the start when a node that is not ours publishes on a topic of ours.
+        """
         for child in self._children:
             for message in child.link.receive():
                 self._take(child.name, message)
@@ -68,6 +72,7 @@ class Starter:
             late = time.monotonic() > self._deadline
             if late or (len(self._waiting) > len(self._children) and not self._unmet()):
                 self.missing = self._unmet()
+                self._refuse_strangers(self._expected)
                 self._tell(self._children[-1])  # the recorder, if there is one: it has to be there first
         elif self._told == self._started:
             rest = [child for child in self._children if child.name not in self._told]
@@ -89,6 +94,13 @@ class Starter:
         self._deadline = time.monotonic() + CONNECT_LIMIT
         for child in self._children:
             child.link.send(expect=self._expected)
+
+    def _refuse_strangers(self, ours: Endpoints) -> None:
+        for topic, names in strangers(self._watching, ours).items():
+            others = ", ".join(names)
+            raise ConfigurationError(
+                f"{topic} is also published by {others}: stop that, or choose another ROS_DOMAIN_ID."
+            )
 
     def _tell(self, child: Child) -> None:
         self._told.add(child.name)
