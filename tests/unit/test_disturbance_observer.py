@@ -148,3 +148,26 @@ def test_an_arm_damping_that_leaves_no_lambda_is_refused():
         DisturbanceObserverSettings.for_stage("stage1", arm_damping=0.5)
     with pytest.raises(ConfigurationError, match=r"stage2\.observer\.caution is 2"):
         DisturbanceObserverLaw.from_parameters({"stage2.observer.caution": 2.0}, ["stage1", "stage2"], DT)
+
+
+def test_parameters_changed_in_free_motion_lead_to_the_new_speed_without_a_jump():
+    stages = ("stage1",)
+    largest = {}
+    for way in ("update", "assign"):
+        joint, law = Joint("stage1"), law_of("stage1")
+        _, before = joint.run(law, 0.5, 4.0)
+        if way == "update":
+            law.update({"stage1.lambda": 1.0}, stages)
+        else:
+            law.settings = [DisturbanceObserverSettings.for_stage("stage1", lambda_=1.0)]
+        states, currents = joint.run(law, 0.5, 6.0)
+        largest[way] = np.max(np.abs(np.diff(np.append(before[-1], currents))))
+        assert states[-1, 3] == pytest.approx(0.5, rel=1e-3)
+    assert largest["update"] < 0.05 * largest["assign"]
+
+
+def test_a_limit_holds_as_soon_as_it_is_changed():
+    law = law_of("stage1")
+    law.step([0.0], [0.0], [0.0], [0.0])
+    law.update({"stage1.current_limit": 0.1}, ("stage1",))
+    assert law.step([5.0], [0.0], [0.0], [0.0])[0] == 0.1

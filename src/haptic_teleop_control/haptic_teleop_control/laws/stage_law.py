@@ -10,6 +10,7 @@ from __future__ import annotations
 import math
 from abc import abstractmethod
 from collections.abc import Mapping, Sequence
+from dataclasses import fields
 from typing import Any, ClassVar, Self
 
 import numpy as np
@@ -17,6 +18,7 @@ from numpy.typing import ArrayLike
 
 from haptic_teleop_control.errors import ConfigurationError
 from haptic_teleop_control.laws.contract import Array, ForceLaw, LawResult
+from haptic_teleop_control.laws.gain_ramp import RAMP_TIME
 from haptic_teleop_control.parameters import Parameter
 from haptic_teleop_control.quantities import from_parameters, parameters_of
 
@@ -73,6 +75,8 @@ class StageLaw(ForceLaw):
         self._inputs = np.zeros((4, self.stages))
         self._current = np.zeros(self.stages)
         self._settings: tuple[Any, ...] = ()
+        self._aims: tuple[Any, ...] = ()
+        self._left = 0
         self.settings = tuple(settings)
         self.step(*np.zeros((4, self.stages)))  # a compiled `current` compiles now, not in the loop
         self.reset()
@@ -84,6 +88,8 @@ class StageLaw(ForceLaw):
         arm_position: ArrayLike,
         motor_velocity: ArrayLike,
     ) -> Array:
+        if self._left:
+            self._approach()
         inputs = self._inputs
         inputs[0] = desired_torque
         inputs[1] = motor_position
@@ -118,6 +124,9 @@ class StageLaw(ForceLaw):
         return min(max(wanted, -limit), limit), _SATURATED if abs(wanted) > limit else _OK
 
     def reset(self, stage: int | None = None) -> None:
+        if self._left:
+            self._left = 1
+            self._approach()
         self._memory[slice(None) if stage is None else stage] = 0.0
 
     @property
@@ -130,20 +139,33 @@ class StageLaw(ForceLaw):
 
     @property
     def settings(self) -> tuple[Any, ...]:
-        """Settings of each stage; may be assigned while running, see `carry_over`."""
-        return self._settings
+        """Settings of each stage. Assigning others takes them at once; `update` leads there on a line."""
+        return self._aims
 
     @settings.setter
     def settings(self, settings: Sequence[Any]) -> None:
+        self._check_number(settings)
+        self._aims, self._left = tuple(settings), 0
+        self._take(settings)
+
+    def _check_number(self, settings: Sequence[Any]) -> None:
         if len(settings) != self.stages:
             name = type(self).__name__
             raise ConfigurationError(f"{name}: settings of {len(settings)} stages; give {self.stages}.")
+
+    def _take(self, settings: Sequence[Any]) -> None:
         constants = [self.constants(one, self.dt) for one in settings]
         for memory, old, new in zip(self._memory, self._settings, settings, strict=False):
             self.carry_over(memory, old, new)
         self._settings, self._constants = tuple(settings), constants
         self._limits = [float(one.current_limit) for one in settings]
         self.torque_constant = np.array([float(one.torque_constant) for one in settings])
+
+    def _approach(self) -> None:
+        """One sample on towards the settings that `update` was given."""
+        self._left -= 1
+        pairs = zip(self._settings, self._aims, strict=True)
+        self._take([_between(now, aim, 1.0 / (self._left + 1)) for now, aim in pairs])
 
     @classmethod
     def parameters(cls, stages: Sequence[str]) -> list[Parameter]:
@@ -158,7 +180,11 @@ class StageLaw(ForceLaw):
         return cls(cls._settings_from(values, stages), dt)
 
     def update(self, values: Mapping[str, Any], stages: Sequence[str]) -> None:
-        self.settings = self._settings_from(values, stages)
+        aims = self._settings_from(values, stages)
+        self._check_number(aims)
+        self._aims, self._left = tuple(aims), max(1, round(RAMP_TIME / self.dt))
+        # What protects or only converts does not wait.
+        self._take([_between(now, aim, 0.0) for now, aim in zip(self._settings, aims, strict=True)])
 
     @classmethod
     def _settings_from(cls, values: Mapping[str, Any], stages: Sequence[str]) -> list[Any]:
@@ -171,3 +197,15 @@ class StageLaw(ForceLaw):
             except ConfigurationError as error:
                 raise ConfigurationError(f"{stage}.{error}") from error
         return found
+
+
+def _between(now: Any, aim: Any, share: float) -> Any:
+    """Settings that lie between two valid ones, unchecked for that reason: checking would take too long in
+    the loop. Limits, torque constants and what is no number are the aim's."""
+    made = object.__new__(type(aim))
+    for entry in fields(aim):
+        value, wanted = getattr(now, entry.name), getattr(aim, entry.name)
+        changes_evenly = isinstance(wanted, float) and entry.name not in ("torque_constant", "current_limit")
+        between = changes_evenly and share < 1.0 and math.isfinite(value) and math.isfinite(wanted)
+        object.__setattr__(made, entry.name, value + share * (wanted - value) if between else wanted)
+    return made
