@@ -22,7 +22,8 @@ from _bare_graph import bare_node
 from haptic_teleop_control.nodes.composed import node_class
 from haptic_teleop_control.nodes.latency import LatencyMeter
 from haptic_teleop_control.nodes.ros_arguments import parse_ros_arguments
-from haptic_teleop_control.nodes.spin import SWITCH_INTERVAL, create_nodes, spin, stop_requests
+from haptic_teleop_control.nodes.spin import SWITCH_INTERVAL, create_nodes, spin
+from haptic_teleop_control.nodes.stopping import stop_requests
 
 NODES = ("sfj_sim", "omni_sim", "force_controller", "signal_generator")
 RATE = 1000.0

@@ -24,8 +24,8 @@ from haptic_teleop_control.nodes.composed import node_names
 from haptic_teleop_control.nodes.connections import IN, OUT, endpoints, merged, unconnected
 from haptic_teleop_control.nodes.joint_state_io import STREAM_QOS
 from haptic_teleop_control.nodes.parameter_collector import PATIENCE, ParameterCollector
-from haptic_teleop_control.nodes.spin import StopRequests, stop_requests
 from haptic_teleop_control.nodes.starter import Starter
+from haptic_teleop_control.nodes.stopping import StopRequests, stop_requests
 from haptic_teleop_control.recording import read_recording
 
 

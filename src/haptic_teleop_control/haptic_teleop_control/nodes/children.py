@@ -12,11 +12,11 @@ import time
 from collections.abc import Sequence
 
 from haptic_teleop_control.nodes import link
+from haptic_teleop_control.nodes.stopping import STOP_SIGNALS
 
 STOPPING = ((signal.SIGINT, 8.0), (signal.SIGTERM, 2.0), (signal.SIGKILL, 2.0))
 """What a child is sent in turn, and the seconds it is given to end after each."""
 
-STOP_SIGNALS = (signal.SIGINT, signal.SIGTERM)
 _PR_SET_PDEATHSIG = 1
 _POLL = 0.02
 _libc = ctypes.CDLL(None, use_errno=True)

@@ -14,7 +14,8 @@ from haptic_teleop_control.errors import ConfigurationError
 from haptic_teleop_control.front_door import executables
 from haptic_teleop_control.nodes.base import HapticNode
 from haptic_teleop_control.nodes.link import OPTION
-from haptic_teleop_control.nodes.spin import node_help, run_nodes
+from haptic_teleop_control.nodes.node_help import node_help
+from haptic_teleop_control.nodes.spin import run_nodes
 
 HELP = """composed: runs several nodes in one process: the 1 kHz default on one machine
 

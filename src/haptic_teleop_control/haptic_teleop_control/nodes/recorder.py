@@ -21,17 +21,13 @@ from haptic_teleop_control.errors import RecordingError
 from haptic_teleop_control.nodes.arming import ArmedStart
 from haptic_teleop_control.nodes.base import HapticNode
 from haptic_teleop_control.nodes.connections import IN, Endpoints, endpoints
+from haptic_teleop_control.nodes.node_help import node_help
 from haptic_teleop_control.nodes.parameter_collector import ParameterCollector
 from haptic_teleop_control.nodes.recorded_topic import RecordedTopic
 from haptic_teleop_control.nodes.recorder_table import KNOWN_TYPES, TABLE, experiment_description
 from haptic_teleop_control.nodes.recorder_verdict import print_verdict
-from haptic_teleop_control.nodes.spin import (
-    create_nodes,
-    make_executor,
-    node_help,
-    read_arguments,
-    stop_requests,
-)
+from haptic_teleop_control.nodes.spin import create_nodes, make_executor, read_arguments
+from haptic_teleop_control.nodes.stopping import stop_requests
 from haptic_teleop_control.recording.verify import verify_recording
 from haptic_teleop_control.recording.writer import RecordingWriter
 

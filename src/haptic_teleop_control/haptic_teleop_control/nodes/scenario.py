@@ -29,8 +29,8 @@ from haptic_teleop_control.node_tables import SCENARIO
 from haptic_teleop_control.nodes.children import Child, stop_all
 from haptic_teleop_control.nodes.composed import node_class
 from haptic_teleop_control.nodes.recorder import Recorder
-from haptic_teleop_control.nodes.spin import stop_requests
 from haptic_teleop_control.nodes.starter import START_INTERVAL, Starter
+from haptic_teleop_control.nodes.stopping import stop_requests
 from haptic_teleop_control.nodes.watch import ProgressLine, Watcher
 from haptic_teleop_control.parameter_files import (
     check_parameter_file,

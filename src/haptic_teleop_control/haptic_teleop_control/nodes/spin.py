@@ -4,12 +4,8 @@ zero."""
 from __future__ import annotations
 
 import gc
-import signal
 import sys
-import textwrap
-import threading
-from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import Callable, Sequence
 
 import rclpy
 from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
@@ -18,11 +14,12 @@ from haptic_teleop_control.command_line import run_command
 from haptic_teleop_control.errors import ConfigurationError
 from haptic_teleop_control.nodes.arming import ArmedStart
 from haptic_teleop_control.nodes.base import HapticNode
-from haptic_teleop_control.nodes.children import STOP_SIGNALS
 from haptic_teleop_control.nodes.deadline import request_realtime
 from haptic_teleop_control.nodes.link import OPTION, Link
+from haptic_teleop_control.nodes.node_help import node_help
 from haptic_teleop_control.nodes.parameters import overrides
 from haptic_teleop_control.nodes.ros_arguments import RosArguments, parse_ros_arguments
+from haptic_teleop_control.nodes.stopping import StopRequests, stop_requests
 from haptic_teleop_control.parameter_files import load_parameter_file
 
 POLL = 0.05
@@ -46,29 +43,6 @@ def run_nodes(node_classes: Sequence[type[HapticNode]], argv: Sequence[str]) -> 
     """Several nodes in this process with one executor and the same `--ros-args`. Raises
     ConfigurationError."""
     return _run(node_classes, argv)
-
-
-def node_help(node_class: type[HapticNode]) -> str:
-    """What the node does, its topics and its parameters, for `--help`."""
-    namespace = f"/{node_class.NAMESPACE}" if node_class.NAMESPACE else ""
-    lines = [f"{node_class.NAME}: {node_class.SUMMARY}", ""]
-    lines += [
-        f"usage: {node_class.NAME} [--ros-args [--params-file FILE] [-p NAME:=VALUE] [-r OLD:=NEW] ...]",
-        "",
-    ]
-    lines += [
-        f"node {namespace}/{node_class.NAME}",
-        *(f"  {topic}" for topic in node_class.TOPICS),
-        "",
-        "parameters",
-    ]
-    for entry in node_class.TABLE:
-        notes = [entry.limits(), "changeable while running" if entry.runtime else ""]
-        default = f"{entry.default!r} {entry.unit}".strip()
-        lines.append(f"  {entry.name} [{default}]")
-        text = "; ".join(note for note in (entry.meaning, *notes) if note)
-        lines += textwrap.wrap(text, 100, initial_indent="      ", subsequent_indent="      ")
-    return "\n".join(lines)
 
 
 def create_nodes(node_classes: Sequence[type[HapticNode]], arguments: RosArguments) -> list[HapticNode]:
@@ -112,47 +86,6 @@ def make_executor(context: rclpy.Context | None = None) -> rclpy.executors.Execu
     except ImportError:
         return SingleThreadedExecutor(context=context)
     return EventsExecutor(context=context)
-
-
-class StopRequests(threading.Event):
-    """An event that SIGINT and SIGTERM set; nothing is interrupted, so that no message is half sent."""
-
-    class Interrupt(BaseException):
-        """A signal in a block of `interruptible`."""
-
-    def __init__(self) -> None:
-        super().__init__()
-        self._interrupts = False
-
-    def take(self, *_: object) -> None:
-        self.set()
-        if self._interrupts:
-            raise self.Interrupt
-
-    @contextmanager
-    def interruptible(self) -> Iterator[None]:
-        """Within this block a signal also ends what is under way, such as a compilation of ten seconds;
-        nothing moves yet. One that was there before ends it at once."""
-        if self.is_set():
-            raise self.Interrupt
-        self._interrupts = True
-        try:
-            yield
-        finally:
-            self._interrupts = False
-
-
-@contextmanager
-def stop_requests() -> Iterator[StopRequests]:
-    """`StopRequests` as long as the block lasts."""
-    stop = StopRequests()
-    previous = {number: signal.signal(number, stop.take) for number in STOP_SIGNALS}
-    signal.pthread_sigmask(signal.SIG_UNBLOCK, STOP_SIGNALS)
-    try:
-        yield stop
-    finally:
-        for number, handler in previous.items():
-            signal.signal(number, handler)
 
 
 def read_arguments(argv: Sequence[str]) -> tuple[list[str], RosArguments, ArmedStart | None]:

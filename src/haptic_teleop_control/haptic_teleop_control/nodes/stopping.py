@@ -1,0 +1,51 @@
+"""Ctrl-C and SIGTERM as an event: what is under way is finished first."""
+
+from __future__ import annotations
+
+import signal
+import threading
+from collections.abc import Iterator
+from contextlib import contextmanager
+
+STOP_SIGNALS = (signal.SIGINT, signal.SIGTERM)
+
+
+class StopRequests(threading.Event):
+    """An event that SIGINT and SIGTERM set; nothing is interrupted, so that no message is half sent."""
+
+    class Interrupt(BaseException):
+        """A signal in a block of `interruptible`."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self._interrupts = False
+
+    def take(self, *_: object) -> None:
+        self.set()
+        if self._interrupts:
+            raise self.Interrupt
+
+    @contextmanager
+    def interruptible(self) -> Iterator[None]:
+        """Within this block a signal also ends what is under way, such as a compilation of ten seconds;
+        nothing moves yet. One that was there before ends it at once."""
+        if self.is_set():
+            raise self.Interrupt
+        self._interrupts = True
+        try:
+            yield
+        finally:
+            self._interrupts = False
+
+
+@contextmanager
+def stop_requests() -> Iterator[StopRequests]:
+    """`StopRequests` as long as the block lasts."""
+    stop = StopRequests()
+    previous = {number: signal.signal(number, stop.take) for number in STOP_SIGNALS}
+    signal.pthread_sigmask(signal.SIG_UNBLOCK, STOP_SIGNALS)
+    try:
+        yield stop
+    finally:
+        for number, handler in previous.items():
+            signal.signal(number, handler)
