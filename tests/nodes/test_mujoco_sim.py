@@ -12,7 +12,7 @@ from haptic_teleop_sim.nodes.mujoco_sim import MujocoSim
 
 
 def test_it_answers_commands_on_the_topics_of_the_robot_and_stops_when_they_stop(graph: Graph):
-    plant = graph.start(MujocoSim, timeout=0.1)
+    plant = graph.start(MujocoSim, timeout=0.2)
     states = Sink(graph, "/sfj/joint_states")
     command = Source(graph, "/sfj/effort_command", SFJ_MOTOR_JOINTS)
     graph.until(lambda: command.connected() and states.messages, what="discovery")
