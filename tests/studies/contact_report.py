@@ -3,16 +3,17 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 
 import matplotlib
 import numpy as np
 from contact_quality import DT, LAMBDA, SPEEDS, WALLS, Case, Merit, Plant, simulate
 from matplotlib.figure import Figure
+from scipy.optimize import brentq
 
 from haptic_teleop_control.laws import find_law
-from haptic_teleop_control.robots import STAGES
+from haptic_teleop_control.robots import SFJ_STAGES, STAGES
 
 BEGIN, END = "<!-- tables: written by tests/studies/contact_quality.py -->", "<!-- end of tables -->"
 SHORT = {"augmented_error": "thesis", "disturbance_observer": "observer"}
@@ -111,6 +112,53 @@ def _failures(merits: Sequence[Merit]) -> str:
     return "\n".join(lines)
 
 
+def limits(speed: float = 1.0) -> str:
+    """What no law can change, for the nominal plant at a stiff wall, as a table in Markdown.
+
+    The wall gives a share of the speed back that follows from its dissipation d alone (Hunt and Crossley:
+    d v' + ln(1 - d v') + d v - ln(1 + d v) = 0, v before and v' after). The arm then flies back until at most
+    Td has stopped it; the drive needs a while to load and unload the joint at its current limit.
+    """
+    rows = [
+        "| at Td/λ = 1 rad/s | stage 1 | stage 2 |",
+        "|---|---|---|",
+    ]
+    found: dict[str, list[str]] = {}
+    for stage in STAGES:
+        model, facts = Plant("nominal").model(stage, 2000.0), SFJ_STAGES[stage]
+        p, desired = model.parameters, LAMBDA * speed
+        back = brentq(
+            lambda v: v + math.log1p(-v) + speed - math.log1p(speed), 1e-9, 1.0 - 1e-12
+        )  # d = 1 s/rad
+        friction = sum(e.parameters["torque"] for e in model.effects if e.effect == "coulomb_friction")
+        driving = p["torque_constant"] * facts.current_limit - friction - desired
+        swing = desired / p["stiffness"]
+        values = {
+            "energy of the arm at the touch, mJ": 500.0 * p["arm_inertia"] * speed**2,
+            "energy in the joint at Td, mJ": 500.0 * desired**2 / p["stiffness"],
+            "speed after the wall, rad/s": back,
+            "flight away from the wall, braked with Td, mrad": 500.0 * p["arm_inertia"] * back**2 / desired,
+            "duration of that flight there and back, ms": 2e3 * p["arm_inertia"] * back / desired,
+            "stroke of the drive between Te = 0 and Td, mrad": 1e3 * swing,
+            "time for it, at full current there and back, ms": 1e3 * _stroke(swing, driving, p),
+            "greatest speed of the drive in free motion, rad/s": Plant("nominal").top_speed(stage),
+        }
+        for name, value in values.items():
+            found.setdefault(name, []).append(f"{value:.3g}")
+    return "\n".join(rows + [f"| {name} | {' | '.join(values)} |" for name, values in found.items()])
+
+
+def _stroke(swing: float, driving: float, p: Mapping[str, float]) -> float:
+    """s, for a drive to move by `swing`, rad, from rest to rest: full torque one way, then the other."""
+    inertia, damping = p["motor_inertia"], p["motor_damping"]
+    time, speed, angle = 0.0, 0.0, 0.0
+    while angle < 0.5 * swing:
+        speed += 1e-5 * (driving - damping * speed) / inertia
+        angle += 1e-5 * speed
+        time += 1e-5
+    return 2.0 * time
+
+
 def tables(results: Results, others: dict[str, Results]) -> str:
     """All tables as Markdown."""
     parts = []
@@ -141,6 +189,7 @@ def tables(results: Results, others: dict[str, Results]) -> str:
         "### Beside the grid: the nominal plant at walls of 100 and 2000 N·m/rad",
         _table(rows, ("", "stage", "law")),
     ]
+    parts += ["### What no law can change", limits()]
     return "\n\n".join(parts)
 
 
