@@ -1,7 +1,7 @@
 """How far off the estimates are, and how often their 95 % intervals hold the truth: the table in
 identification.md.
 
-    python tests/studies/identification_coverage.py [SEEDS] [stage-open] [stage-closed] [axis]
+    python tests/studies/identification_coverage.py [SEEDS] [CASE ...]
 
 Encoders step, current is sensed with noise, a random torque of 1 % rms of the motor torque acts, starts are
 30 % off.
@@ -15,16 +15,23 @@ from pathlib import Path
 
 import numpy as np
 
+from haptic_teleop_sim.model import Effect
 from haptic_teleop_sysid.dataset import load_dataset
 from haptic_teleop_sysid.estimation.strategies import estimate
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "unit"))
 from identification_plants import AXIS, STAGE, axis_recording, off, stage_recording
 
+STICKING = STAGE.with_effects(Effect("coulomb_friction", "stage1_motor", {"torque": 0.4}))
 CASES = {
     "stage-open": (STAGE, lambda seed: stage_recording(seed=seed, seconds=60.0)),
     "stage-closed": (STAGE, lambda seed: stage_recording(seed=seed, seconds=60.0, closed=True)),
-    "axis": (AXIS, lambda seed: axis_recording(seed=seed, seconds=60.0)),
+    "axis": (AXIS, lambda seed: axis_recording(seed=seed, seconds=60.0, rms=0.1)),
+    "axis-quick": (AXIS, lambda seed: axis_recording(seed=seed, seconds=60.0, rms=0.2)),
+    "stage-stick": (
+        STICKING,
+        lambda seed: stage_recording(STICKING, seed=seed, seconds=60.0, rms=0.2, band=(0.1, 5.0)),
+    ),
 }
 
 

@@ -51,6 +51,8 @@ AXIS = Model(
         ),
     ),
 )
+CLOSED_TORQUE = 3.1
+"""N·m, rms of the motor torque in `stage_recording`'s position loop, measured without disturbance."""
 _PERFECT = {
     "command_resolution": 0.0,
     "drive_resolution": 0.0,
@@ -86,7 +88,8 @@ def stage_recording(
     torque; `perfect`: no quantisation and no noise whatever."""
     n, dt = round(seconds * 500), 0.002
     constant = truth.parameters["torque_constant"]
-    changes = _PERFECT if perfect else {"disturbance_rms": disturbance * constant * rms}
+    torque = CLOSED_TORQUE if closed else constant * rms
+    changes = _PERFECT if perfect else {"disturbance_rms": disturbance * torque}
     hardware = stage_hardware("stage1", truth, **changes)
     robot = SfjRobot(SfjSettings(stage1=hardware), dt, seed)
     nominal = robot.torque_constants[0]
@@ -117,8 +120,8 @@ def axis_recording(
     """Y axis of the Omni at 1 kHz in the thesis' closed loop: torque = 1 N·m/rad x (reference - angle)."""
     n, dt = round(seconds * 1000), 0.001
     target = multisine(n, dt, rms, band, seed)
-    # The torque's rms is about half the reference's: the axis follows.
-    changes = {"drive_resolution": 0.0} if perfect else {"disturbance_rms": disturbance * 0.5 * rms}
+    # The torque's rms is 0.62 to 0.65 N·m/rad times the reference's.
+    changes = {"drive_resolution": 0.0} if perfect else {"disturbance_rms": disturbance * 0.65 * rms}
     robot = OmniRobot(OmniSettings(omni_y=axis_hardware("omni_y", truth, **changes)), dt, seed)
 
     def loop(t, position, velocity, effort):

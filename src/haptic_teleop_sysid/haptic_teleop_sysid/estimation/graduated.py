@@ -19,11 +19,13 @@ from haptic_teleop_sim.model import Model
 from .gauss_newton import Fit, Limits, fit_parameters
 from .joint_fit import fit_model
 from .noise import NoiseModel
-from .records import Record
+from .records import Record, thinned
 from .tuning import initial_noise, tune_noise
 
 #: Encoder noise of each stage as a share of the motion's standard deviation.
 STAGES = (0.1, 0.003)
+#: Hz that the first stage makes do with.
+_COARSE_RATE = 250.0
 _MOTOR_SHARE, _ARM_SHARE = 0.02, 0.0004
 
 
@@ -72,12 +74,14 @@ def approach(
     """
     free = model.free_parameters() if free is None else free
     fit: Fit | None = None
+    coarse = [thinned(record, _COARSE_RATE) for record in records]
     for number, share in enumerate(stages):
+        used = coarse if number == 0 else records
         # First without the shapes (a Stribeck velocity, a gap): while the sizes are wrong they run away.
         for chosen in (tuple(n for n in free if not is_shape(model, n)), free) if number == 0 else (free,):
-            noise = distrustful_noise(model, records, share)
+            noise = distrustful_noise(model, used, share)
             fit = fit_parameters(
-                model, noise, records, free=chosen, iterations=iterations, limits=limits, progress=progress
+                model, noise, used, free=chosen, iterations=iterations, limits=limits, progress=progress
             )
             if np.isfinite(fit.log_likelihood):
                 model = fit.model

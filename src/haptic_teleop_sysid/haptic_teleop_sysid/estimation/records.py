@@ -43,6 +43,23 @@ class Record:
         return np.array([motor, arm, 0.0, 0.0])
 
 
+def thinned(record: Record, rate: float) -> Record:
+    """Every k-th reading and the mean of the input over the k samples that follow, k as large as leaves at
+    least `rate`, Hz; the record itself where that is 1. Good enough to come near, not to arrive."""
+    k = int(1.0 / (record.dt * rate) + 1e-6)
+    n = len(record) // max(k, 1)
+    if k < 2 or n < 2:
+        return record
+    blocks = slice(0, n * k)
+    return replace(
+        record,
+        dt=k * record.dt,
+        input=record.input[blocks].reshape(n, k).mean(axis=1),
+        measured=record.measured[blocks][::k].copy(),
+        exogenous=record.exogenous[blocks].reshape(n, k).mean(axis=1),
+    )
+
+
 def record_from(data: DataSet, commanded: bool = False) -> Record:
     """The record of a data set; invalid samples as missing readings.
 
