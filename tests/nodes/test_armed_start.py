@@ -178,6 +178,21 @@ def test_an_armed_process_ends_when_the_one_that_leads_it_has_gone():
             child.process.kill()
 
 
+def test_a_process_says_that_it_compiles_when_it_does_and_only_then(monkeypatch, tmp_path):
+    monkeypatch.setenv("NUMBA_CACHE_DIR", str(tmp_path))
+    for told in (True, False):
+        child = Child("signal_generator", [], armed=True)
+        try:
+            said, end = [], time.monotonic() + 90.0
+            while not any("ready" in message for message in said):
+                assert child.status is None and time.monotonic() < end
+                said += child.link.receive()
+                time.sleep(0.02)
+        finally:
+            child.stop()
+        assert ({"compiling": True} in said) == told
+
+
 def test_a_signal_ends_a_process_that_compiles_at_once():
     """With a cold cache the constructor of a plant takes some 20 s."""
     begun = time.monotonic()

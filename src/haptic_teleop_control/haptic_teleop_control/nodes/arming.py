@@ -11,9 +11,9 @@ discovery message that was lost only after seconds.
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Iterator
+from contextlib import contextmanager
 
-import numba.core.event
 from rclpy.node import Node
 
 from haptic_teleop_control.nodes.connections import Endpoints, endpoints, unconnected
@@ -32,13 +32,28 @@ class ArmedStart:
         self._expected: Endpoints | None = None
         self._waiting: list[str] | None = None
         self._next_look = 0.0
-        self._compiles = False
-        self._listener = _CompileListener(self._compiling)
-        numba.core.event.register("numba:compile", self._listener)
+
+    @contextmanager
+    def telling_compilation(self) -> Iterator[None]:
+        """Tells the parent when something is compiled within this block: that takes its time, once."""
+        from numba.core import event  # the recorder can do without, and importing it takes long
+
+        class FirstOne(event.Listener):
+            told = False
+
+            def on_start(listener, _: event.Event) -> None:
+                if not listener.told:
+                    listener.told = True
+                    self._link.send(compiling=True)
+
+            def on_end(listener, _: event.Event) -> None:
+                pass
+
+        with event.install_listener("numba:compile", FirstOne()):
+            yield
 
     def ready(self, nodes: Callable[[], Iterable[Node]], announced: Endpoints | None = None) -> None:
         """The nodes exist. `announced`: what they will have, where that is more than they have now."""
-        numba.core.event.unregister("numba:compile", self._listener)
         self._nodes = nodes
         self._link.send(ready=endpoints(nodes()) if announced is None else announced)
 
@@ -78,19 +93,3 @@ class ArmedStart:
     def confirm(self) -> None:
         """Tells the parent that the start has been made; for a recorder, that others may follow."""
         self._link.send(started=True)
-
-    def _compiling(self) -> None:
-        if not self._compiles:
-            self._compiles = True
-            self._link.send(compiling=True)
-
-
-class _CompileListener(numba.core.event.Listener):
-    def __init__(self, on_start: Callable[[], None]) -> None:
-        self._on_start = on_start
-
-    def on_start(self, event: numba.core.event.Event) -> None:
-        self._on_start()
-
-    def on_end(self, event: numba.core.event.Event) -> None:
-        pass

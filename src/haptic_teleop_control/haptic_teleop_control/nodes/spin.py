@@ -6,6 +6,7 @@ from __future__ import annotations
 import gc
 import sys
 from collections.abc import Callable, Sequence
+from contextlib import nullcontext
 
 import rclpy
 from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
@@ -154,7 +155,8 @@ def _run(node_classes: Sequence[type[HapticNode]], argv: Sequence[str]) -> int:
                 f"--ros-args: {str(refusal).splitlines()[0]}; see `--help`."
             ) from refusal
         try:
-            with stop.interruptible():
+            telling = nullcontext() if armed is None else armed.telling_compilation()
+            with stop.interruptible(), telling:
                 nodes = create_nodes(node_classes, arguments)
             try:
                 priority = max(node.values.get("realtime_priority", 0) for node in nodes)
