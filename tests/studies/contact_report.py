@@ -209,7 +209,7 @@ def picture(laws: Sequence[str], speed: float = 1.0) -> Figure:
                         time, shown[:, 2, 2 * row + 1], color=colour, linewidth=1.2, label=SHORT.get(law, law)
                     )
                 axis.axhline(LAMBDA * speed, color="#1c2431", linewidth=0.8, linestyle="--")
-                axis.set_xlim(0.0, 4.0)
+                axis.set_xlim(0.0, 5.0)
                 axis.set_title(f"{stage.replace('stage', 'stage ')}, wall {wall:g} N·m/rad", fontsize=9)
             axes[row, 0].set_ylabel("Te, N·m")
         axes[0, 0].legend(frameon=False)
