@@ -3,6 +3,7 @@
 import json
 import os
 import re
+import shutil
 import subprocess
 import sys
 from pathlib import Path
@@ -32,6 +33,18 @@ def run(command, folder):
     )  # fmt: skip
     assert done.returncode == 0, f"{command}\n{done.stdout}\n{done.stderr}"
     return done.stdout
+
+
+def in_real_time(command, folder):
+    """The command in the folder; again where a busy machine was late for a robot, which is a fault, rightly."""
+    for _ in range(3):
+        try:
+            return run(command, folder)
+        except AssertionError as failure:
+            if "FAULT stale" not in str(failure):
+                raise
+            shutil.rmtree(folder / command.split()[-1])
+    return run(command, folder)
 
 
 @pytest.fixture(scope="module")
@@ -92,11 +105,13 @@ def test_a_mistake_in_its_parameters_is_told_in_a_sentence(folder, command, line
     assert "wrong.yaml" in done.stderr and told in done.stderr
 
 
-@pytest.mark.timeout(400)
+@pytest.mark.timeout(800)
 def test_the_graph_runs_the_law_and_verify_compares_all_three(folder):
     pytest.importorskip("rclpy", reason="needs ROS 2: `make setup`, or source an installation")
     for language, _, text in blocks():
-        if language == "bash" and ("scenario my" in text or "verify" in text):
+        if language == "bash" and "scenario my" in text:
+            in_real_time(text, folder)
+        elif language == "bash" and "verify" in text:
             run(text, folder)
     result = json.loads((folder / "reports" / "comparison" / "verify.json").read_text())
     mine, graph, thesis = (f"recordings/{name}" for name in ("mine", "mine_in_the_graph", "thesis"))

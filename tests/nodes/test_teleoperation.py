@@ -180,6 +180,15 @@ class Linked(Setting):
         while time.monotonic() < end:
             self.sample(omni=omni)
 
+    def engage(self) -> bool:
+        """Engages; on a busy machine the sides may have been silent for too long while the call was under way,
+        which is refused rightly, so a refusal is followed by another attempt."""
+        for _ in range(10):
+            if self.call("engage").success:
+                return True
+            self.run(0.3)
+        return False
+
 
 def test_what_goes_over_the_link_arrives_after_its_delay(graph):
     setting = Linked(graph, 0.03)
@@ -187,10 +196,10 @@ def test_what_goes_over_the_link_arrives_after_its_delay(graph):
     assert setting.state == "devices_ready"
     coupling = setting.controller._coupling
     assert coupling.round_trip == pytest.approx(0.06, abs=0.02)
-    assert setting.call("engage").success
+    assert setting.engage()
     begun = time.monotonic()
     while not setting.sample(omni=at(0.05))[0][0]:
-        assert time.monotonic() - begun < 1.0
+        assert time.monotonic() - begun < 5.0
     assert time.monotonic() - begun >= 0.03
     assert coupling.heard[0, 0] == pytest.approx(10.0 * 0.05)
 
@@ -207,7 +216,7 @@ def test_a_link_that_takes_too_long_is_not_engaged(graph):
 def test_a_link_that_goes_dead_is_a_fault(graph):
     setting = Linked(graph, 0.001)
     setting.run(0.1)
-    assert setting.call("engage").success
+    assert setting.engage()
     setting.link.shutdown_safely()
     setting.run(0.3)
     assert setting.controller.faults.latched == "stale_link"
