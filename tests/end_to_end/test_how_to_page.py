@@ -36,7 +36,7 @@ def run(command, folder):
 
 
 def in_real_time(command, folder):
-    """The command in the folder; again where a busy machine was late for a robot, which is a fault, rightly."""
+    """The command in the folder; again where a busy machine was late for a robot, which is a fault."""
     for _ in range(3):
         try:
             return run(command, folder)

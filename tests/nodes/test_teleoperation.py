@@ -181,7 +181,7 @@ class Linked(Setting):
             self.sample(omni=omni)
 
     def engage(self) -> bool:
-        """Engages; on a busy machine the sides may have been silent for too long while the call was under way,
+        """Engages; on a busy machine the sides may have been silent for too long while the call was made,
         which is refused rightly, so a refusal is followed by another attempt."""
         for _ in range(10):
             if self.call("engage").success:
@@ -195,7 +195,11 @@ def test_what_goes_over_the_link_arrives_after_its_delay(graph):
     setting.run(1.0)
     assert setting.state == "devices_ready"
     coupling = setting.controller._coupling
-    assert coupling.round_trip == pytest.approx(0.06, abs=0.02)
+    trips = []
+    while len(trips) < 20 and not (trips and trips[-1] < 0.08):  # a busy machine adds to it now and then
+        setting.run(0.1)
+        trips.append(coupling.round_trip)
+    assert 0.058 < min(trips) < 0.08
     assert setting.engage()
     begun = time.monotonic()
     while not setting.sample(omni=at(0.05))[0][0]:
