@@ -11,6 +11,7 @@ from haptic_teleop_control.errors import ModelError
 from haptic_teleop_control.recording import read_recording
 from haptic_teleop_sim.model import Effect, load_model
 from haptic_teleop_sysid.dataset import load_dataset
+from haptic_teleop_sysid.estimation.records import records_from
 from haptic_teleop_sysid.estimation.scores import score_covariance
 from haptic_teleop_sysid.estimation.strategies import estimate
 from haptic_teleop_sysid.estimation_report import misled_sentence
@@ -106,6 +107,20 @@ def test_of_several_starts_the_one_that_comes_nearest_is_followed_to_the_truth()
     assert len(found.starts) == 6
     assert found.starts[0] < max(found.starts) - 100.0
     assert relative_errors(found, AXIS)["stiffness"] < 0.02
+
+
+def test_a_recording_with_a_hole_gives_the_same_robot_as_its_two_parts_know():
+    data = load_dataset(stage_recording(seconds=12.0, seed=4), STAGE)
+    for name in ("motor_position", "arm_position"):
+        getattr(data, name)[2900:3150] = np.nan
+    data.valid[2900:3150] = False
+    pieces = records_from(data)
+    assert [len(piece) for piece in pieces] == [2900, len(data) - 3150]
+    assert pieces[1].start == pytest.approx(6.3, abs=1e-3)
+    # The second begins with the speed it shows: the joint is in the middle of its motion.
+    assert pieces[1].rates[0] == pytest.approx(data.motor_velocity[3155], abs=0.05)
+    errors = relative_errors(estimate(off(STAGE, 1), [data]), STAGE)
+    assert max(errors.values()) < 0.05
 
 
 def test_bounds_are_kept_and_a_start_outside_them_is_refused():

@@ -87,6 +87,11 @@ class DataSet:
         """Return the part from `start` to `end`, s of `time`. RecordingError when it holds fewer than ten
         samples.
         """
+        if not -np.inf < start < end < np.inf:
+            raise RecordingError(
+                f"{self.name}: from {start:g} to {end:g} s is no stretch of time: give --range START END, "
+                "the lower first."
+            )
         first = max(0, int(np.ceil((start - self.start) / self.dt - 1e-6)))
         stop = min(len(self), int(np.floor((end - self.start) / self.dt + 1e-6)) + 1)
         if stop - first < 10:
@@ -129,7 +134,13 @@ def load_dataset(recording: Recording, model: Model, name: str = "", allow_gaps:
     measured, commanded = _inputs(channels, grid, scale)
     valid = grid.valid.copy()
     motor, motor_rate = _motion(channels.motor, grid, model.robot, valid)
+    if not np.any(np.isfinite(motor)):
+        raise RecordingError(
+            f"{name}: no position of {channels.motor.joint} is a finite number: record it again."
+        )
     arm, arm_rate = (None, None) if channels.arm is None else _motion(channels.arm, grid, model.robot, valid)
+    if arm is not None and not np.any(np.isfinite(arm)):
+        arm = arm_rate = None  # as if nobody had recorded it; the stream's problems tell
     input_, source = (
         (measured, "measured effort") if measured is not None else (commanded, "commanded effort")
     )
@@ -173,7 +184,7 @@ def _inputs(channels: Channels, grid: TimeGrid, scale: float) -> tuple[Array | N
         known = values[order]
         commanded = scale * np.where(index >= 0, known[np.maximum(index, 0)], 0.0)
     values = channels.input.values_or_none("effort" if channels.input_field is None else channels.input_field)
-    if values is None or (channels.command is not None and not np.any(np.isfinite(values))):
+    if values is None or not np.any(np.isfinite(values)):
         return None, commanded
     measured = scale * grid.sampled(values)
     if channels.measured_late:

@@ -8,6 +8,7 @@ import math
 import time
 from collections.abc import Sequence
 from dataclasses import replace
+from pathlib import Path
 
 from rich.console import Console
 from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
@@ -18,7 +19,7 @@ from haptic_teleop_control.recording import read_recording
 from haptic_teleop_sim.model import Model, load_model
 from haptic_teleop_sysid.dataset import DataSet, load_dataset
 from haptic_teleop_sysid.estimation.gauss_newton import Limits
-from haptic_teleop_sysid.estimation.records import record_from, with_trusted_input
+from haptic_teleop_sysid.estimation.records import records_from, with_trusted_input
 from haptic_teleop_sysid.estimation.result import Estimate
 from haptic_teleop_sysid.estimation.strategies import METHODS, check_start, estimate
 from haptic_teleop_sysid.estimation_report import Result, as_json, fit_picture, page, tables, verdict
@@ -96,7 +97,7 @@ def run_estimate(
         windows = choose_windows(found.model, dataset)
         fits["start", bag] = simulated_fit(found.start, dataset, windows)
         fits["estimate", bag] = simulated_fit(found.model, dataset, windows)
-        record = record_from(dataset)
+        record = max(records_from(dataset), key=len)
         # Residuals are those of one step, whichever predictor gave the numbers.
         basis = found.fit if found.fit and not found.misled else at_values(found.model, [record])
         if math.isfinite(basis.log_likelihood):
@@ -115,8 +116,9 @@ def run(argv: list[str]) -> int:
     began = time.perf_counter()
     arguments = _parser().parse_args(argv)
     bags, validation = arguments.bag, arguments.validation or []
-    for name in [*bags, *validation]:
-        if [*bags, *validation].count(name) > 1:
+    places = [Path(name).resolve() for name in [*bags, *validation]]
+    for name, place in zip([*bags, *validation], places, strict=True):
+        if places.count(place) > 1:
             raise ConfigurationError(f"{name} is given twice: estimate and validate on different recordings.")
     model = _changed(load_model(arguments.model), arguments)
     limits = dict(arguments.bound or [])
@@ -208,6 +210,9 @@ def _changed(model: Model, arguments: argparse.Namespace) -> Model:
             raise ConfigurationError(
                 f"{arguments.model} has no parameter {name!r}: it has {', '.join(values)}."
             )
+    for name in arguments.fix:
+        if name in arguments.free:
+            raise ConfigurationError(f"--fix and --free both name {name}: decide for one.")
     fixed = [n for n in dict.fromkeys([*model.fixed, *arguments.fix]) if n not in arguments.free]
     return replace(model.with_values(dict(arguments.start)), fixed=tuple(fixed))
 

@@ -16,7 +16,7 @@ from haptic_teleop_sim.model import Model
 from haptic_teleop_sysid.dataset import DataSet
 from haptic_teleop_sysid.estimation.gauss_newton import Fit, normal_equations
 from haptic_teleop_sysid.estimation.graduated import distrustful_noise
-from haptic_teleop_sysid.estimation.records import Record, record_from
+from haptic_teleop_sysid.estimation.records import Record, record_from, records_from
 from haptic_teleop_sysid.estimation.tuning import tune_noise
 from haptic_teleop_sysid.estimation.uncertainty import Uncertainty, uncertainty
 
@@ -35,8 +35,7 @@ def refuse_idle(dataset: DataSet) -> None:
     if usable < FEWEST_SAMPLES:
         raise RecordingError(
             f"{name} has {usable} usable samples, and at least {FEWEST_SAMPLES} are needed to identify "
-            "anything: "
-            "record longer."
+            "anything: record longer, or use more of it."
         )
     source = dataset.commanded_input if dataset.commanded_input is not None else dataset.input
     if np.ptp(source) <= 1e-12 * max(float(np.max(np.abs(source))), 1e-12):
@@ -69,7 +68,7 @@ class Excitation:
 
 def excitation(model: Model, datasets: Sequence[DataSet]) -> Excitation:
     """Judge recordings with a model and its present values; nothing is fitted but the noise levels."""
-    records = [record_from(d) for d in datasets]
+    records = [piece for d in datasets for piece in records_from(d)]
     longest = max(datasets, key=len)
     length = min(len(longest), max(256, round(8.0 / longest.dt)))
     frequency, power = welch(longest.input, 1.0 / longest.dt, nperseg=length)

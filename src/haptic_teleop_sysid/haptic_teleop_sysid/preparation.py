@@ -85,6 +85,11 @@ def prepare(
         else (0.0 if treatment.lead_in == "none" else float(treatment.lead_in))
     )
     dataset = _without_offset(dataset, model, lead, treatment.offset, told)
+    if lead >= dataset.dt * (len(dataset) - 10):
+        raise ConfigurationError(
+            f"{dataset.name} lasts {dataset.dt * len(dataset):.3f} s, and nothing is left behind a lead-in "
+            f"of {lead:g} s: give a shorter --lead-in."
+        )
     if lead > 0.0:
         dataset = dataset.between(dataset.start + lead, float(dataset.time[-1]))
         told.append(f"the lead-in of {lead:.3g} s was removed")
@@ -119,7 +124,11 @@ def resampled(dataset: DataSet, rate: float) -> DataSet:
     %)."""
     factor = 1.0 / (rate * dataset.dt) if rate > 0.0 else 0.0
     k = round(factor)
-    if k < 1 or abs(factor - k) > 0.01 * k or len(dataset) // max(k, 1) < 10:
+    if k >= 1 and len(dataset) // k < 10:
+        raise ConfigurationError(
+            f"{dataset.name}: fewer than ten samples are left at {rate:g} Hz: give a higher --rate."
+        )
+    if k < 1 or abs(factor - k) > 0.01 * k:
         raise ConfigurationError(
             f"{dataset.name} was recorded at {1.0 / dataset.dt:.6g} Hz, which gives no whole number of "
             "samples at "

@@ -22,7 +22,7 @@ from haptic_teleop_sim.model import Model
 from haptic_teleop_sysid.dataset import DataSet
 from haptic_teleop_sysid.estimation.gauss_newton import Fit
 from haptic_teleop_sysid.estimation.likelihood import channels, innovations, settled
-from haptic_teleop_sysid.estimation.records import Record, record_from
+from haptic_teleop_sysid.estimation.records import Record, records_from
 from haptic_teleop_sysid.estimation.tuning import initial_noise, tune_noise
 
 Array = NDArray[np.float64]
@@ -70,7 +70,7 @@ def model_residuals(model: Model, dataset: DataSet) -> list[Residuals] | None:
     predicts nothing or the data set is too short to tell."""
     if len(dataset) < FEWEST_SAMPLES:
         return None
-    record = record_from(dataset)
+    record = max(records_from(dataset), key=len)
     packed = pack(model)
     try:
         noise, value = tune_noise(packed, initial_noise(packed, [record]), [record])

@@ -16,6 +16,8 @@ IRREGULAR = 0.01
 """Stamps off the uniform grid by more than this share of a period make resampling necessary."""
 GAP_PERIODS = 5.0
 """A longer hole, in periods, is not bridged: samples within it are not valid."""
+FEWEST_VALID = 0.5
+"""Share of the time that must have been measured, so that leaving out holes makes sense."""
 
 
 @dataclass(frozen=True)
@@ -42,11 +44,21 @@ class TimeGrid:
         )
         stamps = series.stamp[keep]
         if len(stamps) < 10:
+            unusable = len(series) - len(stamps)
             raise RecordingError(
-                f"{name} has {len(stamps)} usable samples and at least ten are needed: record longer."
-            )
+                f"{name} has {len(stamps)} usable samples and at least ten are needed"
+                + (f"; {unusable} more are stamped not later than one before them: mend the stamps, or "
+                   if unusable else ": ")
+                + "record longer."
+            )  # fmt: skip
         steps = np.diff(stamps) * NS
         period = float(np.median(steps))
+        share = len(stamps) * period / max(period, (stamps[-1] - stamps[0]) * NS)
+        if share < FEWEST_VALID:
+            raise RecordingError(
+                f"{name}: its stamps span {(stamps[-1] - stamps[0]) * NS:.6g} s, of which "
+                f"{100.0 * (1.0 - share):.3g} % are holes: record again, or mend the stamps."
+            )
         n = round((stamps[-1] - stamps[0]) * NS / period) + 1
         dt = float((stamps[-1] - stamps[0]) * NS / (n - 1))
         at = dt * np.arange(n, dtype=np.float64)

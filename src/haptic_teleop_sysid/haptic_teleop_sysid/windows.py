@@ -9,9 +9,11 @@ from dataclasses import dataclass
 from itertools import pairwise
 
 import numpy as np
+from numpy.typing import NDArray
 
 from haptic_teleop_control.errors import ConfigurationError
 from haptic_teleop_sysid.dataset import DataSet
+from haptic_teleop_sysid.time_grid import GAP_PERIODS
 
 DEFAULT_SECONDS = 4.0
 """Length of a window where the recording asks for windows: several periods of the slowest mode (0.76 Hz with
@@ -25,8 +27,8 @@ _LOOP = re.compile(
 
 @dataclass(frozen=True)
 class Windows:
-    """`spans`: (start, stop) in samples, consecutive, none with an invalid sample; `seconds`: length of the
-    longest, None for the whole recording; `why` says in words what asked for it."""
+    """`spans`: (start, stop) in samples, consecutive, none with a hole that was not bridged; `seconds`: the
+    length of the longest, None for the whole recording; `why` says in words what asked for it."""
 
     spans: tuple[tuple[int, int], ...]
     seconds: float | None
@@ -39,7 +41,8 @@ def cut(dataset: DataSet, seconds: float | None, why: str) -> Windows:
 
     Raises ConfigurationError when no window of SHORTEST samples comes out.
     """
-    edges = np.flatnonzero(np.diff(np.concatenate([[0], dataset.valid.astype(np.int8), [0]])))
+    usable = np.concatenate([[0], _bridged(dataset.valid).astype(np.int8), [0]])
+    edges = np.flatnonzero(np.diff(usable))
     spans: list[tuple[int, int]] = []
     for start, stop in edges.reshape(-1, 2).tolist():
         # Equal windows rather than a short rest: the last seconds count like the others.
@@ -48,12 +51,21 @@ def cut(dataset: DataSet, seconds: float | None, why: str) -> Windows:
         spans += [(a, b) for a, b in pairwise(borders) if b - a >= SHORTEST]
     if not spans:
         raise ConfigurationError(
-            f"{dataset.name}: a window of {seconds} s holds fewer than {SHORTEST} usable samples of "
-            f"{dataset.dt * 1e3:.3g} ms: "
-            "give a longer --window."
+            f"{dataset.name}: no {'stretch' if seconds is None else f'window of {seconds:g} s'} holds "
+            f"{SHORTEST} usable samples of {dataset.dt * 1e3:.3g} ms: "
+            + ("record again without holes." if seconds is None else "give a longer --window.")
         )
     longest = max(b - a for a, b in spans) * dataset.dt
     return Windows(tuple(spans), None if seconds is None else longest, why)
+
+
+def _bridged(valid: NDArray[np.bool_]) -> NDArray[np.bool_]:
+    """`valid` with the short holes closed whose values were interpolated."""
+    closed = valid.copy()
+    good = np.flatnonzero(valid)
+    for hole in np.flatnonzero((np.diff(good) > 1) & (np.diff(good) <= GAP_PERIODS)):
+        closed[good[hole] : good[hole + 1]] = True
+    return closed
 
 
 def closed_loop(dataset: DataSet) -> bool | None:

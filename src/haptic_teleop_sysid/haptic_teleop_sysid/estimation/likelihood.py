@@ -37,6 +37,7 @@ def innovations(
         decay=noise.decay(record.dt),
         initial_state=record.initial_state(),
         exogenous=record.exogenous,
+        t0=record.start,
     )
 
 

@@ -25,7 +25,7 @@ from .graduated import STAGES, approach, distrustful_noise, fit_far_and_near
 from .likelihood import channels
 from .noise import NoiseModel, linearised, observer_gain
 from .progress import Progress, silent
-from .records import Record, record_from
+from .records import Record, records_from
 from .result import Estimate, FarSighted, Misled
 from .riccati import exponential
 from .uncertainty import MEMORY, uncertainty
@@ -53,7 +53,7 @@ def prediction_error(
     progress: Progress = silent,
 ) -> Estimate:
     """Estimate the free parameters from data sets with the input that acted (`with_trusted_input`)."""
-    records = [replace(record_from(d), at_rest=at_rest) for d in datasets]
+    records = [piece for d in datasets for piece in records_from(d, at_rest)]
     starts = [model, *further_starts(model, records, multi_start - 1, seed, limits)]
     steps = len(starts) + 1
 
@@ -125,7 +125,7 @@ def cross_checked(
     found: Estimate, datasets: Sequence[DataSet], at_rest: bool, limits: Limits | None
 ) -> Estimate:
     """The estimate with what the predictor that looks farthest ahead finds from there (`FarSighted`)."""
-    records = [replace(record_from(d), at_rest=at_rest) for d in datasets]
+    records = [piece for d in datasets for piece in records_from(d, at_rest)]
     noise = distrustful_noise(found.model, records, STAGES[0])
     fit = fit_parameters(found.model, noise, records, iterations=ITERATIONS, limits=limits)
     ahead = max(look_ahead(fit.model, noise, record) for record in records)

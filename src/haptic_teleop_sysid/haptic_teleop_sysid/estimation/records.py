@@ -11,6 +11,12 @@ from haptic_teleop_control.robots import OMNI_RESOLUTION, SFJ_STAGES
 from haptic_teleop_sysid.dataset import DataSet
 
 FloatArray = NDArray[np.float64]
+LONGEST_HOLE = 5
+"""Samples without reading over which the predictor just runs on."""
+FIRST_SECONDS = 0.05
+"""s of readings that show the speed at the first of them."""
+SHORTEST_PIECE = 100
+"""Samples between two holes that are worth a start of the observer."""
 
 
 @dataclass(frozen=True)
@@ -21,7 +27,8 @@ class Record:
     angle, rad, NaN where missing; ``exogenous`` (n,): the other arm's acceleration, rad/s^2;
     ``resolution``: rad, step of either encoder, or the rms of its noise where no step is known.
     ``at_rest``: the joint is known to rest at the first sample, which then counts like every other;
-    otherwise the observer is given time to find out.
+    otherwise the observer is given time to find out, beginning with the speeds ``rates`` of motor and arm,
+    rad/s.  ``start``: s, time of the first sample, from which effects that depend on time count.
     """
 
     name: str
@@ -31,16 +38,18 @@ class Record:
     exogenous: FloatArray
     resolution: tuple[float, float]
     at_rest: bool = False
+    start: float = 0.0
+    rates: tuple[float, float] = (0.0, 0.0)
 
     def __len__(self) -> int:
         return len(self.input)
 
     def initial_state(self) -> FloatArray:
-        """Angles first read, at rest (the observer corrects the velocities within some samples)."""
+        """Angles first read, and the speeds (which the observer corrects within some samples)."""
         first = self.measured[0]
         motor = float(np.nan_to_num(first[0]))
         arm = float(first[1]) if np.isfinite(first[1]) else motor
-        return np.array([motor, arm, 0.0, 0.0])
+        return np.array([motor, arm, *self.rates])
 
 
 def thinned(record: Record, rate: float) -> Record:
@@ -82,7 +91,46 @@ def record_from(data: DataSet, commanded: bool = False) -> Record:
         measured,
         np.ascontiguousarray(exogenous),
         _resolution(data, measured),
+        start=data.start,
     )
+
+
+def records_from(data: DataSet, at_rest: bool = False) -> list[Record]:
+    """The record of a data set, cut apart at holes longer than LONGEST_HOLE samples, because what acts in a
+    hole unseen would come out as one huge error behind it. Pieces shorter than SHORTEST_PIECE are left out,
+    unless there is no other. The first begins at rest, on which the observer need not rely unless `at_rest`;
+    one behind a hole begins with the speed that its first readings show."""
+    whole = record_from(data)
+    seen = np.flatnonzero(np.isfinite(whole.measured[:, 0]))
+    ends = np.flatnonzero(np.diff(seen) > LONGEST_HOLE)
+    spans = list(zip(seen[np.r_[0, ends + 1]], seen[np.r_[ends, len(seen) - 1]] + 1, strict=True))
+    kept = [s for s in spans if s[1] - s[0] >= SHORTEST_PIECE] or [max(spans, key=lambda s: s[1] - s[0])]
+    return [_piece(whole, a, b, at_rest and a == 0) for a, b in kept]
+
+
+def _piece(whole: Record, first: int, stop: int, at_rest: bool) -> Record:
+    measured = whole.measured[first:stop]
+    return replace(
+        whole,
+        input=whole.input[first:stop],
+        measured=measured,
+        exogenous=whole.exogenous[first:stop],
+        at_rest=at_rest,
+        start=whole.start + first * whole.dt,
+        rates=(0.0, 0.0) if first == 0 else _first_speeds(measured, whole.dt),
+    )
+
+
+def _first_speeds(measured: FloatArray, dt: float) -> tuple[float, float]:
+    """Speeds of motor and arm at the first sample: slopes of parabolas through the first FIRST_SECONDS."""
+    part = measured[: max(round(FIRST_SECONDS / dt), 5)]
+    time = dt * np.arange(len(part))
+    speeds = []
+    for angle in part.T:
+        good = np.isfinite(angle)
+        speeds.append(float(np.polyfit(time[good], angle[good], 2)[1]) if np.sum(good) > 3 else np.nan)
+    motor = speeds[0] if np.isfinite(speeds[0]) else 0.0
+    return motor, speeds[1] if np.isfinite(speeds[1]) else motor
 
 
 def with_trusted_input(data: DataSet, commanded: bool = False) -> DataSet:

@@ -71,6 +71,10 @@ def check_start(model: Model, limits: Limits | None) -> None:
                 f"{model.source}: a bound names {name!r}, which the model does not have; "
                 f"it has {', '.join(values)}."
             )
+        if name not in free:
+            raise ModelError(
+                f"{model.source}: a bound names {name}, which is fixed: leave the bound out, or free it."
+            )
         if not low < high:
             raise ModelError(
                 f"{model.source}: the bounds of {name} are {low:g} and {high:g}; give the lower first."

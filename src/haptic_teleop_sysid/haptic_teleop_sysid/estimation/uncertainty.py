@@ -37,6 +37,7 @@ STEP = 1e-3
 SINGULAR = 1e-9
 #: Beyond this relative standard deviation a quantity that cannot be zero is called undetermined.
 VAGUE = 0.5
+_LEVEL = "noise level"
 QUANTILE_95 = float(norm.ppf(0.975))
 
 
@@ -137,7 +138,7 @@ def _slope(
 
 def _judge(fit: Fit, information: FloatArray, meat: FloatArray) -> Uncertainty:
     names, p = fit.free, len(information)
-    everything = (*names, *(f"noise level {i}" for i in range(p - len(names))))
+    everything = (*names, *(f"{_LEVEL} {i}" for i in range(p - len(names))))
     values = fit.model.parameter_values()
     undetermined: dict[str, str] = {}
     scale = np.sqrt(np.maximum(np.diag(information), 0.0))
@@ -200,6 +201,8 @@ def _singular(
 ) -> None:
     """Tell of each parameter that moves along a direction in which the recording sees nothing."""
     part = [names[index[i]] for i in np.flatnonzero(np.abs(direction) > 1e-3 * np.max(np.abs(direction)))]
+    # Noise levels come along in many a direction, and nobody can fix one of them.
+    part = [name for name in part if not name.startswith(_LEVEL)] or part
     for name in part:
         others = [other for other in part if other != name]
         told[name] = (
