@@ -60,7 +60,8 @@ def channels(packed: Packed, record: Record) -> list[int]:
 
 def covariance(packed: Packed, record: Record, innovation: FloatArray) -> FloatArray:
     """Second moment of the settled innovations, (1, 1) or (2, 2), rad^2."""
-    e = settled(record, innovation)[:, channels(packed, record)]
+    # A slice, as the channels are the first ones: picking columns would copy.
+    e = settled(record, innovation)[:, : len(channels(packed, record))]
     return e.T @ e / len(e)
 
 

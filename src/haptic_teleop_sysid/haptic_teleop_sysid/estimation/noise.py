@@ -12,6 +12,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
@@ -53,10 +54,14 @@ class NoiseModel:
 def linearised(packed: Packed, reference: tuple[float, ...] | None = None) -> tuple[FloatArray, FloatArray]:
     """(6, 6) continuous system matrix over [q_motor, q_arm, v_motor, v_arm, d_motor, d_arm] of the structure,
     and the location of the measured angles (2, 6); ``reference`` replaces the model's numbers."""
-    ks, jm, bm, ja, ba = packed.base if reference is None else reference
+    return _linearised(tuple(packed.base) if reference is None else reference, packed.rigid)
+
+
+def _linearised(base: tuple[float, ...], rigid: bool) -> tuple[FloatArray, FloatArray]:
+    ks, jm, bm, ja, ba = base
     a = np.zeros((6, 6))
     a[0, 2] = 1.0
-    if not packed.rigid:
+    if not rigid:
         a[1, 3] = 1.0
         a[2, :4] = [-ks / jm, ks / jm, -bm / jm, 0.0]
         a[3, :4] = [ks / ja, -ks / ja, 0.0, -ba / ja]
@@ -79,7 +84,23 @@ def observer_gain(
     Raises numpy.linalg.LinAlgError when the Riccati equation has no solution (unobservable or overflowing
     levels).
     """
-    a, c = linearised(packed, noise.reference)
+    rigid = bool(packed.rigid)
+    channels = tuple([0] if rigid else [0, 1]) if measured is None else tuple(measured)
+    base = noise.reference if noise.reference is not None else tuple(float(v) for v in packed.base)
+    gain = _structure_gain(base, rigid, replace(noise, reference=None), dt, channels)
+    full = np.zeros((packed.states, 2))
+    places = {0: 0, 1: 1, 2: 2, 3: 3, 4: packed.states - 2, 5: packed.states - 1}
+    for state, row in enumerate(gain):
+        full[places[state]] = row
+    return full
+
+
+@lru_cache(maxsize=64)
+def _structure_gain(
+    base: tuple[float, ...], rigid: bool, noise: NoiseModel, dt: float, channels: tuple[int, ...]
+) -> FloatArray:
+    """The gain (6, 2) of the structure alone: screening asks for one and the same hundreds of times."""
+    a, c = _linearised(base, rigid)
     transition = np.zeros((6, 6))
     transition[:4, :] = exponential(a * dt)[:4, :]
     decay = noise.decay(dt)
@@ -87,17 +108,12 @@ def observer_gain(
     q = np.zeros((6, 6))
     q[4, 4] = noise.motor_torque**2 * (1.0 - decay[0] ** 2)
     q[5, 5] = noise.arm_torque**2 * (1.0 - decay[1] ** 2)
-    keep = [0, 2, 4] if packed.rigid else list(range(6))
-    channels = ([0] if packed.rigid else [0, 1]) if measured is None else list(measured)
+    keep = [0, 2, 4] if rigid else list(range(6))
     f, qq, cc = transition[np.ix_(keep, keep)], q[np.ix_(keep, keep)], c[np.ix_(channels, keep)]
     r = np.diag([(noise.motor_angle**2, noise.arm_angle**2)[c] for c in channels])
     # Scaled to unit encoder noise: the equation mixes 1e-10 rad^2 with N·m^2 otherwise.
     scale = noise.motor_angle**2
     p = stationary_covariance(f, cc, qq / scale, r / scale)
-    gain = p @ cc.T @ np.linalg.inv(cc @ p @ cc.T + r / scale)
-    full = np.zeros((packed.states, 2))
-    places = {0: 0, 1: 1, 2: 2, 3: 3, 4: packed.states - 2, 5: packed.states - 1}
-    for row, state in enumerate(keep):
-        for column, channel in enumerate(channels):
-            full[places[state], channel] = gain[row, column]
-    return full
+    found = np.zeros((6, 2))
+    found[np.ix_(keep, channels)] = p @ cc.T @ np.linalg.inv(cc @ p @ cc.T + r / scale)
+    return found
