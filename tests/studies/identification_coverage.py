@@ -1,14 +1,15 @@
 """How far off the estimates are, and how often their 95 % intervals hold the truth: the table in
 identification.md.
 
-    python tests/studies/identification_coverage.py [SEEDS] [CASE ...]
+    python tests/studies/identification_coverage.py [CASE ...] [--seeds N] [--minutes M]
 
 Encoders step, current is sensed with noise, a random torque of 1 % rms of the motor torque acts, starts are
-30 % off.
+30 % off. After the minutes of wall time no further seed is begun, and the table says how many there were.
 """
 
 from __future__ import annotations
 
+import argparse
 import sys
 import time
 from pathlib import Path
@@ -35,12 +36,16 @@ CASES = {
 }
 
 
-def study(case: str, seeds: int) -> None:
-    """Print the table of one case, failures included."""
+def study(case: str, seeds: int, minutes: float) -> None:
+    """Print the table of one case, failures included; every seed on standard error."""
     truth, make = CASES[case]
     names, true = truth.free_parameters(), truth.parameter_values()
     errors, scores, seconds, undetermined, unconverged, doubted, misled = [], [], [], 0, 0, 0, 0
+    end = time.monotonic() + 60.0 * minutes
     for seed in range(1, seeds + 1):
+        if time.monotonic() > end:
+            seeds = seed - 1
+            break
         start = off(truth, seed)
         data = load_dataset(make(seed), start)
         begun = time.process_time()
@@ -56,6 +61,8 @@ def study(case: str, seeds: int) -> None:
         misled += fit.misled is not None
         errors.append([found[n] / true[n] - 1.0 for n in names])
         scores.append([(found[n] - true[n]) / s for n, s in zip(names, unsure.std, strict=True)])
+        worst = float(np.max(np.abs(scores[-1])))
+        print(f"{case} {seed}: {seconds[-1]:.1f} s, worst {worst:.2f} standard errors", file=sys.stderr)
     error, score = np.abs(errors), np.array(scores)
     inside = np.abs(score) < 1.96
     print(
@@ -79,6 +86,12 @@ def study(case: str, seeds: int) -> None:
 
 
 if __name__ == "__main__":
-    count = int(sys.argv[1]) if len(sys.argv) > 1 else 50
-    for name in sys.argv[2:] or CASES:
-        study(name, count)
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("cases", nargs="*", metavar="CASE", help=", ".join(CASES))
+    parser.add_argument("--seeds", type=int, default=50)
+    parser.add_argument("--minutes", type=float, default=float("inf"), help="for each case")
+    arguments = parser.parse_args()
+    if unknown := [name for name in arguments.cases if name not in CASES]:
+        parser.error(f"no case {', '.join(unknown)}: there are {', '.join(CASES)}")
+    for name in arguments.cases or CASES:
+        study(name, arguments.seeds, arguments.minutes)
