@@ -8,6 +8,7 @@ hold both against the library.
 from __future__ import annotations
 
 import numpy as np
+from numba import njit
 from numpy.typing import NDArray
 
 FloatArray = NDArray[np.float64]
@@ -21,15 +22,7 @@ def exponential(a: FloatArray) -> FloatArray:
     if not np.isfinite(norm):
         raise np.linalg.LinAlgError("the matrix is not finite")
     squarings = max(0, int(np.ceil(np.log2(norm / 0.25)))) if norm > 0.25 else 0
-    scaled = a / 2.0**squarings
-    term = np.eye(len(a))
-    total = term.copy()
-    for k in range(1, _TERMS):
-        term = term @ scaled / k
-        total += term
-    for _ in range(squarings):
-        total = total @ total
-    return total
+    return _exponential(np.ascontiguousarray(a, dtype=np.float64), squarings)
 
 
 def stationary_covariance(
@@ -41,22 +34,42 @@ def stationary_covariance(
     doubles the number of samples at every step.  Raises LinAlgError when it does not settle (an
     unobservable drift).
     """
-    identity = np.eye(len(f))
-    a = f.T.copy()
-    g = c.T @ np.linalg.solve(r, c)
-    h = q.copy()
+    found, h = _doubling(
+        np.ascontiguousarray(f.T), np.ascontiguousarray(c.T @ np.linalg.solve(r, c)), q.copy(), most
+    )
+    if not found:
+        raise np.linalg.LinAlgError(
+            "the stationary Riccati equation has no solution for this model and these levels"
+        )
+    return h
+
+
+@njit(cache=True, error_model="numpy")
+def _exponential(a: FloatArray, squarings: int) -> FloatArray:
+    scaled = a / 2.0**squarings
+    term = np.eye(len(a))
+    total = term.copy()
+    for k in range(1, _TERMS):
+        term = term @ scaled / k
+        total += term
+    for _ in range(squarings):
+        total = total @ total
+    return total
+
+
+@njit(cache=True, error_model="numpy")
+def _doubling(a: FloatArray, g: FloatArray, h: FloatArray, most: int) -> tuple[bool, FloatArray]:
+    identity = np.eye(len(a))
     for _ in range(most):
         w = np.linalg.inv(identity + g @ h)
         aw = a @ w
-        step = a.T @ h @ w @ a
-        g = g + aw @ g @ a.T
+        step = np.ascontiguousarray(a.T) @ h @ w @ a
+        g = g + aw @ g @ np.ascontiguousarray(a.T)
         a = aw @ a
         h = h + 0.5 * (step + step.T)
         if not np.all(np.isfinite(h)):
             break
         # Every state on its own scale: angles are some 1e-10, torques 1e-2.
         if np.all(np.abs(np.diag(step)) <= 1e-10 * np.abs(np.diag(h))):
-            return h
-    raise np.linalg.LinAlgError(
-        "the stationary Riccati equation has no solution for this model and these levels"
-    )
+            return True, h
+    return False, h
