@@ -10,6 +10,7 @@ from identification_plants import STAGE, axis_recording, stage_recording
 
 from haptic_teleop_control.recording import JointStateSeries, write_recording
 from haptic_teleop_sim.model import load_model
+from haptic_teleop_sysid.compare import main as compare_main
 from haptic_teleop_sysid.dataset_report import main as dataset_main
 from haptic_teleop_sysid.estimate import main
 from haptic_teleop_sysid.preparation import Treatment, prepare, resampled
@@ -36,9 +37,9 @@ def written(tmp_path, recording, name="bag", **changes):
     return write_recording(tmp_path / name, topics, {}, recording.experiment)
 
 
-def refused(capsys, *arguments):
+def refused(capsys, *arguments, command=main):
     """The sentence of a run that must end with status 2."""
-    assert main([str(a) for a in arguments]) == 2
+    assert command([str(a) for a in arguments]) == 2
     told = capsys.readouterr().err
     assert "Traceback" not in told
     return " ".join(told.split())
@@ -130,6 +131,18 @@ def test_values_that_are_no_numbers_are_left_out_and_told(tmp_path, model, recor
     assert rows["arm_inertia"]["value"] == pytest.approx(0.17, rel=1e-2)
 
 
+def test_commands_that_are_no_numbers_leave_the_measured_input_to_estimate_from(tmp_path, model, recording):
+    topics = dict(recording.topics)
+    command = topics["/sfj/effort_command"]
+    topics["/sfj/effort_command"] = replace(command, effort=np.full_like(command.effort, np.nan))
+    bag = write_recording(tmp_path / "bag", topics, {}, recording.experiment)
+    assert main(["--model", str(model), "--bag", str(bag), "--output", str(tmp_path / "o")]) == 0
+    result = json.loads((tmp_path / "o" / "estimate.json").read_text())
+    assert result["recordings"][str(bag)]["input"] == "measured effort"
+    rows = {row["name"]: row for row in result["parameters"]}
+    assert rows["arm_inertia"]["value"] == pytest.approx(0.17, rel=1e-2)
+
+
 def test_a_recording_of_five_samples(tmp_path, model, recording, capsys):
     five = kept(recording.topics["/sfj/joint_states"], slice(0, 5))
     bag = write_recording(tmp_path / "five", {"/sfj/joint_states": five}, {}, {})
@@ -144,8 +157,9 @@ def test_a_recording_of_ten_hours_is_refused_unread(tmp_path, model, recording, 
     information["message_count"] = 36_000_000
     information["duration"]["nanoseconds"] = 36_000_000_000_000
     path.write_text(yaml.safe_dump(content))
-    told = refused(capsys, "--model", model, "--bag", bag, "--output", tmp_path / "o")
-    assert "10.0 h" in told and "cut a shorter one" in told
+    for command in (main, dataset_main, compare_main):
+        told = refused(capsys, "--model", model, "--bag", bag, "--output", tmp_path / "o", command=command)
+        assert "10.0 h" in told and "cut a shorter one" in told
 
 
 def test_a_start_outside_its_bounds_and_names_that_do_not_exist(tmp_path, model, recording, capsys):

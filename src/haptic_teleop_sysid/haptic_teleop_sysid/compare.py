@@ -20,6 +20,7 @@ from haptic_teleop_sysid.comparison_report import comparison_page, comparison_pi
 from haptic_teleop_sysid.dataset import DataSet, load_dataset
 from haptic_teleop_sysid.fit import SimulatedFit, choose_windows, simulated_fit
 from haptic_teleop_sysid.parameter_fit import ParameterFit, fit_parameters
+from haptic_teleop_sysid.preparation import refuse_huge
 from haptic_teleop_sysid.report import claim_output_directory, save_png
 from haptic_teleop_sysid.residuals import Residuals, model_residuals
 from haptic_teleop_sysid.results import tool_version, write_json
@@ -148,6 +149,8 @@ def run(argv: list[str]) -> int:
     _no_repetition("--model", arguments.model)
     _no_repetition("--bag", arguments.bag)
     models = {name: replace(load_model(name), source=name) for name in arguments.model}
+    for bag in arguments.bag:
+        refuse_huge(bag)
     output = claim_output_directory(arguments.output, "compare.json", arguments.overwrite)
     console, progress = Console(), Console(stderr=True)
     with progress.status("reading recordings"):

@@ -182,7 +182,8 @@ def _inputs(channels: Channels, grid: TimeGrid, scale: float) -> tuple[Array | N
         # Half a period of grace: a stamp that was rounded elsewhere still answers its state.
         index = np.searchsorted(series.stamp[order], stamps + int(0.5 * grid.dt / NS), side="right") - 1
         known = values[order]
-        commanded = scale * np.where(index >= 0, known[np.maximum(index, 0)], 0.0)
+        if np.any(np.isfinite(known)):  # otherwise as if nobody had recorded it; the stream's problems tell
+            commanded = scale * np.where(index >= 0, known[np.maximum(index, 0)], 0.0)
     values = channels.input.values_or_none("effort" if channels.input_field is None else channels.input_field)
     if values is None or not np.any(np.isfinite(values)):
         return None, commanded

@@ -53,7 +53,7 @@ def cut(dataset: DataSet, seconds: float | None, why: str) -> Windows:
         raise ConfigurationError(
             f"{dataset.name}: no {'stretch' if seconds is None else f'window of {seconds:g} s'} holds "
             f"{SHORTEST} usable samples of {dataset.dt * 1e3:.3g} ms: "
-            + ("record again without holes." if seconds is None else "give a longer --window.")
+            + ("record longer, and without holes." if seconds is None else "give a longer --window.")
         )
     longest = max(b - a for a, b in spans) * dataset.dt
     return Windows(tuple(spans), None if seconds is None else longest, why)
