@@ -6,6 +6,7 @@ import sys
 import time
 
 import pytest
+from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 from rclpy.parameter import Parameter
 from rclpy.qos import DurabilityPolicy, QoSProfile
 from ros_graph import Graph, Sink, Source
@@ -148,6 +149,41 @@ def test_roles_are_swapped_when_nothing_is_driven_and_not_while_engaged(graph):
     assert torque[1] > 0.0 and torque[0] == 0.0
     assert setting.call("disengage").success and setting.call("swap").success
     assert setting.controller.values["master"] == "omni"
+
+
+def test_in_simulated_mode_roles_are_swapped_there_and_back_while_the_command_is_still_the_other_s(graph):
+    setting = Setting(graph, command_source="reference")
+    reference = Source(graph, "/reference", ["omni_y", "omni_z"])
+    graph.until(reference.connected)
+    message = setting.call("swap").message
+    assert "master sfj" in message and "effort of stage1_arm and stage2_arm" in message
+    received = setting.controller._coupling.streams.reference
+    graph.until(lambda: reference.send(position=[0.0, 0.0]) and received.refused, what="the wrong command")
+    refused = setting.call("engage")
+    assert not refused.success and "omni_y" in refused.message
+    assert setting.call("swap").success and setting.controller.faults.latched is None
+    received = setting.controller._coupling.streams.reference
+    graph.until(lambda: reference.send(position=[0.0, 0.0]) and received.at, what="the right command")
+    assert setting.call("engage").success
+
+
+def test_a_robot_that_reports_a_fault_of_its_own_is_not_coupled(graph):
+    setting = Setting(graph)
+    assert setting.call("engage").success
+    said = graph.probe.create_publisher(DiagnosticArray, "/diagnostics", 10)
+    graph.until(lambda: said.get_subscription_count() > 0)
+
+    def say(level: bytes) -> None:
+        said.publish(DiagnosticArray(status=[DiagnosticStatus(level=level, name="/omni/omni_driver")]))
+
+    say(DiagnosticStatus.ERROR)
+    graph.until(lambda: setting.state == "fault")
+    assert setting.controller.faults.latched == "robot_fault"
+    assert setting.call("reset").success
+    assert "/omni/omni_driver" in setting.call("engage").message
+    say(DiagnosticStatus.OK)
+    graph.until(lambda: not setting.controller._coupling.robot_faults)
+    assert setting.call("engage").success
 
 
 def test_one_role_alone_cannot_change(graph):

@@ -186,6 +186,41 @@ def test_a_slave_that_moves_or_a_command_off_neutral_keeps_it_from_engaging():
     assert rig.coupling.state is State.ENGAGED
 
 
+def test_a_command_that_cannot_be_taken_is_a_fault_only_while_it_commands():
+    rig = Rig(**{**SCENARIO_2, "auto_engage": False})
+    rig.run(0.1)
+    rig.coupling.on_bad_reference(rig.now, "malformed_state", "names of the other robot")
+    rig.run(0.1, reference=False)
+    assert rig.faults == [] and rig.coupling.machine.may_change_roles
+    assert "names of the other robot" in (rig.coupling.engage(rig.now) or "")
+    rig.run(0.1)
+    assert rig.coupling.engage(rig.now) is None
+    rig.coupling.on_bad_reference(rig.now, "malformed_state", "names of the other robot")
+    assert rig.coupling.state is State.FAULT and rig.faults == ["malformed_state"]
+
+
+def test_in_manual_mode_the_command_that_nobody_follows_may_be_anything():
+    rig = Rig(command_source="device")
+    rig.run(0.1)
+    rig.coupling.on_bad_reference(rig.now, "malformed_state", "names of the other robot")
+    rig.run(0.1)
+    assert rig.coupling.state is State.ENGAGED and rig.faults == []
+
+
+def test_a_robot_in_a_fault_of_its_own_ends_the_coupling_and_keeps_it_from_engaging():
+    rig = Rig(auto_engage=False)
+    rig.run(0.1)
+    assert rig.coupling.engage(rig.now) is None
+    rig.coupling.on_robot_fault(rig.now, "/sfj/sfj_driver", "limit_switch: an end is reached")
+    assert rig.coupling.state is State.FAULT and rig.faults == ["robot_fault"]
+    rig.coupling.reset(rig.now)
+    rig.run(0.1)
+    refusal = rig.coupling.engage(rig.now) or ""
+    assert "limit_switch" in refusal and "reset --controller /sfj/sfj_driver" in refusal
+    rig.coupling.on_robot_fault(rig.now, "/sfj/sfj_driver", None)
+    assert rig.coupling.engage(rig.now) is None
+
+
 def test_a_position_that_is_no_number_is_not_aligned():
     rig = Rig(command_source="device")
     rig.coupling.master[0][1] = math.nan

@@ -12,6 +12,7 @@ from functools import partial
 from time import monotonic_ns
 from typing import Any
 
+from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 from rclpy.context import Context
 from rclpy.parameter import Parameter
 from rclpy.qos import DurabilityPolicy, QoSProfile
@@ -92,6 +93,7 @@ class ForceController(HapticNode):
         "publishes  ~/state    std_msgs/String, latched: off | devices_ready | aligning | engaged | fault",
         "publishes  teleoperation/master, teleoperation/slave        with link: what goes into it",
         "subscribes link/teleoperation/master, link/teleoperation/slave   with link: what comes out of it",
+        "subscribes /diagnostics         whether a robot has a fault of its own",
         "publishes  /diagnostics         rates, faults, saturations, energies at the ports, link's delay",
         "service    ~/engage             std_srvs/Trigger: couple, when both sides are aligned; else align",
         "service    ~/disengage          std_srvs/Trigger: end the coupling, ramp out",
@@ -114,6 +116,7 @@ class ForceController(HapticNode):
         self._bind(self._coupling)
         for act in (self._engage, self._disengage, self._swap):
             self.create_service(Trigger, f"~/{act.__name__.lstrip('_')}", act)
+        self.create_subscription(DiagnosticArray, "/diagnostics", self._on_diagnostics, 10)
         self._publish_state(State.OFF)
         for name, robot in self._robots.items():
             self.count_rate(f"{name} states", lambda robot=robot: robot.input.count)
@@ -136,6 +139,7 @@ class ForceController(HapticNode):
     def _bind(self, coupling: Coupling) -> None:
         """Give the coupling the memory into which samples are received."""
         master, slave = coupling.roles
+        coupling.robot_faults = self._coupling.robot_faults
         self._coupling = coupling
         self._master, self._slave = self._robots[master], self._robots[slave]
         coupling.master, coupling.slave = self._master.views, self._slave.views
@@ -143,7 +147,7 @@ class ForceController(HapticNode):
         if self._reference is not None:
             self._reference.destroy(self)
         self._reference = JointStateReceiver(
-            self, "reference", joints, (field,), self._on_reference, partial(self.on_problem, None)
+            self, "reference", joints, (field,), self._on_reference, self._on_bad_reference
         )
         coupling.reference = self._reference.value[field]
 
@@ -172,6 +176,17 @@ class ForceController(HapticNode):
 
     def _on_reference(self) -> None:
         self._coupling.on_reference(monotonic_ns())
+
+    def _on_bad_reference(self, kind: str, detail: str, stamp: int) -> None:
+        name = NON_FINITE_STATE if kind == "non_finite" else MALFORMED_STATE
+        self._coupling.on_bad_reference(monotonic_ns(), name, detail)
+
+    def _on_diagnostics(self, message: DiagnosticArray) -> None:
+        """Any node in a robot's namespace speaks for the robot."""
+        for status in message.status:
+            if any(f"/{robot}/" in status.name for robot in JOINTS):
+                failed = status.level == DiagnosticStatus.ERROR
+                self._coupling.on_robot_fault(monotonic_ns(), status.name, status.message if failed else None)
 
     def follows(self, source: _Robot | _Way, stamp: int, received: int) -> bool:
         """Whether a state is newer than the last; one that was overtaken on its way is dropped, and
@@ -207,6 +222,9 @@ class ForceController(HapticNode):
         swapped = zip(ROLE_KEYS, ("slave", "master", "slave_rate", "master_rate"), strict=True)
         result = self.set_parameters_atomically([Parameter(key, value=now[old]) for key, old in swapped])
         done = f"master {self.values['master']}, slave {self.values['slave']}"
+        if self.values["command_source"] == "reference":
+            joints, field = REFERENCES[self.values["master"]]
+            done += f"; the artificial command must now be the {field} of {' and '.join(joints)}"
         return self._answer(response, result.successful, done if result.successful else result.reason)
 
     def _answer(self, response: Trigger.Response, success: bool, message: str) -> Trigger.Response:

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from haptic_teleop_control.laws.contract import ForceLaw
 from haptic_teleop_control.quantities import from_parameters
 from haptic_teleop_control.robots import OMNI_JOINTS, SFJ_JOINTS, SFJ_MOTOR_JOINTS, STAGES
-from haptic_teleop_control.teleoperation.faults import NON_FINITE_STATE, SLOW_LINK
+from haptic_teleop_control.teleoperation.faults import NON_FINITE_STATE, ROBOT_FAULT, SLOW_LINK
 from haptic_teleop_control.teleoperation.machine import State, TeleoperationMachine
 from haptic_teleop_control.teleoperation.passivity import PassivitySettings, PortEnergies
 from haptic_teleop_control.teleoperation.sides import (
@@ -42,6 +42,7 @@ class Coupling:
     reference (2,), master, slave: (position, velocity, effort) of the latest samples; to be filled in place
     before `on_...` is called, or replaced by views once. heard: (4, 2), what came over the link: desired
     torque and master velocity at the slave; environment torque and slave velocity at the master.
+    robot_faults: node -> the sentence of its own fault, of the robots that have one now.
     """
 
     def __init__(
@@ -75,6 +76,7 @@ class Coupling:
         self.master = tuple(np.zeros(JOINTS[self.roles[0]]) for _ in range(3))
         self.slave = tuple(np.zeros(JOINTS[self.roles[1]]) for _ in range(3))
         self.heard: Array = np.zeros((4, 2))
+        self.robot_faults: dict[str, str] = {}
         self.desired: Array = np.zeros(2)
         self._zero_master, self._zero_slave = np.zeros(MOTORS[self.roles[0]]), np.zeros(MOTORS[self.roles[1]])
         self._last_master, self._last_slave = self._zero_master.copy(), self._zero_slave.copy()
@@ -105,6 +107,24 @@ class Coupling:
     def on_reference(self, now: int) -> None:
         """`reference` holds a new command."""
         self.streams.reference.at = now
+        self.streams.reference.refused = ""
+
+    def on_bad_reference(self, now: int, name: str, detail: str) -> None:
+        """A command that cannot be taken: a fault where it commands. Where nothing is driven it is only not
+        taken, because roles and command can only be changed one after the other."""
+        self.streams.reference.refused = detail
+        if self.from_reference and self.state in (State.ALIGNING, State.ENGAGED):
+            self.fault(now, name, detail)
+
+    def on_robot_fault(self, now: int, node: str, sentence: str | None) -> None:
+        """A robot's own node says that it is in a fault, or (None) that it is in none: it does not follow
+        what it is told, however fresh its states are."""
+        if sentence is None:
+            self.robot_faults.pop(node, None)
+            return
+        self.robot_faults[node] = sentence
+        if self.state is State.ENGAGED:
+            self.fault(now, ROBOT_FAULT, f"{node}: {sentence}")
 
     def on_master(self, now: int) -> Array:
         """`master` holds a new state; the efforts that answer it, N·m. A view, valid until the next call."""
@@ -222,9 +242,14 @@ class Coupling:
         """Why the two sides cannot be coupled now, in words; None when they can."""
         missing = self.streams.missing(now)
         if missing is not None:
+            if missing.refused:
+                return f"{missing.name} cannot be used: {missing.refused}"
             if missing.at is None:
                 return f"waiting for {missing.name}"
             return f"{missing.name} is silent for {missing.silence(now):.3f} s"
+        for node, sentence in self.robot_faults.items():
+            remedy = f"see to that, then `haptic-teleop operate reset --controller {node}`"
+            return f"{node} is in a fault ({sentence}); {remedy}"
         where = self._offset()
         worst = int(np.argmax(np.abs(where)))
         if not abs(where[worst]) <= self._align_angle:

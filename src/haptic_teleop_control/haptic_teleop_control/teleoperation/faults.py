@@ -2,7 +2,7 @@
 
 NON_FINITE_STATE, MALFORMED_STATE, TIME_JUMP = "non_finite_state", "malformed_state", "time_jump"
 STALE_REFERENCE, STALE_MASTER, STALE_SLAVE = "stale_reference", "stale_master", "stale_slave"
-STALE_LINK, SLOW_LINK = "stale_link", "slow_link"
+STALE_LINK, SLOW_LINK, ROBOT_FAULT = "stale_link", "slow_link", "robot_fault"
 
 FAULTS: dict[str, str] = {
     NON_FINITE_STATE: "a state or reference held a value that is not a finite number; look at its publisher",
@@ -13,4 +13,5 @@ FAULTS: dict[str, str] = {
     STALE_SLAVE: "the slave's state stopped; look whether its driver still runs",
     STALE_LINK: "nothing comes over the link any more; look at the network between master and slave",
     SLOW_LINK: "the link takes longer than maximum_round_trip; look at the network, or couple without it",
+    ROBOT_FAULT: "a robot stands still with a fault of its own; see to that first, then reset that node",
 }

@@ -10,14 +10,16 @@ AGE_MEMORY = 0.02
 
 class Stream:
     """at: ns at which something was last heard, None before the first sample and after `forget`. fault: what
-    it is when it goes silent. age: s, mean age by the stamps of what it brings."""
+    it is when it goes silent. age: s, mean age by the stamps of what it brings. refused: what was wrong with
+    the samples that came instead of good ones."""
 
-    __slots__ = ("_count", "age", "at", "fault", "name")
+    __slots__ = ("_count", "age", "at", "fault", "name", "refused")
 
     def __init__(self, name: str, fault: str) -> None:
         self.name, self.fault = name, fault
         self.at: int | None = None
         self.age = 0.0
+        self.refused = ""
         self._count = 0
 
     def hear(self, now: int, age: float) -> None:
