@@ -158,6 +158,10 @@ def test_a_child_that_ignores_what_it_is_told_is_killed_in_the_end(monkeypatch):
         ("nodes: [sfj_sim,", "nodes: [sfj_smi,", "sfj_smi"),
         ("nodes: [sfj_sim,", "nodes: [omni_sim,", "twice"),
         ("rate: 200.0", "rate: fast", "rate"),
+        ("[sfj_sim, omni_sim,", "[sfj_smi, omni_sim,", "nodes: sfj_smi is not a node; did you"),
+        ("rate: 200.0", "rate: 200.0\n    joints: [omni_q, omni_z]", "set joints: ['omni_y', 'omni_z']"),
+        ("rate: 200.0", "rate: 200.0\n    kind: effort", "set kind: position"),
+        ("timeout: 0.2, master_rate: 500.0", "timeout: 0.2, master_rate: 1000.0", "make them equal"),
     ],
 )
 def test_a_mistake_anywhere_in_the_file_is_one_sentence_before_anything_starts(file, capsys, old, new, named):

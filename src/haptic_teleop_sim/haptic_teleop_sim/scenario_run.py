@@ -20,6 +20,7 @@ from haptic_teleop_control.laws import ForceLaw, find_law
 from haptic_teleop_control.recording import JointStateSeries
 from haptic_teleop_control.robots import OMNI_JOINTS, SFJ_JOINTS, SFJ_MOTOR_JOINTS, STAGES
 from haptic_teleop_control.signals import SignalGenerator
+from haptic_teleop_control.teleoperation.agreement import check_agreement
 from haptic_teleop_control.teleoperation.recorded_energy import port_energies
 from haptic_teleop_control.teleoperation.sides import REFERENCES
 
@@ -131,18 +132,7 @@ def _prepare(
 
 
 def _check(control: Mapping[str, Any], nodes: Mapping[str, Mapping[str, Any]], source: str) -> None:
-    if control["master"] == control["slave"]:
-        raise ConfigurationError(
-            f"{source}: force_controller: master and slave are both {control['master']}; set one of them to "
-            "the other robot."
-        )
-    for role in ("slave", "master"):
-        node = NODES[control[role]]
-        if control[f"{role}_rate"] != nodes[node]["rate"]:
-            raise ConfigurationError(
-                f"{source}: force_controller: {role}_rate is {control[f'{role}_rate']:g} Hz, but {node} has "
-                f"a rate of {nodes[node]['rate']:g} Hz; make them equal."
-            )
+    check_agreement(nodes, source)
     if not control["auto_engage"]:
         raise ConfigurationError(
             f"{source}: force_controller: auto_engage is false, and without nodes nobody can call ~/engage; "
@@ -154,18 +144,8 @@ def _reference(
     control: Mapping[str, Any], signal: Mapping[str, Any], duration: float, source: str
 ) -> tuple[Array, Array, Array, tuple[str, ...]]:
     """The artificial command by stage (n, 2), as published (n, 2), its times (n,), and its joints."""
-    device = control["command_source"] == "device"
-    joints, field = REFERENCES[control["master"]]
-    if signal["kind"] != field and not device:
-        raise ConfigurationError(
-            f"{source}: signal_generator: kind is {signal['kind']}; set kind: {field} for the "
-            f"{control['master']} as master."
-        )
+    joints = REFERENCES[control["master"]][0]
     stated = tuple(signal["joints"])
-    if set(stated) != set(joints) and not device:
-        raise ConfigurationError(
-            f"{source}: signal_generator: joints are {list(stated)}; set joints: {list(joints)}."
-        )
     own = {k: v for k, v in signal.items() if k in ("kind", "rate") or k.split(".")[0] in STAGES}
     generator = SignalGenerator.from_parameters(own, STAGES, source)
     times = sample_times(signal["rate"], duration)

@@ -6,6 +6,7 @@ This is the 1 kHz default on one machine; as separate processes the same nodes r
 
 from __future__ import annotations
 
+import difflib
 import importlib
 from collections.abc import Sequence
 
@@ -44,7 +45,9 @@ def node_class(name: str) -> type[HapticNode]:
             f"{name} writes to disk and never shares the control process; start it by itself."
         )
     if name not in node_names():
-        raise ConfigurationError(f"{name} is not a node; choose from {', '.join(node_names())}.")
+        nearest = difflib.get_close_matches(name, node_names(), n=1)
+        hint = f"did you mean {nearest[0]}?" if nearest else f"choose from {', '.join(node_names())}."
+        raise ConfigurationError(f"{name} is not a node; {hint}")
     module = importlib.import_module(executables()[name][0].split(":")[0])
     return module.NODE
 

@@ -38,6 +38,7 @@ from haptic_teleop_control.parameter_files import (
     load_parameter_file,
     parameters_for,
 )
+from haptic_teleop_control.teleoperation.agreement import check_agreement
 
 FIRST_STATE_LIMIT = 30.0
 """Seconds from the start until the first state; a device may have to be calibrated."""
@@ -73,10 +74,15 @@ def load_scenario(path: str | Path, changes: dict[str, Any] | None = None) -> Sc
         SCENARIO.node_name,
     )
     values = SCENARIO.check({**own, **(changes or {})}, str(path))
-    tables = {name: node_class(name).TABLE for name in values["nodes"]}
+    try:
+        tables = {name: node_class(name).TABLE for name in values["nodes"]}
+    except ConfigurationError as error:
+        raise ConfigurationError(f"{path}: scenario: nodes: {error}") from None
     if len(tables) < len(values["nodes"]):
         raise ConfigurationError(f"{path}: scenario: nodes names one twice; remove one.")
-    check_parameter_file(path, {SCENARIO.node_name: SCENARIO, Recorder.NAME: Recorder.TABLE, **tables})
+    own_tables = {SCENARIO.node_name: SCENARIO, Recorder.NAME: Recorder.TABLE}
+    checked = check_parameter_file(path, {**own_tables, **tables})
+    check_agreement(checked, str(path))
     return Scenario(
         Path(path),
         tuple(values["nodes"]),
