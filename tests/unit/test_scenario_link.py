@@ -1,9 +1,12 @@
 """The scenarios over a link and with a hand, in lockstep: delay, loss, energies, and what damps them."""
 
+import json
+
 import numpy as np
 import pytest
 
 from haptic_teleop_control.teleoperation.recorded_energy import port_energies
+from haptic_teleop_sim.lockstep import main
 from haptic_teleop_sim.scenario_parameters import check_scenario
 from haptic_teleop_sim.scenario_run import simulate_scenario
 
@@ -88,6 +91,18 @@ def test_a_slow_link_is_never_engaged():
     result = run(held(link={"delay": 0.06}, maximum_round_trip=0.1), 1.0)
     assert [state for _, state in result.states] == ["devices_ready", "aligning"]
     assert not result.topics["/sfj/effort_command"].effort.any()
+    assert "the link's round trip takes 12" in result.obstacle
+
+
+def test_the_command_says_when_the_robots_were_not_coupled_and_nothing_when_they_were(tmp_path, capsys):
+    for delay, said in ((0.06, "not coupled at the end, aligning: "), (0.01, "")):
+        file = tmp_path / f"delay_{delay}.yaml"
+        content = {"force_controller": {"link": True, "command_source": "device"}, "link": {"delay": delay}}
+        nodes = {name: {"ros__parameters": values} for name, values in content.items()}
+        file.write_text(json.dumps(nodes), encoding="utf-8")  # JSON text is YAML text
+        assert main([str(file), "--duration", "0.5"]) == 0
+        told = capsys.readouterr().err
+        assert said in told if said else "not coupled" not in told
 
 
 @pytest.mark.parametrize("link", [None, {"delay": 0.03}])

@@ -118,6 +118,8 @@ def _main(argv: list[str]) -> int:
     )
     for name, count in result.counts.items():
         console.print(f"{name}: {count} samples")
+    if result.obstacle:
+        console.print(f"not coupled at the end, {result.obstacle}", markup=False, soft_wrap=True)
     if options.record:
         print(options.record)
     return 0

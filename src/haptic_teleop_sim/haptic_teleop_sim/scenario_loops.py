@@ -41,12 +41,14 @@ class ScenarioResult:
     in samples of the robot concerned, and faults; only what did happen. states: (time s, state) of the
     teleoperation, as they were entered. energies: (2,) J of both stages, since the coupling: "master",
     "slave", "lowest master", and with a link "link" and "lowest link" (see `teleoperation.passivity`).
+    obstacle: why master and slave were not coupled at the end, in words; empty when they were.
     """
 
     topics: dict[str, JointStateSeries]
     counts: dict[str, int]
     states: tuple[tuple[float, str], ...] = ()
     energies: Mapping[str, Array] = field(default_factory=dict)
+    obstacle: str = ""
 
 
 @dataclass(frozen=True)
@@ -87,6 +89,7 @@ class Loop:
     states: list[tuple[float, str]] = field(default_factory=list)
     channels: dict[str, JointStateSeries] = field(default_factory=dict)
     energies: dict[str, Array] = field(default_factory=dict)
+    obstacle: str = ""
 
 
 def run_loop(run: Prepared, outputs: Mapping[str, Outputs]) -> Loop:
@@ -201,6 +204,9 @@ def python_loop(run: Prepared, outputs: Mapping[str, Outputs]) -> Loop:
         _count(loop.counts[rows[kind] : rows[kind] + 3], robot.step(out.commands[k]))
         samples[kind] += 1
     loop.counts[_SATURATED] = coupling.saturations
+    if coupling.state is not State.ENGAGED:
+        why = "" if coupling.state is State.FAULT else coupling.obstacle(now)
+        loop.obstacle = f"{coupling.state.value}: {why}" if why else coupling.state.value
     counted = coupling.energies
     loop.energies = {"master": counted.master, "slave": counted.slave, "lowest master": counted.lowest_master}
     if coupling.linked:
