@@ -191,6 +191,13 @@ def test_a_second_controller_in_the_same_domain_is_refused_before_anything_moves
     assert not (tmp_path / "bag").exists()
 
 
+@pytest.mark.parametrize(
+    ("file", "robot"), [("scenario1_sim", "sfj"), ("scenario2_real", "omni"), ("acquire_omni_y", "omni")]
+)
+def test_the_line_on_the_terminal_is_about_the_slave(repository, file, robot):
+    assert load_scenario(repository / "config" / f"{file}.yaml").watched == robot
+
+
 def test_the_shipped_scenario_is_that_of_the_thesis(repository):
     scenario = load_scenario(repository / "config" / "scenario1_sim.yaml", {"record": "somewhere"})
     assert scenario.nodes == ("sfj_sim", "omni_sim", "force_controller", "signal_generator")

@@ -73,7 +73,7 @@ def simulate_scenario(
     counts = {name: int(n) for name, n in zip(names, result.counts, strict=True) if n}
     counts |= {f"fault {name}": n for name, n in result.faults.items()}
     energies = result.energies or _energies(topics)
-    return ScenarioResult(topics, counts, tuple(result.states), energies)
+    return ScenarioResult(topics, counts, tuple(result.states), energies, result.obstacle)
 
 
 def _energies(topics: Mapping[str, JointStateSeries]) -> dict[str, Array]:

@@ -51,10 +51,12 @@ recording."""
 
 @dataclass(frozen=True)
 class Scenario:
-    """A checked scenario file with the command line's changes."""
+    """A checked scenario file with the command line's changes. watched: the robot whose states tell how it
+    goes: the slave, or the only one that there is."""
 
     file: Path
     nodes: tuple[str, ...]
+    watched: str
     processes: bool
     duration: float
     record: str
@@ -86,11 +88,19 @@ def load_scenario(path: str | Path, changes: dict[str, Any] | None = None) -> Sc
     return Scenario(
         Path(path),
         tuple(values["nodes"]),
+        _watched(values["nodes"], checked.get("force_controller", {}).get("slave")),
         values["processes"],
         values["duration"],
         values["record"],
         values["note"],
     )
+
+
+def _watched(nodes: Sequence[str], slave: str | None) -> str:
+    robots = {node_class(name).NAMESPACE for name in nodes}
+    if slave in robots and slave is not None:
+        return slave
+    return "sfj" if "sfj" in robots else "omni"
 
 
 def start_children(scenario: Scenario) -> list[Child]:
@@ -134,9 +144,7 @@ def run(scenario: Scenario) -> int:
 
 
 def _watch(scenario: Scenario, children: Sequence[Child], stop: threading.Event) -> dict[str, str]:
-    # The slave's states tell how a scenario goes; an experiment on the Omni has no other robot.
-    robot = "sfj" if any(node_class(name).NAMESPACE == "sfj" for name in scenario.nodes) else "omni"
-    with Watcher(robot) as watcher, ProgressLine() as progress:
+    with Watcher(scenario.watched) as watcher, ProgressLine() as progress:
         starter = Starter(children, watcher.node)
         while not stop.is_set() and all(child.status is None for child in children):
             watcher.look(LOOK_INTERVAL if starter.done else START_INTERVAL)
@@ -153,8 +161,8 @@ def _watch(scenario: Scenario, children: Sequence[Child], stop: threading.Event)
             progress.show(watcher.line(scenario.duration))
             over = scenario.duration > 0.0 and watcher.elapsed >= scenario.duration
             if watcher.blind and (over or watcher.elapsed > FIRST_STATE_LIMIT):
-                sentence = f"no state of {robot} in {watcher.elapsed:.0f} s; put its plant among the nodes"
-                return {SCENARIO.node_name: sentence}
+                silent = f"no state of {scenario.watched} in {watcher.elapsed:.0f} s"
+                return {SCENARIO.node_name: f"{silent}; put its plant among the nodes"}
             if over:
                 break
         return watcher.faults
