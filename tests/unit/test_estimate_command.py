@@ -71,6 +71,16 @@ def test_a_run_writes_model_numbers_and_report(tmp_path, model, recording, capsy
     assert "earlier run" in refused(capsys, *arguments, tmp_path / "out")
 
 
+def test_the_offset_of_a_current_sense_makes_no_right_model_look_wrong_in_compare(
+    tmp_path, model, recording, capsys
+):
+    bag = written(tmp_path, recording)
+    assert compare_main(["--model", str(model), "--bag", str(bag), "--output", str(tmp_path / "o")]) == 0
+    result = json.loads((tmp_path / "o" / "compare.json").read_text())
+    assert result["recordings"][str(bag)]["input"] == "commanded effort"
+    assert min(result["fits"][str(model)][str(bag)].values()) > 90.0
+
+
 def test_an_empty_recording(tmp_path, model, recording, capsys):
     empty = kept(recording.topics["/sfj/joint_states"], slice(0, 0))
     bag = write_recording(tmp_path / "empty", {"/sfj/joint_states": empty}, {}, {})

@@ -18,6 +18,7 @@ from haptic_teleop_control.recording import Recording, read_recording
 from haptic_teleop_sim.model import Model, load_model
 from haptic_teleop_sysid.comparison_report import comparison_page, comparison_pictures, comparison_table
 from haptic_teleop_sysid.dataset import DataSet, load_dataset
+from haptic_teleop_sysid.estimation.records import with_trusted_input
 from haptic_teleop_sysid.fit import SimulatedFit, choose_windows, simulated_fit
 from haptic_teleop_sysid.parameter_fit import ParameterFit, fit_parameters
 from haptic_teleop_sysid.preparation import refuse_huge
@@ -65,7 +66,8 @@ def compare(
     data: dict[tuple[str, str], DataSet] = {}
     for bag, recording in recordings.items():
         for name, model in models.items():
-            dataset = load_dataset(recording, model, bag, allow_gaps)
+            # As in `estimate`: the offset of a current sense would let a right model drift away.
+            dataset = with_trusted_input(load_dataset(recording, model, bag, allow_gaps))
             data[name, bag] = dataset if span is None else dataset.between(*span)
     first = next(iter(models))
     windows = {bag: choose_windows(models[first], data[first, bag], window) for bag in recordings}
