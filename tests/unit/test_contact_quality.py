@@ -11,6 +11,7 @@ import pytest
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "studies"))
 
+import contact_scenario2
 from contact_quality import DT, LAMBDA, START, WALL, Case, Merit, Plant, merit, plants, run, simulate
 
 from haptic_teleop_control.laws import LAWS
@@ -85,3 +86,24 @@ def test_the_study_runs_what_lockstep_runs(law):
         assert there.overshoot == pytest.approx(one.overshoot, abs=1.5)
         assert there.speed_error == pytest.approx(one.speed_error, abs=0.1)
         assert there.free_rms == pytest.approx(one.free_rms, abs=0.5)
+
+
+def test_in_scenario_2_the_nominal_omni_presses_as_asked_and_another_as_its_torque_constant_says():
+    nominal, weak = contact_scenario2.Device("nominal"), contact_scenario2.Device("weak", torque_constant=0.7)
+    for axis, one in contact_scenario2.merits(100.0, 0.1, nominal).items():
+        assert one is not None and one.settled == pytest.approx(0.1, abs=1e-3), axis
+        assert abs(one.speed_error) <= 2.0 and one.bounces == 0 and one.settling < 1.0
+        assert one.overshoot > 5.0 and not one.meets_aim  # the moving mass
+    off = contact_scenario2.merits(100.0, 0.1, weak)["omni_z"]
+    assert off is not None and off.settled == pytest.approx(0.07, abs=2e-3)
+
+
+def test_the_corners_of_scenario_2_are_balanced_too():
+    signs = np.array(
+        [
+            [one.inertia, one.damping, one.friction, one.spring, one.torque_constant]
+            for one in contact_scenario2.devices()[1:9]
+        ]
+    )
+    np.testing.assert_array_equal((signs > 1.0).sum(axis=0), 4)
+    np.testing.assert_allclose(np.cov((signs - 1.0).T), np.eye(5) * 0.72 / 7.0, atol=1e-12)
