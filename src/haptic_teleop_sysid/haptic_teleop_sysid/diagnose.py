@@ -31,8 +31,8 @@ from haptic_teleop_sysid.diagnosis.search import (
 )
 from haptic_teleop_sysid.diagnosis.verdict import Verdict, decide_verdict
 from haptic_teleop_sysid.diagnosis.words import separating
-from haptic_teleop_sysid.estimation.joint_fit import fit_model
 from haptic_teleop_sysid.estimation.records import Record, record_from
+from haptic_teleop_sysid.estimation.whole_fit import fit_from_scratch
 from haptic_teleop_sysid.results import tool_version, write_json
 
 #: Samples below which no recording can say anything about six parameters and their noise.
@@ -96,7 +96,7 @@ def diagnose(
     learn, judge = records_of(estimation), records_of(validation)
     n, everything = len(estimation), [*estimation, *validation]
     say("re-estimating the given structure")
-    baseline = fit_model(model, learn)
+    baseline = fit_from_scratch(model, learn)
     course = Course.of(baseline.model, everything)
     result = search(
         model,

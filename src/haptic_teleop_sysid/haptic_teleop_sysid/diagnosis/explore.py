@@ -7,12 +7,11 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from haptic_teleop_sim.kernel import pack
 from haptic_teleop_sim.model import Effect, Model
 from haptic_teleop_sysid.estimation.gauss_newton import Fit, fit_parameters
 from haptic_teleop_sysid.estimation.noise import NoiseModel
 from haptic_teleop_sysid.estimation.records import Record
-from haptic_teleop_sysid.estimation.tuning import likelihood_of, tune_noise
+from haptic_teleop_sysid.estimation.whole_fit import fit_whole
 
 from .candidates import candidates, companion, contacts, larger_starts
 from .material import material
@@ -24,8 +23,10 @@ _WORTH_A_FIT = 6.0
 _MOST_FITS = 12
 #: Starts of one effect that are screened under both noise models.
 _STARTS_ONCE_MORE = 3
-#: Gauss-Newton steps of a trial.
+#: Gauss-Newton steps of a trial, of one whose noise levels are fitted with it, and of a fit to the end.
 _TRIAL_STEPS = 5
+_TUNING_STEPS = 3
+_LAST_STEPS = 15
 #: Trials under each noise model whose levels are tuned, explanations that are fitted to the end, and those
 #: whose end is a new start for the model without them.
 _MOST_TUNED = 6
@@ -93,7 +94,7 @@ def explore(
                 # One contact for all forms of friction at a place.
                 touched[s.effect.location] = best[0].model.effects[-1].parameters["contact_angle"]
         trials.sort(key=lambda t: -t.log_likelihood)
-        fits += [polish(t, estimation, rounds=1) for t in trials[:_MOST_TUNED]]
+        fits += [polish(t, estimation, _TUNING_STEPS) for t in trials[:_MOST_TUNED]]
     fits = best_of_each(fits, len(fit.model.effects))
     for i, candidate in enumerate(fits[:_MOST_POLISHED]):
         say(f"once more {candidate.model.effects[len(fit.model.effects)].effect}")
@@ -162,10 +163,7 @@ def better_baseline(fit: Fit, fits: Sequence[Fit], records: Sequence[Record]) ->
     count, free = len(fit.model.effects), fit.free
     for rival in fits:
         bare = replace(rival.model, effects=rival.model.effects[:count], fixed=fit.model.fixed)
-        again = fit_parameters(bare, rival.noise, records, free=free, iterations=10)
-        if not np.isfinite(again.log_likelihood):
-            continue
-        again = polish(again, records)
+        again = fit_whole(bare, rival.noise, records, free=free, iterations=_LAST_STEPS)
         if again.log_likelihood > fit.log_likelihood + 1.0:
             fit = again
     return fit
@@ -191,10 +189,9 @@ def held_out_likelihood(
     and a model that leaves nothing unexplained has levels near zero, under which the smallest further effect
     is a catastrophe.
     """
-    packed = pack(fit.model)
     starts = [fit.noise] if levels is None else levels
-    best = max(starts, key=lambda noise: likelihood_of(packed, noise, records))
-    return tune_noise(packed, best, records, factor=4.0, rounds=2)[1]
+    ends = [fit_whole(fit.model, noise, records, free=(), iterations=_LAST_STEPS) for noise in starts]
+    return max(end.log_likelihood for end in ends)
 
 
 def trial(
@@ -218,7 +215,7 @@ def with_companion(fit: Fit, before: Model, records: Sequence[Record]) -> Fit:
     extra = companion(before, fit.model.effects[len(before.effects)])
     if extra is None:
         return fit
-    wider = polish(fit_parameters(fit.model.with_effects(extra), fit.noise, records), records)
+    wider = fit_whole(fit.model.with_effects(extra), fit.noise, records, iterations=_LAST_STEPS)
     return wider if wider.log_likelihood > fit.log_likelihood + _WORTH_A_NUISANCE else fit
 
 
@@ -233,12 +230,6 @@ def _quiet(noise: NoiseModel) -> NoiseModel:
     return noise.scaled(motor_torque=0.2, arm_torque=0.2)
 
 
-def polish(fit: Fit, records: Sequence[Record], rounds: int = 3) -> Fit:
-    """Noise levels and parameters in turn, until neither gains."""
-    for _ in range(rounds):
-        before = fit.log_likelihood
-        noise, _ = tune_noise(pack(fit.model), fit.noise, records, factor=2.0, rounds=1)
-        fit = fit_parameters(fit.model, noise, records, iterations=8)
-        if fit.log_likelihood - before < 2.0:
-            break
-    return fit
+def polish(fit: Fit, records: Sequence[Record], steps: int = _LAST_STEPS) -> Fit:
+    """The fit with its noise levels free as well, ``steps`` further."""
+    return fit_whole(fit.model, fit.noise, records, free=fit.free, iterations=steps)

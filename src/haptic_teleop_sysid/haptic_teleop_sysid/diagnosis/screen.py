@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -66,10 +66,10 @@ def _score(
     size = len(fit.free) + len(own)
     information, gradient = np.zeros((size, size)), np.zeros(size)
     for record, prediction, columns in zip(records, predictions, structure, strict=True):
-        whole = replace(prediction, d_innovation=np.concatenate([columns, prediction.d_innovation], axis=2))
-        if not np.max(np.abs(whole.d_innovation), initial=0.0) < OVERFLOW:
+        slopes = np.concatenate([columns, prediction.d_innovation], axis=2)
+        if not np.max(np.abs(slopes), initial=0.0) < OVERFLOW:
             return None
-        whitened, jacobian = whiten(packed, record, whole)
+        whitened, jacobian = whiten(packed, record, prediction.innovation, slopes)
         information += jacobian.T @ jacobian
         gradient += jacobian.T @ whitened
     active = np.ones(size, dtype=bool)

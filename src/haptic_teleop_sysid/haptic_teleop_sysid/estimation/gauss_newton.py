@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
-from haptic_teleop_sim.kernel import Prediction, pack
+from haptic_teleop_sim.kernel import Packed, pack
 from haptic_teleop_sim.model import STRUCTURES, Model
 
 from .likelihood import channels, covariance, innovations, log_likelihood, settled
@@ -84,19 +84,21 @@ def normal_equations(
         # unstable.
         if not np.max(np.abs(prediction.d_innovation), initial=0.0) < OVERFLOW:
             return np.zeros_like(information), np.zeros_like(gradient), -np.inf
-        whitened, jacobian = whiten(packed, record, prediction)
+        whitened, jacobian = whiten(packed, record, prediction.innovation, prediction.d_innovation)
         information += jacobian.T @ jacobian
         gradient += jacobian.T @ whitened
     return information, gradient, value
 
 
-def whiten(packed, record: Record, prediction: Prediction) -> tuple[FloatArray, FloatArray]:
+def whiten(
+    packed: Packed, record: Record, innovation: FloatArray, slope: FloatArray
+) -> tuple[FloatArray, FloatArray]:
     """Innovations (m,) and their derivatives (m, p) in units of their standard deviation, channels
-    decorrelated."""
+    decorrelated; of the innovations (n, 2) and their derivatives (n, 2, p)."""
     chosen = channels(packed, record)
-    weight = np.linalg.inv(np.linalg.cholesky(covariance(packed, record, prediction.innovation))).T
-    e = settled(record, prediction.innovation)[:, chosen] @ weight
-    d = settled(record, prediction.d_innovation)[:, chosen]
+    weight = np.linalg.inv(np.linalg.cholesky(covariance(packed, record, innovation))).T
+    e = settled(record, innovation)[:, chosen] @ weight
+    d = settled(record, slope)[:, chosen]
     jacobian = np.einsum("nip,ik->nkp", d, weight).reshape(-1, d.shape[2])
     return e.reshape(-1), jacobian
 
@@ -137,10 +139,8 @@ def fit_parameters(
     values = model.parameter_values()
     theta = np.clip(np.array([values[n] for n in names], dtype=float), low, high)
     model = model.with_values(dict(zip(names, theta, strict=True)))
-    measured_in_factors = np.array([_scales(model, n) for n in names], dtype=bool)
-    reach = np.array([_reach(model, n, records) for n in names])
     information, gradient, best = normal_equations(model, noise, records, names)
-    steps_allowed = max(_MOST_SUBSTEPS, 4 * _substeps(model, records))
+    steps_allowed = most_substeps(model, records)
     damping, converged, message, count = 1e-6, False, "stopped at the limit of iterations", 0
     if not np.isfinite(best):
         return Fit(
@@ -160,17 +160,9 @@ def fit_parameters(
         for _ in range(8):
             step = gauss_newton_step(information, gradient, damping, active)
             new = np.clip(theta + step, low, high)
-            limit = np.maximum(np.abs(theta), 1e-12)
-            new[measured_in_factors] = np.clip(
-                new, theta - limit * (1 - 1 / _LARGEST_FACTOR), theta + limit * (_LARGEST_FACTOR - 1)
-            )[measured_in_factors]
-            new = np.clip(
-                new,
-                theta - np.maximum(3 * np.abs(theta), reach),
-                theta + np.maximum(3 * np.abs(theta), reach),
-            )
+            new = clipped_step(model, names, theta, new, records)
             trial = model.with_values(dict(zip(names, new, strict=True)))
-            if _substeps(trial, records) > steps_allowed:
+            if substeps(trial, records) > steps_allowed:
                 damping = max(damping * 30, 1e-4)
                 continue
             result = normal_equations(trial, noise, records, names) if damping < 1e-3 else None
@@ -192,7 +184,26 @@ def fit_parameters(
     return Fit(model, noise, names, best, information, gradient, converged, count, message, at_bound)
 
 
-def _substeps(model: Model, records: Sequence[Record]) -> int:
+def clipped_step(
+    model: Model, names: Sequence[str], theta: FloatArray, new: FloatArray, records: Sequence[Record]
+) -> FloatArray:
+    """``new`` (p,) brought as near to ``theta`` (p,) as one step may go: a positive quantity changes by a
+    factor, a torque by as much as acts."""
+    factors = np.array([_scales(model, n) for n in names], dtype=bool)
+    limit = np.maximum(np.abs(theta), 1e-12)
+    lowest, highest = theta - limit * (1 - 1 / _LARGEST_FACTOR), theta + limit * (_LARGEST_FACTOR - 1)
+    near = np.where(factors, np.clip(new, lowest, highest), new)
+    reach = np.array([_reach(model, n, records) for n in names])
+    farthest = np.maximum(3 * np.abs(theta), reach)
+    return np.clip(near, theta - farthest, theta + farthest)
+
+
+def most_substeps(model: Model, records: Sequence[Record]) -> int:
+    """Steps per sample beyond which a trial from ``model`` is not worth its time."""
+    return max(_MOST_SUBSTEPS, 4 * substeps(model, records))
+
+
+def substeps(model: Model, records: Sequence[Record]) -> int:
     """Steps per sample that the model's stiffness asks for."""
     packed = pack(model)
     return max(packed.substeps(record.dt) for record in records)

@@ -12,7 +12,7 @@ from .likelihood import channels, innovations, log_likelihood
 from .noise import NoiseModel
 from .records import Record
 
-_LEVELS = ("motor_torque", "arm_torque", "motor_angle", "arm_angle", "motor_time", "arm_time")
+LEVELS = ("motor_torque", "arm_torque", "motor_angle", "arm_angle", "motor_time", "arm_time")
 #: Least disturbance relative to the rms input torque. Below, the observer would all but stop correcting its
 #: model.
 _LEAST_TORQUE = 2e-4
@@ -36,6 +36,19 @@ def likelihood_of(packed: Packed, noise: NoiseModel, records: Sequence[Record]) 
         return -np.inf
 
 
+def level_bounds(packed: Packed, records: Sequence[Record]) -> dict[str, tuple[float, float]]:
+    """Lowest and highest value of every level."""
+    torque = packed.torque_constant * float(np.sqrt(np.mean([np.mean(r.input**2) for r in records])))
+    torques, angles = (_LEAST_TORQUE * torque, np.inf), (1e-12, np.inf)
+    return {
+        "motor_torque": torques,
+        "arm_torque": torques,
+        "motor_angle": angles,
+        "arm_angle": angles,
+        **_BOUNDS,
+    }
+
+
 def tune_noise(
     packed: Packed,
     noise: NoiseModel,
@@ -48,10 +61,9 @@ def tune_noise(
     """Coordinate search over the logarithms of the levels; the step goes from ``factor`` to its square root
     each round.  Returns the noise model and the log-likelihood."""
     best = likelihood_of(packed, noise, records)
-    torque = packed.torque_constant * float(np.sqrt(np.mean([np.mean(r.input**2) for r in records])))
-    least = {"motor_torque": _LEAST_TORQUE * torque, "arm_torque": _LEAST_TORQUE * torque}
+    limits = level_bounds(packed, records)
     for _ in range(rounds):
-        for name in _LEVELS:
+        for name in LEVELS:
             if packed.rigid and name.startswith("arm"):
                 continue
             if name == "arm_angle" and not any(1 in channels(packed, record) for record in records):
@@ -60,7 +72,7 @@ def tune_noise(
                 moved = False
                 while True:
                     trial = noise.scaled(**{name: step})
-                    low, high = _BOUNDS.get(name, (least.get(name, 0.0), np.inf))
+                    low, high = limits[name]
                     if not low <= getattr(trial, name) <= high:
                         break
                     value = likelihood_of(packed, trial, records)

@@ -84,7 +84,7 @@ def uncertainty(
         slopes = prediction.d_innovation + by_gain
         whole = np.concatenate([slopes, *(c[:, :, None] for c in columns)], axis=2)
         prediction = replace(prediction, d_innovation=whole)
-        whitened, jacobian = whiten(packed, record, prediction)
+        whitened, jacobian = whiten(packed, record, prediction.innovation, prediction.d_innovation)
         width = len(whitened) // len(prediction.innovation[settling(record) :])
         scores = (jacobian * whitened[:, None]).reshape(-1, width, p).sum(axis=1)
         n = len(scores)

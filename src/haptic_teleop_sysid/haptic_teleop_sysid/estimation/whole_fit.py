@@ -1,0 +1,269 @@
+"""Parameters and noise levels together by damped Gauss-Newton on the prediction errors.
+
+Fitting parameters at held levels and levels at held parameters, in turn, stops on ridges: a torque that is
+twice as strong but forgotten four times as fast predicts nearly alike, and a larger inertia wants a larger
+disturbance beside it.  It ends tens to hundreds of nats below the top, and what is left there hides small
+effects and imitates others.  The observer's gain makes the innovations a smooth function of everything, so
+everything is fitted at once (Ljung, System Identification, 1999, ch. 7 and 10.2): derivatives by a model's
+parameters at the held gain are exact, those by the gain are differences.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from haptic_teleop_sim.kernel import pack
+from haptic_teleop_sim.model import STRUCTURES, Model
+
+from .gauss_newton import (
+    OVERFLOW,
+    Fit,
+    Limits,
+    bounds,
+    clipped_step,
+    gauss_newton_step,
+    most_substeps,
+    substeps,
+    whiten,
+)
+from .likelihood import channels, innovations, log_likelihood
+from .noise import NoiseModel
+from .records import Record
+from .tuning import LEVELS, initial_noise, level_bounds
+
+FloatArray = NDArray[np.float64]
+
+#: Step of the differences, relative: large against the rounding of the gain, small against its curvature.
+_STEP = 0.02
+#: No level changes by more than this factor in one step.
+_LARGEST_FACTOR = 16.0
+_TRIES = 6
+#: Correlation times of the disturbances from which a fit starts that knows nothing of the noise, s.
+START_TIMES = (0.1, 0.01)
+
+
+@dataclass(frozen=True)
+class _Point:
+    """A model with noise levels, and what it predicts."""
+
+    model: Model
+    noise: NoiseModel
+    value: float
+    errors: list[FloatArray]
+
+
+def fit_whole(
+    model: Model,
+    noise: NoiseModel,
+    records: Sequence[Record],
+    *,
+    free: tuple[str, ...] | None = None,
+    iterations: int = 10,
+    enough: float = 0.3,
+    limits: Limits | None = None,
+) -> Fit:
+    """Maximise the likelihood over the free parameters (all of the model's by default, none for an empty
+    tuple) and the noise levels; ends when a step promises less than ``enough`` nats.
+
+    The information of the result is that of the parameters with the levels projected out.
+    """
+    names = model.free_parameters() if free is None else free
+    levels = fitted_levels(model, records)
+    low, high = _box(model, names, levels, records, limits)
+    values = model.parameter_values()
+    theta = np.array([values[n] for n in names] + [np.log(getattr(noise, n)) for n in levels])
+    theta = np.clip(theta, low, high)
+    p = len(names)
+    point = _at(model, noise, names, levels, theta, records)
+    if point is None:
+        nothing = np.zeros((p, p))
+        return Fit(
+            model,
+            noise,
+            names,
+            -np.inf,
+            nothing,
+            np.zeros(p),
+            False,
+            0,
+            "the start does not predict anything",
+        )
+    damping, count, converged = 1e-4, 0, False
+    allowed = most_substeps(model, records)
+    information, gradient = np.zeros((len(theta), len(theta))), np.zeros(len(theta))
+    while count < iterations:
+        count += 1
+        found = _equations(point, names, levels, theta, high, records)
+        if found is None:
+            break
+        information, gradient = found
+        active = ~((theta <= low) & (gradient > 0)) & ~((theta >= high) & (gradient < 0))
+        whole = gauss_newton_step(information, gradient, 1e-9, active)
+        if abs(0.5 * float(gradient @ whole)) < enough:
+            converged = True
+            break
+        before = point.value
+        for _ in range(_TRIES):
+            step = gauss_newton_step(information, gradient, damping, active)
+            new = np.clip(theta + step, low, high)
+            new[:p] = np.clip(
+                clipped_step(point.model, names, theta[:p], new[:p], records), low[:p], high[:p]
+            )
+            reach = np.log(_LARGEST_FACTOR)
+            new[p:] = np.clip(new[p:], theta[p:] - reach, theta[p:] + reach)
+            trial = _at(point.model, point.noise, names, levels, new, records, allowed)
+            if trial is not None and trial.value > before:
+                break
+            damping = max(30.0 * damping, 1e-3)
+        else:
+            break
+        theta, point = new, trial
+        damping = max(damping / 30.0, 1e-8)
+        if point.value - before < 0.1 * enough:
+            converged = True
+            break
+    at_bound = tuple(n for n, t, a, b in zip(names, theta, low, high, strict=False) if t <= a or t >= b)
+    return Fit(
+        point.model,
+        point.noise,
+        names,
+        point.value,
+        _without_levels(information, p),
+        gradient[:p],
+        converged,
+        count,
+        "converged" if converged else "no step gains anything, or stopped at the limit of iterations",
+        at_bound,
+    )
+
+
+def fit_from_scratch(
+    model: Model, records: Sequence[Record], *, limits: Limits | None = None, iterations: int = 30
+) -> Fit:
+    """`fit_whole` with nothing known of the noise: the best that comes of START_TIMES."""
+    start = initial_noise(pack(model), records)
+    fits = [
+        fit_whole(
+            model,
+            replace(start, motor_time=time, arm_time=time),
+            records,
+            iterations=iterations,
+            limits=limits,
+        )
+        for time in START_TIMES
+    ]
+    return max(fits, key=lambda fit: fit.log_likelihood)
+
+
+def fitted_levels(model: Model, records: Sequence[Record]) -> list[str]:
+    """Levels that the recordings can tell anything about; the motor's encoder is their unit, because all of
+    them scaled alike give the same observer."""
+    names = [n for n in LEVELS if n != "motor_angle" and not (model.rigid and n.startswith("arm"))]
+    packed = pack(model)
+    if not any(1 in channels(packed, record) for record in records):
+        names = [n for n in names if n != "arm_angle"]
+    return names
+
+
+def _box(
+    model: Model,
+    names: Sequence[str],
+    levels: Sequence[str],
+    records: Sequence[Record],
+    limits: Limits | None,
+) -> tuple[FloatArray, FloatArray]:
+    low, high = bounds(model, names, limits)
+    allowed = level_bounds(pack(model), records)
+    edges = np.log([allowed[n] for n in levels]).reshape(-1, 2)
+    return np.concatenate([low, edges[:, 0]]), np.concatenate([high, edges[:, 1]])
+
+
+def _at(
+    model: Model,
+    noise: NoiseModel,
+    names: Sequence[str],
+    levels: Sequence[str],
+    theta: FloatArray,
+    records: Sequence[Record],
+    allowed: float = np.inf,
+) -> _Point | None:
+    """The point, or None where it predicts nothing (or costs more substeps than ``allowed``)."""
+    p = len(names)
+    model = model.with_values(dict(zip(names, theta[:p].tolist(), strict=True)))
+    noise = replace(noise, **dict(zip(levels, np.exp(theta[p:]).tolist(), strict=True)))
+    if substeps(model, records) > allowed:
+        return None
+    found = _errors(model, noise, records)
+    return None if found is None else _Point(model, noise, *found)
+
+
+def _errors(
+    model: Model, noise: NoiseModel, records: Sequence[Record], observer: Model | None = None
+) -> tuple[float, list[FloatArray]] | None:
+    """Likelihood and innovations, with the gain of the ``observer``'s structure instead of the model's."""
+    packed = pack(model)
+    if observer is not None:
+        noise = replace(noise, reference=tuple(float(v) for v in pack(observer).base))
+    try:
+        errors = [innovations(packed, noise, r).innovation for r in records]
+        value = log_likelihood(packed, records, errors)
+    except (np.linalg.LinAlgError, ValueError):
+        return None
+    return (value, errors) if np.isfinite(value) else None
+
+
+def _equations(
+    point: _Point,
+    names: tuple[str, ...],
+    levels: Sequence[str],
+    theta: FloatArray,
+    high: FloatArray,
+    records: Sequence[Record],
+) -> tuple[FloatArray, FloatArray] | None:
+    """Information and gradient of the negative log-likelihood by parameters and logarithms of levels."""
+    packed, p = pack(point.model), len(names)
+    try:
+        exact = [innovations(packed, point.noise, r, names).d_innovation for r in records] if p else None
+    except (np.linalg.LinAlgError, ValueError):
+        return None
+    moved: list[tuple[int, float, list[FloatArray]]] = []
+    for i in range(len(theta)):
+        if i < p:
+            if names[i] not in STRUCTURES[point.model.structure] or names[i] == "torque_constant":
+                continue  # the gain does not depend on it
+            if point.noise.reference is not None:
+                continue
+            step = _STEP * max(abs(theta[i]), 1e-6)
+            there = _errors(
+                point.model, point.noise, records, point.model.with_values({names[i]: float(theta[i] + step)})
+            )
+        else:
+            step = _STEP if theta[i] + _STEP <= high[i] else -_STEP
+            noise = replace(point.noise, **{levels[i - p]: float(np.exp(theta[i] + step))})
+            there = _errors(point.model, noise, records)
+        if there is None:
+            return None
+        moved.append((i, step, there[1]))
+    information, gradient = np.zeros((len(theta), len(theta))), np.zeros(len(theta))
+    for k, record in enumerate(records):
+        slopes = np.zeros((*point.errors[k].shape, len(theta)))
+        if exact is not None:
+            slopes[:, :, :p] = exact[k]
+        for i, step, errors in moved:
+            slopes[:, :, i] += (errors[k] - point.errors[k]) / step
+        if not np.max(np.abs(slopes), initial=0.0) < OVERFLOW:
+            return None
+        whitened, jacobian = whiten(packed, record, point.errors[k], slopes)
+        information += jacobian.T @ jacobian
+        gradient += jacobian.T @ whitened
+    return information, gradient
+
+
+def _without_levels(information: FloatArray, p: int) -> FloatArray:
+    """Information (p, p) of the parameters when the levels are unknown, too (Schur complement)."""
+    cross, own = information[:p, p:], information[p:, p:]
+    return information[:p, :p] - cross @ np.linalg.pinv(own, rcond=1e-10, hermitian=True) @ cross.T
