@@ -155,6 +155,28 @@ def test_after_a_lost_device_the_calibration_begins_anew():
     assert rig.cycle() is ReadResult.NOTHING
 
 
+def test_where_the_driver_has_lost_the_angles_it_lights_the_inkwell_and_the_emulated_operator_docks_again():
+    away = [0.4, 0.3, -0.2]
+    rig = OmniRig(calibration__method="dock", docked=0.3)
+    rig.device._renew = StillOmni
+    rig.run(600, PUSH)
+    assert not idle(rig)
+    rig.plant.angles = np.array(away)
+    rig.run(2)
+    assert rig.latch.latched == "over_speed"
+    rig.run(3000)
+    assert rig.latch.latched == "over_speed", "nobody has reset it"
+    assert rig.driver.position == pytest.approx(away, abs=2 * COUNT), "and the light is off until then"
+    rig.latch.reset()
+    rig.driver.reset()
+    results = [rig.cycle(PUSH) for _ in range(2500)]
+    assert rig.latch.latched is None
+    # Half a second until it is noticed, a second's way, and what the calibration asks for.
+    assert results.index(ReadResult.STATE) == pytest.approx(500 + 1000 + 200, abs=5)
+    assert rig.driver.position == pytest.approx([0.0] * 3, abs=2 * COUNT)
+    assert not idle(rig)
+
+
 # Packets.
 
 

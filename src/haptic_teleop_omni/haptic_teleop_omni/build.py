@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
+from functools import partial
 from typing import Any
 
 from haptic_teleop_control.clocks import Clock, SteadyClock, VirtualClock
@@ -46,10 +47,12 @@ def make_driver(
         assert session is not None
         transport = ReplayTransport(session, clock)
     elif device == "emulated":
-        plant = load_object(checked["emulated.plant"], "emulated.plant")(
-            checked["emulated.file"], settings.rate
+        make = partial(
+            load_object(checked["emulated.plant"], "emulated.plant"), checked["emulated.file"], settings.rate
         )
-        transport = EmulatedOmni(plant, layout, clock, settings.rate, checked["emulated.docked_time"])
+        transport = EmulatedOmni(
+            make(), layout, clock, settings.rate, checked["emulated.docked_time"], renew=make
+        )
     else:
         numbered = layout.output.report_id is not None
         transport = HidapiTransport(

@@ -239,7 +239,8 @@ class OmniDriver:
 
     def _idle(self) -> None:
         self._applied = [0.0, 0.0, 0.0]
-        self._send({}, False)
+        inkwell = self.calibration.method == "dock" and not self.calibration.done
+        self._send({"dock_light": int(inkwell)}, False)
 
     def _send(self, values: dict[str, int], motors: bool) -> None:
         if not self.may_drive:

@@ -3,10 +3,14 @@
 Encoders start anywhere and wrap, reports are numbered, and as many as a kernel would keep wait for a late
 reader. The torque of the last output report acts until the next one, whatever becomes of the host: how a real
 device behaves when its host dies is not known, and this is the worst that it could do.
+
+Where the driver lights the inkwell because it has lost the angles, the operator brings the stylus back, and
+begins anew from there.
 """
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import Protocol
 
 import numpy as np
@@ -22,6 +26,9 @@ BACKLOG = 64
 """Reports that wait for a late reader, as in the kernel's hidraw."""
 
 LONGEST_CATCH_UP = 1000
+NOTICED, BROUGHT = 0.5, 1.0
+"""Seconds until the operator sees the inkwell's light, and until the stylus is back in it."""
+
 START_COUNTS = (65_000, 300, 32_000)
 """Raw encoders at the neutral pose: X and Y wrap soon."""
 
@@ -39,7 +46,8 @@ class OmniPlant(Protocol):
 
 class EmulatedOmni:
     """docked_time: s after the start for which the stylus rests in its inkwell, at neutral; the plant's
-    time begins then.
+    time begins then. renew: makes the plant that goes on once the stylus has been brought back; without
+    it nobody does.
 
     For tests: `buttons` [2] pressed or not, `drop` reports that get lost, `corrupt` reports that come
     cut short, `silent` to stop reporting, `unplug()` and `plug()`. torque (3,): what acts now, N·m;
@@ -49,12 +57,22 @@ class EmulatedOmni:
     emulated = True
 
     def __init__(
-        self, plant: OmniPlant, layout: ReportLayout, clock: Clock, rate: float, docked_time: float = 0.5
+        self,
+        plant: OmniPlant,
+        layout: ReportLayout,
+        clock: Clock,
+        rate: float,
+        docked_time: float = 0.5,
+        renew: Callable[[], OmniPlant] | None = None,
     ) -> None:
-        self._plant, self._layout, self._clock = plant, layout, clock
+        self._plant, self._layout, self._clock, self._renew = plant, layout, clock, renew
         self._in, self._out = ReportCodec(layout.input), ReportCodec(layout.output)
         self._period = round(1e9 / rate)
-        self._docked_ticks = round(docked_time * rate)
+        self._docked_ticks = self._docked_until = round(docked_time * rate)
+        self._noticed, self._brought = round(NOTICED * rate), round(BROUGHT * rate)
+        self._lit_since: int | None = None
+        self._on_the_way = 0  # samples until the stylus is back
+        self._step = np.zeros(3)
         self.buttons = [False, False]
         self.drop = self.corrupt = self.refused = 0
         self.silent = False
@@ -121,6 +139,11 @@ class EmulatedOmni:
             self.refused += 1
             return
         fields = self._layout.output.fields
+        lit = bool(raw.get("dock_light", 0)) and self._renew is not None and self._docked_ticks > 0
+        if not lit or self._on_the_way > 0 or self._tick <= self._docked_until:
+            self._lit_since = None
+        elif self._lit_since is None:
+            self._lit_since = self._tick
         self.motors_on = bool(raw["motors_on"])
         for i, axis in enumerate(AXES):
             name = f"torque_{axis}"
@@ -138,14 +161,29 @@ class EmulatedOmni:
 
     def _live(self) -> None:
         # The first report shows the device as it is: nothing has acted yet. In its inkwell it cannot move.
-        if self._tick > self._docked_ticks:
+        if self._tick <= self._docked_until:
+            return
+        if self._lit_since is not None and self._tick >= self._lit_since + self._noticed:
+            self._begin_anew()
+        if self._on_the_way > 0:
+            self._angles += self._step
+            self._on_the_way -= 1
+            if self._on_the_way == 0:
+                self._docked_until = self._tick + self._docked_ticks
+        else:
             self._plant.advance(self.torque)
             self._angles[:] = self._plant.sense()
+
+    def _begin_anew(self) -> None:
+        assert self._renew is not None
+        self._plant = self._renew()
+        self._lit_since, self._on_the_way = None, self._brought
+        self._step = (self._plant.sense() - self._angles) / self._brought
 
     def _report(self) -> bytes:
         fields = self._layout.input.fields
         values = {"button_1": int(self.buttons[0]), "button_2": int(self.buttons[1]), "counter": self._tick}
-        values["docked"] = int(self._tick < self._docked_ticks)
+        values["docked"] = int(self._tick < self._docked_until)
         for i, axis in enumerate(AXES):
             field = fields[f"encoder_{axis}"]
             count = round(float(self._angles[i]) / field.scale) + START_COUNTS[i]
