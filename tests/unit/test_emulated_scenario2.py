@@ -8,6 +8,7 @@ in the velocity (40 Hz, zeta 0.9) as q wc exp(-zeta acos(zeta) / sqrt(1 - zeta²
 some milliseconds.
 """
 
+import math
 from pathlib import Path
 
 import numpy as np
@@ -213,9 +214,8 @@ def test_the_file_for_the_robots_as_it_stands_gives_the_same_figures(simulated):
     assert np.abs(run["omni angle"][6800:] - simulated["omni angle"][CONTACT.start]).max() < 1e-9
 
 
-@pytest.fixture(scope="module")
-def by_hand(tmp_path_factory) -> tuple[dict, dict]:
-    """Simulated and through the drivers: a firm hand turns the arms, and feels the contact."""
+def in_the_hand(folder: Path, **master: float) -> Path:
+    """The shipped scenario in manual mode: a firm hand turns the arms, and feels the contact."""
     sections = {name: dict(values) for name, values in load_parameter_file(SIM).items()}
     for stage in STAGES:
         hand = {
@@ -226,12 +226,29 @@ def by_hand(tmp_path_factory) -> tuple[dict, dict]:
             "inertia": 2.0e-3,
         }
         sections["sfj_sim"] |= {f"{stage}.hand.{key}": value for key, value in hand.items()}
-        sections["force_controller"][f"{stage}.master.feedback_gain"] = 1.0
+        feedback = {"feedback_gain": 1.0, **master}
+        sections["force_controller"] |= {f"{stage}.master.{key}": value for key, value in feedback.items()}
     sections["sfj_sim"]["operator.mode"] = "trajectory"
     sections["force_controller"]["command_source"] = "device"
-    file = tmp_path_factory.mktemp("by_hand") / "scenario.yaml"
+    file = folder / "scenario.yaml"
     file.write_text(yaml.safe_dump({name: {"ros__parameters": values} for name, values in sections.items()}))
+    return file
+
+
+@pytest.fixture(scope="module")
+def by_hand(tmp_path_factory) -> tuple[dict, dict]:
+    """Simulated and through the drivers; unfiltered, so that what differs shakes the drives at once."""
+    file = in_the_hand(tmp_path_factory.mktemp("by_hand"), feedback_cutoff_hz=math.inf)
     return in_simulation(file, 5.0), as_in_simulation(file, 5.0)
+
+
+def test_the_shipped_low_pass_keeps_a_touch_from_making_the_drives_kick(tmp_path, by_hand):
+    filtered = in_simulation(in_the_hand(tmp_path), 5.0)["sfj asked"]
+    limits = np.array([0.94 * 8.925, 1.2 * 1.392])
+    assert np.all(np.abs(filtered).max(axis=0) < 0.9 * limits)
+    plain = by_hand[0]["sfj asked"]
+    kicks = [np.abs(np.diff(run, axis=0)).max(axis=0) for run in (filtered, plain)]
+    assert np.all(kicks[0] < 0.5 * kicks[1])
 
 
 HELD, JOINT_COUNT = 3.0, 2.0 * np.pi / 4096 / 6.23  # s from which the hand holds still in contact; rad
