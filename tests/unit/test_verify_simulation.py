@@ -129,10 +129,40 @@ def test_the_second_scenario_is_laid_over_its_simulation_too(tmp_path, capsys):
     assert result["scenario"] == 2
     assert result["simulation"][bag]["fit_percent"]["omni y"]["position"] == 100.0
     assert (tmp_path / "out" / "simulation_omniy.png").stat().st_size > 10_000
+    axes = result["runs"][bag]["stages"]
+    for axis, speed in (("omni_y", 0.499), ("omni_z", 0.498)):  # of 0.5 asked; docs/teleoperation.md
+        free, contact = axes[axis]["free"][0], axes[axis]["contacts"][0]
+        assert free["speed"] == pytest.approx(speed, abs=2e-3) and free["expected_speed"] == pytest.approx(
+            0.5
+        )
+        assert contact["settled_torque"] == pytest.approx(0.1, abs=2e-3) and contact["bounces"] == 0
+        assert (tmp_path / "out" / f"{axis}.png").stat().st_size > 10_000
+    said = capsys.readouterr().out
+    assert "Omni Y in contact" in said and "an estimated 0.1" in said and "limit 0.446 N·m" in said
     assert "Scenario 2" in (tmp_path / "out" / "report.html").read_text()
     first = str(write_recording(tmp_path / "first", recorded().topics, recorded().parameters, {}))
     assert verify.main([first, bag, "--output", str(tmp_path / "both")]) == 2
     assert "not all of one scenario" in capsys.readouterr().err
+
+
+def test_of_two_recordings_of_the_second_scenario_the_agreement_is_told(tmp_path):
+    scenario = load_scenario(CONFIG / "scenario2_sim.yaml")
+    bags = [str(tmp_path / name) for name in ("one", "two")]
+    for bag, seed in zip(bags, (1, 2), strict=True):
+        topics = run_scenario(scenario, 7.0, seed)
+        if bag == bags[1]:
+            del topics["/reference"]  # what was asked for is unknown then
+        write_recording(bag, topics, dict(scenario.recorded), {})
+    three = str(
+        write_recording(tmp_path / "three", run_scenario(scenario, 7.0, 3), dict(scenario.recorded), {})
+    )
+    output = tmp_path / "out"
+    assert verify.main([bags[0], three, "--output", str(output), "--no-simulation", "--lambda", "0.4"]) == 0
+    result = json.loads((output / "verify.json").read_text())
+    assert result["agreement"][three]["omni_y"]["arm_position"] > 90.0
+    assert result["runs"][three]["stages"]["omni_z"]["free"][0]["expected_speed"] == pytest.approx(0.25)
+    assert verify.main([bags[1], "--output", str(tmp_path / "without"), "--no-simulation"]) == 0
+    assert not json.loads((tmp_path / "without" / "verify.json").read_text())["runs"][bags[1]]["stages"]
 
 
 def test_the_report_shows_the_recording_over_its_simulation_unless_told_not_to(tmp_path):

@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 
+from haptic_teleop_control.robots import OMNI_JOINTS
 from haptic_teleop_sysid.verification.phases import NEAR_WALL, Phase, find_phases
 from haptic_teleop_sysid.verification.signals import Array, StageRun
 
@@ -66,7 +67,9 @@ class Contact:
 
 @dataclass(frozen=True)
 class StageMerit:
-    """All figures of a stage: `phases` as (kind, start s, end s), free motions, contacts, currents in A."""
+    """All figures of a stage: `phases` as (kind, start s, end s), free motions, contacts, currents in A; or
+    of an axis of the Omni as slave, with torques of its motor, N·m, for currents.
+    """
 
     stage: str
     phases: list[tuple[str, float, float]]
@@ -77,6 +80,21 @@ class StageMerit:
     current_limit: float
     share_at_limit_percent: float
     settings: dict[str, Any] = field(default_factory=dict)
+
+    @property
+    def of_omni(self) -> bool:
+        """Whether it is an axis of the Omni, whose torque on the environment is only estimated."""
+        return self.stage in OMNI_JOINTS
+
+    @property
+    def title(self) -> str:
+        """Its name at the beginning of a sentence."""
+        return self.stage.replace("stage", "Stage ").replace("omni_y", "Omni Y").replace("omni_z", "Omni Z")
+
+    @property
+    def unit(self) -> str:
+        """Of `peak_current` and its limit."""
+        return "N·m" if self.of_omni else "A"
 
     def as_json(self) -> dict[str, Any]:
         """Return everything as plain dictionaries and lists."""

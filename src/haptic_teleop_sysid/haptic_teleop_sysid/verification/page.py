@@ -22,7 +22,7 @@ def key_figures(run: Run) -> list[KeyFigure]:
     """Return (value, what it is, what to hold it against) of the figures that tell most about a run."""
     figures: list[KeyFigure] = []
     for merit in run.merits.values():
-        name = merit.stage.replace("stage", "stage ")
+        name = merit.title[0].lower() + merit.title[1:] if not merit.of_omni else merit.title
         if merit.free and merit.free[0].expected_speed is not None:
             motion = merit.free[0]
             figures.append(
@@ -95,7 +95,8 @@ def verification_page(
 def _stage_section(
     page: Page, runs: Sequence[Run], labels: Sequence[str], stage: str, picture: Figure
 ) -> None:
-    section = page.section(stage.replace("stage", "Stage "))
+    title = next(run.merits[stage].title for run in runs if stage in run.merits)
+    section = page.section(title)
     whose = f" of {labels[0]}" if len(runs) > 1 else ""
     section.picture(
         picture,

@@ -26,6 +26,8 @@ def stage_picture(
         if stage in run.stages
     ]
     single = len(shown) == 1
+    first = shown[0][0]
+    of_omni = first.merits[stage].of_omni
     command, position, velocity, torque, current = [], [], [], [], []
     for run, label, number in shown:
         data = run.stages[stage]
@@ -36,9 +38,16 @@ def stage_picture(
         motor, arm, wanted = (1, 2, 0) if single else (number, number, number)
         dotted = "-" if single else ":"
         command.append(Series(f"{name}desired torque", time, data.desired_torque, colour=wanted))
-        position.append(Series(f"{name}motor", time, data.motor_position, colour=motor))
-        position.append(Series(f"{name}arm", time, data.arm_position, colour=arm, style=dotted))
-        velocity.append(Series(f"{name}motor", time, data.motor_velocity, colour=motor, width=1.0))
+        if of_omni:
+            position.append(Series(f"{name}axis", time, data.arm_position, colour=motor))
+        else:
+            position.append(Series(f"{name}motor", time, data.motor_position, colour=motor))
+            position.append(Series(f"{name}arm", time, data.arm_position, colour=arm, style=dotted))
+        velocity.append(
+            Series(
+                f"{name}{'axis' if of_omni else 'motor'}", time, data.motor_velocity, colour=motor, width=1.0
+            )
+        )
         if data.settings.lambda_ and run is shown[0][0]:
             expected = data.desired_torque / data.settings.lambda_
             velocity.append(Series("Td / λ", time, expected, colour=0, style="--", width=1.0))
@@ -48,7 +57,6 @@ def stage_picture(
         current.append(Series(f"{name}measured", time, data.current, colour=motor, width=0.9))
         if single and data.commanded_current is not None:
             current.append(Series("commanded", time, data.commanded_current, colour=2, width=0.9))
-    first = shown[0][0]
     shift = first.onset if remove_delay else 0.0
     spans = [
         (a - shift, b - shift) for kind, a, b in first.merits[stage].phases if kind in ("contact", "release")
@@ -64,8 +72,14 @@ def stage_picture(
             Panel("Command: desired torque Td", "N·m", command, spans=spans),
             Panel("Position", "rad", position, guides=walls, spans=spans),
             Panel("Velocity", "rad/s", velocity, spans=spans),
-            Panel("Torque on the environment Te", "N·m", torque, spans=spans),
-            Panel("Current", "A", current, guides=limits, spans=spans),
+            Panel(f"Torque on the environment Te{', estimated' * of_omni}", "N·m", torque, spans=spans),
+            Panel(
+                "Torque of the motor" if of_omni else "Current",
+                first.merits[stage].unit,
+                current,
+                guides=limits,
+                spans=spans,
+            ),
         ],
         x_label="time since the command's onset (s)" if remove_delay else "time since the first sample (s)",
     )

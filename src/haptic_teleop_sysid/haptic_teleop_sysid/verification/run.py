@@ -15,6 +15,7 @@ from haptic_teleop_sysid.recorded_parameters import recorded_text
 from haptic_teleop_sysid.verification.merit import StageMerit, stage_merit
 from haptic_teleop_sysid.verification.settings import CONTROLLER
 from haptic_teleop_sysid.verification.signals import StageRun, read_stages
+from haptic_teleop_sysid.verification.slave_axes import read_axes
 from haptic_teleop_sysid.verification.timing import graph_health, latency_samples
 
 COMPARED = ("motor_position", "arm_position", "motor_velocity", "environment_torque")
@@ -34,7 +35,8 @@ class Run:
     problems: list[str]
     experiment: dict[str, Any]
     scenario: int = 1
-    """2: the Omni is the slave; it has no force sensor, so there are neither stages nor figures of merit."""
+    """2: the Omni is the slave; its axes stand in place of the stages, with the controller's estimate of the
+    torque on the environment, because it has no force sensor."""
     energies: dict[str, PortEnergy] = field(default_factory=dict)
     """Of the ports "master" and "slave", as far as the recording holds their robots."""
 
@@ -62,7 +64,7 @@ def examine(
     Raises MismatchError when it is no recording of a scenario or does not say enough about itself.
     """
     second = recorded_text(recording.parameters, "slave", CONTROLLER) == "omni"
-    stages = {} if second else read_stages(recording, name, overrides)
+    stages = (read_axes if second else read_stages)(recording, name, overrides)
     merits = {stage: stage_merit(run) for stage, run in stages.items()}
     begins = [
         start for merit in merits.values() for kind, start, _ in merit.phases if kind in ("free", "contact")

@@ -55,7 +55,8 @@ def contact_table(merits: Named) -> Table:
 
 def phase_table(merits: Named) -> Table:
     """Phases and currents."""
-    header = ["run", "phases", "peak current (A)", "limit (A)", "at limit (%)"]
+    what = "torque (N·m)" if any(merit.of_omni for _, merit in merits) else "current (A)"
+    header = ["run", "phases", f"peak {what}", f"limit ({what.split('(')[1]}", "at limit (%)"]
     rows: list[list[object]] = []
     for label, merit in merits:
         phases = ", ".join(f"{kind} {start:.2f}–{end:.2f} s" for kind, start, end in merit.phases)

@@ -22,14 +22,15 @@ def verdicts(run: Run) -> list[tuple[Status, str]]:
     """Return (status, sentence) for each thing worth saying about a run, most important first."""
     found: list[tuple[Status, str]] = []
     for merit in run.merits.values():
-        name = merit.stage.replace("stage", "Stage ")
+        name = merit.title
         if not merit.free and not merit.contacts:
             found.append(
                 ("bad", f"{name}: no command was given, or it did nothing that can be told from rest.")
             )
             continue
         found += [_free(name, motion) for motion in merit.free]
-        found += [_contact(name, contact) for contact in merit.contacts]
+        by = " an estimated" if merit.of_omni else ""
+        found += [_contact(name, contact, by) for contact in merit.contacts]
         if not merit.contacts:
             found.append(("fair", f"{name} met no wall."))
         found.append(_current(name, merit))
@@ -55,7 +56,7 @@ def _free(name: str, motion: FreeMotion) -> tuple[Status, str]:
     )
 
 
-def _contact(name: str, contact: Contact) -> tuple[Status, str]:
+def _contact(name: str, contact: Contact, by: str = "") -> tuple[Status, str]:
     settled = contact.settling_time is not None
     accurate = abs(contact.settled_error) <= TORQUE_SHARE * abs(contact.desired_torque)
     calm = contact.overshoot_percent <= OVERSHOOT_PERCENT
@@ -69,7 +70,7 @@ def _contact(name: str, contact: Contact) -> tuple[Status, str]:
     times = {1: "once", 2: "twice"}.get(contact.bounces, f"{contact.bounces} times")
     bounces = f"bounces {times}, by {1e3 * contact.rebound:.0f} mrad" if contact.bounces else "no bounce"
     return status, (
-        f"{name} in contact from {contact.start:.2f} s presses with {contact.settled_torque:.4f} N·m of "
+        f"{name} in contact from {contact.start:.2f} s presses with{by} {contact.settled_torque:.4f} N·m of "
         f"{contact.desired_torque:.4f} N·m asked ({error:+.2f} mN·m, "
         f"rms {1e3 * contact.settled_rms:.2f}); "
         f"{when}, overshoot {contact.overshoot_percent:.1f} %, {bounces}."
@@ -77,16 +78,16 @@ def _contact(name: str, contact: Contact) -> tuple[Status, str]:
 
 
 def _current(name: str, merit: StageMerit) -> tuple[Status, str]:
-    text = f"{name} draws at most {merit.peak_current:.3f} A"
+    text = f"{name} draws at most {merit.peak_current:.3f} {merit.unit}"
     if merit.peak_commanded_current is not None:
-        text += f", is asked for at most {merit.peak_commanded_current:.3f} A"
+        text += f", is asked for at most {merit.peak_commanded_current:.3f} {merit.unit}"
     if merit.share_at_limit_percent > 0.0:
         return (
             "plain",
-            f"{text} and is at its limit of {merit.current_limit:g} A for "
+            f"{text} and is at its limit of {merit.current_limit:g} {merit.unit} for "
             f"{merit.share_at_limit_percent:.2f} % of the time.",
         )
-    return "good", f"{text} (limit {merit.current_limit:g} A)."
+    return "good", f"{text} (limit {merit.current_limit:g} {merit.unit})."
 
 
 def _missing(health: Mapping[str, Any], share: float) -> str:
