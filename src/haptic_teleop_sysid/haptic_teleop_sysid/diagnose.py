@@ -219,11 +219,14 @@ def run(argv: list[str]) -> int:
         replace(result.final.model, source=str(output / "augmented_model.yaml")).save(
             output / "augmented_model.yaml"
         )
-        data = [*estimation, *validation]
-        page = diagnosis_page(result, verdict, content, proof, data, records_of(estimation), len(estimation))
-        report = page.write(output / "report.html")
+        report = None
+        if not arguments.no_report:
+            data, records = [*estimation, *validation], records_of(estimation)
+            page = diagnosis_page(result, verdict, content, proof, data, records, len(estimation))
+            report = page.write(output / "report.html")
     console.print(summary(content), markup=False, highlight=False, soft_wrap=True)
-    console.print(f"report: {report}", markup=False, highlight=False, soft_wrap=True)
+    if report is not None:
+        console.print(f"report: {report}", markup=False, highlight=False, soft_wrap=True)
     return 0
 
 
@@ -273,6 +276,7 @@ def _parser() -> argparse.ArgumentParser:
         metavar="DIR",
         help="where diagnosis.json, augmented_model.yaml and report.html go",
     )
+    parser.add_argument("--no-report", action="store_true", help="no page: for many diagnoses in a row")
     parser.add_argument(
         "--allow-gaps", action="store_true", help="leave holes in a recording out instead of refusing it"
     )

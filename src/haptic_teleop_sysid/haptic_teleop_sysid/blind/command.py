@@ -90,7 +90,11 @@ def _body(argv: list[str]) -> int:
     if arguments.only == "generate":
         return 0
     if arguments.only is None:
-        command = FRONT_DOOR if arguments.command is None else tuple(shlex.split(arguments.command))
+        command = (
+            (*FRONT_DOOR, "--no-report")
+            if arguments.command is None
+            else tuple(shlex.split(arguments.command))
+        )
         waiting = [
             (output / "cases" / name, command, arguments.timeout)
             for name, _, _ in listed

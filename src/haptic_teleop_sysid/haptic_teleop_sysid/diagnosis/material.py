@@ -15,7 +15,9 @@ from .scales import Scales
 #: A friction form is called by its own name when it departs from plain Coulomb friction by this much.
 _DISTINCT = 0.2
 #: Least size of a torque, as a share of the rms input torque.
-_SMALL_TORQUE = 0.002
+_SMALL_TORQUE = 0.0005
+#: Least delay as a share of the sample period: less is not told from how the samples were taken.
+_SHARE_OF_SAMPLE = 0.1
 #: Displacement (rad) from which a contact that gives before it slides bears its own name.
 _PRESLIDING = 1e-3
 #: ... and the share of the whole travel up to which it does.
@@ -56,25 +58,24 @@ def material(effect: Effect, scales: Scales) -> bool:
             and p["order"] * scales.span(channel) > math.pi / 2
         )
     if name == "encoder_scale":
-        return abs(p["scale"] - 1.0) > 3e-3
+        return abs(p["scale"] - 1.0) > 5e-4
     if name in ("coulomb_friction", "constant_torque", "gravity", "hysteresis"):
         return abs(p["torque"]) > _SMALL_TORQUE * torque
     if name in ("input_delay", "actuator_lag", "sensor_delay", "channel_skew"):
-        # Less than a sample is not told from how the samples were taken.
-        return abs(p["time_constant" if name == "actuator_lag" else "delay"]) > 0.75 * scales.dt
+        return abs(p["time_constant" if name == "actuator_lag" else "delay"]) > _SHARE_OF_SAMPLE * scales.dt
     if name in ("friction_drift", "gain_drift"):
-        return abs(p["change"]) > 0.05
+        return abs(p["change"]) > 0.003
     if name == "backlash":
-        return p["width"] > 2 * max(scales.resolution)
+        return p["width"] > max(scales.resolution)
     if name == "dead_zone":
         return p["width"] > 2 * _SMALL_TORQUE * torque
     if name == "torque_saturation":
         return p["limit"] < 4 * torque
     if name == "load_dependent_friction":
-        return p["coefficient"] > 0.01
+        return p["coefficient"] > 0.002
     if name == "payload_change":
         return (
-            abs(p["inertia"]) > 0.03 * scales.size["inertia"]
+            abs(p["inertia"]) > 0.003 * scales.size["inertia"]
             and 0.02 < p["time"] / scales.size["duration"] < 0.98
         )
     if name == "hard_stop":
