@@ -10,6 +10,7 @@ from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 from rclpy.parameter import Parameter
 from rclpy.qos import DurabilityPolicy, QoSProfile
 from ros_graph import Graph, Sink, Source
+from sensor_msgs.msg import JointState
 from std_msgs.msg import String
 from std_srvs.srv import Trigger
 
@@ -161,7 +162,11 @@ def test_in_simulated_mode_roles_are_swapped_there_and_back_while_the_command_is
     graph.until(lambda: reference.send(position=[0.0, 0.0]) and received.refused, what="the wrong command")
     refused = setting.call("engage")
     assert not refused.success and "omni_y" in refused.message
+    before = setting.controller._reference
     assert setting.call("swap").success and setting.controller.faults.latched is None
+    for joints in (["omni_y", "omni_z"], ["stage1_arm", "stage2_arm"]):  # taken before, seen after
+        before._receive(JointState(name=joints, position=[0.0, 0.0], effort=[0.0, 0.0]))
+    assert setting.controller._coupling.streams.reference.at is None
     received = setting.controller._coupling.streams.reference
     graph.until(lambda: reference.send(position=[0.0, 0.0]) and received.at, what="the right command")
     assert setting.call("engage").success

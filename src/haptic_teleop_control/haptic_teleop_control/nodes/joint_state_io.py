@@ -125,6 +125,7 @@ class JointStateReceiver:
         self._on_sample = on_sample
         self._on_problem = on_problem or (lambda kind, detail, stamp: None)
         self._accept = accept
+        self._destroyed = False
         self._subscription = node.create_subscription(JointState, topic, self._receive, STREAM_QOS)
 
     @property
@@ -145,10 +146,13 @@ class JointStateReceiver:
         self.stamp = 0
 
     def destroy(self, node: Node) -> None:
-        """Receive nothing any more."""
+        """Receive nothing any more, not even what the executor has taken already."""
+        self._destroyed = True
         node.destroy_subscription(self._subscription)
 
     def _receive(self, message: JointState) -> None:
+        if self._destroyed:
+            return
         received = monotonic_ns()
         stamp = stamp_of(message)
         if message.name != self._names and not self._learn_order(message.name, stamp):
