@@ -56,6 +56,9 @@ def test_models_are_told_apart_under_the_names_given(tmp_path, bag, models, caps
     table = capsys.readouterr().out
     assert "100.0" in table
     assert "report:" in table
+    # Of 80 columns and a long path, and still each column says what it is.
+    assert "…" not in table
+    assert table.count("position") == table.count("velocity") == 2
 
 
 def test_the_report_shows_a_picture_and_escapes_names(tmp_path, bag, models):

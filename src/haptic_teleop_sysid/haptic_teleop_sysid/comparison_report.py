@@ -40,7 +40,8 @@ def comparison_table(result: Comparison) -> list[Table]:
         table = Table(title=Text(f"{bag}: simulated fit in % ({extent}; {chosen.why})"), title_justify="left")
         table.add_column("model", overflow="fold")
         for signal in signals:
-            table.add_column(Text(signal), justify="right")
+            # Two lines, so that a terminal of 80 columns does not cut what tells the columns apart.
+            table.add_column(Text(signal.replace(".", "\n")), justify="right")
         for name in result.models:
             percent = result.fits[name, bag].percent
             table.add_row(

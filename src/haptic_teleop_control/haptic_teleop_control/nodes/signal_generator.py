@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import time
 from collections.abc import Mapping
 from typing import Any
@@ -65,7 +66,9 @@ class SignalGeneratorNode(HapticNode):
 
     def _start(self, request: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
         self._started = time.monotonic_ns()
-        response.success, response.message = True, f"started, ends after {self._generator.end:g} s"
+        end = self._generator.end
+        until = f"ends after {end:g} s" if math.isfinite(end) else "goes on until it is stopped"
+        response.success, response.message = True, f"started, {until}"
         return response
 
     def _stop(self, request: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
