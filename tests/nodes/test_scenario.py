@@ -8,13 +8,16 @@ import time
 from pathlib import Path
 
 import pytest
+from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 from sensor_msgs.msg import JointState
 
 from haptic_teleop_control.errors import ConfigurationError
 from haptic_teleop_control.nodes.children import Child, stop_all
 from haptic_teleop_control.nodes.joint_state_io import STREAM_QOS
 from haptic_teleop_control.nodes.scenario import load_scenario, main
+from haptic_teleop_control.nodes.watch import Watcher
 from haptic_teleop_control.recording import read_recording
+from haptic_teleop_control.robots import OMNI_JOINTS
 
 FILE = """
 scenario:
@@ -196,6 +199,16 @@ def test_a_second_controller_in_the_same_domain_is_refused_before_anything_moves
 )
 def test_the_line_on_the_terminal_is_about_the_slave(repository, file, robot):
     assert load_scenario(repository / "config" / f"{file}.yaml").watched == robot
+
+
+def test_a_fault_that_was_reset_leaves_the_line_and_stays_in_the_account():
+    watcher = Watcher("omni")
+    watcher._take(JointState(name=OMNI_JOINTS, position=[0.0] * 3, velocity=[0.0] * 3, effort=[0.0] * 3))
+    for level, shown in ((DiagnosticStatus.ERROR, True), (DiagnosticStatus.OK, False)):
+        status = DiagnosticStatus(level=level, name="/omni/omni_driver", message="late: it was late")
+        watcher._diagnose(DiagnosticArray(status=[status]))
+        assert ("FAULT in /omni/omni_driver" in watcher.line(0.0)) is shown
+    assert watcher.faults == {"/omni/omni_driver": "late: it was late"}
 
 
 def test_the_shipped_scenario_is_that_of_the_thesis(repository):

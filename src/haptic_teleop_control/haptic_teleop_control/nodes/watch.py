@@ -33,14 +33,15 @@ class Watcher:
     """An rclpy node that knows the latest state of a robot ("sfj" or "omni") and every fault reported; a
     context manager.
 
-    faults: node -> the sentence it reported last. node: the node, within the context. Time counts from
-    `begin`.
+    faults: node -> the sentence it reported last, also after a reset. node: the node, within the context.
+    Time counts from `begin`.
     """
 
     def __init__(self, robot: str = "sfj") -> None:
         self._topic = f"/{robot}/joint_states"
         self._joints = SFJ_JOINTS if robot == "sfj" else OMNI_JOINTS
         self.faults: dict[str, str] = {}
+        self._in_fault: dict[str, None] = {}
         self._begun: float | None = None
         self._state: JointState | None = None
 
@@ -94,8 +95,8 @@ class Watcher:
             arm = SFJ_JOINTS.index(f"{stage}_arm")
             angle, torque = self._state.position[arm], self._state.effort[arm]
             parts.append(f"stage {index + 1}: {angle:+.3f} rad {torque:+.3f} N·m")
-        if self.faults:
-            parts.append(f"FAULT in {', '.join(self.faults)}")
+        if self._in_fault:
+            parts.append(f"FAULT in {', '.join(self._in_fault)}")
         return "   ".join(parts)
 
     def _take(self, message: JointState) -> None:
@@ -106,6 +107,9 @@ class Watcher:
         for status in message.status:
             if status.level == DiagnosticStatus.ERROR:
                 self.faults[status.name] = status.message
+                self._in_fault[status.name] = None
+            else:
+                self._in_fault.pop(status.name, None)
 
 
 class ProgressLine:
