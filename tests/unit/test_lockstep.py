@@ -196,6 +196,7 @@ def test_the_duration_is_the_file_s_unless_stated(repository):
 
 
 BAD = {
+    "a driver": ({"/**": {"device": "emulated"}, "sfj_driver": {"rate": 500.0}}, "describe it in sfj_sim"),
     "unknown node": ({"sfj_simm": {"rate": 500.0}}, "did you mean sfj_sim"),
     "unknown key": ({"sfj_sim": {"rat": 500.0}}, "did you mean rate"),
     "wrong type": ({"sfj_sim": {"seed": 1.5}}, "seed"),

@@ -190,7 +190,7 @@ def test_recover_says_whole_lossy_nothing_or_bad_arguments_by_its_status(tmp_pat
     file.write_bytes(file.read_bytes()[:100])
     assert recover([str(file), "--output", str(tmp_path / "d")]) == 1
     assert not (tmp_path / "d").exists()
-    assert recover([str(tmp_path / "nowhere"), "--output", str(tmp_path / "e")]) == 1
+    assert recover([str(tmp_path / "nowhere"), "--output", str(tmp_path / "e")]) == 2
     assert recover(["--nonsense"]) == 2
     assert "nothing to recover" in capsys.readouterr().err
 

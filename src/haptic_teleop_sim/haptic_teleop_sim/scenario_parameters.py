@@ -17,6 +17,7 @@ from haptic_teleop_control.node_tables import (
     SIGNAL_GENERATOR,
 )
 from haptic_teleop_control.parameters import ParameterTable, load_parameter_file, parameters_for
+from haptic_teleop_control.teleoperation.agreement import ROBOTS
 
 from .hardware import OMNI_PARAMETERS, SFJ_PARAMETERS
 
@@ -68,7 +69,13 @@ def load_scenario(path: str | Path) -> ScenarioParameters:
     path = Path(path)
     sections = load_parameter_file(path)
     # `nodes` is the graph's business: here the four nodes of the scenario take part, whatever it says.
-    own = SCENARIO.check({"nodes": ["sfj_sim"], **parameters_for(sections, "scenario")}, str(path))
+    # What a wildcard says to the nodes is checked with them.
+    mine = {
+        name: {key: value for key, value in values.items() if "*" not in name or key in SCENARIO}
+        for name, values in sections.items()
+    }
+    stated = parameters_for(mine, "scenario")
+    own = SCENARIO.check({"nodes": ["sfj_sim"], **stated}, str(path))
     return check_scenario(sections, path.parent, str(path), own["duration"], own["note"])
 
 
@@ -85,9 +92,7 @@ def check_scenario(
     for name in sections:
         last = name.rstrip("/").rsplit("/", 1)[-1]
         if "*" not in name and last not in TABLES and last not in _OTHERS:
-            near = difflib.get_close_matches(last, TABLES, n=1)
-            hint = f"did you mean {near[0]}?" if near else f"known are {', '.join((*TABLES, *_OTHERS))}."
-            raise ConfigurationError(f"{source}: {name} names no node of this scenario; {hint}")
+            raise ConfigurationError(f"{source}: {name} names no node of this scenario; {_hint(last)}")
     wild = {name for name in sections if "*" in name}
     nodes = {}
     for node, table in TABLES.items():
@@ -97,3 +102,11 @@ def check_scenario(
         known = {key: value for key, value in common.items() if key in table}
         nodes[node] = table.check({**known, **own}, source)
     return ScenarioParameters(nodes, duration, note, folder, source)
+
+
+def _hint(name: str) -> str:
+    for robot, nodes in ROBOTS.items():
+        if name in nodes:
+            return f"without nodes the {robot} is simulated: describe it in {robot}_sim."
+    near = difflib.get_close_matches(name, TABLES, n=1)
+    return f"did you mean {near[0]}?" if near else f"known are {', '.join((*TABLES, *_OTHERS))}."

@@ -10,7 +10,7 @@ from pathlib import Path
 import zstandard
 
 from haptic_teleop_control.command_line import run_command
-from haptic_teleop_control.errors import ConfigurationError, RecordingError
+from haptic_teleop_control.errors import ConfigurationError
 from haptic_teleop_control.recording.bag_files import open_storage
 from haptic_teleop_control.recording.bag_folder import Bag, describe, open_bag
 from haptic_teleop_control.recording.bag_metadata import offered_qos
@@ -23,7 +23,7 @@ STATUSES = """exit status:
   0  the recording was whole; the copy holds all of it
   3  something was lost; the copy holds the rest
   1  nothing could be recovered; no copy was written
-  2  bad arguments, or the output exists already
+  2  bad arguments: no recording there, or the output exists already
 
 The recording itself is never changed."""
 
@@ -90,11 +90,7 @@ def _main(argv: list[str]) -> int:
         raise ConfigurationError(
             f"{output}: it exists already and is not overwritten: name another with --output"
         )
-    try:
-        bag = open_bag(source)
-    except RecordingError as error:
-        print(f"error: {error}", file=sys.stderr)
-        return NOTHING
+    bag = open_bag(source)
     if bag.storage != "mcap":
         raise ConfigurationError(
             f"{source}: it is an SQLite3 recording: recover it with `sqlite3 FILE.db3 .recover`"
