@@ -81,6 +81,19 @@ def test_the_offset_of_a_current_sense_makes_no_right_model_look_wrong_in_compar
     assert min(result["fits"][str(model)][str(bag)].values()) > 90.0
 
 
+def test_where_two_predictors_disagree_the_ways_out_are_told_once(tmp_path, shared_data, repository, capsys):
+    pendulum = repository / "tests" / "data" / "dfki_gravity_coulomb.yaml"
+    bag = shared_data / "real" / "dfki" / "estimation"
+    arguments = ["--model", str(pendulum), "--bag", str(bag), "--output"]
+    assert main([*arguments, str(tmp_path / "one")]) == 0
+    told = " ".join(capsys.readouterr().out.split())
+    assert told.count("which chance does not explain") > 1
+    assert told.count("trust --method output-error") == 1
+    assert told.count("--multi-start 6 begins at others") == 1
+    assert main([*arguments, str(tmp_path / "two"), "--multi-start", "2"]) == 0
+    assert "--multi-start" not in capsys.readouterr().out
+
+
 def test_an_empty_recording(tmp_path, model, recording, capsys):
     empty = kept(recording.topics["/sfj/joint_states"], slice(0, 0))
     bag = write_recording(tmp_path / "empty", {"/sfj/joint_states": empty}, {}, {})

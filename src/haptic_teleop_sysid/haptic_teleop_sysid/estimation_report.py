@@ -29,6 +29,7 @@ _OPEN = (
     "--method output-error."
 )
 _LOOPED = "Something is missing from the model, or acts that nobody recorded: look at the residuals first."
+_FURTHER = "The search may also have ended beside the best place: --multi-start 6 begins at others, too."
 
 
 @dataclass(frozen=True)
@@ -130,7 +131,12 @@ def verdict(result: Result) -> list[tuple[str, str]]:
         for name, value in found.disagreement().items():
             ahead = 0.0 if found.far_sighted is None else found.far_sighted.ahead
             sentence = _DISAGREEMENT.format(ahead=ahead, value=value)
-            told.append(("bad", f"{name}: {sentence} {_LOOPED if looped else _OPEN}"))
+            told.append(("bad", f"{name}: {sentence}"))
+        if found.disagreement():
+            told.append(("bad", _LOOPED if looped else _OPEN))
+        beside = found.fit is not None and bool(found.fit.at_bound)
+        if (found.disagreement() or beside) and not found.starts:
+            told.append(("plain", _FURTHER))
         if found.far_sighted is not None and not found.far_sighted.values:
             told.append(("plain", "The cross-check by looking further ahead did not arrive: it is silent."))
         for name in found.uncertainty.near_zero:
