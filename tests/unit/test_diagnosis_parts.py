@@ -9,7 +9,14 @@ import pytest
 from haptic_teleop_sim.effects import EFFECTS
 from haptic_teleop_sim.model import Effect, Model
 from haptic_teleop_sysid.diagnosis.candidates import candidates, larger_starts
-from haptic_teleop_sysid.diagnosis.decide import LEAST_GAIN, LEAST_HELD_OUT, LEAST_SHARE, choose
+from haptic_teleop_sysid.diagnosis.decide import (
+    CLEAR_GAIN,
+    LEAST_AGAINST,
+    LEAST_GAIN,
+    LEAST_HELD_OUT,
+    LEAST_SHARE,
+    choose,
+)
 from haptic_teleop_sysid.diagnosis.explore import Explanation
 from haptic_teleop_sysid.diagnosis.material import material
 from haptic_teleop_sysid.diagnosis.residual import conditions, intervals
@@ -217,7 +224,7 @@ def test_larger_starts_leave_alone_what_is_linear(scales):
     ("effect", "place", "parameters", "expected"),
     [
         ("coulomb_friction", "motor", {"torque": 0.1}, True),
-        ("coulomb_friction", "motor", {"torque": 1e-4}, False),
+        ("coulomb_friction", "motor", {"torque": 2e-5}, False),
         ("stribeck_friction", "motor", {"coulomb": 0.2, "breakaway": 0.3, "velocity": 0.1}, True),
         ("stribeck_friction", "motor", {"coulomb": 0.2, "breakaway": 0.22, "velocity": 0.1}, False),
         ("stribeck_friction", "motor", {"coulomb": 0.2, "breakaway": 0.3, "velocity": 1e-6}, False),
@@ -226,27 +233,27 @@ def test_larger_starts_leave_alone_what_is_linear(scales):
         ("presliding_friction", "motor", {"torque": 0.2, "stiffness": 10.0}, True),
         ("presliding_friction", "motor", {"torque": 0.2, "stiffness": 1000.0}, False),
         ("torque_ripple", "motor", {"amplitude": 0.2, "order": 10.0}, True),
-        ("torque_ripple", "motor", {"amplitude": 1e-4, "order": 10.0}, False),
+        ("torque_ripple", "motor", {"amplitude": 2e-5, "order": 10.0}, False),
         ("torque_ripple", "motor", {"amplitude": 0.2, "order": 0.1}, False),
         ("position_dependent_friction", "arm", {"torque": 0.1, "amplitude": 0.1, "order": 9.0}, True),
         ("position_dependent_friction", "arm", {"torque": 0.1, "amplitude": 0.01, "order": 9.0}, False),
         ("input_delay", "actuator", {"delay": 0.004}, True),
-        ("input_delay", "actuator", {"delay": 0.001}, False),
+        ("input_delay", "actuator", {"delay": 0.0001}, False),
         ("channel_skew", "arm_encoder", {"delay": -0.004}, True),
         ("actuator_lag", "actuator", {"time_constant": 0.02}, True),
         ("backlash", "joint", {"width": 0.01}, True),
         ("backlash", "joint", {"width": 1e-5}, False),
         ("encoder_scale", "arm_encoder", {"scale": 1.01}, True),
-        ("encoder_scale", "arm_encoder", {"scale": 1.001}, False),
+        ("encoder_scale", "arm_encoder", {"scale": 1.0002}, False),
         ("torque_saturation", "actuator", {"limit": 2.0}, True),
         ("torque_saturation", "actuator", {"limit": 100.0}, False),
         ("payload_change", "arm", {"time": 4.0, "inertia": 0.05}, True),
-        ("payload_change", "arm", {"time": 4.0, "inertia": 0.001}, False),
+        ("payload_change", "arm", {"time": 4.0, "inertia": 1e-5}, False),
         ("payload_change", "arm", {"time": 0.01, "inertia": 0.05}, False),
         ("hard_stop", "arm", {"angle": 0.05, "stiffness": 10.0}, True),
         ("hard_stop", "arm", {"angle": 3.0, "stiffness": 10.0}, False),
         ("friction_drift", "motor", {"change": 0.3, "time_constant": 3.0}, True),
-        ("friction_drift", "motor", {"change": 0.01, "time_constant": 3.0}, False),
+        ("friction_drift", "motor", {"change": 0.001, "time_constant": 3.0}, False),
     ],
 )
 def test_only_sizes_that_matter_bear_a_name(scales, effect, place, parameters, expected):
@@ -267,8 +274,15 @@ def test_a_clean_recording_yields_no_choice():
 
 
 def test_an_effect_that_gains_only_where_it_was_fitted_is_refused():
-    assert choose([explanation("coulomb_friction", 500.0, 0.5 * LEAST_HELD_OUT)], 0.0, False) is None
+    assert choose([explanation("coulomb_friction", 500.0, -2.0 * LEAST_AGAINST)], 0.0, False) is None
+    weak = 0.5 * (LEAST_GAIN + CLEAR_GAIN)
+    assert choose([explanation("coulomb_friction", weak, 0.5 * LEAST_HELD_OUT)], 0.0, False) is None
     assert choose([explanation("coulomb_friction", 0.5 * LEAST_GAIN, 500.0)], 0.0, False) is None
+
+
+def test_a_stop_that_the_other_recordings_never_reached_is_found_all_the_same():
+    stop = explanation("hard_stop", 300.0, 0.1, place="arm", angle=0.2, stiffness=50.0)
+    assert choose([stop], 0.0, False).chosen is stop
 
 
 def test_an_immaterial_effect_is_refused():

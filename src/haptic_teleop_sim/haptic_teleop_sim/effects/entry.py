@@ -45,6 +45,7 @@ class EffectParameter:
         "deflection",
         "velocity",
         "stiffness",
+        "torque_per_angle",
         "damping",
         "inertia",
         "drag",

@@ -111,8 +111,9 @@ PRESLIDING = EffectEntry(
             "stiffness of the contact before it slides",
             minimum=1e-9,
             typical=3.0,
-            scale="stiffness",
-            grid=(1.0, 4.0, 16.0),
+            # A hundredth of the torque over a hundredth to a sixth of the angle that was reached.
+            scale="torque_per_angle",
+            grid=(1.0, 0.25, 0.06),
             neutral=None,
         ),
     ),

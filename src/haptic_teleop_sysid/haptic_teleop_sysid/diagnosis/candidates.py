@@ -13,8 +13,6 @@ from .scales import Scales
 
 #: Share of the typical size at which a candidate is linearised: small, but not at the bound.
 SMALL = 0.05
-#: Effects that do not exist at a small size without turning into another one.
-_FULL_SIZE = ("presliding_friction",)
 #: Only one of each of these groups at one place: they are forms of one thing.
 FAMILIES = (
     (
@@ -119,8 +117,7 @@ def _values(entry: EffectEntry, parameter: EffectParameter, scales: Scales, plac
         return (0.0,)
     if parameter.neutral is None:
         return (parameter.typical * scale,)
-    share = 1.0 if entry.name in _FULL_SIZE else SMALL
-    return (parameter.neutral + share * (parameter.typical * scale - parameter.neutral),)
+    return (parameter.neutral + SMALL * (parameter.typical * scale - parameter.neutral),)
 
 
 def shape_parameters(entry: EffectEntry) -> tuple[str, ...]:

@@ -14,8 +14,12 @@ from .explore import Explanation
 
 #: Nats that an effect must gain on the estimation and on the validation recordings. Set on development
 #: recordings, of which few are clean: docs/diagnosis.md says which, and what has to be measured yet.
-LEAST_GAIN = 15.0
-LEAST_HELD_OUT = 5.0
+LEAST_GAIN = 12.0
+LEAST_HELD_OUT = 3.0
+#: From this gain on the estimation recordings it suffices that the validation recordings do not speak against
+#: the effect (by more than LEAST_AGAINST nats): they may not have reached the stop or the limit at all.
+CLEAR_GAIN = 30.0
+LEAST_AGAINST = 2.0
 #: A second effect must gain at least this share of the first: smaller ones are what a slightly wrong form of
 #: the first leaves behind.
 LEAST_SHARE = 0.15
@@ -23,7 +27,9 @@ LEAST_SHARE = 0.15
 LEAST_SHARE_UNSURE = 0.3
 #: Explanations whose score is within this share of the best one's are as good: forms of friction differ by
 #: more, while the noise of real recordings is not white to within a few percent.
-AS_GOOD = 0.03
+AS_GOOD = 0.01
+#: Nats by which rivals may differ by chance beside that.
+BY_CHANCE = 3.0
 #: Percent of simulated fit that a rival may be worse before its weight falls to a third.
 SIMULATED_MARGIN = 4.0
 #: Standard errors that an effect's size must differ by from none at all.
@@ -64,15 +70,14 @@ def choose(
         e
         for e in found
         if e.material
-        and e.gain >= LEAST_GAIN
-        and e.held_out >= LEAST_HELD_OUT
+        and _gains_enough(e)
         and e.score >= LEAST_SHARE * best_so_far
         and significant(e)
     ]
     if not good:
         return None
     best = max(good, key=lambda e: e.score)
-    margin = 6.0 + AS_GOOD * best.score
+    margin = BY_CHANCE + AS_GOOD * best.score
     close = [e for e in good if e.score > best.score - 3.0 * margin]
     weights = np.array([np.exp((e.score - best.score) / margin) * _prior(e, sense_follows) for e in close])
     # What lies a whole margin behind is hardly a rival.
@@ -88,6 +93,12 @@ def choose(
     if choice.ambiguous and choice.chosen.score < LEAST_SHARE_UNSURE * best_so_far:
         return None
     return choice
+
+
+def _gains_enough(explanation: Explanation) -> bool:
+    if explanation.gain >= CLEAR_GAIN:
+        return explanation.held_out >= -LEAST_AGAINST
+    return explanation.gain >= LEAST_GAIN and explanation.held_out >= LEAST_HELD_OUT
 
 
 def _prior(explanation: Explanation, sense_follows: bool) -> float:

@@ -11,7 +11,7 @@ from haptic_teleop_sim.model import Effect, Model
 from haptic_teleop_sysid.estimation.gauss_newton import Fit, fit_parameters
 from haptic_teleop_sysid.estimation.noise import NoiseModel
 from haptic_teleop_sysid.estimation.records import Record
-from haptic_teleop_sysid.estimation.whole_fit import fit_whole
+from haptic_teleop_sysid.estimation.whole_fit import fit_whole, noise_starts
 
 from .candidates import candidates, companion, contacts, larger_starts
 from .material import material
@@ -106,20 +106,32 @@ def explore(
         return explore(better, lab, estimation, validation, scales, progress, again=False)
     fit = better
     say("judging on recordings that were not fitted")
-    levels = [fit.noise, *(f.noise for f in fits[:_MOST_ABLATED])]
-    before = held_out_likelihood(fit, validation, levels)
+    return fit, judged(fit, fits, validation, scales)
+
+
+def judged(
+    fit: Fit, fits: Sequence[Fit], validation: Sequence[Record], scales: Scales
+) -> list[Explanation]:
+    """The fits as explanations beside ``fit``, best first (material ones before others)."""
+    levels = [fit.noise, *(f.noise for f in fits[:_MOST_ABLATED]), *noise_starts(fit.model, validation)]
+    before = held_out_fit(fit, validation, levels)
+    after = [held_out_fit(f, validation, [f.noise, before.noise]) for f in fits]
+    if after:
+        # Levels that a rival found are good enough for the model without it.
+        best = max(after, key=lambda f: f.log_likelihood)
+        before = max(before, held_out_fit(fit, validation, [best.noise]), key=lambda f: f.log_likelihood)
     index = len(fit.model.effects)
     found = [
         Explanation(
             f,
             f.log_likelihood - fit.log_likelihood,
-            held_out_likelihood(f, validation, [f.noise, fit.noise]) - before,
+            there.log_likelihood - before.log_likelihood,
             material(f.model.effects[index], scales),
             index,
         )
-        for f in fits
+        for f, there in zip(fits, after, strict=True)
     ]
-    return fit, sorted(found, key=lambda e: (not e.material, -e.score))
+    return sorted(found, key=lambda e: (not e.material, -e.score))
 
 
 def shortlist(fit: Fit, records: Sequence[Record], scales: Scales) -> list[Screened]:
@@ -179,19 +191,16 @@ def best_of_each(fits: Sequence[Fit], index: int) -> list[Fit]:
     return sorted(best.values(), key=lambda f: -f.log_likelihood)
 
 
-def held_out_likelihood(
-    fit: Fit, records: Sequence[Record], levels: Sequence[NoiseModel] | None = None
-) -> float:
-    """Log-likelihood of other recordings: the model as it was fitted, the noise levels as these recordings
-    have them, sought from all of ``levels``.
+def held_out_fit(fit: Fit, records: Sequence[Record], levels: Sequence[NoiseModel]) -> Fit:
+    """Other recordings under the model as it was fitted, with the noise levels as these recordings have them,
+    sought from all of ``levels``.
 
     Levels carried over would judge the noise, not the physics: a disturbance may be larger on another day,
     and a model that leaves nothing unexplained has levels near zero, under which the smallest further effect
     is a catastrophe.
     """
-    starts = [fit.noise] if levels is None else levels
-    ends = [fit_whole(fit.model, noise, records, free=(), iterations=_LAST_STEPS) for noise in starts]
-    return max(end.log_likelihood for end in ends)
+    ends = [fit_whole(fit.model, noise, records, free=(), iterations=_LAST_STEPS) for noise in levels]
+    return max(ends, key=lambda end: end.log_likelihood)
 
 
 def trial(

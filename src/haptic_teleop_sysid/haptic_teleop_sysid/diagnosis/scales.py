@@ -61,6 +61,7 @@ def recording_scales(model: Model, records: Sequence[Record]) -> Scales:
         "deflection": deflection,
         "velocity": velocity,
         "stiffness": stiffness,
+        "torque_per_angle": torque / angle,
         "damping": max(float(p["motor_damping"]), 0.1 * torque / velocity),
         "inertia": float(p.get("arm_inertia", p["motor_inertia"])),
         "drag": 0.3 * torque / velocity**2,

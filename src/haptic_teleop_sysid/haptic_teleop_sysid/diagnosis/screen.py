@@ -13,9 +13,8 @@ from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
-from haptic_teleop_sim.kernel import pack
+from haptic_teleop_sim.kernel import Prediction, pack
 from haptic_teleop_sim.model import Effect
 from haptic_teleop_sysid.estimation.gauss_newton import OVERFLOW, Fit, bounds, gauss_newton_step, whiten
 from haptic_teleop_sysid.estimation.likelihood import innovations, log_likelihood
@@ -41,7 +40,7 @@ def screen(
     result = []
     packed = pack(fit.model)
     # The derivatives by the structure's parameters hardly change with a small effect: one run serves for all.
-    structure = [innovations(packed, fit.noise, r, fit.free).d_innovation for r in records]
+    structure = [innovations(packed, fit.noise, r, fit.free) for r in records]
     for effect in effects:
         found = _score(fit, records, effect, structure)
         if found is not None:
@@ -52,7 +51,7 @@ def screen(
 
 
 def _score(
-    fit: Fit, records: Sequence[Record], effect: Effect, structure: Sequence[NDArray[np.float64]]
+    fit: Fit, records: Sequence[Record], effect: Effect, structure: Sequence[Prediction]
 ) -> Screened | None:
     model = fit.model.with_effects(effect)
     shapes = shape_parameters(effect.entry)
@@ -60,21 +59,24 @@ def _score(
     own = [head + n for n in effect.parameters if n not in shapes]
     packed = pack(model)
     predictions = [innovations(packed, fit.noise, r, tuple(own)) for r in records]
-    value = log_likelihood(packed, records, [p.innovation for p in predictions])
-    if not np.isfinite(value):
+    if not all(np.all(np.isfinite(p.innovation)) for p in predictions):
         return None
     size = len(fit.free) + len(own)
     information, gradient = np.zeros((size, size)), np.zeros(size)
-    for record, prediction, columns in zip(records, predictions, structure, strict=True):
-        slopes = np.concatenate([columns, prediction.d_innovation], axis=2)
+    columns = []
+    for record, prediction, before in zip(records, predictions, structure, strict=True):
+        slopes = np.concatenate([before.d_innovation, prediction.d_innovation], axis=2)
         if not np.max(np.abs(slopes), initial=0.0) < OVERFLOW:
             return None
-        whitened, jacobian = whiten(packed, record, prediction.innovation, slopes)
+        # In units of what is left without the effect: at a size that is large against the noise, the effect's
+        # own innovations would hide what it could explain at a smaller one.
+        whitened, jacobian = whiten(packed, record, prediction.innovation, slopes, before.innovation)
         information += jacobian.T @ jacobian
         gradient += jacobian.T @ whitened
-    active = np.ones(size, dtype=bool)
-    step = gauss_newton_step(information, gradient, 1e-9, active)
-    gain = value - fit.log_likelihood - 0.5 * float(gradient @ step)
+        columns.append(slopes)
+    step = gauss_newton_step(information, gradient, 1e-9, np.ones(size, dtype=bool))
+    promised = [p.innovation + slopes @ step for p, slopes in zip(predictions, columns, strict=True)]
+    gain = log_likelihood(packed, records, promised) - fit.log_likelihood
     sizes = {
         n.removeprefix(head): model.parameter_values()[n] + step[len(fit.free) + i] for i, n in enumerate(own)
     }

@@ -91,12 +91,18 @@ def normal_equations(
 
 
 def whiten(
-    packed: Packed, record: Record, innovation: FloatArray, slope: FloatArray
+    packed: Packed,
+    record: Record,
+    innovation: FloatArray,
+    slope: FloatArray,
+    reference: FloatArray | None = None,
 ) -> tuple[FloatArray, FloatArray]:
-    """Innovations (m,) and their derivatives (m, p) in units of their standard deviation, channels
-    decorrelated; of the innovations (n, 2) and their derivatives (n, 2, p)."""
+    """Innovations (m,) and their derivatives (m, p) in units of their standard deviation (or that of
+    ``reference`` (n, 2)), channels decorrelated; of the innovations (n, 2) and their derivatives (n, 2, p).
+    """
     chosen = channels(packed, record)
-    weight = np.linalg.inv(np.linalg.cholesky(covariance(packed, record, innovation))).T
+    spread = covariance(packed, record, innovation if reference is None else reference)
+    weight = np.linalg.inv(np.linalg.cholesky(spread)).T
     e = settled(record, innovation)[:, chosen] @ weight
     d = settled(record, slope)[:, chosen]
     jacobian = np.einsum("nip,ik->nkp", d, weight).reshape(-1, d.shape[2])

@@ -1,0 +1,88 @@
+"""Parameters and noise levels fitted at once: they arrive at the same top from anywhere, and no lower than
+the truth lies."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from identification_plants import STAGE, off
+
+from haptic_teleop_sim.kernel import pack
+from haptic_teleop_sysid.estimation.gauss_newton import fit_parameters
+from haptic_teleop_sysid.estimation.likelihood import innovations, log_likelihood
+from haptic_teleop_sysid.estimation.noise import NoiseModel
+from haptic_teleop_sysid.estimation.records import Record
+from haptic_teleop_sysid.estimation.tuning import initial_noise
+from haptic_teleop_sysid.estimation.whole_fit import fit_from_scratch, fit_whole
+
+DT = 0.002
+TRUE = NoiseModel(0.02, 0.002, 2e-5, 1e-4, motor_time=0.004, arm_time=0.05)
+
+
+@pytest.fixture(scope="module")
+def record():
+    """A stage with coloured torques on motor and arm, integrated by the matrix exponential."""
+    from scipy.linalg import expm
+
+    p = STAGE.parameters
+    ks, jm, ja = p["stiffness"], p["motor_inertia"], p["arm_inertia"]
+    a = np.zeros((7, 7))
+    a[0, 2] = a[1, 3] = 1.0
+    a[2, :] = np.array([-ks, ks, -p["motor_damping"], 0.0, 1.0, 0.0, p["torque_constant"]]) / jm
+    a[3, :] = np.array([ks, -ks, 0.0, -p["arm_damping"], 0.0, 1.0, 0.0]) / ja
+    step = expm(a * DT)[:4]
+    rng = np.random.default_rng(5)
+    n = 6000
+    current = np.repeat(rng.uniform(-0.2, 0.2, n // 20), 20)
+    decay = np.array(TRUE.decay(DT))
+    level = np.array([TRUE.motor_torque, TRUE.arm_torque])
+    x, d = np.zeros(4), level * rng.standard_normal(2)
+    measured = np.empty((n, 2))
+    for k in range(n):
+        measured[k] = x[:2]
+        x = step @ np.r_[x, d, current[k]]
+        d = decay * d + level * np.sqrt(1.0 - decay**2) * rng.standard_normal(2)
+    measured += rng.standard_normal((n, 2)) * [TRUE.motor_angle, TRUE.arm_angle]
+    return Record("made", DT, current, measured, np.zeros(n), (7e-5, 3.5e-4))
+
+
+def likelihood(model, noise, record):
+    packed = pack(model)
+    return log_likelihood(packed, [record], [innovations(packed, noise, record).innovation])
+
+
+def test_the_top_is_reached_from_every_start_and_lies_above_the_truth(record):
+    start = initial_noise(pack(STAGE), [record])
+    tops = [
+        fit_whole(off(STAGE, 1), replace(start, motor_time=t, arm_time=t), [record], iterations=30)
+        for t in (1.0, 0.1, 0.01)
+    ]
+    assert max(f.log_likelihood for f in tops) - min(f.log_likelihood for f in tops) < 1.0
+    # Five parameters and five levels gain half a nat each over the truth, give or take.
+    assert 0.0 < tops[0].log_likelihood - likelihood(STAGE, TRUE, record) < 20.0
+
+
+def test_levels_come_out_as_they_were_made(record):
+    found = fit_from_scratch(off(STAGE, 2), [record]).noise
+    # The motor's encoder is the unit: the other levels are told relative to it.
+    unit = TRUE.motor_angle / found.motor_angle
+    assert found.motor_time == pytest.approx(TRUE.motor_time, rel=0.3)
+    assert unit * found.motor_torque == pytest.approx(TRUE.motor_torque, rel=0.3)
+    assert unit * found.arm_angle == pytest.approx(TRUE.arm_angle, rel=0.3)
+
+
+def test_parameters_are_less_sure_when_the_levels_are_unknown_too(record):
+    whole = fit_from_scratch(STAGE, [record])
+    held = fit_parameters(whole.model, whole.noise, [record])
+    values, true = whole.model.parameter_values(), STAGE.parameter_values()
+    errors = np.sqrt(np.diag(np.linalg.inv(whole.information)))
+    for name, error in zip(whole.free, errors, strict=True):
+        assert abs(values[name] - true[name]) < 4.0 * error
+    assert np.all(errors > 0.8 * np.sqrt(np.diag(np.linalg.inv(held.information))))
+
+
+def test_a_bound_is_kept(record):
+    start = initial_noise(pack(STAGE), [record])
+    kept = fit_whole(STAGE, start, [record], limits={"arm_inertia": (0.15, 0.165)})
+    assert kept.model.parameters["arm_inertia"] <= 0.165
+    assert "arm_inertia" in kept.at_bound
