@@ -103,7 +103,7 @@ def test_an_empty_recording(tmp_path, model, recording, capsys):
     assert "nothing" in told
 
 
-def test_a_truncated_recording_is_used_as_far_as_it_goes_and_says_so(tmp_path, model, recording):
+def test_a_truncated_recording_is_used_as_far_as_it_goes_and_says_so(tmp_path, model, recording, capsys):
     bag = written(tmp_path, recording)
     file = next(bag.glob("*.mcap"))
     file.write_bytes(file.read_bytes()[: int(0.7 * file.stat().st_size)])
@@ -111,6 +111,9 @@ def test_a_truncated_recording_is_used_as_far_as_it_goes_and_says_so(tmp_path, m
     result = json.loads((tmp_path / "o" / "estimate.json").read_text())
     assert result["recordings"][str(bag)]["problems"]
     assert result["recordings"][str(bag)]["samples"] < SECONDS * 500
+    capsys.readouterr()
+    assert compare_main(["--model", str(model), "--bag", str(bag), "--output", str(tmp_path / "c")]) == 0
+    assert "messages are there" in " ".join(capsys.readouterr().err.split())
 
 
 def test_a_recording_with_a_single_joint(tmp_path, model, recording, capsys):
@@ -134,6 +137,8 @@ def test_an_input_that_never_changes(tmp_path, model, recording, capsys):
     bag = write_recording(tmp_path / "constant", topics, {}, {})
     told = refused(capsys, "--model", model, "--bag", bag, "--output", tmp_path / "o")
     assert "not identifiable" in told and "never changes" in told
+    arguments = ["--model", model, "--bag", bag, "--output", tmp_path / "o", "--fit-parameters"]
+    assert "never changes" in refused(capsys, *arguments, command=compare_main)
 
 
 def test_a_joint_that_stands_still(tmp_path, model, recording, capsys):

@@ -19,9 +19,10 @@ from haptic_teleop_sim.model import Model, load_model
 from haptic_teleop_sysid.comparison_report import comparison_page, comparison_pictures, comparison_table
 from haptic_teleop_sysid.dataset import DataSet, load_dataset
 from haptic_teleop_sysid.estimation.records import with_trusted_input
+from haptic_teleop_sysid.excitation import refuse_idle
 from haptic_teleop_sysid.fit import SimulatedFit, choose_windows, simulated_fit
 from haptic_teleop_sysid.parameter_fit import ParameterFit, fit_parameters
-from haptic_teleop_sysid.preparation import refuse_huge
+from haptic_teleop_sysid.preparation import refuse_huge, with_damage_told
 from haptic_teleop_sysid.report import claim_output_directory, save_png
 from haptic_teleop_sysid.residuals import Residuals, model_residuals
 from haptic_teleop_sysid.results import tool_version, write_json
@@ -56,8 +57,8 @@ def compare(
 
     The first model is the baseline: it decides the windows where `window` leaves them open. With
     `fit_free_parameters` each model's free parameters are first fitted to the first recording, and all
-    recordings are judged with the result. Raises ConfigurationError for models of different joints, and what
-    `load_dataset` raises.
+    recordings are judged with the result. Raises ConfigurationError for models of different joints, what
+    `load_dataset` raises, and RecordingError where parameters are to be fitted and nothing was put in or moved.
     """
     joints = {(model.robot, model.joint): name for name, model in models.items()}
     if len(joints) > 1:
@@ -68,12 +69,15 @@ def compare(
         for name, model in models.items():
             # As in `estimate`: the offset of a current sense would let a right model drift away.
             dataset = with_trusted_input(load_dataset(recording, model, bag, allow_gaps))
+            dataset = with_damage_told(dataset, recording)
             data[name, bag] = dataset if span is None else dataset.between(*span)
     first = next(iter(models))
     windows = {bag: choose_windows(models[first], data[first, bag], window) for bag in recordings}
     fitted: dict[str, ParameterFit] = {}
     if fit_free_parameters:
         learned = next(iter(recordings))
+        for name in models:
+            refuse_idle(data[name, learned])
         fitted = {
             name: fit_parameters(model, [(data[name, learned], windows[learned])])
             for name, model in models.items()

@@ -25,7 +25,13 @@ from haptic_teleop_sysid.estimation.strategies import METHODS, check_start, esti
 from haptic_teleop_sysid.estimation_report import Result, as_json, fit_picture, page, tables, verdict
 from haptic_teleop_sysid.excitation import at_values, refuse_idle
 from haptic_teleop_sysid.fit import choose_windows, simulated_fit
-from haptic_teleop_sysid.preparation import MOST_SAMPLES, Treatment, prepare, refuse_huge
+from haptic_teleop_sysid.preparation import (
+    MOST_SAMPLES,
+    Treatment,
+    prepare,
+    refuse_huge,
+    with_damage_told,
+)
 from haptic_teleop_sysid.report import claim_output_directory, save_png
 from haptic_teleop_sysid.residuals import residual_analysis
 from haptic_teleop_sysid.results import tool_version, write_json
@@ -44,10 +50,7 @@ def load(
     for bag in bags:
         refuse_huge(bag)
         recording = read_recording(bag)
-        dataset = load_dataset(recording, model, bag, allow_gaps)
-        # Damage to the file is told with the result, not only what the stream's stamps show.
-        told_already = [p for p in recording.problems if p not in dataset.problems]
-        dataset = replace(dataset, problems=(*told_already, *dataset.problems))
+        dataset = with_damage_told(load_dataset(recording, model, bag, allow_gaps), recording)
         refuse_idle(dataset)
         data[bag], told[bag] = prepare(dataset, recording, model, treatment)
         refuse_idle(data[bag])

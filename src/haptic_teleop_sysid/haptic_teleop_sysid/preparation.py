@@ -71,6 +71,13 @@ def refuse_huge(path: str | Path) -> None:
         )
 
 
+def with_damage_told(dataset: DataSet, recording: Recording) -> DataSet:
+    """The data set whose problems also tell of damage to the file, not only of what the stream's stamps
+    show."""
+    others = [p for p in recording.problems if p not in dataset.problems]
+    return replace(dataset, problems=(*others, *dataset.problems))
+
+
 def prepare(
     dataset: DataSet, recording: Recording, model: Model, treatment: Treatment
 ) -> tuple[DataSet, list[str]]:
