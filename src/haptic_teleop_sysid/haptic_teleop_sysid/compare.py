@@ -58,7 +58,7 @@ def compare(
     The first model is the baseline: it decides the windows where `window` leaves them open. With
     `fit_free_parameters` each model's free parameters are first fitted to the first recording, and all
     recordings are judged with the result. Raises ConfigurationError for models of different joints, what
-    `load_dataset` raises, and RecordingError where parameters are to be fitted and nothing was put in or moved.
+    `load_dataset` raises, and RecordingError where there is nothing to fit parameters to.
     """
     joints = {(model.robot, model.joint): name for name, model in models.items()}
     if len(joints) > 1:
