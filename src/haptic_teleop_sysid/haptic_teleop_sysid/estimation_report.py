@@ -134,7 +134,7 @@ def verdict(result: Result) -> list[tuple[str, str]]:
             told.append(("bad", f"{name}: {sentence}"))
         if found.disagreement():
             told.append(("bad", _LOOPED if looped else _OPEN))
-        beside = found.fit is not None and bool(found.fit.at_bound)
+        beside = not found.converged or (found.fit is not None and bool(found.fit.at_bound))
         if (found.disagreement() or beside) and not found.starts:
             told.append(("plain", _FURTHER))
         if found.far_sighted is not None and not found.far_sighted.values:
