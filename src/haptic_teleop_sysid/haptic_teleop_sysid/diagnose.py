@@ -19,6 +19,7 @@ from haptic_teleop_control.errors import RecordingError
 from haptic_teleop_control.recording import read_recording
 from haptic_teleop_sim.model import Model, load_model
 from haptic_teleop_sysid.dataset import DataSet, load_dataset
+from haptic_teleop_sysid.diagnosis.doubt import doubted
 from haptic_teleop_sysid.diagnosis.experiment import suggest
 from haptic_teleop_sysid.diagnosis.page import diagnosis_page
 from haptic_teleop_sysid.diagnosis.proof import Course, Proof, mean_percent, prove
@@ -119,9 +120,12 @@ def diagnose(
         gained = sum(percent(free.final.model)) - sum(percent(kept.final.model))
         if free.choices and (not kept.choices or gained > LEAST_PERCENT):
             kept = free
-    result = kept
+    say("doubting")
+    result, doubt = doubted(
+        kept, learn, judge, lambda candidate: float(np.mean(course.percent(candidate)[n:]))
+    )
     say("deciding")
-    verdict = decide_verdict(result, learn, judge)
+    verdict = decide_verdict(result, learn, judge, doubt)
     say("simulating both models on all recordings")
     proof = prove(result.baseline.model, result.final.model, course)
     say("choosing the next experiment")
@@ -151,6 +155,8 @@ def diagnose(
         "next_experiment": next_experiment(result, verdict, learn),
         "baseline_parameters": result.baseline.model.parameter_values(),
     }
+    if doubt is not None:
+        content["doubt"] = doubt.why
     if verdict.kind == "unknown" and verdict.remaining:
         best = verdict.remaining[0]
         content["residual_curve"] = {
@@ -233,6 +239,8 @@ def run(argv: list[str]) -> int:
 def summary(content: dict[str, Any]) -> str:
     """The verdict in a few lines for the terminal."""
     lines = [f"verdict: {content['verdict']}"]
+    if "doubt" in content:
+        lines.append(f"  because {content['doubt']}")
     for f in content["findings"]:
         numbers = ", ".join(
             f"{n} {p['value']:.4g} ± {p['std']:.1g} {p['unit']}" for n, p in f["parameters"].items()

@@ -20,11 +20,12 @@ LEAST_HELD_OUT = 3.0
 #: the effect (by more than LEAST_AGAINST nats): they may not have reached the stop or the limit at all.
 CLEAR_GAIN = 30.0
 LEAST_AGAINST = 2.0
-#: A second effect must gain at least this share of the first: smaller ones are what a slightly wrong form of
-#: the first leaves behind.
-LEAST_SHARE = 0.15
-#: ... and this share when it is not even clear which effect it is.
-LEAST_SHARE_UNSURE = 0.3
+#: A further effect must gain at least this share of the strongest one: smaller ones are what a slightly wrong
+#: form of that leaves behind.
+LEAST_SHARE = 0.02
+#: ... and this share where it is of the same kind at the same place, where such leftovers go first, or where
+#: it is not even clear which effect it is.
+LEAST_SHARE_ALIKE = 0.15
 #: Explanations whose score is within this share of the best one's are as good: forms of friction differ by
 #: more, while the noise of real recordings is not white to within a few percent.
 AS_GOOD = 0.01
@@ -71,7 +72,7 @@ def choose(
         for e in found
         if e.material
         and _gains_enough(e)
-        and e.score >= LEAST_SHARE * best_so_far
+        and e.score >= _least_share(e) * best_so_far
         and significant(e)
     ]
     if not good:
@@ -90,7 +91,7 @@ def choose(
     ranked = [(close[i], float(weights[i])) for i in order]
     rivals = tuple((e, p) for e, p in ranked[1:] if p > 0.02)
     choice = Choice(ranked[0][0], ranked[0][1], rivals)
-    if choice.ambiguous and choice.chosen.score < LEAST_SHARE_UNSURE * best_so_far:
+    if choice.ambiguous and choice.chosen.score < LEAST_SHARE_ALIKE * best_so_far:
         return None
     return choice
 
@@ -99,6 +100,15 @@ def _gains_enough(explanation: Explanation) -> bool:
     if explanation.gain >= CLEAR_GAIN:
         return explanation.held_out >= -LEAST_AGAINST
     return explanation.gain >= LEAST_GAIN and explanation.held_out >= LEAST_HELD_OUT
+
+
+def _least_share(explanation: Explanation) -> float:
+    own = explanation.effect
+    alike = any(
+        (e.entry.kind, e.location) == (own.entry.kind, own.location)
+        for e in explanation.fit.model.effects[: explanation.effect_index]
+    )
+    return LEAST_SHARE_ALIKE if alike else LEAST_SHARE
 
 
 def _prior(explanation: Explanation, sense_follows: bool) -> float:

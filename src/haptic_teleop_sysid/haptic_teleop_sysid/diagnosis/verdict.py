@@ -13,6 +13,7 @@ from haptic_teleop_sysid.estimation.gauss_newton import Fit
 from haptic_teleop_sysid.estimation.records import Record
 
 from .decide import Choice, standard_errors
+from .doubt import Doubt
 from .residual import Condition, conditions, intervals, shares
 from .search import SearchResult
 from .words import because
@@ -38,9 +39,12 @@ class Verdict:
 
 
 def decide_verdict(
-    result: SearchResult, estimation: Sequence[Record], validation: Sequence[Record]
+    result: SearchResult,
+    estimation: Sequence[Record],
+    validation: Sequence[Record],
+    doubt: Doubt | None = None,
 ) -> Verdict:
-    """The verdict on a search."""
+    """The verdict on a search; ``doubt``: what speaks against the names found, or for something unnamed."""
     joint = result.baseline.model.joint
     before = conditions(result.baseline, estimation, validation, joint)
     remaining = conditions(result.final, estimation, validation, joint) if result.choices else before
@@ -49,8 +53,10 @@ def decide_verdict(
     if result.choices:
         kind = "ambiguous" if any(c.ambiguous for c in result.choices) else "identified"
     else:
-        kind = "unknown" if unexplained is not None else "no_mismatch"
+        kind = "unknown" if unexplained is not None or doubt is not None else "no_mismatch"
     where = _where(result, before, estimation, unexplained if kind == "unknown" else None)
+    if doubt is not None and not where:
+        where = [_doubtful_place(doubt, result, before, estimation)]
     return Verdict(kind, where, findings, remaining, before)
 
 
@@ -128,6 +134,22 @@ def _where(
             }
         )
     return rows
+
+
+def _doubtful_place(
+    doubt: Doubt, result: SearchResult, before: Sequence[Condition], estimation: Sequence[Record]
+) -> dict[str, Any]:
+    """Where the unnamed physics sits: at the place of the name that was given up, else at the equation whose
+    disturbance is larger."""
+    model = result.baseline.model
+    motor, arm = shares(result.baseline, estimation)
+    if doubt.choice is not None:
+        effect = doubt.choice.chosen.effect
+        place, condition = effect.location, condition_of(model, effect.effect, effect.location, before)
+    else:
+        place, condition = model.location("motor" if model.rigid or motor >= arm else "arm"), "time"
+    share = arm if place == model.location("arm") else motor
+    return {"equation": place, "share": round(share, 3), "condition": condition, "intervals": []}
 
 
 _CONDITION = {

@@ -1,0 +1,126 @@
+"""Is the named effect really it?  Two questions that likelihoods of rivals do not ask.
+
+A name is only as good as its rivals: what stands for physics that no effect describes wins against all of
+them and is wrong all the same.  But it gives itself away.  Fitted to other recordings it has another size,
+because it imitates; and what the observer corrects stays predictable from one sample to the next, because the
+cause still acts (portmanteau test, Ljung and Box 1978).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from haptic_teleop_sim.kernel import pack
+from haptic_teleop_sim.model import Model
+from haptic_teleop_sysid.estimation.gauss_newton import Fit
+from haptic_teleop_sysid.estimation.likelihood import innovations, settled
+from haptic_teleop_sysid.estimation.records import Record
+from haptic_teleop_sysid.estimation.whole_fit import fit_whole
+
+from .decide import Choice, standard_errors
+from .explore import held_out_fit
+from .search import SearchResult
+
+#: Lags of the portmanteau test; of white innovations it is 25 on average, and 53 once in a thousand.
+LAGS = 25
+#: From this value on both kinds of recordings something is left that acts on from sample to sample.
+COLOURED = 100.0
+#: Share of the baseline's value from which an effect has not explained that.
+UNCHANGED = 0.3
+#: A size is another one on other recordings when it differs by this share and by this many standard errors.
+OTHER_SIZE = 0.4
+OTHER_SIZE_ERRORS = 5.0
+#: A finding that takes away this share of the simulation's error on unseen recordings stays, whatever is left
+#: beside it.
+CLEARLY_BETTER = 0.4
+
+
+@dataclass(frozen=True)
+class Doubt:
+    """``choice``: the finding that was given up, None where nothing was named; ``why`` in words."""
+
+    choice: Choice | None
+    why: str
+
+
+def colour(fit: Fit, records: Sequence[Record]) -> float:
+    """Largest portmanteau statistic of the motor's innovations over the recordings: n times the sum of
+    squared autocorrelations at the first LAGS lags, LAGS on average for white ones."""
+    found = []
+    for record in records:
+        e = settled(record, innovations(pack(fit.model), fit.noise, record).innovation)[:, 0]
+        e = e[np.isfinite(e)] - np.mean(e[np.isfinite(e)])
+        power = float(e @ e)
+        if power <= 0.0 or len(e) <= 2 * LAGS:
+            continue
+        found.append(len(e) * sum((float(e[k:] @ e[:-k]) / power) ** 2 for k in range(1, LAGS + 1)))
+    return max(found, default=0.0)
+
+
+def doubted(
+    result: SearchResult,
+    estimation: Sequence[Record],
+    validation: Sequence[Record],
+    percent: Callable[[Model], float],
+) -> tuple[SearchResult, Doubt | None]:
+    """The result without findings that do not stand up to the two questions, and what was given up.
+
+    ``percent``: simulated fit of a model on unseen recordings.
+    """
+    there = held_out_fit(result.baseline, validation, [result.baseline.noise, result.final.noise])
+    before = colour(result.baseline, estimation), colour(there, validation)
+    if not result.choices:
+        if min(before) > COLOURED:
+            return result, Doubt(None, "the observer keeps correcting in one and the same direction")
+        return result, None
+    kept = list(result.choices)
+    doubt: Doubt | None = None
+    while kept:
+        why = _objection(kept[-1], result.baseline, before, estimation, validation, percent)
+        if why is None:
+            break
+        doubt = Doubt(kept.pop(), why)
+    if doubt is None:
+        return result, None
+    final = kept[-1].chosen.fit if kept else result.baseline
+    without = replace(result, choices=tuple(kept), final=final, last_round=())
+    return without, None if kept else doubt
+
+
+def _objection(
+    choice: Choice,
+    baseline: Fit,
+    before: tuple[float, float],
+    estimation: Sequence[Record],
+    validation: Sequence[Record],
+    percent: Callable[[Model], float],
+) -> str | None:
+    """What speaks against a finding, in words."""
+    fit = choice.chosen.fit
+    there = held_out_fit(fit, validation, [fit.noise])
+    again = fit_whole(fit.model, there.noise, validation, free=fit.free)
+    effect = choice.chosen.effect
+    head = f"{effect.location}.{effect.effect}."
+    here, elsewhere = fit.model.parameter_values(), again.model.parameter_values()
+    std, std_there = standard_errors(fit), standard_errors(again)
+    for parameter in effect.entry.parameters:
+        name = head + parameter.name
+        if name not in fit.free or parameter.default is not None or parameter.neutral is None:
+            continue
+        a, b = here[name] - parameter.neutral, elsewhere[name] - parameter.neutral
+        error = float(np.hypot(std.get(name, 0.0), std_there.get(name, 0.0)))
+        if abs(a - b) > OTHER_SIZE * max(abs(a), abs(b)) and abs(a - b) > OTHER_SIZE_ERRORS * error > 0.0:
+            return (
+                f"fitted to the other recordings, {effect.effect} has another {parameter.name}: "
+                f"{elsewhere[name]:.3g} instead of {here[name]:.3g} {parameter.unit}"
+            )
+    after = colour(fit, estimation), colour(there, validation)
+    error_before, error_after = 100.0 - percent(baseline.model), 100.0 - percent(fit.model)
+    if error_after < (1.0 - CLEARLY_BETTER) * error_before:
+        return None
+    if min(after) > COLOURED and all(a > UNCHANGED * b for a, b in zip(after, before, strict=True)):
+        return f"with {effect.effect} the observer keeps correcting much as it did without"
+    return None
