@@ -101,9 +101,11 @@ def _objection(
     """What speaks against a finding, in words."""
     fit = choice.chosen.fit
     there = held_out_fit(fit, validation, [fit.noise])
-    again = fit_whole(fit.model, there.noise, validation, free=fit.free)
     effect = choice.chosen.effect
     head = f"{effect.location}.{effect.effect}."
+    # The structure stays as it was estimated: other recordings may not determine all of it.
+    own = tuple(name for name in fit.free if name.startswith(head))
+    again = fit_whole(fit.model, there.noise, validation, free=own)
     here, elsewhere = fit.model.parameter_values(), again.model.parameter_values()
     std, std_there = standard_errors(fit), standard_errors(again)
     for parameter in effect.entry.parameters:

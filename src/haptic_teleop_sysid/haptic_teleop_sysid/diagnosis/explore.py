@@ -21,6 +21,8 @@ from .screen import Screened, best_per_effect, screen
 #: Least promised gain (nats) that a re-fit is spent on, and the most re-fits of a round.
 _WORTH_A_FIT = 6.0
 _MOST_FITS = 12
+#: Correlation time of a disturbance that is soon forgotten, s.
+_SOON = 0.02
 #: Starts of one effect that are screened under both noise models.
 _STARTS_ONCE_MORE = 3
 #: Gauss-Newton steps of a trial, of one whose noise levels are fitted with it, and of a fit to the end.
@@ -236,7 +238,12 @@ def _trial(model: Model, effect: Effect, noise: NoiseModel, records: Sequence[Re
 
 
 def _quiet(noise: NoiseModel) -> NoiseModel:
-    return noise.scaled(motor_torque=0.2, arm_torque=0.2)
+    """Weak disturbances that are soon forgotten: strong or lasting ones take up what an effect explains."""
+    return replace(
+        noise.scaled(motor_torque=0.2, arm_torque=0.2),
+        motor_time=min(noise.motor_time, _SOON),
+        arm_time=min(noise.arm_time, _SOON),
+    )
 
 
 def polish(fit: Fit, records: Sequence[Record], steps: int = _LAST_STEPS) -> Fit:
