@@ -10,7 +10,7 @@ parameters at the held gain are exact, those by the gain are differences.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -42,6 +42,8 @@ _STEP = 0.02
 #: No level changes by more than this factor in one step.
 _LARGEST_FACTOR = 16.0
 _TRIES = 6
+#: Nats that a step may promise and not keep at the top.
+_NEXT_TO_NOTHING = 1.0
 #: Correlation times of the disturbances at motor and arm from which a fit starts that knows nothing of the
 #: noise, s: one start alone stops now and then a hundred nats below the top.
 START_TIMES = ((1.0, 1.0), (0.1, 0.1), (0.003, 0.3))
@@ -66,6 +68,7 @@ def fit_whole(
     iterations: int = 10,
     enough: float = 0.3,
     limits: Limits | None = None,
+    progress: Callable[[int, float], None] | None = None,
 ) -> Fit:
     """Maximise the likelihood over the free parameters (all of the model's by default, none for an empty
     tuple) and the noise levels; ends when a step promises less than ``enough`` nats.
@@ -104,7 +107,8 @@ def fit_whole(
         information, gradient = found
         active = ~((theta <= low) & (gradient > 0)) & ~((theta >= high) & (gradient < 0))
         whole = gauss_newton_step(information, gradient, 1e-9, active)
-        if abs(0.5 * float(gradient @ whole)) < enough:
+        promised = abs(0.5 * float(gradient @ whole))
+        if promised < enough:
             converged = True
             break
         before = point.value
@@ -121,9 +125,12 @@ def fit_whole(
                 break
             damping = max(30.0 * damping, 1e-3)
         else:
+            converged = promised < _NEXT_TO_NOTHING
             break
         theta, point = new, trial
         damping = max(damping / 30.0, 1e-8)
+        if progress is not None:
+            progress(count, point.value)
         if point.value - before < 0.1 * enough:
             converged = True
             break
