@@ -369,12 +369,19 @@ def test_from_seed_to_report_with_a_tool_that_sees_nothing(tmp_path: Path) -> No
     recording = read_recording(next(output.glob("cases/*/estimation")))
     assert len(recording.topics["/sfj/joint_states"]) == 12000
     assert command.main([*arguments, "--only", "score"]) == 2  # sealed: nothing has been diagnosed
+    assert command.main([*arguments, "--only", "score", "--partial"]) == 2
+    assert command.main([*arguments, "--partial", "--resume"]) == 2  # partial runs nothing
     assert command.main([*arguments, "--resume", "--command", f"{sys.executable} {fake}"]) == 0
     result = json.loads((output / "blind.json").read_text())
     assert result["summary"]["targets"]["detected"]["hits"] == 0
     assert result["summary"]["targets"]["false_alarms"]["hits"] == 0
     assert "Targets" in (output / "report.html").read_text()
     assert command.main(arguments) == 2  # an earlier run is not overwritten unasked
+    next(output.glob("cases/*/run.json")).unlink()
+    assert command.main([*arguments, "--only", "score"]) == 2  # sealed until all have run
+    assert command.main([*arguments, "--only", "score", "--partial"]) == 0
+    assert json.loads((output / "blind.json").read_text())["cases_run"] == 1
+    assert "The first 1 of these 2 have run" in (output / "table.md").read_text()
 
 
 def test_noise_has_the_level_and_the_memory_that_were_drawn() -> None:

@@ -47,6 +47,9 @@ def parser() -> argparse.ArgumentParser:
         "--timeout", type=float, default=300.0, help="seconds after which a diagnosis has failed"
     )
     found.add_argument("--only", choices=("generate", "score"), help="one part: the cases, or the score")
+    found.add_argument(
+        "--partial", action="store_true", help="with --only score: open the labels of what has run so far"
+    )
     found.add_argument("--resume", action="store_true", help="keep what an earlier run finished")
     found.add_argument("--baselines", type=int, default=0, metavar="N", help="also run baselines on N cases")
     found.add_argument("--command", help="what to run instead of this installation's diagnose")
@@ -74,6 +77,8 @@ def _body(argv: list[str]) -> int:
     cases = parse_cases(arguments.cases, KINDS)
     levels = _levels(arguments.levels)
     output: Path = arguments.output.resolve()  # workers of a cluster stand elsewhere
+    if arguments.partial and arguments.only != "score":
+        raise ConfigurationError("--partial goes with --only score: what has run is scored, nothing is run.")
     if arguments.timeout <= 0 or arguments.baselines < 0 or arguments.seed < 0:
         raise ConfigurationError("--timeout must be positive, --seed and --baselines at least 0.")
     say = Console(stderr=True)
@@ -102,8 +107,11 @@ def _body(argv: list[str]) -> int:
         ]
         spread(diagnose, waiting, arguments.jobs, arguments.dask, "diagnosing", threads=True)
     missing = [name for name, _, _ in listed if not (output / "cases" / name / RAN).exists()]
-    labels = open_labels(output, str(arguments.seed), missing, digest)
-    say.print("labels opened, digest as before")
+    partial = arguments.partial and len(missing) < len(listed)
+    labels = open_labels(output, str(arguments.seed), [] if partial else missing, digest)
+    # The order of the cases says nothing of their kind, so that the first ones are a fair draw.
+    labels = {name: label for name, label in labels.items() if name not in missing}
+    say.print(f"labels opened, digest as before; {len(labels)} of {len(listed)} cases have run")
     return _score(arguments, output, labels, wanted, digest, say)
 
 
@@ -169,6 +177,7 @@ def _score(
         "schema": 1,
         "seed": wanted["seed"],
         "cases_asked": wanted["cases"],
+        "cases_run": len(scores),
         "levels": wanted["levels"],
         "digest": digest,
         "version": tool_version(),

@@ -141,8 +141,12 @@ def markdown(result: dict[str, Any]) -> str:
     """Return the tables for the docs."""
     summary = result["summary"]
     cases = ", ".join(f"{number} {kind}" for kind, number in result["cases_asked"].items())
+    asked = sum(result["cases_asked"].values())
+    ran = result.get("cases_run", asked)
+    told = f" The first {ran} of these {asked} have run, in an order drawn beforehand."
+    part = "" if ran == asked else told
     parts = [
-        f"Seed {result['seed']}; {cases}; labels sealed as `{result['digest']}`.\n",
+        f"Seed {result['seed']}; {cases}; labels sealed as `{result['digest']}`.{part}\n",
         "### Targets (effects of d' ≥ 8)\n",
         _text_table(targets_table(result)),
         "### By size\n",

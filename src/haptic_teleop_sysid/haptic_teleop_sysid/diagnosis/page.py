@@ -118,6 +118,8 @@ def _findings(page: Page, verdict: Verdict, content: dict[str, Any]) -> None:
             )
     if not verdict.findings:
         section.text(_HEADLINE[verdict.kind][1].format(names="", where=_where(verdict)))
+    if "doubt" in content:
+        section.text(f"Why no name is given: {content['doubt']}.")
     experiment = content["next_experiment"]
     section.text(f"Next experiment: {experiment['why']}.")
     if experiment["signal_generator"]:

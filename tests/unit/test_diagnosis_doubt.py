@@ -1,0 +1,91 @@
+"""A wrong name gives itself away: by another size on other recordings, or by innovations as coloured as
+before. A right one does not."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from identification_plants import STAGE, stage_recording
+
+from haptic_teleop_sim.model import Effect
+from haptic_teleop_sysid.dataset import load_dataset
+from haptic_teleop_sysid.diagnosis.decide import Choice
+from haptic_teleop_sysid.diagnosis.doubt import COLOURED, LAGS, colour, doubted
+from haptic_teleop_sysid.diagnosis.explore import Explanation
+from haptic_teleop_sysid.diagnosis.scales import recording_scales
+from haptic_teleop_sysid.diagnosis.search import SearchResult
+from haptic_teleop_sysid.estimation.records import record_from
+from haptic_teleop_sysid.estimation.whole_fit import fit_from_scratch, fit_whole
+
+DRAG = Effect("quadratic_drag", "stage1_motor", {"coefficient": 2.0})
+
+
+def recorded(truth, rms, seed):
+    recording = stage_recording(truth, seed=seed, seconds=10.0, rms=rms, band=(0.2, 4.0))
+    return record_from(load_dataset(recording, STAGE), commanded=True)
+
+
+@pytest.fixture(scope="module")
+def records():
+    truth = STAGE.with_effects(DRAG)
+    return [recorded(truth, 0.2, 1)], [recorded(truth, 0.07, 2)]
+
+
+def found(effect, estimation):
+    """A search that ended with one effect, rightly or wrongly."""
+    baseline = fit_from_scratch(STAGE, estimation)
+    fit = fit_whole(STAGE.with_effects(effect), baseline.noise, estimation, iterations=30)
+    choice = Choice(Explanation(fit, fit.log_likelihood - baseline.log_likelihood, 50.0, True, 0), 1.0)
+    return SearchResult(baseline, fit, (choice,), (), recording_scales(STAGE, estimation))
+
+
+def unimpressed(model):
+    """A free simulation in which no model is better than another."""
+    return 90.0
+
+
+def test_the_right_name_stands(records):
+    result = found(DRAG, records[0])
+    kept, doubt = doubted(result, *records, unimpressed)
+    assert doubt is None
+    assert kept.choices == result.choices
+
+
+def test_a_wrong_name_is_given_up(records):
+    # What grows with the square of speed passes for dry friction, of a size that depends on the amplitude.
+    wrong = Effect("coulomb_friction", "stage1_motor", {"torque": 0.1})
+    kept, doubt = doubted(found(wrong, records[0]), *records, unimpressed)
+    assert kept.choices == ()
+    assert kept.final is kept.baseline
+    assert "coulomb_friction" in doubt.why
+
+
+def test_what_is_left_of_a_right_model_is_white_and_of_a_wrong_one_is_not():
+    n = 12000
+    rng = np.random.default_rng(3)
+    clean = recorded(STAGE, 0.1, 3)
+    fit = fit_from_scratch(STAGE, [clean])
+    # Chi-square of LAGS degrees: mean LAGS, standard deviation sqrt(2 LAGS).
+    assert colour(fit, [clean]) < LAGS + 6.0 * np.sqrt(2.0 * LAGS) < COLOURED
+    steps = np.repeat(rng.choice([-1.0, 1.0], n // 5), 5)[: len(clean)]
+    disturbed = replace(clean, measured=clean.measured + 3e-5 * np.column_stack([steps, steps]))
+    assert colour(fit, [disturbed]) > COLOURED
+
+
+def test_a_structure_that_leaves_colour_is_no_match_even_without_a_name(records):
+    result = found(DRAG, records[0])
+    unnamed = SearchResult(result.baseline, result.baseline, (), (), result.scales)
+    _, doubt = doubted(unnamed, *records, unimpressed)
+    assert doubt.choice is None
+
+
+def test_an_effect_of_another_size_on_other_recordings_is_given_up(records):
+    # A constant torque that is there on one day and turned round on the other is none.
+    up, down = (
+        recorded(STAGE.with_effects(Effect("constant_torque", "stage1_motor", {"torque": t})), 0.1, 4)
+        for t in (0.05, -0.05)
+    )
+    named = found(Effect("constant_torque", "stage1_motor", {"torque": 0.02}), [up])
+    assert doubted(named, [up], [up], unimpressed)[1] is None
+    _, doubt = doubted(named, [up], [down], unimpressed)
+    assert "another torque" in doubt.why
