@@ -258,6 +258,17 @@ def test_a_link_that_takes_too_long_is_not_engaged(graph):
     assert setting.sample(omni=at(0.05))[0] == [0.0, 0.0]
 
 
+def test_swapped_roles_bring_their_own_limit_of_the_round_trip(graph):
+    setting = Linked(graph, 0.02)
+    setting.run(0.4)
+    assert setting.engage()
+    assert setting.call("disengage").success and setting.call("swap").success
+    setting.run(0.4)
+    refused = setting.call("engage")
+    assert not refused.success
+    assert "round trip" in refused.message and "25.0 ms" in refused.message
+
+
 def test_a_link_that_goes_dead_is_a_fault(graph):
     setting = Linked(graph, 0.001)
     setting.run(0.1)

@@ -276,6 +276,23 @@ def test_a_round_trip_beyond_the_limit_keeps_it_from_engaging_and_ends_it_when_i
     assert rig.faults[:1] in (["slow_link"], ["stale_link"])
 
 
+@pytest.mark.parametrize(
+    ("roles", "coupled", "refused", "limit"),
+    [({}, 0.044, 0.06, "100.0 ms"), (SCENARIO_2, 0.008, 0.02, "25.0 ms")],
+    ids=["scenario 1", "scenario 2"],
+)
+def test_where_no_limit_is_stated_it_couples_up_to_the_delay_measured_to_be_passive_with_these_roles(
+    roles, coupled, refused, limit
+):
+    rig = LinkedRig(coupled, **roles)
+    rig.run(0.5)
+    assert rig.coupling.state is State.ENGAGED
+    rig = LinkedRig(refused, **roles)
+    rig.run(0.5)
+    assert rig.coupling.state is State.ALIGNING
+    assert f"more than {limit}" in rig.coupling.obstacle(rig.now)
+
+
 def test_changed_parameters_are_taken_or_refused_as_a_whole():
     rig = Rig()
     rig.coupling.update({**rig.values, "omni_y.torque_gain": 5.0, "passivity.controller": True})

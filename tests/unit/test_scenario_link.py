@@ -134,7 +134,8 @@ def test_an_axis_that_is_hardly_held_swings_up_over_a_link_and_the_controller_st
     assert np.ptp(angle[0], axis=0).max() > 0.1 > 5.0 * np.ptp(angle[1], axis=0).max()
 
 
-def test_in_scenario_2_the_hand_feels_the_surface_by_the_drive():
+def surfaces(link: dict | None = None) -> dict:
+    """Scenario 2 in manual mode: hands on the arms lead both axes of the Omni to a surface and hold."""
     angle = 0.52 / 3.95 * (1.0 + 3.95 / 15.0)
     hands = {"operator.mode": "trajectory"}
     control = {
@@ -143,14 +144,28 @@ def test_in_scenario_2_the_hand_feels_the_surface_by_the_drive():
         "master_rate": 500.0,
         "slave_rate": 1000.0,
         "command_source": "device",
+        "link": link is not None,
     }
     omni = {**COMPENSATED, "operator.mode": "none", "omni_y.wall.angle": 0.3, "omni_z.wall.angle": 0.3}
     for stage in ("stage1", "stage2"):
         hands |= {f"{stage}.hand.times": [0.2, 0.6], f"{stage}.hand.angles": [0.0, angle]}
         control |= {f"{stage}.master.feedback_gain": 1.0}
-    result = run(
-        {"sfj_sim": hands, "omni_sim": omni, "force_controller": control, "signal_generator": {}}, 5.0
-    )
+    return {
+        "sfj_sim": hands, "omni_sim": omni, "force_controller": control, "signal_generator": {},
+        "link": link or {},
+    }  # fmt: skip
+
+
+@pytest.mark.parametrize(("delay", "last"), [(0.01, "engaged"), (0.02, "aligning")])
+def test_scenario_2_is_coupled_at_10_ms_each_way_and_not_at_20_where_it_was_not_passive(delay, last):
+    result = run(surfaces({"delay": delay}), 0.3)  # the hands have just begun to push
+    assert result.states[-1][1] == last
+    assert result.topics["/omni/effort_command"].effort[:, 1:].any() == (last == "engaged")
+    assert ("more than 25.0 ms" in result.obstacle) == (last == "aligning")
+
+
+def test_in_scenario_2_the_hand_feels_the_surface_by_the_drive():
+    result = run(surfaces(), 5.0)
     states, device = result.topics["/sfj/joint_states"], result.topics["/omni/joint_states"]
     touch = int(np.argmax(np.all(device.position[:, 1:] > 0.3, axis=1))) // 2
     before = -states.effort[touch - 200 : touch - 100, [1, 3]].mean(axis=0)

@@ -19,6 +19,7 @@ from haptic_teleop_control.robots import OMNI_JOINTS, SFJ_JOINTS, SFJ_MOTOR_JOIN
 from haptic_teleop_control.teleoperation.faults import NON_FINITE_STATE, ROBOT_FAULT, SLOW_LINK
 from haptic_teleop_control.teleoperation.machine import State, TeleoperationMachine
 from haptic_teleop_control.teleoperation.passivity import PassivitySettings, PortEnergies
+from haptic_teleop_control.teleoperation.settings import longest_round_trip
 from haptic_teleop_control.teleoperation.sides import (
     MasterPort,
     OmniMaster,
@@ -91,7 +92,7 @@ class Coupling:
     def _take(self, values: Mapping[str, Any]) -> None:
         self._ramp_time, self._fade_time = values["ramp_time"], values["ramp_out_time"]
         self._align_angle, self._align_speed = values["align.angle"], values["align.speed"]
-        self._longest_round_trip = values["maximum_round_trip"]
+        self._longest_round_trip = longest_round_trip(values["maximum_round_trip"], self.roles[1])
         self.passivity: PassivitySettings = from_parameters(PassivitySettings, values, "passivity.")
         self.machine.auto_engage = values["auto_engage"]
 

@@ -9,6 +9,10 @@ from haptic_teleop_control.teleoperation.passivity import PassivitySettings
 
 ROBOTS = ("omni", "sfj")
 
+MEASURED_ROUND_TRIP = {"sfj": 0.1, "omni": 0.025}
+"""Slave -> s of the link's round trip. Measured with a firm hand, it was passive to 50 ms each way with the
+2DSFJ as slave, and to 10 ms but not 20 ms with the Omni (docs/teleoperation.md)."""
+
 TELEOPERATION: list[Parameter] = [
     Parameter(
         "master",
@@ -64,15 +68,24 @@ TELEOPERATION: list[Parameter] = [
     Parameter("link", False, meaning="couple through the topics of the node `link` instead of directly"),
     Parameter(
         "maximum_round_trip",
-        0.1,
+        0.0,
         "s",
         0.0,
         2.0,
         runtime=True,
-        meaning="mean age of the other side's stamps, both ways together, beyond which it does not couple",
+        meaning="mean age of the other side's stamps, both ways together, beyond which it does not couple; "
+        "0: the measured limit of these roles, "
+        + ", ".join(f"{limit:g} s for slave {slave}" for slave, limit in MEASURED_ROUND_TRIP.items()),
     ),
     *parameters_of(PassivitySettings(), "passivity."),
 ]
+
+
+def longest_round_trip(maximum: float, slave: str) -> float:
+    """s beyond which it does not couple: `maximum` (the parameter maximum_round_trip, s, 0 or more) where it
+    is stated, and where it is 0 what was measured with the robot `slave`, "sfj" or "omni", as slave."""
+    return maximum if maximum > 0.0 else MEASURED_ROUND_TRIP[slave]
+
 
 LINK: list[Parameter] = parameters_of(LinkSettings(), runtime=False)
 """Of the node `link`."""
