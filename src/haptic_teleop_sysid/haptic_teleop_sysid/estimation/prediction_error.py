@@ -29,6 +29,7 @@ from .records import Record, records_from
 from .result import Estimate, FarSighted, Misled
 from .riccati import exponential
 from .uncertainty import MEMORY, uncertainty
+from .whole_fit import fit_whole
 
 #: Further starts lie within this factor of the given one, either side.
 SPREAD = 3.0
@@ -39,6 +40,8 @@ CLEARLY_BETTER = 0.8
 NOTICEABLE = 0.02
 #: Relative difference of the two predictors' parameters up to which nothing is simulated.
 ALIKE = 0.1
+#: Nats from which parameters and noise levels fitted together have left a hollow.
+HOLLOW = 30.0
 #: Iterations of the far-sighted predictor once it is the one to believe.
 ITERATIONS = 60
 
@@ -70,6 +73,7 @@ def prediction_error(
         )
     begin = max(reached, key=lambda one: one.log_likelihood).model if reached else model
     far, fit = fit_far_and_near(begin, records, limits=limits, progress=stage(steps - 1, "predictor"))
+    far, fit = _led_out(far, fit, begin, records, limits)
     progress("uncertainty", 1.0)
     misled = _misled(far, fit, records, datasets)
     memory = MEMORY
@@ -88,6 +92,32 @@ def prediction_error(
         fit.model, model, "prediction-error", fit.converged, fit.message, 0.0, fit.iterations, fit, unsure,
         likelihoods, misled=misled,
     )  # fmt: skip
+
+
+def _led_out(
+    far: Fit, near: Fit, start: Model, records: Sequence[Record], limits: Limits | None
+) -> tuple[Fit, Fit]:
+    """Both predictors' fits; where they disagree or a parameter ended at its bound, what parameters and noise
+    levels find together from there (and with that parameter as at the ``start``), if that is far better and
+    the predictor that looks ahead stays with it.
+
+    Parameters and levels fitted in turn can end in a hollow that neither leaves alone. Where the recording
+    itself misleads the one-step predictor, the other one moves away again, and nothing changes.
+    """
+    if not np.isfinite(near.log_likelihood) or (_agree(far, near) and not near.at_bound):
+        return far, near
+    begun = start.parameter_values()
+    models = [near.model, near.model.with_values({n: begun[n] for n in near.at_bound})]
+    fits = [
+        fit_whole(model, near.noise, records, free=near.free, limits=limits, iterations=20)
+        for model in models[: 2 if near.at_bound else 1]
+    ]
+    whole = max(fits, key=lambda one: one.log_likelihood)
+    if not whole.log_likelihood > near.log_likelihood + HOLLOW:
+        return far, near
+    noise = distrustful_noise(whole.model, records, STAGES[-1])
+    again = fit_parameters(whole.model, noise, records, iterations=ITERATIONS, limits=limits)
+    return (again, whole) if _agree(again, whole) else (far, near)
 
 
 def _misled(far: Fit, near: Fit, records: Sequence[Record], datasets: Sequence[DataSet]) -> Misled | None:

@@ -10,15 +10,12 @@ from typing import Any
 import numpy as np
 
 from haptic_teleop_control.robots import OMNI_JOINTS
-from haptic_teleop_sysid.verification.phases import NEAR_WALL, Phase, find_phases
-from haptic_teleop_sysid.verification.signals import Array, StageRun
+from haptic_teleop_sysid.verification.contact import Contact, contact_merit
+from haptic_teleop_sysid.verification.phases import Phase, find_phases
+from haptic_teleop_sysid.verification.signals import StageRun
 
 SPEED_SECONDS = 0.1
 STEADY_SHARE = 0.03
-LEFT_WALL = 2.0 * NEAR_WALL
-"""rad; an arm this far from where it comes to rest has left the wall."""
-SETTLED_BAND = 0.05
-"""Share of the desired torque within which the contact torque counts as settled."""
 
 
 @dataclass(frozen=True)
@@ -36,33 +33,6 @@ class FreeMotion:
     expected_speed: float | None
     error_percent: float | None
     steady: bool
-
-
-@dataclass(frozen=True)
-class Contact:
-    """A contact. Times in s, torques in N·m, speeds in rad/s.
-
-    overshoot_percent: peak of the torque above the desired torque. settling_time: from the touch until the
-    torque stays within 5 % of the desired torque; None when it does not. settled_torque, settled_error (Te -
-    Td), settled_rms: mean, mean and rms over the last second (or the last quarter of a shorter contact).
-    bounces: how often the arm left the wall; rebound: how far at most, rad. release_time: from the
-    command's end until a tenth of the torque is left.
-    """
-
-    start: float
-    duration: float
-    desired_torque: float
-    arm_position: float
-    approach_speed: float
-    peak_torque: float
-    overshoot_percent: float
-    settling_time: float | None
-    settled_torque: float
-    settled_error: float
-    settled_rms: float
-    bounces: int
-    rebound: float
-    release_time: float | None
 
 
 @dataclass(frozen=True)
@@ -101,8 +71,8 @@ class StageMerit:
         return asdict(self)
 
 
-def stage_merit(run: StageRun) -> StageMerit:
-    """Return the figures of one stage."""
+def stage_merit(run: StageRun, by_hand: bool = False) -> StageMerit:
+    """Return the figures of one stage. by_hand: an operator or a simulated hand leads the master."""
     phases = find_phases(run)
     free, contacts = [], []
     for number, phase in enumerate(phases):
@@ -112,7 +82,7 @@ def stage_merit(run: StageRun) -> StageMerit:
                 free.append(found)
         elif phase.kind == "contact":
             following = phases[number + 1] if number + 1 < len(phases) else None
-            contacts.append(_contact(run, phase, following))
+            contacts.append(contact_merit(run, phase, following, by_hand))
     limit = run.settings.current_limit
     # The command tells best when the limit held; the measured current carries offset and noise.
     judged = run.commanded_current if run.commanded_current is not None else run.current
@@ -156,55 +126,3 @@ def _free_motion(run: StageRun, phase: Phase) -> FreeMotion | None:
     expected = desired / run.settings.lambda_ if run.settings.lambda_ else None
     error = 100.0 * (speed / expected - 1.0) if expected else None
     return FreeMotion(start, end - start, desired, speed, expected, error, steady)
-
-
-def _contact(run: StageRun, phase: Phase, following: Phase | None) -> Contact:
-    span = slice(phase.start, phase.stop)
-    time = run.time[span]
-    sign = np.sign(phase.level)
-    level = abs(phase.level)
-    torque = sign * run.environment_torque[span]
-    desired = sign * run.desired_torque[span]
-    duration = float(time[-1] - time[0])
-    last = time >= time[-1] - (1.0 if duration > 2.0 else 0.25 * duration)
-    outside = np.flatnonzero(np.abs(torque - desired) > SETTLED_BAND * level)
-    settling: float | None = 0.0
-    if len(outside):
-        # What leaves the band in the last stretch has not settled.
-        settling = None if last[outside[-1]] else float(time[outside[-1] + 1] - time[0])
-    before = slice(max(0, phase.start - 5), phase.start + 1)
-    error = (torque - desired)[last]
-    released = following is not None and following.kind == "release"
-    peak = float(np.max(torque))
-    arm = sign * run.arm_position[span]
-    bounces, rebound = _rebounds(
-        arm[int(np.argmax(arm >= np.median(arm[last]) - NEAR_WALL)) :], float(np.median(arm[last]))
-    )
-    return Contact(
-        start=float(time[0]),
-        duration=duration,
-        desired_torque=float(sign * level),
-        arm_position=float(np.median(run.arm_position[span][last])),
-        approach_speed=float(np.mean(run.arm_velocity[before])),
-        peak_torque=float(sign * peak),
-        overshoot_percent=100.0 * (peak / level - 1.0),
-        settling_time=settling,
-        settled_torque=float(sign * np.mean(torque[last])),
-        settled_error=float(sign * np.mean(error)),
-        settled_rms=float(np.sqrt(np.mean(error**2))),
-        bounces=bounces,
-        rebound=rebound,
-        release_time=float(np.diff(following.seconds(run))[0])
-        if released and following is not None
-        else None,
-    )
-
-
-def _rebounds(arm: Array, resting: float) -> tuple[int, float]:
-    """Return how often an arm left its resting place at the wall by LEFT_WALL, and by how much at most,
-    rad."""
-    away = resting - arm
-    place = np.where(away > LEFT_WALL, -1, np.where(away <= NEAR_WALL, 1, 0))
-    decided = place[place != 0]
-    bounces = int(np.sum((decided[:-1] == 1) & (decided[1:] == -1)))
-    return bounces, float(np.max(away)) if bounces else 0.0

@@ -65,7 +65,8 @@ def examine(
     """
     second = recorded_text(recording.parameters, "slave", CONTROLLER) == "omni"
     stages = (read_axes if second else read_stages)(recording, name, overrides)
-    merits = {stage: stage_merit(run) for stage, run in stages.items()}
+    by_hand = recorded_text(recording.parameters, "command_source", CONTROLLER) == "device"
+    merits = {stage: stage_merit(run, by_hand) for stage, run in stages.items()}
     begins = [
         start for merit in merits.values() for kind, start, _ in merit.phases if kind in ("free", "contact")
     ]

@@ -50,7 +50,11 @@ def contact_table(merits: Named) -> Table:
             transient += [str(c.bounces), number(c.rebound, 1, 1e3)]
             ends = [number(c.approach_speed, 2), number(c.release_time, 2)]
             rows.append([label, number(c.start, 2), *torques, *errors, *transient, *ends])
-    return header, rows, "Contact: settled within ±5 % of Td; error and rms over the last second"
+    caption = "Contact: settled within ±5 % of Td; error and rms over the last second"
+    if any(c.by_hand for _, merit in merits for c in merit.contacts):
+        caption += ", where a hand leads of the longest stretch in which it holds still; overshoot then beyond Td"
+        caption += " at the time"
+    return header, rows, caption
 
 
 def phase_table(merits: Named) -> Table:

@@ -6,7 +6,8 @@ from collections.abc import Mapping
 from typing import Any
 
 from haptic_teleop_sysid.report.page import Status
-from haptic_teleop_sysid.verification.merit import Contact, FreeMotion, StageMerit
+from haptic_teleop_sysid.verification.contact import HELD_SECONDS, Contact
+from haptic_teleop_sysid.verification.merit import FreeMotion, StageMerit
 from haptic_teleop_sysid.verification.run import Run
 
 SPEED_PERCENT = 10.0
@@ -57,6 +58,8 @@ def _free(name: str, motion: FreeMotion) -> tuple[Status, str]:
 
 
 def _contact(name: str, contact: Contact, by: str = "") -> tuple[Status, str]:
+    if contact.by_hand:
+        return _contact_by_hand(name, contact, by)
     settled = contact.settling_time is not None
     accurate = abs(contact.settled_error) <= TORQUE_SHARE * abs(contact.desired_torque)
     calm = contact.overshoot_percent <= OVERSHOOT_PERCENT
@@ -66,15 +69,41 @@ def _contact(name: str, contact: Contact, by: str = "") -> tuple[Status, str]:
         if contact.settling_time is not None
         else "it does not settle"
     )
-    error = round(1e3 * contact.settled_error, 2) + 0.0  # no -0.00
-    times = {1: "once", 2: "twice"}.get(contact.bounces, f"{contact.bounces} times")
-    bounces = f"bounces {times}, by {1e3 * contact.rebound:.0f} mrad" if contact.bounces else "no bounce"
     return status, (
-        f"{name} in contact from {contact.start:.2f} s presses with{by} {contact.settled_torque:.4f} N·m of "
-        f"{contact.desired_torque:.4f} N·m asked ({error:+.2f} mN·m, "
-        f"rms {1e3 * contact.settled_rms:.2f}); "
-        f"{when}, overshoot {contact.overshoot_percent:.1f} %, {bounces}."
+        f"{_pressing(name, contact, by)}; {when}, overshoot {contact.overshoot_percent:.1f} %, "
+        f"{_bounces(contact)}."
     )
+
+
+def _contact_by_hand(name: str, contact: Contact, by: str) -> tuple[Status, str]:
+    """What the hand asks for changes all the time, and at the end it draws back: only while it holds still
+    can be told whether the contact presses as it is asked to."""
+    if contact.held is None:
+        return "plain", (
+            f"{name} in contact from {contact.start:.2f} s is not judged: a hand leads, and never asks for the "
+            f"same for {HELD_SECONDS:g} s."
+        )
+    accurate = abs(contact.settled_error) <= TORQUE_SHARE * abs(contact.desired_torque)
+    calm = contact.overshoot_percent <= OVERSHOOT_PERCENT
+    start, end = contact.held
+    return "bad" if not accurate else ("good" if calm else "fair"), (
+        f"{_pressing(name, contact, by)} while the hand that leads holds still, {start:.2f} to {end:.2f} s; "
+        f"until then at most {contact.overshoot_percent:.1f} % beyond what is asked at the time, "
+        f"{_bounces(contact)}."
+    )
+
+
+def _pressing(name: str, contact: Contact, by: str) -> str:
+    error = round(1e3 * contact.settled_error, 2) + 0.0  # no -0.00
+    return (
+        f"{name} in contact from {contact.start:.2f} s presses with{by} {contact.settled_torque:.4f} N·m of "
+        f"{contact.desired_torque:.4f} N·m asked ({error:+.2f} mN·m, rms {1e3 * contact.settled_rms:.2f})"
+    )
+
+
+def _bounces(contact: Contact) -> str:
+    times = {1: "once", 2: "twice"}.get(contact.bounces, f"{contact.bounces} times")
+    return f"bounces {times}, by {1e3 * contact.rebound:.0f} mrad" if contact.bounces else "no bounce"
 
 
 def _current(name: str, merit: StageMerit) -> tuple[Status, str]:
