@@ -12,6 +12,7 @@ from scenario_recordings import CONSTANT, PARAMETERS, Made, scenario
 from haptic_teleop_control.errors import MismatchError
 from haptic_teleop_control.recording import Recording, write_recording
 from haptic_teleop_sysid import verify
+from haptic_teleop_sysid.verification.contact import longest_still
 from haptic_teleop_sysid.verification.run import agreement, examine
 from haptic_teleop_sysid.verification.verdicts import verdicts
 
@@ -192,6 +193,69 @@ def test_manual_mode_takes_the_device_for_the_command():
     merit = examine(recording, "made").merits["stage1"]
     assert not merit.free  # the device was not moved in this recording
     assert merit.settings["desired_torque_from"].startswith("/omni/joint_states")
+
+
+def led_by_hand(made: Made, angle) -> Recording:
+    """The recording with a device that a hand leads along `angle`(time s), rad, on both axes."""
+    recording = scenario(made)
+    omni = recording.topics["/omni/joint_states"]
+    position = np.zeros(omni.position.shape)
+    position[:, 1:] = angle(omni.time())[:, None]
+    recording.topics["/omni/joint_states"] = replace(omni, position=position)
+    recording.parameters = {
+        **PARAMETERS,
+        "/force_controller": {**PARAMETERS["/force_controller"], "command_source": "device"},
+    }
+    return recording
+
+
+def withdrawn(time):
+    """0.06 rad from 1 s on, with a tremor of 1 %, and from 7 s on within 2 s back to 0."""
+    level = np.interp(time, [1.0, 1.0 + 1e-6, 7.0, 9.0], [0.0, 0.06, 0.06, 0.0])
+    return level * (1.0 + 0.01 * np.sin(60.0 * time))
+
+
+def sentences(recording: Recording, beginning: str) -> list[tuple[str, str]]:
+    return [one for one in verdicts(examine(recording, "made")) if one[1].startswith(beginning)]
+
+
+@pytest.mark.parametrize(("offset", "status"), [(0.0, "good"), (-0.06, "bad"), (0.06, "bad")])
+def test_of_a_contact_led_by_a_hand_it_counts_what_is_pressed_while_the_hand_holds_still(offset, status):
+    made = Made(damping=0.7, offset=offset)  # the torque stays when the hand draws back at 7 s
+    recording = led_by_hand(made, withdrawn)
+    (contact,) = examine(recording, "made").merits["stage1"].contacts
+    assert contact.held == pytest.approx((made.touch, 7.0 + 2.0 * 0.1), abs=0.1)
+    assert contact.desired_torque == pytest.approx(0.6, rel=0.02)
+    assert contact.settled_torque == pytest.approx(0.6 + offset, abs=1e-3)
+    ((told, sentence),) = sentences(recording, "Stage 1 in contact")
+    assert told == status
+    assert "while the hand that leads holds still" in sentence
+    # The same torques, where an artificial command asks for the same: it must have settled at the end.
+    recording.parameters = PARAMETERS
+    reference = recording.topics["/reference"]
+    both = np.repeat(withdrawn(reference.time())[:, None], 2, axis=1)
+    recording.topics["/reference"] = replace(reference, position=both)
+    ((told, sentence),) = sentences(recording, "Stage 1 in contact")
+    assert told == "bad" and "does not settle" in sentence
+
+
+def test_a_contact_in_which_the_hand_never_holds_still_is_not_judged():
+    def restless(time):
+        return np.where((time >= 1.0) & (time < 9.0), 0.06 * (1.0 + 0.3 * np.sin(6.0 * time)), 0.0)
+
+    recording = led_by_hand(Made(), restless)
+    ((status, sentence),) = sentences(recording, "Stage 1 in contact")
+    assert status == "plain" and "not judged: a hand leads" in sentence
+
+
+def test_the_longest_stretch_within_a_band_is_that_of_all_stretches():
+    rng = np.random.default_rng(3)
+    for band in (0.0, 0.3, 1.0, 9.0):
+        values = np.round(np.cumsum(rng.normal(0.0, 0.2, 40)), 1)
+        every = [(a, b) for a in range(40) for b in range(a + 1, 41) if np.ptp(values[a:b]) <= band]
+        first, after = longest_still(values, band)
+        assert (first, after) in every
+        assert after - first == max(b - a for a, b in every)
 
 
 def test_two_runs_agree_when_only_their_delay_differs():

@@ -52,8 +52,8 @@ def contact_table(merits: Named) -> Table:
             rows.append([label, number(c.start, 2), *torques, *errors, *transient, *ends])
     caption = "Contact: settled within ±5 % of Td; error and rms over the last second"
     if any(c.by_hand for _, merit in merits for c in merit.contacts):
-        caption += ", where a hand leads of the longest stretch in which it holds still; overshoot then beyond Td"
-        caption += " at the time"
+        caption += "; where a hand leads, of the longest stretch in which it holds still, and overshoot is "
+        caption += "what exceeds Td at the time"
     return header, rows, caption
 
 

@@ -80,8 +80,8 @@ def _contact_by_hand(name: str, contact: Contact, by: str) -> tuple[Status, str]
     can be told whether the contact presses as it is asked to."""
     if contact.held is None:
         return "plain", (
-            f"{name} in contact from {contact.start:.2f} s is not judged: a hand leads, and never asks for the "
-            f"same for {HELD_SECONDS:g} s."
+            f"{name} in contact from {contact.start:.2f} s is not judged: a hand leads, and never asks for "
+            f"the same for {HELD_SECONDS:g} s."
         )
     accurate = abs(contact.settled_error) <= TORQUE_SHARE * abs(contact.desired_torque)
     calm = contact.overshoot_percent <= OVERSHOOT_PERCENT
