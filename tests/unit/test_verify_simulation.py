@@ -15,7 +15,7 @@ from haptic_teleop_control.recording import Recording, write_recording
 from haptic_teleop_sim.lockstep import load_scenario, run_scenario
 from haptic_teleop_sim.scenario_parameters import check_scenario
 from haptic_teleop_sysid import verify
-from haptic_teleop_sysid.verification.overlay import overlay, overlay_all, overlay_pictures
+from haptic_teleop_sysid.verification.overlay import overlay, overlay_all, overlay_pictures, overlay_table
 from haptic_teleop_sysid.verification.simulation import simulate_recording
 
 SECONDS = 3.0
@@ -71,6 +71,28 @@ def test_the_fit_is_one_hundred_times_one_minus_the_relative_error():
     assert fit["stage 1"]["arm position"] == pytest.approx(expected, abs=1e-9)
     assert fit["stage 1"]["arm position"] < 80.0
     assert {"stage 1", "stage 2"} <= set(overlay_pictures(result)) < {one.group for one in result.comparisons}
+
+
+def test_a_signal_that_is_constant_but_for_its_first_samples_has_no_fit_and_one_that_moves_briefly_has():
+    recording = recorded()
+    omni = recording.topics["/omni/joint_states"]
+    effort = np.full(omni.effort.shape, 0.08)  # a constant torque against the device's weight, ...
+    effort[:5] = 0.0  # ... once it is driven
+    n = len(effort)
+    brief = (np.arange(n) >= n // 2) & (np.arange(n) < n // 2 + n // 30)
+    effort[brief, 2] += 0.05
+    recording.topics["/omni/joint_states"] = replace(omni, effort=effort)
+    result, fit = fits(recording)
+    assert fit["omni y"]["effort"] is None
+    assert fit["omni z"]["effort"] is not None
+    _, rows, caption = overlay_table({"bag": result})
+    table = {row[2]: row[3] for row in rows}
+    assert table["omni y, effort"] == "hardly varies" and "hardly varies" in caption
+    float(table["omni z, effort"])
+    pictures = overlay_pictures(result)
+    titles = {group: [axes.get_title(loc="left") for axes in pictures[group].axes] for group in pictures}
+    assert "Effort: hardly varies" in titles["omni y"]
+    assert f"Effort: fit {fit['omni z']['effort']:.1f} %" in titles["omni z"]
 
 
 def test_a_command_that_no_generator_gave_is_taken_from_the_recording():

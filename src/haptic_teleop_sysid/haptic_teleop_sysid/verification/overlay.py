@@ -28,13 +28,17 @@ Array = NDArray[np.float64]
 ONSET_SHARE = 0.02
 """A command has begun when it is this share of its greatest change away from where it was."""
 SMALLEST_SPREAD = {"rad": 2e-3, "rad/s": 0.02, "N·m": 5e-3}
-"""A signal that moves less than this in the recording (peak to peak) tells nothing about a fit."""
+"""A signal that hardly varies tells nothing about a fit: one whose middle 99 % of samples lie within this."""
+OUTLIERS = 0.01
+"""Share of the samples, the greatest and the least together, that make no variation by themselves: the few
+before a device is driven, for example."""
+HARDLY = "hardly varies"
 
 
 @dataclass(frozen=True)
 class Comparison:
     """One signal of a group ("stage 1", "omni y"). time s and both values, (n,); fit in percent, None for a
-    signal that hardly moves."""
+    signal that hardly varies."""
 
     group: str
     name: str
@@ -143,14 +147,24 @@ def overlay(recording: Recording, simulated: SimulatedRun, remove_delay: bool = 
             continue
         time, measured = time[inside], measured[inside]
         model = np.interp(time - shift, times, values)
-        tells = float(np.ptp(measured)) >= SMALLEST_SPREAD[unit]
-        fit = fit_percent(measured, model) if tells else None
+        fit = fit_percent(measured, model) if spread(measured) >= SMALLEST_SPREAD[unit] else None
         found.append(Comparison(group, name, unit, time - shift, measured, model, fit))
     return Overlay(found, delay, remove_delay, simulated.command, simulated.plants)
 
 
+def spread(values: Array) -> float:
+    """How far the greatest and the least of `values` (n,) lie apart, without the OUTLIERS."""
+    least, greatest = np.quantile(values, [0.5 * OUTLIERS, 1.0 - 0.5 * OUTLIERS])
+    return float(greatest - least)
+
+
+def fit_in_words(fit: float | None, unit: str = "") -> str:
+    """The fit as text, or that there is none because the signal hardly varies."""
+    return HARDLY if fit is None else f"{fit:.1f}{unit}"
+
+
 def overlay_pictures(result: Overlay) -> dict[str, Figure]:
-    """Return a figure for each group of which a signal moves: simulation over recording."""
+    """Return a figure for each group of which a signal varies: simulation over recording."""
     pictures = {}
     for group in dict.fromkeys(one.group for one in result.comparisons):
         members = [one for one in result.comparisons if one.group == group]
@@ -158,7 +172,7 @@ def overlay_pictures(result: Overlay) -> dict[str, Figure]:
             continue
         panels = [
             Panel(
-                one.name.capitalize() + ("" if one.fit is None else f": fit {one.fit:.1f} %"),
+                f"{one.name.capitalize()}: {'' if one.fit is None else 'fit '}{fit_in_words(one.fit, ' %')}",
                 one.unit,
                 [
                     Series("recording", one.time, one.recorded, colour=1),
@@ -180,12 +194,13 @@ def overlay_table(overlays: Mapping[str, Overlay]) -> tuple[list[str], list[list
             label,
             f"{one.delay:.3f}",
             f"{entry.group}, {entry.name}",
-            "–" if entry.fit is None else f"{entry.fit:.1f}",
+            fit_in_words(entry.fit),
         ]
         for label, one in overlays.items()
         for entry in one.comparisons
     ]
-    caption = "100·(1 − ‖y − ŷ‖/‖y − mean y‖) over the recording; – for a signal that hardly moves"
+    least = ", ".join(f"{value:g} {unit}" for unit, value in SMALLEST_SPREAD.items())
+    caption = f"100·(1 − ‖y − ŷ‖/‖y − mean y‖) over the recording; {HARDLY}: by less than {least}"
     return header, rows, caption
 
 
