@@ -5,6 +5,8 @@ import copy
 import numpy as np
 import pytest
 import yaml
+from rosbags.highlevel import AnyReader
+from rosbags.interfaces import QosDurability
 
 from haptic_teleop_control.errors import ConfigurationError
 from haptic_teleop_control.laws import LAWS, ForceLaw
@@ -180,6 +182,28 @@ def test_what_is_recorded_is_what_was_run(tmp_path, repository):
     assert stated["/sfj/sfj_sim"]["seed"] == 4
     assert stated["/force_controller"]["stage1.lambda"] == 0.5
     assert set(stated) == {"/sfj/sfj_sim", "/omni/omni_sim", "/force_controller", "/signal_generator"}
+
+
+@pytest.mark.parametrize(
+    ("file", "late"), [("scenario1_sim", 0.0), ("scenario2_sim", 0.0), ("scenario1_link_sim", 0.04)]
+)
+def test_the_states_of_the_teleoperation_are_recorded_as_the_node_publishes_them(
+    tmp_path, repository, file, late
+):
+    bag = tmp_path / "bag"
+    scenario = repository / "config" / f"{file}.yaml"
+    assert main([str(scenario), "--record", str(bag), "--duration", "0.3"]) == 0
+    with AnyReader([bag]) as reader:
+        (topic,) = [one for one in reader.connections if one.topic == "/force_controller/state"]
+        said = [(at, reader.deserialize(raw, one.msgtype).data) for one, at, raw in reader.messages([topic])]
+        begun = reader.start_time
+    assert topic.msgtype == "std_msgs/msg/String"
+    assert [state for _, state in said] == ["off", "devices_ready", "aligning", "engaged"]
+    assert said[0][0] == begun
+    # Both robots are aligned from the start; over the link it takes until either has heard of the other.
+    assert late - 0.02 <= (said[-1][0] - begun) * 1e-9 <= late + 0.02
+    (offered,) = topic.ext.offered_qos_profiles
+    assert offered.durability == QosDurability.TRANSIENT_LOCAL  # latched again by who plays it
 
 
 def test_an_existing_recording_is_not_overwritten(tmp_path, repository, capsys):

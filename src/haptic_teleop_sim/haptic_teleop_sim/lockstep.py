@@ -15,14 +15,18 @@ from haptic_teleop_control.errors import ConfigurationError
 from haptic_teleop_control.laws import ForceLaw
 from haptic_teleop_control.recording import JointStateSeries, write_recording
 from haptic_teleop_control.signals import SignalGenerator
+from haptic_teleop_control.teleoperation.machine import State
 
 from .scenario_parameters import ScenarioParameters, check_scenario, load_scenario
 from .scenario_run import ScenarioResult, simulate_scenario
+from .stamps import ORIGIN
 
 __all__ = ["load_scenario", "main", "record_scenario", "run_scenario", "simulate_scenario"]
 
 DURATION = 20.0
 """s, where neither the caller nor the file nor the signal says how long."""
+
+STATE_TOPIC = "/force_controller/state"
 
 FIRST = 0.01
 """s that are run before the time is taken, so that compiled code is there."""
@@ -50,6 +54,8 @@ def record_scenario(
     scenario: ScenarioParameters, path: str | Path, duration: float | None = None, seed: int | None = None
 ) -> ScenarioResult:
     """Run a scenario and write it as a recording at `path`, a directory that must not exist (RecordingError).
+
+    Beside the topics it holds the states of the teleoperation on STATE_TOPIC, as the node publishes them.
     """
     length = _duration(scenario, duration)
     result = simulate_scenario(scenario, length, seed)
@@ -59,7 +65,9 @@ def record_scenario(
         for values in recorded.values():
             if "seed" in values:
                 values["seed"] = seed
-    write_recording(path, result.topics, recorded, experiment)
+    entered = [(0.0, State.OFF.value), *result.states]  # `off` is what the node begins with
+    states = [(ORIGIN + round(at * 1e9), state) for at, state in entered]
+    write_recording(path, result.topics, recorded, experiment, texts={STATE_TOPIC: states})
     return result
 
 

@@ -22,6 +22,7 @@ from haptic_teleop_control.recording.mcap_records import MESSAGE_HEAD
 from haptic_teleop_control.recording.mcap_writer import Index, McapWriter
 from haptic_teleop_control.recording.merge import Stream, merged_chunks
 from haptic_teleop_control.recording.series import NANOSECONDS, JointStateSeries
+from haptic_teleop_control.recording.texts import LATCHED_PROFILE, STRING_TYPE, encode_text
 
 CHUNK_BYTES = 768 * 1024
 CHUNK_NANOSECONDS = NANOSECONDS
@@ -210,13 +211,14 @@ def write_recording(
     parameters: Mapping[str, Any] | None = None,
     experiment: Mapping[str, Any] | None = None,
     *,
+    texts: Mapping[str, Sequence[tuple[int, str]]] | None = None,
     compression: str = "",
     numbered: bool = False,
 ) -> Path:
     """Writes a whole recording at once, in the layout of the recorder's; returns where it lies.
 
-    ``received`` of each series is the time of reception, not negative. Raises RecordingError like
-    RecordingWriter.
+    ``received`` of each series is the time of reception, not negative. texts: topic -> (time of reception ns,
+    text) of latched std_msgs/String, in order of time. Raises RecordingError like RecordingWriter.
     """
     for topic, series in topics.items():
         if len(series) and int(series.received.min()) < 0:
@@ -224,6 +226,10 @@ def write_recording(
     with RecordingWriter(
         path, parameters=parameters, experiment=experiment, compression=compression, numbered=numbered
     ) as writer:
+        for topic, said in (texts or {}).items():
+            writer.add_topic(topic, STRING_TYPE, qos=[LATCHED_PROFILE])
+            for received, text in said:
+                writer.write(topic, STRING_TYPE, received, encode_text(text))
         writer.write_series(topics)
     return writer.path
 
