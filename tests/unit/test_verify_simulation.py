@@ -15,7 +15,8 @@ from haptic_teleop_control.recording import Recording, write_recording
 from haptic_teleop_sim.lockstep import load_scenario, run_scenario
 from haptic_teleop_sim.scenario_parameters import check_scenario
 from haptic_teleop_sysid import verify
-from haptic_teleop_sysid.verification.overlay import overlay, overlay_all, overlay_pictures, overlay_table
+from haptic_teleop_sysid.verification.overlay import overlay
+from haptic_teleop_sysid.verification.overlay_report import overlay_all, overlay_pictures, overlay_table
 from haptic_teleop_sysid.verification.simulation import simulate_recording
 
 SECONDS = 3.0

@@ -18,7 +18,7 @@ from haptic_teleop_control.recording import read_recording
 from haptic_teleop_control.robots import STAGES
 from haptic_teleop_sysid.report import claim_output_directory, save_png
 from haptic_teleop_sysid.results import tool_version, write_json
-from haptic_teleop_sysid.verification.overlay import overlay_all
+from haptic_teleop_sysid.verification.overlay_report import overlay_all
 from haptic_teleop_sysid.verification.page import key_figures, verification_page
 from haptic_teleop_sysid.verification.pictures import stage_picture
 from haptic_teleop_sysid.verification.run import Run, agreement, examine

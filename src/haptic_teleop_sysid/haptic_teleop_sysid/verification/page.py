@@ -10,7 +10,7 @@ from matplotlib.figure import Figure
 from haptic_teleop_sysid.report import Page
 from haptic_teleop_sysid.verification import tables
 from haptic_teleop_sysid.verification.energy import EXPLANATION, energy_picture, energy_table
-from haptic_teleop_sysid.verification.overlay import Overlays, overlay_table
+from haptic_teleop_sysid.verification.overlay_report import Overlays, overlay_table
 from haptic_teleop_sysid.verification.pictures import latency_picture
 from haptic_teleop_sysid.verification.run import Run
 from haptic_teleop_sysid.verification.verdicts import verdicts
