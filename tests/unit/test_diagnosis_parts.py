@@ -20,7 +20,7 @@ from haptic_teleop_sysid.diagnosis.decide import (
 from haptic_teleop_sysid.diagnosis.explore import Explanation
 from haptic_teleop_sysid.diagnosis.material import material
 from haptic_teleop_sysid.diagnosis.residual import conditions, intervals
-from haptic_teleop_sysid.diagnosis.scales import recording_scales
+from haptic_teleop_sysid.diagnosis.scales import recording_scales, within_reach
 from haptic_teleop_sysid.estimation.gauss_newton import Fit
 from haptic_teleop_sysid.estimation.noise import NoiseModel
 from haptic_teleop_sysid.estimation.records import Record
@@ -380,3 +380,12 @@ def test_the_stretch_in_which_the_arm_met_a_stop_is_found():
 
 def test_models_that_are_the_same_differ_at_no_time(clean):
     assert intervals(fit_of(), fit_of(), clean[0]) == []
+
+
+def test_a_machine_is_sought_near_what_its_owner_believes():
+    limits = within_reach(MODEL)
+    for name, value in MODEL.parameters.items():
+        low, high = limits[name]
+        assert low < value < high or value == 0.0
+        assert high > low
+    assert limits["torque_constant"][0] > 0.05 * MODEL.parameters["torque_constant"]

@@ -23,6 +23,7 @@ from haptic_teleop_sysid.diagnosis.doubt import doubted
 from haptic_teleop_sysid.diagnosis.experiment import suggest
 from haptic_teleop_sysid.diagnosis.page import diagnosis_page
 from haptic_teleop_sysid.diagnosis.proof import Course, Proof, mean_percent, prove
+from haptic_teleop_sysid.diagnosis.scales import within_reach
 from haptic_teleop_sysid.diagnosis.search import (
     LEAST_PERCENT,
     POOR_FIT,
@@ -97,7 +98,7 @@ def diagnose(
     learn, judge = records_of(estimation), records_of(validation)
     n, everything = len(estimation), [*estimation, *validation]
     say("re-estimating the given structure")
-    baseline = fit_from_scratch(model, learn)
+    baseline = fit_from_scratch(model, learn, limits=within_reach(model))
     course = Course.of(baseline.model, everything)
     result = search(
         model,

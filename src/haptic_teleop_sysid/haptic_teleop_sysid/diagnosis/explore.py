@@ -8,14 +8,14 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from haptic_teleop_sim.model import Effect, Model
-from haptic_teleop_sysid.estimation.gauss_newton import Fit, fit_parameters
+from haptic_teleop_sysid.estimation.gauss_newton import Fit, Limits, fit_parameters
 from haptic_teleop_sysid.estimation.noise import NoiseModel
 from haptic_teleop_sysid.estimation.records import Record
 from haptic_teleop_sysid.estimation.whole_fit import fit_whole, noise_starts
 
 from .candidates import candidates, companion, contacts, larger_starts
 from .material import material
-from .scales import Scales
+from .scales import Scales, within_reach
 from .screen import Screened, best_per_effect, screen
 
 #: Least promised gain (nats) that a re-fit is spent on, and the most re-fits of a round.
@@ -82,7 +82,8 @@ def explore(
     """
     say = progress or (lambda text: None)
     say("screening all effects")
-    chosen = shortlist(fit, estimation, scales)
+    limits = within_reach(lab)
+    chosen = shortlist(fit, estimation, scales, limits)
     fits: list[Fit] = []
     for noise in (fit.noise, _quiet(fit.noise)):
         trials: list[Fit] = []
@@ -90,20 +91,20 @@ def explore(
         for s in chosen:
             say(f"fitting {s.effect.effect} at {s.effect.location}")
             starts = contacts(s.effect, touched.get(s.effect.location))
-            best = trial(fit, lab, starts, larger_starts(s.effect, scales), estimation, noise)
+            best = trial(fit, lab, starts, larger_starts(s.effect, scales), estimation, noise, limits)
             trials += best
             if len(starts) > 1 and best:
                 # One contact for all forms of friction at a place.
                 touched[s.effect.location] = best[0].model.effects[-1].parameters["contact_angle"]
         trials.sort(key=lambda t: -t.log_likelihood)
-        fits += [polish(t, estimation, _TUNING_STEPS) for t in trials[:_MOST_TUNED]]
+        fits += [polish(t, estimation, limits, _TUNING_STEPS) for t in trials[:_MOST_TUNED]]
     fits = best_of_each(fits, len(fit.model.effects))
     for i, candidate in enumerate(fits[:_MOST_POLISHED]):
         say(f"once more {candidate.model.effects[len(fit.model.effects)].effect}")
-        fits[i] = with_companion(polish(candidate, estimation), fit.model, estimation)
+        fits[i] = with_companion(polish(candidate, estimation, limits), fit.model, estimation, limits)
     fits = sorted(fits[:_MOST_POLISHED], key=lambda f: -f.log_likelihood)
     say("fitting the model without them once more")
-    better = better_baseline(fit, fits[:_MOST_ABLATED], estimation)
+    better = better_baseline(fit, fits[:_MOST_ABLATED], estimation, limits)
     if again and better.log_likelihood > fit.log_likelihood + _ANOTHER_HOLLOW:
         return explore(better, lab, estimation, validation, scales, progress, again=False)
     fit = better
@@ -111,9 +112,7 @@ def explore(
     return fit, judged(fit, fits, validation, scales)
 
 
-def judged(
-    fit: Fit, fits: Sequence[Fit], validation: Sequence[Record], scales: Scales
-) -> list[Explanation]:
+def judged(fit: Fit, fits: Sequence[Fit], validation: Sequence[Record], scales: Scales) -> list[Explanation]:
     """The fits as explanations beside ``fit``, best first (material ones before others)."""
     levels = [fit.noise, *(f.noise for f in fits[:_MOST_ABLATED]), *noise_starts(fit.model, validation)]
     before = held_out_fit(fit, validation, levels)
@@ -136,14 +135,14 @@ def judged(
     return sorted(found, key=lambda e: (not e.material, -e.score))
 
 
-def shortlist(fit: Fit, records: Sequence[Record], scales: Scales) -> list[Screened]:
+def shortlist(fit: Fit, records: Sequence[Record], scales: Scales, limits: Limits) -> list[Screened]:
     """The effects worth a fit, by what a linearisation promises: under the noise model as it was fitted, and
     under a quiet one.
 
     Where much is unexplained the fitted noise model takes it for a disturbance, under which no effect
     promises much: a delay of 16 ms that a fit explains with hundreds of nats promised less than seven.
     """
-    quiet = fit_parameters(fit.model, _quiet(fit.noise), records, iterations=12)
+    quiet = fit_parameters(fit.model, _quiet(fit.noise), records, iterations=12, limits=limits)
     ranked: dict[tuple[str, str], tuple[float, Screened]] = {}
     effects = list(candidates(fit.model, records, scales))
     for one in (fit, quiet):
@@ -170,14 +169,14 @@ def few_of_each(screened: Sequence[Screened], effects: Sequence[Effect]) -> list
     return found + [e for e in effects if (e.effect, e.location) not in kept]
 
 
-def better_baseline(fit: Fit, fits: Sequence[Fit], records: Sequence[Record]) -> Fit:
+def better_baseline(fit: Fit, fits: Sequence[Fit], records: Sequence[Record], limits: Limits) -> Fit:
     """``fit``, or the same structure fitted from where the rivals ended, without their effect: what a rival
     gains only by having come out of a hollow is none of its effect's.
     """
     count, free = len(fit.model.effects), fit.free
     for rival in fits:
         bare = replace(rival.model, effects=rival.model.effects[:count], fixed=fit.model.fixed)
-        again = fit_whole(bare, rival.noise, records, free=free, iterations=_LAST_STEPS)
+        again = fit_whole(bare, rival.noise, records, free=free, iterations=_LAST_STEPS, limits=limits)
         if again.log_likelihood > fit.log_likelihood + 1.0:
             fit = again
     return fit
@@ -212,29 +211,32 @@ def trial(
     large: Sequence[Effect],
     records: Sequence[Record],
     noise: NoiseModel,
+    limits: Limits,
 ) -> list[Fit]:
     """A few steps from an effect's starts, small ones beside fitted parameters and large ones beside believed
     ones: the best, if any predicts anything."""
-    trials = [_trial(fit.model, e, noise, records) for e in small]
-    trials += [_trial(lab, e, noise, records) for e in large]
+    trials = [_trial(fit.model, e, noise, records, limits) for e in small]
+    trials += [_trial(lab, e, noise, records, limits) for e in large]
     trials = [t for t in trials if np.isfinite(t.log_likelihood)]
     return [max(trials, key=lambda t: t.log_likelihood)] if trials else []
 
 
-def with_companion(fit: Fit, before: Model, records: Sequence[Record]) -> Fit:
+def with_companion(fit: Fit, before: Model, records: Sequence[Record], limits: Limits) -> Fit:
     """``fit``, or the same with the nuisance that its effect may call for, where that gains enough."""
     extra = companion(before, fit.model.effects[len(before.effects)])
     if extra is None:
         return fit
-    wider = fit_whole(fit.model.with_effects(extra), fit.noise, records, iterations=_LAST_STEPS)
+    wider = fit_whole(
+        fit.model.with_effects(extra), fit.noise, records, iterations=_LAST_STEPS, limits=limits
+    )
     return wider if wider.log_likelihood > fit.log_likelihood + _WORTH_A_NUISANCE else fit
 
 
-def _trial(model: Model, effect: Effect, noise: NoiseModel, records: Sequence[Record]) -> Fit:
+def _trial(model: Model, effect: Effect, noise: NoiseModel, records: Sequence[Record], limits: Limits) -> Fit:
     wider = model.with_effects(effect)
     if "contact_angle" in effect.parameters:
         wider = replace(wider, fixed=(*wider.fixed, f"{effect.location}.{effect.effect}.contact_angle"))
-    return fit_parameters(wider, noise, records, iterations=_TRIAL_STEPS)
+    return fit_parameters(wider, noise, records, iterations=_TRIAL_STEPS, limits=limits)
 
 
 def _quiet(noise: NoiseModel) -> NoiseModel:
@@ -246,6 +248,6 @@ def _quiet(noise: NoiseModel) -> NoiseModel:
     )
 
 
-def polish(fit: Fit, records: Sequence[Record], steps: int = _LAST_STEPS) -> Fit:
+def polish(fit: Fit, records: Sequence[Record], limits: Limits, steps: int = _LAST_STEPS) -> Fit:
     """The fit with its noise levels free as well, ``steps`` further."""
-    return fit_whole(fit.model, fit.noise, records, free=fit.free, iterations=steps)
+    return fit_whole(fit.model, fit.noise, records, free=fit.free, iterations=steps, limits=limits)

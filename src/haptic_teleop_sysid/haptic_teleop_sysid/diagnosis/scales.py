@@ -29,6 +29,23 @@ class Scales:
         return self.highest[channel] - self.lowest[channel]
 
 
+#: Factor by which a machine may differ from what its owner believes.
+REACH = 8.0
+
+
+def within_reach(lab: Model) -> dict[str, tuple[float, float]]:
+    """Bounds of the structure's parameters around what the lab believes.
+
+    Without them a joint whose effect is missing from the model can be fitted by a motor that does not answer
+    its input at all, and a disturbance that happens to do the same.
+    """
+    limits = {}
+    for name, value in lab.parameters.items():
+        low = 0.0 if name.endswith("damping") else value / REACH
+        limits[name] = (low, np.inf if name == "arm_damping" else REACH * value)
+    return {name: (low, high if high > low else np.inf) for name, (low, high) in limits.items()}
+
+
 def velocity_of(angle: np.ndarray, dt: float) -> np.ndarray:
     """Velocity (n,) by a local quadratic over some 30 ms, rad/s."""
     q = np.nan_to_num(angle)

@@ -12,7 +12,7 @@ from haptic_teleop_sysid.estimation.records import Record
 from .candidates import family
 from .decide import Choice, choose
 from .explore import Explanation, explore
-from .scales import Scales, recording_scales
+from .scales import Scales, recording_scales, within_reach
 from .simulated import explore_simulated, simulation_noise
 
 #: Effects that are looked for one after another.
@@ -90,7 +90,7 @@ def search_by_simulation(
     """
     noise = simulation_noise(predicted, estimation)
     progress("re-estimating the given structure, freely running")
-    fit = baseline = fit_parameters(model, noise, estimation, iterations=40)
+    fit = baseline = fit_parameters(model, noise, estimation, iterations=40, limits=within_reach(model))
     scales = recording_scales(baseline.model, estimation)
     choices: list[Choice] = []
     found: list[Explanation] = []

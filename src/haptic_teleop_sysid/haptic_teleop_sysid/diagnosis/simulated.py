@@ -17,7 +17,7 @@ from haptic_teleop_sysid.estimation.tuning import initial_noise
 from .candidates import candidates
 from .explore import Explanation
 from .material import material
-from .scales import Scales
+from .scales import Scales, within_reach
 from .screen import best_per_effect, screen
 
 #: Disturbance torque of the observer relative to the rms input torque, and its correlation time, s: the
@@ -71,11 +71,13 @@ def explore_simulated(
     for s in screened:
         progress(f"fitting {s.effect.effect} at {s.effect.location}")
         fits = [
-            fit_parameters(m.with_effects(s.effect), fit.noise, estimation, iterations=15)
+            fit_parameters(
+                m.with_effects(s.effect), fit.noise, estimation, iterations=15, limits=within_reach(lab)
+            )
             for m in (fit.model, lab)
         ]
         best = max(fits, key=lambda f: f.log_likelihood)
-        if not np.isfinite(best.log_likelihood) or _fled(best.model, lab):
+        if not np.isfinite(best.log_likelihood):
             continue
         after = likelihood_value(best.model, best.noise, validation)
         found.append(
@@ -88,10 +90,3 @@ def explore_simulated(
             )
         )
     return sorted(found, key=lambda e: (not e.material, -e.score))
-
-
-def _fled(model: Model, lab: Model) -> bool:
-    """Whether an inertia went where nobody's machine is: more than tenfold from what the lab believes."""
-    return any(
-        not 0.1 < model.parameters[n] / lab.parameters[n] < 10.0 for n in model.parameters if "inertia" in n
-    )
