@@ -30,6 +30,12 @@ def is_off(robot: str, packet: bytes) -> bool:
     return all(values[name] == report.fields[name].idle for name in values)
 
 
+def heed_signals() -> None:
+    """What runs this test may ignore some of them (`nohup`, a job in the background), and children would."""
+    for number in (signal.SIGINT, signal.SIGHUP, signal.SIGQUIT):
+        signal.signal(number, signal.SIG_DFL)
+
+
 @pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGHUP, signal.SIGQUIT])
 @pytest.mark.parametrize("robot", ROBOTS)
 def test_a_signal_ends_a_driver_with_zero_and_off_as_its_last_packet(graph: Graph, robot, number, tmp_path):
@@ -39,7 +45,8 @@ def test_a_signal_ends_a_driver_with_zero_and_off_as_its_last_packet(graph: Grap
     command = Source(graph, f"/{robot}/effort_command", motors)
     rules = ("device:=emulated", "timeout:=0.2", f"capture:={file}", *stated)
     process = subprocess.Popen(
-        [*FRONT_DOOR, f"{robot}_driver", "--ros-args", *(part for rule in rules for part in ("-p", rule))]
+        [*FRONT_DOOR, f"{robot}_driver", "--ros-args", *(part for rule in rules for part in ("-p", rule))],
+        preexec_fn=heed_signals,
     )
     try:
         graph.until(lambda: command.connected() and states.messages, what="discovery")
