@@ -16,6 +16,8 @@ FloatArray = NDArray[np.float64]
 
 #: Seconds at the start of a recording in which the observer settles and the innovations do not count.
 SETTLING = 0.2
+#: Innovations (rad) whose squares are beyond all meaning, and soon beyond the range of numbers.
+_RUNS_AWAY = 1e100
 
 
 def innovations(
@@ -70,7 +72,7 @@ def log_likelihood(packed: Packed, records: Sequence[Record], innovation: Sequen
     -n/2 log det (1/n sum e e'); constants are left out.  -inf when a prediction overflowed."""
     total = 0.0
     for record, e in zip(records, innovation, strict=True):
-        if not np.all(np.isfinite(e)):
+        if not np.max(np.abs(e), initial=0.0) < _RUNS_AWAY:
             return -np.inf
         sign, value = np.linalg.slogdet(covariance(packed, record, e))
         if sign <= 0:
