@@ -85,6 +85,7 @@ def test_joints_in_another_order_give_the_same_answer(graph):
     assert 0.0 not in expected
 
 
+@pytest.mark.flaky(reruns=2)  # half a second in real time: a busy machine that misses 0.2 s is a fault
 def test_output_ramps_in_after_the_start(graph):
     setting = Setting(graph, ramp_time=0.4)
     early = setting.answer_with_reference().effort[0]
