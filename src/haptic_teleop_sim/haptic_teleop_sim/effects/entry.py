@@ -29,7 +29,8 @@ class EffectParameter:
     ``unit`` is the unit for a rotary joint; ``typical`` is the size at which the effect is neither negligible
     nor absurd, relative to the scales that diagnosis measures on a recording (see ``scale``): a torque of
     0.2 means 20 % of the rms input torque.  ``grid`` lists values worth trying as a start when the effect
-    depends on the parameter in a non-convex way (an order, a width).  A parameter with a ``default`` is
+    depends on the parameter in a non-convex way (an order, a width); where they would have to lie too dense
+    for that, ``scan`` says along which scale diagnosis seeks them on a recording.  A parameter with a ``default`` is
     optional: left out of a model file it keeps the default and is not estimated.
     """
 
@@ -57,6 +58,7 @@ class EffectParameter:
     grid: tuple[float, ...] = ()
     default: float | None = None
     neutral: float | None = 0.0
+    scan: Literal["", "order", "frequency", "furthest"] = ""
 
 
 @dataclass(frozen=True)

@@ -164,6 +164,7 @@ POSITION_DEPENDENT = EffectEntry(
             typical=3.0,
             grid=(1, 2, 3, 4, 5, 6, 8, 10, 12, 16, 20),
             neutral=None,
+            scan="order",
         ),
         EffectParameter("phase", "rad", "phase at zero angle", typical=0.5, neutral=None, default=0.0),
         *_CONTACT,
@@ -186,6 +187,7 @@ DRIFT = EffectEntry(
             minimum=-1.0,
             maximum=20.0,
             typical=0.4,
+            grid=(-0.6, 1.0),
         ),
         EffectParameter(
             "time_constant",

@@ -163,6 +163,7 @@ EXTRA_MODE = EffectEntry(
             typical=4.0,
             grid=(1.0, 2.0, 4.0, 8.0, 16.0),
             neutral=None,
+            scan="frequency",
         ),
         EffectParameter(
             "inertia", "kg*m^2", "inertia of the added part", minimum=0.0, typical=0.2, scale="inertia"
@@ -175,6 +176,7 @@ EXTRA_MODE = EffectEntry(
             maximum=2.0,
             default=0.02,
             neutral=None,
+            grid=(0.05,),
         ),
     ),
     sentence="a further flexible part swings at the arm",

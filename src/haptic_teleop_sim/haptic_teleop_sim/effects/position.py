@@ -83,6 +83,7 @@ TORQUE_RIPPLE = EffectEntry(
             typical=8.0,
             grid=(2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12, 14, 16, 18, 20, 24, 28, 32, 40),
             neutral=None,
+            scan="order",
         ),
         EffectParameter("phase", "rad", "phase at zero angle", typical=0.5, default=0.0, neutral=None),
     ),
@@ -104,6 +105,7 @@ HARD_STOP = EffectEntry(
             scale="furthest",
             grid=(0.97, 0.9, 0.75),
             neutral=None,
+            scan="furthest",
         ),
         EffectParameter(
             "stiffness", "N*m/rad", "stiffness of the stop", minimum=0.0, typical=5.0, scale="stiffness"
@@ -116,6 +118,7 @@ HARD_STOP = EffectEntry(
             maximum=10.0,
             default=0.0,
             scale="one",
+            grid=(3.0,),
         ),
         EffectParameter(
             "both_sides",

@@ -33,6 +33,7 @@ ENCODER_ECCENTRICITY = EffectEntry(
             typical=1.0,
             grid=(1, 2, 3, 4, 5, 6, 8, 10),
             neutral=None,
+            scan="order",
         ),
         EffectParameter("phase", "rad", "phase at zero angle", typical=0.5, default=0.0, neutral=None),
     ),

@@ -41,6 +41,7 @@ def predict(
     *,
     gain: ArrayLike | None = None,
     decay: tuple[float, float] = (1.0, 1.0),
+    gain_slopes: tuple[FloatArray, FloatArray] | None = None,
     initial_state: ArrayLike | None = None,
     external_torque: ArrayLike | None = None,
     exogenous: ArrayLike | None = None,
@@ -51,13 +52,17 @@ def predict(
 
     ``input_`` (n,): A for sfj, else N·m; ``measured`` (n, 2): motor and arm angle, rad, NaN where missing;
     ``gain`` (states, 2): observer gain, zero gives a plain simulation; ``decay``: factor per sample of the
-    two disturbance torques (the last two states).  ``free`` may also hold the names in ``INITIAL``
+    two disturbance torques (the last two states); ``gain_slopes``: derivatives of ``gain`` (states, 2, columns)
+    and of ``decay`` (2, columns), the columns being those of ``free`` and after them as many more as there are
+    quantities on which nothing else depends; by default gain and decay are held.  ``free`` may also hold the names in ``INITIAL``
     (derivatives by the initial state).  Derivatives of input effects are central differences, all others are
     exact.
     """
     measured = np.ascontiguousarray(measured, dtype=np.float64)
     torque = acting_torque(packed, input_, dt, t0)
-    n, ncol = len(torque), len(free)
+    n = len(torque)
+    d_gain, d_decay = (np.empty((0, 2, 0)), np.empty((2, 0))) if gain_slopes is None else gain_slopes
+    ncol = max(len(free), d_gain.shape[2])
     base_col = np.full(5, -1, dtype=np.int64)
     p_col = np.full(len(packed.p), -1, dtype=np.int64)
     d_torque = np.zeros((n, ncol))
@@ -115,7 +120,7 @@ def predict(
     k = np.zeros((packed.states, 2)) if gain is None else np.ascontiguousarray(gain, dtype=np.float64)
     innovation, states = np.empty((n, 2)), np.empty((n, packed.states))
     substeps = packed.substeps(dt)
-    if not free:
+    if not ncol:
         kernel().innovations_series(
             x,
             advanced,
@@ -144,7 +149,9 @@ def predict(
         s,
         advanced,
         k,
+        np.ascontiguousarray(d_gain),
         np.array(decay),
+        np.ascontiguousarray(d_decay),
         torque,
         d_torque,
         outer,

@@ -65,13 +65,14 @@ def encoder_reading_sensitive(angle, channel, codes, p, p_col, slope_out, ncol, 
 
 
 @njit
-def predict_series(x, s, measured, gain, decay, torque, d_torque, torque_arm, exogenous, t0, dt, substeps,
-                   rigid, base, codes, p, base_col, p_col, out_codes, skew_col, lead, innovation,
+def predict_series(x, s, measured, gain, d_gain, decay, d_decay, torque, d_torque, torque_arm, exogenous, t0,
+                   dt, substeps, rigid, base, codes, p, base_col, p_col, out_codes, skew_col, lead, innovation,
                    d_innovation, states, d_states):
     """One-step prediction of both encoders with exact derivatives by the free parameters.
 
     At every sample: e = y - y_hat, x += gain e, then one sample ahead; disturbance torques decay by
-    ``decay``. A NaN in ``measured`` (n, 2) is a missing reading: no correction, e = 0.  With ``gain`` zero
+    ``decay``; ``d_gain`` (nx, 2, np) and ``d_decay`` (2, np) are how both depend on the parameters, or empty
+    where they are held. A NaN in ``measured`` (n, 2) is a missing reading: no correction, e = 0.  With ``gain`` zero
     this is a plain simulation with sensitivities.  Fills innovation (n, 2), d_innovation (n, 2, np) =
     de/dtheta, states (n, nx) before the correction, d_states (n, 4, np) unless it is empty.  An encoder
     shows where its axis was ``-lead`` (2,) seconds ago (less than a sample: whole samples are shifted in
@@ -100,6 +101,7 @@ def predict_series(x, s, measured, gain, decay, torque, d_torque, torque_arm, ex
         if gain[j, 0] != 0.0 or gain[j, 1] != 0.0:
             correcting = True
     mapped = out_codes.shape[0] > 0
+    moving = d_gain.shape[0] > 0
     for i in range(torque.shape[0]):
         for j in range(n):
             states[i, j] = x[j]
@@ -131,6 +133,9 @@ def predict_series(x, s, measured, gain, decay, torque, d_torque, torque_arm, ex
                 x[j] += gain[j, 0] * innovation[i, 0] + gain[j, 1] * innovation[i, 1]
                 for c in range(ncol):
                     s[j, c] += gain[j, 0] * d_innovation[i, 0, c] + gain[j, 1] * d_innovation[i, 1, c]
+                if moving:
+                    for c in range(ncol):
+                        s[j, c] += d_gain[j, 0, c] * innovation[i, 0] + d_gain[j, 1, c] * innovation[i, 1]
         last[0], last[1] = x[2], x[3]
         t = t0 + i * dt
         tm = torque[i] + x[n - 2]
@@ -177,11 +182,15 @@ def predict_series(x, s, measured, gain, decay, torque, d_torque, torque_arm, ex
                     began[1, c] = s[1, c]
                 step_many_sensitivities(s, h, rigid, by_state, by_parameter, by_start, stage, total)
                 update_memories_sensitive(x, h / 6.0 * s0, h / 6.0 * s1, s, began, codes, p, p_col)
-        x[n - 2] *= decay[0]
-        x[n - 1] *= decay[1]
         for c in range(ncol):
             s[n - 2, c] *= decay[0]
             s[n - 1, c] *= decay[1]
+        if moving:
+            for c in range(ncol):
+                s[n - 2, c] += d_decay[0, c] * x[n - 2]
+                s[n - 1, c] += d_decay[1, c] * x[n - 1]
+        x[n - 2] *= decay[0]
+        x[n - 1] *= decay[1]
 
 
 @njit

@@ -10,9 +10,11 @@ from haptic_teleop_sim.model import Effect, Model
 from haptic_teleop_sysid.estimation.records import Record
 
 from .scales import Scales
+from .scan import Scanned
 
-#: Share of the typical size at which a candidate is linearised: small, but not at the bound.
-SMALL = 0.05
+#: Shares of the typical size at which a candidate is linearised: a small effect is linear only where it is
+#: small, and a large one is seen better from a little way out.
+SMALL = (0.002, 0.05)
 #: Only one of each of these groups at one place: they are forms of one thing.
 FAMILIES = (
     (
@@ -33,8 +35,11 @@ def family(name: str) -> set[str]:
     return {name}.union(*(set(f) for f in FAMILIES if name in f))
 
 
-def candidates(model: Model, records: Sequence[Record], scales: Scales) -> Iterator[Effect]:
-    """Every effect at every place it may sit, where the model has none of its family yet, at every start."""
+def candidates(
+    model: Model, records: Sequence[Record], scales: Scales, scanned: Scanned | None = None
+) -> Iterator[Effect]:
+    """Every effect at every place it may sit, where the model has none of its family yet, at every start;
+    ``scanned``: the starts of parameters that were scanned, instead of their grids."""
     present = {(n, e.location) for e in model.effects for n in family(e.effect)}
     for name, entry in EFFECTS.items():
         if entry.nuisance:
@@ -46,17 +51,24 @@ def candidates(model: Model, records: Sequence[Record], scales: Scales) -> Itera
         for place in locations(name, model.structure):
             location = model.location(place)
             if (name, location) not in present:
-                for parameters in starts(entry, scales, place):
+                for parameters in starts(entry, scales, place, (scanned or {}).get((name, location))):
                     yield Effect(name, location, parameters)
 
 
-def starts(entry: EffectEntry, scales: Scales, place: str) -> Iterator[dict[str, float]]:
-    """Parameters to start from: small sizes, and all combinations of the grids of shape parameters."""
-    options = [
-        [(p.name, v) for v in _values(entry, p, scales, place)] for p in entry.parameters if _wanted(p)
-    ]
-    for combination in itertools.product(*options):
-        yield dict(combination)
+def starts(
+    entry: EffectEntry, scales: Scales, place: str, scanned: Sequence[float] | None = None
+) -> Iterator[dict[str, float]]:
+    """Parameters to start from: small sizes, and all combinations of the grids of shape parameters (with
+    ``scanned`` values instead of the grid of the one that was scanned)."""
+    shaped = any(p.grid and p.neutral is None for p in entry.parameters)
+    for share in SMALL[:1] if shaped else SMALL:
+        options = [
+            [(p.name, v) for v in _values(entry, p, scales, place, share, scanned)]
+            for p in entry.parameters
+            if _wanted(p)
+        ]
+        for combination in itertools.product(*options):
+            yield dict(combination)
 
 
 #: Effects that load the joint at rest, so that zeroing the encoders there hides a preload of the joint.
@@ -79,7 +91,7 @@ def larger_starts(effect: Effect, scales: Scales) -> list[Effect]:
     """The effect at the sizes of its grids: for those that a linearisation at a small size leads astray."""
     found = []
     for p in effect.entry.parameters:
-        if p.grid and p.neutral is not None and p.neutral == 0.0:
+        if p.grid and p.neutral is not None and p.neutral == 0.0 and p.default is None:
             old = effect.parameters[p.name]
             for g in p.grid:
                 value = g * scales.size[p.scale]
@@ -94,7 +106,12 @@ CONTACT_ANGLES = (2e-6, 2e-5, 2e-4)
 
 
 def contacts(effect: Effect, known: float | None = None) -> list[Effect]:
-    """The effect with the ``known`` contact, or every one that it may have; itself where it has none."""
+    """The effect with the ``known`` contact, or every one that it may have; with and without what is optional
+    in it (a stop that swallows the impact); itself where there is no such choice."""
+    for p in effect.entry.parameters:
+        if p.default is not None and p.grid:
+            more = [{**effect.parameters, p.name: g} for g in p.grid]
+            return [effect, *(Effect(effect.effect, effect.location, parameters) for parameters in more)]
     if effect.entry.memory != "direction":
         return [effect]
     own, angles = effect.parameters, CONTACT_ANGLES if known is None else (known,)
@@ -105,8 +122,17 @@ def _wanted(parameter: EffectParameter) -> bool:
     return parameter.default is None or parameter.name in ("phase", "rest")
 
 
-def _values(entry: EffectEntry, parameter: EffectParameter, scales: Scales, place: str) -> tuple[float, ...]:
+def _values(
+    entry: EffectEntry,
+    parameter: EffectParameter,
+    scales: Scales,
+    place: str,
+    share: float,
+    scanned: Sequence[float] | None,
+) -> tuple[float, ...]:
     scale = scales.size[parameter.scale]
+    if parameter.scan and scanned is not None:
+        return tuple(scanned)
     if parameter.scale == "furthest":
         channel = 1 if place == "arm" else 0
         ends = [v for v in (scales.highest[channel], scales.lowest[channel]) if abs(v) > 0.1 * scale]
@@ -117,7 +143,7 @@ def _values(entry: EffectEntry, parameter: EffectParameter, scales: Scales, plac
         return (0.0,)
     if parameter.neutral is None:
         return (parameter.typical * scale,)
-    return (parameter.neutral + SMALL * (parameter.typical * scale - parameter.neutral),)
+    return (parameter.neutral + share * (parameter.typical * scale - parameter.neutral),)
 
 
 def shape_parameters(entry: EffectEntry) -> tuple[str, ...]:

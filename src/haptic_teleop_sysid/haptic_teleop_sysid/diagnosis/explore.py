@@ -16,6 +16,7 @@ from haptic_teleop_sysid.estimation.whole_fit import fit_whole, noise_starts
 from .candidates import candidates, companion, contacts, larger_starts
 from .material import material
 from .scales import Scales, within_reach
+from .scan import both, scan
 from .screen import Screened, best_per_effect, screen
 
 #: Least promised gain (nats) that a re-fit is spent on, and the most re-fits of a round.
@@ -93,7 +94,7 @@ def explore(
             starts = contacts(s.effect, touched.get(s.effect.location))
             best = trial(fit, lab, starts, larger_starts(s.effect, scales), estimation, noise, limits)
             trials += best
-            if len(starts) > 1 and best:
+            if len(starts) > 1 and best and "contact_angle" in best[0].model.effects[-1].parameters:
                 # One contact for all forms of friction at a place.
                 touched[s.effect.location] = best[0].model.effects[-1].parameters["contact_angle"]
         trials.sort(key=lambda t: -t.log_likelihood)
@@ -117,6 +118,10 @@ def judged(fit: Fit, fits: Sequence[Fit], validation: Sequence[Record], scales: 
     levels = [fit.noise, *(f.noise for f in fits[:_MOST_ABLATED]), *noise_starts(fit.model, validation)]
     before = held_out_fit(fit, validation, levels)
     after = [held_out_fit(f, validation, [f.noise, before.noise]) for f in fits]
+    for i, (f, there) in enumerate(zip(fits, after, strict=True)):
+        if f.log_likelihood > fit.log_likelihood + _ANOTHER_HOLLOW and there.log_likelihood < before.log_likelihood:
+            again = held_out_fit(f, validation, noise_starts(f.model, validation))
+            after[i] = max(there, again, key=lambda one: one.log_likelihood)
     if after:
         # Levels that a rival found are good enough for the model without it.
         best = max(after, key=lambda f: f.log_likelihood)
@@ -144,7 +149,8 @@ def shortlist(fit: Fit, records: Sequence[Record], scales: Scales, limits: Limit
     """
     quiet = fit_parameters(fit.model, _quiet(fit.noise), records, iterations=12, limits=limits)
     ranked: dict[tuple[str, str], tuple[float, Screened]] = {}
-    effects = list(candidates(fit.model, records, scales))
+    scanned = both(scan(fit, records, scales), scan(quiet, records, scales))
+    effects = list(candidates(fit.model, records, scales, scanned))
     for one in (fit, quiet):
         screened = screen(one, records, effects)
         effects = few_of_each(screened, effects)

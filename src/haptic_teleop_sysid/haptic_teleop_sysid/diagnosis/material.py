@@ -15,13 +15,18 @@ from .scales import Scales
 #: A friction form is called by its own name when it departs from plain Coulomb friction by this much.
 _DISTINCT = 0.2
 #: Least size of a torque, as a share of the rms input torque.
-_SMALL_TORQUE = 0.0005
+_SMALL_TORQUE = 0.0001
 #: Least delay as a share of the sample period: less is not told from how the samples were taken.
-_SHARE_OF_SAMPLE = 0.1
+_SHARE_OF_SAMPLE = 0.02
 #: Displacement (rad) from which a contact that gives before it slides bears its own name.
 _PRESLIDING = 1e-3
 #: ... and the share of the whole travel up to which it does.
 _STILL = 0.3
+
+#: Least error of an encoder in its steps, which average out over many readings, and how much of its sine must
+#: have been seen, rad.
+_BELOW_RESOLUTION = 0.1
+_SOME_BEND = 0.6
 
 
 def material(effect: Effect, scales: Scales) -> bool:
@@ -54,11 +59,11 @@ def material(effect: Effect, scales: Scales) -> bool:
         return p["amplitude"] > _SMALL_TORQUE * torque and p["order"] * scales.span(channel) > math.pi / 2
     if name == "encoder_eccentricity":
         return (
-            p["amplitude"] > 2 * scales.resolution[channel]
-            and p["order"] * scales.span(channel) > math.pi / 2
+            p["amplitude"] > _BELOW_RESOLUTION * scales.resolution[channel]
+            and p["order"] * scales.span(channel) > _SOME_BEND
         )
     if name == "encoder_scale":
-        return abs(p["scale"] - 1.0) > 5e-4
+        return abs(p["scale"] - 1.0) > 2e-5
     if name in ("coulomb_friction", "constant_torque", "gravity", "hysteresis"):
         return abs(p["torque"]) > _SMALL_TORQUE * torque
     if name in ("input_delay", "actuator_lag", "sensor_delay", "channel_skew"):

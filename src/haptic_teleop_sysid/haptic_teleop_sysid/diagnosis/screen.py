@@ -89,7 +89,8 @@ def _score(
             continue
         if not a <= new[name] <= b:
             # The best size lies beyond the bound: worth nothing if it is the size that is negative.
-            if name in _sizes(effect):
+            edge = a if new[name] < a else b
+            if name in _sizes(effect) and edge == 0.0:
                 return None
             new[name] = float(np.clip(new[name], a, b))
     return Screened(Effect(effect.effect, effect.location, new), gain, effect)

@@ -26,9 +26,11 @@ def innovations(
     record: Record,
     free: tuple[str, ...] = (),
     gain: FloatArray | None = None,
+    gain_slopes: tuple[FloatArray, FloatArray] | None = None,
 ) -> Prediction:
     """One-step predictions of a recording, with derivatives by ``free`` at a held observer gain (that of the
-    model and the noise model, or ``gain``); LinAlgError for an impossible noise model."""
+    model and the noise model, or ``gain``), or one that depends on them by ``gain_slopes`` (see `predict`);
+    LinAlgError for an impossible noise model."""
     return predict(
         packed,
         record.input,
@@ -37,6 +39,7 @@ def innovations(
         free,
         gain=observer_gain(packed, noise, record.dt, channels(packed, record)) if gain is None else gain,
         decay=noise.decay(record.dt),
+        gain_slopes=gain_slopes,
         initial_state=record.initial_state(),
         exogenous=record.exogenous,
         t0=record.start,

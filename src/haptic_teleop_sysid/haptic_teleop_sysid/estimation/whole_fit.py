@@ -4,8 +4,8 @@ Fitting parameters at held levels and levels at held parameters, in turn, stops 
 twice as strong but forgotten four times as fast predicts nearly alike, and a larger inertia wants a larger
 disturbance beside it.  It ends tens to hundreds of nats below the top, and what is left there hides small
 effects and imitates others.  The observer's gain makes the innovations a smooth function of everything, so
-everything is fitted at once (Ljung, System Identification, 1999, ch. 7 and 10.2): derivatives by a model's
-parameters at the held gain are exact, those by the gain are differences.
+everything is fitted at once (Ljung, System Identification, 1999, ch. 7 and 10.2), with exact derivatives but
+for those of the gain itself, which are differences.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from haptic_teleop_sim.kernel import pack
+from haptic_teleop_sim.kernel import Packed, pack
 from haptic_teleop_sim.model import STRUCTURES, Model
 
 from .gauss_newton import (
@@ -31,14 +31,15 @@ from .gauss_newton import (
     whiten,
 )
 from .likelihood import channels, innovations, log_likelihood
-from .noise import NoiseModel
+from .noise import NoiseModel, observer_gain
 from .records import Record
 from .tuning import LEVELS, initial_noise, level_bounds
 
 FloatArray = NDArray[np.float64]
 
 #: Step of the differences, relative: large against the rounding of the gain, small against its curvature.
-_STEP = 0.02
+_STEP = 1e-3
+_TIMES = ("motor_time", "arm_time")
 #: No level changes by more than this factor in one step.
 _LARGEST_FACTOR = 16.0
 _TRIES = 6
@@ -101,7 +102,7 @@ def fit_whole(
     information, gradient = np.zeros((len(theta), len(theta))), np.zeros(len(theta))
     while count < iterations:
         count += 1
-        found = _equations(point, names, levels, theta, high, records)
+        found = _equations(point, names, levels, len(theta), records)
         if found is None:
             break
         information, gradient = found
@@ -209,12 +210,10 @@ def _at(
 
 
 def _errors(
-    model: Model, noise: NoiseModel, records: Sequence[Record], observer: Model | None = None
+    model: Model, noise: NoiseModel, records: Sequence[Record]
 ) -> tuple[float, list[FloatArray]] | None:
-    """Likelihood and innovations, with the gain of the ``observer``'s structure instead of the model's."""
+    """Likelihood and innovations."""
     packed = pack(model)
-    if observer is not None:
-        noise = replace(noise, reference=tuple(float(v) for v in pack(observer).base))
     try:
         errors = [innovations(packed, noise, r).innovation for r in records]
         value = log_likelihood(packed, records, errors)
@@ -224,50 +223,51 @@ def _errors(
 
 
 def _equations(
-    point: _Point,
-    names: tuple[str, ...],
-    levels: Sequence[str],
-    theta: FloatArray,
-    high: FloatArray,
-    records: Sequence[Record],
+    point: _Point, names: tuple[str, ...], levels: Sequence[str], size: int, records: Sequence[Record]
 ) -> tuple[FloatArray, FloatArray] | None:
-    """Information and gradient of the negative log-likelihood by parameters and logarithms of levels."""
-    packed, p = pack(point.model), len(names)
-    try:
-        exact = [innovations(packed, point.noise, r, names).d_innovation for r in records] if p else None
-    except (np.linalg.LinAlgError, ValueError):
-        return None
-    moved: list[tuple[int, float, list[FloatArray]]] = []
-    for i in range(len(theta)):
-        if i < p:
-            if names[i] not in STRUCTURES[point.model.structure] or names[i] == "torque_constant":
-                continue  # the gain does not depend on it
-            if point.noise.reference is not None:
-                continue
-            step = _STEP * max(abs(theta[i]), 1e-6)
-            there = _errors(
-                point.model, point.noise, records, point.model.with_values({names[i]: float(theta[i] + step)})
-            )
-        else:
-            step = _STEP if theta[i] + _STEP <= high[i] else -_STEP
-            noise = replace(point.noise, **{levels[i - p]: float(np.exp(theta[i] + step))})
-            there = _errors(point.model, noise, records)
-        if there is None:
-            return None
-        moved.append((i, step, there[1]))
-    information, gradient = np.zeros((len(theta), len(theta))), np.zeros(len(theta))
+    """Information (size, size) and gradient of the negative log-likelihood by parameters and logarithms of
+    levels."""
+    packed = pack(point.model)
+    information, gradient = np.zeros((size, size)), np.zeros(size)
     for k, record in enumerate(records):
-        slopes = np.zeros((*point.errors[k].shape, len(theta)))
-        if exact is not None:
-            slopes[:, :, :p] = exact[k]
-        for i, step, errors in moved:
-            slopes[:, :, i] += (errors[k] - point.errors[k]) / step
+        try:
+            moving = _gain_slopes(point, names, levels, packed, record)
+            slopes = innovations(packed, point.noise, record, names, gain_slopes=moving).d_innovation
+        except (np.linalg.LinAlgError, ValueError):
+            return None
         if not np.max(np.abs(slopes), initial=0.0) < OVERFLOW:
             return None
         whitened, jacobian = whiten(packed, record, point.errors[k], slopes)
         information += jacobian.T @ jacobian
         gradient += jacobian.T @ whitened
     return information, gradient
+
+
+def _gain_slopes(
+    point: _Point, names: Sequence[str], levels: Sequence[str], packed: Packed, record: Record
+) -> tuple[FloatArray, FloatArray]:
+    """How the observer's gain (states, 2, columns) and the decay of its disturbances (2, columns) depend on
+    the structure's parameters and on the logarithms of the levels, the first by differences."""
+    noise, dt, measured = point.noise, record.dt, channels(packed, record)
+    gain = observer_gain(packed, noise, dt, measured)
+    d_gain = np.zeros((*gain.shape, len(names) + len(levels)))
+    d_decay = np.zeros((2, d_gain.shape[2]))
+    structure = STRUCTURES[point.model.structure]
+    for i, name in enumerate(names):
+        if name in structure and name != "torque_constant" and noise.reference is None:
+            base = packed.base.copy()
+            place = packed.index[name][1]
+            step = _STEP * max(abs(base[place]), 1e-6)
+            base[place] += step
+            there = replace(noise, reference=tuple(float(v) for v in base))
+            d_gain[:, :, i] = (observer_gain(packed, there, dt, measured) - gain) / step
+    for i, name in enumerate(levels, start=len(names)):
+        there = noise.scaled(**{name: float(np.exp(_STEP))})
+        d_gain[:, :, i] = (observer_gain(packed, there, dt, measured) - gain) / _STEP
+        if name in _TIMES:
+            place = _TIMES.index(name)
+            d_decay[place, i] = noise.decay(dt)[place] * dt / getattr(noise, name)
+    return d_gain, d_decay
 
 
 def _without_levels(information: FloatArray, p: int) -> FloatArray:
