@@ -19,6 +19,7 @@ from haptic_teleop_control.errors import RecordingError
 from haptic_teleop_control.recording import read_recording
 from haptic_teleop_sim.model import Model, load_model
 from haptic_teleop_sysid.dataset import DataSet, load_dataset
+from haptic_teleop_sysid.diagnosis.current import shown_by_current
 from haptic_teleop_sysid.diagnosis.doubt import doubted
 from haptic_teleop_sysid.diagnosis.experiment import suggest
 from haptic_teleop_sysid.diagnosis.page import diagnosis_page
@@ -106,6 +107,7 @@ def diagnose(
         learn,
         judge,
         sense_follows=sense_follows(estimation),
+        shown=shown_by_current(model, estimation, validation),
         percent=lambda candidate: float(np.mean(course.percent(candidate))),
         progress=say,
     )

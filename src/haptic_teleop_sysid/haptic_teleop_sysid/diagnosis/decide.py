@@ -72,13 +72,14 @@ def choose(
         for e in found
         if e.material
         and _gains_enough(e)
-        and e.score >= _least_share(e) * best_so_far
+        and (e.by_current > 0.0 or e.score >= _least_share(e) * best_so_far)
         and significant(e)
     ]
     if not good:
         return None
     best = max(good, key=lambda e: e.score)
-    margin = BY_CHANCE + AS_GOOD * best.score
+    # The noise of a current sense is white: what it says is taken at its word.
+    margin = BY_CHANCE + AS_GOOD * max(best.by_motion, 0.0)
     close = [e for e in good if e.score > best.score - 3.0 * margin]
     weights = np.array([np.exp((e.score - best.score) / margin) * _prior(e, sense_follows) for e in close])
     # What lies a whole margin behind is hardly a rival.
@@ -91,7 +92,11 @@ def choose(
     ranked = [(close[i], float(weights[i])) for i in order]
     rivals = tuple((e, p) for e, p in ranked[1:] if p > 0.02)
     choice = Choice(ranked[0][0], ranked[0][1], rivals)
-    if choice.ambiguous and choice.chosen.score < LEAST_SHARE_ALIKE * best_so_far:
+    if (
+        choice.ambiguous
+        and choice.chosen.by_current <= 0.0
+        and choice.chosen.score < LEAST_SHARE_ALIKE * best_so_far
+    ):
         return None
     return choice
 
@@ -115,7 +120,7 @@ def _prior(explanation: Explanation, sense_follows: bool) -> float:
     """How likely an effect is before looking: delays come from mechanisms before they come from wrong stamps,
     and a command whose measured current follows it was stamped right.
     """
-    if explanation.effect.effect == "channel_skew":
+    if explanation.effect.effect == "channel_skew" and explanation.beside is None:
         if explanation.effect.location.endswith("_actuator"):
             return 0.1 if sense_follows else 0.8
         return 0.9
@@ -124,7 +129,7 @@ def _prior(explanation: Explanation, sense_follows: bool) -> float:
 
 def significant(explanation: Explanation) -> bool:
     """Whether the effect's size differs from none by more than its uncertainty."""
-    effect, std = explanation.effect, standard_errors(explanation.fit)
+    effect, std = explanation.effect, standard_errors(explanation.fit) | explanation.std
     head = f"{effect.location}.{effect.effect}."
     sizes = [
         abs(effect.values[p.name] - p.neutral) > SIGNIFICANT * std.get(head + p.name, 0.0)

@@ -99,6 +99,8 @@ def _objection(
     percent: Callable[[Model], float],
 ) -> str | None:
     """What speaks against a finding, in words."""
+    if choice.chosen.by_current > 0.0:
+        return None  # seen in the currents, on both kinds of recordings
     fit = choice.chosen.fit
     there = held_out_fit(fit, validation, [fit.noise])
     effect = choice.chosen.effect

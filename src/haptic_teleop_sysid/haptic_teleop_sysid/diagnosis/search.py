@@ -9,7 +9,9 @@ from haptic_teleop_sim.model import Model
 from haptic_teleop_sysid.estimation.gauss_newton import Fit, fit_parameters
 from haptic_teleop_sysid.estimation.records import Record
 
+from .actuator import joined
 from .candidates import family
+from .current import Shown
 from .decide import Choice, choose
 from .explore import Explanation, explore
 from .scales import Scales, recording_scales, within_reach
@@ -46,11 +48,13 @@ def search(
     validation: Sequence[Record],
     *,
     sense_follows: bool = False,
+    shown: Sequence[Shown] = (),
     percent: Callable[[Model], float] | None = None,
     progress: Callable[[str], None] | None = None,
 ) -> SearchResult:
     """Find the effects that the model, re-estimated as ``baseline``, lacks on the estimation recordings and
-    that stand up on the validation ones. ``percent``: simulated fit of a model, see `choose`.
+    that stand up on the validation ones. ``shown``: what the measured currents say; ``percent``: simulated fit
+    of a model, see `choose`.
     """
     say = progress or (lambda text: None)
     scales = recording_scales(baseline.model, estimation)
@@ -63,12 +67,14 @@ def search(
         )
         if number == 0:
             baseline = fit
+        if shown and not any(c.chosen.by_current > 0.0 for c in choices):
+            found = joined(fit, model, found, shown, estimation, validation, scales, within_reach(lab))
         choice = choose(found, strongest, sense_follows, percent)
         if choice is None:
             break
         choices.append(choice)
         fit = choice.chosen.fit
-        strongest = max(strongest, choice.chosen.score)
+        strongest = max(strongest, choice.chosen.by_motion)
     return SearchResult(baseline, fit, tuple(choices), tuple(found), scales)
 
 

@@ -75,9 +75,9 @@ def finding(choice: Choice, final: Fit) -> dict[str, Any]:
     """One finding, with the numbers of the final model."""
     effect = choice.chosen.effect
     fitted = next(
-        e for e in final.model.effects if (e.effect, e.location) == (effect.effect, effect.location)
+        (e for e in final.model.effects if (e.effect, e.location) == (effect.effect, effect.location)), effect
     )
-    std = standard_errors(final)
+    std = standard_errors(final) | choice.chosen.std
     head = f"{effect.location}.{effect.effect}."
     parameters = {
         name: {

@@ -42,6 +42,10 @@ def because(choice: Choice) -> str:
         f"{sentence[0].upper()}{sentence[1:]} ({numbers}): with it the recording is predicted better by "
         f"{e.gain:.0f} nats, and recordings that were not used for the fit by {e.held_out:.0f}"
     )
+    if e.by_current > 0.0:
+        text += f"; the measured current gives {e.by_current:.0f} of these nats"
+    if e.beside is not None:
+        text += "; the motion follows the command, so that only the record of the current is off"
     if choice.others:
         rival, p = choice.others[0]
         text += f"; {rival.effect.effect} at {rival.effect.location} is the runner-up ({100 * p:.0f} %)"

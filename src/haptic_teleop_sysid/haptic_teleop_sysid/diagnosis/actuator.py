@@ -1,0 +1,107 @@
+"""What the measured current shows and what the motion shows, put together."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+from haptic_teleop_sim.model import Effect, Model
+from haptic_teleop_sysid.estimation.gauss_newton import Fit, Limits
+from haptic_teleop_sysid.estimation.records import Record
+from haptic_teleop_sysid.estimation.whole_fit import fit_whole
+
+from .current import SHOWN, Shown
+from .decide import standard_errors
+from .explore import Explanation, judged
+from .scales import Scales
+
+#: Nats behind the best one from which an effect in the currents is not asked of the motion any more.
+_FAR_BEHIND = 200.0
+_STEPS = 15
+#: Effects whose parameter is a torque.
+TORQUES = ("torque_saturation", "dead_zone")
+
+
+def joined(
+    fit: Fit,
+    lab: Model,
+    found: Sequence[Explanation],
+    shown: Sequence[Shown],
+    estimation: Sequence[Record],
+    validation: Sequence[Record],
+    scales: Scales,
+    limits: Limits,
+) -> list[Explanation]:
+    """The explanations ``found`` in the motion (``lab``: the model by which the currents were read), those of the actuator judged by both, and those of the
+    currents that the motion did not promise.
+
+    An effect behind the sense shows in both: its parameter is the one that is known better, from the motion
+    alone or from the currents alone.  A stamp shows in the currents, and the motion follows the command.
+    """
+    lab_constant = lab.parameters["torque_constant"]
+    best = max(s.gain + s.held_out for s in shown)
+    near = [s for s in shown if s.gain + s.held_out > best - _FAR_BEHIND and s.gain > 0.0]
+    names = {s.effect.effect for s in near}
+    result = [e for e in found if not (e.effect.effect in names and e.effect.location == near[0].effect.location)]
+    present = {(e.effect, e.location) for e in fit.model.effects}
+    for s in near:
+        name, location = s.effect.effect, s.effect.location
+        if (name, location) in present:
+            continue
+        if name == "channel_skew":
+            # A command that was stamped wrong is for the motion alone to tell.
+            result += [e for e in found if (e.effect.effect, e.effect.location) == (name, location)]
+            result.append(
+                Explanation(
+                    fit,
+                    s.gain,
+                    s.held_out,
+                    True,
+                    len(fit.model.effects),
+                    s.gain + s.held_out,
+                    {f"{location}.{name}.delay": s.std},
+                    s.effect,
+                )
+            )
+            continue
+        parameter = f"{location}.{name}.{SHOWN[name]}"
+        fits = [_held(fit, s, parameter, lab_constant, estimation, limits)]
+        fits += [e.fit for e in found if (e.effect.effect, e.effect.location) == (name, location)]
+        for e in judged(fit, fits, validation, scales):
+            if parameter in e.fit.free and standard_errors(e.fit).get(parameter, 0.0) > s.std:
+                continue  # the currents know it better
+            own = e.effect.parameters[SHOWN[name]]
+            if name in TORQUES:
+                own *= lab_constant / e.fit.model.parameters["torque_constant"]
+            here = s.value_nats(own)
+            both = here + s.held_out
+            std = {} if parameter in e.fit.free else {parameter: s.std}
+            result.append(
+                replace(
+                    e,
+                    gain=e.gain + here,
+                    held_out=e.held_out + s.held_out,
+                    material=True,
+                    by_current=max(both, 1e-9),
+                    std=std,
+                )
+            )
+    return sorted(result, key=lambda e: (not e.material, -e.score))
+
+
+def _held(
+    fit: Fit, shown: Shown, parameter: str, lab_constant: float, records: Sequence[Record], limits: Limits
+) -> Fit:
+    """The fit with the effect as the currents have it. What they have is a current: a limit or a dead band in
+    N·m goes with the torque constant, which the fit moves."""
+    name, location = shown.effect.effect, shown.effect.location
+    own = SHOWN[name]
+    ended = fit
+    for _ in range(2 if name in TORQUES else 1):
+        value = shown.effect.parameters[own]
+        if name in TORQUES:
+            value *= ended.model.parameters["torque_constant"] / lab_constant
+        wider = fit.model.with_effects(Effect(name, location, {own: value}))
+        held = replace(wider, fixed=(*wider.fixed, parameter))
+        ended = fit_whole(held, fit.noise, records, iterations=_STEPS, limits=limits)
+    return ended

@@ -1,0 +1,147 @@
+"""What the measured current says of the actuator, before anything is asked of the motion.
+
+Where both the command and the measured current are recorded, their difference shows a delay, a lag, a limit or
+a dead band by itself, if the sense sits behind it; and only there does it show that the measured current is
+stamped wrong.  Each is fitted by least squares on the recorded currents (the sense's offset and scale are free).
+Whether the torque follows suit is for the motion to say: a late stamp moves nothing, a late torque does.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.optimize import minimize_scalar
+
+from haptic_teleop_sim.kernel import acting_torque, pack
+from haptic_teleop_sim.model import Effect, Model
+from haptic_teleop_sysid.dataset import DataSet
+
+FloatArray = NDArray[np.float64]
+
+#: Effects that a current behind them shows, and their parameter.
+SHOWN = {
+    "input_delay": "delay",
+    "actuator_lag": "time_constant",
+    "torque_saturation": "limit",
+    "dead_zone": "width",
+    "channel_skew": "delay",
+}
+#: Nats on the estimation and on the validation recordings from which the currents say anything; from the clear
+#: gain on it suffices that the validation recordings, which may not reach a limit, do not speak against it.
+_LEAST, _LEAST_HELD_OUT = 12.0, 3.0
+_CLEAR, _LEAST_AGAINST = 25.0, 2.0
+#: Standard deviation of the sense that is granted at least, relative to the rms command.
+_EXACT = 1e-4
+#: Starts: times in samples, limits and dead bands relative to the largest and the rms command.
+_TIMES = (0.02, 0.1, 0.3, 0.6, 1.0, 2.0, 4.0, 8.0, 16.0)
+_LIMITS = (0.3, 0.5, 0.7, 0.8, 0.9, 0.95, 0.99)
+_WIDTHS = (0.005, 0.02, 0.05, 0.1, 0.2, 0.4)
+
+
+@dataclass(frozen=True)
+class Shown:
+    """An effect as the currents show it.
+
+    ``gain``, ``held_out``: nats on the estimation and the validation recordings; ``std``: of its parameter;
+    ``value_nats``: nats on the estimation recordings at another value of it.
+    """
+
+    effect: Effect
+    std: float
+    gain: float
+    held_out: float
+    value_nats: Callable[[float], float]
+
+
+def shown_by_current(
+    model: Model, estimation: Sequence[DataSet], validation: Sequence[DataSet]
+) -> list[Shown]:
+    """Every effect of SHOWN as the currents have it, best first; empty where they say nothing, or where not
+    every recording has both."""
+    data = [*estimation, *validation]
+    if any(d.commanded_input is None or d.input_source != "measured effort" for d in data):
+        return []
+    found = []
+    for name, parameter in SHOWN.items():
+        best = _fitted(model, name, parameter, estimation, validation)
+        if best is not None:
+            found.append(best)
+    found.sort(key=lambda s: -(s.gain + s.held_out))
+    return found if any(_says(s) for s in found) else []
+
+
+def _says(shown: Shown) -> bool:
+    if shown.gain > _CLEAR:
+        return shown.held_out > -_LEAST_AGAINST
+    return shown.gain > _LEAST and shown.held_out > _LEAST_HELD_OUT
+
+
+def _fitted(
+    model: Model,
+    name: str,
+    parameter: str,
+    estimation: Sequence[DataSet],
+    validation: Sequence[DataSet],
+) -> Shown | None:
+    location = model.location("actuator")
+
+    def effect(value: float) -> Effect:
+        return Effect(name, location, {parameter: value})
+
+    def nats(value: float, data: Sequence[DataSet]) -> float:
+        return sum(_nats(model, effect(value), d) for d in data)
+
+    starts = _starts(name, model, estimation)
+    values = [nats(v, estimation) for v in starts]
+    best = int(np.argmax(values))
+    edges = starts[max(best - 1, 0)], starts[min(best + 1, len(starts) - 1)]
+    if edges[0] == edges[1]:
+        return None
+    ended = minimize_scalar(
+        lambda v: -nats(float(v), estimation), bounds=edges, method="bounded", options={"xatol": 1e-5 * edges[1]}
+    )
+    value, top = float(ended.x), -float(ended.fun)
+    if values[best] > top:
+        value, top = starts[best], values[best]
+    step = 0.02 * abs(value) if value else 1e-6
+    bend = (nats(value + step, estimation) + nats(value - step, estimation) - 2.0 * top) / step**2
+    std = float(np.sqrt(-1.0 / bend)) if bend < 0.0 else abs(value)
+    return Shown(effect(value), std, top, nats(value, validation), lambda v: nats(v, estimation))
+
+
+def _starts(name: str, model: Model, data: Sequence[DataSet]) -> list[float]:
+    command = np.concatenate([np.asarray(d.commanded_input) for d in data]) * model.parameters["torque_constant"]
+    dt = data[0].dt
+    if name == "torque_saturation":
+        return [share * float(np.max(np.abs(command))) for share in _LIMITS]
+    if name == "dead_zone":
+        return [share * float(np.std(command)) for share in _WIDTHS]
+    times = [t * dt for t in _TIMES]
+    return [-t for t in reversed(times)] + times if name == "channel_skew" else times
+
+
+def _nats(model: Model, effect: Effect, data: DataSet) -> float:
+    """Nats by which the measured current follows the effect's better than the command."""
+    command, sensed = np.asarray(data.commanded_input, dtype=float), np.asarray(data.input, dtype=float)
+    good = np.isfinite(command) & np.isfinite(sensed)
+    command = np.where(good, command, 0.0)
+    if effect.effect == "channel_skew":
+        at = np.arange(len(command)) - effect.parameters["delay"] / data.dt
+        expected = np.interp(at, np.arange(len(command)), command)
+    else:
+        packed = pack(model.with_effects(effect))
+        expected = acting_torque(packed, command, data.dt, data.start) / packed.torque_constant
+    floor = (_EXACT * float(np.std(command[good]))) ** 2
+    before, after = (_left(c[good], sensed[good]) + floor for c in (command, expected))
+    return 0.5 * int(np.sum(good)) * float(np.log(before / after))
+
+
+def _left(expected: FloatArray, sensed: FloatArray) -> float:
+    """Variance of the measured current about offset and scale times the expected one."""
+    a = expected - expected.mean()
+    b = sensed - sensed.mean()
+    power = float(a @ a)
+    return float(np.mean((b - a * (float(a @ b) / power)) ** 2)) if power > 0.0 else float(np.mean(b**2))
