@@ -33,7 +33,7 @@ _LAST_STEPS = 15
 #: Trials under each noise model whose levels are tuned, explanations that are fitted to the end, and those
 #: whose end is a new start for the model without them.
 _MOST_TUNED = 6
-_MOST_POLISHED = 5
+_MOST_POLISHED = 6
 _MOST_ABLATED = 2
 #: Gain (nats) of the model without them from which everything is done again from there.
 _ANOTHER_HOLLOW = 10.0
@@ -109,9 +109,14 @@ def explore(
                 touched[s.effect.location] = best[0].model.effects[-1].parameters["contact_angle"]
         trials.sort(key=lambda t: -t.log_likelihood)
         fits += [polish(t, estimation, limits, _TUNING_STEPS) for t in trials[:_MOST_TUNED]]
-    fits = best_of_each(fits, len(fit.model.effects))
+    index = len(fit.model.effects)
+    # What is too small or too much like a simpler thing to be named takes no place from what is not.
+    fits = sorted(
+        best_of_each(fits, index),
+        key=lambda f: (not material(f.model.effects[index], scales), -f.log_likelihood),
+    )
     for i, candidate in enumerate(fits[:_MOST_POLISHED]):
-        say(f"once more {candidate.model.effects[len(fit.model.effects)].effect}")
+        say(f"once more {candidate.model.effects[index].effect}")
         fits[i] = with_companion(polish(candidate, estimation, limits), fit.model, estimation, limits)
     fits = sorted(fits[:_MOST_POLISHED], key=lambda f: -f.log_likelihood)
     say("fitting the model without them once more")
@@ -234,13 +239,23 @@ def trial(
     trials = [_trial(fit.model, e, noise, records, limits) for e in small]
     trials += [_trial(lab, e, noise, records, limits) for e in large]
     trials = [t for t in trials if np.isfinite(t.log_likelihood)]
-    return [max(trials, key=lambda t: t.log_likelihood)] if trials else []
+    if not trials:
+        return []
+    best = max(trials, key=lambda t: t.log_likelihood)
+    extra = companion(fit.model, best.model.effects[-1])
+    if extra is not None:
+        wider = fit_parameters(
+            best.model.with_effects(extra), noise, records, iterations=_TRIAL_STEPS, limits=limits
+        )
+        if wider.log_likelihood > best.log_likelihood + _WORTH_A_NUISANCE:
+            best = wider
+    return [best]
 
 
 def with_companion(fit: Fit, before: Model, records: Sequence[Record], limits: Limits) -> Fit:
     """``fit``, or the same with the nuisance that its effect may call for, where that gains enough."""
     extra = companion(before, fit.model.effects[len(before.effects)])
-    if extra is None:
+    if extra is None or extra.effect in {e.effect for e in fit.model.effects}:
         return fit
     wider = fit_whole(
         fit.model.with_effects(extra), fit.noise, records, iterations=_LAST_STEPS, limits=limits
