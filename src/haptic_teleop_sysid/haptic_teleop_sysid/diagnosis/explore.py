@@ -35,8 +35,10 @@ _LAST_STEPS = 15
 _MOST_TUNED = 6
 _MOST_POLISHED = 6
 _MOST_ABLATED = 2
-#: Gain (nats) of the model without them from which everything is done again from there.
+#: Gain (nats) of the model without them from which everything is done again from there ...
 _ANOTHER_HOLLOW = 10.0
+#: ... unless an explanation still gains this much.
+_STANDS = 30.0
 #: Gain (nats) from which a nuisance is kept.
 _WORTH_A_NUISANCE = 8.0
 
@@ -94,7 +96,7 @@ def explore(
     say = progress or (lambda text: None)
     say("screening all effects")
     limits = within_reach(lab)
-    chosen = shortlist(fit, estimation, scales, limits)
+    chosen = shortlist(fit, estimation, scales, limits, again and not fit.model.effects)
     fits: list[Fit] = []
     for noise in (fit.noise, _quiet(fit.noise)):
         trials: list[Fit] = []
@@ -121,7 +123,9 @@ def explore(
     fits = sorted(fits[:_MOST_POLISHED], key=lambda f: -f.log_likelihood)
     say("fitting the model without them once more")
     better = better_baseline(fit, fits[:_MOST_ABLATED], estimation, limits)
-    if again and better.log_likelihood > fit.log_likelihood + _ANOTHER_HOLLOW:
+    moved = better.log_likelihood > fit.log_likelihood + _ANOTHER_HOLLOW
+    stands = bool(fits) and fits[0].log_likelihood > better.log_likelihood + _STANDS
+    if again and not fit.model.effects and moved and not stands:
         return explore(better, lab, estimation, validation, scales, progress, again=False)
     fit = better
     say("judging on recordings that were not fitted")
@@ -155,16 +159,21 @@ def judged(fit: Fit, fits: Sequence[Fit], validation: Sequence[Record], scales: 
     return sorted(found, key=lambda e: (not e.material, -e.score))
 
 
-def shortlist(fit: Fit, records: Sequence[Record], scales: Scales, limits: Limits) -> list[Screened]:
+def shortlist(
+    fit: Fit, records: Sequence[Record], scales: Scales, limits: Limits, first: bool
+) -> list[Screened]:
     """The effects worth a fit, by what a linearisation promises: under the noise model as it was fitted, and
     under a quiet one.
 
     Where much is unexplained the fitted noise model takes it for a disturbance, under which no effect
     promises much: a delay of 16 ms that a fit explains with hundreds of nats promised less than seven.
+    ``first``: the first look, for which both are scanned.
     """
     quiet = fit_parameters(fit.model, _quiet(fit.noise), records, iterations=12, limits=limits)
     ranked: dict[tuple[str, str], tuple[float, Screened]] = {}
-    scanned = both(scan(fit, records, scales), scan(quiet, records, scales))
+    scanned = scan(fit, records, scales)
+    if first:
+        scanned = both(scanned, scan(quiet, records, scales))
     effects = list(candidates(fit.model, records, scales, scanned))
     for one in (fit, quiet):
         screened = screen(one, records, effects)

@@ -161,9 +161,11 @@ def _columns(
     zero = {p.name: 0.0 if p.default is None else p.default for p in entry.parameters}
     zero[parameter.name] = value
     sizes = [p.name for p in entry.parameters if p.default is None and p.neutral == 0.0]
+    if "amplitude" in sizes:
+        sizes = ["amplitude"]  # a mean beside it is the same at every order
     trials = [{**zero, name: 1.0} for name in sizes]
     if "phase" in zero:
-        trials += [{**zero, name: 1.0, "phase": math.pi / 2} for name in sizes if name != "torque"]
+        trials += [{**zero, name: 1.0, "phase": math.pi / 2} for name in sizes]
     variables = _variables(record, states, channel)
     found = []
     for numbers in trials:
