@@ -46,7 +46,7 @@ def unimpressed(model):
 
 def test_the_right_name_stands(records):
     result = found(DRAG, records[0])
-    kept, doubt = doubted(result, *records, unimpressed)
+    kept, doubt, _ = doubted(result, *records, unimpressed)
     assert doubt is None
     assert kept.choices == result.choices
 
@@ -54,7 +54,7 @@ def test_the_right_name_stands(records):
 def test_a_wrong_name_is_given_up(records):
     # What grows with the square of speed passes for dry friction, of a size that depends on the amplitude.
     wrong = Effect("coulomb_friction", "stage1_motor", {"torque": 0.1})
-    kept, doubt = doubted(found(wrong, records[0]), *records, unimpressed)
+    kept, doubt, _ = doubted(found(wrong, records[0]), *records, unimpressed)
     assert kept.choices == ()
     assert kept.final is kept.baseline
     assert "coulomb_friction" in doubt.why
@@ -75,7 +75,7 @@ def test_what_is_left_of_a_right_model_is_white_and_of_a_wrong_one_is_not():
 def test_a_structure_that_leaves_colour_is_no_match_even_without_a_name(records):
     result = found(DRAG, records[0])
     unnamed = SearchResult(result.baseline, result.baseline, (), (), result.scales)
-    _, doubt = doubted(unnamed, *records, unimpressed)
+    _, doubt, _ = doubted(unnamed, *records, unimpressed)
     assert doubt.choice is None
 
 
@@ -87,5 +87,5 @@ def test_an_effect_of_another_size_on_other_recordings_is_given_up(records):
     )
     named = found(Effect("constant_torque", "stage1_motor", {"torque": 0.02}), [up])
     assert doubted(named, [up], [up], unimpressed)[1] is None
-    _, doubt = doubted(named, [up], [down], unimpressed)
+    _, doubt, _ = doubted(named, [up], [down], unimpressed)
     assert "another torque" in doubt.why

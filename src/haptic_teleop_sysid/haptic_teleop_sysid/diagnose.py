@@ -20,7 +20,7 @@ from haptic_teleop_control.recording import read_recording
 from haptic_teleop_sim.model import Model, load_model
 from haptic_teleop_sysid.dataset import DataSet, load_dataset
 from haptic_teleop_sysid.diagnosis.current import shown_by_current
-from haptic_teleop_sysid.diagnosis.doubt import doubted
+from haptic_teleop_sysid.diagnosis.doubt import LAGS, doubted
 from haptic_teleop_sysid.diagnosis.experiment import suggest
 from haptic_teleop_sysid.diagnosis.page import diagnosis_page
 from haptic_teleop_sysid.diagnosis.proof import Course, Proof, mean_percent, prove
@@ -34,6 +34,7 @@ from haptic_teleop_sysid.diagnosis.search import (
 )
 from haptic_teleop_sysid.diagnosis.verdict import Verdict, decide_verdict
 from haptic_teleop_sysid.diagnosis.words import separating
+from haptic_teleop_sysid.estimation.gauss_newton import Fit
 from haptic_teleop_sysid.estimation.records import Record, record_from
 from haptic_teleop_sysid.estimation.whole_fit import fit_from_scratch
 from haptic_teleop_sysid.results import tool_version, write_json
@@ -124,11 +125,11 @@ def diagnose(
         if free.choices and (not kept.choices or gained > LEAST_PERCENT):
             kept = free
     say("doubting")
-    result, doubt = doubted(
+    result, doubt, stand = doubted(
         kept, learn, judge, lambda candidate: float(np.mean(course.percent(candidate)[n:]))
     )
     say("deciding")
-    verdict = decide_verdict(result, learn, judge, doubt)
+    verdict = decide_verdict(result, learn, judge, doubt, stand.spread)
     say("simulating both models on all recordings")
     proof = prove(result.baseline.model, result.final.model, course)
     say("choosing the next experiment")
@@ -157,6 +158,16 @@ def diagnose(
         },
         "next_experiment": next_experiment(result, verdict, learn),
         "baseline_parameters": result.baseline.model.parameter_values(),
+        "innovations": {
+            "what": f"portmanteau statistic over {LAGS} lags, {LAGS} on average for white innovations",
+            "baseline": dict(zip(("estimation", "validation"), stand.before, strict=True)),
+            "augmented": dict(zip(("estimation", "validation"), stand.after, strict=True)),
+        },
+        "disturbance": {
+            "what": "rms torque that the observer adds at motor and arm, relative to the rms input torque",
+            "baseline": disturbance(result, result.baseline),
+            "augmented": disturbance(result, result.final),
+        },
     }
     if doubt is not None:
         content["doubt"] = doubt.why
@@ -170,6 +181,13 @@ def diagnose(
             "torque": best.torque.tolist(),
         }
     return result, verdict, proof, content
+
+
+def disturbance(result: SearchResult, fit: Fit) -> dict[str, float]:
+    """Rms of the fitted disturbances relative to that of the input torque, by equation."""
+    torque, model = result.scales.size["torque"], fit.model
+    found = {model.location("motor"): fit.noise.motor_torque / torque}
+    return found if model.rigid else found | {model.location("arm"): fit.noise.arm_torque / torque}
 
 
 def next_experiment(result: SearchResult, verdict: Verdict, records: list[Record]) -> dict[str, Any]:

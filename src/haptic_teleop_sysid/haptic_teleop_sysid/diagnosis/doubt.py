@@ -33,6 +33,8 @@ UNCHANGED = 0.3
 #: A size is another one on other recordings when it differs by this share and by this many standard errors.
 OTHER_SIZE = 0.4
 OTHER_SIZE_ERRORS = 5.0
+#: Standard errors, spread between recordings included, that a size must differ by from none.
+STANDS_OUT = 2.0
 #: A finding that takes away this share of the simulation's error on unseen recordings stays, whatever is left
 #: beside it.
 CLEARLY_BETTER = 0.4
@@ -44,6 +46,20 @@ class Doubt:
 
     choice: Choice | None
     why: str
+
+
+@dataclass(frozen=True)
+class Stand:
+    """How a result stands on both kinds of recordings.
+
+    ``before``, ``after``: `colour` on estimation and validation recordings, of baseline and final model;
+    ``spread``: what a parameter differs by between the recordings beyond its standard errors, as a standard
+    deviation: the form of an effect is never quite right, and that shows in other recordings.
+    """
+
+    before: tuple[float, float]
+    after: tuple[float, float]
+    spread: dict[str, float]
 
 
 def colour(fit: Fit, records: Sequence[Record]) -> float:
@@ -65,17 +81,19 @@ def doubted(
     estimation: Sequence[Record],
     validation: Sequence[Record],
     percent: Callable[[Model], float],
-) -> tuple[SearchResult, Doubt | None]:
-    """The result without findings that do not stand up to the two questions, and what was given up.
+) -> tuple[SearchResult, Doubt | None, Stand]:
+    """The result without findings that do not stand up to the two questions, what was given up, and how the
+    rest stands.
 
     ``percent``: simulated fit of a model on unseen recordings.
     """
     there = held_out_fit(result.baseline, validation, [result.baseline.noise, result.final.noise])
     before = colour(result.baseline, estimation), colour(there, validation)
     if not result.choices:
+        stand = Stand(before, before, {})
         if min(before) > COLOURED:
-            return result, Doubt(None, "the observer keeps correcting in one and the same direction")
-        return result, None
+            return result, Doubt(None, "the observer keeps correcting in one and the same direction"), stand
+        return result, None, stand
     kept = list(result.choices)
     doubt: Doubt | None = None
     while kept:
@@ -83,11 +101,54 @@ def doubted(
         if why is None:
             break
         doubt = Doubt(kept.pop(), why)
-    if doubt is None:
-        return result, None
-    final = kept[-1].chosen.fit if kept else result.baseline
-    without = replace(result, choices=tuple(kept), final=final, last_round=())
-    return without, None if kept else doubt
+    while True:
+        final = kept[-1].chosen.fit if kept else result.baseline
+        if doubt is not None:
+            result = replace(result, choices=tuple(kept), final=final, last_round=())
+        stand = _stand(result, before, estimation, validation)
+        faint = next((c for c in kept if not _stands_out(c, final, stand)), None)
+        if faint is None:
+            return result, None if kept else doubt, stand
+        # What was found after it stood beside it, and falls with it.
+        kept = kept[: kept.index(faint)]
+        name = faint.chosen.effect.effect
+        doubt = Doubt(faint, f"the size of {name} differs so much between recordings that it may be none")
+
+
+def _stands_out(choice: Choice, final: Fit, stand: Stand) -> bool:
+    """Whether one of the effect's sizes differs from none by more than its uncertainty, spread included."""
+    effect = choice.chosen.effect
+    head = f"{effect.location}.{effect.effect}."
+    values, std = final.model.parameter_values(), standard_errors(final)
+    sizes = [
+        abs(values[head + p.name] - p.neutral)
+        > STANDS_OUT * np.hypot(std.get(head + p.name, 0.0), stand.spread.get(head + p.name, 0.0))
+        for p in effect.entry.parameters
+        if p.default is None and p.neutral is not None and head + p.name in stand.spread
+    ]
+    return any(sizes) or not sizes
+
+
+def _stand(
+    result: SearchResult,
+    before: tuple[float, float],
+    estimation: Sequence[Record],
+    validation: Sequence[Record],
+) -> Stand:
+    fit = result.final
+    there = held_out_fit(fit, validation, [fit.noise])
+    after = colour(fit, estimation), colour(there, validation)
+    own = tuple(name for name in fit.free if "." in name)
+    if not own:
+        return Stand(before, after, {})
+    again = fit_whole(fit.model, there.noise, validation, free=own)
+    here, elsewhere = fit.model.parameter_values(), again.model.parameter_values()
+    std, std_there = standard_errors(fit), standard_errors(again)
+    spread = {}
+    for name in own:
+        chance = std.get(name, 0.0) ** 2 + std_there.get(name, 0.0) ** 2
+        spread[name] = float(np.sqrt(max((here[name] - elsewhere[name]) ** 2 - chance, 0.0) / 2.0))
+    return Stand(before, after, spread)
 
 
 def _objection(

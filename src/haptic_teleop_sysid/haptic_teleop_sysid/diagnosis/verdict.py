@@ -43,12 +43,14 @@ def decide_verdict(
     estimation: Sequence[Record],
     validation: Sequence[Record],
     doubt: Doubt | None = None,
+    spread: dict[str, float] | None = None,
 ) -> Verdict:
-    """The verdict on a search; ``doubt``: what speaks against the names found, or for something unnamed."""
+    """The verdict on a search; ``doubt``: what speaks against the names found, or for something unnamed;
+    ``spread``: by what parameters differ between recordings, see `Stand`."""
     joint = result.baseline.model.joint
     before = conditions(result.baseline, estimation, validation, joint)
     remaining = conditions(result.final, estimation, validation, joint) if result.choices else before
-    findings = [finding(c, result.final) for c in result.choices]
+    findings = [finding(c, result.final, spread or {}) for c in result.choices]
     unexplained = structured(result.final, remaining, estimation, result)
     if result.choices:
         kind = "ambiguous" if any(c.ambiguous for c in result.choices) else "identified"
@@ -71,8 +73,9 @@ def structured(
     return best if size > NOTICEABLE * result.scales.size["torque"] else None
 
 
-def finding(choice: Choice, final: Fit) -> dict[str, Any]:
-    """One finding, with the numbers of the final model."""
+def finding(choice: Choice, final: Fit, spread: dict[str, float]) -> dict[str, Any]:
+    """One finding, with the numbers of the final model; its standard errors are those of the fit with the
+    spread between recordings."""
     effect = choice.chosen.effect
     fitted = next(
         (e for e in final.model.effects if (e.effect, e.location) == (effect.effect, effect.location)), effect
@@ -82,7 +85,7 @@ def finding(choice: Choice, final: Fit) -> dict[str, Any]:
     parameters = {
         name: {
             "value": float(value),
-            "std": std.get(head + name, 0.0),
+            "std": float(np.hypot(std.get(head + name, 0.0), spread.get(head + name, 0.0))),
             "unit": fitted.entry.parameter(name).unit,
         }
         for name, value in fitted.parameters.items()
