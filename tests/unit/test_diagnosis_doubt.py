@@ -15,7 +15,7 @@ from haptic_teleop_sysid.diagnosis.explore import Explanation
 from haptic_teleop_sysid.diagnosis.scales import recording_scales
 from haptic_teleop_sysid.diagnosis.search import SearchResult
 from haptic_teleop_sysid.estimation.records import record_from
-from haptic_teleop_sysid.estimation.whole_fit import fit_from_scratch, fit_whole
+from haptic_teleop_sysid.estimation.whole_fit import fit_from_scratch, fit_whole, noise_starts
 
 DRAG = Effect("quadratic_drag", "stage1_motor", {"coefficient": 2.0})
 
@@ -34,7 +34,10 @@ def records():
 def found(effect, estimation):
     """A search that ended with one effect, rightly or wrongly."""
     baseline = fit_from_scratch(STAGE, estimation)
-    fit = fit_whole(STAGE.with_effects(effect), baseline.noise, estimation, iterations=30)
+    model = STAGE.with_effects(effect)
+    starts = [baseline.noise, *noise_starts(model, estimation)]
+    fits = [fit_whole(model, noise, estimation, iterations=30) for noise in starts]
+    fit = max(fits, key=lambda f: f.log_likelihood)
     choice = Choice(Explanation(fit, fit.log_likelihood - baseline.log_likelihood, 50.0, True, 0), 1.0)
     return SearchResult(baseline, fit, (choice,), (), recording_scales(STAGE, estimation))
 

@@ -293,7 +293,13 @@ KINDS: tuple[Kind, ...] = (
         "backlash",
         ("joint",),
         lambda r, s: {"width": 0.2 * s.deflection},
-        lambda p, w, s: {"gap": p["width"], "gap_damping": 0.01 * math.sqrt(s.stiffness * s.arm_inertia)},
+        # The faces' damping goes with the gap: else a vanishing gap would still damp the joint.
+        lambda p, w, s: {
+            "gap": p["width"],
+            "gap_damping": 0.01
+            * math.sqrt(s.stiffness * s.arm_inertia)
+            * min(1.0, p["width"] / (0.02 * s.deflection)),
+        },
         ("width",),
         ("width",),
     ),

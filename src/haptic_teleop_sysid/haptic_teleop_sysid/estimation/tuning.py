@@ -16,6 +16,8 @@ LEVELS = ("motor_torque", "arm_torque", "motor_angle", "arm_angle", "motor_time"
 #: Least disturbance relative to the rms input torque. Below, the observer would all but stop correcting its
 #: model.
 _LEAST_TORQUE = 2e-4
+#: Largest noise of the arm's encoder in steps of it, and as a share of the rms angle.
+_MOST_STEPS, _MOST_OF_MOTION = 30.0, 0.1
 _BOUNDS = {"motor_time": (2e-3, 1e3), "arm_time": (2e-3, 1e3)}
 
 
@@ -40,11 +42,14 @@ def level_bounds(packed: Packed, records: Sequence[Record]) -> dict[str, tuple[f
     """Lowest and highest value of every level."""
     torque = packed.torque_constant * float(np.sqrt(np.mean([np.mean(r.input**2) for r in records])))
     torques, angles = (_LEAST_TORQUE * torque, np.inf), (1e-12, np.inf)
+    # Without an upper end a fit may end at an arm whose encoder is not believed at all.
+    moved = max(float(np.nan_to_num(np.nanstd(r.measured[:, 1]))) for r in records)
+    most = max(_MOST_STEPS * float(np.mean([r.resolution[1] for r in records])), _MOST_OF_MOTION * moved)
     return {
         "motor_torque": torques,
         "arm_torque": torques,
         "motor_angle": angles,
-        "arm_angle": angles,
+        "arm_angle": (1e-12, max(most, 1e-9)),
         **_BOUNDS,
     }
 
