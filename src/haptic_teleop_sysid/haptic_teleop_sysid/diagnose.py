@@ -118,7 +118,8 @@ def diagnose(
         return float(np.mean(fits[:n])), float(np.mean(fits[n:]))
 
     kept = unharmful(result, lambda candidate: float(np.mean(course.percent(candidate)[n:])))
-    if min(percent(kept.final.model)) < POOR_FIT or (result.choices and not kept.choices):
+    poor = min(percent(kept.final.model)) < POOR_FIT or (result.choices and not kept.choices)
+    if poor and result.nameless is None:
         say("searching by free simulation")
         free = search_by_simulation(model, result.baseline, learn, judge, percent=percent, progress=say)
         gained = sum(percent(free.final.model)) - sum(percent(kept.final.model))

@@ -51,6 +51,7 @@ class EffectParameter:
         "inertia",
         "drag",
         "cubic",
+        "steep",
         "duration",
         "furthest",
         "one",
@@ -58,7 +59,7 @@ class EffectParameter:
     grid: tuple[float, ...] = ()
     default: float | None = None
     neutral: float | None = 0.0
-    scan: Literal["", "order", "frequency", "furthest"] = ""
+    scan: Literal["", "order", "frequency", "furthest", "within"] = ""
 
 
 @dataclass(frozen=True)
@@ -83,7 +84,8 @@ class EffectEntry:
     above zero), ``ratio``
     (first over second parameter), ``displacement`` (second parameter). A ``nuisance`` belongs to how a
     recording was taken: diagnosis fits it where another effect calls for it and never reports it as missing
-    physics.
+    physics. ``unnamed`` physics is not in the contract's table: where it explains more than any name, the
+    verdict is `unknown`.
     """
 
     name: str
@@ -100,6 +102,7 @@ class EffectEntry:
     memory: Literal["", "direction", "ratio", "displacement"] = ""
     rigid_body: bool = True
     nuisance: bool = False
+    unnamed: bool = False
 
     def __post_init__(self) -> None:
         if self.equation is not None and self.rates and self.states == 0:

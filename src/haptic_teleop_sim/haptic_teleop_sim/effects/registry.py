@@ -6,11 +6,13 @@ import difflib
 
 from haptic_teleop_control.errors import ModelError
 
-from . import actuator, friction, joint, position, sensor
+from . import actuator, friction, joint, position, sensor, unnamed
 from .entry import EffectEntry
 
 EFFECTS: dict[str, EffectEntry] = {
-    entry.name: entry for module in (friction, position, joint, actuator, sensor) for entry in module.ENTRIES
+    entry.name: entry
+    for module in (friction, position, joint, actuator, sensor, unnamed)
+    for entry in module.ENTRIES
 }
 
 

@@ -31,6 +31,8 @@ LEAST_SHARE_ALIKE = 0.15
 AS_GOOD = 0.01
 #: Nats by which rivals may differ by chance beside that.
 BY_CHANCE = 3.0
+#: Nats, and share of the score, by which every name must fall behind physics that has none.
+CLEARLY_LESS, SHARE_LESS = 8.0, 0.05
 #: Percent of simulated fit that a rival may be worse before its weight falls to a third.
 SIMULATED_MARGIN = 4.0
 #: Standard errors that an effect's size must differ by from none at all.
@@ -48,6 +50,11 @@ class Choice:
     chosen: Explanation
     confidence: float
     others: tuple[tuple[Explanation, float], ...] = field(default=())
+
+    @property
+    def unnamed(self) -> bool:
+        """Whether what explains the recordings best has no name in the contract's table."""
+        return self.chosen.effect.entry.unnamed
 
     @property
     def ambiguous(self) -> bool:
@@ -77,7 +84,18 @@ def choose(
     ]
     if not good:
         return None
+    named = [e for e in good if not e.effect.entry.unnamed]
     best = max(good, key=lambda e: e.score)
+    if best.effect.entry.unnamed:
+        # A name has to lose clearly before it is not given.
+        nearest = max((e.score for e in named), default=0.0)
+        if best.score > nearest + max(CLEARLY_LESS, SHARE_LESS * nearest) and best.score > (
+            LEAST_SHARE_ALIKE * best_so_far
+        ):
+            return Choice(best, 1.0)
+    if not named:
+        return None
+    good, best = named, max(named, key=lambda e: e.score)
     # The noise of a current sense is white: what it says is taken at its word.
     margin = BY_CHANCE + AS_GOOD * max(best.by_motion, 0.0)
     close = [e for e in good if e.score > best.score - 3.0 * margin]

@@ -91,6 +91,10 @@ def doubted(
     before = colour(result.baseline, estimation), colour(there, validation)
     if not result.choices:
         stand = Stand(before, before, {})
+        if result.nameless is not None:
+            sentence = result.nameless.chosen.effect.entry.sentence
+            why = f"it looks as if {sentence}, for which there is no name: no named effect explains as much"
+            return result, Doubt(result.nameless, why), stand
         if min(before) > COLOURED:
             return result, Doubt(None, "the observer keeps correcting in one and the same direction"), stand
         return result, None, stand

@@ -83,6 +83,7 @@ def recording_scales(model: Model, records: Sequence[Record]) -> Scales:
         "inertia": float(p.get("arm_inertia", p["motor_inertia"])),
         "drag": 0.3 * torque / velocity**2,
         "cubic": stiffness / deflection**2,
+        "steep": 0.2 * torque / velocity**3,
         "duration": duration,
         "furthest": angle,
         "one": 1.0,

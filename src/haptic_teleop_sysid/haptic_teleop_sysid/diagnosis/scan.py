@@ -36,6 +36,8 @@ _MOST_VALUES, _BEST = 160, 3
 _SHARES = (0.998, 0.99, 0.98, 0.96, 0.94, 0.91, 0.88, 0.84, 0.8, 0.75, 0.7)
 #: Ratio of neighbouring natural frequencies; a lightly damped part answers some 4 % to either side.
 _RATIO = 1.04
+#: Places of an angle within the travel, and the width (share of the travel) with which they are scanned.
+_PLACES, _WIDTH = 24, 0.05
 _CHUNK = 48
 
 
@@ -73,6 +75,9 @@ def _values(parameter: EffectParameter, scales: Scales, place: str) -> Iterator[
         while value < last:
             yield value
             value *= _RATIO
+    elif parameter.scan == "within":
+        for i in range(1, _PLACES):
+            yield scales.lowest[channel] + scales.span(channel) * i / _PLACES
     else:
         for end in (scales.highest[channel], scales.lowest[channel]):
             if abs(end) > 0.1 * scales.size[parameter.scale]:
@@ -160,6 +165,8 @@ def _columns(
     """Torques (N·m, or encoder errors, rad) (columns, n) by unit sizes of the effect along the motion."""
     zero = {p.name: 0.0 if p.default is None else p.default for p in entry.parameters}
     zero[parameter.name] = value
+    if "width" in zero:
+        zero["width"] = _WIDTH * float(np.ptp(states[:, channel]))
     sizes = [p.name for p in entry.parameters if p.default is None and p.neutral == 0.0]
     if "amplitude" in sizes:
         sizes = ["amplitude"]  # a mean beside it is the same at every order

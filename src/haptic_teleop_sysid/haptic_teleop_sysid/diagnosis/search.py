@@ -24,7 +24,8 @@ MOST_EFFECTS = 3
 @dataclass(frozen=True)
 class SearchResult:
     """``baseline``: the given structure re-estimated; ``final``: with all chosen effects; ``choices``: one
-    per effect found; ``last_round``: what was tried after the last choice and did not stand up.
+    per effect found; ``last_round``: what was tried after the last choice and did not stand up; ``nameless``:
+    what explains the recordings (or what the choices leave) better than anything that has a name.
     """
 
     baseline: Fit
@@ -32,6 +33,7 @@ class SearchResult:
     choices: tuple[Choice, ...]
     last_round: tuple[Explanation, ...]
     scales: Scales
+    nameless: Choice | None = None
 
 
 #: Simulated fit (percent) of the re-estimated baseline below which the search by simulation is tried.
@@ -58,7 +60,7 @@ def search(
     """
     say = progress or (lambda text: None)
     scales = recording_scales(baseline.model, estimation)
-    fit, choices, strongest = baseline, [], 0.0
+    fit, choices, strongest, nameless = baseline, [], 0.0, None
     found: list[Explanation] = []
     for number in range(MOST_EFFECTS):
         lab = replace(model, effects=fit.model.effects, fixed=fit.model.fixed)
@@ -72,10 +74,16 @@ def search(
         choice = choose(found, strongest, sense_follows, percent)
         if choice is None:
             break
+        if choice.unnamed:
+            nameless = choice
+            break
         choices.append(choice)
         fit = choice.chosen.fit
         strongest = max(strongest, choice.chosen.by_motion)
-    return SearchResult(baseline, fit, tuple(choices), tuple(found), scales)
+    if nameless is not None and choices and nameless.chosen.by_motion > strongest:
+        # What came first was the nearest name of something else.
+        choices, fit = [], baseline
+    return SearchResult(baseline, fit, tuple(choices), tuple(found), scales, nameless)
 
 
 def search_by_simulation(

@@ -48,7 +48,7 @@ def mechanical(effects: Iterable[Effect]) -> list[Effect]:
     """Torques on motor, arm and joint: what changes the scale of the input or of a reading could imitate
     anything when a model runs freely, by making it forget its input.
     """
-    return [e for e in effects if e.entry.kind in ("torque", "friction")]
+    return [e for e in effects if e.entry.kind in ("torque", "friction") and not e.entry.unnamed]
 
 
 def explore_simulated(

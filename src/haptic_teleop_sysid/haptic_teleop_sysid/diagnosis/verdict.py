@@ -186,6 +186,10 @@ _CONDITION = {
     "encoder_scale": "{q}",
     "sensor_delay": "velocity",
     "channel_skew": "velocity",
+    "steep_drag": "{v} cubed",
+    "viscous_ripple": "{v} and {q}",
+    "creep": "deflection and how long it lasts",
+    "detent": "{q} near one place",
 }
 
 
