@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 
+from haptic_teleop_sim.effects import EffectParameter
 from haptic_teleop_sim.model import Model
 from haptic_teleop_sysid.estimation.gauss_newton import Fit
 from haptic_teleop_sysid.estimation.records import Record
@@ -23,6 +24,9 @@ from .words import because
 STRUCTURED = 0.5
 #: Least rms of that left-over torque, relative to the rms input torque.
 NOTICEABLE = 0.03
+#: Share of its size by which an effect is off because its form is never quite that of a machine's, as measured
+#: on development recordings whose generator has another form for everything.
+_FORM = 0.03
 
 
 @dataclass(frozen=True)
@@ -85,7 +89,9 @@ def finding(choice: Choice, final: Fit, spread: dict[str, float]) -> dict[str, A
     parameters = {
         name: {
             "value": float(value),
-            "std": float(np.hypot(std.get(head + name, 0.0), spread.get(head + name, 0.0))),
+            "std": _uncertainty(
+                fitted.entry.parameter(name), value, std.get(head + name, 0.0), spread.get(head + name, 0.0)
+            ),
             "unit": fitted.entry.parameter(name).unit,
         }
         for name, value in fitted.parameters.items()
@@ -102,6 +108,12 @@ def finding(choice: Choice, final: Fit, spread: dict[str, float]) -> dict[str, A
         ],
         "because": because(choice),
     }
+
+
+def _uncertainty(parameter: EffectParameter, value: float, std: float, spread: float) -> float:
+    """Standard error with the spread between recordings and, for a size, what the effect's form is off by."""
+    form = 0.0 if parameter.neutral is None else _FORM * abs(value - parameter.neutral)
+    return float(np.sqrt(std**2 + spread**2 + form**2))
 
 
 def _where(
