@@ -19,9 +19,11 @@ from .scales import Scales, within_reach
 from .scan import both, scan
 from .screen import Screened, best_per_effect, screen
 
-#: Least promised gain (nats) that a re-fit is spent on, and the most re-fits of a round.
+#: Least promised gain (nats) that a re-fit is spent on, the most re-fits of a round under each noise model, and
+#: how many of the best under the other one are among them.
 _WORTH_A_FIT = 6.0
-_MOST_FITS = 12
+_MOST_FITS = 8
+_BEST_OF_THE_OTHER = 3
 #: Correlation time of a disturbance that is soon forgotten, s.
 _SOON = 0.02
 #: Starts of one effect that are screened under both noise models.
@@ -98,10 +100,10 @@ def explore(
     limits = within_reach(lab)
     chosen = shortlist(fit, estimation, scales, limits, again and not fit.model.effects)
     fits: list[Fit] = []
-    for noise in (fit.noise, _quiet(fit.noise)):
+    for noise, promising in zip((fit.noise, _quiet(fit.noise)), chosen, strict=True):
         trials: list[Fit] = []
         touched: dict[str, float] = {}
-        for s in chosen:
+        for s in promising:
             say(f"fitting {s.effect.effect} at {s.effect.location}")
             starts = contacts(s.effect, touched.get(s.effect.location))
             best = trial(fit, lab, starts, larger_starts(s.effect, scales), estimation, noise, limits)
@@ -161,7 +163,7 @@ def judged(fit: Fit, fits: Sequence[Fit], validation: Sequence[Record], scales: 
 
 def shortlist(
     fit: Fit, records: Sequence[Record], scales: Scales, limits: Limits, first: bool
-) -> list[Screened]:
+) -> tuple[list[Screened], list[Screened]]:
     """The effects worth a fit, by what a linearisation promises: under the noise model as it was fitted, and
     under a quiet one.
 
@@ -170,20 +172,23 @@ def shortlist(
     ``first``: the first look, for which both are scanned.
     """
     quiet = fit_parameters(fit.model, _quiet(fit.noise), records, iterations=12, limits=limits)
-    ranked: dict[tuple[str, str], tuple[float, Screened]] = {}
     scanned = scan(fit, records, scales)
     if first:
         scanned = both(scanned, scan(quiet, records, scales))
     effects = list(candidates(fit.model, records, scales, scanned))
+    ranked = []
     for one in (fit, quiet):
         screened = screen(one, records, effects)
         effects = few_of_each(screened, effects)
-        best = [s for s in best_per_effect(screened) if s.gain > _WORTH_A_FIT]
-        for place, s in enumerate(best):
-            key = (s.effect.effect, s.effect.location)
-            if key not in ranked or place < ranked[key][0]:
-                ranked[key] = (place, s)
-    return [s for _, s in sorted(ranked.values(), key=lambda r: r[0])][:_MOST_FITS]
+        ranked.append([s for s in best_per_effect(screened) if s.gain > _WORTH_A_FIT][:_MOST_FITS])
+    own, other = ranked
+    # The best of either are tried under both.
+    return _with_first(own, other), _with_first(other, own)
+
+
+def _with_first(own: list[Screened], other: list[Screened]) -> list[Screened]:
+    known = {(s.effect.effect, s.effect.location) for s in own}
+    return own + [s for s in other[:_BEST_OF_THE_OTHER] if (s.effect.effect, s.effect.location) not in known]
 
 
 def few_of_each(screened: Sequence[Screened], effects: Sequence[Effect]) -> list[Effect]:
