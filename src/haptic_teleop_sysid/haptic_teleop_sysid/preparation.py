@@ -34,6 +34,8 @@ ANGLE_EFFECTS = frozenset(
         "position_dependent_friction",
         "hard_stop",
         "encoder_eccentricity",
+        "viscous_ripple",
+        "detent",
     }
 )
 """Effects whose torque depends on where zero is: an offset must not be removed from under them."""

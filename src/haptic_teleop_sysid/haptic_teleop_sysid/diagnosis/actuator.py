@@ -42,7 +42,9 @@ def joined(
     best = max(s.gain + s.held_out for s in shown)
     near = [s for s in shown if s.gain + s.held_out > best - _FAR_BEHIND and s.gain > 0.0]
     names = {s.effect.effect for s in near}
-    result = [e for e in found if not (e.effect.effect in names and e.effect.location == near[0].effect.location)]
+    result = [
+        e for e in found if not (e.effect.effect in names and e.effect.location == near[0].effect.location)
+    ]
     present = {(e.effect, e.location) for e in fit.model.effects}
     for s in near:
         name, location = s.effect.effect, s.effect.location

@@ -35,6 +35,8 @@ _LEAST, _LEAST_HELD_OUT = 12.0, 3.0
 _CLEAR, _LEAST_AGAINST = 25.0, 2.0
 #: Standard deviation of the sense that is granted at least, relative to the rms command.
 _EXACT = 1e-4
+#: Samples at the start that may still answer what was commanded before the recording.
+_UNSEEN = 64
 #: Starts: times in samples, limits and dead bands relative to the largest and the rms command.
 _TIMES = (0.02, 0.1, 0.3, 0.6, 1.0, 2.0, 4.0, 8.0, 16.0)
 _LIMITS = (0.3, 0.5, 0.7, 0.8, 0.9, 0.95, 0.99)
@@ -101,7 +103,10 @@ def _fitted(
     if edges[0] == edges[1]:
         return None
     ended = minimize_scalar(
-        lambda v: -nats(float(v), estimation), bounds=edges, method="bounded", options={"xatol": 1e-5 * edges[1]}
+        lambda v: -nats(float(v), estimation),
+        bounds=edges,
+        method="bounded",
+        options={"xatol": 1e-9 * max(map(abs, edges))},
     )
     value, top = float(ended.x), -float(ended.fun)
     if values[best] > top:
@@ -113,7 +118,9 @@ def _fitted(
 
 
 def _starts(name: str, model: Model, data: Sequence[DataSet]) -> list[float]:
-    command = np.concatenate([np.asarray(d.commanded_input) for d in data]) * model.parameters["torque_constant"]
+    command = (
+        np.concatenate([np.asarray(d.commanded_input) for d in data]) * model.parameters["torque_constant"]
+    )
     dt = data[0].dt
     if name == "torque_saturation":
         return [share * float(np.max(np.abs(command))) for share in _LIMITS]
@@ -127,6 +134,7 @@ def _nats(model: Model, effect: Effect, data: DataSet) -> float:
     """Nats by which the measured current follows the effect's better than the command."""
     command, sensed = np.asarray(data.commanded_input, dtype=float), np.asarray(data.input, dtype=float)
     good = np.isfinite(command) & np.isfinite(sensed)
+    good[: min(_UNSEEN, len(good) // 10)] = False
     command = np.where(good, command, 0.0)
     if effect.effect == "channel_skew":
         at = np.arange(len(command)) - effect.parameters["delay"] / data.dt

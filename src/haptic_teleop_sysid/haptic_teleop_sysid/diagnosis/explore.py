@@ -140,7 +140,10 @@ def judged(fit: Fit, fits: Sequence[Fit], validation: Sequence[Record], scales: 
     before = held_out_fit(fit, validation, levels)
     after = [held_out_fit(f, validation, [f.noise, before.noise]) for f in fits]
     for i, (f, there) in enumerate(zip(fits, after, strict=True)):
-        if f.log_likelihood > fit.log_likelihood + _ANOTHER_HOLLOW and there.log_likelihood < before.log_likelihood:
+        if (
+            f.log_likelihood > fit.log_likelihood + _ANOTHER_HOLLOW
+            and there.log_likelihood < before.log_likelihood
+        ):
             again = held_out_fit(f, validation, noise_starts(f.model, validation))
             after[i] = max(there, again, key=lambda one: one.log_likelihood)
     if after:

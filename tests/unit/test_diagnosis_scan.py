@@ -1,0 +1,146 @@
+"""The fine search along an order, a frequency or an angle, the currents' own evidence, and physics without a
+name.  Recordings come from an integrator of the tests."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from test_diagnosis_parts import DT, MODEL, coupled, explanation, joint_record
+
+from haptic_teleop_sysid.dataset import DataSet
+from haptic_teleop_sysid.diagnosis.current import shown_by_current
+from haptic_teleop_sysid.diagnosis.decide import choose
+from haptic_teleop_sysid.diagnosis.doubt import doubted
+from haptic_teleop_sysid.diagnosis.scales import recording_scales
+from haptic_teleop_sysid.diagnosis.scan import both, scan
+from haptic_teleop_sysid.diagnosis.search import SearchResult
+from haptic_teleop_sysid.diagnosis.verdict import decide_verdict
+from haptic_teleop_sysid.estimation.whole_fit import fit_from_scratch
+
+
+def scanned(**torques):
+    record = joint_record(3, **torques)
+    fit = fit_from_scratch(MODEL, [record])
+    scales = recording_scales(MODEL, [record])
+    return scan(fit, [record], scales), scales
+
+
+def test_a_ripple_of_any_order_is_found_between_the_grid_points():
+    found, scales = scanned(motor_torque=lambda q: 0.02 * np.sin(57.0 * q + 0.4))
+    best = found["torque_ripple", "stage1_motor"][0]
+    assert best == pytest.approx(57.0, abs=np.pi / 2 / scales.span(0))
+
+
+def test_a_stop_is_found_where_it_is():
+    low = recording_scales(MODEL, [joint_record(3)]).lowest[1]
+    at = 0.8 * low
+    found, _ = scanned(arm_torque=lambda q: -20.0 * min(q - at, 0.0))
+    assert any(v == pytest.approx(at, abs=0.06 * abs(low)) for v in found["hard_stop", "stage1_arm"])
+
+
+def test_two_scans_are_joined_without_repetition():
+    key = ("torque_ripple", "stage1_motor")
+    assert both({key: [3.0, 5.0]}, {key: [5.0, 7.0]}) == {key: [3.0, 5.0, 7.0]}
+
+
+# what the measured current shows
+
+
+def current_data(seed, respond, noise=0.002):
+    """A data set whose measured current is ``respond`` (of a command in fine steps) and noise."""
+    rng = np.random.default_rng(seed)
+    n, parts = 4000, 20
+    command = np.repeat(rng.uniform(-0.5, 0.5, n // 10), 10)
+    fine = np.repeat(command, parts)
+    sensed = respond(fine, DT / parts).reshape(n, parts).mean(axis=1) + noise * rng.standard_normal(n) + 0.01
+    zero = np.zeros(n)
+    return DataSet(
+        "made", "sfj", "stage1", DT, sensed, "A", "measured effort", zero, zero, zero, zero, command
+    )
+
+
+def lagging(current, h):
+    out, value = np.empty_like(current), 0.0
+    for i, u in enumerate(current):
+        value += (u - value) * (1.0 - np.exp(-h / 0.003))
+        out[i] = value
+    return out
+
+
+def late(current, h):
+    steps = round(0.0013 / h)
+    return np.concatenate([np.zeros(steps), current[:-steps]])
+
+
+def limited(current, h):
+    return np.clip(current, -0.4, 0.4)
+
+
+@pytest.mark.parametrize(
+    ("respond", "effect", "parameter", "value"),
+    [
+        (lagging, "actuator_lag", "time_constant", 0.003),
+        (late, "input_delay", "delay", 0.0013),
+        (limited, "torque_saturation", "limit", 0.4 * MODEL.parameters["torque_constant"]),
+    ],
+)
+def test_the_currents_tell_what_the_amplifier_does(respond, effect, parameter, value):
+    found = shown_by_current(MODEL, [current_data(1, respond)], [current_data(2, respond)])
+    best = next(s for s in found if s.effect.effect != "channel_skew")
+    assert best.effect.effect == effect
+    assert best.effect.parameters[parameter] == pytest.approx(value, rel=0.03)
+    assert abs(best.effect.parameters[parameter] - value) < 5.0 * best.std + 0.02 * value
+
+
+def test_a_late_stamp_and_a_late_torque_look_alike_to_the_currents():
+    found = shown_by_current(MODEL, [current_data(1, late)], [current_data(2, late)])
+    gains = {s.effect.effect: s.gain for s in found}
+    assert gains["channel_skew"] == pytest.approx(gains["input_delay"], abs=1.0)
+
+
+def test_a_sense_with_noise_and_offset_shows_nothing():
+    same = [current_data(seed, lambda current, h: current) for seed in (1, 2)]
+    assert shown_by_current(MODEL, same[:1], same[1:]) == []
+
+
+def test_without_a_measured_current_nothing_is_said():
+    data = replace(current_data(1, late), input_source="commanded effort")
+    assert shown_by_current(MODEL, [data], [data]) == []
+
+
+# physics without a name
+
+
+def test_a_name_that_explains_clearly_less_is_not_given():
+    steep = explanation("steep_drag", 300.0, 300.0, coefficient=1.0)
+    near = explanation("quadratic_drag", 200.0, 150.0, coefficient=1.0)
+    choice = choose([steep, near], 0.0, False)
+    assert choice.unnamed
+    assert choice.chosen is steep
+
+
+def test_a_name_that_explains_nearly_as_much_is_given():
+    steep = explanation("steep_drag", 300.0, 300.0, coefficient=1.0)
+    near = explanation("quadratic_drag", 297.0, 298.0, coefficient=1.0)
+    choice = choose([steep, near], 0.0, False)
+    assert choice.chosen is near
+    assert not choice.ambiguous
+
+
+def test_physics_without_a_name_alone_yields_no_name():
+    weak = explanation("creep", 5.0, 5.0, place="joint", stiffness=1.0, time_constant=1.0)
+    assert choose([weak], 0.0, False) is None
+
+
+def test_the_verdict_is_unknown_and_says_what_it_looks_like():
+    records = [coupled(joint_record(seed)) for seed in (1, 2)]
+    fit = fit_from_scratch(MODEL, records[:1])
+    found = explanation("steep_drag", 300.0, 300.0, place="arm", coefficient=0.1)
+    choice = choose([found], 0.0, False)
+    result = SearchResult(fit, fit, (), (found,), recording_scales(MODEL, records[:1]), choice)
+    result, doubt, stand = doubted(result, records[:1], records[1:], lambda model: 90.0)
+    verdict = decide_verdict(result, records[:1], records[1:], doubt, stand.spread)
+    assert verdict.kind == "unknown"
+    assert verdict.findings == []
+    assert verdict.where[0]["equation"] == "stage1_arm"
+    assert "square of the speed" in doubt.why
