@@ -30,8 +30,8 @@ class EffectParameter:
     nor absurd, relative to the scales that diagnosis measures on a recording (see ``scale``): a torque of
     0.2 means 20 % of the rms input torque.  ``grid`` lists values worth trying as a start when the effect
     depends on the parameter in a non-convex way (an order, a width); where they would have to lie too dense
-    for that, ``scan`` says along which scale diagnosis seeks them on a recording.  A parameter with a ``default`` is
-    optional: left out of a model file it keeps the default and is not estimated.
+    for that, ``scan`` says along which scale diagnosis seeks them on a recording.  A parameter with a
+    ``default`` is optional: left out of a model file it keeps the default and is not estimated.
     """
 
     name: str

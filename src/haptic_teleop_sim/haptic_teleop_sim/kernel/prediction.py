@@ -65,18 +65,18 @@ def encoder_reading_sensitive(angle, channel, codes, p, p_col, slope_out, ncol, 
 
 
 @njit
-def predict_series(x, s, measured, gain, d_gain, decay, d_decay, torque, d_torque, torque_arm, exogenous, t0,
-                   dt, substeps, rigid, base, codes, p, base_col, p_col, out_codes, skew_col, lead, innovation,
-                   d_innovation, states, d_states):
+def predict_series(x, s, measured, gain, d_gain, decay, d_decay, torque, d_torque, torque_arm, exogenous,
+                   t0, dt, substeps, rigid, base, codes, p, base_col, p_col, out_codes, skew_col, lead,
+                   innovation, d_innovation, states, d_states):
     """One-step prediction of both encoders with exact derivatives by the free parameters.
 
     At every sample: e = y - y_hat, x += gain e, then one sample ahead; disturbance torques decay by
     ``decay``; ``d_gain`` (nx, 2, np) and ``d_decay`` (2, np) are how both depend on the parameters, or empty
-    where they are held. A NaN in ``measured`` (n, 2) is a missing reading: no correction, e = 0.  With ``gain`` zero
-    this is a plain simulation with sensitivities.  Fills innovation (n, 2), d_innovation (n, 2, np) =
-    de/dtheta, states (n, nx) before the correction, d_states (n, 4, np) unless it is empty.  An encoder
-    shows where its axis was ``-lead`` (2,) seconds ago (less than a sample: whole samples are shifted in
-    ``measured``); ``skew_col`` (2,): column of that delay or -1.
+    where they are held. A NaN in ``measured`` (n, 2) is a missing reading: no correction, e = 0.  With
+    ``gain`` zero this is a plain simulation with sensitivities.  Fills innovation (n, 2), d_innovation
+    (n, 2, np) = de/dtheta, states (n, nx) before the correction, d_states (n, 4, np) unless it is empty.  An
+    encoder shows where its axis was ``-lead`` (2,) seconds ago (less than a sample: whole samples are shifted
+    in ``measured``); ``skew_col`` (2,): column of that delay or -1.
     """
     n = x.shape[0]
     ncol = d_torque.shape[1]

@@ -32,8 +32,8 @@ def joined(
     scales: Scales,
     limits: Limits,
 ) -> list[Explanation]:
-    """The explanations ``found`` in the motion (``lab``: the model by which the currents were read), those of the actuator judged by both, and those of the
-    currents that the motion did not promise.
+    """The explanations ``found`` in the motion, those of the actuator judged by both, and those of the
+    currents that the motion did not promise; ``lab``: the model by which the currents were read.
 
     An effect behind the sense shows in both: its parameter is the one that is known better, from the motion
     alone or from the currents alone.  A stamp shows in the currents, and the motion follows the command.

@@ -19,8 +19,8 @@ from .scales import Scales, within_reach
 from .scan import both, scan
 from .screen import Screened, best_per_effect, screen
 
-#: Least promised gain (nats) that a re-fit is spent on, the most re-fits of a round under each noise model, and
-#: how many of the best under the other one are among them.
+#: Least promised gain (nats) that a re-fit is spent on, the most re-fits of a round under each noise model,
+#: and how many of the best under the other one are among them.
 _WORTH_A_FIT = 6.0
 _MOST_FITS = 8
 _BEST_OF_THE_OTHER = 3
@@ -52,8 +52,8 @@ class Explanation:
     ``gain``: nats it is better there than the model without the effect; ``held_out``: the same on the
     validation recordings, the model kept as it was fitted; ``material``: see ``material.py``;
     ``effect_index``: which of the model's effects it is.  ``by_current``: how many of these nats (both kinds)
-    the measured current gives; ``std``: uncertainty of a parameter that the current determined; ``beside``: an
-    effect of the recorded current alone, which the model, driven by the command, has no need of.
+    the measured current gives; ``std``: uncertainty of a parameter that the current determined; ``beside``:
+    an effect of the recorded current alone, which the model, driven by the command, has no need of.
     """
 
     fit: Fit

@@ -1,9 +1,9 @@
-"""A fine search along the one parameter that fits cannot climb: an order, a natural frequency, a stop's angle.
+"""A fine search along the one parameter that fits cannot climb: an order, a natural frequency, an angle.
 
 A ripple of order 105 gains nothing at order 104 or 106, so starts must lie denser than a linearisation of the
 full model affords.  Along the recorded motion an effect is a torque (or an error of an encoder) that is known
-but for its size, and the observer's innovations answer it as a linear filter: one run of that filter per value
-gives the best size and what it gains (score test; the structure's parameters are projected out).
+but for its size, and the observer's innovations answer it as a linear filter: one run of that filter per
+value gives the best size and what it gains (score test; the structure's parameters are projected out).
 """
 
 from __future__ import annotations

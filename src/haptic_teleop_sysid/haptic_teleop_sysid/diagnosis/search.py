@@ -55,8 +55,8 @@ def search(
     progress: Callable[[str], None] | None = None,
 ) -> SearchResult:
     """Find the effects that the model, re-estimated as ``baseline``, lacks on the estimation recordings and
-    that stand up on the validation ones. ``shown``: what the measured currents say; ``percent``: simulated fit
-    of a model, see `choose`.
+    that stand up on the validation ones. ``shown``: what the measured currents say; ``percent``: simulated
+    fit of a model, see `choose`.
     """
     say = progress or (lambda text: None)
     scales = recording_scales(baseline.model, estimation)

@@ -24,8 +24,8 @@ from .words import because
 STRUCTURED = 0.5
 #: Least rms of that left-over torque, relative to the rms input torque.
 NOTICEABLE = 0.03
-#: Share of its size by which an effect is off because its form is never quite that of a machine's, as measured
-#: on development recordings whose generator has another form for everything.
+#: Share of its size by which an effect is off because its form is never quite that of a machine's, as
+#: measured on development recordings whose generator has another form for everything.
 _FORM = 0.03
 
 
