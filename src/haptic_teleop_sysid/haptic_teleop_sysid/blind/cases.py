@@ -40,7 +40,6 @@ TIES: tuple[tuple[str, str], ...] = (
     ("constant_torque", "arm"),
     ("encoder_scale", "motor_encoder"),
     ("encoder_scale", "arm_encoder"),
-    ("backlash", "joint"),
     ("channel_skew", "motor_encoder"),
 )
 """Where the equivalences of diagnosis.md lie for this structure; each draw is accepted only once its own
