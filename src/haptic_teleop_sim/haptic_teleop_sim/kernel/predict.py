@@ -55,8 +55,8 @@ def predict(
     two disturbance torques (the last two states); ``gain_slopes``: derivatives of ``gain`` (states, 2,
     columns) and of ``decay`` (2, columns), the columns being those of ``free`` and after them as many more as
     there are quantities on which nothing else depends; by default gain and decay are held.  ``free`` may also
-    hold the names in ``INITIAL`` (derivatives by the initial state).  Derivatives of input effects are central
-    differences, all others are exact.
+    hold the names in ``INITIAL`` (derivatives by the initial state).  Derivatives of input effects are
+    central differences, all others are exact.
     """
     measured = np.ascontiguousarray(measured, dtype=np.float64)
     torque = acting_torque(packed, input_, dt, t0)

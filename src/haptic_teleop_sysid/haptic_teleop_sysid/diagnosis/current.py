@@ -1,8 +1,8 @@
 """What the measured current says of the actuator, before anything is asked of the motion.
 
 Where both the command and the measured current are recorded, their difference shows a delay, a lag, a limit
-or a dead band by itself, if the sense sits behind it; and only there does it show that the measured current is
-stamped wrong.  Each is fitted by least squares on the recorded currents (offset and scale of the sense are
+or a dead band by itself, if the sense sits behind it; and only there does it show that the measured current
+is stamped wrong.  Each is fitted by least squares on the recorded currents (offset and scale of the sense are
 free).  Whether the torque follows suit is for the motion to say: a late stamp moves nothing, a late torque
 does.
 """
@@ -31,7 +31,7 @@ SHOWN = {
     "channel_skew": "delay",
 }
 #: Nats on the estimation and on the validation recordings from which the currents say anything; from the
-#: clear gain on it suffices that the validation recordings, which may not reach a limit, do not speak against.
+#: clear gain on it suffices that the validation recordings, which may not reach a limit, do not object.
 _LEAST, _LEAST_HELD_OUT = 12.0, 3.0
 _CLEAR, _LEAST_AGAINST = 25.0, 2.0
 #: Standard deviation of the sense that is granted at least, relative to the rms command.
