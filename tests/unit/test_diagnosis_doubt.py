@@ -10,10 +10,11 @@ from identification_plants import STAGE, stage_recording
 from haptic_teleop_sim.model import Effect
 from haptic_teleop_sysid.dataset import load_dataset
 from haptic_teleop_sysid.diagnosis.decide import Choice
-from haptic_teleop_sysid.diagnosis.doubt import COLOURED, LAGS, colour, doubted
-from haptic_teleop_sysid.diagnosis.explore import Explanation
+from haptic_teleop_sysid.diagnosis.doubt import COLOURED, doubted
+from haptic_teleop_sysid.diagnosis.explanation import Explanation
 from haptic_teleop_sysid.diagnosis.scales import recording_scales
 from haptic_teleop_sysid.diagnosis.search import SearchResult
+from haptic_teleop_sysid.diagnosis.stand import LAGS, colour
 from haptic_teleop_sysid.estimation.records import record_from
 from haptic_teleop_sysid.estimation.whole_fit import fit_from_scratch, fit_whole, noise_starts
 

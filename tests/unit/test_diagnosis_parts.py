@@ -17,7 +17,7 @@ from haptic_teleop_sysid.diagnosis.decide import (
     LEAST_SHARE,
     choose,
 )
-from haptic_teleop_sysid.diagnosis.explore import Explanation
+from haptic_teleop_sysid.diagnosis.explanation import Explanation
 from haptic_teleop_sysid.diagnosis.material import material
 from haptic_teleop_sysid.diagnosis.residual import conditions, intervals
 from haptic_teleop_sysid.diagnosis.scales import recording_scales, within_reach

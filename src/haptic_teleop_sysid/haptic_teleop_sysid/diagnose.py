@@ -20,7 +20,7 @@ from haptic_teleop_control.recording import read_recording
 from haptic_teleop_sim.model import Model, load_model
 from haptic_teleop_sysid.dataset import DataSet, load_dataset
 from haptic_teleop_sysid.diagnosis.current import shown_by_current
-from haptic_teleop_sysid.diagnosis.doubt import LAGS, doubted
+from haptic_teleop_sysid.diagnosis.doubt import doubted
 from haptic_teleop_sysid.diagnosis.experiment import suggest
 from haptic_teleop_sysid.diagnosis.page import diagnosis_page
 from haptic_teleop_sysid.diagnosis.proof import Course, Proof, mean_percent, prove
@@ -32,6 +32,7 @@ from haptic_teleop_sysid.diagnosis.search import (
     search,
     search_by_simulation,
 )
+from haptic_teleop_sysid.diagnosis.stand import LAGS
 from haptic_teleop_sysid.diagnosis.verdict import Verdict, decide_verdict
 from haptic_teleop_sysid.diagnosis.words import separating
 from haptic_teleop_sysid.estimation.gauss_newton import Fit

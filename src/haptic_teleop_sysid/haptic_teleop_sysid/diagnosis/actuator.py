@@ -12,7 +12,8 @@ from haptic_teleop_sysid.estimation.whole_fit import fit_whole
 
 from .current import SHOWN, Shown
 from .decide import standard_errors
-from .explore import Explanation, judged
+from .explanation import Explanation
+from .held_out import judged
 from .scales import Scales
 
 #: Nats behind the best one from which an effect in the currents is not asked of the motion any more.

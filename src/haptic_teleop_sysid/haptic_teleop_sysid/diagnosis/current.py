@@ -11,6 +11,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -103,7 +104,7 @@ def _fitted(
     edges = starts[max(best - 1, 0)], starts[min(best + 1, len(starts) - 1)]
     if edges[0] == edges[1]:
         return None
-    ended = minimize_scalar(
+    ended: Any = minimize_scalar(
         lambda v: -nats(float(v), estimation),
         bounds=edges,
         method="bounded",

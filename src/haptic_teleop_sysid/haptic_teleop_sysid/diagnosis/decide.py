@@ -10,7 +10,7 @@ import numpy as np
 from haptic_teleop_sim.model import Model
 from haptic_teleop_sysid.estimation.gauss_newton import Fit
 
-from .explore import Explanation
+from .explanation import Explanation
 
 #: Nats that an effect must gain on the estimation and on the validation recordings. Set on development
 #: recordings, of which few are clean: docs/diagnosis.md says which, and what has to be measured yet.

@@ -13,19 +13,16 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from haptic_teleop_sim.kernel import pack
 from haptic_teleop_sim.model import Model
 from haptic_teleop_sysid.estimation.gauss_newton import Fit
-from haptic_teleop_sysid.estimation.likelihood import innovations, settled
 from haptic_teleop_sysid.estimation.records import Record
 from haptic_teleop_sysid.estimation.whole_fit import fit_whole
 
 from .decide import Choice, standard_errors
-from .explore import held_out_fit
+from .held_out import held_out_fit
 from .search import SearchResult
+from .stand import Stand, colour, stand_of, stands_out
 
-#: Lags of the portmanteau test; of white innovations it is 25 on average, and 53 once in a thousand.
-LAGS = 25
 #: From this value on both kinds of recordings something is left that acts on from sample to sample.
 COLOURED = 100.0
 #: Share of the baseline's value from which an effect has not explained that.
@@ -33,8 +30,6 @@ UNCHANGED = 0.3
 #: A size is another one on other recordings when it differs by this share and by this many standard errors.
 OTHER_SIZE = 0.4
 OTHER_SIZE_ERRORS = 5.0
-#: Standard errors, spread between recordings included, that a size must differ by from none.
-STANDS_OUT = 2.0
 #: A finding that takes away this share of the simulation's error on unseen recordings stays, whatever is left
 #: beside it.
 CLEARLY_BETTER = 0.4
@@ -46,34 +41,6 @@ class Doubt:
 
     choice: Choice | None
     why: str
-
-
-@dataclass(frozen=True)
-class Stand:
-    """How a result stands on both kinds of recordings.
-
-    ``before``, ``after``: `colour` on estimation and validation recordings, of baseline and final model;
-    ``spread``: what a parameter differs by between the recordings beyond its standard errors, as a standard
-    deviation: the form of an effect is never quite right, and that shows in other recordings.
-    """
-
-    before: tuple[float, float]
-    after: tuple[float, float]
-    spread: dict[str, float]
-
-
-def colour(fit: Fit, records: Sequence[Record]) -> float:
-    """Largest portmanteau statistic of the motor's innovations over the recordings: n times the sum of
-    squared autocorrelations at the first LAGS lags, LAGS on average for white ones."""
-    found = []
-    for record in records:
-        e = settled(record, innovations(pack(fit.model), fit.noise, record).innovation)[:, 0]
-        e = e[np.isfinite(e)] - np.mean(e[np.isfinite(e)])
-        power = float(e @ e)
-        if power <= 0.0 or len(e) <= 2 * LAGS:
-            continue
-        found.append(len(e) * sum((float(e[k:] @ e[:-k]) / power) ** 2 for k in range(1, LAGS + 1)))
-    return max(found, default=0.0)
 
 
 def doubted(
@@ -109,50 +76,14 @@ def doubted(
         final = kept[-1].chosen.fit if kept else result.baseline
         if doubt is not None:
             result = replace(result, choices=tuple(kept), final=final, last_round=())
-        stand = _stand(result, before, estimation, validation)
-        faint = next((c for c in kept if not _stands_out(c, final, stand)), None)
+        stand = stand_of(result, before, estimation, validation)
+        faint = next((c for c in kept if not stands_out(c, final, stand)), None)
         if faint is None:
             return result, None if kept else doubt, stand
         # What was found after it stood beside it, and falls with it.
         kept = kept[: kept.index(faint)]
         name = faint.chosen.effect.effect
         doubt = Doubt(faint, f"the size of {name} differs so much between recordings that it may be none")
-
-
-def _stands_out(choice: Choice, final: Fit, stand: Stand) -> bool:
-    """Whether one of the effect's sizes differs from none by more than its uncertainty, spread included."""
-    effect = choice.chosen.effect
-    head = f"{effect.location}.{effect.effect}."
-    values, std = final.model.parameter_values(), standard_errors(final)
-    sizes = [
-        abs(values[head + p.name] - p.neutral)
-        > STANDS_OUT * np.hypot(std.get(head + p.name, 0.0), stand.spread.get(head + p.name, 0.0))
-        for p in effect.entry.parameters
-        if p.default is None and p.neutral is not None and head + p.name in stand.spread
-    ]
-    return any(sizes) or not sizes
-
-
-def _stand(
-    result: SearchResult,
-    before: tuple[float, float],
-    estimation: Sequence[Record],
-    validation: Sequence[Record],
-) -> Stand:
-    fit = result.final
-    there = held_out_fit(fit, validation, [fit.noise])
-    after = colour(fit, estimation), colour(there, validation)
-    own = tuple(name for name in fit.free if "." in name)
-    if not own:
-        return Stand(before, after, {})
-    again = fit_whole(fit.model, there.noise, validation, free=own)
-    here, elsewhere = fit.model.parameter_values(), again.model.parameter_values()
-    std, std_there = standard_errors(fit), standard_errors(again)
-    spread = {}
-    for name in own:
-        chance = std.get(name, 0.0) ** 2 + std_there.get(name, 0.0) ** 2
-        spread[name] = float(np.sqrt(max((here[name] - elsewhere[name]) ** 2 - chance, 0.0) / 2.0))
-    return Stand(before, after, spread)
 
 
 def _objection(

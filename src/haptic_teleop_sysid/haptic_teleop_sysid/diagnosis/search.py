@@ -13,7 +13,8 @@ from .actuator import joined
 from .candidates import family
 from .current import Shown
 from .decide import Choice, choose
-from .explore import Explanation, explore
+from .explanation import Explanation
+from .explore import explore
 from .scales import Scales, recording_scales, within_reach
 from .simulated import explore_simulated, simulation_noise
 

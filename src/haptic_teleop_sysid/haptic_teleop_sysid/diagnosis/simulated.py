@@ -15,7 +15,7 @@ from haptic_teleop_sysid.estimation.records import Record
 from haptic_teleop_sysid.estimation.tuning import initial_noise
 
 from .candidates import candidates
-from .explore import Explanation
+from .explanation import Explanation
 from .material import material
 from .scales import Scales, within_reach
 from .screen import best_per_effect, screen

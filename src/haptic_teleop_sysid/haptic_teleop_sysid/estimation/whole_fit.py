@@ -250,8 +250,8 @@ def _gain_slopes(
     the structure's parameters and on the logarithms of the levels, the first by differences."""
     noise, dt, measured = point.noise, record.dt, channels(packed, record)
     gain = observer_gain(packed, noise, dt, measured)
-    d_gain = np.zeros((*gain.shape, len(names) + len(levels)))
-    d_decay = np.zeros((2, d_gain.shape[2]))
+    columns = len(names) + len(levels)
+    d_gain, d_decay = np.zeros((len(gain), 2, columns)), np.zeros((2, columns))
     structure = STRUCTURES[point.model.structure]
     for i, name in enumerate(names):
         if name in structure and name != "torque_constant" and noise.reference is None:

@@ -1,0 +1,115 @@
+"""Effects as torques (or encoder errors) along a motion that is known."""
+
+from __future__ import annotations
+
+import math
+from types import SimpleNamespace
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+from scipy.linalg import expm
+
+from haptic_teleop_sim.effects import EffectEntry, EffectParameter
+from haptic_teleop_sysid.estimation.records import Record
+
+FloatArray = NDArray[np.float64]
+
+#: Width with which a place is scanned, as a share of the travel.
+_WIDTH = 0.05
+
+
+def columns(
+    entry: EffectEntry,
+    parameter: EffectParameter,
+    value: float,
+    record: Record,
+    states: FloatArray,
+    channel: int,
+) -> FloatArray:
+    """Torques (N·m, or encoder errors, rad) (columns, n) by unit sizes of the effect along the motion."""
+    zero = {p.name: 0.0 if p.default is None else p.default for p in entry.parameters}
+    zero[parameter.name] = value
+    if "width" in zero:
+        zero["width"] = _WIDTH * float(np.ptp(states[:, channel]))
+    sizes = [p.name for p in entry.parameters if p.default is None and p.neutral == 0.0]
+    if "amplitude" in sizes:
+        sizes = ["amplitude"]  # a mean beside it is the same at every order
+    trials = [{**zero, name: 1.0} for name in sizes]
+    if "phase" in zero:
+        trials += [{**zero, name: 1.0, "phase": math.pi / 2} for name in sizes]
+    variables = _variables(record, states, channel)
+    equation = entry.equation
+    if equation is None:
+        raise ValueError(f"{entry.name} has no equation that could be followed along a motion")
+    found = []
+    for numbers in trials:
+        p = SimpleNamespace(**numbers)
+        if entry.rates:
+            _own_states(entry, variables, p, record.dt)
+        torque = np.broadcast_to(np.asarray(equation(variables, p), dtype=float), len(record))
+        found.append(torque - variables.position if entry.kind == "output" else torque)
+    return np.array(found)
+
+
+def _variables(record: Record, states: FloatArray, channel: int) -> SimpleNamespace:
+    """The variables and helpers in which effects write their equations, as arrays (n,) of a recording."""
+    velocity = states[:, 2 + channel]
+    return SimpleNamespace(
+        position=states[:, channel],
+        velocity=velocity,
+        deflection=states[:, 0] - states[:, 1],
+        time=record.start + record.dt * np.arange(len(record)),
+        exogenous=record.exogenous,
+        direction=np.sign(velocity),
+        state0=0.0,
+        state1=0.0,
+        side=lambda x: np.where(np.asarray(x) >= 0.0, 1.0, -1.0),
+        positive_part=lambda x: np.maximum(x, 0.0),
+        dead_band=lambda x, width: np.maximum(x - width / 2, 0.0) + np.minimum(x + width / 2, 0.0),
+        sin=np.sin,
+        cos=np.cos,
+        exp=np.exp,
+        tanh=np.tanh,
+        sech=lambda x: 1.0 / np.cosh(np.clip(x, -300.0, 300.0)),
+        abs=np.abs,
+        sqrt=np.sqrt,
+        pi=math.pi,
+    )
+
+
+def _own_states(entry: EffectEntry, variables: SimpleNamespace, p: SimpleNamespace, dt: float) -> None:
+    """Fill in the own states (at most two) of an effect whose rates are linear in them."""
+    names = [f"state{i}" for i in range(len(entry.rates))]
+    for name in names:
+        setattr(variables, name, 0.0)
+    drive = np.array([rate(variables, p) + 0.0 * variables.time for rate in entry.rates])
+    matrix = np.empty((len(names), len(names)))
+    for column, name in enumerate(names):
+        setattr(variables, name, 1.0)
+        moved = np.array([np.asarray(rate(variables, p) + 0.0 * variables.time)[0] for rate in entry.rates])
+        matrix[:, column] = moved - drive[:, 0]
+        setattr(variables, name, 0.0)
+    n = len(names)
+    whole = np.zeros((2 * n, 2 * n))
+    whole[:n, :n], whole[:n, n:] = matrix, np.eye(n)
+    step = np.asarray(expm(whole * dt), dtype=np.float64)
+    # Each rate's drive as it was in the middle of the step.
+    drive = np.concatenate([0.5 * (drive[:, 1:] + drive[:, :-1]), drive[:, -1:]], axis=1)
+    followed = _followed(np.ascontiguousarray(step[:n, :n]), np.ascontiguousarray(step[:n, n:] @ drive))
+    for i, name in enumerate(names):
+        setattr(variables, name, followed[i])
+
+
+@njit(cache=True, error_model="numpy")
+def _followed(transition: FloatArray, pushed: FloatArray) -> FloatArray:
+    """States (n, samples) of x[k+1] = transition x[k] + pushed[:, k] from rest."""
+    n, samples = pushed.shape
+    states = np.zeros((n, samples))
+    for k in range(samples - 1):
+        for i in range(n):
+            total = pushed[i, k]
+            for j in range(n):
+                total += transition[i, j] * states[j, k]
+            states[i, k + 1] = total
+    return states

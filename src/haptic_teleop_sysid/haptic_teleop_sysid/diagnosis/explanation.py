@@ -1,0 +1,43 @@
+"""An explanation: a model with one more effect, and what speaks for it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+from haptic_teleop_sim.model import Effect
+from haptic_teleop_sysid.estimation.gauss_newton import Fit
+
+
+@dataclass(frozen=True)
+class Explanation:
+    """A model with one more effect, fitted to the estimation recordings.
+
+    ``gain``: nats it is better there than the model without the effect; ``held_out``: the same on the
+    validation recordings, the model kept as it was fitted; ``material``: see ``material.py``;
+    ``effect_index``: which of the model's effects it is.  ``by_current``: how many of these nats (both kinds)
+    the measured current gives; ``std``: uncertainty of a parameter that the current determined; ``beside``:
+    an effect of the recorded current alone, which the model, driven by the command, has no need of.
+    """
+
+    fit: Fit
+    gain: float
+    held_out: float
+    material: bool
+    effect_index: int
+    by_current: float = 0.0
+    std: dict[str, float] = field(default_factory=dict)
+    beside: Effect | None = None
+
+    @property
+    def effect(self) -> Effect:
+        return self.fit.model.effects[self.effect_index] if self.beside is None else self.beside
+
+    @property
+    def score(self) -> float:
+        """Nats in all, less what further parameters gain by chance on data they were fitted to."""
+        return self.gain + self.held_out - len(self.effect.parameters)
+
+    @property
+    def by_motion(self) -> float:
+        """The score without what the measured current gives."""
+        return self.score - self.by_current

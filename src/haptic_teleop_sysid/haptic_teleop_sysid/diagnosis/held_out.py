@@ -1,0 +1,60 @@
+"""Explanations judged by recordings that were not fitted."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from haptic_teleop_sysid.estimation.gauss_newton import Fit
+from haptic_teleop_sysid.estimation.noise import NoiseModel
+from haptic_teleop_sysid.estimation.records import Record
+from haptic_teleop_sysid.estimation.whole_fit import fit_whole, noise_starts
+
+from .explanation import Explanation
+from .material import material
+from .scales import Scales
+
+#: Best fits whose noise levels the model without their effect is granted, too.
+_MOST_LENDING = 2
+#: Gain (nats) on the estimation recordings from which a loss on others is not believed before the noise
+#: levels were sought from everywhere.
+_GAINS = 10.0
+_STEPS = 15
+
+
+def judged(fit: Fit, fits: Sequence[Fit], validation: Sequence[Record], scales: Scales) -> list[Explanation]:
+    """The fits as explanations beside ``fit``, best first (material ones before others)."""
+    levels = [fit.noise, *(f.noise for f in fits[:_MOST_LENDING]), *noise_starts(fit.model, validation)]
+    before = held_out_fit(fit, validation, levels)
+    after = [held_out_fit(f, validation, [f.noise, before.noise]) for f in fits]
+    for i, (f, there) in enumerate(zip(fits, after, strict=True)):
+        if f.log_likelihood > fit.log_likelihood + _GAINS and there.log_likelihood < before.log_likelihood:
+            again = held_out_fit(f, validation, noise_starts(f.model, validation))
+            after[i] = max(there, again, key=lambda one: one.log_likelihood)
+    if after:
+        # Levels that a rival found are good enough for the model without it.
+        best = max(after, key=lambda f: f.log_likelihood)
+        before = max(before, held_out_fit(fit, validation, [best.noise]), key=lambda f: f.log_likelihood)
+    index = len(fit.model.effects)
+    found = [
+        Explanation(
+            f,
+            f.log_likelihood - fit.log_likelihood,
+            there.log_likelihood - before.log_likelihood,
+            material(f.model.effects[index], scales),
+            index,
+        )
+        for f, there in zip(fits, after, strict=True)
+    ]
+    return sorted(found, key=lambda e: (not e.material, -e.score))
+
+
+def held_out_fit(fit: Fit, records: Sequence[Record], levels: Sequence[NoiseModel]) -> Fit:
+    """Other recordings under the model as it was fitted, with the noise levels as these recordings have them,
+    sought from all of ``levels``.
+
+    Levels carried over would judge the noise, not the physics: a disturbance may be larger on another day,
+    and a model that leaves nothing unexplained has levels near zero, under which the smallest further effect
+    is a catastrophe.
+    """
+    ends = [fit_whole(fit.model, noise, records, free=(), iterations=_STEPS) for noise in levels]
+    return max(ends, key=lambda end: end.log_likelihood)

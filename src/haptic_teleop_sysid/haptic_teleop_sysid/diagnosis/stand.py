@@ -1,0 +1,87 @@
+"""How a result stands on both kinds of recordings: what is left coloured, and what sizes differ by."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from haptic_teleop_sim.kernel import pack
+from haptic_teleop_sysid.estimation.gauss_newton import Fit
+from haptic_teleop_sysid.estimation.likelihood import innovations, settled
+from haptic_teleop_sysid.estimation.records import Record
+from haptic_teleop_sysid.estimation.whole_fit import fit_whole
+
+from .decide import Choice, standard_errors
+from .held_out import held_out_fit
+from .search import SearchResult
+
+#: Lags of the portmanteau test; of white innovations it is 25 on average, and 53 once in a thousand.
+LAGS = 25
+#: Standard errors, spread between recordings included, that a size must differ by from none.
+STANDS_OUT = 2.0
+
+
+@dataclass(frozen=True)
+class Stand:
+    """How a result stands on both kinds of recordings.
+
+    ``before``, ``after``: `colour` on estimation and validation recordings, of baseline and final model;
+    ``spread``: what a parameter differs by between the recordings beyond its standard errors, as a standard
+    deviation: the form of an effect is never quite right, and that shows in other recordings.
+    """
+
+    before: tuple[float, float]
+    after: tuple[float, float]
+    spread: dict[str, float]
+
+
+def colour(fit: Fit, records: Sequence[Record]) -> float:
+    """Largest portmanteau statistic of the motor's innovations over the recordings: n times the sum of
+    squared autocorrelations at the first LAGS lags, LAGS on average for white ones."""
+    found = []
+    for record in records:
+        e = settled(record, innovations(pack(fit.model), fit.noise, record).innovation)[:, 0]
+        e = e[np.isfinite(e)] - np.mean(e[np.isfinite(e)])
+        power = float(e @ e)
+        if power <= 0.0 or len(e) <= 2 * LAGS:
+            continue
+        found.append(len(e) * sum((float(e[k:] @ e[:-k]) / power) ** 2 for k in range(1, LAGS + 1)))
+    return max(found, default=0.0)
+
+
+def stand_of(
+    result: SearchResult,
+    before: tuple[float, float],
+    estimation: Sequence[Record],
+    validation: Sequence[Record],
+) -> Stand:
+    fit = result.final
+    there = held_out_fit(fit, validation, [fit.noise])
+    after = colour(fit, estimation), colour(there, validation)
+    own = tuple(name for name in fit.free if "." in name)
+    if not own:
+        return Stand(before, after, {})
+    again = fit_whole(fit.model, there.noise, validation, free=own)
+    here, elsewhere = fit.model.parameter_values(), again.model.parameter_values()
+    std, std_there = standard_errors(fit), standard_errors(again)
+    spread = {}
+    for name in own:
+        chance = std.get(name, 0.0) ** 2 + std_there.get(name, 0.0) ** 2
+        spread[name] = float(np.sqrt(max((here[name] - elsewhere[name]) ** 2 - chance, 0.0) / 2.0))
+    return Stand(before, after, spread)
+
+
+def stands_out(choice: Choice, final: Fit, stand: Stand) -> bool:
+    """Whether one of the effect's sizes differs from none by more than its uncertainty, spread included."""
+    effect = choice.chosen.effect
+    head = f"{effect.location}.{effect.effect}."
+    values, std = final.model.parameter_values(), standard_errors(final)
+    sizes = [
+        abs(values[head + p.name] - p.neutral)
+        > STANDS_OUT * np.hypot(std.get(head + p.name, 0.0), stand.spread.get(head + p.name, 0.0))
+        for p in effect.entry.parameters
+        if p.default is None and p.neutral is not None and head + p.name in stand.spread
+    ]
+    return any(sizes) or not sizes
