@@ -253,6 +253,8 @@ def test_larger_starts_leave_alone_what_is_linear(scales):
         ("payload_change", "arm", {"time": 0.01, "inertia": 0.05}, False),
         ("hard_stop", "arm", {"angle": 0.05, "stiffness": 10.0}, True),
         ("hard_stop", "arm", {"angle": 3.0, "stiffness": 10.0}, False),
+        ("extra_flexible_mode", "arm", {"frequency": 12.0, "inertia": 0.01}, True),
+        ("extra_flexible_mode", "arm", {"frequency": 200.0, "inertia": 0.01}, False),
         ("friction_drift", "motor", {"change": 0.3, "time_constant": 3.0}, True),
         ("friction_drift", "motor", {"change": 0.001, "time_constant": 3.0}, False),
     ],

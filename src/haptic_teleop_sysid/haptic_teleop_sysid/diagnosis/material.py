@@ -28,6 +28,9 @@ _STILL = 0.3
 _BELOW_RESOLUTION = 0.1
 _SOME_BEND = 0.6
 
+#: Cycles per sample up to which a mode is one.
+_FASTEST = 0.2
+
 
 def material(effect: Effect, scales: Scales) -> bool:
     """Whether the effect, with these parameters, deserves its name on such a recording."""
@@ -83,6 +86,9 @@ def material(effect: Effect, scales: Scales) -> bool:
             abs(p["inertia"]) > 0.003 * scales.size["inertia"]
             and 0.02 < p["time"] / scales.size["duration"] < 0.98
         )
+    if name == "extra_flexible_mode":
+        # Near the sampling rate a mode is but another inertia or a filter.
+        return p["frequency"] * scales.dt < _FASTEST
     if name == "hard_stop":
         reach = scales.highest[channel] if p["angle"] > 0 else scales.lowest[channel]
         return abs(reach) > abs(p["angle"]) and reach * p["angle"] > 0

@@ -43,7 +43,8 @@ def level_bounds(packed: Packed, records: Sequence[Record]) -> dict[str, tuple[f
     torque = packed.torque_constant * float(np.sqrt(np.mean([np.mean(r.input**2) for r in records])))
     torques, angles = (_LEAST_TORQUE * torque, np.inf), (1e-12, np.inf)
     # Without an upper end a fit may end at an arm whose encoder is not believed at all.
-    moved = max(float(np.nan_to_num(np.nanstd(r.measured[:, 1]))) for r in records)
+    arms = [r.measured[np.isfinite(r.measured[:, 1]), 1] for r in records]
+    moved = max((float(np.std(q)) for q in arms if len(q)), default=0.0)
     most = max(_MOST_STEPS * float(np.mean([r.resolution[1] for r in records])), _MOST_OF_MOTION * moved)
     return {
         "motor_torque": torques,
