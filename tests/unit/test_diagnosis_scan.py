@@ -14,7 +14,7 @@ from haptic_teleop_sysid.diagnosis.doubt import doubted
 from haptic_teleop_sysid.diagnosis.scales import recording_scales
 from haptic_teleop_sysid.diagnosis.scan import both, scan
 from haptic_teleop_sysid.diagnosis.search import SearchResult
-from haptic_teleop_sysid.diagnosis.verdict import decide_verdict
+from haptic_teleop_sysid.diagnosis.verdict import decide_verdict, finding
 from haptic_teleop_sysid.estimation.whole_fit import fit_from_scratch
 
 
@@ -144,3 +144,19 @@ def test_the_verdict_is_unknown_and_says_what_it_looks_like():
     assert verdict.findings == []
     assert verdict.where[0]["equation"] == "stage1_arm"
     assert "square of the speed" in doubt.why
+
+
+@pytest.mark.parametrize(
+    ("effect", "place", "parameters"),
+    [
+        ("torque_saturation", "actuator", {"limit": 2.0}),
+        ("coulomb_friction", "motor", {"torque": 0.05}),
+        ("encoder_scale", "arm_encoder", {"scale": 1.01}),
+    ],
+)
+def test_an_uncertainty_is_a_number_that_grows_with_the_departure_from_none(effect, place, parameters):
+    found = explanation(effect, 300.0, 300.0, place=place, **parameters)
+    told = finding(choose([found], 0.0, False), found.fit, {})
+    (name,) = parameters
+    departure = {"limit": 2.0, "torque": 0.05, "scale": 0.01}[name]
+    assert told["parameters"][name]["std"] == pytest.approx(0.03 * departure)

@@ -123,9 +123,10 @@ TORQUE_SATURATION = EffectEntry(
             "N*m",
             "largest torque that acts",
             minimum=1e-9,
-            typical=1.2,
-            scale="torque",
-            grid=(2.0, 1.2, 0.8),
+            typical=0.8,
+            scale="peak",
+            # A limit that only the highest peaks reach cuts little, and a fit sees nothing of it from above.
+            grid=(0.99, 0.96, 0.92, 0.87, 0.8, 0.7, 0.6, 0.5, 0.35, 0.2),
             neutral=math.inf,
         ),
     ),

@@ -42,6 +42,7 @@ class EffectParameter:
     typical: float = 0.1
     scale: Literal[
         "torque",
+        "peak",
         "angle",
         "deflection",
         "velocity",

@@ -68,7 +68,8 @@ CREEP = EffectEntry(
             "s",
             "time in which it gives way",
             minimum=0.01,
-            maximum=30.0,
+            # What gives way more slowly is a stiffer spring to a recording of half a minute.
+            maximum=4.0,
             typical=0.3,
             neutral=None,
             grid=(0.05, 0.2, 0.8, 3.0),
@@ -106,6 +107,7 @@ DETENT = EffectEntry(
             "rad",
             "distance of the largest torque from there",
             minimum=1e-6,
+            maximum=0.5,
             typical=0.05,
             scale="angle",
             neutral=None,

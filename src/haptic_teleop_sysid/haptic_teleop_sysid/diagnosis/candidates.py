@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import itertools
+import math
 from collections.abc import Iterator, Sequence
 
 from haptic_teleop_sim.effects import EFFECTS, EffectEntry, EffectParameter, locations
@@ -90,6 +91,8 @@ def companion(model: Model, effect: Effect) -> Effect | None:
 def larger_starts(effect: Effect, scales: Scales) -> list[Effect]:
     """The effect at the sizes of its grids: for those that a linearisation at a small size leads astray."""
     found = []
+    if any(p.neutral == math.inf for p in effect.entry.parameters):
+        found.append(effect)  # a limit: it is large where it is low, and the fitted parameters have given way
     for p in effect.entry.parameters:
         if p.grid and p.neutral is not None and p.neutral == 0.0 and p.default is None:
             old = effect.parameters[p.name]

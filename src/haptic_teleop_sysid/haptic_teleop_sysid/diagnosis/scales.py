@@ -55,9 +55,10 @@ def velocity_of(angle: np.ndarray, dt: float) -> np.ndarray:
 
 def recording_scales(model: Model, records: Sequence[Record]) -> Scales:
     """Scales of recordings for a model: rms torque, largest angle and deflection, rms velocity, and so on."""
-    torque = velocity = deflection = duration = 0.0
+    torque = peak = velocity = deflection = duration = 0.0
     for r in records:
         torque = max(torque, model.parameters["torque_constant"] * float(np.sqrt(np.mean(r.input**2))))
+        peak = max(peak, model.parameters["torque_constant"] * float(np.max(np.abs(r.input))))
         velocity = max(velocity, float(np.sqrt(np.mean(velocity_of(r.measured[:, 0], r.dt) ** 2))))
         if not model.rigid:
             deflection = max(deflection, float(np.nanmax(np.abs(r.measured[:, 0] - r.measured[:, 1]))))
@@ -74,6 +75,7 @@ def recording_scales(model: Model, records: Sequence[Record]) -> Scales:
     stiffness = float(p.get("stiffness", torque / angle))
     size = {
         "torque": torque,
+        "peak": max(peak, 1e-12),
         "angle": angle,
         "deflection": deflection,
         "velocity": velocity,

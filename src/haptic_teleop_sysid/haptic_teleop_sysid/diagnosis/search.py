@@ -17,6 +17,7 @@ from .explanation import Explanation
 from .explore import explore
 from .scales import Scales, recording_scales, within_reach
 from .simulated import explore_simulated, simulation_noise
+from .twins import with_twins
 
 #: Effects that are looked for one after another.
 MOST_EFFECTS = 3
@@ -72,6 +73,7 @@ def search(
             baseline = fit
         if shown and not any(c.chosen.by_current > 0.0 for c in choices):
             found = joined(fit, model, found, shown, estimation, validation, scales, within_reach(lab))
+        found = with_twins(found)
         choice = choose(found, strongest, sense_follows, percent)
         if choice is None:
             break

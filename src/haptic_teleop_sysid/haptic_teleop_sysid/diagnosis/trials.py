@@ -46,7 +46,7 @@ def trial(
     """A few steps from an effect's starts, small ones beside fitted parameters and large ones beside believed
     ones: the best, if any predicts anything."""
     trials = [_trial(fit.model, e, noise, records, limits) for e in small]
-    trials += [_trial(lab, e, noise, records, limits) for e in large]
+    trials += [_trial(lab, _in_currents(e, fit.model, lab), noise, records, limits) for e in large]
     trials = [t for t in trials if np.isfinite(t.log_likelihood)]
     if not trials:
         return []
@@ -59,6 +59,19 @@ def trial(
         if wider.log_likelihood > best.log_likelihood + _WORTH_A_NUISANCE:
             best = wider
     return [best]
+
+
+def _in_currents(effect: Effect, of: Model, to: Model) -> Effect:
+    """A limit or a dead band at the same current in a model with another torque constant."""
+    if effect.entry.kind != "input":
+        return effect
+    factor = to.parameters["torque_constant"] / of.parameters["torque_constant"]
+    units = {p.name: p.unit for p in effect.entry.parameters}
+    return Effect(
+        effect.effect,
+        effect.location,
+        {n: v * factor if units[n] == "N*m" else v for n, v in effect.parameters.items()},
+    )
 
 
 def _trial(model: Model, effect: Effect, noise: NoiseModel, records: Sequence[Record], limits: Limits) -> Fit:

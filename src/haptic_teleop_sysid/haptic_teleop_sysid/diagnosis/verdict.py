@@ -112,8 +112,9 @@ def finding(choice: Choice, final: Fit, spread: dict[str, float]) -> dict[str, A
 
 def _uncertainty(parameter: EffectParameter, value: float, std: float, spread: float) -> float:
     """Standard error with the spread between recordings and, for a size, what the effect's form is off by."""
-    form = 0.0 if parameter.neutral is None else _FORM * abs(value - parameter.neutral)
-    return float(np.sqrt(std**2 + spread**2 + form**2))
+    none = parameter.neutral
+    size = 0.0 if none is None else abs(value - none) if np.isfinite(none) else abs(value)
+    return float(np.sqrt(std**2 + spread**2 + (_FORM * size) ** 2))
 
 
 def _where(

@@ -18,7 +18,9 @@ LEVELS = ("motor_torque", "arm_torque", "motor_angle", "arm_angle", "motor_time"
 _LEAST_TORQUE = 2e-4
 #: Largest noise of the arm's encoder in steps of it, and as a share of the rms angle.
 _MOST_STEPS, _MOST_OF_MOTION = 30.0, 0.1
-_BOUNDS = {"motor_time": (2e-3, 1e3), "arm_time": (2e-3, 1e3)}
+#: A disturbance that is remembered for longer is a constant to a recording of half a minute, and takes for
+#: itself what a constant torque explains.
+_BOUNDS = {"motor_time": (2e-3, 10.0), "arm_time": (2e-3, 10.0)}
 
 
 def initial_noise(packed: Packed, records: Sequence[Record]) -> NoiseModel:
