@@ -43,7 +43,7 @@ def test_a_twin_predicts_the_same_and_both_are_named():
     record = joint_record(4)
     model = MODEL.with_effects(Effect("input_delay", "stage1_actuator", {"delay": 2.3 * DT}))
     names = model.free_parameters()
-    information = np.diag(np.arange(1.0, len(names) + 1.0)) + 0.1
+    information = 1e10 * (np.diag(np.arange(1.0, len(names) + 1.0)) + 0.1)
     fit = Fit(model, NOISE, names, 0.0, information, np.ones(len(names)), True, 1, "as given")
     both = with_twins([Explanation(fit, 300.0, 200.0, True, 0)])
     assert [e.effect.effect for e in both] == ["input_delay", "channel_skew"]
