@@ -78,7 +78,7 @@ def material(effect: Effect, scales: Scales) -> bool:
     if name == "dead_zone":
         return p["width"] > 2 * _SMALL_TORQUE * torque
     if name == "torque_saturation":
-        return p["limit"] < 4 * torque
+        return p["limit"] < scales.size["peak"]
     if name == "load_dependent_friction":
         return p["coefficient"] > 0.002
     if name == "payload_change":

@@ -83,7 +83,8 @@ def search(
         choices.append(choice)
         fit = choice.chosen.fit
         strongest = max(strongest, choice.chosen.by_motion)
-    if nameless is not None and choices and nameless.chosen.by_motion > strongest:
+    shown_too = any(c.chosen.by_current > 0.0 for c in choices)
+    if nameless is not None and not shown_too and nameless.chosen.by_motion > strongest:
         # What came first was the nearest name of something else.
         choices, fit = [], baseline
     return SearchResult(baseline, fit, tuple(choices), tuple(found), scales, nameless)
