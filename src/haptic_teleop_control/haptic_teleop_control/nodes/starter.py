@@ -75,6 +75,8 @@ class Starter:
                 self._refuse_strangers(self._expected)
                 self._tell(self._children[-1])  # the recorder, if there is one: it has to be there first
         elif self._told == self._started:
+            # Once more before anything moves: a stranger may be discovered late.
+            self._refuse_strangers(self._expected)
             rest = [child for child in self._children if child.name not in self._told]
             for child in rest:
                 self._tell(child)
