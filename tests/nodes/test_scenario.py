@@ -183,8 +183,6 @@ def test_a_node_that_refuses_its_parameters_ends_the_scenario_with_2(file):
     assert "master and slave are both sfj" in errors
 
 
-# The graph tells of strangers within three seconds; a loaded machine now and then starts faster than that.
-@pytest.mark.flaky(reruns=2)
 def test_a_second_controller_in_the_same_domain_is_refused_before_anything_moves(file, graph, tmp_path):
     graph.probe.create_publisher(JointState, "/sfj/effort_command", STREAM_QOS)
     process = start("scenario", str(file), "--record", str(tmp_path / "bag"))

@@ -14,6 +14,10 @@ from haptic_teleop_control.nodes.connections import Endpoints, endpoints, merged
 START_INTERVAL = 0.02
 """Seconds between two looks at the children until they have started."""
 
+DISCOVERY_TIME = 3.5
+"""Seconds from the start within which every other participant of the domain has announced itself: they do so
+every three seconds, and a first announcement that gets lost is not repeated sooner."""
+
 CONNECT_LIMIT = 15.0
 """Seconds that processes which are ready are given to find each other; then it goes on without."""
 
@@ -34,6 +38,7 @@ class Starter:
         self._compiling = False
         self._expected: Endpoints | None = None
         self._deadline = 0.0
+        self._all_announced = time.monotonic() + DISCOVERY_TIME
         self.missing: list[str] = []
         self.done = False
 
@@ -69,14 +74,13 @@ class Starter:
                 self._expect()
         elif not self._told:
             self._waiting[""] = unconnected([self._watching], self._expected)
-            late = time.monotonic() > self._deadline
-            if late or (len(self._waiting) > len(self._children) and not self._unmet()):
+            now = time.monotonic()
+            connected = len(self._waiting) > len(self._children) and not self._unmet()
+            if now > self._deadline or (connected and now > self._all_announced):
                 self.missing = self._unmet()
                 self._refuse_strangers(self._expected)
                 self._tell(self._children[-1])  # the recorder, if there is one: it has to be there first
         elif self._told == self._started:
-            # Once more before anything moves: a stranger may be discovered late.
-            self._refuse_strangers(self._expected)
             rest = [child for child in self._children if child.name not in self._told]
             for child in rest:
                 self._tell(child)
