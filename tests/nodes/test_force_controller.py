@@ -85,13 +85,15 @@ def test_joints_in_another_order_give_the_same_answer(graph):
     assert 0.0 not in expected
 
 
-@pytest.mark.flaky(reruns=2)  # half a second in real time: a busy machine that misses 0.2 s is a fault
+@pytest.mark.flaky(reruns=2, only_rerun="latched stale_")
 def test_output_ramps_in_after_the_start(graph):
     setting = Setting(graph, ramp_time=0.4)
     early = setting.answer_with_reference().effort[0]
     end = time.monotonic() + 0.5
     while time.monotonic() < end:
         late = setting.answer_with_reference().effort[0]
+    # Half a second in real time: a machine that misses 0.2 s of it is a fault, and rightly so.
+    assert setting.controller.faults.latched is None, f"latched {setting.controller.faults.latched}"
     full = 5.0 / 3.971 * 2.0 * 0.06 * 8.925
     assert 0.0 <= early < 0.5 * full
     assert late > full
