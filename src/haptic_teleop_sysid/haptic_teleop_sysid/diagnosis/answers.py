@@ -7,13 +7,12 @@ from collections.abc import Sequence
 import numpy as np
 from numba import njit
 from numpy.typing import NDArray
-from scipy.linalg import expm
 
 from haptic_teleop_sim.effects import EffectEntry, EffectParameter
 from haptic_teleop_sim.kernel import pack
 from haptic_teleop_sysid.estimation.gauss_newton import Fit, whiten
 from haptic_teleop_sysid.estimation.likelihood import channels, innovations
-from haptic_teleop_sysid.estimation.noise import linearised, observer_gain
+from haptic_teleop_sysid.estimation.noise import observer
 from haptic_teleop_sysid.estimation.records import Record
 
 from .along_motion import columns
@@ -29,7 +28,7 @@ class Answers:
 
     def __init__(self, fit: Fit, records: Sequence[Record]):
         self.packed = pack(fit.model)
-        self.fit, self.records = fit, records
+        self.records = records
         self.runs, whitened, slopes = [], [], []
         for record in records:
             run = innovations(self.packed, fit.noise, record, fit.free)
@@ -42,14 +41,9 @@ class Answers:
         self.structure = np.linalg.qr(jacobian[:, scale > 0.0] / scale[scale > 0.0])[0]
         self.left = np.concatenate(whitened)
         self.left = self.left - self.structure @ (self.structure.T @ self.left)
-        self.systems = [self._system(record) for record in records]
-
-    def _system(self, record: Record) -> tuple[FloatArray, FloatArray]:
-        a, _ = linearised(self.packed, self.fit.noise.reference)
-        transition = np.asarray(expm(a * record.dt), dtype=np.float64)
-        transition[4, 4], transition[5, 5] = self.fit.noise.decay(record.dt)
-        gain = observer_gain(self.packed, self.fit.noise, record.dt, channels(self.packed, record))
-        return transition, np.ascontiguousarray(gain[[0, 1, 2, 3, -2, -1]])
+        self.observers = [
+            observer(self.packed, fit.noise, record.dt, channels(self.packed, record)) for record in records
+        ]
 
     def gains(
         self, entry: EffectEntry, parameter: EffectParameter, place: str, values: Sequence[float]
@@ -60,7 +54,7 @@ class Answers:
         for begin in range(0, len(values), _CHUNK):
             some = values[begin : begin + _CHUNK]
             parts = []
-            for record, run, (transition, gain) in zip(self.records, self.runs, self.systems, strict=True):
+            for record, run, (transition, gain) in zip(self.records, self.runs, self.observers, strict=True):
                 torques = [columns(entry, parameter, v, record, run.states, channel) for v in some]
                 answers = answers_to(
                     np.ascontiguousarray(np.concatenate(torques).T),
@@ -85,7 +79,7 @@ class Answers:
 
 @njit(cache=True, error_model="numpy")
 def answers_to(
-    columns: FloatArray,
+    pushes: FloatArray,
     channel: int,
     output: bool,
     read: NDArray[np.bool_],
@@ -94,62 +88,27 @@ def answers_to(
 ) -> FloatArray:
     """Innovations (n, 2, columns) that answer each torque (n, columns) at motor (0) or arm (1), held over a
     sample, or each error of that encoder; ``read`` (n, 2): which readings there are."""
-    n, m = columns.shape
+    n, m = pushes.shape
     answers = np.zeros((n, 2, m))
-    x = np.zeros((6, m))
-    t, g = transition, gain
-    # Column by column in scalars, which compilers turn into vectors over the columns.
-    torque, error = 0.0 if output else 1.0, 1.0 if output else 0.0
-    b = torque * transition[:, 4 + channel]
-    w0, w1 = error * (1.0 - channel), error * channel
+    x, corrected = np.zeros((6, m)), np.zeros((6, m))
     for k in range(n):
-        r0, r1 = 1.0 if read[k, 0] else 0.0, 1.0 if read[k, 1] else 0.0
-        for c in range(m):
-            f = columns[k, c]
-            e0, e1 = r0 * (x[0, c] + w0 * f), r1 * (x[1, c] + w1 * f)
-            answers[k, 0, c], answers[k, 1, c] = e0, e1
-            y0 = x[0, c] - g[0, 0] * e0 - g[0, 1] * e1
-            y1 = x[1, c] - g[1, 0] * e0 - g[1, 1] * e1
-            y2 = x[2, c] - g[2, 0] * e0 - g[2, 1] * e1
-            y3 = x[3, c] - g[3, 0] * e0 - g[3, 1] * e1
-            y4 = x[4, c] - g[4, 0] * e0 - g[4, 1] * e1
-            y5 = x[5, c] - g[5, 0] * e0 - g[5, 1] * e1
-            x[0, c] = (
-                t[0, 0] * y0
-                + t[0, 1] * y1
-                + t[0, 2] * y2
-                + t[0, 3] * y3
-                + t[0, 4] * y4
-                + t[0, 5] * y5
-                + b[0] * f
-            )
-            x[1, c] = (
-                t[1, 0] * y0
-                + t[1, 1] * y1
-                + t[1, 2] * y2
-                + t[1, 3] * y3
-                + t[1, 4] * y4
-                + t[1, 5] * y5
-                + b[1] * f
-            )
-            x[2, c] = (
-                t[2, 0] * y0
-                + t[2, 1] * y1
-                + t[2, 2] * y2
-                + t[2, 3] * y3
-                + t[2, 4] * y4
-                + t[2, 5] * y5
-                + b[2] * f
-            )
-            x[3, c] = (
-                t[3, 0] * y0
-                + t[3, 1] * y1
-                + t[3, 2] * y2
-                + t[3, 3] * y3
-                + t[3, 4] * y4
-                + t[3, 5] * y5
-                + b[3] * f
-            )
-            x[4, c] = t[4, 4] * y4
-            x[5, c] = t[5, 5] * y5
+        # Column by column innermost, which compilers turn into vectors over the columns.
+        for ch in range(2):
+            if read[k, ch]:
+                error = 1.0 if output and ch == channel else 0.0
+                for c in range(m):
+                    answers[k, ch, c] = x[ch, c] + error * pushes[k, c]
+        for i in range(6):
+            for c in range(m):
+                corrected[i, c] = x[i, c] - gain[i, 0] * answers[k, 0, c] - gain[i, 1] * answers[k, 1, c]
+        for i in range(6):
+            # The disturbances themselves (the last two states) do not answer.
+            torque = 0.0 if output or i >= 4 else transition[i, 4 + channel]
+            for c in range(m):
+                x[i, c] = torque * pushes[k, c]
+            for j in range(6):
+                factor = transition[i, j]
+                if factor != 0.0:
+                    for c in range(m):
+                        x[i, c] += factor * corrected[j, c]
     return answers

@@ -74,6 +74,25 @@ def _linearised(base: tuple[float, ...], rigid: bool) -> tuple[FloatArray, Float
     return a, c
 
 
+def observer(
+    packed: Packed, noise: NoiseModel, dt: float, measured: Sequence[int] | None = None
+) -> tuple[FloatArray, FloatArray]:
+    """The stationary observer of the structure linearised at speed: transition (6, 6) over one sample of
+    [q_motor, q_arm, v_motor, v_arm, d_motor, d_arm], whose columns 4 and 5 are also the answer to a torque
+    held over the sample, and gain (6, 2).  See `observer_gain`."""
+    base = noise.reference if noise.reference is not None else tuple(float(v) for v in packed.base)
+    gain = observer_gain(packed, noise, dt, measured)
+    return _transition(base, bool(packed.rigid), noise, dt), gain[[0, 1, 2, 3, -2, -1]]
+
+
+def _transition(base: tuple[float, ...], rigid: bool, noise: NoiseModel, dt: float) -> FloatArray:
+    a, _ = _linearised(base, rigid)
+    transition = np.zeros((6, 6))
+    transition[:4, :] = exponential(a * dt)[:4, :]
+    transition[4, 4], transition[5, 5] = noise.decay(dt)
+    return transition
+
+
 def observer_gain(
     packed: Packed, noise: NoiseModel, dt: float, measured: Sequence[int] | None = None
 ) -> FloatArray:
@@ -100,11 +119,8 @@ def _structure_gain(
     base: tuple[float, ...], rigid: bool, noise: NoiseModel, dt: float, channels: tuple[int, ...]
 ) -> FloatArray:
     """The gain (6, 2) of the structure alone: screening asks for one and the same hundreds of times."""
-    a, c = _linearised(base, rigid)
-    transition = np.zeros((6, 6))
-    transition[:4, :] = exponential(a * dt)[:4, :]
-    decay = noise.decay(dt)
-    transition[4, 4], transition[5, 5] = decay
+    _, c = _linearised(base, rigid)
+    transition, decay = _transition(base, rigid, noise, dt), noise.decay(dt)
     q = np.zeros((6, 6))
     q[4, 4] = noise.motor_torque**2 * (1.0 - decay[0] ** 2)
     q[5, 5] = noise.arm_torque**2 * (1.0 - decay[1] ** 2)
