@@ -1,4 +1,9 @@
-"""Where a free simulation has to start so that it comes nearest to what was measured."""
+"""Where a free simulation has to start so that it comes nearest to what was measured.
+
+Angles and velocities count alike, each by its spread. By angles alone, a heavily damped motor would start
+with a speed that it never had: that speed is gone after some milliseconds, but shifts the angle for good and
+so makes up for some of what a free integrator drifts away by.
+"""
 
 from __future__ import annotations
 
@@ -10,6 +15,7 @@ from numpy.typing import NDArray
 from haptic_teleop_sim.kernel import INITIAL, Packed, predict
 from haptic_teleop_sim.model import Model
 from haptic_teleop_sysid.dataset import DataSet
+from haptic_teleop_sysid.velocity_series import velocity_series
 
 Array = NDArray[np.float64]
 HUGE = 1e6
@@ -55,9 +61,10 @@ def measured_state(dataset: DataSet, start: int) -> Array:
 
 
 def estimate_initial_state(
-    mechanics: Packed, dataset: DataSet, torque: Array, span: tuple[int, int]
+    mechanics: Packed, dataset: DataSet, torque: Array, span: tuple[int, int], velocities: bool = True
 ) -> Array:
-    """Return (4,): the initial state that makes the free response over `span` nearest to the measured angles.
+    """Return (4,): the initial state that makes the free response over `span` nearest to the measured angles
+    and, with `velocities`, to the measured rates, in units of each one's spread over the recording.
 
     Damped Gauss-Newton with the exact sensitivities of the response, from the recorded state; the recorded
     state itself where the response does not stay finite.
@@ -65,6 +72,11 @@ def estimate_initial_state(
     part = slice(*span)
     angles = encoder_angles(dataset, span)
     weights = 1.0 / angle_scales(dataset)
+    rates = [
+        (channel, 1.0 / max(float(np.std(velocity)), 1e-9))
+        for channel, velocity in enumerate((dataset.motor_velocity, dataset.arm_velocity))
+        if velocities and velocity is not None
+    ]
     used = [0, 2] if mechanics.rigid else [0, 1, 2, 3]
     names = tuple(INITIAL[i] for i in used)
     exogenous = None if dataset.exogenous is None else dataset.exogenous[part]
@@ -82,8 +94,13 @@ def estimate_initial_state(
             exogenous=exogenous,
             t0=t0,
         )
-        error = bounded(result.innovation * weights).ravel()
-        slope = bounded(result.d_innovation * weights[:, None]).reshape(len(error), -1)
+        errors = [bounded(result.innovation * weights).ravel()]
+        slopes = [bounded(result.d_innovation * weights[:, None]).reshape(len(errors[0]), -1)]
+        for channel, weight in rates:
+            errors.append(bounded(weight * rate(result.innovation[:, channel], dataset)))
+            columns = [rate(column, dataset) for column in result.d_innovation[:, channel].T]
+            slopes.append(bounded(weight * np.column_stack(columns)))
+        error, slope = np.concatenate(errors), np.concatenate(slopes)
         return slope.T @ slope, slope.T @ error, 0.5 * float(error @ error)
 
     state = measured_state(dataset, span[0])
@@ -107,6 +124,17 @@ def estimate_initial_state(
         if gained < GAIN * cost:
             break
     return state
+
+
+def rate(angle: Array, dataset: DataSet) -> Array:
+    """Return (n,): the rate of an angle, through the recording's velocity filter where it had one.
+
+    The filter begins at rest: where a recording's own began does not matter then, because errors of angles go
+    through it, measured less simulated.
+    """
+    if dataset.velocity_filter is None:
+        return np.gradient(angle, dataset.dt)
+    return velocity_series(np.ascontiguousarray(angle), dataset.dt, *dataset.velocity_filter)
 
 
 def bounded(values: Array) -> Array:

@@ -124,7 +124,8 @@ def fit_parameters(
 def _initial(model: Model, window: Window) -> Array:
     mechanics = pack(without_actuator(model))
     torque = window.dataset.input * model.parameters["torque_constant"]
-    return estimate_initial_state(mechanics, window.dataset, torque, window.span)
+    # By what is minimised here: the angles alone.
+    return estimate_initial_state(mechanics, window.dataset, torque, window.span, velocities=False)
 
 
 def _state_scales(windows: Sequence[Window]) -> Array:
