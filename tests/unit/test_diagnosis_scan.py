@@ -14,7 +14,8 @@ from haptic_teleop_sysid.diagnosis.doubt import doubted
 from haptic_teleop_sysid.diagnosis.scales import recording_scales
 from haptic_teleop_sysid.diagnosis.scan import both, scan
 from haptic_teleop_sysid.diagnosis.search import SearchResult
-from haptic_teleop_sysid.diagnosis.verdict import decide_verdict, finding
+from haptic_teleop_sysid.diagnosis.verdict import condition_of, decide_verdict, finding
+from haptic_teleop_sysid.diagnosis.words import called
 from haptic_teleop_sysid.estimation.whole_fit import fit_from_scratch
 
 
@@ -130,6 +131,18 @@ def test_a_name_that_explains_nearly_as_much_is_given():
 def test_physics_without_a_name_alone_yields_no_name():
     weak = explanation("creep", 5.0, 5.0, place="joint", stiffness=1.0, time_constant=1.0)
     assert choose([weak], 0.0, False) is None
+    strong = explanation("creep", 300.0, 300.0, place="joint", stiffness=1.0, time_constant=1.0)
+    choice = choose([strong], 0.0, False)
+    assert choice.unnamed
+    assert choice.others == ()
+    assert called(choice.chosen.effect) == f"something without a name ({strong.effect.entry.sentence})"
+
+
+def test_a_shifted_stamp_of_the_command_shows_when_the_input_changes():
+    before = ()
+    for effect in ("channel_skew", "input_delay"):
+        assert condition_of(MODEL, effect, "stage1_actuator", before) == "changes of the input"
+    assert condition_of(MODEL, "channel_skew", "stage1_arm_encoder", before) == "velocity"
 
 
 def test_the_verdict_is_unknown_and_says_what_it_looks_like():

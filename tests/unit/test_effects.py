@@ -4,12 +4,14 @@ import math
 
 import numpy as np
 import pytest
+import sympy as sp
 from plants import flexible, rigid
 from scipy.linalg import expm
 from scipy.optimize import brentq
 from scipy.special import ellipk
 
 from haptic_teleop_sim.effects import EFFECTS, effect_entry, locations
+from haptic_teleop_sim.effects.symbols import NUMERIC, SYMBOLIC
 from haptic_teleop_sim.kernel import acting_torque, pack, simulate
 from haptic_teleop_sim.model import Effect
 
@@ -33,6 +35,22 @@ def test_every_entry_says_what_it_is():
             assert parameter.typical != 0.0 or parameter.default is not None, where
             if parameter.default is not None:
                 assert parameter.minimum <= parameter.default <= parameter.maximum, where
+
+
+def test_helpers_mean_the_same_on_symbols_and_on_arrays():
+    assert SYMBOLIC.keys() == NUMERIC.keys()
+    x, width = sp.Symbol("x", real=True), 0.6
+    for name, helper in SYMBOLIC.items():
+        if name == "pi":
+            continue
+        more = (width,) if name == "dead_band" else ()
+        for value in (-1.3, -0.2, 0.0, 0.2, 1.3):
+            at = abs(value) if name == "sqrt" else value
+            if name in ("side", "sech"):  # without a value of their own in sympy
+                expected = {"side": 1.0 if at >= 0 else -1.0, "sech": 1.0 / math.cosh(at)}[name]
+            else:
+                expected = float(helper(x, *more).subs(x, at))
+            assert float(NUMERIC[name](np.array(at), *more)) == pytest.approx(expected, abs=1e-12), name
 
 
 def test_the_vocabulary_is_the_contract_s():

@@ -34,7 +34,7 @@ from haptic_teleop_sysid.diagnosis.search import (
 )
 from haptic_teleop_sysid.diagnosis.stand import LAGS
 from haptic_teleop_sysid.diagnosis.verdict import Verdict, decide_verdict
-from haptic_teleop_sysid.diagnosis.words import separating
+from haptic_teleop_sysid.diagnosis.words import called, separating
 from haptic_teleop_sysid.estimation.gauss_newton import Fit
 from haptic_teleop_sysid.estimation.records import Record, record_from
 from haptic_teleop_sysid.estimation.whole_fit import fit_from_scratch
@@ -197,7 +197,7 @@ def next_experiment(result: SearchResult, verdict: Verdict, records: list[Record
     unsure = next((c for c in result.choices if c.ambiguous), None)
     if unsure is not None:
         rival = unsure.others[0][0]
-        names = (unsure.chosen.effect.effect, rival.effect.effect)
+        names = (called(unsure.chosen.effect), called(rival.effect))
         found = suggest(unsure.chosen.fit, rival.fit, names, records[0], result.scales)
         text = separating([unsure.chosen.effect, rival.effect])
         if found is None or found.expected_discrimination < 0.6:
@@ -213,7 +213,7 @@ def next_experiment(result: SearchResult, verdict: Verdict, records: list[Record
         }
     tried = [e for e in result.last_round if e.material]
     if verdict.kind in ("no_mismatch", "unknown") and tried:
-        names = (tried[0].effect.effect, "the structure found so far")
+        names = (called(tried[0].effect), "the structure found so far")
         found = suggest(tried[0].fit, result.final, names, records[0], result.scales)
         if found is not None:
             return {

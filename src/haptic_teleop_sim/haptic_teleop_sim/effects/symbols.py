@@ -1,9 +1,13 @@
-"""The sympy namespace in which effects write their equations, and the helpers they may use."""
+"""The namespaces in which effects write their equations, and the helpers they may use: symbols for the
+kernel, arrays for following an equation along a recorded motion."""
 
 from __future__ import annotations
 
+import math
 from types import SimpleNamespace
+from typing import Any
 
+import numpy as np
 import sympy as sp
 
 VARIABLES = (
@@ -49,21 +53,39 @@ def dead_band(x: sp.Expr, width: sp.Expr) -> sp.Expr:
     return sp.Max(x - width / 2, 0) + sp.Min(x + width / 2, 0)
 
 
+SYMBOLIC: dict[str, Any] = {
+    "side": Side,
+    "positive_part": positive_part,
+    "dead_band": dead_band,
+    "sin": sp.sin,
+    "cos": sp.cos,
+    "exp": sp.exp,
+    "tanh": sp.tanh,
+    "sech": Sech,
+    "abs": sp.Abs,
+    "sqrt": sp.sqrt,
+    "pi": sp.pi,
+}
+"""Helpers on symbols, by the name that equations call them."""
+
+NUMERIC: dict[str, Any] = {
+    "side": lambda x: np.where(np.asarray(x) >= 0.0, 1.0, -1.0),
+    "positive_part": lambda x: np.maximum(x, 0.0),
+    "dead_band": lambda x, width: np.maximum(x - width / 2, 0.0) + np.minimum(x + width / 2, 0.0),
+    "sin": np.sin,
+    "cos": np.cos,
+    "exp": np.exp,
+    "tanh": np.tanh,
+    "sech": lambda x: 1.0 / np.cosh(np.clip(x, -300.0, 300.0)),
+    "abs": np.abs,
+    "sqrt": np.sqrt,
+    "pi": math.pi,
+}
+"""The same helpers on arrays."""
+
+
 def namespaces(parameter_names: tuple[str, ...]) -> tuple[SimpleNamespace, SimpleNamespace]:
     """Symbols for the variables (with helpers) and for an effect's own parameters, all real."""
-    variables = SimpleNamespace(
-        **{name: sp.Symbol(name, real=True) for name in VARIABLES},
-        side=Side,
-        positive_part=positive_part,
-        dead_band=dead_band,
-        sin=sp.sin,
-        cos=sp.cos,
-        exp=sp.exp,
-        tanh=sp.tanh,
-        sech=Sech,
-        abs=sp.Abs,
-        sqrt=sp.sqrt,
-        pi=sp.pi,
-    )
+    variables = SimpleNamespace(**{name: sp.Symbol(name, real=True) for name in VARIABLES}, **SYMBOLIC)
     parameters = SimpleNamespace(**{name: sp.Symbol(f"p_{name}", real=True) for name in parameter_names})
     return variables, parameters

@@ -43,17 +43,15 @@ def joined(
     best = max(s.gain + s.held_out for s in shown)
     near = [s for s in shown if s.gain + s.held_out > best - _FAR_BEHIND and s.gain > 0.0]
     names = {s.effect.effect for s in near}
-    result = [
-        e for e in found if not (e.effect.effect in names and e.effect.location == near[0].effect.location)
-    ]
+    # A command that was stamped wrong stays for the motion alone to tell.
+    judged_twice = {(name, near[0].effect.location) for name in names - {"channel_skew"}}
+    result = [e for e in found if (e.effect.effect, e.effect.location) not in judged_twice]
     present = {(e.effect, e.location) for e in fit.model.effects}
     for s in near:
         name, location = s.effect.effect, s.effect.location
         if (name, location) in present:
             continue
         if name == "channel_skew":
-            # A command that was stamped wrong is for the motion alone to tell.
-            result += [e for e in found if (e.effect.effect, e.effect.location) == (name, location)]
             result.append(
                 Explanation(
                     fit,
@@ -71,14 +69,13 @@ def joined(
         fits = [_held(fit, s, parameter, lab_constant, estimation, limits)]
         fits += [e.fit for e in found if (e.effect.effect, e.effect.location) == (name, location)]
         for e in judged(fit, fits, validation, scales):
-            if parameter in e.fit.free and standard_errors(e.fit).get(parameter, 0.0) > s.std:
+            # What N·m of the lab's torque constant are in those of the fit.
+            unit = e.fit.model.parameters["torque_constant"] / lab_constant if name in TORQUES else 1.0
+            if parameter in e.fit.free and standard_errors(e.fit).get(parameter, 0.0) > unit * s.std:
                 continue  # the currents know it better
-            own = e.effect.parameters[SHOWN[name]]
-            if name in TORQUES:
-                own *= lab_constant / e.fit.model.parameters["torque_constant"]
-            here = s.value_nats(own)
+            here = s.value_nats(e.effect.parameters[SHOWN[name]] / unit)
             both = here + s.held_out
-            std = {} if parameter in e.fit.free else {parameter: s.std}
+            std = {} if parameter in e.fit.free else {parameter: unit * s.std}
             result.append(
                 replace(
                     e,

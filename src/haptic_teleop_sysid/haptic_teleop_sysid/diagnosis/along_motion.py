@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from scipy.linalg import expm
 
 from haptic_teleop_sim.effects import EffectEntry, EffectParameter
+from haptic_teleop_sim.effects.symbols import NUMERIC
 from haptic_teleop_sysid.estimation.records import Record
 
 FloatArray = NDArray[np.float64]
@@ -64,17 +65,7 @@ def _variables(record: Record, states: FloatArray, channel: int) -> SimpleNamesp
         direction=np.sign(velocity),
         state0=0.0,
         state1=0.0,
-        side=lambda x: np.where(np.asarray(x) >= 0.0, 1.0, -1.0),
-        positive_part=lambda x: np.maximum(x, 0.0),
-        dead_band=lambda x, width: np.maximum(x - width / 2, 0.0) + np.minimum(x + width / 2, 0.0),
-        sin=np.sin,
-        cos=np.cos,
-        exp=np.exp,
-        tanh=np.tanh,
-        sech=lambda x: 1.0 / np.cosh(np.clip(x, -300.0, 300.0)),
-        abs=np.abs,
-        sqrt=np.sqrt,
-        pi=math.pi,
+        **NUMERIC,
     )
 
 

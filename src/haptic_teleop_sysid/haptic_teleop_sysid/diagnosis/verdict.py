@@ -208,5 +208,7 @@ _CONDITION = {
 
 def condition_of(model: Model, effect: str, location: str, before: Sequence[Condition]) -> str:
     """Under which condition the effect shows, in words."""
+    if location == model.location("actuator") and effect == "channel_skew":
+        effect = "input_delay"  # its twin there
     part = "arm" if "_arm" in location else "motor"
     return _CONDITION.get(effect, "input").format(v=f"{part} velocity", q=f"{part} angle")

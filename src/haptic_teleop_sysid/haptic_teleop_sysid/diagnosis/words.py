@@ -31,6 +31,13 @@ SEPARATES: dict[frozenset[str], str] = {
 }
 
 
+def called(effect: Effect) -> str:
+    """What an effect is called: what has no name in the contract's table is described."""
+    if effect.entry.unnamed:
+        return f"something without a name ({effect.entry.sentence})"
+    return effect.effect
+
+
 def because(choice: Choice) -> str:
     """One sentence a lab engineer understands."""
     e = choice.chosen
