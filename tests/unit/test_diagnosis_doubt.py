@@ -6,15 +6,16 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from identification_plants import STAGE, stage_recording
+from test_diagnosis_parts import DT, MODEL, joint_record
 
 from haptic_teleop_sim.model import Effect
 from haptic_teleop_sysid.dataset import load_dataset
 from haptic_teleop_sysid.diagnosis.decide import Choice
-from haptic_teleop_sysid.diagnosis.doubt import COLOURED, doubted
+from haptic_teleop_sysid.diagnosis.doubt import COLOURED, UNSTEADY, doubted
 from haptic_teleop_sysid.diagnosis.explanation import Explanation
 from haptic_teleop_sysid.diagnosis.scales import recording_scales
 from haptic_teleop_sysid.diagnosis.search import SearchResult
-from haptic_teleop_sysid.diagnosis.stand import LAGS, colour
+from haptic_teleop_sysid.diagnosis.stand import LAGS, colour, unsteadiness
 from haptic_teleop_sysid.estimation.records import record_from
 from haptic_teleop_sysid.estimation.whole_fit import fit_from_scratch, fit_whole, noise_starts
 
@@ -81,6 +82,38 @@ def test_a_structure_that_leaves_colour_is_no_match_even_without_a_name(records)
     unnamed = SearchResult(result.baseline, result.baseline, (), (), result.scales)
     _, doubt, _ = doubted(unnamed, *records, unimpressed)
     assert doubt.choice is None
+
+
+def knocked(seed, torque):
+    """A record of a joint whose motor is knocked eight times for 40 ms, and nobody commanded it."""
+    seconds, per_sample = 12.0, 40
+    rng = np.random.default_rng(seed)
+    pushed = np.zeros(round(seconds / DT))
+    for start in rng.integers(500, len(pushed) - 100, 8):
+        pushed[start : start + round(0.04 / DT)] += rng.choice([-1.0, 1.0]) * torque
+    now = iter(np.repeat(pushed, per_sample))
+    return joint_record(seed, seconds=seconds, motor_torque=lambda q: next(now))
+
+
+def test_what_acts_at_times_is_no_match_and_takes_no_other_name():
+    for torque, expected in ((0.0, False), (0.03, True)):
+        learn, judge = [knocked(5, torque)], [knocked(6, torque)]
+        baseline = fit_from_scratch(MODEL, learn)
+        assert (unsteadiness([(baseline, learn)]) > UNSTEADY) == expected
+        result = SearchResult(baseline, baseline, (), (), recording_scales(MODEL, learn))
+        doubt = doubted(result, learn, judge, unimpressed)[1]
+        assert (doubt is not None) == expected
+        if expected:
+            assert "at some times" in doubt.why
+    # A mode explains a little of the knocks' ringing, and leaves them as they are.
+    values = {"frequency": 20.0, "damping_ratio": 0.02, "inertia": 1e-3}
+    mode = Effect("extra_flexible_mode", "stage1_arm", values)
+    fit = fit_whole(MODEL.with_effects(mode), baseline.noise, learn, iterations=10)
+    choice = Choice(Explanation(fit, 50.0, 50.0, True, 0), 1.0)
+    result = SearchResult(baseline, fit, (choice,), (), recording_scales(MODEL, learn))
+    kept, doubt, _ = doubted(result, learn, judge, unimpressed)
+    assert kept.choices == ()
+    assert doubt.choice is choice
 
 
 def test_an_effect_of_another_size_on_other_recordings_is_given_up(records):

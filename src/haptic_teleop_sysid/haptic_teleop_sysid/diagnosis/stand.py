@@ -19,6 +19,8 @@ from .search import SearchResult
 
 #: Lags of the portmanteau test; of white innovations it is 25 on average, and 53 once in a thousand.
 LAGS = 25
+#: Samples over which the power of the innovations is averaged to see whether it changes with time.
+STRETCH = 125
 #: Standard errors, spread between recordings included, that a size must differ by from none.
 STANDS_OUT = 2.0
 
@@ -49,6 +51,21 @@ def colour(fit: Fit, records: Sequence[Record]) -> float:
             continue
         found.append(len(e) * sum((float(e[k:] @ e[:-k]) / power) ** 2 for k in range(1, LAGS + 1)))
     return max(found, default=0.0)
+
+
+def unsteadiness(fits: Sequence[tuple[Fit, Sequence[Record]]]) -> float:
+    """How far the power of the innovations changes with time, on every recording of all (fit, recordings):
+    the spread of its means over STRETCH samples, relative to what it is when samples are independent (then
+    1), whatever their distribution.  Of two encoders the one that is less steady counts."""
+    least = np.full(2, np.inf)
+    for fit, records in fits:
+        packed = pack(fit.model)
+        for record in records:
+            power = settled(record, innovations(packed, fit.noise, record).innovation) ** 2
+            parts = np.array([x.mean(axis=0) for x in np.array_split(power, max(1, len(power) // STRETCH))])
+            alone = power.std(axis=0) / np.sqrt(STRETCH)
+            least = np.minimum(least, parts.std(axis=0) / np.maximum(alone, 1e-300))
+    return float(np.max(least, initial=0.0, where=np.isfinite(least)))
 
 
 def stand_of(
