@@ -257,6 +257,9 @@ def test_larger_starts_leave_alone_what_is_linear(scales):
         ("extra_flexible_mode", "arm", {"frequency": 200.0, "inertia": 0.01}, False),
         ("friction_drift", "motor", {"change": 0.3, "time_constant": 3.0}, True),
         ("friction_drift", "motor", {"change": 0.001, "time_constant": 3.0}, False),
+        ("gain_drift", "actuator", {"change": 0.3, "time_constant": 3.0}, True),
+        ("gain_drift", "actuator", {"change": 0.3, "time_constant": 0.05}, False),
+        ("hard_stop", "arm", {"angle": 0.05, "stiffness": 0.01}, False),
     ],
 )
 def test_only_sizes_that_matter_bear_a_name(scales, effect, place, parameters, expected):
@@ -286,6 +289,16 @@ def test_an_effect_that_gains_only_where_it_was_fitted_is_refused():
 def test_a_stop_that_the_other_recordings_never_reached_is_found_all_the_same():
     stop = explanation("hard_stop", 300.0, 0.1, place="arm", angle=0.2, stiffness=50.0)
     assert choose([stop], 0.0, False).chosen is stop
+
+
+def test_what_was_sought_over_many_values_has_to_gain_more():
+    plain = explanation("coulomb_friction", 17.9, 35.6)
+    sought = {"torque": 0.001, "amplitude": 0.0004, "order": 137.0, "phase": -0.4}
+    varied = explanation("position_dependent_friction", 25.1, 31.7, **sought)
+    choice = choose([varied, plain], 0.0, False)
+    assert choice.chosen is plain
+    assert plain.gain + plain.held_out - plain.score == 1.0
+    assert varied.gain + varied.held_out - varied.score == 7.0
 
 
 def test_an_immaterial_effect_is_refused():

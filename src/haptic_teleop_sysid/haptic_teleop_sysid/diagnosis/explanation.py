@@ -7,6 +7,10 @@ from dataclasses import dataclass, field
 from haptic_teleop_sim.model import Effect
 from haptic_teleop_sysid.estimation.gauss_newton import Fit
 
+#: Nats that a parameter gains by chance, and one that was sought over a whole scale (an order, a frequency,
+#: a place): the best of many values fits noise better than a single one.
+_BY_CHANCE, _SOUGHT = 1.0, 4.0
+
 
 @dataclass(frozen=True)
 class Explanation:
@@ -35,7 +39,9 @@ class Explanation:
     @property
     def score(self) -> float:
         """Nats in all, less what further parameters gain by chance on data they were fitted to."""
-        return self.gain + self.held_out - len(self.effect.parameters)
+        entry = self.effect.entry
+        chance = sum(_SOUGHT if entry.parameter(n).scan else _BY_CHANCE for n in self.effect.parameters)
+        return self.gain + self.held_out - chance
 
     @property
     def by_motion(self) -> float:

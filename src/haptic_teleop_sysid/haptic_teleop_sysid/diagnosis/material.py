@@ -28,6 +28,11 @@ _STILL = 0.3
 _BELOW_RESOLUTION = 0.1
 _SOME_BEND = 0.6
 
+#: Share of the recording over which a drift takes place at least; least stiffness of a stop as a share of the
+#: joint's (of a rigid axis: of torque per angle).
+_AT_ONCE = 0.02
+_A_STOP = 0.1
+
 #: Cycles per sample up to which a mode is one.
 _FASTEST = 0.2
 
@@ -72,7 +77,8 @@ def material(effect: Effect, scales: Scales) -> bool:
     if name in ("input_delay", "actuator_lag", "sensor_delay", "channel_skew"):
         return abs(p["time_constant" if name == "actuator_lag" else "delay"]) > _SHARE_OF_SAMPLE * scales.dt
     if name in ("friction_drift", "gain_drift"):
-        return abs(p["change"]) > 0.003
+        # What has changed as soon as the recording begins does not drift.
+        return abs(p["change"]) > 0.003 and p["time_constant"] > _AT_ONCE * scales.size["duration"]
     if name == "backlash":
         return p["width"] > max(scales.resolution)
     if name == "dead_zone":
@@ -90,6 +96,11 @@ def material(effect: Effect, scales: Scales) -> bool:
         # Near the sampling rate a mode is but another inertia or a filter.
         return p["frequency"] * scales.dt < _FASTEST
     if name == "hard_stop":
+        # What gives way far more than the joint itself stops nothing: it is a spring.
         reach = scales.highest[channel] if p["angle"] > 0 else scales.lowest[channel]
-        return abs(reach) > abs(p["angle"]) and reach * p["angle"] > 0
+        return (
+            abs(reach) > abs(p["angle"])
+            and reach * p["angle"] > 0
+            and p["stiffness"] > _A_STOP * scales.size["stiffness"]
+        )
     return True
