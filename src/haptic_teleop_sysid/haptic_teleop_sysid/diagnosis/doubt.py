@@ -43,10 +43,12 @@ CLEARLY_BETTER = 0.4
 
 @dataclass(frozen=True)
 class Doubt:
-    """``choice``: the finding that was given up, None where nothing was named; ``why`` in words."""
+    """``choice``: the finding that was given up, None where nothing was named; ``why`` in words;
+    ``condition``: when the mismatch shows, where that is not when the finding's effect would."""
 
     choice: Choice | None
     why: str
+    condition: str | None = None
 
 
 def doubted(
@@ -71,7 +73,7 @@ def doubted(
         if min(before) > COLOURED:
             return result, Doubt(None, "the observer keeps correcting in one and the same direction"), stand
         if unsteadiness([(result.baseline, estimation), (there, validation)]) > UNSTEADY:
-            return result, Doubt(None, "something acts at some times and not at others"), stand
+            return result, Doubt(None, "something acts at some times and not at others", "time"), stand
         return result, None, stand
     kept = list(result.choices)
     doubt: Doubt | None = None
@@ -79,7 +81,7 @@ def doubted(
         why = _objection(kept[-1], result.baseline, there, before, estimation, validation, percent)
         if why is None:
             break
-        doubt = Doubt(kept.pop(), why)
+        doubt = Doubt(kept.pop(), *why)
     while True:
         final = kept[-1].chosen.fit if kept else result.baseline
         if doubt is not None:
@@ -102,9 +104,11 @@ def _objection(
     estimation: Sequence[Record],
     validation: Sequence[Record],
     percent: Callable[[Model], float],
-) -> str | None:
-    """What speaks against a finding, in words; ``baseline_there``: the baseline with the validation
-    recordings' noise levels, ``before``: its colour."""
+) -> tuple[str, str | None] | None:
+    """What speaks against a finding, in words, and when it shows (see `Doubt`).
+
+    ``baseline_there``: the baseline with the validation recordings' noise levels; ``before``: its colour.
+    """
     if choice.chosen.by_current > 0.0:
         return None  # seen in the currents, on both kinds of recordings
     fit = choice.chosen.fit
@@ -123,19 +127,20 @@ def _objection(
         a, b = here[name] - parameter.neutral, elsewhere[name] - parameter.neutral
         error = float(np.hypot(std.get(name, 0.0), std_there.get(name, 0.0)))
         if abs(a - b) > OTHER_SIZE * max(abs(a), abs(b)) and abs(a - b) > OTHER_SIZE_ERRORS * error > 0.0:
-            return (
+            why = (
                 f"fitted to the other recordings, {effect.effect} has another {parameter.name}: "
                 f"{elsewhere[name]:.3g} instead of {here[name]:.3g} {parameter.unit}"
             )
+            return why, None
     after = colour(fit, estimation), colour(there, validation)
     error_before, error_after = 100.0 - percent(baseline.model), 100.0 - percent(fit.model)
     if error_after < (1.0 - CLEARLY_BETTER) * error_before:
         return None
     if min(after) > COLOURED and all(a > UNCHANGED * b for a, b in zip(after, before, strict=True)):
-        return f"with {effect.effect} the observer keeps correcting much as it did without"
+        return f"with {effect.effect} the observer keeps correcting much as it did without", None
     changing = unsteadiness([(fit, estimation), (there, validation)])
     if changing > UNSTEADY and changing > AS_UNSTEADY * unsteadiness(
         [(baseline, estimation), (baseline_there, validation)]
     ):
-        return f"something acts at some times and not at others, with {effect.effect} as without"
+        return f"something acts at some times and not at others, with {effect.effect} as without", "time"
     return None

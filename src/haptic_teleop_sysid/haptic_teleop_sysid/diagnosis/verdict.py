@@ -165,7 +165,12 @@ def _doubtful_place(
     else:
         place, condition = model.location("motor" if model.rigid or motor >= arm else "arm"), "time"
     share = arm if place == model.location("arm") else motor
-    return {"equation": place, "share": round(share, 3), "condition": condition, "intervals": []}
+    return {
+        "equation": place,
+        "share": round(share, 3),
+        "condition": doubt.condition or condition,
+        "intervals": [],
+    }
 
 
 _CONDITION = {
