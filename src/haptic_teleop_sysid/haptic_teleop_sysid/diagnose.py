@@ -22,6 +22,7 @@ from haptic_teleop_sysid.dataset import DataSet, load_dataset
 from haptic_teleop_sysid.diagnosis.current import shown_by_current
 from haptic_teleop_sysid.diagnosis.doubt import doubted
 from haptic_teleop_sysid.diagnosis.experiment import suggest
+from haptic_teleop_sysid.diagnosis.nulls import Null, beyond_chance, nulls
 from haptic_teleop_sysid.diagnosis.page import diagnosis_page
 from haptic_teleop_sysid.diagnosis.proof import Course, Proof, mean_percent, prove
 from haptic_teleop_sysid.diagnosis.scales import within_reach
@@ -34,7 +35,7 @@ from haptic_teleop_sysid.diagnosis.search import (
 )
 from haptic_teleop_sysid.diagnosis.stand import LAGS
 from haptic_teleop_sysid.diagnosis.verdict import Verdict, decide_verdict
-from haptic_teleop_sysid.diagnosis.words import called, separating
+from haptic_teleop_sysid.diagnosis.words import called, chance_sentence, separating
 from haptic_teleop_sysid.estimation.gauss_newton import Fit
 from haptic_teleop_sysid.estimation.records import Record, record_from
 from haptic_teleop_sysid.estimation.whole_fit import fit_from_scratch
@@ -93,10 +94,15 @@ def unharmful(result: SearchResult, percent: Callable[[Model], float]) -> Search
 
 
 def diagnose(
-    model: Model, estimation: list[DataSet], validation: list[DataSet], say=lambda text: None
+    model: Model,
+    estimation: list[DataSet],
+    validation: list[DataSet],
+    say=lambda text: None,
+    null_count: int = 0,
 ) -> tuple[SearchResult, Verdict, Proof, dict[str, Any]]:
     """Search, decide and prove; the last part is the content of diagnosis.json without run time and
-    version.
+    version.  With ``null_count`` the search is repeated on that many simulated sets of recordings in which
+    nothing is hidden, and a finding has to exceed what it finds there.
     """
     learn, judge = records_of(estimation), records_of(validation)
     n, everything = len(estimation), [*estimation, *validation]
@@ -126,6 +132,11 @@ def diagnose(
         gained = sum(percent(free.final.model)) - sum(percent(kept.final.model))
         if free.choices and (not kept.choices or gained > LEAST_PERCENT):
             kept = free
+    chance: list[Null] = []
+    if null_count:
+        follows = sense_follows(estimation)
+        chance = nulls(model, kept, learn, judge, null_count, sense_follows=follows, progress=say)
+        kept = beyond_chance(kept, chance)
     say("doubting")
     result, doubt, stand = doubted(
         kept, learn, judge, lambda candidate: float(np.mean(course.percent(candidate)[n:]))
@@ -171,6 +182,13 @@ def diagnose(
             "augmented": disturbance(result, result.final),
         },
     }
+    if chance:
+        content["nulls"] = {
+            "what": "score (nats) of the best explanation on simulated recordings with nothing hidden, and "
+            "how many of them would have raised an alarm; a finding has to exceed the highest",
+            "scores": sorted(round(one.score, 2) for one in chance),
+            "alarms": sum(one.alarm for one in chance),
+        }
     if doubt is not None:
         content["doubt"] = doubt.why
     if verdict.kind == "unknown" and verdict.remaining:
@@ -240,7 +258,7 @@ def run(argv: list[str]) -> int:
         output = Path(arguments.output)
         output.mkdir(parents=True, exist_ok=True)
         result, verdict, proof, content = diagnose(
-            model, estimation, validation, lambda text: status.update(text)
+            model, estimation, validation, lambda text: status.update(text), arguments.nulls
         )
         status.update("writing the report")
         content |= {"runtime_s": round(time.perf_counter() - began, 2), "version": tool_version()}
@@ -273,10 +291,19 @@ def summary(content: dict[str, Any]) -> str:
             f"    or {a['effect']} at {a['location']} ({100 * a['confidence']:.0f} %)"
             for a in f["alternatives"]
         ]
+    if "nulls" in content:
+        lines.append(f"  {chance_sentence(content['nulls'])}")
     for part in ("estimation", "validation"):
         before, after = content["fit"]["baseline"][part], content["fit"]["augmented"][part]
         lines.append(f"  {part}: " + ", ".join(f"{n} {before[n]:.1f} -> {after[n]:.1f} %" for n in before))
     return "\n".join(lines)
+
+
+def _count(text: str) -> int:
+    number = int(text)
+    if number < 0:
+        raise argparse.ArgumentTypeError(f"{text} is negative: give how many to simulate, or 0 for none")
+    return number
 
 
 def _load(bag: str, model: Model, allow_gaps: bool) -> DataSet:
@@ -306,6 +333,15 @@ def _parser() -> argparse.ArgumentParser:
         required=True,
         metavar="DIR",
         help="where diagnosis.json, augmented_model.yaml and report.html go",
+    )
+    parser.add_argument(
+        "--nulls",
+        type=_count,
+        default=0,
+        metavar="N",
+        help="repeat the search on N simulated sets of recordings with nothing hidden (some seconds each, on "
+        "all cores): how often would this machine, experiment and noise raise a false alarm? A finding must "
+        "exceed the best of them; 19 make a level of 5 %%",
     )
     parser.add_argument("--no-report", action="store_true", help="no page: for many diagnoses in a row")
     parser.add_argument(

@@ -18,6 +18,7 @@ from .proof import Proof
 from .residual import Condition, left_over
 from .search import SearchResult
 from .verdict import Verdict
+from .words import chance_sentence
 
 _HEADLINE = {
     "identified": ("good", "The missing physics has a name: {names}."),
@@ -120,6 +121,8 @@ def _findings(page: Page, verdict: Verdict, content: dict[str, Any]) -> None:
         section.text(_HEADLINE[verdict.kind][1].format(names="", where=_where(verdict)))
     if "doubt" in content:
         section.text(f"Why no name is given: {content['doubt']}.")
+    if "nulls" in content:
+        section.text(f"By chance alone: {chance_sentence(content['nulls'])}.")
     experiment = content["next_experiment"]
     section.text(f"Next experiment: {experiment['why']}.")
     if experiment["signal_generator"]:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 from haptic_teleop_sim.model import Effect
 
 from .decide import Choice
@@ -57,6 +59,15 @@ def because(choice: Choice) -> str:
         rival, p = choice.others[0]
         text += f"; {rival.effect.effect} at {rival.effect.location} is the runner-up ({100 * p:.0f} %)"
     return text + "."
+
+
+def chance_sentence(nulls: dict[str, Any]) -> str:
+    """What the search found on simulated recordings with nothing hidden, in words."""
+    scores = nulls["scores"]
+    return (
+        f"{nulls['alarms']} of {len(scores)} simulated sets of recordings with nothing hidden would have "
+        f"raised an alarm; the best explanation there scores {max(scores):.1f} nats"
+    )
 
 
 def separating(effects: list[Effect]) -> str:

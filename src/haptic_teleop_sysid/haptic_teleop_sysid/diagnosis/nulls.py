@@ -1,0 +1,129 @@
+"""How much would recordings show in which nothing is hidden?  The same search on simulated ones.
+
+The re-estimated structure is driven by the recorded commands and disturbed as the recordings were: by torques
+of the fitted size and memory, and by the encoders' steps.  What the search then comes upon is chance (a
+parametric bootstrap, Efron and Tibshirani 1993, ch. 6), and a finding has to exceed it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from joblib import Parallel, delayed
+
+from haptic_teleop_sim.kernel import pack, simulate
+from haptic_teleop_sim.model import Model
+from haptic_teleop_sysid.estimation.gauss_newton import Fit
+from haptic_teleop_sysid.estimation.likelihood import channels
+from haptic_teleop_sysid.estimation.noise import observer
+from haptic_teleop_sysid.estimation.records import Record
+from haptic_teleop_sysid.estimation.whole_fit import fit_from_scratch
+
+from .decide import significant
+from .doubt import doubted
+from .scales import within_reach
+from .search import SearchResult, search
+
+
+@dataclass(frozen=True)
+class Null:
+    """What the search found where nothing was: the ``score`` (nats) of the best explanation, and whether a
+    verdict other than `no_mismatch` came of it."""
+
+    score: float
+    alarm: bool
+
+
+def null_record(fit: Fit, record: Record, generator: np.random.Generator) -> Record:
+    """A recording of the fitted model under the same command, with disturbances of the fitted size."""
+    packed, n = pack(fit.model), len(record)
+    path = simulate(
+        fit.model,
+        record.input,
+        record.dt,
+        record.initial_state(),
+        exogenous=record.exogenous,
+        t0=record.start,
+    )
+    transition, _ = observer(packed, fit.noise, record.dt, channels(packed, record))
+    decay = np.array(fit.noise.decay(record.dt))
+    level = np.array([fit.noise.motor_torque, fit.noise.arm_torque])
+    drawn = generator.standard_normal((n, 2)) * level * np.sqrt(1.0 - decay**2)
+    state, moved = np.zeros(6), np.empty((n, 2))
+    state[4:] = level * generator.standard_normal(2)
+    for k in range(n):
+        moved[k] = state[:2]
+        state = transition @ state
+        state[4:] += drawn[k]
+    if packed.rigid:
+        moved[:, 1] = moved[:, 0]
+    steps = np.maximum(np.array(record.resolution), 1e-12)
+    # What the readings scatter by beyond their steps.
+    more = np.sqrt(np.maximum(np.array([fit.noise.motor_angle, fit.noise.arm_angle]) ** 2 - steps**2 / 12, 0))
+    read = np.column_stack([path.motor_position, path.arm_position]) + moved
+    read += more * generator.standard_normal((n, 2))
+    measured = np.where(np.isfinite(record.measured), np.rint(read / steps) * steps, np.nan)
+    return replace(record, name=f"{record.name}, nothing hidden", measured=measured)
+
+
+def nulls(
+    model: Model,
+    result: SearchResult,
+    estimation: Sequence[Record],
+    validation: Sequence[Record],
+    count: int,
+    *,
+    sense_follows: bool = False,
+    seed: int = 1,
+    jobs: int = -1,
+    progress: Callable[[str], None] | None = None,
+) -> list[Null]:
+    """The search on ``count`` simulated sets of recordings without any effect beyond the model's own; the
+    model is believed as it was given, so that its re-estimation is part of the chance.  ``jobs``: processes,
+    -1 for all cores."""
+    if progress is not None:
+        progress(f"the same search on {count} simulated sets of recordings with nothing hidden")
+    work = Parallel(n_jobs=jobs)
+    one = delayed(_null)
+    return list(
+        work(
+            one(model, result.baseline, tuple(estimation), tuple(validation), sense_follows, [seed, number])
+            for number in range(count)
+        )
+    )
+
+
+def _null(
+    model: Model,
+    fit: Fit,
+    estimation: Sequence[Record],
+    validation: Sequence[Record],
+    sense_follows: bool,
+    seed: list[int],
+) -> Null:
+    generator = np.random.default_rng(seed)
+    learn = [null_record(fit, r, generator) for r in estimation]
+    judge = [null_record(fit, r, generator) for r in validation]
+    baseline = fit_from_scratch(model, learn, limits=within_reach(model))
+    result = search(model, baseline, learn, judge, sense_follows=sense_follows)
+    tried = [c.chosen for c in result.choices] or result.last_round
+    score = max((e.score for e in tried if e.material and significant(e)), default=0.0)
+    kept, doubt, _ = doubted(result, learn, judge, lambda candidate: 100.0)
+    return Null(float(score), bool(kept.choices) or doubt is not None)
+
+
+def beyond_chance(result: SearchResult, chance: Sequence[Null]) -> SearchResult:
+    """The result without findings that score no better in the motion than the best of ``chance``, and those
+    that were found after them; what the measured current gives is not judged by it."""
+    highest = max((one.score for one in chance), default=0.0)
+    kept = list(result.choices)
+    for number, choice in enumerate(result.choices):
+        if choice.chosen.by_current <= 0.0 and choice.chosen.score <= highest:
+            kept = kept[:number]
+            break
+    if len(kept) == len(result.choices):
+        return result
+    final = kept[-1].chosen.fit if kept else result.baseline
+    return replace(result, choices=tuple(kept), final=final, last_round=())

@@ -1,0 +1,76 @@
+"""What the search finds where nothing is hidden: recordings simulated from the fit, and what has to exceed
+them."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from test_diagnosis_parts import MODEL, explanation, fit_of, joint_record
+
+from haptic_teleop_sysid.diagnosis.decide import Choice
+from haptic_teleop_sysid.diagnosis.nulls import Null, beyond_chance, null_record, nulls
+from haptic_teleop_sysid.diagnosis.scales import recording_scales
+from haptic_teleop_sysid.diagnosis.search import SearchResult
+from haptic_teleop_sysid.estimation.whole_fit import fit_from_scratch
+
+
+@pytest.fixture(scope="module")
+def fitted():
+    record = joint_record(11)
+    return fit_from_scratch(MODEL, [record]), record
+
+
+def test_a_null_recording_is_estimated_as_the_recording_that_it_stands_for(fitted):
+    fit, record = fitted
+    null = null_record(fit, record, np.random.default_rng(2))
+    again = fit_from_scratch(MODEL, [null])
+    # A torque that is forgotten within a sample or two acts by its size and its memory together.
+    power = [f.noise.motor_torque**2 * f.noise.motor_time for f in (fit, again)]
+    assert power[1] == pytest.approx(power[0], rel=0.4)
+    for name, value in again.model.parameters.items():
+        assert value == pytest.approx(fit.model.parameters[name], rel=0.03), name
+    # Readings lie on the encoders' grid, and two draws are two recordings.
+    steps = null.measured / np.array(record.resolution)
+    np.testing.assert_allclose(steps, np.rint(steps), atol=1e-6)
+    other = null_record(fit, record, np.random.default_rng(3))
+    assert not np.array_equal(other.measured, null.measured)
+
+
+def test_readings_that_are_missing_are_missing_in_a_null_recording(fitted):
+    fit, record = fitted
+    holed = replace(record, measured=record.measured.copy())
+    holed.measured[100:120, 1] = np.nan
+    null = null_record(fit, holed, np.random.default_rng(2))
+    assert np.array_equal(np.isnan(null.measured), np.isnan(holed.measured))
+
+
+def test_nothing_hidden_raises_no_alarm(fitted):
+    fit, record = fitted
+    result = SearchResult(fit, fit, (), (), recording_scales(MODEL, [record]))
+    (found,) = nulls(MODEL, result, [record], [joint_record(12, seconds=4.0)], 1, jobs=1)
+    assert not found.alarm
+    assert found.score < 20.0
+
+
+def result_of(*scores, by_current=0.0):
+    choices = [
+        Choice(replace(explanation("coulomb_friction", s, 1.0), by_current=by_current), 1.0) for s in scores
+    ]
+    scales = recording_scales(MODEL, [joint_record(1, seconds=1.0)])
+    return SearchResult(fit_of(), choices[-1].chosen.fit, tuple(choices), (), scales)
+
+
+def test_what_chance_finds_as_well_is_dropped_with_all_that_came_after_it():
+    chance = [Null(25.0, True), Null(3.0, False)]
+    assert len(beyond_chance(result_of(100.0, 50.0), chance).choices) == 2
+    left = beyond_chance(result_of(100.0, 20.0, 60.0), chance)
+    assert len(left.choices) == 1
+    assert left.final is left.choices[0].chosen.fit
+    none = beyond_chance(result_of(20.0), chance)
+    assert none.choices == ()
+    assert none.final is none.baseline
+
+
+def test_what_the_currents_show_is_not_judged_by_the_motion():
+    chance = [Null(25.0, True)]
+    assert len(beyond_chance(result_of(20.0, by_current=15.0), chance).choices) == 1
