@@ -10,7 +10,7 @@ from pathlib import Path
 import hypothesis
 import pytest
 
-# As the front door does: on busy cores, threads that wait for each other make small products take for ever.
+# As the front door does: on busy cores, threads that wait for each other take for ever over small products.
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
 REPOSITORY = Path(__file__).resolve().parents[1]
