@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 from joblib import Parallel, delayed
@@ -85,14 +86,13 @@ def nulls(
     -1 for all cores."""
     if progress is not None:
         progress(f"the same search on {count} simulated sets of recordings with nothing hidden")
-    work = Parallel(n_jobs=jobs)
     one = delayed(_null)
-    return list(
-        work(
-            one(model, result.baseline, tuple(estimation), tuple(validation), sense_follows, [seed, number])
-            for number in range(count)
-        )
+    tasks = (
+        one(model, result.baseline, tuple(estimation), tuple(validation), sense_follows, [seed, number])
+        for number in range(count)
     )
+    found: Any = Parallel(n_jobs=jobs)(tasks)
+    return list(found)
 
 
 def _null(

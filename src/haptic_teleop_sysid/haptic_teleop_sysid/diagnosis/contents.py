@@ -1,0 +1,133 @@
+"""The content of diagnosis.json: the contract's keys, and what docs/diagnosis.md lists beside them."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+from haptic_teleop_sysid.dataset import DataSet
+from haptic_teleop_sysid.estimation.gauss_newton import Fit
+from haptic_teleop_sysid.estimation.records import Record
+
+from .doubt import Doubt
+from .experiment import suggest
+from .nulls import Null
+from .proof import Proof, mean_percent
+from .search import SearchResult
+from .stand import LAGS, Stand
+from .verdict import Verdict
+from .words import called, separating
+
+
+def contents(
+    result: SearchResult,
+    verdict: Verdict,
+    proof: Proof,
+    stand: Stand,
+    doubt: Doubt | None,
+    chance: Sequence[Null],
+    estimation: Sequence[DataSet],
+    validation: Sequence[DataSet],
+    records: Sequence[Record],
+) -> dict[str, Any]:
+    """Everything but run time and version; ``proof`` is of all data sets, ``records`` those of the estimation
+    recordings."""
+    model, n = result.baseline.model, len(estimation)
+    content = {
+        "schema": 1,
+        "robot": model.robot,
+        "joint": model.joint,
+        "structure": model.structure,
+        "verdict": verdict.kind,
+        "where": verdict.where,
+        "findings": verdict.findings,
+        "fit": {
+            "baseline": {
+                "estimation": mean_percent(proof.baseline[:n]),
+                "validation": mean_percent(proof.baseline[n:]),
+            },
+            "augmented": {
+                "estimation": mean_percent(proof.augmented[:n]),
+                "validation": mean_percent(proof.augmented[n:]),
+            },
+            "window_s": proof.baseline[-1].windows.seconds,
+            "windows": "; ".join(
+                f"{d.name}: {f.windows.why}"
+                for d, f in zip([*estimation, *validation], proof.baseline, strict=True)
+            ),
+        },
+        "next_experiment": next_experiment(result, verdict, records),
+        "baseline_parameters": result.baseline.model.parameter_values(),
+        "innovations": {
+            "what": f"portmanteau statistic over {LAGS} lags, {LAGS} on average for white innovations",
+            "baseline": dict(zip(("estimation", "validation"), stand.before, strict=True)),
+            "augmented": dict(zip(("estimation", "validation"), stand.after, strict=True)),
+        },
+        "disturbance": {
+            "what": "rms torque that the observer adds at motor and arm, relative to the rms input torque",
+            "baseline": disturbance(result, result.baseline),
+            "augmented": disturbance(result, result.final),
+        },
+    }
+    if chance:
+        content["nulls"] = {
+            "what": "score (nats) of the best explanation on simulated recordings with nothing hidden, and "
+            "how many of them would have raised an alarm; a finding has to exceed the highest",
+            "scores": sorted(round(one.score, 2) for one in chance),
+            "alarms": sum(one.alarm for one in chance),
+        }
+    if doubt is not None:
+        content["doubt"] = doubt.why
+    if verdict.kind == "unknown" and verdict.remaining:
+        best = verdict.remaining[0]
+        content["residual_curve"] = {
+            "equation": best.equation,
+            "variable": best.name,
+            "unit": best.unit,
+            "value": best.centre.tolist(),
+            "torque": best.torque.tolist(),
+        }
+    return content
+
+
+def disturbance(result: SearchResult, fit: Fit) -> dict[str, float]:
+    """Rms of the fitted disturbances relative to that of the input torque, by equation."""
+    torque, model = result.scales.size["torque"], fit.model
+    found = {model.location("motor"): fit.noise.motor_torque / torque}
+    return found if model.rigid else found | {model.location("arm"): fit.noise.arm_torque / torque}
+
+
+def next_experiment(result: SearchResult, verdict: Verdict, records: Sequence[Record]) -> dict[str, Any]:
+    """What to record next, as the contract has it."""
+    unsure = next((c for c in result.choices if c.ambiguous), None)
+    if unsure is not None:
+        rival = unsure.others[0][0]
+        names = (called(unsure.chosen.effect), called(rival.effect))
+        found = suggest(unsure.chosen.fit, rival.fit, names, records[0], result.scales)
+        text = separating([unsure.chosen.effect, rival.effect])
+        if found is None or found.expected_discrimination < 0.6:
+            return {
+                "why": f"{names[0]} against {names[1]}: {text}",
+                "signal_generator": {},
+                "expected_discrimination": 0.5 if found is None else found.expected_discrimination,
+            }
+        return {
+            "why": f"{found.why}; also: {text}",
+            "signal_generator": found.signal_generator,
+            "expected_discrimination": found.expected_discrimination,
+        }
+    tried = [e for e in result.last_round if e.material]
+    if verdict.kind in ("no_mismatch", "unknown") and tried:
+        names = (called(tried[0].effect), "the structure found so far")
+        found = suggest(tried[0].fit, result.final, names, records[0], result.scales)
+        if found is not None:
+            return {
+                "why": found.why,
+                "signal_generator": found.signal_generator,
+                "expected_discrimination": found.expected_discrimination,
+            }
+    return {
+        "why": "nothing is left to separate; a recording of another day would show drift",
+        "signal_generator": {},
+        "expected_discrimination": 1.0,
+    }

@@ -1,0 +1,132 @@
+"""One diagnosis from data sets to verdict: baseline, search, second opinion, chance, doubt, proof."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+
+from haptic_teleop_control.errors import RecordingError
+from haptic_teleop_sim.model import Model
+from haptic_teleop_sysid.dataset import DataSet
+from haptic_teleop_sysid.estimation.records import Record, record_from
+from haptic_teleop_sysid.estimation.whole_fit import fit_from_scratch
+
+from .contents import contents
+from .current import shown_by_current
+from .doubt import doubted
+from .nulls import Null, beyond_chance, nulls
+from .proof import Course, Proof, prove
+from .scales import within_reach
+from .search import LEAST_PERCENT, POOR_FIT, SearchResult, search, search_by_simulation
+from .verdict import Verdict, decide_verdict
+
+#: Samples below which no recording can say anything about six parameters and their noise.
+FEWEST_SAMPLES = 500
+#: Difference (A or N·m, relative to the rms command) up to which the measured current counts as following.
+_FOLLOWS = 0.1
+#: Loss of the simulated fit on unseen recordings, percent, from which a finding is not believed.
+HARM = 2.0
+
+
+def records_of(data: list[DataSet]) -> list[Record]:
+    """Records driven by the command, refused where there is nothing to learn from."""
+    records = []
+    for dataset in data:
+        record = record_from(dataset, commanded=True)
+        if len(record) < FEWEST_SAMPLES:
+            raise RecordingError(
+                f"{dataset.name} has {len(record)} samples; a diagnosis needs at least {FEWEST_SAMPLES}: "
+                "record for longer."
+            )
+        if float(np.std(record.input)) < 1e-9 or float(np.nanstd(record.measured[:, 0])) < 1e-9:
+            raise RecordingError(
+                f"{dataset.name}: the input or the motor angle does not change, so there is nothing to "
+                "diagnose: record while the joint is driven."
+            )
+        records.append(record)
+    return records
+
+
+def sense_follows(data: list[DataSet]) -> bool:
+    """Whether a measured current was recorded that follows its command without further delay."""
+    for dataset in data:
+        if dataset.commanded_input is None or dataset.input_source != "measured effort":
+            return False
+        rms = float(np.std(dataset.commanded_input))
+        noise = 0.02 if dataset.input_unit == "A" else 0.0
+        if float(np.std(dataset.input - dataset.commanded_input)) > _FOLLOWS * rms + noise:
+            return False
+    return True
+
+
+def unharmful(result: SearchResult, percent: Callable[[Model], float]) -> SearchResult:
+    """The search's result without the last effects while those spoil the free simulation of recordings it has
+    not seen: what predicts the next sample better but runs away when it runs freely is no explanation."""
+    kept = list(result.choices)
+    before = percent(result.baseline.model)
+    while kept and percent(kept[-1].chosen.fit.model) < before - HARM:
+        kept.pop()
+    if len(kept) == len(result.choices):
+        return result
+    final = kept[-1].chosen.fit if kept else result.baseline
+    return replace(result, choices=tuple(kept), final=final, last_round=())
+
+
+def diagnose(
+    model: Model,
+    estimation: list[DataSet],
+    validation: list[DataSet],
+    say=lambda text: None,
+    null_count: int = 0,
+) -> tuple[SearchResult, Verdict, Proof, dict[str, Any]]:
+    """Search, decide and prove; the last part is the content of diagnosis.json without run time and
+    version.  With ``null_count`` the search is repeated on that many simulated sets of recordings in which
+    nothing is hidden, and a finding has to exceed what it finds there.
+    """
+    learn, judge = records_of(estimation), records_of(validation)
+    n, everything = len(estimation), [*estimation, *validation]
+    say("re-estimating the given structure")
+    baseline = fit_from_scratch(model, learn, limits=within_reach(model))
+    course = Course.of(baseline.model, everything)
+    result = search(
+        model,
+        baseline,
+        learn,
+        judge,
+        sense_follows=sense_follows(estimation),
+        shown=shown_by_current(model, estimation, validation),
+        percent=lambda candidate: float(np.mean(course.percent(candidate))),
+        progress=say,
+    )
+
+    def percent(candidate: Model) -> tuple[float, float]:
+        fits = course.percent(candidate, "position")
+        return float(np.mean(fits[:n])), float(np.mean(fits[n:]))
+
+    kept = unharmful(result, lambda candidate: float(np.mean(course.percent(candidate)[n:])))
+    poor = min(percent(kept.final.model)) < POOR_FIT or (result.choices and not kept.choices)
+    if poor and result.nameless is None:
+        say("searching by free simulation")
+        free = search_by_simulation(model, result.baseline, learn, judge, percent=percent, progress=say)
+        gained = sum(percent(free.final.model)) - sum(percent(kept.final.model))
+        if free.choices and (not kept.choices or gained > LEAST_PERCENT):
+            kept = free
+    chance: list[Null] = []
+    if null_count:
+        follows = sense_follows(estimation)
+        chance = nulls(model, kept, learn, judge, null_count, sense_follows=follows, progress=say)
+        kept = beyond_chance(kept, chance)
+    say("doubting")
+    result, doubt, stand = doubted(
+        kept, learn, judge, lambda candidate: float(np.mean(course.percent(candidate)[n:]))
+    )
+    say("deciding")
+    verdict = decide_verdict(result, learn, judge, doubt, stand.spread)
+    say("simulating both models on all recordings")
+    proof = prove(result.baseline.model, result.final.model, course)
+    say("choosing the next experiment")
+    content = contents(result, verdict, proof, stand, doubt, chance, estimation, validation, learn)
+    return result, verdict, proof, content
