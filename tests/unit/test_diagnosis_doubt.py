@@ -116,6 +116,19 @@ def test_what_acts_at_times_is_no_match_and_takes_no_other_name():
     assert doubt.choice is choice
 
 
+def test_rounding_of_an_axis_that_hardly_moves_does_not_come_and_go():
+    # An arm that creeps over its encoder's coarse steps for half of the time.
+    record = joint_record(7, seconds=12.0)
+    fit = fit_from_scratch(MODEL, [record])
+    time, step = DT * np.arange(len(record)), 2.5e-4
+    creeping = np.where(time < 6.0, 1e-4 * time, 6e-4 + 0.1 * (time - 6.0))
+    arm = np.rint(creeping / step) * step - creeping
+    coarse = replace(record, measured=record.measured + np.column_stack([0.0 * arm, arm]))
+    assert unsteadiness([(fit, [coarse])]) > UNSTEADY  # as if its steps were not known
+    known = replace(coarse, resolution=(record.resolution[0], step))
+    assert unsteadiness([(fit, [known])]) < UNSTEADY
+
+
 def test_an_effect_of_another_size_on_other_recordings_is_given_up(records):
     # A constant torque that is there on one day and turned round on the other is none.
     up, down = (

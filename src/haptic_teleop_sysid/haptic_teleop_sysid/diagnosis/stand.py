@@ -21,6 +21,9 @@ from .search import SearchResult
 LAGS = 25
 #: Samples over which the power of the innovations is averaged to see whether it changes with time.
 STRETCH = 125
+#: Power of innovations, in squares of the encoder step, up to which a stretch is as steady as any other: where
+#: an axis hardly moves, errors of rounding (1/12) follow each other and their power changes by itself.
+ROUNDING = 1.2 / 12.0
 #: Standard errors, spread between recordings included, that a size must differ by from none.
 STANDS_OUT = 2.0
 
@@ -63,6 +66,7 @@ def unsteadiness(fits: Sequence[tuple[Fit, Sequence[Record]]]) -> float:
         for record in records:
             power = settled(record, innovations(packed, fit.noise, record).innovation) ** 2
             parts = np.array([x.mean(axis=0) for x in np.array_split(power, max(1, len(power) // STRETCH))])
+            parts = np.maximum(parts, ROUNDING * np.square(record.resolution))
             alone = power.std(axis=0) / np.sqrt(STRETCH)
             least = np.minimum(least, parts.std(axis=0) / np.maximum(alone, 1e-300))
     return float(np.max(least, initial=0.0, where=np.isfinite(least)))
