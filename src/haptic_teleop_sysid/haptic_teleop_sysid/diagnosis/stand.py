@@ -21,8 +21,8 @@ from .search import SearchResult
 LAGS = 25
 #: Samples over which the power of the innovations is averaged to see whether it changes with time.
 STRETCH = 125
-#: Power of innovations, in squares of the encoder step, up to which a stretch is as steady as any other: where
-#: an axis hardly moves, errors of rounding (1/12) follow each other and their power changes by itself.
+#: Power of innovations, in squares of the encoder's step, up to which one stretch is as steady as another:
+#: where an axis hardly moves, errors of rounding (1/12) follow each other and their power changes by itself.
 ROUNDING = 1.2 / 12.0
 #: Standard errors, spread between recordings included, that a size must differ by from none.
 STANDS_OUT = 2.0
