@@ -13,6 +13,7 @@ from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 from haptic_teleop_sim.kernel import Prediction, pack
 from haptic_teleop_sim.model import Effect
@@ -40,7 +41,11 @@ def screen(
     result = []
     packed = pack(fit.model)
     # The derivatives by the structure's parameters hardly change with a small effect: one run serves for all.
-    structure = [innovations(packed, fit.noise, r, fit.free) for r in records]
+    structure = []
+    for record in records:
+        prediction = innovations(packed, fit.noise, record, fit.free)
+        slopes = whiten(packed, record, prediction.innovation, prediction.d_innovation)[1]
+        structure.append(_Structure(prediction, slopes, slopes.T @ slopes))
     for effect in effects:
         found = _score(fit, records, effect, structure)
         if found is not None:
@@ -50,8 +55,18 @@ def screen(
     return sorted(result, key=lambda s: -s.gain)
 
 
+@dataclass(frozen=True)
+class _Structure:
+    """What the model without the candidate predicts of a recording, its whitened derivatives (m, p) by the
+    structure's parameters, and their products (p, p)."""
+
+    prediction: Prediction
+    slopes: NDArray[np.float64]
+    information: NDArray[np.float64]
+
+
 def _score(
-    fit: Fit, records: Sequence[Record], effect: Effect, structure: Sequence[Prediction]
+    fit: Fit, records: Sequence[Record], effect: Effect, structure: Sequence[_Structure]
 ) -> Screened | None:
     model = fit.model.with_effects(effect)
     shapes = shape_parameters(effect.entry)
@@ -61,21 +76,31 @@ def _score(
     predictions = [innovations(packed, fit.noise, r, tuple(own)) for r in records]
     if not all(np.all(np.isfinite(p.innovation)) for p in predictions):
         return None
-    size = len(fit.free) + len(own)
+    known, size = len(fit.free), len(fit.free) + len(own)
     information, gradient = np.zeros((size, size)), np.zeros(size)
-    columns = []
     for record, prediction, before in zip(records, predictions, structure, strict=True):
-        slopes = np.concatenate([before.d_innovation, prediction.d_innovation], axis=2)
-        if not np.max(np.abs(slopes), initial=0.0) < OVERFLOW:
+        reference = before.prediction
+        if not all(np.max(np.abs(p.d_innovation), initial=0.0) < OVERFLOW for p in (prediction, reference)):
             return None
         # In units of what is left without the effect: at a size that is large against the noise, the effect's
         # own innovations would hide what it could explain at a smaller one.
-        whitened, jacobian = whiten(packed, record, prediction.innovation, slopes, before.innovation)
-        information += jacobian.T @ jacobian
-        gradient += jacobian.T @ whitened
-        columns.append(slopes)
+        whitened, slopes = whiten(
+            packed, record, prediction.innovation, prediction.d_innovation, reference.innovation
+        )
+        # One product for both: of a single column alone it takes many times as long.
+        own_and_error = np.column_stack([slopes, whitened])
+        among, mixed = own_and_error.T @ own_and_error, before.slopes.T @ own_and_error
+        information[:known, :known] += before.information
+        information[known:, known:] += among[:-1, :-1]
+        information[:known, known:] += mixed[:, :-1]
+        information[known:, :known] += mixed[:, :-1].T
+        gradient[:known] += mixed[:, -1]
+        gradient[known:] += among[:-1, -1]
     step = gauss_newton_step(information, gradient, 1e-9, np.ones(size, dtype=bool))
-    promised = [p.innovation + slopes @ step for p, slopes in zip(predictions, columns, strict=True)]
+    promised = [
+        p.innovation + before.prediction.d_innovation @ step[:known] + p.d_innovation @ step[known:]
+        for p, before in zip(predictions, structure, strict=True)
+    ]
     gain = log_likelihood(packed, records, promised) - fit.log_likelihood
     sizes = {
         n.removeprefix(head): model.parameter_values()[n] + step[len(fit.free) + i] for i, n in enumerate(own)
