@@ -7,10 +7,12 @@ import numpy as np
 import pytest
 from test_diagnosis_parts import MODEL, explanation, fit_of, joint_record
 
+from haptic_teleop_sim.kernel import pack
 from haptic_teleop_sysid.diagnosis.decide import Choice
 from haptic_teleop_sysid.diagnosis.nulls import Null, beyond_chance, null_record, nulls
 from haptic_teleop_sysid.diagnosis.scales import recording_scales
 from haptic_teleop_sysid.diagnosis.search import SearchResult
+from haptic_teleop_sysid.estimation.likelihood import innovations
 from haptic_teleop_sysid.estimation.whole_fit import fit_from_scratch
 
 
@@ -29,6 +31,12 @@ def test_a_null_recording_is_estimated_as_the_recording_that_it_stands_for(fitte
     assert power[1] == pytest.approx(power[0], rel=0.4)
     for name, value in again.model.parameters.items():
         assert value == pytest.approx(fit.model.parameters[name], rel=0.03), name
+    # The observer is as surprised by it; the likelihood knows levels only relative to each other.
+    power = [
+        np.mean(innovations(pack(fit.model), fit.noise, r).innovation[200:] ** 2, axis=0)
+        for r in (record, null)
+    ]
+    np.testing.assert_allclose(power[1], power[0], rtol=0.15)
     # Readings lie on the encoders' grid, and two draws are two recordings.
     steps = null.measured / np.array(record.resolution)
     np.testing.assert_allclose(steps, np.rint(steps), atol=1e-6)

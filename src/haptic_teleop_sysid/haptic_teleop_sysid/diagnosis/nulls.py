@@ -13,12 +13,13 @@ from typing import Any
 
 import numpy as np
 from joblib import Parallel, delayed
+from numpy.typing import NDArray
 
 from haptic_teleop_sim.kernel import pack, simulate
 from haptic_teleop_sim.model import Model
 from haptic_teleop_sysid.estimation.gauss_newton import Fit
-from haptic_teleop_sysid.estimation.likelihood import channels
-from haptic_teleop_sysid.estimation.noise import observer
+from haptic_teleop_sysid.estimation.likelihood import channels, innovations, settled
+from haptic_teleop_sysid.estimation.noise import NoiseModel, observer
 from haptic_teleop_sysid.estimation.records import Record
 from haptic_teleop_sysid.estimation.whole_fit import fit_from_scratch
 
@@ -38,7 +39,25 @@ class Null:
 
 
 def null_record(fit: Fit, record: Record, generator: np.random.Generator) -> Record:
-    """A recording of the fitted model under the same command, with disturbances of the fitted size."""
+    """A recording of the fitted model under the same command, with disturbances of the size that it had."""
+    made = _made(fit, fit.noise, record, np.random.default_rng(0))
+    # The likelihood knows levels only relative to each other and to the motor encoder's steps; how large they
+    # are shows in how much the observer had to correct.
+    rounding = np.square(record.resolution) / 12.0
+    had, has = (_power(fit, r) - rounding for r in (record, made))
+    factor = np.sqrt(np.clip(had / np.maximum(has, 1e-30), 1e-6, 1e4))
+    motor, arm = float(factor[0]), float(factor[1])
+    noise = fit.noise.scaled(motor_torque=motor, arm_torque=arm, arm_angle=arm)
+    return replace(_made(fit, noise, record, generator), name=f"{record.name}, nothing hidden")
+
+
+def _power(fit: Fit, record: Record) -> NDArray[np.float64]:
+    """Mean squares of the innovations, (2,); 0 for an encoder that is not there."""
+    errors = settled(record, innovations(pack(fit.model), fit.noise, record).innovation)
+    return np.mean(np.square(errors), axis=0)
+
+
+def _made(fit: Fit, noise: NoiseModel, record: Record, generator: np.random.Generator) -> Record:
     packed, n = pack(fit.model), len(record)
     path = simulate(
         fit.model,
@@ -48,9 +67,10 @@ def null_record(fit: Fit, record: Record, generator: np.random.Generator) -> Rec
         exogenous=record.exogenous,
         t0=record.start,
     )
-    transition, _ = observer(packed, fit.noise, record.dt, channels(packed, record))
-    decay = np.array(fit.noise.decay(record.dt))
-    level = np.array([fit.noise.motor_torque, fit.noise.arm_torque])
+    # The disturbances' answer is added: exact for a linear structure, and small.
+    transition, _ = observer(packed, noise, record.dt, channels(packed, record))
+    decay = np.array(noise.decay(record.dt))
+    level = np.array([noise.motor_torque, noise.arm_torque])
     drawn = generator.standard_normal((n, 2)) * level * np.sqrt(1.0 - decay**2)
     state, moved = np.zeros(6), np.empty((n, 2))
     state[4:] = level * generator.standard_normal(2)
@@ -62,11 +82,12 @@ def null_record(fit: Fit, record: Record, generator: np.random.Generator) -> Rec
         moved[:, 1] = moved[:, 0]
     steps = np.maximum(np.array(record.resolution), 1e-12)
     # What the readings scatter by beyond their steps.
-    more = np.sqrt(np.maximum(np.array([fit.noise.motor_angle, fit.noise.arm_angle]) ** 2 - steps**2 / 12, 0))
+    more = np.sqrt(np.maximum(np.array([noise.motor_angle, noise.arm_angle]) ** 2 - steps**2 / 12.0, 0.0))
     read = np.column_stack([path.motor_position, path.arm_position]) + moved
     read += more * generator.standard_normal((n, 2))
-    measured = np.where(np.isfinite(record.measured), np.rint(read / steps) * steps, np.nan)
-    return replace(record, name=f"{record.name}, nothing hidden", measured=measured)
+    return replace(
+        record, measured=np.where(np.isfinite(record.measured), np.rint(read / steps) * steps, np.nan)
+    )
 
 
 def nulls(
