@@ -129,6 +129,16 @@ def test_rounding_of_an_axis_that_hardly_moves_does_not_come_and_go():
     assert unsteadiness([(fit, [known])]) < UNSTEADY
 
 
+def test_an_axis_without_an_arm_encoder_is_as_steady_as_its_motor():
+    record = joint_record(8)
+    alone = replace(record, measured=record.measured * np.array([1.0, np.nan]))
+    fit = fit_from_scratch(MODEL, [alone])
+    assert 0.3 < unsteadiness([(fit, [alone])]) < UNSTEADY
+    # Innovations that are all nought come and go neither.
+    still = replace(alone, input=np.zeros(len(alone)), measured=np.zeros((len(alone), 2)))
+    assert unsteadiness([(fit, [still])]) == 0.0
+
+
 def test_an_effect_of_another_size_on_other_recordings_is_given_up(records):
     # A constant torque that is there on one day and turned round on the other is none.
     up, down = (

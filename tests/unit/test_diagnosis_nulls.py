@@ -82,3 +82,15 @@ def test_what_chance_finds_as_well_is_dropped_with_all_that_came_after_it():
 def test_what_the_currents_show_is_not_judged_by_the_motion():
     chance = [Null(25.0, True)]
     assert len(beyond_chance(result_of(20.0, by_current=15.0), chance).choices) == 1
+
+
+def test_something_without_a_name_has_to_exceed_chance_as_well():
+    result = result_of(100.0)
+    weak, strong = (
+        replace(result, nameless=Choice(explanation("steep_drag", s, 0.0, coefficient=1.0), 1.0))
+        for s in (20.0, 200.0)
+    )
+    chance = [Null(25.0, False)]
+    assert beyond_chance(weak, chance).nameless is None
+    assert beyond_chance(strong, chance).nameless is strong.nameless
+    assert beyond_chance(replace(strong, choices=result_of(10.0).choices), chance).nameless is None

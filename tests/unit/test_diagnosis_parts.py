@@ -2,6 +2,7 @@
 on.  Recordings come from an integrator written here."""
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -264,6 +265,17 @@ def test_larger_starts_leave_alone_what_is_linear(scales):
 )
 def test_only_sizes_that_matter_bear_a_name(scales, effect, place, parameters, expected):
     assert material(Effect(effect, f"stage1_{place}", parameters), scales) is expected
+
+
+def test_starts_lie_within_the_effects_bounds_however_large_the_recording():
+    degrees = joint_record(2, seconds=2.0)
+    degrees = replace(degrees, measured=57.3 * degrees.measured)
+    scales = recording_scales(MODEL, [degrees])
+    for effect in candidates(MODEL, [coupled(degrees)], scales):
+        for start in (effect, *larger_starts(effect, scales)):
+            for name, value in start.parameters.items():
+                parameter = start.entry.parameter(name)
+                assert parameter.minimum <= value <= parameter.maximum, (start.effect, name)
 
 
 # choice

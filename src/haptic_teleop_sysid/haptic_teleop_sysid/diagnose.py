@@ -13,26 +13,31 @@ from typing import Any
 from rich.console import Console
 
 from haptic_teleop_control.command_line import run_command
+from haptic_teleop_control.errors import ConfigurationError
 from haptic_teleop_control.recording import read_recording
 from haptic_teleop_sim.model import Model, load_model
 from haptic_teleop_sysid.dataset import DataSet, load_dataset
 from haptic_teleop_sysid.diagnosis.diagnose import diagnose, records_of
 from haptic_teleop_sysid.diagnosis.page import diagnosis_page
 from haptic_teleop_sysid.diagnosis.words import chance_sentence
+from haptic_teleop_sysid.preparation import with_damage_told
+from haptic_teleop_sysid.report import claim_output_directory
 from haptic_teleop_sysid.results import tool_version, write_json
+
+MOST_NULLS = 1000
 
 
 def run(argv: list[str]) -> int:
     """Do what the arguments say; returns the exit status."""
     began = time.perf_counter()
     arguments = _parser().parse_args(argv)
+    refuse_repeated([*arguments.estimation, *arguments.validation])
     model = replace(load_model(arguments.model), source=arguments.model)
     console, progress = Console(), Console(stderr=True)
+    output = claim_output_directory(arguments.output, "diagnosis.json", arguments.overwrite)
     with progress.status("reading recordings") as status:
         estimation = [_load(bag, model, arguments.allow_gaps) for bag in arguments.estimation]
         validation = [_load(bag, model, arguments.allow_gaps) for bag in arguments.validation]
-        output = Path(arguments.output)
-        output.mkdir(parents=True, exist_ok=True)
         result, verdict, proof, content = diagnose(
             model, estimation, validation, lambda text: status.update(text), arguments.nulls
         )
@@ -55,7 +60,8 @@ def run(argv: list[str]) -> int:
 
 def summary(content: dict[str, Any]) -> str:
     """The verdict in a few lines for the terminal."""
-    lines = [f"verdict: {content['verdict']}"]
+    lines = [f"{name}: {p}" for name, problems in content["recordings"].items() for p in problems]
+    lines.append(f"verdict: {content['verdict']}")
     if "doubt" in content:
         lines.append(f"  because {content['doubt']}")
     for f in content["findings"]:
@@ -75,15 +81,23 @@ def summary(content: dict[str, Any]) -> str:
     return "\n".join(lines)
 
 
+def refuse_repeated(bags: list[str]) -> None:
+    """Raise ConfigurationError for a recording that is given twice: what was fitted to is not unseen."""
+    places = [Path(bag).resolve() for bag in bags]
+    for bag, place in zip(bags, places, strict=True):
+        if places.count(place) > 1:
+            raise ConfigurationError(f"{bag} is given twice: learn from and judge by different recordings.")
+
+
 def _count(text: str) -> int:
-    number = int(text)
-    if number < 0:
-        raise argparse.ArgumentTypeError(f"{text} is negative: give how many to simulate, or 0 for none")
-    return number
+    if not text.isdecimal() or int(text) > MOST_NULLS:
+        raise argparse.ArgumentTypeError(f"{text!r} is not a whole number from 0 to {MOST_NULLS}")
+    return int(text)
 
 
 def _load(bag: str, model: Model, allow_gaps: bool) -> DataSet:
-    return load_dataset(read_recording(bag), model, bag, allow_gaps)
+    recording = read_recording(bag)
+    return with_damage_told(load_dataset(recording, model, bag, allow_gaps), recording)
 
 
 def main(argv: list[str] | None = None) -> int:
@@ -115,11 +129,14 @@ def _parser() -> argparse.ArgumentParser:
         type=_count,
         default=0,
         metavar="N",
-        help="repeat the search on N simulated sets of recordings with nothing hidden (some seconds each, on "
-        "all cores): how often would this machine, experiment and noise raise a false alarm? A finding must "
-        "exceed the best of them; 19 make a level of 5 %%",
+        help="repeat the search on N simulated sets of recordings with nothing hidden (each takes as long as "
+        "a diagnosis, on all cores): how often would this machine, experiment and noise raise a false alarm? "
+        "A finding must exceed the best of them; 19 make a level of 5 %%",
     )
     parser.add_argument("--no-report", action="store_true", help="no page: for many diagnoses in a row")
+    parser.add_argument(
+        "--overwrite", action="store_true", help="replace the results of an earlier run in DIR"
+    )
     parser.add_argument(
         "--allow-gaps", action="store_true", help="leave holes in a recording out instead of refusing it"
     )

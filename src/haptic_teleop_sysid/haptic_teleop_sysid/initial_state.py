@@ -64,7 +64,7 @@ def estimate_initial_state(
     mechanics: Packed, dataset: DataSet, torque: Array, span: tuple[int, int], velocities: bool = True
 ) -> Array:
     """Return (4,): the initial state that makes the free response over `span` nearest to the measured angles
-    and, with `velocities`, to the measured rates, in units of each one's spread over the recording.
+    and, with `velocities`, of their filtered rates, in units of each one's spread over the recording.
 
     Damped Gauss-Newton with the exact sensitivities of the response, from the recorded state; the recorded
     state itself where the response does not stay finite.

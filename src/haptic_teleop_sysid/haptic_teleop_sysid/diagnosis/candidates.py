@@ -69,7 +69,12 @@ def starts(
             if _wanted(p)
         ]
         for combination in itertools.product(*options):
-            yield dict(combination)
+            yield {n: _allowed(entry.parameter(n), v) for n, v in combination}
+
+
+def _allowed(parameter: EffectParameter, value: float) -> float:
+    """The value, or the bound that it is beyond: an unusual recording has unusual scales."""
+    return min(max(value, parameter.minimum), parameter.maximum)
 
 
 #: Effects that load the joint at rest, so that zeroing the encoders there hides a preload of the joint.
@@ -97,7 +102,7 @@ def larger_starts(effect: Effect, scales: Scales) -> list[Effect]:
         if p.grid and p.neutral is not None and p.neutral == 0.0 and p.default is None:
             old = effect.parameters[p.name]
             for g in p.grid:
-                value = g * scales.size[p.scale]
+                value = _allowed(p, g * scales.size[p.scale])
                 if old == 0.0 or (value > 0.0) == (old > 0.0):
                     found.append(Effect(effect.effect, effect.location, {**effect.parameters, p.name: value}))
     return found

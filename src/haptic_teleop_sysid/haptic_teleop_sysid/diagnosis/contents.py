@@ -5,14 +5,18 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Any
 
+import numpy as np
+
 from haptic_teleop_sysid.dataset import DataSet
 from haptic_teleop_sysid.estimation.gauss_newton import Fit
+from haptic_teleop_sysid.estimation.likelihood import settled
 from haptic_teleop_sysid.estimation.records import Record
 
 from .doubt import Doubt
 from .experiment import suggest
 from .nulls import Null
 from .proof import Proof, mean_percent
+from .residual import left_over
 from .search import SearchResult
 from .stand import LAGS, Stand
 from .verdict import Verdict
@@ -56,6 +60,7 @@ def contents(
                 for d, f in zip([*estimation, *validation], proof.baseline, strict=True)
             ),
         },
+        "recordings": {d.name: list(d.problems) for d in (*estimation, *validation)},
         "next_experiment": next_experiment(result, verdict, records),
         "baseline_parameters": result.baseline.model.parameter_values(),
         "innovations": {
@@ -65,8 +70,8 @@ def contents(
         },
         "disturbance": {
             "what": "rms torque that the observer adds at motor and arm, relative to the rms input torque",
-            "baseline": disturbance(result, result.baseline),
-            "augmented": disturbance(result, result.final),
+            "baseline": disturbance(result, result.baseline, records),
+            "augmented": disturbance(result, result.final, records),
         },
     }
     if chance:
@@ -90,11 +95,14 @@ def contents(
     return content
 
 
-def disturbance(result: SearchResult, fit: Fit) -> dict[str, float]:
-    """Rms of the fitted disturbances relative to that of the input torque, by equation."""
-    torque, model = result.scales.size["torque"], fit.model
-    found = {model.location("motor"): fit.noise.motor_torque / torque}
-    return found if model.rigid else found | {model.location("arm"): fit.noise.arm_torque / torque}
+def disturbance(result: SearchResult, fit: Fit, records: Sequence[Record]) -> dict[str, float]:
+    """Rms of the torques that the observer of a fit adds on the estimation recordings, relative to that of
+    the input torque, by equation."""
+    added = np.concatenate([settled(r, left_over(fit, r).torque) for r in records])
+    motor, arm = np.sqrt(np.mean(added**2, axis=0)) / result.scales.size["torque"]
+    model = fit.model
+    found = {model.location("motor"): float(motor)}
+    return found if model.rigid else found | {model.location("arm"): float(arm)}
 
 
 def next_experiment(result: SearchResult, verdict: Verdict, records: Sequence[Record]) -> dict[str, Any]:

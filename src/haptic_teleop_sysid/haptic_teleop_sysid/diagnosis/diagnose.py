@@ -11,7 +11,7 @@ import numpy as np
 from haptic_teleop_control.errors import RecordingError
 from haptic_teleop_sim.model import Model
 from haptic_teleop_sysid.dataset import DataSet
-from haptic_teleop_sysid.estimation.records import Record, record_from
+from haptic_teleop_sysid.estimation.records import Record, records_from
 from haptic_teleop_sysid.estimation.whole_fit import fit_from_scratch
 
 from .contents import contents
@@ -32,21 +32,23 @@ HARM = 2.0
 
 
 def records_of(data: list[DataSet]) -> list[Record]:
-    """Records driven by the command, refused where there is nothing to learn from."""
+    """Records driven by the command, cut apart at holes; refused where there is nothing to learn from."""
     records = []
     for dataset in data:
-        record = record_from(dataset, commanded=True)
-        if len(record) < FEWEST_SAMPLES:
+        pieces = records_from(dataset, commanded=True)
+        longest = max(pieces, key=len)
+        if len(longest) < FEWEST_SAMPLES:
             raise RecordingError(
-                f"{dataset.name} has {len(record)} samples; a diagnosis needs at least {FEWEST_SAMPLES}: "
-                "record for longer."
+                f"{dataset.name} has {len(longest)} samples without a hole; a diagnosis needs at least "
+                f"{FEWEST_SAMPLES}: record for longer."
             )
-        if float(np.std(record.input)) < 1e-9 or float(np.nanstd(record.measured[:, 0])) < 1e-9:
-            raise RecordingError(
-                f"{dataset.name}: the input or the motor angle does not change, so there is nothing to "
-                "diagnose: record while the joint is driven."
-            )
-        records.append(record)
+        for values, what in ((longest.input, "input"), (longest.measured[:, 0], "motor angle")):
+            if float(np.nanstd(values)) < 1e-9:
+                raise RecordingError(
+                    f"{dataset.name}: the {what} of {dataset.joint} does not change, so there is nothing to "
+                    "diagnose: record while this joint is driven, or give the model of the one that was."
+                )
+        records += [piece for piece in pieces if len(piece) >= FEWEST_SAMPLES]
     return records
 
 
@@ -107,18 +109,20 @@ def diagnose(
         return float(np.mean(fits[:n])), float(np.mean(fits[n:]))
 
     kept = unharmful(result, lambda candidate: float(np.mean(course.percent(candidate)[n:])))
+    found_freely = False
     poor = min(percent(kept.final.model)) < POOR_FIT or (result.choices and not kept.choices)
     if poor and result.nameless is None:
         say("searching by free simulation")
         free = search_by_simulation(model, result.baseline, learn, judge, percent=percent, progress=say)
         gained = sum(percent(free.final.model)) - sum(percent(kept.final.model))
         if free.choices and (not kept.choices or gained > LEAST_PERCENT):
-            kept = free
+            kept, found_freely = free, True
     chance: list[Null] = []
     if null_count:
         follows = sense_follows(estimation)
-        chance = nulls(model, kept, learn, judge, null_count, sense_follows=follows, progress=say)
-        kept = beyond_chance(kept, chance)
+        chance = nulls(model, result, learn, judge, null_count, sense_follows=follows, progress=say)
+        # What only a simulation found has no score in nats that chance could be held against.
+        kept = beyond_chance(kept, chance) if not found_freely else kept
     say("doubting")
     result, doubt, stand = doubted(
         kept, learn, judge, lambda candidate: float(np.mean(course.percent(candidate)[n:]))

@@ -71,7 +71,8 @@ def doubted(
             why = f"it looks as if {sentence}, for which there is no name: no named effect explains as much"
             return result, Doubt(result.nameless, why), stand
         if min(before) > COLOURED:
-            return result, Doubt(None, "the observer keeps correcting in one and the same direction"), stand
+            why = "the observer keeps correcting in one and the same direction"
+            return result, Doubt(None, why, "throughout"), stand
         if unsteadiness([(result.baseline, estimation), (there, validation)]) > UNSTEADY:
             return result, Doubt(None, "something acts at some times and not at others", "time"), stand
         return result, None, stand

@@ -31,8 +31,8 @@ from .search import SearchResult, search
 
 @dataclass(frozen=True)
 class Null:
-    """What the search found where nothing was: the ``score`` (nats) of the best explanation, and whether a
-    verdict other than `no_mismatch` came of it."""
+    """What the search found where nothing was: the ``score`` (nats) of the best explanation, at least 0, and
+    whether it would have been believed, or doubted as something unknown."""
 
     score: float
     alarm: bool
@@ -130,21 +130,25 @@ def _null(
     baseline = fit_from_scratch(model, learn, limits=within_reach(model))
     result = search(model, baseline, learn, judge, sense_follows=sense_follows)
     tried = [c.chosen for c in result.choices] or result.last_round
-    score = max((e.score for e in tried if e.material and significant(e)), default=0.0)
+    score = max([0.0, *(e.score for e in tried if e.material and significant(e))])
     kept, doubt, _ = doubted(result, learn, judge, lambda candidate: 100.0)
     return Null(float(score), bool(kept.choices) or doubt is not None)
 
 
 def beyond_chance(result: SearchResult, chance: Sequence[Null]) -> SearchResult:
-    """The result without findings that score no better in the motion than the best of ``chance``, and those
-    that were found after them; what the measured current gives is not judged by it."""
+    """The result without findings that score no better in the motion than the best of ``chance``, and what
+    was found after them; what the measured current gives is not judged by it.  The nulls are the first
+    round's: to a second or third finding they are a guide, and no level."""
     highest = max((one.score for one in chance), default=0.0)
     kept = list(result.choices)
+    nameless = result.nameless
+    if nameless is not None and nameless.chosen.score <= highest:
+        nameless = None
     for number, choice in enumerate(result.choices):
         if choice.chosen.by_current <= 0.0 and choice.chosen.score <= highest:
             kept = kept[:number]
             break
     if len(kept) == len(result.choices):
-        return result
+        return replace(result, nameless=nameless)
     final = kept[-1].chosen.fit if kept else result.baseline
-    return replace(result, choices=tuple(kept), final=final, last_round=())
+    return replace(result, choices=tuple(kept), final=final, nameless=None)

@@ -14,6 +14,7 @@ from haptic_teleop_sysid.estimation.records import Record
 from haptic_teleop_sysid.report import Page, Panel, Series, stacked_panels
 from haptic_teleop_sysid.report.pictures import STYLE
 
+from .decide import SURE
 from .proof import Proof
 from .residual import Condition, left_over
 from .search import SearchResult
@@ -83,16 +84,27 @@ def diagnosis_page(
             _response(dataset, proof, number), "measured and simulated"
         )
     _tried(page, result)
+    _models(page, result, content)
     return page
+
+
+def _models(page: Page, result: SearchResult, content: dict[str, Any]) -> None:
+    given, found = content["baseline_parameters"], result.final.model.parameter_values()
+    section = page.section("Parameters", "augmented_model.yaml holds the last column: simulate with it.")
+    section.table(
+        ("parameter", "given structure, re-estimated", "with what was found"),
+        [(n, f"{given[n]:.5g}" if n in given else "–", f"{v:.5g}") for n, v in found.items()],
+    )
+    problems = [(name, p) for name, told in content["recordings"].items() for p in told]
+    if problems:
+        page.section("What is wrong with the recordings").table(("recording", "problem"), problems)
 
 
 def _names(verdict: Verdict) -> str:
     if verdict.kind == "ambiguous":
-        return " or ".join(
-            dict.fromkeys(
-                f"{n['effect']} at {n['location']}" for f in verdict.findings for n in (f, *f["alternatives"])
-            )
-        )
+        unsure = [f for f in verdict.findings if f["alternatives"] and f["confidence"] < SURE]
+        names = [n for f in unsure for n in (f, *f["alternatives"])]
+        return " or ".join(dict.fromkeys(f"{n['effect']} at {n['location']}" for n in names))
     return " and ".join(f"{f['effect']} at {f['location']}" for f in verdict.findings)
 
 

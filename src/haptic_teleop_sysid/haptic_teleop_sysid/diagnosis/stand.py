@@ -9,7 +9,7 @@ import numpy as np
 
 from haptic_teleop_sim.kernel import pack
 from haptic_teleop_sysid.estimation.gauss_newton import Fit
-from haptic_teleop_sysid.estimation.likelihood import innovations, settled
+from haptic_teleop_sysid.estimation.likelihood import channels, innovations, settled
 from haptic_teleop_sysid.estimation.records import Record
 from haptic_teleop_sysid.estimation.whole_fit import fit_whole
 
@@ -59,16 +59,20 @@ def colour(fit: Fit, records: Sequence[Record]) -> float:
 def unsteadiness(fits: Sequence[tuple[Fit, Sequence[Record]]]) -> float:
     """How far the power of the innovations changes with time, on every recording of all (fit, recordings):
     the spread of its means over STRETCH samples, relative to what it is when samples are independent (then
-    1), whatever their distribution.  Of two encoders the one that is less steady counts."""
+    1), whatever their distribution.  Of two encoders the one that is less steady counts, and 0 where
+    there is none."""
     least = np.full(2, np.inf)
     for fit, records in fits:
         packed = pack(fit.model)
         for record in records:
+            seen = channels(packed, record)
+            least[[c for c in (0, 1) if c not in seen]] = 0.0
             power = settled(record, innovations(packed, fit.noise, record).innovation) ** 2
             parts = np.array([x.mean(axis=0) for x in np.array_split(power, max(1, len(power) // STRETCH))])
             parts = np.maximum(parts, ROUNDING * np.square(record.resolution))
             alone = power.std(axis=0) / np.sqrt(STRETCH)
-            least = np.minimum(least, parts.std(axis=0) / np.maximum(alone, 1e-300))
+            ratio = np.divide(parts.std(axis=0), alone, out=np.zeros(2), where=alone > 0.0)
+            least = np.minimum(least, ratio)
     return float(np.max(least, initial=0.0, where=np.isfinite(least)))
 
 

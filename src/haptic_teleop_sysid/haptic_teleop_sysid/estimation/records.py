@@ -95,12 +95,12 @@ def record_from(data: DataSet, commanded: bool = False) -> Record:
     )
 
 
-def records_from(data: DataSet, at_rest: bool = False) -> list[Record]:
+def records_from(data: DataSet, at_rest: bool = False, commanded: bool = False) -> list[Record]:
     """The record of a data set, cut apart at holes longer than LONGEST_HOLE samples, because what acts in a
     hole unseen would come out as one huge error behind it. Pieces shorter than SHORTEST_PIECE are left out,
     unless there is no other. The first begins at rest, on which the observer need not rely unless `at_rest`;
-    one behind a hole begins with the speed that its first readings show."""
-    whole = record_from(data)
+    one behind a hole begins with the speed that its first readings show. ``commanded``: see `record_from`."""
+    whole = record_from(data, commanded)
     seen = np.flatnonzero(np.isfinite(whole.measured[:, 0]))
     ends = np.flatnonzero(np.diff(seen) > LONGEST_HOLE)
     spans = list(zip(seen[np.r_[0, ends + 1]], seen[np.r_[ends, len(seen) - 1]] + 1, strict=True))
