@@ -281,6 +281,56 @@ def test_five_samples_are_refused(tmp_path, model_file, rubbing, capsys):
     assert "5" in error
 
 
+def test_a_recording_that_is_given_twice_is_refused(tmp_path, model_file, rubbing, capsys):
+    error = refused(capsys, model_file, rubbing[0], rubbing[0] + "/", tmp_path / "out")
+    assert "twice" in error
+
+
+def test_an_earlier_result_is_kept_unless_told_otherwise(tmp_path, model_file, rubbing, capsys):
+    output = tmp_path / "out"
+    output.mkdir()
+    (output / "diagnosis.json").write_text("{}")
+    assert run(model_file, *rubbing, output) == 2
+    assert "--overwrite" in capsys.readouterr().err
+    assert (output / "diagnosis.json").read_text() == "{}"
+
+
+def test_an_output_that_is_a_file_is_refused(tmp_path, model_file, rubbing, capsys):
+    (tmp_path / "file").write_text("mine")
+    error = refused(capsys, model_file, *rubbing, tmp_path / "file")
+    assert "--output" in error
+    assert (tmp_path / "file").read_text() == "mine"
+
+
+@pytest.mark.parametrize("count", ["-1", "1.5", "many", "100000"])
+def test_a_count_of_nulls_that_is_none_is_refused(tmp_path, model_file, rubbing, capsys, count):
+    arguments = [
+        *("--model", model_file, "--estimation", rubbing[0], "--validation", rubbing[1]),
+        *("--output", str(tmp_path / "out"), f"--nulls={count}"),
+    ]
+    assert diagnose.main(arguments) == 2
+    assert "whole number" in capsys.readouterr().err
+
+
+def test_positions_in_degrees_are_refused(tmp_path, model_file, rubbing, capsys):
+    amperes = current(3, 4.0, 0.35, (0.2, 0.9))
+    turned = write_bag(tmp_path / "degrees", amperes, np.rad2deg(motion(amperes, 3)))
+    error = refused(capsys, model_file, turned, rubbing[1], tmp_path / "out")
+    assert "degrees" in error
+
+
+def test_a_rigid_body_whose_arm_gives_is_refused(tmp_path, rubbing, capsys):
+    path = tmp_path / "rigid.yaml"
+    Model(
+        "sfj",
+        "stage1",
+        "rigid_body",
+        {"torque_constant": 8.925, "motor_inertia": 0.2, "motor_damping": 2.6},
+    ).save(path)
+    error = refused(capsys, str(path), *rubbing, tmp_path / "out")
+    assert "flexible_joint" in error
+
+
 def test_a_missing_recording_is_refused(tmp_path, model_file, rubbing, capsys):
     error = refused(capsys, model_file, rubbing[0], str(tmp_path / "nowhere"), tmp_path / "out")
     assert "nowhere" in error

@@ -19,6 +19,7 @@ from haptic_teleop_sim.model import Model, load_model
 from haptic_teleop_sysid.dataset import DataSet, load_dataset
 from haptic_teleop_sysid.diagnosis.diagnose import diagnose, records_of
 from haptic_teleop_sysid.diagnosis.page import diagnosis_page
+from haptic_teleop_sysid.diagnosis.plausible import refuse_implausible, with_contradictions
 from haptic_teleop_sysid.diagnosis.words import chance_sentence
 from haptic_teleop_sysid.preparation import with_damage_told
 from haptic_teleop_sysid.report import claim_output_directory
@@ -97,7 +98,9 @@ def _count(text: str) -> int:
 
 def _load(bag: str, model: Model, allow_gaps: bool) -> DataSet:
     recording = read_recording(bag)
-    return with_damage_told(load_dataset(recording, model, bag, allow_gaps), recording)
+    dataset = load_dataset(recording, model, bag, allow_gaps)
+    refuse_implausible(model, recording, dataset)
+    return with_contradictions(with_damage_told(dataset, recording))
 
 
 def main(argv: list[str] | None = None) -> int:

@@ -1,0 +1,62 @@
+"""Recordings that cannot be what they are taken for: another unit, or another structure."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from haptic_teleop_control.errors import MismatchError, RecordingError
+from haptic_teleop_control.recording import Recording
+from haptic_teleop_control.robots import SFJ_STAGES
+from haptic_teleop_sim.model import Model
+from haptic_teleop_sysid.channels import channels_for
+from haptic_teleop_sysid.dataset import DataSet
+
+#: No joint of these robots turns so far, rad.
+_FURTHEST = 2.0 * np.pi
+#: Steps of the arm's encoder by which an arm that moves with its motor may differ from it.
+_GIVES = 10.0
+#: Factor between measured and commanded effort beyond which one of them has another unit.
+_ANOTHER_UNIT = 20.0
+
+
+def refuse_implausible(model: Model, recording: Recording, dataset: DataSet) -> None:
+    """Raise RecordingError for positions that cannot be radians, MismatchError for a rigid body whose arm is
+    seen to give."""
+    position = dataset.motor_position
+    travel = float(np.nanmax(position) - np.nanmin(position))
+    if model.robot in ("sfj", "omni") and travel > _FURTHEST:
+        raise RecordingError(
+            f"{dataset.name}: {dataset.joint} turns by {travel:.3g} rad, further than it can: record "
+            "positions in rad, not in degrees."
+        )
+    if model.robot != "sfj" or not model.rigid:
+        return
+    states, names = (
+        channels_for(model, recording, dataset.name).states,
+        (f"{model.joint}_motor", f"{model.joint}_arm"),
+    )
+    if names[1] not in states.names:
+        return
+    motor, arm = (states.signal(name, "position") for name in names)
+    gives = float(np.nanmax(np.abs(motor - arm)))
+    if gives > _GIVES * SFJ_STAGES[model.joint].joint_resolution:
+        raise MismatchError(
+            f"{model.source} describes a rigid body, but in {dataset.name} {names[1]} moves by up to "
+            f"{gives:.3g} rad against its motor: give a model of structure flexible_joint."
+        )
+
+
+def with_contradictions(dataset: DataSet) -> DataSet:
+    """The data set whose problems also say that commanded and measured effort cannot have one unit."""
+    if dataset.commanded_input is None or dataset.input_source != "measured effort":
+        return dataset
+    command, measured = (float(np.nanstd(v)) for v in (dataset.commanded_input, dataset.input))
+    if min(command, measured) <= 0.0 or 1.0 / _ANOTHER_UNIT < measured / command < _ANOTHER_UNIT:
+        return dataset
+    problem = (
+        f"the measured effort is {measured / command:.3g} times the commanded one (rms {measured:.3g} and "
+        f"{command:.3g} {dataset.input_unit}): one of them may have another unit"
+    )
+    return replace(dataset, problems=(*dataset.problems, problem))
