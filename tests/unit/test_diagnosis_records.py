@@ -1,0 +1,59 @@
+"""What a diagnosis makes of recordings: cut apart at holes, refused where there is nothing to learn from."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from identification_plants import STAGE, stage_recording
+
+from haptic_teleop_control.errors import RecordingError
+from haptic_teleop_sysid.dataset import load_dataset
+from haptic_teleop_sysid.diagnosis.diagnose import FEWEST_SAMPLES, records_of
+from haptic_teleop_sysid.diagnosis.plausible import with_contradictions
+
+
+@pytest.fixture(scope="module")
+def data():
+    return load_dataset(stage_recording(seed=3, seconds=6.0), STAGE)
+
+
+def holed(data, *holes):
+    valid = np.ones(len(data), dtype=bool)
+    for start, stop in holes:
+        valid[start:stop] = False
+    return replace(data, valid=valid)
+
+
+def test_a_recording_without_holes_is_one_record_driven_by_the_command(data):
+    (record,) = records_of([data])
+    assert len(record) == len(data)
+    np.testing.assert_array_equal(record.input, data.commanded_input)
+
+
+def test_a_hole_cuts_a_recording_apart_and_what_happened_in_it_is_nobody_s_effect(data):
+    first, second = records_of([holed(data, (1200, 1500))])
+    assert (len(first), len(second)) == (1200, len(data) - 1500)
+    assert second.start == pytest.approx(data.start + 1500 * data.dt)
+    assert np.isfinite(second.measured).all()
+    # Pieces that are too short to say anything are left out.
+    (only,) = records_of([holed(data, (FEWEST_SAMPLES - 200, FEWEST_SAMPLES - 100))])
+    assert len(only) == len(data) - FEWEST_SAMPLES + 100
+
+
+def test_nothing_but_short_pieces_is_refused(data):
+    step = FEWEST_SAMPLES - 50
+    with pytest.raises(RecordingError, match="without a hole"):
+        records_of([holed(data, *((k, k + 40) for k in range(step, len(data), step)))])
+
+
+@pytest.mark.parametrize(("field", "what"), [("commanded_input", "input"), ("motor_position", "motor angle")])
+def test_what_does_not_change_is_named_with_its_joint(data, field, what):
+    with pytest.raises(RecordingError, match=f"the {what} of stage1 does not change"):
+        records_of([replace(data, **{field: np.full(len(data), 0.1)})])
+
+
+def test_efforts_of_different_units_contradict_each_other(data):
+    assert data.input_source == "measured effort"
+    assert with_contradictions(data) is data
+    milliamperes = replace(data, input=1000.0 * data.input)
+    assert "another unit" in with_contradictions(milliamperes).problems[-1]
