@@ -66,12 +66,11 @@ def _in_currents(effect: Effect, of: Model, to: Model) -> Effect:
     if effect.entry.kind != "input":
         return effect
     factor = to.parameters["torque_constant"] / of.parameters["torque_constant"]
-    units = {p.name: p.unit for p in effect.entry.parameters}
-    return Effect(
-        effect.effect,
-        effect.location,
-        {n: v * factor if units[n] == "N*m" else v for n, v in effect.parameters.items()},
-    )
+    values = dict(effect.parameters)
+    for p in effect.entry.parameters:
+        if p.unit == "N*m" and p.name in values:
+            values[p.name] = min(max(values[p.name] * factor, p.minimum), p.maximum)
+    return Effect(effect.effect, effect.location, values)
 
 
 def _trial(model: Model, effect: Effect, noise: NoiseModel, records: Sequence[Record], limits: Limits) -> Fit:
