@@ -17,6 +17,7 @@ from haptic_teleop_sysid.diagnosis.decide import (
     LEAST_HELD_OUT,
     LEAST_SHARE,
     choose,
+    standard_errors,
 )
 from haptic_teleop_sysid.diagnosis.explanation import Explanation
 from haptic_teleop_sysid.diagnosis.material import material
@@ -311,6 +312,17 @@ def test_what_was_sought_over_many_values_has_to_gain_more():
     assert choice.chosen is plain
     assert plain.gain + plain.held_out - plain.score == 1.0
     assert varied.gain + varied.held_out - varied.score == 7.0
+
+
+def test_where_derivatives_overflowed_nothing_is_significant():
+    found = explanation("coulomb_friction", 500.0, 500.0)
+    names = ("stage1_motor.coulomb_friction.torque",)
+    known = replace(found.fit, free=names, information=np.array([[1e8]]))
+    assert choose([replace(found, fit=known)], 0.0, False) is not None
+    for overflowed in (np.nan, np.inf):
+        fit = replace(known, information=np.array([[overflowed]]))
+        assert standard_errors(fit) == {names[0]: np.inf}
+        assert choose([replace(found, fit=fit)], 0.0, False) is None
 
 
 def test_an_immaterial_effect_is_refused():

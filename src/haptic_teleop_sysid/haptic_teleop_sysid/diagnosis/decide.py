@@ -158,9 +158,12 @@ def significant(explanation: Explanation) -> bool:
 
 
 def standard_errors(fit: Fit) -> dict[str, float]:
-    """Standard errors by parameter name, from the information matrix (parameters at a bound have none)."""
+    """Standard errors by parameter name, from the information matrix (parameters at a bound have none);
+    infinite where derivatives have overflowed, so that nothing is significant."""
     if not len(fit.free):
         return {}
+    if not np.all(np.isfinite(fit.information)):
+        return dict.fromkeys(fit.free, float("inf"))
     scale = np.sqrt(np.maximum(np.diag(fit.information), 1e-300))
     inverse = np.linalg.pinv(fit.information / np.outer(scale, scale), rcond=1e-12, hermitian=True)
     return {
