@@ -9,9 +9,10 @@ from test_diagnosis_parts import MODEL, explanation, fit_of, joint_record
 
 from haptic_teleop_sim.kernel import pack
 from haptic_teleop_sysid.diagnosis.decide import Choice
-from haptic_teleop_sysid.diagnosis.nulls import Null, beyond_chance, null_record, nulls
+from haptic_teleop_sysid.diagnosis.nulls import Null, beyond_chance, disturbed_as, null_record, nulls
 from haptic_teleop_sysid.diagnosis.scales import recording_scales
 from haptic_teleop_sysid.diagnosis.search import SearchResult
+from haptic_teleop_sysid.diagnosis.words import chance_sentence
 from haptic_teleop_sysid.estimation.likelihood import innovations
 from haptic_teleop_sysid.estimation.whole_fit import fit_from_scratch
 
@@ -24,7 +25,7 @@ def fitted():
 
 def test_a_null_recording_is_estimated_as_the_recording_that_it_stands_for(fitted):
     fit, record = fitted
-    null = null_record(fit, record, np.random.default_rng(2))
+    null = null_record(fit, disturbed_as(fit, record), record, np.random.default_rng(2))
     again = fit_from_scratch(MODEL, [null])
     # A torque that is forgotten within a sample or two acts by its size and its memory together.
     power = [f.noise.motor_torque**2 * f.noise.motor_time for f in (fit, again)]
@@ -40,7 +41,7 @@ def test_a_null_recording_is_estimated_as_the_recording_that_it_stands_for(fitte
     # Readings lie on the encoders' grid, and two draws are two recordings.
     steps = null.measured / np.array(record.resolution)
     np.testing.assert_allclose(steps, np.rint(steps), atol=1e-6)
-    other = null_record(fit, record, np.random.default_rng(3))
+    other = null_record(fit, disturbed_as(fit, record), record, np.random.default_rng(3))
     assert not np.array_equal(other.measured, null.measured)
 
 
@@ -48,7 +49,7 @@ def test_readings_that_are_missing_are_missing_in_a_null_recording(fitted):
     fit, record = fitted
     holed = replace(record, measured=record.measured.copy())
     holed.measured[100:120, 1] = np.nan
-    null = null_record(fit, holed, np.random.default_rng(2))
+    null = null_record(fit, fit.noise, holed, np.random.default_rng(2))
     assert np.array_equal(np.isnan(null.measured), np.isnan(holed.measured))
 
 
@@ -94,3 +95,9 @@ def test_something_without_a_name_has_to_exceed_chance_as_well():
     assert beyond_chance(weak, chance).nameless is None
     assert beyond_chance(strong, chance).nameless is strong.nameless
     assert beyond_chance(replace(strong, choices=result_of(10.0).choices), chance).nameless is None
+
+
+def test_what_chance_took_away_is_told():
+    found = {"scores": [2.0, 25.0], "alarms": 1, "dropped": ["coulomb_friction at stage1_motor"]}
+    assert "25.0 nats; coulomb_friction at stage1_motor did not exceed" in chance_sentence(found)
+    assert chance_sentence({**found, "dropped": []}).endswith("25.0 nats")

@@ -12,6 +12,7 @@ from haptic_teleop_sysid.estimation.gauss_newton import Fit
 from haptic_teleop_sysid.estimation.likelihood import settled
 from haptic_teleop_sysid.estimation.records import Record
 
+from .decide import Choice
 from .doubt import Doubt
 from .experiment import suggest
 from .nulls import Null
@@ -29,13 +30,14 @@ def contents(
     proof: Proof,
     stand: Stand,
     doubt: Doubt | None,
-    chance: Sequence[Null],
+    chance: tuple[Sequence[Null], Sequence[Choice]],
     estimation: Sequence[DataSet],
     validation: Sequence[DataSet],
     records: Sequence[Record],
 ) -> dict[str, Any]:
     """Everything but run time and version; ``proof`` is of all data sets, ``records`` those of the estimation
-    recordings."""
+    recordings; ``chance``: what was found where nothing is hidden, and the findings that did not exceed
+    it."""
     model, n = result.baseline.model, len(estimation)
     content = {
         "schema": 1,
@@ -74,12 +76,14 @@ def contents(
             "augmented": disturbance(result, result.final, records),
         },
     }
-    if chance:
+    found_by_chance, dropped = chance
+    if found_by_chance:
         content["nulls"] = {
             "what": "score (nats) of the best explanation on simulated recordings with nothing hidden, and "
             "how many of them would have raised an alarm; a finding has to exceed the highest",
-            "scores": sorted(round(one.score, 2) for one in chance),
-            "alarms": sum(one.alarm for one in chance),
+            "scores": sorted(round(one.score, 2) for one in found_by_chance),
+            "alarms": sum(one.alarm for one in found_by_chance),
+            "dropped": [f"{c.chosen.effect.effect} at {c.chosen.effect.location}" for c in dropped],
         }
     if doubt is not None:
         content["doubt"] = doubt.why

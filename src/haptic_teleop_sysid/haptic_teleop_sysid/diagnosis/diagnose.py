@@ -16,6 +16,7 @@ from haptic_teleop_sysid.estimation.whole_fit import fit_from_scratch
 
 from .contents import contents
 from .current import shown_by_current
+from .decide import Choice
 from .doubt import doubted
 from .nulls import Null, beyond_chance, nulls
 from .proof import Course, Proof, prove
@@ -118,11 +119,13 @@ def diagnose(
         if free.choices and (not kept.choices or gained > LEAST_PERCENT):
             kept, found_freely = free, True
     chance: list[Null] = []
+    dropped: tuple[Choice, ...] = ()
     if null_count:
         follows = sense_follows(estimation)
         chance = nulls(model, result, learn, judge, null_count, sense_follows=follows, progress=say)
         # What only a simulation found has no score in nats that chance could be held against.
-        kept = beyond_chance(kept, chance) if not found_freely else kept
+        believed = beyond_chance(kept, chance) if not found_freely else kept
+        dropped, kept = kept.choices[len(believed.choices) :], believed
     say("doubting")
     result, doubt, stand = doubted(
         kept, learn, judge, lambda candidate: float(np.mean(course.percent(candidate)[n:]))
@@ -132,5 +135,5 @@ def diagnose(
     say("simulating both models on all recordings")
     proof = prove(result.baseline.model, result.final.model, course)
     say("choosing the next experiment")
-    content = contents(result, verdict, proof, stand, doubt, chance, estimation, validation, learn)
+    content = contents(result, verdict, proof, stand, doubt, (chance, dropped), estimation, validation, learn)
     return result, verdict, proof, content

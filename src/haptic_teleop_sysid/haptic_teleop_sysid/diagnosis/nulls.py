@@ -38,17 +38,18 @@ class Null:
     alarm: bool
 
 
-def null_record(fit: Fit, record: Record, generator: np.random.Generator) -> Record:
-    """A recording of the fitted model under the same command, with disturbances of the size that it had."""
-    made = _made(fit, fit.noise, record, np.random.default_rng(0))
-    # The likelihood knows levels only relative to each other and to the motor encoder's steps; how large they
-    # are shows in how much the observer had to correct.
+def disturbed_as(fit: Fit, record: Record) -> NoiseModel:
+    """The fitted noise model with levels as large as those of a recording.
+
+    The likelihood knows levels only relative to each other and to the motor encoder's steps; how large they
+    are shows in how much the observer had to correct, here against a recording made with the fitted ones.
+    """
+    made = null_record(fit, fit.noise, record, np.random.default_rng(0))
     rounding = np.square(record.resolution) / 12.0
     had, has = (_power(fit, r) - rounding for r in (record, made))
     factor = np.sqrt(np.clip(had / np.maximum(has, 1e-30), 1e-6, 1e4))
     motor, arm = float(factor[0]), float(factor[1])
-    noise = fit.noise.scaled(motor_torque=motor, arm_torque=arm, arm_angle=arm)
-    return replace(_made(fit, noise, record, generator), name=f"{record.name}, nothing hidden")
+    return fit.noise.scaled(motor_torque=motor, arm_torque=arm, arm_angle=arm)
 
 
 def _power(fit: Fit, record: Record) -> NDArray[np.float64]:
@@ -57,7 +58,8 @@ def _power(fit: Fit, record: Record) -> NDArray[np.float64]:
     return np.mean(np.square(errors), axis=0)
 
 
-def _made(fit: Fit, noise: NoiseModel, record: Record, generator: np.random.Generator) -> Record:
+def null_record(fit: Fit, noise: NoiseModel, record: Record, generator: np.random.Generator) -> Record:
+    """A recording of the fitted model under the same command, disturbed as the noise model says."""
     packed, n = pack(fit.model), len(record)
     path = simulate(
         fit.model,
@@ -85,9 +87,8 @@ def _made(fit: Fit, noise: NoiseModel, record: Record, generator: np.random.Gene
     more = np.sqrt(np.maximum(np.array([noise.motor_angle, noise.arm_angle]) ** 2 - steps**2 / 12.0, 0.0))
     read = np.column_stack([path.motor_position, path.arm_position]) + moved
     read += more * generator.standard_normal((n, 2))
-    return replace(
-        record, measured=np.where(np.isfinite(record.measured), np.rint(read / steps) * steps, np.nan)
-    )
+    measured = np.where(np.isfinite(record.measured), np.rint(read / steps) * steps, np.nan)
+    return replace(record, name=f"{record.name}, nothing hidden", measured=measured)
 
 
 def nulls(
@@ -107,11 +108,10 @@ def nulls(
     -1 for all cores."""
     if progress is not None:
         progress(f"the same search on {count} simulated sets of recordings with nothing hidden")
+    fit = result.baseline
+    learn, judge = ([(disturbed_as(fit, r), r) for r in records] for records in (estimation, validation))
     one = delayed(_null)
-    tasks = (
-        one(model, result.baseline, tuple(estimation), tuple(validation), sense_follows, [seed, number])
-        for number in range(count)
-    )
+    tasks = (one(model, fit, learn, judge, sense_follows, [seed, number]) for number in range(count))
     found: Any = Parallel(n_jobs=jobs)(tasks)
     return list(found)
 
@@ -119,14 +119,14 @@ def nulls(
 def _null(
     model: Model,
     fit: Fit,
-    estimation: Sequence[Record],
-    validation: Sequence[Record],
+    estimation: Sequence[tuple[NoiseModel, Record]],
+    validation: Sequence[tuple[NoiseModel, Record]],
     sense_follows: bool,
     seed: list[int],
 ) -> Null:
     generator = np.random.default_rng(seed)
-    learn = [null_record(fit, r, generator) for r in estimation]
-    judge = [null_record(fit, r, generator) for r in validation]
+    learn = [null_record(fit, noise, r, generator) for noise, r in estimation]
+    judge = [null_record(fit, noise, r, generator) for noise, r in validation]
     baseline = fit_from_scratch(model, learn, limits=within_reach(model))
     result = search(model, baseline, learn, judge, sense_follows=sense_follows)
     tried = [c.chosen for c in result.choices] or result.last_round

@@ -44,6 +44,8 @@ def screen(
     structure = []
     for record in records:
         prediction = innovations(packed, fit.noise, record, fit.free)
+        if not np.max(np.abs(prediction.d_innovation), initial=0.0) < OVERFLOW:
+            return []
         slopes = whiten(packed, record, prediction.innovation, prediction.d_innovation)[1]
         structure.append(_Structure(prediction, slopes, slopes.T @ slopes))
     for effect in effects:
@@ -80,7 +82,7 @@ def _score(
     information, gradient = np.zeros((size, size)), np.zeros(size)
     for record, prediction, before in zip(records, predictions, structure, strict=True):
         reference = before.prediction
-        if not all(np.max(np.abs(p.d_innovation), initial=0.0) < OVERFLOW for p in (prediction, reference)):
+        if not np.max(np.abs(prediction.d_innovation), initial=0.0) < OVERFLOW:
             return None
         # In units of what is left without the effect: at a size that is large against the noise, the effect's
         # own innovations would hide what it could explain at a smaller one.

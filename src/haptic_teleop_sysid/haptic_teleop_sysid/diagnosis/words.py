@@ -63,10 +63,11 @@ def because(choice: Choice) -> str:
 
 def chance_sentence(nulls: dict[str, Any]) -> str:
     """What the search found on simulated recordings with nothing hidden, in words."""
-    scores = nulls["scores"]
+    scores, dropped = nulls["scores"], nulls["dropped"]
+    gone = f"; {', '.join(dropped)} did not exceed that and is not believed" if dropped else ""
     return (
         f"{nulls['alarms']} of {len(scores)} simulated sets of recordings with nothing hidden would have "
-        f"raised an alarm; the best explanation there scores {max(scores):.1f} nats"
+        f"raised an alarm; the best explanation there scores {max(scores):.1f} nats{gone}"
     )
 
 
