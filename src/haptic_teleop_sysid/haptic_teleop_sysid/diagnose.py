@@ -53,6 +53,9 @@ def run(argv: list[str]) -> int:
             data, records = [*estimation, *validation], records_of(estimation)
             page = diagnosis_page(result, verdict, content, proof, data, records, len(estimation))
             report = page.write(output / "report.html")
+    for name, problems in content["recordings"].items():
+        for problem in problems:
+            progress.print(f"note: {name}: {problem}", markup=False, highlight=False)
     console.print(summary(content), markup=False, highlight=False, soft_wrap=True)
     if report is not None:
         console.print(f"report: {report}", markup=False, highlight=False, soft_wrap=True)
@@ -61,8 +64,7 @@ def run(argv: list[str]) -> int:
 
 def summary(content: dict[str, Any]) -> str:
     """The verdict in a few lines for the terminal."""
-    lines = [f"{name}: {p}" for name, problems in content["recordings"].items() for p in problems]
-    lines.append(f"verdict: {content['verdict']}")
+    lines = [f"verdict: {content['verdict']}"]
     if "doubt" in content:
         lines.append(f"  because {content['doubt']}")
     for f in content["findings"]:
