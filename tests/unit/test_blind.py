@@ -43,7 +43,8 @@ def moved(slots: dict[str, float], current: np.ndarray, robot: np.ndarray = ROBO
     calm = np.zeros(n)
     if gate is None:
         gate = np.column_stack([np.ones(n), calm, calm])
-    return integrate(robot, e, 0, np.zeros(8), current, np.zeros((n + 1, 2)), gate, calm, calm, 100, False)
+    still, nowhere = np.zeros((n + 1, 2)), np.zeros((0, 6))
+    return integrate(robot, e, 0, np.zeros(8), current, still, gate, calm, calm, 100, False, nowhere, False)
 
 
 def test_the_linear_robot_follows_the_matrix_exponential() -> None:

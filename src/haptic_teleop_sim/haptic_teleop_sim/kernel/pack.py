@@ -74,6 +74,20 @@ class Packed:
             return 1
         return int(min(max(1, math.ceil(dt * worst)), 400))
 
+    def encoder_shift(self, dt: float) -> tuple[IntArray, FloatArray]:
+        """Whole samples (2,) by which the readings of motor and arm are moved ahead for their delay, and what
+        is left of it, (2,) s: from the moved sample on, the encoder shows where its axis was ``-lead`` ago.
+
+        Back into the sample before, whose torque is known by then; only a reading that is early by less than
+        half a sample is looked for ahead.
+        """
+        whole, lead = np.zeros(2, dtype=np.int64), np.zeros(2)
+        for channel in (0, 1):
+            delay = sum(float(self.p[o]) for c, o in self.skew if c == channel) / dt
+            whole[channel] = 0 if -0.5 < delay < 0.0 else math.floor(delay)
+            lead[channel] = (whole[channel] - delay) * dt
+        return whole, lead
+
     def initial_state(
         self,
         motor_position: float = 0.0,

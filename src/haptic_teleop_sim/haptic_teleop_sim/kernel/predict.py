@@ -67,7 +67,6 @@ def predict(
     p_col = np.full(len(packed.p), -1, dtype=np.int64)
     d_torque = np.zeros((n, ncol))
     s = np.zeros((packed.states, (ncol + 3) // 4 * 4))
-    channel_delay = [sum(float(packed.p[o]) for c, o in packed.skew if c == ch) for ch in (0, 1)]
     skew_col = np.full(2, -1, dtype=np.int64)
     for column, name in enumerate(free):
         if name in INITIAL:
@@ -96,16 +95,15 @@ def predict(
             elif name.split(".")[0].endswith("_actuator"):
                 d_torque[:, column] = _torque_slope(packed, input_, dt, t0, name)
     # A reading that is late by d shows at t + d what the axis did at t: whole samples are shifted in the
-    # data, which keeps every reading as it is, and the rest (under half a sample) is left to the prediction.
-    advanced, lead = measured, np.zeros(2)
-    if any(channel_delay):
+    # data, which keeps every reading as it is, and the rest is left to the prediction.
+    whole, lead = packed.encoder_shift(dt)
+    advanced = measured
+    if whole.any():
         advanced = np.full_like(measured, np.nan)
-        for channel, delay in enumerate(channel_delay):
-            whole = int(np.rint(delay / dt))
-            source = np.arange(n) + whole
+        for channel, shift in enumerate(whole):
+            source = np.arange(n) + shift
             good = (source >= 0) & (source < n)
             advanced[good, channel] = measured[source[good], channel]
-            lead[channel] = whole * dt - delay
     outer = (
         np.zeros(n) if external_torque is None else np.ascontiguousarray(external_torque, dtype=np.float64)
     )

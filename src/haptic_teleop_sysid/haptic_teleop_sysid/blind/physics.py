@@ -161,13 +161,17 @@ def _shown(e, o, q):
 
 
 @njit(cache=True)
-def integrate(p, e, mode, gains, reference, push, gate, other_speed, other_acceleration, steps, quantise):
+def integrate(
+    p, e, mode, gains, reference, push, gate, other_speed, other_acceleration, steps, quantise, path, follow
+):
     """Return (len(reference), len(OUTPUTS)): the stage driven by `reference` through the controller `mode`.
 
     p: Kt, K, Jm, bm, Ja, ba, sampling period, motor and arm resolution, current limit. e: the slots.
     gains: (8,) of the controller, see `robot`. push: (n + 1, 2) random torque on motor and arm at the
     samples, linear between them. gate: (n,) torque multiplier and offset (n, 2) of effects that come and go.
     other_speed, other_acceleration: (n,) of the other stage's arm. steps: integration steps per sample.
+    path: (n steps + 1, 6), filled with where the stage was (first row: start angles), or empty; with `follow`
+    the stage is led along it instead, and the forces are what these slots do on that way.
     """
     kt, stiffness, jm, bm, ja, ba, period, step_m, step_a, current_limit = p
     n = len(reference)
@@ -182,6 +186,12 @@ def integrate(p, e, mode, gains, reference, push, gate, other_speed, other_accel
     pull = e[ARM + CONSTANT] - e[ARM + GRAV] * math.sin(e[ARM + GRAV_PHASE])
     pull += e[ARM + GROUND] * e[ARM + GROUND_REST]
     qm = -pull / stiffness
+    # In the zeroed angles, the deflection of the start pose is a constant pair of torques.
+    preload = stiffness * (qm - qa)
+    if follow:
+        qm, qa = path[0, 0], path[0, 1]
+    elif len(path):
+        path[0, 0], path[0, 1] = qm, qa
     q2, v2 = qa, 0.0
     start_m, start_a = qm, qa
     zero_m, zero_a = _shown(e, 0, qm), _shown(e, ARM, qa)
@@ -255,6 +265,11 @@ def integrate(p, e, mode, gains, reference, push, gate, other_speed, other_accel
             qm += 0.5 * dt * vm
             qa += 0.5 * dt * va
             q2 += 0.5 * dt * v2
+            step = 1 + k * steps + s
+            if follow:
+                qm, vm, qa, va = path[step, 0], path[step, 1], path[step, 2], path[step, 3]
+            elif len(path):
+                path[step, 0], path[step, 1], path[step, 2], path[step, 3] = qm, vm, qa, va
             stretch, rate = qm - qa, vm - va
             # --- the joint
             joint = 0.0
@@ -310,16 +325,20 @@ def integrate(p, e, mode, gains, reference, push, gate, other_speed, other_accel
             vm = (vm * (1.0 - hm) + dt * total_m / jm) / (1.0 + hm)
             before = va
             va = (va * (1.0 - ha) + dt * total_a / load) / (1.0 + ha)
+            if follow:
+                va = path[min(step + 1, len(path) - 1), 3]
             force_m += em + kt * (drive - sensed)
             force_a += ea - (load - ja) * (va - before) / dt
             qm += 0.5 * dt * vm
             qa += 0.5 * dt * va
             q2 += 0.5 * dt * v2
+            if follow:
+                qm, qa = path[step, 4], path[step, 5]
+            elif len(path):
+                path[step, 4], path[step, 5] = qm, qa
             place = (place + 1) % history
             past_m[place], past_a[place] = qm, qa
         out[k, 9] = sensed_sum / steps
-        # In the zeroed angles, the deflection of the start pose is a constant pair of torques.
-        preload = stiffness * (start_m - start_a)
         out[k, 10], out[k, 11] = force_m / steps - preload, force_a / steps + preload
         out[k, 12] = current_sum / steps
     return out

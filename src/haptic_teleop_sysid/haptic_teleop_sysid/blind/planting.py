@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -68,8 +68,18 @@ class Run:
         return bool(np.isfinite(self.out).all() and np.max(np.abs(self.out[:, :2])) < 2.2)
 
 
-def run(setting: Setting, planted: list[Planted], scene: Scene | None, push: Array | None = None) -> Run:
-    """Return what happens; without `push` there is neither random torque nor quantisation."""
+def run(
+    setting: Setting,
+    planted: list[Planted],
+    scene: Scene | None,
+    push: Array | None = None,
+    path: Array | None = None,
+    follow: bool = False,
+) -> Run:
+    """Return what happens; without `push` there is neither random torque nor quantisation.
+
+    `path`: filled with where the robot was, or, with `follow`, where it is led along (see `integrate`).
+    """
     robot, experiment, n = setting.robot, setting.experiment, setting.samples
     slots = empty()
     gate = np.zeros((n, 3))
@@ -94,6 +104,8 @@ def run(setting: Setting, planted: list[Planted], scene: Scene | None, push: Arr
         setting.other_acceleration,
         QUIET_STEPS if quiet else STEPS,
         not quiet,
+        np.zeros((0, 6)) if path is None else path,
+        follow,
     )
     shown = {"motor": out[:, 6], "arm": out[:, 7]}
     read = {"motor": out[:, 4], "arm": out[:, 5]}
@@ -114,6 +126,24 @@ def run(setting: Setting, planted: list[Planted], scene: Scene | None, push: Arr
 def _shifted(values: Array, delay: float) -> Array:
     time = np.arange(len(values)) * PERIOD
     return np.interp(time - delay, time, values)
+
+
+def shares_of(
+    setting: Setting, planted: list[Planted], scenes: dict[str, Scene], push: Array
+) -> tuple[Run, list[Column]]:
+    """Return the run with all of `planted`, and what each of them adds on its way.
+
+    Not what each would add alone: a spring that holds the motor leaves its friction no way to show.
+    """
+    path = np.zeros((setting.samples * STEPS + 1, 6))
+    together = run(setting, planted, scenes[planted[0].part], push, path)
+    commanded = replace(
+        setting,
+        experiment=replace(setting.experiment, loop="open loop current", reference=together.out[:, 8].copy()),
+    )
+    return together, [
+        contribution(setting, run(commanded, [one], scenes[one.part], push, path, True)) for one in planted
+    ]
 
 
 def driven_of(setting: Setting, quiet: Run) -> Driven:

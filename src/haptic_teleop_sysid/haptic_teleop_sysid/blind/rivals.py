@@ -78,11 +78,16 @@ def _play(stretch: Array, width: float) -> Array:
 
 
 def rivals(
-    driven: Driven, like: Driven, torque_constant: float, stiffness: float, known_gain: bool
+    driven: Driven,
+    like: Driven,
+    torque_constant: float,
+    stiffness: float,
+    known_gain: bool,
+    delays: tuple[float, ...] = (),
 ) -> Iterator[Rival]:
     """Yield the table's effects along `driven`, signs as the physics allows them.
 
-    The grids of shapes come from `like`, so that several recordings share them.
+    The grids of shapes come from `like`, so that several recordings share them; `delays` come beside theirs.
     """
     d, period = driven, driven.time[1] - driven.time[0]
     sides = (
@@ -135,14 +140,14 @@ def rivals(
                 yield Rival("torque_ripple", part, tuple(push(w) for w in waves), (0, 0))
             yield Rival("encoder_eccentricity", f"{part}_encoder", tuple(show(w) for w in waves), (0, 0))
         yield Rival("encoder_scale", f"{part}_encoder", (show(angle),), (0,))
-        for delay in (0.002, 0.006, 0.015, 0.03):
+        for delay in (0.002, 0.006, 0.015, 0.03, *delays):
             shift = _late(angle, delay, d.time) - angle
             early = _late(angle, -delay, d.time) - angle
             yield Rival("sensor_delay", f"{part}_encoder", (show(shift),), (1,))
             yield Rival("channel_skew", f"{part}_encoder", (show(shift),), (1,))
             yield Rival("channel_skew", f"{part}_encoder", (show(early),), (1,))
     yield from _joint(driven, like, stiffness)
-    yield from _actuator(driven, like, torque_constant, period, known_gain)
+    yield from _actuator(driven, like, torque_constant, period, known_gain, delays)
 
 
 def _joint(d: Driven, like: Driven, stiffness: float) -> Iterator[Rival]:
@@ -186,7 +191,9 @@ def _mode_force(d: Driven, frequency: float) -> Array:
     return np.asarray(lfilter(np.ravel(found[0]), found[1], d.arm_acceleration))
 
 
-def _actuator(d: Driven, like: Driven, kt: float, period: float, known_gain: bool) -> Iterator[Rival]:
+def _actuator(
+    d: Driven, like: Driven, kt: float, period: float, known_gain: bool, delays: tuple[float, ...]
+) -> Iterator[Rival]:
     u, peak = d.current, float(np.max(np.abs(like.current))) + 1e-9
 
     def both(effect: str, change: Array) -> Iterator[Rival]:
@@ -194,7 +201,7 @@ def _actuator(d: Driven, like: Driven, kt: float, period: float, known_gain: boo
         yield Rival(effect, "actuator", (Column(motor_force=kt * change),), (1,))
         yield Rival(effect, "actuator", (Column(motor_force=kt * change, current=change),), (1,))
 
-    for delay in (0.002, 0.005, 0.01, 0.02, 0.04):
+    for delay in (0.002, 0.005, 0.01, 0.02, 0.04, *delays):
         yield from both("input_delay", _held_late(u, delay, period) - u)
         for way in (-delay, delay):
             shift = (
@@ -219,16 +226,18 @@ def distances(
     torque_constant: float,
     stiffness: float,
     known_torque_constant: bool,
+    delays: tuple[float, ...] = (),
 ) -> dict[tuple[str, str], float]:
     """Return nats between the truth and the nearest shape of each (effect, part), both recordings together.
 
-    `experiments`: each recording's trajectory and what the truth adds to it.
+    `experiments`: each recording's trajectory and what the truth adds to it; `delays`: of the truth itself,
+    without which the grid would call a late reading and a late stamp two things.
     """
     rows: list[Array] = []
     listed: list[Rival] = []
     for driven, truth in experiments:
         like = experiments[0][0]
-        found = list(rivals(driven, like, torque_constant, stiffness, known_torque_constant))
+        found = list(rivals(driven, like, torque_constant, stiffness, known_torque_constant, delays))
         base = base_columns(filter_, driven, known_torque_constant)
         columns = [truth, *(column for rival in found for column in rival.columns)]
         rows.append(beyond(base, whiten(filter_, columns, len(driven.motor))))

@@ -54,7 +54,9 @@ class Answers:
         for begin in range(0, len(values), _CHUNK):
             some = values[begin : begin + _CHUNK]
             parts = []
-            for record, run, (transition, gain) in zip(self.records, self.runs, self.observers, strict=True):
+            for record, run, (transition, gain, shown) in zip(
+                self.records, self.runs, self.observers, strict=True
+            ):
                 torques = [columns(entry, parameter, v, record, run.states, channel) for v in some]
                 answers = answers_to(
                     np.ascontiguousarray(np.concatenate(torques).T),
@@ -63,6 +65,7 @@ class Answers:
                     np.isfinite(record.measured),
                     transition,
                     gain,
+                    shown,
                 )
                 parts.append(whiten(self.packed, record, run.innovation, answers)[1])
             stacked = np.concatenate(parts)
@@ -85,6 +88,7 @@ def answers_to(
     read: NDArray[np.bool_],
     transition: FloatArray,
     gain: FloatArray,
+    shown: FloatArray,
 ) -> FloatArray:
     """Innovations (n, 2, columns) that answer each torque (n, columns) at motor (0) or arm (1), held over a
     sample, or each error of that encoder; ``read`` (n, 2): which readings there are."""
@@ -97,7 +101,9 @@ def answers_to(
             if read[k, ch]:
                 error = 1.0 if output and ch == channel else 0.0
                 for c in range(m):
-                    answers[k, ch, c] = x[ch, c] + error * pushes[k, c]
+                    # What a reading that is late by part of a sample shows of the speed.
+                    late = shown[ch, 2 + ch] * x[2 + ch, c]
+                    answers[k, ch, c] = x[ch, c] + late + error * pushes[k, c]
         for i in range(6):
             for c in range(m):
                 corrected[i, c] = x[i, c] - gain[i, 0] * answers[k, 0, c] - gain[i, 1] * answers[k, 1, c]

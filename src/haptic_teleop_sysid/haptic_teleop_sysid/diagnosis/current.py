@@ -39,8 +39,9 @@ _CLEAR, _LEAST_AGAINST = 25.0, 2.0
 _EXACT = 1e-4
 #: Samples at the start that may still answer what was commanded before the recording.
 _UNSEEN = 64
-#: Starts: times in samples, limits and dead bands relative to the largest and the rms command.
-_TIMES = (0.02, 0.1, 0.3, 0.6, 1.0, 2.0, 4.0, 8.0, 16.0)
+#: Starts: times in samples (a loop's command is so lively that a delay shows only within one of its own),
+#: limits and dead bands relative to the largest and the rms command.
+_TIMES = (0.02, 0.1, 0.3, 0.6, *(float(n) for n in range(1, _UNSEEN + 1)))
 _LIMITS = (0.3, 0.5, 0.7, 0.8, 0.9, 0.95, 0.99)
 _WIDTHS = (0.005, 0.02, 0.05, 0.1, 0.2, 0.4)
 

@@ -10,19 +10,22 @@ import numpy as np
 from haptic_teleop_sim.model import Model
 from haptic_teleop_sysid.estimation.gauss_newton import Fit
 
+from .candidates import family
 from .explanation import Explanation
 
-#: Nats that an effect must gain on the estimation and on the validation recordings. Set on development
-#: recordings, of which few are clean: docs/diagnosis.md says which, and what has to be measured yet.
+#: Nats that an effect must gain on the estimation and on the validation recordings.  On 113 pairs of clean
+#: recordings of the benchmark nothing gained 12 nats, whatever the validation recordings said:
+#: docs/diagnosis.md.
 LEAST_GAIN = 12.0
-LEAST_HELD_OUT = 3.0
+LEAST_HELD_OUT = 1.5
 #: From this gain on the estimation recordings it suffices that the validation recordings do not speak against
 #: the effect (by more than LEAST_AGAINST nats): they may not have reached the stop or the limit at all.
+#: Between the two gains, what is asked of them goes linearly from one to the other.
 CLEAR_GAIN = 30.0
 LEAST_AGAINST = 2.0
 #: A further effect must gain at least this share of the strongest one: smaller ones are what a slightly wrong
 #: form of that leaves behind.
-LEAST_SHARE = 0.02
+LEAST_SHARE = 0.01
 #: ... and this share where it is of the same kind at the same place, where such leftovers go first, or where
 #: it is not even clear which effect it is.
 LEAST_SHARE_ALIKE = 0.15
@@ -87,8 +90,8 @@ def choose(
     named = [e for e in good if not e.effect.entry.unnamed]
     best = max(good, key=lambda e: e.score)
     if best.effect.entry.unnamed:
-        # A name has to lose clearly before it is not given.
-        nearest = max((e.score for e in named), default=0.0)
+        # A name has to lose clearly before it is not given, be its size known well or not.
+        nearest = max((e.score for e in found if e.material and not e.effect.entry.unnamed), default=0.0)
         if best.score > nearest + max(CLEARLY_LESS, SHARE_LESS * nearest) and best.score > (
             LEAST_SHARE_ALIKE * best_so_far
         ):
@@ -112,6 +115,7 @@ def choose(
     choice = Choice(ranked[0][0], ranked[0][1], rivals)
     if (
         choice.ambiguous
+        and not _forms_of_one_thing(choice)
         and choice.chosen.by_current <= 0.0
         and choice.chosen.score < LEAST_SHARE_ALIKE * best_so_far
     ):
@@ -119,10 +123,15 @@ def choose(
     return choice
 
 
+def _forms_of_one_thing(choice: Choice) -> bool:
+    """Whether only the form is in doubt (a spring or gravity over a small angle), not what it is and where."""
+    chosen, forms = choice.chosen.effect, family(choice.chosen.effect.effect)
+    return all(e.effect.location == chosen.location and e.effect.effect in forms for e, _ in choice.others)
+
+
 def _gains_enough(explanation: Explanation) -> bool:
-    if explanation.gain >= CLEAR_GAIN:
-        return explanation.held_out >= -LEAST_AGAINST
-    return explanation.gain >= LEAST_GAIN and explanation.held_out >= LEAST_HELD_OUT
+    asked = np.interp(explanation.gain, (LEAST_GAIN, CLEAR_GAIN), (LEAST_HELD_OUT, -LEAST_AGAINST))
+    return explanation.gain >= LEAST_GAIN and explanation.held_out >= float(asked)
 
 
 def _least_share(explanation: Explanation) -> float:
@@ -146,15 +155,36 @@ def _prior(explanation: Explanation, sense_follows: bool) -> float:
 
 
 def significant(explanation: Explanation) -> bool:
-    """Whether the effect's size differs from none by more than its uncertainty."""
-    effect, std = explanation.effect, standard_errors(explanation.fit) | explanation.std
+    """Whether the effect's size differs from none by more than its uncertainty (Wald test of all its sizes).
+
+    Its shape stays as it was found: without the effect it has none, and of a slow drift neither the change
+    nor the time constant is known although their ratio is. The structure's parameters are projected out.
+    """
+    effect, fit = explanation.effect, explanation.fit
     head = f"{effect.location}.{effect.effect}."
-    sizes = [
-        abs(effect.values[p.name] - p.neutral) > SIGNIFICANT * std.get(head + p.name, 0.0)
+    away = {
+        head + p.name: effect.values[p.name] - p.neutral
         for p in effect.entry.parameters
         if p.default is None and p.neutral is not None
-    ]
-    return any(sizes) or not sizes
+    }
+    if not away:
+        return True
+    for name, size in away.items():
+        # What the currents determined, what no fit was free to change, and a limit where there is none.
+        error = explanation.std.get(name, None if name in fit.free and np.isfinite(size) else 0.0)
+        if error is not None and abs(size) > SIGNIFICANT * error:
+            return True
+    tested = [n for n in fit.free if n in away]
+    if not tested or not np.all(np.isfinite(fit.information)):
+        return False
+    others = [n for n in fit.free if not n.startswith(head)]
+    kept = [fit.free.index(n) for n in (*others, *tested)]
+    scale = np.sqrt(np.maximum(np.diag(fit.information)[kept], 1e-300))
+    inverse = np.linalg.pinv(
+        fit.information[np.ix_(kept, kept)] / np.outer(scale, scale), rcond=1e-12, hermitian=True
+    )[len(others) :, len(others) :]
+    apart = scale[len(others) :] * np.array([away[n] for n in tested])
+    return bool(apart @ np.linalg.pinv(inverse, hermitian=True) @ apart > SIGNIFICANT**2)
 
 
 def standard_errors(fit: Fit) -> dict[str, float]:

@@ -18,9 +18,10 @@ from .scales import Scales, within_reach
 from .shortlist import shortlist
 from .trials import LAST_STEPS, TUNING_STEPS, best_of_each, polish, quiet, trial, with_companion
 
-#: Trials under each noise model whose levels are tuned, explanations that are fitted to the end, and those
-#: whose end is a new start for the model without them.
+#: Trials under each noise model whose levels are tuned: the best, and those that promised most; explanations
+#: that are fitted to the end, and those whose end is a new start for the model without them.
 _MOST_TUNED = 6
+_MOST_PROMISED = 3
 _MOST_POLISHED = 6
 _MOST_ABLATED = 2
 #: Gain (nats) of the model without them from which everything is done again from there ...
@@ -51,17 +52,23 @@ def explore(
     fits: list[Fit] = []
     for noise, promising in zip((fit.noise, quiet(fit.noise)), chosen, strict=True):
         trials: list[Fit] = []
+        promised: list[Fit] = []
         touched: dict[str, float] = {}
         for s in promising:
             say(f"fitting {s.effect.effect} at {s.effect.location}")
             starts = contacts(s.effect, touched.get(s.effect.location))
             best = trial(fit, lab, starts, larger_starts(s.effect, scales), estimation, noise, limits)
             trials += best
+            if len(promised) < _MOST_PROMISED:
+                promised += best
             if len(starts) > 1 and best and "contact_angle" in best[0].model.effects[-1].parameters:
                 # One contact for all forms of friction at a place.
                 touched[s.effect.location] = best[0].model.effects[-1].parameters["contact_angle"]
         trials.sort(key=lambda t: -t.log_likelihood)
-        fits += [polish(t, estimation, limits, TUNING_STEPS) for t in trials[:_MOST_TUNED]]
+        # What promised most gets its levels, too: a few steps may be too few where the structure's parameters
+        # have gone far to make up for it.
+        late = [t for t in promised if all(t is not other for other in trials[:_MOST_TUNED])]
+        fits += [polish(t, estimation, limits, TUNING_STEPS) for t in [*trials[:_MOST_TUNED], *late]]
     index = len(fit.model.effects)
     # What is too small or too much like a simpler thing to be named takes no place from what is not.
     fits = sorted(

@@ -17,7 +17,7 @@ _DISTINCT = 0.2
 #: Least size of a torque, as a share of the rms input torque.
 _SMALL_TORQUE = 0.0001
 #: Least delay as a share of the sample period: less is not told from how the samples were taken.
-_SHARE_OF_SAMPLE = 0.02
+_SHARE_OF_SAMPLE = 0.003
 #: Displacement (rad) from which a contact that gives before it slides bears its own name.
 _PRESLIDING = 1e-3
 #: ... and the share of the whole travel up to which it does.
@@ -89,7 +89,7 @@ def material(effect: Effect, scales: Scales) -> bool:
         return p["coefficient"] > 0.002
     if name == "payload_change":
         return (
-            abs(p["inertia"]) > 0.003 * scales.size["inertia"]
+            abs(p["inertia"]) > 0.0003 * scales.size["inertia"]
             and 0.02 < p["time"] / scales.size["duration"] < 0.98
         )
     if name == "extra_flexible_mode":

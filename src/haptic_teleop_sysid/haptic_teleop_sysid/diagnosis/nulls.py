@@ -70,7 +70,7 @@ def null_record(fit: Fit, noise: NoiseModel, record: Record, generator: np.rando
         t0=record.start,
     )
     # The disturbances' answer is added: exact for a linear structure, and small.
-    transition, _ = observer(packed, noise, record.dt, channels(packed, record))
+    transition, _, _ = observer(packed, noise, record.dt, channels(packed, record))
     decay = np.array(noise.decay(record.dt))
     level = np.array([noise.motor_torque, noise.arm_torque])
     drawn = generator.standard_normal((n, 2)) * level * np.sqrt(1.0 - decay**2)

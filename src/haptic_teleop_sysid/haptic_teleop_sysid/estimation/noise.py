@@ -76,13 +76,23 @@ def _linearised(base: tuple[float, ...], rigid: bool) -> tuple[FloatArray, Float
 
 def observer(
     packed: Packed, noise: NoiseModel, dt: float, measured: Sequence[int] | None = None
-) -> tuple[FloatArray, FloatArray]:
+) -> tuple[FloatArray, FloatArray, FloatArray]:
     """The stationary observer of the structure linearised at speed: transition (6, 6) over one sample of
     [q_motor, q_arm, v_motor, v_arm, d_motor, d_arm], whose columns 4 and 5 are also the answer to a torque
-    held over the sample, and gain (6, 2).  See `observer_gain`."""
+    held over the sample, gain (6, 2), and what the encoders show of the state (2, 6): `observer_gain`."""
     base = noise.reference if noise.reference is not None else tuple(float(v) for v in packed.base)
     gain = observer_gain(packed, noise, dt, measured)
-    return _transition(base, bool(packed.rigid), noise, dt), gain[[0, 1, 2, 3, -2, -1]]
+    shown = _shown(tuple(packed.encoder_shift(dt)[1].tolist()))
+    return _transition(base, bool(packed.rigid), noise, dt), gain[[0, 1, 2, 3, -2, -1]], shown
+
+
+def _shown(lead: tuple[float, ...]) -> FloatArray:
+    """What encoders show (2, 6) of the state when they are ``lead`` (2,) seconds ahead of it: late by a part
+    of a sample, a reading is of the speed as well, and its observer corrects otherwise."""
+    c = np.zeros((2, 6))
+    c[0, 0] = c[1, 1] = 1.0
+    c[0, 2], c[1, 3] = lead
+    return c
 
 
 def _transition(base: tuple[float, ...], rigid: bool, noise: NoiseModel, dt: float) -> FloatArray:
@@ -94,11 +104,16 @@ def _transition(base: tuple[float, ...], rigid: bool, noise: NoiseModel, dt: flo
 
 
 def observer_gain(
-    packed: Packed, noise: NoiseModel, dt: float, measured: Sequence[int] | None = None
+    packed: Packed,
+    noise: NoiseModel,
+    dt: float,
+    measured: Sequence[int] | None = None,
+    lead: FloatArray | None = None,
 ) -> FloatArray:
     """Stationary Kalman gain (packed.states, 2) of the structure linearised at speed; own states of effects
     get none. ``measured`` says which encoders take part (0 motor, 1 arm; both by default, the motor's alone
     for a rigid body): an arm that nobody reads has to be inferred from the motor, with another gain.
+    ``lead`` (2,): how far the encoders are ahead of the state, s (the model's own by default).
 
     Raises numpy.linalg.LinAlgError when the Riccati equation has no solution (unobservable or overflowing
     levels).
@@ -106,7 +121,8 @@ def observer_gain(
     rigid = bool(packed.rigid)
     channels = tuple([0] if rigid else [0, 1]) if measured is None else tuple(measured)
     base = noise.reference if noise.reference is not None else tuple(float(v) for v in packed.base)
-    gain = _structure_gain(base, rigid, replace(noise, reference=None), dt, channels)
+    ahead = packed.encoder_shift(dt)[1] if lead is None else lead
+    gain = _structure_gain(base, rigid, replace(noise, reference=None), dt, channels, tuple(ahead.tolist()))
     full = np.zeros((packed.states, 2))
     places = {0: 0, 1: 1, 2: 2, 3: 3, 4: packed.states - 2, 5: packed.states - 1}
     for state, row in enumerate(gain):
@@ -116,10 +132,15 @@ def observer_gain(
 
 @lru_cache(maxsize=64)
 def _structure_gain(
-    base: tuple[float, ...], rigid: bool, noise: NoiseModel, dt: float, channels: tuple[int, ...]
+    base: tuple[float, ...],
+    rigid: bool,
+    noise: NoiseModel,
+    dt: float,
+    channels: tuple[int, ...],
+    lead: tuple[float, ...],
 ) -> FloatArray:
     """The gain (6, 2) of the structure alone: screening asks for one and the same hundreds of times."""
-    _, c = _linearised(base, rigid)
+    c = _shown(lead)
     transition, decay = _transition(base, rigid, noise, dt), noise.decay(dt)
     q = np.zeros((6, 6))
     q[4, 4] = noise.motor_torque**2 * (1.0 - decay[0] ** 2)

@@ -261,6 +261,12 @@ def _gain_slopes(
             base[place] += step
             there = replace(noise, reference=tuple(float(v) for v in base))
             d_gain[:, :, i] = (observer_gain(packed, there, dt, measured) - gain) / step
+        group, place = packed.index[name]
+        for channel, offset in packed.skew:
+            if group == "p" and offset == place and channel < 2:
+                lead = packed.encoder_shift(dt)[1]
+                lead[channel] -= _STEP * dt
+                d_gain[:, :, i] = (observer_gain(packed, noise, dt, measured, lead) - gain) / (_STEP * dt)
     for i, name in enumerate(levels, start=len(names)):
         there = noise.scaled(**{name: float(np.exp(_STEP))})
         d_gain[:, :, i] = (observer_gain(packed, there, dt, measured) - gain) / _STEP
