@@ -22,7 +22,7 @@ from haptic_teleop_sysid.blind.cases import draw_case
 from haptic_teleop_sysid.blind.detect import Column, whiten, whitener
 from haptic_teleop_sysid.blind.effects import BY_NAME, PLACES
 from haptic_teleop_sysid.blind.physics import integrate
-from haptic_teleop_sysid.blind.planting import run
+from haptic_teleop_sysid.blind.planting import contribution, run, shares_of
 from haptic_teleop_sysid.blind.robot import Robot, disturbance
 from haptic_teleop_sysid.blind.runner import parse_cases, plan
 from haptic_teleop_sysid.blind.scoring import score_case
@@ -391,3 +391,48 @@ def test_noise_has_the_level_and_the_memory_that_were_drawn() -> None:
     assert np.std(push, axis=0) == pytest.approx([0.2, 0.05], rel=0.05)
     memory = np.corrcoef(push[25:, 0], push[:-25, 0])[0, 1]
     assert memory == pytest.approx(math.exp(-1.0), abs=0.03)  # one correlation time later
+
+
+def test_what_two_effects_add_on_their_way_together_is_what_both_add() -> None:
+    """Forces apart along one path: exact but for rounding, whatever the two are."""
+    for index in range(3):
+        case = draw_case(77, "pair", index, "pair")
+        told = list(case.planted[:2])
+        together, each = shares_of(case.settings[0], told, case.scenes, case.pushes[0])
+        total = contribution(case.settings[0], together)
+        for what in ("motor_force", "arm_force", "motor_error", "arm_error", "current"):
+            parts = [getattr(column, what) for column in each]
+            scale = max(float(np.max(np.abs(part))) for part in parts) + 1e-9
+            assert np.max(np.abs(sum(parts) - getattr(total, what))) < 1e-9 * scale + 1e-12
+
+
+def test_a_stop_that_the_recording_does_not_reach_is_not_planted() -> None:
+    """Random torque may keep the robot from a stop that it just touches without: d' is the recording's."""
+    index = next(i for i in range(len(PLACES)) if _single_effect(i) == "hard_stop")
+    case = draw_case(5, "single", index, "stop", levels=(32.0,))
+    truth = case.label["truth"][0]
+    moved = run(case.settings[0], list(case.planted), case.scenes["motor"], case.pushes[0])
+    column = 1 if truth["location"].endswith("arm") else 0
+    angle = truth["parameters"]["angle"]
+    pull = moved.out[:, 11 if column else 10]
+    assert truth["detectability"] == pytest.approx(32.0, rel=0.75)
+    assert np.max(np.abs(pull)) > 0.0
+    assert np.max(moved.out[:, column] * np.sign(angle)) > 0.98 * abs(angle)
+
+
+def _single_effect(index: int) -> str:
+    order = np.random.default_rng((5, 55)).permutation(len(PLACES))
+    return PLACES[int(order[index])][0]
+
+
+def test_a_late_reading_and_a_late_stamp_are_one_thing_in_the_labels() -> None:
+    """Whatever the delay: the grid of rivals holds the truth's own."""
+    for index in range(len(PLACES)):
+        effect, part = PLACES[int(np.random.default_rng((5, 55)).permutation(len(PLACES))[index])]
+        if (effect, part) == ("sensor_delay", "motor_encoder"):
+            case = draw_case(5, "single", index, "late", levels=(128.0,))
+            stage = case.label["stage"]
+            assert ("channel_skew", f"{stage}_motor_encoder") in case.label["sets"][0]
+            assert not case.label["isolable"]
+            return
+    raise AssertionError("no such effect")

@@ -1,0 +1,102 @@
+"""An encoder that is late by part of a sample: what the observer makes of it.
+
+The robot is integrated here by the matrix exponential at a hundredth of the sample, with coloured torques and
+quantised readings; no code of the observer is used.
+"""
+
+import numpy as np
+import pytest
+from scipy.linalg import expm
+
+from haptic_teleop_sim.kernel import pack
+from haptic_teleop_sim.model import Effect, Model
+from haptic_teleop_sysid.estimation.likelihood import innovations
+from haptic_teleop_sysid.estimation.noise import NoiseModel, observer_gain
+from haptic_teleop_sysid.estimation.records import Record
+from haptic_teleop_sysid.estimation.whole_fit import fit_whole
+
+DT, FINE, SAMPLES = 0.002, 100, 6000
+COUNT = 1.5e-5
+P = {
+    "torque_constant": 1.0,
+    "stiffness": 4.0,
+    "motor_inertia": 0.07,
+    "motor_damping": 2.5,
+    "arm_inertia": 0.16,
+    "arm_damping": 0.02,
+}
+MODEL = Model("sfj", "stage1", "flexible_joint", P, fixed=("stiffness",))
+NOISE = NoiseModel(0.19, 0.03, COUNT / 12**0.5, COUNT / 12**0.5, 0.4, 0.04)
+
+
+def late(model, delay, effect="sensor_delay", place="motor_encoder"):
+    return model.with_effects(Effect(effect, f"stage1_{place}", {"delay": delay}))
+
+
+def recorded(delay, seed=5):
+    """A motor encoder that is ``delay`` late, a lively command."""
+    rng = np.random.default_rng(seed)
+    a, b = np.zeros((4, 4)), np.zeros((4, 2))
+    a[0, 2] = a[1, 3] = 1.0
+    ks, jm, ja = P["stiffness"], P["motor_inertia"], P["arm_inertia"]
+    a[2] = [-ks / jm, ks / jm, -P["motor_damping"] / jm, 0.0]
+    a[3] = [ks / ja, -ks / ja, 0.0, -P["arm_damping"] / ja]
+    b[2, 0], b[3, 1] = 1.0 / jm, 1.0 / ja
+    both = expm(np.block([[a, b], [np.zeros((2, 6))]]) * DT / FINE)
+    ahead, push = both[:4, :4], both[:4, 4:]
+    time = np.arange(SAMPLES) * DT
+    command = 1.5 * np.sin(2 * np.pi * 0.7 * time) + 0.8 * rng.standard_normal(SAMPLES)
+    disturbance = np.zeros(2)
+    level, decay = np.array([0.19, 0.03]), np.exp(-DT / np.array([0.4, 0.04]))
+    state, past, read = np.zeros(4), np.zeros((SAMPLES, FINE)), np.empty((SAMPLES, 2))
+    steps = round(delay / DT * FINE)
+    flat = past.reshape(-1)
+    for k in range(SAMPLES):
+        place = k * FINE - steps
+        read[k] = (flat[place] if place >= 0 else 0.0), state[1]
+        for s in range(FINE):
+            past[k, s] = state[0]
+            state = ahead @ state + push @ (np.array([command[k], 0.0]) + disturbance)
+        disturbance = decay * disturbance + level * np.sqrt(1 - decay**2) * rng.standard_normal(2)
+    measured = COUNT * np.round(read / COUNT)
+    return Record("late", DT, command, measured, np.zeros(SAMPLES), (COUNT, COUNT), at_rest=True)
+
+
+@pytest.fixture(scope="module")
+def record():
+    return recorded(0.0007)
+
+
+def colour(model, record):
+    """Correlation of the motor's innovations from one sample to the next."""
+    e = innovations(pack(model), NOISE, record).innovation[200:, 0]
+    return float(np.corrcoef(e[:-1], e[1:])[0, 1])
+
+
+def test_innovations_of_a_late_encoder_are_white_under_the_true_model(record):
+    assert abs(colour(late(MODEL, 0.0007), record)) < 4.0 / SAMPLES**0.5
+    assert colour(MODEL, record) > 0.2
+
+
+def test_an_observer_that_takes_late_readings_for_timely_ones_leaves_colour(record):
+    packed = pack(late(MODEL, 0.0007))
+    as_if = observer_gain(packed, NOISE, DT, lead=np.zeros(2))
+    e = innovations(packed, NOISE, record, gain=as_if).innovation[200:, 0]
+    assert np.corrcoef(e[:-1], e[1:])[0, 1] > 0.08
+
+
+@pytest.mark.parametrize("delay", [0.0007, 0.0013, 0.0032])
+def test_the_delay_is_found_to_a_hundredth_of_a_sample(delay):
+    fit = fit_whole(late(MODEL, 0.0011), NOISE, [recorded(delay)], iterations=20)
+    assert fit.model.effects[0].parameters["delay"] == pytest.approx(delay, abs=0.01 * DT)
+
+
+@pytest.mark.parametrize(
+    ("delay", "whole", "lead"),
+    [(0.0, 0, 0.0), (0.3, 0, -0.3), (1.6, 1, -0.6), (3.0, 3, 0.0), (-0.2, 0, 0.2), (-0.7, -1, -0.3)],
+)
+def test_readings_are_looked_for_in_the_sample_before(delay, whole, lead):
+    model = late(MODEL, delay * DT, "channel_skew")
+    shift, ahead = pack(model).encoder_shift(DT)
+    assert list(shift) == [whole, 0]
+    assert ahead == pytest.approx([lead * DT, 0.0], abs=1e-12)
