@@ -312,8 +312,8 @@ def test_what_was_sought_over_many_values_has_to_gain_more():
     varied = explanation("position_dependent_friction", 25.1, 31.7, **sought)
     choice = choose([varied, plain], 0.0, False)
     assert choice.chosen is plain
-    assert plain.gain + plain.held_out - plain.score == 1.0
-    assert varied.gain + varied.held_out - varied.score == 7.0
+    assert plain.gain + plain.held_out - plain.score == 2.0
+    assert varied.gain + varied.held_out - varied.score == 10.0
 
 
 def test_where_derivatives_overflowed_nothing_is_significant():

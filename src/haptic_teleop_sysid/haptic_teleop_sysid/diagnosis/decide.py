@@ -124,7 +124,7 @@ def choose(
 
 
 def _forms_of_one_thing(choice: Choice) -> bool:
-    """Whether only the form is in doubt (a spring or gravity over a small angle), not what it is and where."""
+    """Whether only the form is in doubt (a spring or gravity over a small angle), not what and where."""
     chosen, forms = choice.chosen.effect, family(choice.chosen.effect.effect)
     return all(e.effect.location == chosen.location and e.effect.effect in forms for e, _ in choice.others)
 
@@ -187,15 +187,18 @@ def significant(explanation: Explanation) -> bool:
     return bool(apart @ np.linalg.pinv(inverse, hermitian=True) @ apart > SIGNIFICANT**2)
 
 
-def standard_errors(fit: Fit) -> dict[str, float]:
-    """Standard errors by parameter name, from the information matrix (parameters at a bound have none);
-    infinite where derivatives have overflowed, so that nothing is significant."""
-    if not len(fit.free):
+def standard_errors(fit: Fit, held: Sequence[str] = ()) -> dict[str, float]:
+    """Standard errors by parameter name, from the information matrix (parameters at a bound have none), those
+    of ``held`` known; infinite where derivatives have overflowed, so that nothing is significant."""
+    kept = [i for i, name in enumerate(fit.free) if name not in held]
+    names = [fit.free[i] for i in kept]
+    if not kept:
         return {}
     if not np.all(np.isfinite(fit.information)):
-        return dict.fromkeys(fit.free, float("inf"))
-    scale = np.sqrt(np.maximum(np.diag(fit.information), 1e-300))
-    inverse = np.linalg.pinv(fit.information / np.outer(scale, scale), rcond=1e-12, hermitian=True)
+        return dict.fromkeys(names, float("inf"))
+    information = fit.information[np.ix_(kept, kept)]
+    scale = np.sqrt(np.maximum(np.diag(information), 1e-300))
+    inverse = np.linalg.pinv(information / np.outer(scale, scale), rcond=1e-12, hermitian=True)
     return {
-        n: float(np.sqrt(max(v, 0.0)) / s) for n, v, s in zip(fit.free, np.diag(inverse), scale, strict=True)
+        n: float(np.sqrt(max(v, 0.0)) / s) for n, v, s in zip(names, np.diag(inverse), scale, strict=True)
     }

@@ -82,19 +82,30 @@ def doubted(
         why = _objection(kept[-1], result.baseline, there, before, estimation, validation, percent)
         if why is None:
             break
-        doubt = Doubt(kept.pop(), *why)
+        doubt = Doubt(kept[-1], *why)
+        kept = _without_last(kept)
     while True:
         final = kept[-1].chosen.fit if kept else result.baseline
         if doubt is not None:
             result = replace(result, choices=tuple(kept), final=final, last_round=())
         stand = stand_of(result, before, estimation, validation)
-        faint = next((c for c in kept if not stands_out(c, final, stand)), None)
+        faint = next((c for c in kept if not stands_out(c, final, stand, validation)), None)
         if faint is None:
             return result, None if kept else doubt, stand
         # What was found after it stood beside it, and falls with it.
-        kept = kept[: kept.index(faint)]
+        kept = _without_last(kept[: kept.index(faint) + 1])
         name = faint.chosen.effect.effect
         doubt = Doubt(faint, f"the size of {name} differs so much between recordings that it may be none")
+
+
+def _without_last(kept: list[Choice]) -> list[Choice]:
+    """The findings without the last one, in whose place comes the next of what it was not told from."""
+    last = kept[-1]
+    if not last.ambiguous:
+        return kept[:-1]
+    (chosen, share), *rest = last.others
+    total = share + sum(p for _, p in rest)
+    return [*kept[:-1], Choice(chosen, share / total, tuple((e, p / total) for e, p in rest))]
 
 
 def _objection(

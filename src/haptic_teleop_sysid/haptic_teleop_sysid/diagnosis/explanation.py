@@ -9,7 +9,7 @@ from haptic_teleop_sysid.estimation.gauss_newton import Fit
 
 #: Nats that a parameter gains by chance, and one that was sought over a whole scale (an order, a frequency,
 #: a place): the best of many values fits noise better than a single one.
-_BY_CHANCE, _SOUGHT = 1.0, 4.0
+_BY_CHANCE, _SOUGHT = 2.0, 4.0
 
 
 @dataclass(frozen=True)

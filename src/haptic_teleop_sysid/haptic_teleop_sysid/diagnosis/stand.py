@@ -88,25 +88,47 @@ def stand_of(
     own = tuple(name for name in fit.free if "." in name)
     if not own:
         return Stand(before, after, {})
-    again = fit_whole(fit.model, there.noise, validation, free=own)
+    return Stand(before, after, _spread(fit, there, validation, own))
+
+
+def _spread(
+    fit: Fit, there: Fit, validation: Sequence[Record], names: tuple[str, ...], held: Sequence[str] = ()
+) -> dict[str, float]:
+    """By what parameters differ on the validation recordings beyond their standard errors, fitted there
+    alone (``there``: with those recordings' noise levels), ``held`` being known."""
+    again = fit_whole(fit.model, there.noise, validation, free=names)
     here, elsewhere = fit.model.parameter_values(), again.model.parameter_values()
-    std, std_there = standard_errors(fit), standard_errors(again)
+    std, std_there = standard_errors(fit, held), standard_errors(again)
     spread = {}
-    for name in own:
+    for name in names:
         chance = std.get(name, 0.0) ** 2 + std_there.get(name, 0.0) ** 2
         spread[name] = float(np.sqrt(max((here[name] - elsewhere[name]) ** 2 - chance, 0.0) / 2.0))
-    return Stand(before, after, spread)
+    return spread
 
 
-def stands_out(choice: Choice, final: Fit, stand: Stand) -> bool:
-    """Whether one of the effect's sizes differs from none by more than its uncertainty, spread included."""
+def stands_out(choice: Choice, final: Fit, stand: Stand, validation: Sequence[Record]) -> bool:
+    """Whether one of the effect's sizes differs from none by more than its uncertainty, spread included: with
+    all its parameters in doubt, or its sizes alone (a slow drift has a rate, but no time constant)."""
     effect = choice.chosen.effect
     head = f"{effect.location}.{effect.effect}."
-    values, std = final.model.parameter_values(), standard_errors(final)
-    sizes = [
-        abs(values[head + p.name] - p.neutral)
-        > STANDS_OUT * np.hypot(std.get(head + p.name, 0.0), stand.spread.get(head + p.name, 0.0))
+    sizes = {
+        head + p.name: p.neutral
         for p in effect.entry.parameters
         if p.default is None and p.neutral is not None and head + p.name in stand.spread
-    ]
-    return any(sizes) or not sizes
+    }
+    values = final.model.parameter_values()
+    std = standard_errors(final)
+
+    def out(std: dict[str, float], spread: dict[str, float]) -> bool:
+        return any(
+            abs(values[n] - none) > STANDS_OUT * np.hypot(std.get(n, 0.0), spread[n])
+            for n, none in sizes.items()
+        )
+
+    if not sizes or out(std, stand.spread):
+        return True
+    shape = [n for n in final.free if n.startswith(head) and n not in sizes]
+    if not shape:
+        return False
+    there = held_out_fit(final, validation, [final.noise])
+    return out(standard_errors(final, shape), _spread(final, there, validation, tuple(sizes), shape))
