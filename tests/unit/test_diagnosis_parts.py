@@ -398,6 +398,16 @@ def test_a_weak_second_effect_is_refused():
     assert choose([weak], 200.0 / LEAST_SHARE, False) is None
 
 
+def test_what_is_left_of_a_lag_is_no_wrong_stamp_beside_it():
+    lag = Effect("actuator_lag", "stage1_actuator", {"time_constant": 0.05})
+    skew = Effect("channel_skew", "stage1_actuator", {"delay": -0.0006})
+    beside = Explanation(fit_of(MODEL.with_effects(lag, skew)), 100.0, 600.0, True, 1)
+    assert choose([beside], 11000.0, False) is None
+    elsewhere = Effect("channel_skew", "stage1_arm_encoder", {"delay": -0.0006})
+    apart = Explanation(fit_of(MODEL.with_effects(lag, elsewhere)), 100.0, 600.0, True, 1)
+    assert choose([apart], 11000.0, False) is not None
+
+
 def test_a_current_that_follows_its_command_speaks_against_a_wrong_stamp():
     tie = [
         explanation("channel_skew", 300.0, 200.0, "actuator", delay=0.01),

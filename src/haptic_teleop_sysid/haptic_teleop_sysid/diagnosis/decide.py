@@ -25,7 +25,7 @@ CLEAR_GAIN = 30.0
 LEAST_AGAINST = 2.0
 #: A further effect must gain at least this share of the strongest one: smaller ones are what a slightly wrong
 #: form of that leaves behind.
-LEAST_SHARE = 0.01
+LEAST_SHARE = 0.02
 #: ... and this share where it is of the same kind at the same place, where such leftovers go first, or where
 #: it is not even clear which effect it is.
 LEAST_SHARE_ALIKE = 0.15
@@ -135,9 +135,12 @@ def _gains_enough(explanation: Explanation) -> bool:
 
 
 def _least_share(explanation: Explanation) -> float:
+    """Leftovers of a slightly wrong form go to what is of its kind at its place first; between command and
+    torque, and in an encoder, to whatever is there."""
     own = explanation.effect
     alike = any(
-        (e.entry.kind, e.location) == (own.entry.kind, own.location)
+        e.location == own.location
+        and (e.entry.kind == own.entry.kind or not own.location.endswith(("_motor", "_arm", "_joint")))
         for e in explanation.fit.model.effects[: explanation.effect_index]
     )
     return LEAST_SHARE_ALIKE if alike else LEAST_SHARE
