@@ -8,6 +8,7 @@ import pytest
 from test_diagnosis_parts import DT, MODEL, coupled, explanation, joint_record
 
 from haptic_teleop_sysid.dataset import DataSet
+from haptic_teleop_sysid.diagnosis.answers import Answers
 from haptic_teleop_sysid.diagnosis.current import shown_by_current
 from haptic_teleop_sysid.diagnosis.decide import choose
 from haptic_teleop_sysid.diagnosis.doubt import doubted
@@ -30,6 +31,25 @@ def test_a_ripple_of_any_order_is_found_between_the_grid_points():
     found, scales = scanned(motor_torque=lambda q: 0.02 * np.sin(57.0 * q + 0.4))
     best = found["torque_ripple", "stage1_motor"][0]
     assert best == pytest.approx(57.0, abs=np.pi / 2 / scales.span(0))
+
+
+@pytest.mark.parametrize("order", [57.0, 140.0])
+def test_the_orders_of_a_long_recording_are_found_on_fewer_samples(order, monkeypatch):
+    """Low ones on a thinned recording, those that are too fast for it on the whole one."""
+    record = joint_record(3, motor_torque=lambda q: 0.03 * np.sin(order * q + 0.4))
+    fit, scales = fit_from_scratch(MODEL, [record]), recording_scales(MODEL, [record])
+    filtered = []
+    gains = Answers.gains
+    monkeypatch.setattr(
+        Answers,
+        "gains",
+        lambda self, *rest: filtered.append((self.records[0].dt, len(rest[-1]))) or gains(self, *rest),
+    )
+    monkeypatch.setattr("haptic_teleop_sysid.diagnosis.scan._ENOUGH_SAMPLES", len(record) // 2)
+    found = scan(fit, [record], scales)
+    assert found["torque_ripple", "stage1_motor"][0] == pytest.approx(order, abs=np.pi / 2 / scales.span(0))
+    thinned, whole = (sum(n for dt, n in filtered if dt == step) for step in (2 * DT, DT))
+    assert thinned > 100 and whole > 100
 
 
 def test_a_stop_is_found_where_it_is():
@@ -91,6 +111,24 @@ def test_the_currents_tell_what_the_amplifier_does(respond, effect, parameter, v
     assert best.effect.effect == effect
     assert best.effect.parameters[parameter] == pytest.approx(value, rel=0.03)
     assert abs(best.effect.parameters[parameter] - value) < 5.0 * best.std + 0.02 * value
+
+
+@pytest.mark.parametrize("samples", [18, -43])
+def test_a_stamp_far_off_shows_where_a_lively_command_is_like_nothing_but_itself(samples):
+    rng = np.random.default_rng(7)
+
+    def stamped(seed):
+        command = 0.3 * np.random.default_rng(seed).standard_normal(4000)
+        sensed = np.roll(command, samples) + 0.002 * rng.standard_normal(4000)
+        zero = np.zeros(4000)
+        return DataSet(
+            "made", "sfj", "stage1", DT, sensed, "A", "measured effort", zero, zero, zero, zero, command
+        )
+
+    found = shown_by_current(MODEL, [stamped(1)], [stamped(2)])
+    assert found[0].effect.effect == "channel_skew" or samples > 0
+    skew = next(s for s in found if s.effect.effect == "channel_skew")
+    assert skew.effect.parameters["delay"] == pytest.approx(samples * DT, abs=0.01 * DT)
 
 
 def test_a_late_stamp_and_a_late_torque_look_alike_to_the_currents():

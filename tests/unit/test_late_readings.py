@@ -12,8 +12,8 @@ from haptic_teleop_sim.kernel import pack
 from haptic_teleop_sim.model import Effect, Model
 from haptic_teleop_sysid.estimation.likelihood import innovations
 from haptic_teleop_sysid.estimation.noise import NoiseModel, observer_gain
-from haptic_teleop_sysid.estimation.records import Record
-from haptic_teleop_sysid.estimation.whole_fit import fit_whole
+from haptic_teleop_sysid.estimation.records import Record, thinned_to
+from haptic_teleop_sysid.estimation.whole_fit import fit_from_scratch, fit_whole, noise_starts
 
 DT, FINE, SAMPLES = 0.002, 100, 6000
 COUNT = 1.5e-5
@@ -100,3 +100,17 @@ def test_readings_are_looked_for_in_the_sample_before(delay, whole, lead):
     shift, ahead = pack(model).encoder_shift(DT)
     assert list(shift) == [whole, 0]
     assert ahead == pytest.approx([lead * DT, 0.0], abs=1e-12)
+
+
+def test_long_recordings_are_fitted_on_fewer_samples_first_and_end_at_the_same(record):
+    direct = max(
+        (fit_whole(late(MODEL, 0.001), n, [record], iterations=30) for n in noise_starts(MODEL, [record])),
+        key=lambda fit: fit.log_likelihood,
+    )
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr("haptic_teleop_sysid.estimation.whole_fit._ENOUGH_SAMPLES", SAMPLES // 2)
+        quick = fit_from_scratch(late(MODEL, 0.001), [record])
+    assert quick.log_likelihood > direct.log_likelihood - 0.3
+    assert thinned_to([record], SAMPLES, 200.0)[0] is record
+    assert [len(r) for r in thinned_to([record], SAMPLES // 2, 200.0)] == [SAMPLES // 2]
+    assert thinned_to([record], 10, 200.0)[0].dt == pytest.approx(2 * DT)

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from haptic_teleop_sim.effects import EFFECTS, EffectParameter, locations
 from haptic_teleop_sysid.estimation.gauss_newton import Fit
-from haptic_teleop_sysid.estimation.records import Record
+from haptic_teleop_sysid.estimation.records import Record, thinned_to
 
 from .answers import Answers
 from .scales import Scales
@@ -33,11 +33,19 @@ _SHARES = (0.998, 0.99, 0.98, 0.96, 0.94, 0.91, 0.88, 0.84, 0.8, 0.75, 0.7)
 _RATIO = 1.04
 #: Places of an angle within the travel.
 _PLACES = 24
+#: Samples in all, and rate, Hz, to which long recordings are thinned for orders: what comes of it are starts.
+_ENOUGH_SAMPLES, _LEAST_RATE = 15000, 200.0
+#: Cycles per sample up to which a thinned recording shows an order, at nine tenths of its samples.
+_RESOLVED = 0.25
 
 
 def scan(fit: Fit, records: Sequence[Record], scales: Scales) -> Scanned:
     """The most promising values of every scanned parameter, by effect and place."""
-    answers = Answers(fit, records)
+    # Of hundreds of orders three become starts.
+    thin = thinned_to(records, _ENOUGH_SAMPLES, _LEAST_RATE)
+    fine = Answers(fit, records)
+    quick = fine if thin is records else Answers(fit, thin)
+    most = [_highest_order(thin, channel) for channel in (0, 1)]
     found: Scanned = {}
     for name, entry in EFFECTS.items():
         parameter = next((p for p in entry.parameters if p.scan), None)
@@ -45,9 +53,21 @@ def scan(fit: Fit, records: Sequence[Record], scales: Scales) -> Scanned:
             continue
         for place in locations(name, fit.model.structure):
             values = list(_values(parameter, scales, place))
-            gains = answers.gains(entry, parameter, place, values)
+            few = sum(v < most[place.startswith("arm")] for v in values) if parameter.scan == "order" else 0
+            gains = np.concatenate(
+                [
+                    quick.gains(entry, parameter, place, values[:few]),
+                    fine.gains(entry, parameter, place, values[few:]),
+                ]
+            )
             found[name, fit.model.location(place)] = _peaks(values, gains)
     return found
+
+
+def _highest_order(records: Sequence[Record], channel: int) -> float:
+    """The highest order for which these samples lie densely enough."""
+    steps = [np.nanquantile(np.abs(np.diff(r.measured[:, channel])), 0.9) for r in records]
+    return 2.0 * math.pi * _RESOLVED / max(float(np.nanmax(steps)), 1e-12)
 
 
 def both(one: Scanned, other: Scanned) -> Scanned:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -67,6 +68,15 @@ def thinned(record: Record, rate: float) -> Record:
         measured=record.measured[blocks][::k].copy(),
         exogenous=record.exogenous[blocks].reshape(n, k).mean(axis=1),
     )
+
+
+def thinned_to(records: Sequence[Record], samples: int, rate: float) -> Sequence[Record]:
+    """The recordings, `thinned` to about that many samples in all, but no further than to ``rate``, Hz; the
+    recordings themselves where they have no more."""
+    total = sum(len(r) for r in records)
+    if total <= samples:
+        return records
+    return [thinned(r, max(rate, samples / total / r.dt)) for r in records]
 
 
 def record_from(data: DataSet, commanded: bool = False) -> Record:

@@ -32,7 +32,7 @@ from .gauss_newton import (
 )
 from .likelihood import channels, innovations, log_likelihood
 from .noise import NoiseModel, observer_gain
-from .records import Record
+from .records import Record, thinned_to
 from .tuning import LEVELS, initial_noise, level_bounds
 
 FloatArray = NDArray[np.float64]
@@ -45,6 +45,8 @@ _LARGEST_FACTOR = 16.0
 _TRIES = 6
 #: Nats that a step may promise and not keep at the top.
 _NEXT_TO_NOTHING = 1.0
+#: Samples in all, and rate, Hz, to which long recordings are thinned on the way.
+_ENOUGH_SAMPLES, _LEAST_RATE = 15000, 200.0
 #: Correlation times of the disturbances at motor and arm from which a fit starts that knows nothing of the
 #: noise, s: one start alone stops now and then a hundred nats below the top.
 START_TIMES = ((1.0, 1.0), (0.1, 0.1), (0.003, 0.3))
@@ -153,12 +155,17 @@ def fit_whole(
 def fit_from_scratch(
     model: Model, records: Sequence[Record], *, limits: Limits | None = None, iterations: int = 30
 ) -> Fit:
-    """`fit_whole` with nothing known of the noise: the best that comes of START_TIMES."""
+    """`fit_whole` with nothing known of the noise: the best that comes of START_TIMES. The way there is made
+    on thinned recordings where they are long."""
+    few = thinned_to(records, _ENOUGH_SAMPLES, _LEAST_RATE)
     fits = [
-        fit_whole(model, noise, records, iterations=iterations, limits=limits)
-        for noise in noise_starts(model, records)
+        fit_whole(model, noise, few, iterations=iterations, limits=limits)
+        for noise in noise_starts(model, few)
     ]
-    return max(fits, key=lambda fit: fit.log_likelihood)
+    best = max(fits, key=lambda fit: fit.log_likelihood)
+    if few is records or not np.isfinite(best.log_likelihood):
+        return best
+    return fit_whole(best.model, best.noise, records, iterations=iterations, limits=limits)
 
 
 def noise_starts(model: Model, records: Sequence[Record]) -> list[NoiseModel]:
