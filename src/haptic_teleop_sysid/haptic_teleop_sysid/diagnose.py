@@ -69,13 +69,16 @@ def summary(content: dict[str, Any]) -> str:
         lines.append(f"  because {content['doubt']}")
     for f in content["findings"]:
         numbers = ", ".join(
-            f"{n} {p['value']:.4g} ± {p['std']:.1g} {p['unit']}" for n, p in f["parameters"].items()
+            f"{n} {p['value']:.4g} ± {p['std']:.1g}" + ("" if p["unit"] == "1" else f" {p['unit']}")
+            for n, p in f["parameters"].items()
         )
         lines.append(f"  {f['effect']} at {f['location']} ({100 * f['confidence']:.0f} %): {numbers}")
         lines += [
             f"    or {a['effect']} at {a['location']} ({100 * a['confidence']:.0f} %)"
             for a in f["alternatives"]
         ]
+    if "beside" in content:
+        lines.append(f"  beside it {content['beside']}")
     if "nulls" in content:
         lines.append(f"  {chance_sentence(content['nulls'])}")
     for part in ("estimation", "validation"):

@@ -9,16 +9,23 @@ import json
 import math
 from pathlib import Path
 from typing import Any
+from xml.etree import ElementTree
 
 import numpy as np
 
 
 def tool_version() -> str:
-    """Return the installed version of this package, "unknown" when it runs from its sources."""
+    """Return the installed version of this package, or the one of its sources, and that it is, when it runs
+    from those; "unknown" where neither says."""
     try:
         return importlib.metadata.version("haptic_teleop_sysid")
     except importlib.metadata.PackageNotFoundError:
-        return "unknown"
+        manifest = Path(__file__).parents[1] / "package.xml"
+    try:
+        found = ElementTree.parse(manifest).findtext("version")
+    except (OSError, ElementTree.ParseError):
+        found = None
+    return f"{found} (sources)" if found else "unknown"
 
 
 def plain(value: Any) -> Any:

@@ -87,6 +87,9 @@ def contents(
         }
     if doubt is not None:
         content["doubt"] = doubt.why
+    if result.nameless is not None and result.choices:
+        entry = result.nameless.chosen.effect.entry
+        content["beside"] = f"it looks as if {entry.sentence}, for which there is no name"
     if verdict.kind == "unknown" and verdict.remaining:
         best = verdict.remaining[0]
         content["residual_curve"] = {

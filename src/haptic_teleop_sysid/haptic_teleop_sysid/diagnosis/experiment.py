@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from math import erf, sqrt
+from math import copysign, erf, floor, isfinite, log10, sqrt, trunc
 
 import numpy as np
 
@@ -56,7 +56,16 @@ def menu(model: Model, scales: Scales, period: float) -> list[dict[str, object]]
             }
         )
     common = {"kind": "effort", "rate": 1.0 / period, f"{stage}.enabled": True}
-    return [{**common, **o, f"{stage}.saturation": float(limit)} for o in options]
+    found = [{**common, **o, f"{stage}.saturation": float(limit)} for o in options]
+    return [{name: _short(value) for name, value in option.items()} for option in found]
+
+
+def _short(value: object) -> object:
+    """A number with four digits, rounded towards zero, so that no limit is exceeded."""
+    if not isinstance(value, float) or value == 0.0 or not isfinite(value):
+        return value
+    unit = 10.0 ** (floor(log10(abs(value))) - 3)
+    return float(f"{trunc(value / unit + copysign(1e-9, value)) * unit:.6g}")
 
 
 def told_apart(truth: Fit, rival: Fit, input_: np.ndarray, record: Record, seed: int = 1) -> float:

@@ -133,6 +133,8 @@ def _findings(page: Page, verdict: Verdict, content: dict[str, Any]) -> None:
         section.text(_HEADLINE[verdict.kind][1].format(names="", where=_where(verdict)))
     if "doubt" in content:
         section.text(f"Why no name is given: {content['doubt']}.")
+    if "beside" in content:
+        section.text(f"Beside what is named, {content['beside']}.")
     if "nulls" in content:
         section.text(f"By chance alone: {chance_sentence(content['nulls'])}.")
     experiment = content["next_experiment"]

@@ -17,7 +17,7 @@ from .decide import Choice, standard_errors
 from .doubt import Doubt
 from .residual import Condition, conditions, intervals, shares
 from .search import SearchResult
-from .words import because
+from .words import because, reported
 
 #: Share of the left-over torque that a curve must explain on other recordings to count as physics nobody
 #: named.
@@ -95,7 +95,7 @@ def finding(choice: Choice, final: Fit, spread: dict[str, float]) -> dict[str, A
             "unit": fitted.entry.parameter(name).unit,
         }
         for name, value in fitted.parameters.items()
-        if name != "contact_angle"
+        if reported(name)
     }
     return {
         "effect": effect.effect,
@@ -106,7 +106,7 @@ def finding(choice: Choice, final: Fit, spread: dict[str, float]) -> dict[str, A
             {"effect": e.effect.effect, "location": e.effect.location, "confidence": round(p, 4)}
             for e, p in choice.others
         ],
-        "because": because(choice),
+        "because": because(choice, fitted),
     }
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
+from haptic_teleop_sim.effects import EffectParameter
 from haptic_teleop_sim.model import Effect
 
 from .decide import Choice
@@ -40,12 +41,12 @@ def called(effect: Effect) -> str:
     return effect.effect
 
 
-def because(choice: Choice) -> str:
-    """One sentence a lab engineer understands."""
+def because(choice: Choice, fitted: Effect) -> str:
+    """One sentence a lab engineer understands; ``fitted``: the effect with the numbers of the final model."""
     e = choice.chosen
-    sentence = e.effect.entry.sentence
+    sentence = fitted.entry.sentence
     numbers = ", ".join(
-        f"{n} {v:.4g} {e.effect.entry.parameter(n).unit}" for n, v in e.effect.parameters.items()
+        told(fitted.entry.parameter(n), v) for n, v in fitted.parameters.items() if reported(n)
     )
     text = (
         f"{sentence[0].upper()}{sentence[1:]} ({numbers}): with it the recording is predicted better by "
@@ -59,6 +60,17 @@ def because(choice: Choice) -> str:
         rival, p = choice.others[0]
         text += f"; {rival.effect.effect} at {rival.effect.location} is the runner-up ({100 * p:.0f} %)"
     return text + "."
+
+
+def reported(name: str) -> bool:
+    """Whether a parameter says something about the machine: how a contact was smoothed does not."""
+    return name != "contact_angle"
+
+
+def told(parameter: EffectParameter, value: float) -> str:
+    """A parameter in words: name, value, unit."""
+    unit = "" if parameter.unit == "1" else f" {parameter.unit}"
+    return f"{parameter.name} {value:.4g}{unit}"
 
 
 def chance_sentence(nulls: dict[str, Any]) -> str:

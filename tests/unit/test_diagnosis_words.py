@@ -1,0 +1,51 @@
+"""What a diagnosis says: sentences, settings, version."""
+
+import importlib.metadata
+import math
+
+import pytest
+from test_diagnosis_parts import MODEL, explanation, joint_record
+
+from haptic_teleop_sim.model import Effect
+from haptic_teleop_sysid import results
+from haptic_teleop_sysid.diagnosis.decide import Choice
+from haptic_teleop_sysid.diagnosis.experiment import menu
+from haptic_teleop_sysid.diagnosis.scales import recording_scales
+from haptic_teleop_sysid.diagnosis.words import because
+
+
+def test_the_sentence_has_the_numbers_of_the_final_model_and_none_of_the_smoothing():
+    found = explanation("coulomb_friction", 300.0, 200.0, torque=0.1, contact_angle=2e-5)
+    fitted = Effect("coulomb_friction", "stage1_motor", {"torque": 0.12, "contact_angle": 2e-5})
+    text = because(Choice(found, 1.0), fitted)
+    assert "torque 0.12 N*m" in text
+    assert "contact_angle" not in text
+
+
+def test_a_number_without_unit_has_none():
+    found = explanation("friction_drift", 300.0, 200.0, change=-0.06, time_constant=50.0)
+    assert "change -0.06, time_constant 50 s" in because(Choice(found, 1.0), found.effect)
+
+
+def test_suggested_settings_are_short_and_within_the_limits():
+    scales = recording_scales(MODEL, [joint_record(3, seconds=2.0)])
+    for option in menu(MODEL, scales, 0.002):
+        limit = option["stage1.saturation"]
+        for name, value in option.items():
+            if isinstance(value, float):
+                assert len(f"{value:.12g}".replace(".", "").strip("0")) <= 4, (name, value)
+                assert name.endswith(("rate", "period", "f_min", "f_max")) or 0.0 < value <= limit
+        assert limit <= 1.0 * 8.925 * (1 + 1e-12)
+        assert option["rate"] == pytest.approx(500.0)
+
+
+def test_the_version_of_the_sources_is_said_where_nothing_is_installed(monkeypatch):
+    def missing(name):
+        raise importlib.metadata.PackageNotFoundError(name)
+
+    monkeypatch.setattr(importlib.metadata, "version", missing)
+    version, what = results.tool_version().split(" ", 1)
+    assert what == "(sources)"
+    assert math.prod(int(part) >= 0 for part in version.split("."))
+    monkeypatch.setattr(results, "__file__", "/nowhere/at/all/results.py")
+    assert results.tool_version() == "unknown"
