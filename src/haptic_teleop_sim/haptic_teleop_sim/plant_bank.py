@@ -43,6 +43,8 @@ class PlantBank:
             # Offsets into the arrays that all joints share; the states stay relative to the joint's own.
             codes.append(_shifted(one.codes, {3: first[4]}))
             in_codes.append(_shifted(one.in_codes, {1: first[4], 2: first[5]}))
+            moments = one.in_codes[:, 3]  # -1: keeps none
+            in_codes[-1][:, 3] = np.where(moments >= 0, moments + first[5], -1)
             out_codes.append(_shifted(one.out_codes, {2: first[4]}))
             p.append(one.p)
             first += np.array([*counts, len(one.p), one.memory])

@@ -1,7 +1,10 @@
 """Between commanded and acting torque: gain, delay, lag, saturation, dead zone.
 
 Each is a compiled function of the torque of the present sample that may keep a memory, so that the same code
-serves a whole recording and a plant that is stepped sample by sample.  The torque is held over the sample.
+serves a whole recording and a plant that is stepped sample by sample.  What acts is held over the sample:
+its mean.  How it was spread within the sample moves the motor a little further or less far at the same final
+speed; a delay and a lag therefore also keep the moment of what acted, the integral over the sample of
+(torque - mean) times the time that is left, N·m·s², as the last number of their memory.
 """
 
 from __future__ import annotations
@@ -41,10 +44,12 @@ def lag_step(torque, time, dt, p, k, z, o):
     # Exact first-order response to a held input; what acts is its mean over the sample.
     tau = p[k]
     if tau < 1e-9:
+        z[o + 1] = 0.0
         return torque
     decay = math.exp(-dt / tau)
     start = z[o]
     z[o] = torque + (start - torque) * decay
+    z[o + 1] = (start - torque) * tau * (0.5 * dt * (1.0 + decay) - tau * (1.0 - decay))
     return torque + (start - torque) * tau / dt * (1.0 - decay)
 
 
@@ -65,6 +70,7 @@ def delay_step(torque, time, dt, p, k, z, o):
     fraction = samples - whole
     newer = z[o + 1 + (n - whole) % size] if n - whole >= 0 else 0.0
     older = z[o + 1 + (n - whole - 1) % size] if n - whole - 1 >= 0 else 0.0
+    z[o + 1 + size] = 0.5 * dt * dt * (older - newer) * fraction * (1.0 - fraction)
     return (1.0 - fraction) * newer + fraction * older
 
 
@@ -158,7 +164,8 @@ ACTUATOR_LAG = EffectEntry(
     parameters=(_duration("time_constant", "time constant of the first-order response", 0.02, 5.0),),
     sentence="the torque follows its command with a first-order lag",
     step=lag_step,
-    states=1,
+    states=2,
+    spread=True,
 )
 INPUT_DELAY = EffectEntry(
     name="input_delay",
@@ -167,7 +174,8 @@ INPUT_DELAY = EffectEntry(
     parameters=(_duration("delay", "delay between command and torque", 0.01, 0.25),),
     sentence="the torque acts a fixed time after its command",
     step=delay_step,
-    states=DELAY_MEMORY,
+    states=DELAY_MEMORY + 1,
+    spread=True,
 )
 
 ENTRIES = (INPUT_DELAY, ACTUATOR_LAG, TORQUE_SATURATION, DEAD_ZONE, GAIN_ERROR, GAIN_DRIFT)

@@ -76,7 +76,8 @@ class EffectEntry:
     ``symbols.py``. ``rates`` gives the time derivatives of the own states in the same symbols. ``rate(p,
     ks)`` bounds the added stiffness (N·m/rad) and damping (N·m·s/rad), from which the step is chosen, and, as
     a third number, the rate of own states (1/s). An ``input`` effect is a compiled function ``step(torque,
-    time, dt, parameters, offset, states, state_offset)`` with ``states`` places for its memory.
+    time, dt, parameters, offset, states, state_offset)`` with ``states`` places for its memory, the last of
+    them for the moment of what acts where it is ``spread`` unevenly over the sample (``actuator.py``).
 
     ``s.direction`` is a memory between -1 and 1 that follows the direction of motion of the location over a
     small displacement D, d direction = (dq - abs(dq) direction) / D (Dahl 1968), which the kernel integrates
@@ -100,6 +101,7 @@ class EffectEntry:
     exogenous: Literal["", "other_arm_acceleration"] = ""
     step: Callable[..., float] | None = None
     states: int = 0
+    spread: bool = False
     memory: Literal["", "direction", "ratio", "displacement"] = ""
     rigid_body: bool = True
     nuisance: bool = False

@@ -100,7 +100,7 @@ def stepping() -> ModuleType:
     control = [Path(str(find_spec(f"haptic_teleop_control.{name}").origin)) for name in _CONTROL]  # type: ignore
     template = _PACKAGE / "kernel" / _STEPPING
     name = f"haptic_teleop_stepping_{_fingerprint(template, *control, seed=inner)}"
-    imports = f"from {inner} import actuate, advance, encoder_reading"
+    imports = f"from {inner} import actuated, advance, encoder_reading, spread"
     return _module(
         name, lambda: _compiled(_text(_STEPPING).replace(_IMPORTS, imports)), "the stepping functions"
     )

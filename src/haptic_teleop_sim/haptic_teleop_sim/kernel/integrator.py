@@ -46,14 +46,37 @@ def sech(x):
 # <generated functions are inserted here>
 
 
+@inner
+def actuated(torque, moment, t, dt, codes, p, z):
+    """Mean and moment (see ``effects/actuator.py``) of what acts over a sample for a commanded ``torque`` and
+    the ``moment`` it already has: every input effect in turn, memory in ``z``.
+    """
+    for e in range(codes.shape[0]):
+        before = torque
+        torque = actuate(codes[e, 0], torque, t, dt, p, codes[e, 1], z, codes[e, 2])
+        if codes[e, 3] >= 0:
+            moment += z[codes[e, 3]]
+        elif before != 0.0:
+            # A gain takes all of it, a limit or a dead band what is left of the torque.
+            moment *= torque / before
+    return torque, moment
+
+
 @njit
-def actuate_series(torque, t0, dt, codes, p, z, out):
-    """Acting torque for commanded ``torque`` (n,): every input effect in turn, memory in ``z``."""
+def actuate_series(torque, moment, t0, dt, codes, p, z):
+    """`actuated` in place for ``torque`` and ``moment`` (n,)."""
     for i in range(torque.shape[0]):
-        value_ = torque[i]
-        for e in range(codes.shape[0]):
-            value_ = actuate(codes[e, 0], value_, t0 + i * dt, dt, p, codes[e, 1], z, codes[e, 2])
-        out[i] = value_
+        torque[i], moment[i] = actuated(torque[i], moment[i], t0 + i * dt, dt, codes, p, z)
+
+
+@inner
+def spread(x, moment, base):
+    """What the moment of the torque adds at the end of a sample: position, and by damping some speed."""
+    if moment == 0.0:
+        return
+    shift = moment / base[1]
+    x[0] += shift
+    x[2] -= base[2] / base[1] * shift
 
 
 @inner
@@ -213,7 +236,7 @@ def advance(x, t, dt, substeps, torque_motor, torque_arm, exogenous, rigid, base
 
 
 @njit
-def simulate_series(x, torque, torque_arm, exogenous, t0, dt, substeps, rigid, base, codes, p, out):
+def simulate_series(x, torque, moment, torque_arm, exogenous, t0, dt, substeps, rigid, base, codes, p, out):
     """States (n, nx) at the sample times, each before its sample's torque acts; ``x`` is advanced in place.
     """
     n = x.shape[0]
@@ -223,3 +246,4 @@ def simulate_series(x, torque, torque_arm, exogenous, t0, dt, substeps, rigid, b
             out[i, j] = x[j]
         advance(x, t0 + i * dt, dt, substeps, torque[i], torque_arm[i], exogenous[i], rigid, base, codes, p,
                 z, dz, total)
+        spread(x, moment[i], base)

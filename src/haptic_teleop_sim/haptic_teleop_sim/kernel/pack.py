@@ -119,7 +119,7 @@ def pack(model: Model) -> Packed:
     index["torque_constant"] = ("torque_constant", 0)
     p: list[float] = []
     codes: list[tuple[int, ...]] = []
-    in_codes: list[tuple[int, int, int]] = []
+    in_codes: list[tuple[int, int, int, int]] = []
     out_codes: list[tuple[int, int, int, int]] = []
     skew: list[tuple[int, int]] = []
     velocity_states: list[int] = []
@@ -154,7 +154,7 @@ def pack(model: Model) -> Packed:
                 velocity_states.append(state + 1)
             state += entry.states + (0 < memory_kind < 4)
         elif entry.kind == "input":
-            in_codes.append((code, offset, memory))
+            in_codes.append((code, offset, memory, memory + entry.states - 1 if entry.spread else -1))
             memory += entry.states
         elif entry.kind == "output":
             out_codes.append((code, _CHANNEL[place], offset, len(entry.parameters)))
@@ -167,7 +167,7 @@ def pack(model: Model) -> Packed:
         base=np.array([values[n] for n in BASE]),
         codes=np.array(codes, dtype=np.int64).reshape(-1, 8),
         p=np.array(p if p else [0.0]),
-        in_codes=np.array(in_codes, dtype=np.int64).reshape(-1, 3),
+        in_codes=np.array(in_codes, dtype=np.int64).reshape(-1, 4),
         out_codes=np.array(out_codes, dtype=np.int64).reshape(-1, 4),
         skew=tuple(skew),
         states=state + 2,

@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike, NDArray
 from ..model import parameter_bounds
 from .build import kernel
 from .pack import Packed
-from .simulate import acting_torque
+from .simulate import acting
 
 FloatArray = NDArray[np.float64]
 
@@ -59,13 +59,21 @@ def predict(
     central differences, all others are exact.
     """
     measured = np.ascontiguousarray(measured, dtype=np.float64)
-    torque = acting_torque(packed, input_, dt, t0)
+    torque, moment = acting(packed, input_, dt, t0)
     n = len(torque)
+    spreading = bool(moment.any())
     d_gain, d_decay = (np.empty((0, 2, 0)), np.empty((2, 0))) if gain_slopes is None else gain_slopes
     ncol = max(len(free), d_gain.shape[2])
     base_col = np.full(5, -1, dtype=np.int64)
     p_col = np.full(len(packed.p), -1, dtype=np.int64)
     d_torque = np.zeros((n, ncol))
+    d_moment = np.zeros((n if spreading else 0, ncol))
+
+    def through_actuator(column: int, name: str) -> None:
+        d_torque[:, column], slope = _torque_slope(packed, input_, dt, t0, name)
+        if spreading:
+            d_moment[:, column] = slope
+
     s = np.zeros((packed.states, (ncol + 3) // 4 * 4))
     skew_col = np.full(2, -1, dtype=np.int64)
     for column, name in enumerate(free):
@@ -79,21 +87,20 @@ def predict(
         if group == "base":
             base_col[position] = column
         elif group == "torque_constant":
-            d_torque[:, column] = (
-                torque / packed.torque_constant
-                if not len(packed.in_codes)
-                else _torque_slope(packed, input_, dt, t0, name)
-            )
+            if len(packed.in_codes) or spreading:
+                through_actuator(column, name)
+            else:
+                d_torque[:, column] = torque / packed.torque_constant
         else:
             p_col[position] = column
             if any(position == o for _, o in packed.skew):
                 channel = next(c for c, o in packed.skew if o == position)
                 if channel == 2:
-                    d_torque[:, column] = _torque_slope(packed, input_, dt, t0, name)
+                    through_actuator(column, name)
                 else:
                     skew_col[channel] = column
             elif name.split(".")[0].endswith("_actuator"):
-                d_torque[:, column] = _torque_slope(packed, input_, dt, t0, name)
+                through_actuator(column, name)
     # A reading that is late by d shows at t + d what the axis did at t: whole samples are shifted in the
     # data, which keeps every reading as it is, and the rest is left to the prediction.
     whole, lead = packed.encoder_shift(dt)
@@ -125,6 +132,7 @@ def predict(
             k,
             np.array(decay),
             torque,
+            moment,
             outer,
             other,
             t0,
@@ -152,6 +160,8 @@ def predict(
         np.ascontiguousarray(d_decay),
         torque,
         d_torque,
+        moment,
+        d_moment,
         outer,
         other,
         t0,
@@ -174,14 +184,17 @@ def predict(
     return Prediction(innovation, d_innovation, states, d_states)
 
 
-def _torque_slope(packed: Packed, input_: ArrayLike, dt: float, t0: float, name: str) -> FloatArray:
-    """Derivative (n,) of the acting torque by one parameter of the actuator, by central differences."""
+def _torque_slope(
+    packed: Packed, input_: ArrayLike, dt: float, t0: float, name: str
+) -> tuple[FloatArray, FloatArray]:
+    """Derivatives (n,) of the acting torque and its moment by one parameter of the actuator, by central
+    differences."""
     from .pack import pack
 
     value = packed.model.parameter_values()[name]
     low, high = parameter_bounds(packed.model, name)
     step = 1e-5 * max(abs(value), 1e-3)
     above, below = min(value + step, high), max(value - step, low)
-    up = acting_torque(pack(packed.model.with_values({name: above})), input_, dt, t0)
-    down = acting_torque(pack(packed.model.with_values({name: below})), input_, dt, t0)
-    return (up - down) / (above - below)
+    up = acting(pack(packed.model.with_values({name: above})), input_, dt, t0)
+    down = acting(pack(packed.model.with_values({name: below})), input_, dt, t0)
+    return (up[0] - down[0]) / (above - below), (up[1] - down[1]) / (above - below)

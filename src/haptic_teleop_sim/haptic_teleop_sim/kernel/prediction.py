@@ -65,9 +65,9 @@ def encoder_reading_sensitive(angle, channel, codes, p, p_col, slope_out, ncol, 
 
 
 @njit
-def predict_series(x, s, measured, gain, d_gain, decay, d_decay, torque, d_torque, torque_arm, exogenous,
-                   t0, dt, substeps, rigid, base, codes, p, base_col, p_col, out_codes, skew_col, lead,
-                   innovation, d_innovation, states, d_states):
+def predict_series(x, s, measured, gain, d_gain, decay, d_decay, torque, d_torque, moment, d_moment,
+                   torque_arm, exogenous, t0, dt, substeps, rigid, base, codes, p, base_col, p_col, out_codes,
+                   skew_col, lead, innovation, d_innovation, states, d_states):
     """One-step prediction of both encoders with exact derivatives by the free parameters.
 
     At every sample: e = y - y_hat, x += gain e, then one sample ahead; disturbance torques decay by
@@ -76,7 +76,8 @@ def predict_series(x, s, measured, gain, d_gain, decay, d_decay, torque, d_torqu
     ``gain`` zero this is a plain simulation with sensitivities.  Fills innovation (n, 2), d_innovation
     (n, 2, np) = de/dtheta, states (n, nx) before the correction, d_states (n, 4, np) unless it is empty.  An
     encoder shows where its axis was ``-lead`` (2,) seconds ago (less than a sample: whole samples are shifted
-    in ``measured``); ``skew_col`` (2,): column of that delay or -1.
+    in ``measured``); ``skew_col`` (2,): column of that delay or -1. ``moment`` (n,) and ``d_moment`` (n, np):
+    of the torque within its sample, see `spread`, ``d_moment`` empty where there is none.
     """
     n = x.shape[0]
     ncol = d_torque.shape[1]
@@ -100,6 +101,7 @@ def predict_series(x, s, measured, gain, d_gain, decay, d_decay, torque, d_torqu
     for j in range(n):
         if gain[j, 0] != 0.0 or gain[j, 1] != 0.0:
             correcting = True
+    spreading = d_moment.shape[0] > 0
     mapped = out_codes.shape[0] > 0
     moving = d_gain.shape[0] > 0
     for i in range(torque.shape[0]):
@@ -182,6 +184,20 @@ def predict_series(x, s, measured, gain, d_gain, decay, d_decay, torque, d_torqu
                     began[1, c] = s[1, c]
                 step_many_sensitivities(s, h, rigid, by_state, by_parameter, by_start, stage, total)
                 update_memories_sensitive(x, h / 6.0 * s0, h / 6.0 * s1, s, began, codes, p, p_col)
+        if spreading:
+            # As `spread`, with derivatives.
+            jm, bm = base[1], base[2]
+            shift = moment[i] / jm
+            for c in range(ncol):
+                d_shift = d_moment[i, c] / jm
+                s[0, c] += d_shift
+                s[2, c] -= bm / jm * d_shift
+            if base_col[1] >= 0:
+                s[0, base_col[1]] -= shift / jm
+                s[2, base_col[1]] += 2.0 * bm / jm * shift / jm
+            if base_col[2] >= 0:
+                s[2, base_col[2]] -= shift / jm
+            spread(x, moment[i], base)
         for c in range(ncol):
             s[n - 2, c] *= decay[0]
             s[n - 1, c] *= decay[1]
@@ -194,8 +210,8 @@ def predict_series(x, s, measured, gain, d_gain, decay, d_decay, torque, d_torqu
 
 
 @njit
-def innovations_series(x, measured, gain, decay, torque, torque_arm, exogenous, t0, dt, substeps, rigid, base,
-                       codes, p, out_codes, lead, innovation, states):
+def innovations_series(x, measured, gain, decay, torque, moment, torque_arm, exogenous, t0, dt, substeps,
+                       rigid, base, codes, p, out_codes, lead, innovation, states):
     """The same prediction without derivatives."""
     n = x.shape[0]
     last = np.array([x[2], x[3]])
@@ -217,5 +233,6 @@ def innovations_series(x, measured, gain, decay, torque, torque_arm, exogenous, 
         last[0], last[1] = x[2], x[3]
         advance(x, t0 + i * dt, dt, substeps, torque[i], torque_arm[i], exogenous[i], rigid, base, codes, p,
                 z, dz, total)
+        spread(x, moment[i], base)
         x[n - 2] *= decay[0]
         x[n - 1] *= decay[1]

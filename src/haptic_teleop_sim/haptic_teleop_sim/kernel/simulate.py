@@ -33,20 +33,30 @@ class Trajectory:
 
 
 def acting_torque(packed: Packed, input_: ArrayLike, dt: float, t0: float = 0.0) -> FloatArray:
-    """Torque (n,) that acts on the motor over each sample, N·m: torque constant, skew and input effects
-    applied.
+    """Torque (n,) that acts on the motor over each sample in the mean, N·m: torque constant, skew and input
+    effects applied.
     """
-    torque = np.ascontiguousarray(input_, dtype=np.float64) * packed.torque_constant
+    return acting(packed, input_, dt, t0)[0]
+
+
+def acting(packed: Packed, input_: ArrayLike, dt: float, t0: float = 0.0) -> tuple[FloatArray, FloatArray]:
+    """Mean (n,) of the torque that acts over each sample, N·m, and its moment (n,), N·m·s²: what it does
+    beside its mean because it changed within the sample, see ``effects/actuator.py``."""
+    torque = np.array(input_, dtype=np.float64) * packed.torque_constant
+    moment = np.zeros(len(torque))
     for channel, offset in packed.skew:
         if channel == 2:
             # Stamped late by d: what the record shows at t + d acted at t.
             steps = np.arange(len(torque)) + packed.p[offset] / dt
+            ends = np.append(torque, torque[-1:])
+            at = np.clip(np.floor(steps).astype(np.int64), 0, len(torque) - 1)
+            part = np.clip(steps - at, 0.0, 1.0)
+            # Until the change that lies within the sample the older value acts, for 1 - part of it.
+            moment = 0.5 * dt * dt * (ends[at] - ends[at + 1]) * part * (1.0 - part)
             torque = np.interp(steps, np.arange(len(torque)), torque)
     if len(packed.in_codes):
-        out = np.empty_like(torque)
-        kernel().actuate_series(torque, t0, dt, packed.in_codes, packed.p, np.zeros(packed.memory), out)
-        return out
-    return torque
+        kernel().actuate_series(torque, moment, t0, dt, packed.in_codes, packed.p, np.zeros(packed.memory))
+    return torque, moment
 
 
 def readings(packed: Packed, time: FloatArray, states: FloatArray) -> tuple[FloatArray, ...]:
@@ -94,7 +104,7 @@ def simulate(
     Runge-Kutta, steps chosen by the model.
     """
     packed = model if isinstance(model, Packed) else pack(model)
-    torque = acting_torque(packed, input_, dt, t0)
+    torque, moment = acting(packed, input_, dt, t0)
     n = len(torque)
     outer = (
         np.zeros(n) if external_torque is None else np.ascontiguousarray(external_torque, dtype=np.float64)
@@ -111,6 +121,7 @@ def simulate(
     kernel().simulate_series(
         x,
         torque,
+        moment,
         outer,
         other,
         t0,

@@ -45,9 +45,8 @@ def bank_step(inputs, external, exogenous, bank):
     dt, clock, layout, x, base, gain, codes, p, in_codes, out_codes, memory, delay, past, work = bank
     t = clock[0] * dt
     for i in range(layout.shape[0]):
-        torque = inputs[i] * gain[i]
-        for e in range(layout[i, 6], layout[i, 7]):
-            torque = actuate(in_codes[e, 0], torque, t, dt, p, in_codes[e, 1], memory, in_codes[e, 2])
+        torque, moment = actuated(inputs[i] * gain[i], 0.0, t, dt, in_codes[layout[i, 6] : layout[i, 7]], p,
+                                  memory)
         outer = external[i]
         rigid = layout[i, 0] == 1
         if rigid:
@@ -57,6 +56,7 @@ def bank_step(inputs, external, exogenous, bank):
         advance(x[layout[i, 2] : layout[i, 3]], t, dt, layout[i, 1], torque, outer, exogenous[i], rigid,
                 base[i], codes[layout[i, 4] : layout[i, 5]], p, work[:n], work[n : 2 * n], work[2 * n : 3 *
                 n])
+        spread(x[layout[i, 2] : layout[i, 3]], moment, base[i])
     clock[0] += 1
 
 
