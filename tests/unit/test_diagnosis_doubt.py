@@ -11,11 +11,11 @@ from test_diagnosis_parts import DT, MODEL, joint_record
 from haptic_teleop_sim.model import Effect
 from haptic_teleop_sysid.dataset import load_dataset
 from haptic_teleop_sysid.diagnosis.decide import Choice
-from haptic_teleop_sysid.diagnosis.doubt import COLOURED, UNSTEADY, doubted
+from haptic_teleop_sysid.diagnosis.doubt import COLOURED, UNSTEADY, _without_last, doubted
 from haptic_teleop_sysid.diagnosis.explanation import Explanation
 from haptic_teleop_sysid.diagnosis.scales import recording_scales
 from haptic_teleop_sysid.diagnosis.search import SearchResult
-from haptic_teleop_sysid.diagnosis.stand import LAGS, colour, unsteadiness
+from haptic_teleop_sysid.diagnosis.stand import LAGS, colour, stand_of, stands_out, unsteadiness
 from haptic_teleop_sysid.estimation.records import record_from
 from haptic_teleop_sysid.estimation.whole_fit import fit_from_scratch, fit_whole, noise_starts
 
@@ -149,3 +149,56 @@ def test_an_effect_of_another_size_on_other_recordings_is_given_up(records):
     assert doubted(named, [up], [up], unimpressed)[1] is None
     _, doubt, _ = doubted(named, [up], [down], unimpressed)
     assert "another torque" in doubt.why
+
+
+def test_where_a_name_falls_the_next_of_those_it_was_not_told_from_is_asked(records):
+    wrong = Effect("coulomb_friction", "stage1_motor", {"torque": 0.1})
+    result, right = found(wrong, records[0]), found(DRAG, records[0]).choices[0].chosen
+    (first,) = result.choices
+    unsure = replace(first, confidence=0.5, others=((right, 0.3),))
+    kept, doubt, _ = doubted(replace(result, choices=(unsure,)), *records, unimpressed)
+    assert doubt is None
+    assert kept.choices[0].chosen is right
+    assert kept.choices[0].confidence == pytest.approx(1.0)
+    assert kept.final is right.fit
+
+
+def test_what_is_said_is_what_spoke_against_the_first_name(records):
+    wrong = Effect("coulomb_friction", "stage1_motor", {"torque": 0.1})
+    worse = Effect("constant_torque", "stage1_motor", {"torque": 0.01})
+    result, other = found(wrong, records[0]), found(worse, records[0]).choices[0].chosen
+    (first,) = result.choices
+    unsure = replace(first, confidence=0.5, others=((other, 0.3),))
+    kept, doubt, _ = doubted(replace(result, choices=(unsure,)), *records, unimpressed)
+    assert kept.choices == ()
+    assert doubt.choice is unsure
+    assert "coulomb_friction" in doubt.why
+
+
+def test_a_twin_is_not_asked_again():
+    explanations = [
+        Explanation(None, gain, 5.0, True, 0)
+        for gain in (30.0, 30.0, 25.0)  # the second: the same fit
+    ]
+    first, twin, other = explanations
+    left = _without_last([Choice(first, 0.5, ((twin, 0.3), (other, 0.2)))])
+    assert [c.chosen.gain for c in left] == [25.0]
+    assert left[0].confidence == 1.0
+    assert _without_last([Choice(first, 0.6, ((twin, 0.4),))]) == []
+    assert _without_last([Choice(first, 0.9, ((other, 0.1),))]) == []  # it was not in doubt which
+
+
+def test_a_slow_drift_stands_out_by_its_rate():
+    """Its change and its time constant are known together only, and on either recording as one likes."""
+    drift = Effect("gain_drift", "stage1_actuator", {"change": -0.1, "time_constant": 30.0})
+    estimation, validation = [recorded(STAGE.with_effects(drift), 0.2, s) for s in (1, 2)]
+    result = found(drift, [estimation])
+    stand = stand_of(result, (25.0, 25.0), [estimation], [validation])
+    (choice,) = result.choices
+    assert stands_out(choice, result.final, stand, [validation])
+    head = "stage1_actuator.gain_drift."
+    spread = {**stand.spread, head + "change": 1.0}
+    assert stands_out(choice, result.final, replace(stand, spread=spread), [validation])
+    # Where the other recordings know nothing of it, no shape helps.
+    clean = recorded(STAGE, 0.2, 3)
+    assert not stands_out(choice, result.final, replace(stand, spread=spread), [clean])

@@ -360,6 +360,30 @@ def test_a_weak_second_effect_may_be_in_doubt_of_its_form_but_not_of_its_place()
     assert choose([forms[0], elsewhere], weak, False) is None
 
 
+def test_a_limit_is_not_significant_either_where_derivatives_overflowed():
+    found = explanation("torque_saturation", 60.0, 30.0, "actuator", limit=2.0)
+    names = ("stage1_actuator.torque_saturation.limit",)
+    fit = replace(found.fit, free=names, information=np.array([[np.nan]]))
+    assert choose([replace(found, fit=fit)], 0.0, False) is None
+
+
+def test_of_what_nothing_is_known_the_error_is_infinite_and_that_of_the_rest_is_not():
+    found = explanation("coulomb_friction", 60.0, 30.0)
+    names = ("motor_damping", "stage1_motor.coulomb_friction.torque")
+    fit = replace(found.fit, free=names, information=np.array([[-1e-12, 30.0], [30.0, 1e8]]))
+    assert standard_errors(fit) == {names[0]: np.inf, names[1]: pytest.approx(1e-4)}
+    assert choose([replace(found, fit=fit)], 0.0, False) is not None
+
+
+def test_a_name_of_no_significance_keeps_what_has_none_from_the_second_place_but_not_the_first():
+    nameless = explanation("steep_drag", 300.0, 100.0, coefficient=0.1)
+    names = ("stage1_motor.quadratic_drag.coefficient",)
+    near = explanation("quadratic_drag", 300.0, 95.0, coefficient=0.1)
+    near = replace(near, fit=replace(near.fit, free=names, information=np.array([[1e-9]])))
+    assert choose([nameless, near], 0.0, False).unnamed
+    assert choose([nameless, near], 500.0, False) is None
+
+
 def test_an_immaterial_effect_is_refused():
     assert choose([explanation("coulomb_friction", 500.0, 500.0, is_material=False)], 0.0, False) is None
 

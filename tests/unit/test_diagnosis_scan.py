@@ -45,7 +45,7 @@ def test_the_orders_of_a_long_recording_are_found_on_fewer_samples(order, monkey
         "gains",
         lambda self, *rest: filtered.append((self.records[0].dt, len(rest[-1]))) or gains(self, *rest),
     )
-    monkeypatch.setattr("haptic_teleop_sysid.diagnosis.scan._ENOUGH_SAMPLES", len(record) // 2)
+    monkeypatch.setattr("haptic_teleop_sysid.estimation.records.ENOUGH_SAMPLES", len(record) // 2)
     found = scan(fit, [record], scales)
     assert found["torque_ripple", "stage1_motor"][0] == pytest.approx(order, abs=np.pi / 2 / scales.span(0))
     thinned, whole = (sum(n for dt, n in filtered if dt == step) for step in (2 * DT, DT))

@@ -4,15 +4,18 @@ The robot is integrated here by the matrix exponential at a hundredth of the sam
 quantised readings; no code of the observer is used.
 """
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from scipy.linalg import expm
 
 from haptic_teleop_sim.kernel import pack
 from haptic_teleop_sim.model import Effect, Model
-from haptic_teleop_sysid.estimation.likelihood import innovations
-from haptic_teleop_sysid.estimation.noise import NoiseModel, observer_gain
+from haptic_teleop_sysid.estimation.likelihood import innovations, log_likelihood
+from haptic_teleop_sysid.estimation.noise import NoiseModel
 from haptic_teleop_sysid.estimation.records import Record, thinned_to
+from haptic_teleop_sysid.estimation.uncertainty import uncertainty
 from haptic_teleop_sysid.estimation.whole_fit import fit_from_scratch, fit_whole, noise_starts
 
 DT, FINE, SAMPLES = 0.002, 100, 6000
@@ -53,6 +56,7 @@ def recorded(delay, seed=5):
     flat = past.reshape(-1)
     for k in range(SAMPLES):
         place = k * FINE - steps
+        past[k, 0] = state[0]
         read[k] = (flat[place] if place >= 0 else 0.0), state[1]
         for s in range(FINE):
             past[k, s] = state[0]
@@ -67,22 +71,40 @@ def record():
     return recorded(0.0007)
 
 
+def early(record, by):
+    """The same readings, of which the motor's are stamped so many samples early."""
+    moved = np.full_like(record.measured[:, 0], np.nan)
+    moved[:-by] = record.measured[by:, 0]
+    return replace(record, measured=np.column_stack([moved, record.measured[:, 1]]))
+
+
 def colour(model, record):
     """Correlation of the motor's innovations from one sample to the next."""
     e = innovations(pack(model), NOISE, record).innovation[200:, 0]
     return float(np.corrcoef(e[:-1], e[1:])[0, 1])
 
 
-def test_innovations_of_a_late_encoder_are_white_under_the_true_model(record):
-    assert abs(colour(late(MODEL, 0.0007), record)) < 4.0 / SAMPLES**0.5
+@pytest.mark.parametrize("samples", [0.35, 0.9, 0.995])
+def test_innovations_of_a_late_encoder_are_white_under_the_true_model(samples):
+    record = recorded(samples * DT)
+    assert abs(colour(late(MODEL, samples * DT), record)) < 4.0 / SAMPLES**0.5
     assert colour(MODEL, record) > 0.2
 
 
-def test_an_observer_that_takes_late_readings_for_timely_ones_leaves_colour(record):
-    packed = pack(late(MODEL, 0.0007))
-    as_if = observer_gain(packed, NOISE, DT, lead=np.zeros(2))
-    e = innovations(packed, NOISE, record, gain=as_if).innovation[200:, 0]
-    assert np.corrcoef(e[:-1], e[1:])[0, 1] > 0.08
+def test_and_those_of_one_that_is_stamped_early(record):
+    assert abs(colour(late(MODEL, -0.65 * DT, "channel_skew"), early(record, 1))) < 4.0 / SAMPLES**0.5
+
+
+@pytest.mark.parametrize("samples", [-1, 0, 2])
+def test_the_likelihood_does_not_jump_where_a_delay_passes_a_sample(samples):
+    record = recorded(max(samples, 0) * DT)
+    record = early(record, -samples) if samples < 0 else record
+    below, above = (
+        log_likelihood(packed, [record], [innovations(packed, NOISE, record).innovation])
+        for packed in (pack(late(MODEL, (samples + s) * DT, "channel_skew")) for s in (-1e-6, 1e-6))
+    )
+    # Of 6000 samples one more or less is read.
+    assert above == pytest.approx(below, abs=10.0)
 
 
 @pytest.mark.parametrize("delay", [0.0007, 0.0013, 0.0032])
@@ -93,7 +115,7 @@ def test_the_delay_is_found_to_a_hundredth_of_a_sample(delay):
 
 @pytest.mark.parametrize(
     ("delay", "whole", "lead"),
-    [(0.0, 0, 0.0), (0.3, 0, -0.3), (1.6, 1, -0.6), (3.0, 3, 0.0), (-0.2, 0, 0.2), (-0.7, -1, -0.3)],
+    [(0.0, 0, 0.0), (0.3, 0, -0.3), (1.6, 1, -0.6), (3.0, 3, 0.0), (-0.2, -1, -0.8), (-1.7, -2, -0.3)],
 )
 def test_readings_are_looked_for_in_the_sample_before(delay, whole, lead):
     model = late(MODEL, delay * DT, "channel_skew")
@@ -108,9 +130,22 @@ def test_long_recordings_are_fitted_on_fewer_samples_first_and_end_at_the_same(r
         key=lambda fit: fit.log_likelihood,
     )
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr("haptic_teleop_sysid.estimation.whole_fit._ENOUGH_SAMPLES", SAMPLES // 2)
+        patch.setattr("haptic_teleop_sysid.estimation.records.ENOUGH_SAMPLES", SAMPLES // 2)
+        assert [len(r) for r in thinned_to([record])] == [SAMPLES // 2]
         quick = fit_from_scratch(late(MODEL, 0.001), [record])
+        patch.setattr("haptic_teleop_sysid.estimation.records.ENOUGH_SAMPLES", 10)
+        assert thinned_to([record])[0].dt == pytest.approx(2 * DT)
+        for nearly in (SAMPLES, SAMPLES - 100):
+            patch.setattr("haptic_teleop_sysid.estimation.records.ENOUGH_SAMPLES", nearly)
+            whole = [record]
+            assert thinned_to(whole) is whole
     assert quick.log_likelihood > direct.log_likelihood - 0.3
-    assert thinned_to([record], SAMPLES, 200.0)[0] is record
-    assert [len(r) for r in thinned_to([record], SAMPLES // 2, 200.0)] == [SAMPLES // 2]
-    assert thinned_to([record], 10, 200.0)[0].dt == pytest.approx(2 * DT)
+
+
+def test_the_error_of_a_delay_is_the_same_on_a_whole_sample_as_beside_it():
+    errors = []
+    for delay in (2.0 * DT, 2.4 * DT):
+        fit = fit_whole(late(MODEL, delay), NOISE, [recorded(delay)], iterations=20)
+        at = replace(fit, model=fit.model.with_values({fit.free[-1]: delay}))
+        errors.append(uncertainty(at, [recorded(delay)]).std[-1])
+    assert errors[0] == pytest.approx(errors[1], rel=0.3)

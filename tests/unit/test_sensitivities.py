@@ -55,9 +55,6 @@ VALUES = {
     "sensor_delay": {"delay": 0.0101},
     "channel_skew": {"delay": 0.0041},
 }  # fmt: skip
-# The slope of a record that is advanced by interpolation is a mean over one sample, not the derivative of a
-# kink.
-LOOSE = {"sensor_delay": 0.02, "channel_skew": 0.02}
 
 
 def cases():
@@ -129,8 +126,14 @@ def test_sensitivities_equal_central_differences(plain, effect, place):
         step = 1e-6 if name in INITIAL else 1e-5 * max(abs(value), 1e-2)
         difference = slope(model, measured, start, name, step)
         error = np.linalg.norm(difference - exact.d_innovation[:, :, column])
-        allowed = LOOSE[effect] if effect in LOOSE and effect in name else 2e-3
-        assert error <= allowed * np.linalg.norm(difference), (name, error / np.linalg.norm(difference))
+        assert error <= 2e-3 * np.linalg.norm(difference), (name, error / np.linalg.norm(difference))
+
+
+@pytest.mark.parametrize("samples", [0.3, 5.5, 2.9, -0.25, -1.6])
+@pytest.mark.parametrize("place", ["motor_encoder", "arm_encoder"])
+def test_readings_from_between_two_samples_have_exact_sensitivities(monkeypatch, place, samples):
+    monkeypatch.setitem(VALUES, "channel_skew", {"delay": samples * DT})
+    test_sensitivities_equal_central_differences(FLEXIBLE, "channel_skew", place)
 
 
 def test_the_contact_of_a_sticking_friction_has_exact_sensitivities(monkeypatch):

@@ -74,17 +74,20 @@ class Packed:
             return 1
         return int(min(max(1, math.ceil(dt * worst)), 400))
 
+    def delayed_encoder(self, name: str) -> int | None:
+        """The encoder (0 motor, 1 arm) whose delay the parameter of that name is, or None."""
+        group, place = self.index[name]
+        return next((c for c, o in self.skew if group == "p" and o == place and c < 2), None)
+
     def encoder_shift(self, dt: float) -> tuple[IntArray, FloatArray]:
         """Whole samples (2,) by which the readings of motor and arm are moved ahead for their delay, and what
-        is left of it, (2,) s: from the moved sample on, the encoder shows where its axis was ``-lead`` ago.
-
-        Back into the sample before, whose torque is known by then; only a reading that is early by less than
-        half a sample is looked for ahead.
+        is left of it, (2,) s, zero or less: the moved reading shows where its axis was ``-lead`` ago, within
+        the sample before, whose torque is known by then.
         """
         whole, lead = np.zeros(2, dtype=np.int64), np.zeros(2)
         for channel in (0, 1):
             delay = sum(float(self.p[o]) for c, o in self.skew if c == channel) / dt
-            whole[channel] = 0 if -0.5 < delay < 0.0 else math.floor(delay)
+            whole[channel] = math.floor(delay)
             lead[channel] = (whole[channel] - delay) * dt
         return whole, lead
 

@@ -64,6 +64,21 @@ def encoder_reading_sensitive(angle, channel, codes, p, p_col, slope_out, ncol, 
     return y
 
 
+@inner
+def within_sample(theta, dt, q0, v0, q1, v1):
+    """The cubic between two samples with the angles and velocities of both, at the share ``theta``."""
+    rest = 1.0 - theta
+    return (rest * rest * ((1.0 + 2.0 * theta) * q0 + theta * dt * v0)
+            + theta * theta * ((3.0 - 2.0 * theta) * q1 - rest * dt * v1))
+
+
+@inner
+def within_sample_rate(theta, dt, q0, v0, q1, v1):
+    """Its rate."""
+    return (6.0 * theta * (1.0 - theta) * (q1 - q0) / dt + (1.0 - theta) * (1.0 - 3.0 * theta) * v0
+            + theta * (3.0 * theta - 2.0) * v1)
+
+
 @njit
 def predict_series(x, s, measured, gain, d_gain, decay, d_decay, torque, d_torque, moment, d_moment,
                    torque_arm, exogenous, t0, dt, substeps, rigid, base, codes, p, base_col, p_col, out_codes,
@@ -90,7 +105,11 @@ def predict_series(x, s, measured, gain, d_gain, decay, d_decay, torque, d_torqu
     by_parameter = np.zeros((4, n, wide))
     by_start = np.zeros((4, 4, 2))
     began = np.zeros((2, wide))
-    last = np.array([x[2], x[3]])
+    last = np.array([x[0] - dt * x[2], x[1] - dt * x[3], x[2], x[3]])
+    last_s = s[:4].copy()
+    for ch in range(2):
+        for c in range(wide):
+            last_s[ch, c] -= dt * s[2 + ch, c]
     stage, total = np.zeros((n, wide)), np.zeros((n, wide))
     g = np.zeros(16)
     slope = np.zeros(1)
@@ -112,7 +131,11 @@ def predict_series(x, s, measured, gain, d_gain, decay, d_decay, torque, d_torqu
                 for c in range(ncol):
                     d_states[i, j, c] = s[j, c]
         for ch in range(2):
-            shown = x[ch] + lead[ch] * x[2 + ch] + 0.5 * lead[ch] ** 2 * (x[2 + ch] - last[ch]) / dt
+            late = lead[ch] != 0.0
+            theta = 1.0 + lead[ch] / dt
+            shown = x[ch]
+            if late:
+                shown = within_sample(theta, dt, last[ch], last[2 + ch], x[ch], x[2 + ch])
             if mapped:
                 yh = encoder_reading_sensitive(shown, ch, out_codes, p, p_col, slope, ncol, dpar[ch], g)
                 slopes[ch] = slope[0]
@@ -127,9 +150,14 @@ def predict_series(x, s, measured, gain, d_gain, decay, d_decay, torque, d_torqu
             else:
                 innovation[i, ch] = m - yh
                 for c in range(ncol):
-                    d_innovation[i, ch, c] = -slopes[ch] * (s[ch, c] + lead[ch] * s[2 + ch, c]) - dpar[ch, c]
+                    moved = s[ch, c]
+                    if late:
+                        moved = within_sample(theta, dt, last_s[ch, c], last_s[2 + ch, c], s[ch, c],
+                                              s[2 + ch, c])
+                    d_innovation[i, ch, c] = -slopes[ch] * moved - dpar[ch, c]
                 if skew_col[ch] >= 0:
-                    d_innovation[i, ch, skew_col[ch]] += slopes[ch] * x[2 + ch]
+                    rate = within_sample_rate(theta, dt, last[ch], last[2 + ch], x[ch], x[2 + ch])
+                    d_innovation[i, ch, skew_col[ch]] += slopes[ch] * rate
         if correcting:
             for j in range(n):
                 x[j] += gain[j, 0] * innovation[i, 0] + gain[j, 1] * innovation[i, 1]
@@ -138,7 +166,10 @@ def predict_series(x, s, measured, gain, d_gain, decay, d_decay, torque, d_torqu
                 if moving:
                     for c in range(ncol):
                         s[j, c] += d_gain[j, 0, c] * innovation[i, 0] + d_gain[j, 1, c] * innovation[i, 1]
-        last[0], last[1] = x[2], x[3]
+        for j in range(4):
+            last[j] = x[j]
+            for c in range(wide):
+                last_s[j, c] = s[j, c]
         t = t0 + i * dt
         tm = torque[i] + x[n - 2]
         ta = torque_arm[i] + x[n - 1]
@@ -214,7 +245,7 @@ def innovations_series(x, measured, gain, decay, torque, moment, torque_arm, exo
                        rigid, base, codes, p, out_codes, lead, innovation, states):
     """The same prediction without derivatives."""
     n = x.shape[0]
-    last = np.array([x[2], x[3]])
+    last = np.array([x[0] - dt * x[2], x[1] - dt * x[3], x[2], x[3]])
     z, dz, total = np.zeros(n), np.zeros(n), np.zeros(n)
     correcting = False
     for j in range(n):
@@ -225,12 +256,15 @@ def innovations_series(x, measured, gain, decay, torque, moment, torque_arm, exo
             states[i, j] = x[j]
         for ch in range(2):
             m = measured[i, ch]
-            shown = x[ch] + lead[ch] * x[2 + ch] + 0.5 * lead[ch] ** 2 * (x[2 + ch] - last[ch]) / dt
+            shown = x[ch]
+            if lead[ch] != 0.0:
+                shown = within_sample(1.0 + lead[ch] / dt, dt, last[ch], last[2 + ch], x[ch], x[2 + ch])
             innovation[i, ch] = 0.0 if math.isnan(m) else m - encoder_reading(shown, ch, out_codes, p)
         if correcting:
             for j in range(n):
                 x[j] += gain[j, 0] * innovation[i, 0] + gain[j, 1] * innovation[i, 1]
-        last[0], last[1] = x[2], x[3]
+        for j in range(4):
+            last[j] = x[j]
         advance(x, t0 + i * dt, dt, substeps, torque[i], torque_arm[i], exogenous[i], rigid, base, codes, p,
                 z, dz, total)
         spread(x, moment[i], base)

@@ -345,7 +345,8 @@ def _rivals(
 
 
 def _check(kind: str, tell: list[dict[tuple[str, str], float]]) -> None:
-    """Unlucky when a tie is none, an effect outside the table has a name in it, or a pair is not two."""
+    """Unlucky when a tie is none, an effect outside the table has a name in it, or one of a pair has
+    another."""
     if kind == "tied" and min(tell[0].values()) > 0.4 * CANNOT_TELL:
         raise Unlucky
     if kind == "outside" and min(tell[0].values()) < 32.0:

@@ -15,7 +15,7 @@ that the noise is known and Gaussian: an upper bound of what any tool can see, a
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 
 import numpy as np
 from numba import njit
@@ -41,7 +41,7 @@ class Whitener:
 
 @dataclass(frozen=True)
 class Driven:
-    """A noise-free experiment as columns see it, all (n,): means over the sample that follows.
+    """An experiment as columns see it, all (n,): means over the sample that follows.
 
     motor, arm: angle at the sample; *_speed, *_acceleration: means; current: commanded, A.
     """
@@ -66,6 +66,9 @@ class Column:
     motor_error: Array | float = 0.0
     arm_error: Array | float = 0.0
     current: Array | float = 0.0
+
+
+COLUMNS = tuple(field.name for field in fields(Column))
 
 
 def whitener(robot: Robot) -> Whitener:

@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from haptic_teleop_sysid.blind.detect import Column, Driven, Whitener, detectability
+from haptic_teleop_sysid.blind.detect import COLUMNS, Column, Driven, Whitener, detectability
 from haptic_teleop_sysid.blind.effects import Kind, Parameters, Scene
 from haptic_teleop_sysid.blind.outside import gate_of
 from haptic_teleop_sysid.blind.physics import integrate
@@ -131,7 +131,7 @@ def _shifted(values: Array, delay: float) -> Array:
 def shares_of(
     setting: Setting, planted: list[Planted], scenes: dict[str, Scene], push: Array
 ) -> tuple[Run, list[Column]]:
-    """Return the run with all of `planted`, and what each of them adds on its way.
+    """Return the run with all of `planted`, and what each of them adds to the others on its way.
 
     Not what each would add alone: a spring that holds the motor leaves its friction no way to show.
     """
@@ -141,13 +141,19 @@ def shares_of(
         setting,
         experiment=replace(setting.experiment, loop="open loop current", reference=together.out[:, 8].copy()),
     )
-    return together, [
-        contribution(setting, run(commanded, [one], scenes[one.part], push, path, True)) for one in planted
-    ]
+    total = contribution(setting, together)
+    shares = []
+    for one in planted:
+        others = [other for other in planted if other is not one]
+        without = contribution(
+            setting, run(commanded, others, scenes[planted[0].part], push, path, follow=True)
+        )
+        shares.append(Column(*(getattr(total, n) - getattr(without, n) for n in COLUMNS)))
+    return together, shares
 
 
 def driven_of(setting: Setting, quiet: Run) -> Driven:
-    """Return the noise-free trajectory as columns see it."""
+    """Return the trajectory as columns see it."""
     out = quiet.out
 
     def mean_rate(values: Array) -> Array:

@@ -10,7 +10,7 @@ from typing import Any
 
 Scores = list[dict[str, Any]]
 STRONG = 8.0
-"""d' from which the targets hold; sizes were drawn to within 10 %."""
+"""d' from which the targets hold; sizes are sought to within 10 %, and judged as the recording has them."""
 _LEAST = 0.9 * STRONG
 TARGETS: dict[str, tuple[str, float, float]] = {
     "false_alarms": ("at most", 0.05, 0.01),

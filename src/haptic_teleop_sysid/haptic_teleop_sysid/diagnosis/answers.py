@@ -101,9 +101,13 @@ def answers_to(
             if read[k, ch]:
                 error = 1.0 if output and ch == channel else 0.0
                 for c in range(m):
-                    # What a reading that is late by part of a sample shows of the speed.
-                    late = shown[ch, 2 + ch] * x[2 + ch, c]
-                    answers[k, ch, c] = x[ch, c] + late + error * pushes[k, c]
+                    answers[k, ch, c] = x[ch, c] + error * pushes[k, c]
+                if shown[ch, 2 + ch] != 0.0:
+                    # A reading that is late by part of a sample shows something of all the rest.
+                    for c in range(m):
+                        answers[k, ch, c] -= x[ch, c]
+                        for j in range(6):
+                            answers[k, ch, c] += shown[ch, j] * x[j, c]
         for i in range(6):
             for c in range(m):
                 corrected[i, c] = x[i, c] - gain[i, 0] * answers[k, 0, c] - gain[i, 1] * answers[k, 1, c]

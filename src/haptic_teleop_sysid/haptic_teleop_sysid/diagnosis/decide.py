@@ -26,8 +26,9 @@ LEAST_AGAINST = 2.0
 #: A further effect must gain at least this share of the strongest one: smaller ones are what a slightly wrong
 #: form of that leaves behind.
 LEAST_SHARE = 0.02
-#: ... and this share where it is of the same kind at the same place, where such leftovers go first, or where
-#: it is not even clear which effect it is.
+#: ... and this share where it is of the same kind at the same place (between command and torque and in an
+#: encoder: of any kind), where such leftovers go first, or where it is not even clear what it is or where,
+#: forms of one thing apart.
 LEAST_SHARE_ALIKE = 0.15
 #: Explanations whose score is within this share of the best one's are as good: forms of friction differ by
 #: more, while the noise of real recordings is not white to within a few percent.
@@ -38,7 +39,7 @@ BY_CHANCE = 3.0
 CLEARLY_LESS, SHARE_LESS = 8.0, 0.05
 #: Percent of simulated fit that a rival may be worse before its weight falls to a third.
 SIMULATED_MARGIN = 4.0
-#: Standard errors that an effect's size must differ by from none at all.
+#: Standard errors that an effect's sizes must differ by from none, together.
 SIGNIFICANT = 3.0
 #: From this confidence on a single name is given.
 SURE = 0.7
@@ -90,8 +91,10 @@ def choose(
     named = [e for e in good if not e.effect.entry.unnamed]
     best = max(good, key=lambda e: e.score)
     if best.effect.entry.unnamed:
-        # A name has to lose clearly before it is not given, be its size known well or not.
-        nearest = max((e.score for e in found if e.material and not e.effect.entry.unnamed), default=0.0)
+        # A name has to lose clearly before it is not given; beside an effect that is found already, be its
+        # own size known well or not.
+        rivals = named if best_so_far <= 0.0 else [e for e in found if e.material]
+        nearest = max((e.score for e in rivals if not e.effect.entry.unnamed), default=0.0)
         if best.score > nearest + max(CLEARLY_LESS, SHARE_LESS * nearest) and best.score > (
             LEAST_SHARE_ALIKE * best_so_far
         ):
@@ -111,8 +114,8 @@ def choose(
     weights = weights / weights.sum()
     order = np.argsort(-weights, kind="stable")
     ranked = [(close[i], float(weights[i])) for i in order]
-    rivals = tuple((e, p) for e, p in ranked[1:] if p > 0.02)
-    choice = Choice(ranked[0][0], ranked[0][1], rivals)
+    others = tuple((e, p) for e, p in ranked[1:] if p > 0.02)
+    choice = Choice(ranked[0][0], ranked[0][1], others)
     if (
         choice.ambiguous
         and not _forms_of_one_thing(choice)
@@ -172,17 +175,20 @@ def significant(explanation: Explanation) -> bool:
     }
     if not away:
         return True
+    if not np.all(np.isfinite(fit.information)):
+        return False
     for name, size in away.items():
         # What the currents determined, what no fit was free to change, and a limit where there is none.
         error = explanation.std.get(name, None if name in fit.free and np.isfinite(size) else 0.0)
         if error is not None and abs(size) > SIGNIFICANT * error:
             return True
-    tested = [n for n in fit.free if n in away]
-    if not tested or not np.all(np.isfinite(fit.information)):
+    told = {n for i, n in enumerate(fit.free) if fit.information[i, i] > 0.0}
+    tested = [n for n in fit.free if n in away and n in told]
+    if not tested:
         return False
-    others = [n for n in fit.free if not n.startswith(head)]
+    others = [n for n in fit.free if not n.startswith(head) and n in told]
     kept = [fit.free.index(n) for n in (*others, *tested)]
-    scale = np.sqrt(np.maximum(np.diag(fit.information)[kept], 1e-300))
+    scale = np.sqrt(np.diag(fit.information)[kept])
     inverse = np.linalg.pinv(
         fit.information[np.ix_(kept, kept)] / np.outer(scale, scale), rcond=1e-12, hermitian=True
     )[len(others) :, len(others) :]
@@ -192,16 +198,18 @@ def significant(explanation: Explanation) -> bool:
 
 def standard_errors(fit: Fit, held: Sequence[str] = ()) -> dict[str, float]:
     """Standard errors by parameter name, from the information matrix (parameters at a bound have none), those
-    of ``held`` known; infinite where derivatives have overflowed, so that nothing is significant."""
+    of ``held`` known; infinite where derivatives have overflowed or say nothing, so that nothing is
+    significant."""
     kept = [i for i, name in enumerate(fit.free) if name not in held]
-    names = [fit.free[i] for i in kept]
-    if not kept:
-        return {}
+    errors = {fit.free[i]: float("inf") for i in kept}
     if not np.all(np.isfinite(fit.information)):
-        return dict.fromkeys(names, float("inf"))
+        return errors
+    # What is left of an information that the noise levels took can be zero or less by rounding.
+    kept = [i for i in kept if fit.information[i, i] > 0.0]
+    if not kept:
+        return errors
     information = fit.information[np.ix_(kept, kept)]
-    scale = np.sqrt(np.maximum(np.diag(information), 1e-300))
+    scale = np.sqrt(np.diag(information))
     inverse = np.linalg.pinv(information / np.outer(scale, scale), rcond=1e-12, hermitian=True)
-    return {
-        n: float(np.sqrt(max(v, 0.0)) / s) for n, v, s in zip(names, np.diag(inverse), scale, strict=True)
-    }
+    found = np.sqrt(np.maximum(np.diag(inverse), 0.0)) / scale
+    return errors | {fit.free[i]: float(v) for i, v in zip(kept, found, strict=True)}

@@ -20,6 +20,7 @@ from haptic_teleop_sysid.estimation.records import Record
 from haptic_teleop_sysid.estimation.whole_fit import fit_whole
 
 from .decide import Choice, standard_errors
+from .explanation import Explanation
 from .held_out import held_out_fit
 from .search import SearchResult
 from .stand import Stand, colour, stand_of, stands_out, unsteadiness
@@ -78,13 +79,22 @@ def doubted(
         return result, None, stand
     kept = list(result.choices)
     doubt: Doubt | None = None
-    while kept:
-        why = _objection(kept[-1], result.baseline, there, before, estimation, validation, percent)
-        if why is None:
-            break
-        doubt = Doubt(kept[-1], *why)
-        kept = _without_last(kept)
+    asked: Explanation | None = None
+
+    def given_up(last: Choice, why: str, condition: str | None = None) -> None:
+        # What is said is what speaks against the name that came first.
+        nonlocal doubt
+        if doubt is None or doubt.choice is None or not _instead_of(doubt.choice, last):
+            doubt = Doubt(last, why, condition)
+
     while True:
+        while kept and kept[-1].chosen is not asked:
+            why = _objection(kept[-1], result.baseline, there, before, estimation, validation, percent)
+            if why is None:
+                asked = kept[-1].chosen
+                break
+            given_up(kept[-1], *why)
+            kept = _without_last(kept)
         final = kept[-1].chosen.fit if kept else result.baseline
         if doubt is not None:
             result = replace(result, choices=tuple(kept), final=final, last_round=())
@@ -95,17 +105,26 @@ def doubted(
         # What was found after it stood beside it, and falls with it.
         kept = _without_last(kept[: kept.index(faint) + 1])
         name = faint.chosen.effect.effect
-        doubt = Doubt(faint, f"the size of {name} differs so much between recordings that it may be none")
+        given_up(faint, f"the size of {name} differs so much between recordings that it may be none")
 
 
 def _without_last(kept: list[Choice]) -> list[Choice]:
-    """The findings without the last one, in whose place comes the next of what it was not told from."""
+    """The findings without the last one, in whose place comes the next of what it was not told from (but for
+    its twin, which is the same fit)."""
     last = kept[-1]
-    if not last.ambiguous:
+    others = [
+        (e, p) for e, p in last.others if (e.gain, e.held_out) != (last.chosen.gain, last.chosen.held_out)
+    ]
+    if not last.ambiguous or not others:
         return kept[:-1]
-    (chosen, share), *rest = last.others
-    total = share + sum(p for _, p in rest)
+    total = sum(p for _, p in others)
+    (chosen, share), *rest = others
     return [*kept[:-1], Choice(chosen, share / total, tuple((e, p / total) for e, p in rest))]
+
+
+def _instead_of(first: Choice, other: Choice) -> bool:
+    """Whether ``other`` has taken the place of ``first``."""
+    return any(e is other.chosen for e, _ in first.others)
 
 
 def _objection(

@@ -33,8 +33,6 @@ _SHARES = (0.998, 0.99, 0.98, 0.96, 0.94, 0.91, 0.88, 0.84, 0.8, 0.75, 0.7)
 _RATIO = 1.04
 #: Places of an angle within the travel.
 _PLACES = 24
-#: Samples in all, and rate, Hz, to which long recordings are thinned for orders: what comes of it are starts.
-_ENOUGH_SAMPLES, _LEAST_RATE = 15000, 200.0
 #: Cycles per sample up to which a thinned recording shows an order, at nine tenths of its samples.
 _RESOLVED = 0.25
 
@@ -42,10 +40,10 @@ _RESOLVED = 0.25
 def scan(fit: Fit, records: Sequence[Record], scales: Scales) -> Scanned:
     """The most promising values of every scanned parameter, by effect and place."""
     # Of hundreds of orders three become starts.
-    thin = thinned_to(records, _ENOUGH_SAMPLES, _LEAST_RATE)
+    thin = thinned_to(records)
     fine = Answers(fit, records)
     quick = fine if thin is records else Answers(fit, thin)
-    most = [_highest_order(thin, channel) for channel in (0, 1)]
+    most = [np.inf if thin is records else _highest_order(thin, channel) for channel in (0, 1)]
     found: Scanned = {}
     for name, entry in EFFECTS.items():
         parameter = next((p for p in entry.parameters if p.scan), None)
@@ -65,9 +63,10 @@ def scan(fit: Fit, records: Sequence[Record], scales: Scales) -> Scanned:
 
 
 def _highest_order(records: Sequence[Record], channel: int) -> float:
-    """The highest order for which these samples lie densely enough."""
-    steps = [np.nanquantile(np.abs(np.diff(r.measured[:, channel])), 0.9) for r in records]
-    return 2.0 * math.pi * _RESOLVED / max(float(np.nanmax(steps)), 1e-12)
+    """The highest order for which these samples lie densely enough; 0 where the angle was not measured."""
+    steps = np.abs(np.concatenate([np.diff(r.measured[:, channel]) for r in records]))
+    steps = steps[np.isfinite(steps)]
+    return 2.0 * math.pi * _RESOLVED / max(float(np.quantile(steps, 0.9)), 1e-12) if len(steps) else 0.0
 
 
 def both(one: Scanned, other: Scanned) -> Scanned:

@@ -31,7 +31,8 @@ class NoiseModel:
     motor_torque, arm_torque: rms of the disturbance torques, N·m. motor_time, arm_time: their correlation
     times, s. motor_angle, arm_angle: rms of the encoders' noise, rad.  All greater than zero.
     ``reference``: the structure (as ``Packed.base``) whose linearisation gives the observer gain, so that
-    several models are judged by one and the same observer; None: each model's own.
+    several models are judged by one and the same observer (their encoders' delays apart); None: each model's
+    own.
     """
 
     motor_torque: float
@@ -53,7 +54,7 @@ class NoiseModel:
 
 def linearised(packed: Packed, reference: tuple[float, ...] | None = None) -> tuple[FloatArray, FloatArray]:
     """(6, 6) continuous system matrix over [q_motor, q_arm, v_motor, v_arm, d_motor, d_arm] of the structure,
-    and the location of the measured angles (2, 6); ``reference`` replaces the model's numbers."""
+    and the location of the angles (2, 6); ``reference`` replaces the model's numbers."""
     return _linearised(tuple(packed.base) if reference is None else reference, packed.rigid)
 
 
@@ -82,16 +83,17 @@ def observer(
     held over the sample, gain (6, 2), and what the encoders show of the state (2, 6): `observer_gain`."""
     base = noise.reference if noise.reference is not None else tuple(float(v) for v in packed.base)
     gain = observer_gain(packed, noise, dt, measured)
-    shown = _shown(tuple(packed.encoder_shift(dt)[1].tolist()))
+    shown = _shown(base, bool(packed.rigid), tuple(packed.encoder_shift(dt)[1].tolist()))
     return _transition(base, bool(packed.rigid), noise, dt), gain[[0, 1, 2, 3, -2, -1]], shown
 
 
-def _shown(lead: tuple[float, ...]) -> FloatArray:
+def _shown(base: tuple[float, ...], rigid: bool, lead: tuple[float, ...]) -> FloatArray:
     """What encoders show (2, 6) of the state when they are ``lead`` (2,) seconds ahead of it: late by a part
     of a sample, a reading is of the speed as well, and its observer corrects otherwise."""
-    c = np.zeros((2, 6))
-    c[0, 0] = c[1, 1] = 1.0
-    c[0, 2], c[1, 3] = lead
+    a, c = _linearised(base, rigid)
+    for channel in (0, 1):
+        if lead[channel] != 0.0:
+            c[channel] = exponential(a * lead[channel])[channel]
     return c
 
 
@@ -140,7 +142,7 @@ def _structure_gain(
     lead: tuple[float, ...],
 ) -> FloatArray:
     """The gain (6, 2) of the structure alone: screening asks for one and the same hundreds of times."""
-    c = _shown(lead)
+    c = _shown(base, rigid, lead)
     transition, decay = _transition(base, rigid, noise, dt), noise.decay(dt)
     q = np.zeros((6, 6))
     q[4, 4] = noise.motor_torque**2 * (1.0 - decay[0] ** 2)

@@ -70,13 +70,18 @@ def thinned(record: Record, rate: float) -> Record:
     )
 
 
-def thinned_to(records: Sequence[Record], samples: int, rate: float) -> Sequence[Record]:
-    """The recordings, `thinned` to about that many samples in all, but no further than to ``rate``, Hz; the
-    recordings themselves where they have no more."""
+#: Samples in all, and rate, Hz, to which long recordings are thinned for what is to come near only.
+ENOUGH_SAMPLES, LEAST_RATE = 15000, 200.0
+
+
+def thinned_to(records: Sequence[Record]) -> Sequence[Record]:
+    """The recordings, `thinned` to less than twice ENOUGH_SAMPLES in all, but no further than to LEAST_RATE;
+    ``records`` itself where nothing is thinned."""
     total = sum(len(r) for r in records)
-    if total <= samples:
+    if total <= ENOUGH_SAMPLES:
         return records
-    return [thinned(r, max(rate, samples / total / r.dt)) for r in records]
+    found = [thinned(r, max(LEAST_RATE, ENOUGH_SAMPLES / total / r.dt)) for r in records]
+    return records if all(a is b for a, b in zip(found, records, strict=True)) else found
 
 
 def record_from(data: DataSet, commanded: bool = False) -> Record:

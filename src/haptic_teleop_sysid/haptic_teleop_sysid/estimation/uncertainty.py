@@ -110,12 +110,28 @@ def _through_gain(fit: Fit, packed: Packed, record: Record, name: str) -> FloatA
     """Derivative (n, 2) of the innovations by a parameter in so far as it changes the observer's gain,
     which the exact derivatives hold. Without it a scale common to all torques seems to show, and it does
     not."""
+    channel = packed.delayed_encoder(name)
+    if channel is not None:
+        # Within its sample: where a delay passes a whole one, the readings are moved, and the gain jumps.
+        return _by_lead(packed, fit.noise, record, channel)
     value = fit.model.parameter_values()[name]
     step = STEP * max(abs(value), 1e-9)
     # Below zero nothing is physical: the step then goes up only.
     values = (value + step, value - step if value - step > 0.0 else value)
     changed = [(pack(fit.model.with_values({name: v})), fit.noise) for v in values]
     return _slope(changed, packed, fit.noise, record, 0.5 * (values[0] - values[1]))
+
+
+def _by_lead(packed: Packed, noise: NoiseModel, record: Record, channel: int) -> FloatArray:
+    """Derivative (n, 2) of the innovations by an encoder's delay in so far as it changes the gain."""
+    step, gains = STEP * record.dt, []
+    for sign in (-1.0, 1.0):
+        lead = packed.encoder_shift(record.dt)[1]
+        lead[channel] += sign * step
+        gains.append(observer_gain(packed, noise, record.dt, channels(packed, record), lead))
+    runs = [innovations(packed, noise, record, gain=gain).innovation for gain in gains]
+    slope = (runs[0] - runs[1]) / (2.0 * step)
+    return slope if np.all(np.isfinite(slope)) else np.zeros((len(record), 2))
 
 
 def _slope(

@@ -45,8 +45,6 @@ _LARGEST_FACTOR = 16.0
 _TRIES = 6
 #: Nats that a step may promise and not keep at the top.
 _NEXT_TO_NOTHING = 1.0
-#: Samples in all, and rate, Hz, to which long recordings are thinned on the way.
-_ENOUGH_SAMPLES, _LEAST_RATE = 15000, 200.0
 #: Correlation times of the disturbances at motor and arm from which a fit starts that knows nothing of the
 #: noise, s: one start alone stops now and then a hundred nats below the top.
 START_TIMES = ((1.0, 1.0), (0.1, 0.1), (0.003, 0.3))
@@ -157,7 +155,7 @@ def fit_from_scratch(
 ) -> Fit:
     """`fit_whole` with nothing known of the noise: the best that comes of START_TIMES. The way there is made
     on thinned recordings where they are long."""
-    few = thinned_to(records, _ENOUGH_SAMPLES, _LEAST_RATE)
+    few = thinned_to(records)
     fits = [
         fit_whole(model, noise, few, iterations=iterations, limits=limits)
         for noise in noise_starts(model, few)
@@ -268,12 +266,11 @@ def _gain_slopes(
             base[place] += step
             there = replace(noise, reference=tuple(float(v) for v in base))
             d_gain[:, :, i] = (observer_gain(packed, there, dt, measured) - gain) / step
-        group, place = packed.index[name]
-        for channel, offset in packed.skew:
-            if group == "p" and offset == place and channel < 2:
-                lead = packed.encoder_shift(dt)[1]
-                lead[channel] -= _STEP * dt
-                d_gain[:, :, i] = (observer_gain(packed, noise, dt, measured, lead) - gain) / (_STEP * dt)
+        channel = packed.delayed_encoder(name)
+        if channel is not None:
+            lead = packed.encoder_shift(dt)[1]
+            lead[channel] -= _STEP * dt
+            d_gain[:, :, i] = (observer_gain(packed, noise, dt, measured, lead) - gain) / (_STEP * dt)
     for i, name in enumerate(levels, start=len(names)):
         there = noise.scaled(**{name: float(np.exp(_STEP))})
         d_gain[:, :, i] = (observer_gain(packed, there, dt, measured) - gain) / _STEP
