@@ -131,6 +131,28 @@ def test_a_stamp_far_off_shows_where_a_lively_command_is_like_nothing_but_itself
     assert skew.effect.parameters["delay"] == pytest.approx(samples * DT, abs=0.01 * DT)
 
 
+def test_the_first_samples_that_are_judged_answer_commands_that_are_not():
+    """A smooth command that is large where judging begins: a step there, of the tool's own making, made of
+    every delay a lag."""
+
+    def smooth(seed):
+        rng = np.random.default_rng(seed)
+        n, steps, t = 4000, 19, 2 * np.pi * np.arange(4000) * DT
+        command = 0.2 * sum(np.cos(f * t + p) for f, p in ((0.3, 0.0), (1.1, 0.3 * seed)))
+        fine = np.repeat(command, 20)
+        late = np.concatenate([np.zeros(steps), fine[:-steps]]).reshape(n, 20).mean(axis=1)
+        zero = np.zeros(n)
+        sensed = late + 0.0005 * rng.standard_normal(n)
+        return DataSet(
+            "made", "sfj", "stage1", DT, sensed, "A", "measured effort", zero, zero, zero, zero, command
+        )
+
+    found = shown_by_current(MODEL, [smooth(1)], [smooth(2)])
+    shown = {s.effect.effect: s for s in found}
+    assert shown["input_delay"].effect.parameters["delay"] == pytest.approx(0.95 * DT, rel=0.02)
+    assert shown["input_delay"].gain > shown["actuator_lag"].gain - 1.0
+
+
 def test_a_late_stamp_and_a_late_torque_look_alike_to_the_currents():
     found = shown_by_current(MODEL, [current_data(1, late)], [current_data(2, late)])
     gains = {s.effect.effect: s.gain for s in found}

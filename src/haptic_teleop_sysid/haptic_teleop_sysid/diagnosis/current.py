@@ -137,8 +137,9 @@ def _nats(model: Model, effect: Effect, data: DataSet) -> float:
     """Nats by which the measured current follows the effect's better than the command."""
     command, sensed = np.asarray(data.commanded_input, dtype=float), np.asarray(data.input, dtype=float)
     good = np.isfinite(command) & np.isfinite(sensed)
+    command = np.where(np.isfinite(command), command, 0.0)
+    # Not judged, but commanded all the same: the first judged samples answer them.
     good[: min(_UNSEEN, len(good) // 10)] = False
-    command = np.where(good, command, 0.0)
     if effect.effect == "channel_skew":
         at = np.arange(len(command)) - effect.parameters["delay"] / data.dt
         expected = np.interp(at, np.arange(len(command)), command)
