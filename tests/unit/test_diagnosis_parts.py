@@ -401,6 +401,15 @@ def test_a_clear_winner_is_named_alone():
     assert choice.others == ()
 
 
+def test_one_effect_that_was_found_twice_is_no_rival_of_itself():
+    lag = explanation("actuator_lag", 300.0, 200.0, "actuator", time_constant=0.01)
+    again = replace(lag, gain=299.9, by_current=100.0)
+    choice = choose([lag, again], 0.0, False)
+    assert choice.chosen is lag
+    assert choice.confidence == pytest.approx(1.0)
+    assert choice.others == ()
+
+
 def test_an_exact_tie_is_ambiguous_and_names_both():
     choice = choose(
         [explanation("coulomb_friction", 300.0, 200.0), explanation("constant_torque", 300.0, 200.0)],

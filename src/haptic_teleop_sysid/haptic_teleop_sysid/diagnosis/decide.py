@@ -86,6 +86,9 @@ def choose(
         and (e.by_current > 0.0 or e.score >= _least_share(e) * best_so_far)
         and significant(e)
     ]
+    # One effect by the motion alone and by the currents as well is one explanation, not two.
+    best_of = {(e.effect.effect, e.effect.location): e for e in sorted(good, key=lambda e: e.score)}
+    good = [e for e in good if e is best_of[e.effect.effect, e.effect.location]]
     if not good:
         return None
     named = [e for e in good if not e.effect.entry.unnamed]
