@@ -127,7 +127,9 @@ def search_by_simulation(
         for e in found[:10]:
             after = percent(e.fit.model)
             better = (after[0] - before[0], after[1] - before[1])
-            if e.material and min(better) > -1.0 and sum(better) > LEAST_PERCENT / 2:
+            # What helps a run over the whole recording and speaks against every stretch of it is luck.
+            likelier = e.gain > 0.0 and e.held_out > 0.0
+            if e.material and likelier and min(better) > -1.0 and sum(better) > LEAST_PERCENT / 2:
                 good.append((sum(better), e, after))
         if not good or max(g[0] for g in good) < LEAST_PERCENT:
             break
