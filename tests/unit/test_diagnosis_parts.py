@@ -10,15 +10,6 @@ import pytest
 from haptic_teleop_sim.effects import EFFECTS
 from haptic_teleop_sim.model import Effect, Model
 from haptic_teleop_sysid.diagnosis.candidates import candidates, larger_starts
-from haptic_teleop_sysid.diagnosis.decide import (
-    CLEAR_GAIN,
-    LEAST_AGAINST,
-    LEAST_GAIN,
-    LEAST_HELD_OUT,
-    LEAST_SHARE,
-    choose,
-    standard_errors,
-)
 from haptic_teleop_sysid.diagnosis.explanation import Explanation
 from haptic_teleop_sysid.diagnosis.material import material
 from haptic_teleop_sysid.diagnosis.residual import conditions, intervals
@@ -279,179 +270,12 @@ def test_starts_lie_within_the_effects_bounds_however_large_the_recording():
                 assert parameter.minimum <= value <= parameter.maximum, (start.effect, name)
 
 
-# choice
+# explanations, for the tests of the choice
 
 
 def explanation(name, gain, held_out, place="motor", is_material=True, **parameters):
     effect = Effect(name, f"stage1_{place}", parameters or {"torque": 0.1})
     return Explanation(fit_of(MODEL.with_effects(effect)), gain, held_out, is_material, 0)
-
-
-def test_a_clean_recording_yields_no_choice():
-    assert choose([], 0.0, False) is None
-    assert choose([explanation("coulomb_friction", 4.0, 1.0)], 0.0, False) is None
-
-
-def test_an_effect_that_gains_only_where_it_was_fitted_is_refused():
-    assert choose([explanation("coulomb_friction", 500.0, -2.0 * LEAST_AGAINST)], 0.0, False) is None
-    weak = 0.5 * (LEAST_GAIN + CLEAR_GAIN)
-    halfway = 0.5 * (LEAST_HELD_OUT - LEAST_AGAINST)
-    assert choose([explanation("coulomb_friction", weak, halfway + 0.1)], 0.0, False) is not None
-    assert choose([explanation("coulomb_friction", weak, halfway - 0.1)], 0.0, False) is None
-    assert choose([explanation("coulomb_friction", 0.5 * LEAST_GAIN, 500.0)], 0.0, False) is None
-
-
-def test_a_stop_that_the_other_recordings_never_reached_is_found_all_the_same():
-    stop = explanation("hard_stop", 300.0, 0.1, place="arm", angle=0.2, stiffness=50.0)
-    assert choose([stop], 0.0, False).chosen is stop
-
-
-def test_what_was_sought_over_many_values_has_to_gain_more():
-    plain = explanation("coulomb_friction", 17.9, 35.6)
-    sought = {"torque": 0.001, "amplitude": 0.0004, "order": 137.0, "phase": -0.4}
-    varied = explanation("position_dependent_friction", 25.1, 31.7, **sought)
-    choice = choose([varied, plain], 0.0, False)
-    assert choice.chosen is plain
-    assert plain.gain + plain.held_out - plain.score == 2.0
-    assert varied.gain + varied.held_out - varied.score == 10.0
-
-
-def test_where_derivatives_overflowed_nothing_is_significant():
-    found = explanation("coulomb_friction", 500.0, 500.0)
-    names = ("stage1_motor.coulomb_friction.torque",)
-    known = replace(found.fit, free=names, information=np.array([[1e8]]))
-    assert choose([replace(found, fit=known)], 0.0, False) is not None
-    for overflowed in (np.nan, np.inf):
-        fit = replace(known, information=np.array([[overflowed]]))
-        assert standard_errors(fit) == {names[0]: np.inf}
-        assert choose([replace(found, fit=fit)], 0.0, False) is None
-
-
-def test_a_slow_drift_differs_from_none_although_only_its_rate_is_known():
-    drift = explanation("gain_drift", 60.0, 30.0, "actuator", change=-0.06, time_constant=50.0)
-    head = "stage1_actuator.gain_drift."
-    names = (head + "change", head + "time_constant", "motor_damping")
-    # All that shows of it is change / time_constant, to a tenth.
-    by_rate = np.array([1.0 / 50.0, 0.06 / 50.0**2, 0.0]) / (0.1 * 0.06 / 50.0)
-    information = np.outer(by_rate, by_rate) + np.diag([1e-6, 1e-6, 100.0])
-    fit = replace(drift.fit, free=names, information=information)
-    assert standard_errors(fit)[names[0]] > 0.06
-    assert choose([replace(drift, fit=fit)], 0.0, False) is not None
-    # A structure's parameter that could make up for it takes its significance.
-    by_rate[2] = 1.0
-    fit = replace(fit, information=np.outer(by_rate, by_rate) + np.diag([1e-6, 1e-6, 1e-6]))
-    assert choose([replace(drift, fit=fit)], 0.0, False) is None
-
-
-def test_a_limit_is_significant_where_there_was_none():
-    found = explanation("torque_saturation", 60.0, 30.0, "actuator", limit=2.0)
-    fit = replace(found.fit, free=("stage1_actuator.torque_saturation.limit",), information=np.eye(1))
-    assert choose([replace(found, fit=fit)], 0.0, False) is not None
-
-
-def test_a_weak_second_effect_may_be_in_doubt_of_its_form_but_not_of_its_place():
-    forms = [
-        explanation("gravity", 60.0, 40.0, "arm", torque=0.1),
-        explanation("spring_to_ground", 60.0, 40.0, "arm", stiffness=0.1),
-    ]
-    weak = 100.0 / (2.0 * LEAST_SHARE)
-    assert choose(forms, weak, False).ambiguous
-    elsewhere = explanation("encoder_scale", 60.0, 40.0, "arm_encoder", scale=1.01)
-    assert choose([forms[0], elsewhere], weak, False) is None
-
-
-def test_a_limit_is_not_significant_either_where_derivatives_overflowed():
-    found = explanation("torque_saturation", 60.0, 30.0, "actuator", limit=2.0)
-    names = ("stage1_actuator.torque_saturation.limit",)
-    fit = replace(found.fit, free=names, information=np.array([[np.nan]]))
-    assert choose([replace(found, fit=fit)], 0.0, False) is None
-
-
-def test_of_what_nothing_is_known_the_error_is_infinite_and_that_of_the_rest_is_not():
-    found = explanation("coulomb_friction", 60.0, 30.0)
-    names = ("motor_damping", "stage1_motor.coulomb_friction.torque")
-    fit = replace(found.fit, free=names, information=np.array([[-1e-12, 30.0], [30.0, 1e8]]))
-    assert standard_errors(fit) == {names[0]: np.inf, names[1]: pytest.approx(1e-4)}
-    assert choose([replace(found, fit=fit)], 0.0, False) is not None
-
-
-def test_a_name_of_no_significance_keeps_what_has_none_from_the_second_place_but_not_the_first():
-    nameless = explanation("steep_drag", 300.0, 100.0, coefficient=0.1)
-    names = ("stage1_motor.quadratic_drag.coefficient",)
-    near = explanation("quadratic_drag", 300.0, 95.0, coefficient=0.1)
-    near = replace(near, fit=replace(near.fit, free=names, information=np.array([[1e-9]])))
-    assert choose([nameless, near], 0.0, False).unnamed
-    assert choose([nameless, near], 500.0, False) is None
-
-
-def test_an_immaterial_effect_is_refused():
-    assert choose([explanation("coulomb_friction", 500.0, 500.0, is_material=False)], 0.0, False) is None
-
-
-def test_a_clear_winner_is_named_alone():
-    choice = choose(
-        [explanation("coulomb_friction", 400.0, 400.0), explanation("constant_torque", 100.0, 100.0)],
-        0.0,
-        False,
-    )
-    assert choice is not None
-    assert choice.chosen.effect.effect == "coulomb_friction"
-    assert choice.confidence == pytest.approx(1.0, abs=0.01)
-    assert not choice.ambiguous
-    assert choice.others == ()
-
-
-def test_one_effect_that_was_found_twice_is_no_rival_of_itself():
-    lag = explanation("actuator_lag", 300.0, 200.0, "actuator", time_constant=0.01)
-    again = replace(lag, gain=299.9, by_current=100.0)
-    choice = choose([lag, again], 0.0, False)
-    assert choice.chosen is lag
-    assert choice.confidence == pytest.approx(1.0)
-    assert choice.others == ()
-
-
-def test_an_exact_tie_is_ambiguous_and_names_both():
-    choice = choose(
-        [explanation("coulomb_friction", 300.0, 200.0), explanation("constant_torque", 300.0, 200.0)],
-        0.0,
-        False,
-    )
-    assert choice is not None
-    assert choice.ambiguous
-    assert choice.confidence == pytest.approx(0.5)
-    (other, share), *rest = choice.others
-    assert {choice.chosen.effect.effect, other.effect.effect} == {"coulomb_friction", "constant_torque"}
-    assert share == pytest.approx(0.5)
-    assert rest == []
-
-
-def test_a_weak_second_effect_is_refused():
-    weak = explanation("coulomb_friction", 60.0, 40.0)
-    assert choose([weak], 0.0, False) is not None
-    assert choose([weak], 200.0 / LEAST_SHARE, False) is None
-
-
-def test_what_is_left_of_a_lag_is_no_wrong_stamp_beside_it():
-    lag = Effect("actuator_lag", "stage1_actuator", {"time_constant": 0.05})
-    skew = Effect("channel_skew", "stage1_actuator", {"delay": -0.0006})
-    beside = Explanation(fit_of(MODEL.with_effects(lag, skew)), 100.0, 600.0, True, 1)
-    assert choose([beside], 11000.0, False) is None
-    elsewhere = Effect("channel_skew", "stage1_arm_encoder", {"delay": -0.0006})
-    apart = Explanation(fit_of(MODEL.with_effects(lag, elsewhere)), 100.0, 600.0, True, 1)
-    assert choose([apart], 11000.0, False) is not None
-
-
-def test_a_current_that_follows_its_command_speaks_against_a_wrong_stamp():
-    tie = [
-        explanation("channel_skew", 300.0, 200.0, "actuator", delay=0.01),
-        explanation("input_delay", 300.0, 200.0, "actuator", delay=0.01),
-    ]
-    unknown, follows = choose(tie, 0.0, False), choose(tie, 0.0, True)
-    assert unknown is not None and follows is not None
-    assert unknown.ambiguous
-    assert follows.chosen.effect.effect == "input_delay"
-    assert follows.confidence > unknown.confidence
-    assert not follows.ambiguous
 
 
 # what is left over
