@@ -106,6 +106,7 @@ def predict_series(x, s, measured, gain, d_gain, decay, d_decay, torque, d_torqu
     by_start = np.zeros((4, 4, 2))
     began = np.zeros((2, wide))
     last = np.array([x[0] - dt * x[2], x[1] - dt * x[3], x[2], x[3]])
+    looking_back = lead[0] != 0.0 or lead[1] != 0.0
     last_s = s[:4].copy()
     for ch in range(2):
         for c in range(wide):
@@ -166,10 +167,11 @@ def predict_series(x, s, measured, gain, d_gain, decay, d_decay, torque, d_torqu
                 if moving:
                     for c in range(ncol):
                         s[j, c] += d_gain[j, 0, c] * innovation[i, 0] + d_gain[j, 1, c] * innovation[i, 1]
-        for j in range(4):
-            last[j] = x[j]
-            for c in range(wide):
-                last_s[j, c] = s[j, c]
+        if looking_back:
+            for j in range(4):
+                last[j] = x[j]
+                for c in range(wide):
+                    last_s[j, c] = s[j, c]
         t = t0 + i * dt
         tm = torque[i] + x[n - 2]
         ta = torque_arm[i] + x[n - 1]

@@ -6,12 +6,15 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
+from numpy.typing import NDArray
 
 from haptic_teleop_sim.model import Model
 from haptic_teleop_sysid.estimation.gauss_newton import Fit
 
 from .candidates import family
 from .explanation import Explanation
+
+FloatArray = NDArray[np.float64]
 
 #: Nats that an effect must gain on the estimation and on the validation recordings.  On 113 pairs of clean
 #: recordings of the benchmark no named effect that was material and significant gained 12 nats without the
@@ -185,34 +188,35 @@ def significant(explanation: Explanation) -> bool:
         error = explanation.std.get(name, None if name in fit.free and np.isfinite(size) else 0.0)
         if error is not None and abs(size) > SIGNIFICANT * error:
             return True
-    told = {n for i, n in enumerate(fit.free) if fit.information[i, i] > 0.0}
-    tested = [n for n in fit.free if n in away and n in told]
+    shape = [n for n in fit.free if n.startswith(head) and n not in away]
+    names, scale, inverse = _covariance(fit, shape)
+    tested = [i for i, n in enumerate(names) if n in away]
     if not tested:
         return False
-    others = [n for n in fit.free if not n.startswith(head) and n in told]
-    kept = [fit.free.index(n) for n in (*others, *tested)]
+    apart = np.array([away[names[i]] for i in tested]) * scale[tested]
+    return bool(
+        apart @ np.linalg.pinv(inverse[np.ix_(tested, tested)], hermitian=True) @ apart > SIGNIFICANT**2
+    )
+
+
+def _covariance(fit: Fit, held: Sequence[str]) -> tuple[list[str], FloatArray, FloatArray]:
+    """Names (p) of what is known beside ``held``, and the covariance (p, p) of these in units of 1 / scale
+    (p,). What is left of an information that the noise levels took can be zero or less by rounding: of those
+    nothing is known."""
+    kept = [i for i, n in enumerate(fit.free) if n not in held and fit.information[i, i] > 0.0]
     scale = np.sqrt(np.diag(fit.information)[kept])
-    inverse = np.linalg.pinv(
-        fit.information[np.ix_(kept, kept)] / np.outer(scale, scale), rcond=1e-12, hermitian=True
-    )[len(others) :, len(others) :]
-    apart = scale[len(others) :] * np.array([away[n] for n in tested])
-    return bool(apart @ np.linalg.pinv(inverse, hermitian=True) @ apart > SIGNIFICANT**2)
+    scaled = fit.information[np.ix_(kept, kept)] / np.outer(scale, scale)
+    inverse = np.linalg.pinv(scaled, rcond=1e-12, hermitian=True) if kept else scaled
+    return [fit.free[i] for i in kept], scale, inverse
 
 
 def standard_errors(fit: Fit, held: Sequence[str] = ()) -> dict[str, float]:
     """Standard errors by parameter name, from the information matrix (parameters at a bound have none), those
     of ``held`` known; infinite where derivatives have overflowed or say nothing, so that nothing is
     significant."""
-    kept = [i for i, name in enumerate(fit.free) if name not in held]
-    errors = {fit.free[i]: float("inf") for i in kept}
+    errors = {name: float("inf") for name in fit.free if name not in held}
     if not np.all(np.isfinite(fit.information)):
         return errors
-    # What is left of an information that the noise levels took can be zero or less by rounding.
-    kept = [i for i in kept if fit.information[i, i] > 0.0]
-    if not kept:
-        return errors
-    information = fit.information[np.ix_(kept, kept)]
-    scale = np.sqrt(np.diag(information))
-    inverse = np.linalg.pinv(information / np.outer(scale, scale), rcond=1e-12, hermitian=True)
+    names, scale, inverse = _covariance(fit, held)
     found = np.sqrt(np.maximum(np.diag(inverse), 0.0)) / scale
-    return errors | {fit.free[i]: float(v) for i, v in zip(kept, found, strict=True)}
+    return errors | dict(zip(names, found.tolist(), strict=True))
