@@ -18,7 +18,7 @@ from haptic_teleop_control.errors import ConfigurationError
 from haptic_teleop_control.recording import read_recording
 from haptic_teleop_sysid.blind import command
 from haptic_teleop_sysid.blind.bags import record
-from haptic_teleop_sysid.blind.cases import draw_case
+from haptic_teleop_sysid.blind.cases import Unlucky, _as_recorded, draw_case
 from haptic_teleop_sysid.blind.detect import Column, whiten, whitener
 from haptic_teleop_sysid.blind.effects import BY_NAME, PLACES
 from haptic_teleop_sysid.blind.physics import integrate
@@ -411,13 +411,15 @@ def test_a_stop_that_the_recording_does_not_reach_is_not_planted() -> None:
     index = next(i for i in range(len(PLACES)) if _single_effect(i) == "hard_stop")
     case = draw_case(5, "single", index, "stop", levels=(32.0,))
     truth = case.label["truth"][0]
-    moved = run(case.settings[0], list(case.planted), case.scenes["motor"], case.pushes[0])
-    column = 1 if truth["location"].endswith("arm") else 0
-    angle = truth["parameters"]["angle"]
-    pull = moved.out[:, 11 if column else 10]
-    assert truth["detectability"] == pytest.approx(32.0, rel=0.75)
-    assert np.max(np.abs(pull)) > 0.0
-    assert np.max(moved.out[:, column] * np.sign(angle)) > 0.98 * abs(angle)
+    setting, stop = case.settings[0], case.planted[0]
+    filter_ = whitener(setting.robot)
+    (again,) = _as_recorded([stop], setting, case.pushes[0], case.scenes, filter_, False)
+    assert again.detectability == pytest.approx(truth["detectability"], rel=1e-6)
+    farther = {**stop.parameters, "angle": 2.0 * stop.parameters["angle"]}
+    with pytest.raises(Unlucky):
+        _as_recorded(
+            [replace(stop, parameters=farther)], setting, case.pushes[0], case.scenes, filter_, False
+        )
 
 
 def _single_effect(index: int) -> str:

@@ -207,7 +207,7 @@ def _covariance(fit: Fit, held: Sequence[str]) -> tuple[list[str], FloatArray, F
     scale = np.sqrt(np.diag(fit.information)[kept])
     scaled = fit.information[np.ix_(kept, kept)] / np.outer(scale, scale)
     inverse = np.linalg.pinv(scaled, rcond=1e-12, hermitian=True) if kept else scaled
-    return [fit.free[i] for i in kept], scale, inverse
+    return [fit.free[i] for i in kept], scale, np.asarray(inverse, dtype=float)
 
 
 def standard_errors(fit: Fit, held: Sequence[str] = ()) -> dict[str, float]:
