@@ -15,7 +15,8 @@ from haptic_teleop_sysid.diagnosis.doubt import COLOURED, UNSTEADY, _without_las
 from haptic_teleop_sysid.diagnosis.explanation import Explanation
 from haptic_teleop_sysid.diagnosis.scales import recording_scales
 from haptic_teleop_sysid.diagnosis.search import SearchResult
-from haptic_teleop_sysid.diagnosis.stand import LAGS, colour, stand_of, stands_out, unsteadiness
+from haptic_teleop_sysid.diagnosis.stand import stand_of, stands_out
+from haptic_teleop_sysid.diagnosis.whiteness import LAGS, colour, unsteadiness
 from haptic_teleop_sysid.estimation.records import record_from
 from haptic_teleop_sysid.estimation.whole_fit import fit_from_scratch, fit_whole, noise_starts
 

@@ -82,6 +82,8 @@ def estimate_initial_state(
     exogenous = None if dataset.exogenous is None else dataset.exogenous[part]
     t0 = float(dataset.start + dataset.dt * span[0])
 
+    held = last_reading(np.isfinite(angles), mechanics.encoder_shift(dataset.dt)[0])
+
     def normal(state: Array) -> tuple[Array, Array, float]:
         """J'J (k, k), J'r (k,) and half r'r of the weighted errors r and their derivatives J."""
         result = predict(
@@ -97,8 +99,9 @@ def estimate_initial_state(
         errors = [bounded(result.innovation * weights).ravel()]
         slopes = [bounded(result.d_innovation * weights[:, None]).reshape(len(errors[0]), -1)]
         for channel, weight in rates:
-            errors.append(bounded(weight * rate(result.innovation[:, channel], dataset)))
-            columns = [rate(column, dataset) for column in result.d_innovation[:, channel].T]
+            last = held[:, channel]
+            errors.append(bounded(weight * rate(result.innovation[last, channel], dataset)))
+            columns = [rate(column, dataset) for column in result.d_innovation[last, channel].T]
             slopes.append(bounded(weight * np.column_stack(columns)))
         error, slope = np.concatenate(errors), np.concatenate(slopes)
         return slope.T @ slope, slope.T @ error, 0.5 * float(error @ error)
@@ -124,6 +127,26 @@ def estimate_initial_state(
         if gained < GAIN * cost:
             break
     return state
+
+
+def last_reading(read: NDArray[np.bool_], moved: NDArray[np.int64]) -> NDArray[np.int64]:
+    """Return (n, 2): the sample of the reading that each sample of both encoders (``read``: whether there is
+    one) still has, the first one before there is any.
+
+    ``moved``: the samples by which the model moves readings ahead for a delay, so that its prediction begins
+    or ends without them. There it has no error, and the step to the next one would be a speed.
+    """
+    n = len(read)
+    place = np.arange(n)
+    found = np.zeros((n, 2), dtype=np.int64)
+    for channel in (0, 1):
+        source = place + moved[channel]
+        there = (source >= 0) & (source < n)
+        there[there] = read[source[there], channel]
+        if there.any():
+            latest = np.maximum.accumulate(np.where(there, place, -1))
+            found[:, channel] = np.maximum(latest, np.argmax(there))
+    return found
 
 
 def rate(angle: Array, dataset: DataSet) -> Array:

@@ -59,9 +59,9 @@ def joined(
                     s.held_out,
                     True,
                     len(fit.model.effects),
-                    s.gain + s.held_out,
-                    {f"{location}.{name}.delay": s.std},
-                    s.effect,
+                    by_current=s.gain + s.held_out,
+                    std={f"{location}.{name}.delay": s.std},
+                    beside=s.effect,
                 )
             )
             continue

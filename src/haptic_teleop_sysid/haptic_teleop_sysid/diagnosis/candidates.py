@@ -16,6 +16,8 @@ from .scan import Scanned
 #: Shares of the typical size at which a candidate is linearised: a small effect is linear only where it is
 #: small, and a large one is seen better from a little way out.
 SMALL = (0.002, 0.05)
+#: ... and the one from which a fit starts that knows nothing.
+_PLAIN = 0.1
 #: Only one of each of these groups at one place: they are forms of one thing.
 FAMILIES = (
     (
@@ -70,6 +72,22 @@ def starts(
         ]
         for combination in itertools.product(*options):
             yield {n: _allowed(entry.parameter(n), v) for n, v in combination}
+
+
+def plain_start(entry: EffectEntry, scales: Scales, place: str) -> list[dict[str, float]]:
+    """Parameters to start from where nothing is known: a tenth of the typical size and the middle of every
+    grid; a stop at either end."""
+    options = []
+    for p in entry.parameters:
+        if _wanted(p):
+            values = _values(entry, p, scales, place, _PLAIN, None)
+            ends = sorted({max(values), min(values)})
+            several = p.scale == "furthest"
+            options.append([(p.name, v) for v in (ends if several else [values[len(values) // 2]])])
+    return [
+        {n: _allowed(entry.parameter(n), v) for n, v in combination}
+        for combination in itertools.product(*options)
+    ]
 
 
 def _allowed(parameter: EffectParameter, value: float) -> float:

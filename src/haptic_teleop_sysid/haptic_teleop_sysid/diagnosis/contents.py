@@ -19,8 +19,9 @@ from .nulls import Null
 from .proof import Proof, mean_percent
 from .residual import left_over
 from .search import SearchResult
-from .stand import LAGS, Stand
+from .stand import Stand
 from .verdict import Verdict
+from .whiteness import LAGS
 from .words import called, separating
 
 

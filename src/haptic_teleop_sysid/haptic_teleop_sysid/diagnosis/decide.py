@@ -33,8 +33,8 @@ LEAST_SHARE = 0.02
 #: encoder: of any kind), where such leftovers go first, or where it is not even clear what it is or where,
 #: forms of one thing apart.
 LEAST_SHARE_ALIKE = 0.15
-#: Explanations whose score is within this share of the best one's are as good: forms of friction differ by
-#: more, while the noise of real recordings is not white to within a few percent.
+#: Explanations whose score together is within this share of the best one's are as good: forms of friction
+#: differ by more, while the noise of real recordings is not white to within a few percent.
 AS_GOOD = 0.01
 #: Nats by which rivals may differ by chance beside that.
 BY_CHANCE = 3.0
@@ -90,30 +90,32 @@ def choose(
         and significant(e)
     ]
     # One effect by the motion alone and by the currents as well is one explanation, not two.
-    best_of = {(e.effect.effect, e.effect.location): e for e in sorted(good, key=lambda e: e.score)}
+    best_of = {(e.effect.effect, e.effect.location): e for e in sorted(good, key=lambda e: e.together)}
     good = [e for e in good if e is best_of[e.effect.effect, e.effect.location]]
     if not good:
         return None
     named = [e for e in good if not e.effect.entry.unnamed]
-    best = max(good, key=lambda e: e.score)
+    best = max(good, key=lambda e: e.together)
     if best.effect.entry.unnamed:
         # A name has to lose clearly before it is not given; beside an effect that is found already, be its
         # own size known well or not.
         rivals = named if best_so_far <= 0.0 else [e for e in found if e.material]
-        nearest = max((e.score for e in rivals if not e.effect.entry.unnamed), default=0.0)
-        if best.score > nearest + max(CLEARLY_LESS, SHARE_LESS * nearest) and best.score > (
+        nearest = max((e.together for e in rivals if not e.effect.entry.unnamed), default=0.0)
+        if best.together > nearest + max(CLEARLY_LESS, SHARE_LESS * nearest) and best.score > (
             LEAST_SHARE_ALIKE * best_so_far
         ):
             return Choice(best, 1.0)
     if not named:
         return None
-    good, best = named, max(named, key=lambda e: e.score)
+    good, best = named, max(named, key=lambda e: e.together)
     # The noise of a current sense is white: what it says is taken at its word.
     margin = BY_CHANCE + AS_GOOD * max(best.by_motion, 0.0)
-    close = [e for e in good if e.score > best.score - 3.0 * margin]
-    weights = np.array([np.exp((e.score - best.score) / margin) * _prior(e, sense_follows) for e in close])
+    close = [e for e in good if e.together > best.together - 3.0 * margin]
+    weights = np.array(
+        [np.exp((e.together - best.together) / margin) * _prior(e, sense_follows) for e in close]
+    )
     # What lies a whole margin behind is hardly a rival.
-    weights[[e.score < best.score - margin for e in close]] *= 0.2
+    weights[[e.together < best.together - margin for e in close]] *= 0.2
     if percent is not None and len(close) > 1:
         fits = np.array([percent(e.fit.model) for e in close])
         weights = weights * np.exp((fits - fits.max()) / SIMULATED_MARGIN)
@@ -208,6 +210,22 @@ def _covariance(fit: Fit, held: Sequence[str]) -> tuple[list[str], FloatArray, F
     scaled = fit.information[np.ix_(kept, kept)] / np.outer(scale, scale)
     inverse = np.linalg.pinv(scaled, rcond=1e-12, hermitian=True) if kept else scaled
     return [fit.free[i] for i in kept], scale, np.asarray(inverse, dtype=float)
+
+
+def known_beside(fit: Fit, own: Sequence[str]) -> FloatArray:
+    """Information (p, p) that the fit's recordings have about its free parameters but ``own``, of which
+    nothing is taken to be known: what they say of the others whatever those are."""
+    mine = [i for i, n in enumerate(fit.free) if n in own]
+    rest = [i for i, n in enumerate(fit.free) if n not in own]
+    known = np.zeros((len(fit.free), len(fit.free)))
+    if not np.all(np.isfinite(fit.information)):
+        return known
+    cross, block = fit.information[np.ix_(rest, mine)], fit.information[np.ix_(mine, mine)]
+    scale = np.sqrt(np.maximum(np.diag(block), 1e-300))
+    inverse = np.linalg.pinv(block / np.outer(scale, scale), rcond=1e-12, hermitian=True)
+    cross = cross / scale
+    known[np.ix_(rest, rest)] = fit.information[np.ix_(rest, rest)] - cross @ inverse @ cross.T
+    return known
 
 
 def standard_errors(fit: Fit, held: Sequence[str] = ()) -> dict[str, float]:

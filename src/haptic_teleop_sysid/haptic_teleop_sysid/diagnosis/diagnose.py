@@ -17,7 +17,7 @@ from haptic_teleop_sysid.estimation.whole_fit import fit_from_scratch
 from .contents import contents
 from .current import shown_by_current
 from .decide import Choice
-from .doubt import doubted
+from .doubt import doubted, runs_away
 from .nulls import Null, beyond_chance, nulls
 from .proof import Course, Proof, prove
 from .scales import within_reach
@@ -127,9 +127,12 @@ def diagnose(
         believed = beyond_chance(kept, chance) if not found_freely else kept
         dropped, kept = kept.choices[len(believed.choices) :], believed
     say("doubting")
+    harmful = None if kept.choices or dropped else next(iter(result.choices), None)
     result, doubt, stand = doubted(
         kept, learn, judge, lambda candidate: float(np.mean(course.percent(candidate)[n:]))
     )
+    if harmful is not None and doubt is None:
+        doubt = runs_away(harmful)
     say("deciding")
     verdict = decide_verdict(result, learn, judge, doubt, stand.spread)
     say("simulating both models on all recordings")

@@ -19,11 +19,12 @@ from haptic_teleop_sysid.estimation.gauss_newton import Fit
 from haptic_teleop_sysid.estimation.records import Record
 from haptic_teleop_sysid.estimation.whole_fit import fit_whole
 
-from .decide import Choice, standard_errors
+from .decide import Choice, known_beside, standard_errors
 from .explanation import Explanation
 from .held_out import held_out_fit
 from .search import SearchResult
-from .stand import Stand, colour, stand_of, stands_out, unsteadiness
+from .stand import Stand, stand_of, stands_out
+from .whiteness import colour, unsteadiness
 
 #: From this value on both kinds of recordings something is left that acts on from sample to sample.
 COLOURED = 100.0
@@ -108,6 +109,16 @@ def doubted(
         given_up(faint, f"the size of {name} differs so much between recordings that it may be none")
 
 
+def runs_away(choice: Choice) -> Doubt:
+    """The doubt about a finding that predicts the next sample better and runs away when it runs freely:
+    something is there, and it is not that."""
+    name = choice.chosen.effect.effect
+    return Doubt(
+        choice,
+        f"with {name} each next sample is predicted better, but unseen recordings are simulated worse",
+    )
+
+
 def _without_last(kept: list[Choice]) -> list[Choice]:
     """The findings without the last one, in whose place comes the next of what it was not told from (but for
     its twin, which is the same fit)."""
@@ -146,9 +157,9 @@ def _objection(
     there = held_out_fit(fit, validation, [fit.noise])
     effect = choice.chosen.effect
     head = f"{effect.location}.{effect.effect}."
-    # The structure stays as it was estimated: other recordings may not determine all of it.
+    # Other recordings may not determine all of the structure: it stays as well known as it was.
     own = tuple(name for name in fit.free if name.startswith(head))
-    again = fit_whole(fit.model, there.noise, validation, free=own)
+    again = fit_whole(fit.model, there.noise, validation, free=fit.free, known=known_beside(fit, own))
     here, elsewhere = fit.model.parameter_values(), again.model.parameter_values()
     std, std_there = standard_errors(fit), standard_errors(again)
     for parameter in effect.entry.parameters:

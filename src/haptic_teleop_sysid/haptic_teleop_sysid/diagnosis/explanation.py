@@ -18,7 +18,9 @@ class Explanation:
 
     ``gain``: nats it is better there than the model without the effect; ``held_out``: the same on the
     validation recordings, the model kept as it was fitted; ``material``: see ``material.py``;
-    ``effect_index``: which of the model's effects it is.  ``by_current``: how many of these nats (both kinds)
+    ``effect_index``: which of the model's effects it is.  ``reconciled``: what both gain further when the
+    parameters may lie between, beyond what the model without the effect gains so (see
+    `held_out.reconciled`).  ``by_current``: how many of these nats (both kinds)
     the measured current gives; ``std``: uncertainty of a parameter that the current determined; ``beside``:
     an effect of the recorded current alone, which the model, driven by the command, has no need of.
     """
@@ -28,6 +30,7 @@ class Explanation:
     held_out: float
     material: bool
     effect_index: int
+    reconciled: float = 0.0
     by_current: float = 0.0
     std: dict[str, float] = field(default_factory=dict)
     beside: Effect | None = None
@@ -42,6 +45,12 @@ class Explanation:
         entry = self.effect.entry
         chance = sum(_SOUGHT if entry.parameter(n).scan else _BY_CHANCE for n in self.effect.parameters)
         return self.gain + self.held_out - chance
+
+    @property
+    def together(self) -> float:
+        """The score when the parameters may lie between what either kind of recordings wants, by which rivals
+        are told apart."""
+        return self.score + self.reconciled
 
     @property
     def by_motion(self) -> float:

@@ -4,10 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
+import numpy as np
+
 from haptic_teleop_sysid.estimation.gauss_newton import Fit
 from haptic_teleop_sysid.estimation.noise import NoiseModel
 from haptic_teleop_sysid.estimation.records import Record
-from haptic_teleop_sysid.estimation.whole_fit import fit_whole, noise_starts
+from haptic_teleop_sysid.estimation.whole_fit import fit_whole, noise_starts, pull
 
 from .explanation import Explanation
 from .material import material
@@ -19,6 +21,8 @@ _MOST_LENDING = 2
 #: levels were sought from everywhere.
 _GAINS = 10.0
 _STEPS = 15
+#: How many times its mean a gain by chance may reach (of one direction, one in seventy exceeds six times).
+MOST_BY_CHANCE = 6.0
 
 
 def judged(fit: Fit, fits: Sequence[Fit], validation: Sequence[Record], scales: Scales) -> list[Explanation]:
@@ -35,6 +39,7 @@ def judged(fit: Fit, fits: Sequence[Fit], validation: Sequence[Record], scales: 
         best = max(after, key=lambda f: f.log_likelihood)
         before = max(before, held_out_fit(fit, validation, [best.noise]), key=lambda f: f.log_likelihood)
     index = len(fit.model.effects)
+    alone = reconciled(fit, before, validation)
     found = [
         Explanation(
             f,
@@ -42,10 +47,32 @@ def judged(fit: Fit, fits: Sequence[Fit], validation: Sequence[Record], scales: 
             there.log_likelihood - before.log_likelihood,
             material(f.model.effects[index], scales),
             index,
+            reconciled(f, there, validation) - alone,
         )
         for f, there in zip(fits, after, strict=True)
     ]
     return sorted(found, key=lambda e: (not e.material, -e.score))
+
+
+def reconciled(fit: Fit, there: Fit, records: Sequence[Record]) -> float:
+    """Nats that both kinds of recordings gain when the parameters may lie between what either wants:
+    g' (I + J)^-1 g / 2, the step to the top of both likelihoods taken for parabolas.
+
+    A parameter that the estimation recordings hardly determine (the angle at which a weak spring rests) would
+    otherwise count against its effect where other recordings determine it.  No more is granted than chance
+    explains, which is tr(J I^-1) / 2 in the mean: what imitates wants to be something else elsewhere.
+    """
+    pulled = pull(fit, there.noise, records)
+    if pulled is None or not np.all(np.isfinite(fit.information)):
+        return 0.0
+    kept = [i for i, n in enumerate(fit.free) if n not in fit.at_bound and fit.information[i, i] > 0.0]
+    here, elsewhere = fit.information[np.ix_(kept, kept)], pulled[0][np.ix_(kept, kept)]
+    scale = np.sqrt(np.maximum(np.diag(here + elsewhere), 1e-300))
+    here, elsewhere = here / np.outer(scale, scale), elsewhere / np.outer(scale, scale)
+    gradient = pulled[1][kept] / scale
+    gained = 0.5 * float(gradient @ np.linalg.pinv(here + elsewhere, rcond=1e-10, hermitian=True) @ gradient)
+    by_chance = 0.5 * float(np.trace(elsewhere @ np.linalg.pinv(here, rcond=1e-10, hermitian=True)))
+    return min(gained, MOST_BY_CHANCE * by_chance)
 
 
 def held_out_fit(fit: Fit, records: Sequence[Record], levels: Sequence[NoiseModel]) -> Fit:

@@ -10,7 +10,7 @@ import math
 
 from haptic_teleop_sim.model import Effect
 
-from .scales import Scales
+from .scales import CONTACTS, Scales
 
 #: A friction form is called by its own name when it departs from plain Coulomb friction by this much.
 _DISTINCT = 0.2
@@ -19,7 +19,7 @@ _SMALL_TORQUE = 0.0001
 #: Least delay as a share of the sample period: less is not told from how the samples were taken.
 _SHARE_OF_SAMPLE = 0.003
 #: Displacement (rad) from which a contact that gives before it slides bears its own name.
-_PRESLIDING = 1e-3
+_PRESLIDING = CONTACTS[1]
 #: ... and the share of the whole travel up to which it does.
 _STILL = 0.3
 

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.signal import savgol_filter
 
+from haptic_teleop_sim.effects import EFFECTS
 from haptic_teleop_sim.model import Model
 from haptic_teleop_sysid.estimation.records import Record
 
@@ -31,10 +32,13 @@ class Scales:
 
 #: Factor by which a machine may differ from what its owner believes.
 REACH = 8.0
+#: Displacements (rad) within which the contact of dry friction gives; from the larger one on it bears its own
+#: name, and the smaller is far below any encoder's step.
+CONTACTS = (1e-6, 1e-3)
 
 
 def within_reach(lab: Model) -> dict[str, tuple[float, float]]:
-    """Bounds of the structure's parameters around what the lab believes.
+    """Bounds of the structure's parameters around what the lab believes, and of contacts.
 
     Without them a joint whose effect is missing from the model can be fitted by a motor that does not answer
     its input at all, and a disturbance that happens to do the same.
@@ -43,6 +47,11 @@ def within_reach(lab: Model) -> dict[str, tuple[float, float]]:
     for name, value in lab.parameters.items():
         low = 0.0 if name.endswith("damping") else value / REACH
         limits[name] = (low, np.inf if name == "arm_damping" else REACH * value)
+    for place in ("motor", "arm"):
+        if place == "motor" or not lab.rigid:
+            for name, entry in EFFECTS.items():
+                if entry.memory == "direction":
+                    limits[f"{lab.location(place)}.{name}.contact_angle"] = CONTACTS
     return {name: (low, high if high > low else np.inf) for name, (low, high) in limits.items()}
 
 

@@ -85,6 +85,17 @@ def polish(fit: Fit, records: Sequence[Record], limits: Limits, steps: int = LAS
     return fit_whole(fit.model, fit.noise, records, free=fit.free, iterations=steps, limits=limits)
 
 
+def with_contact(fit: Fit) -> Fit:
+    """The fit with the contact of its last effect free: a trial holds it where it started, because
+    friction that is too small yet says nothing of it; one off by a factor of three leaves colour behind."""
+    effect = fit.model.effects[-1]
+    name = f"{effect.location}.{effect.effect}.contact_angle"
+    if name not in fit.model.fixed:
+        return fit
+    model = replace(fit.model, fixed=tuple(n for n in fit.model.fixed if n != name))
+    return replace(fit, model=model, free=model.free_parameters())
+
+
 def with_companion(fit: Fit, before: Model, records: Sequence[Record], limits: Limits) -> Fit:
     """``fit``, or the same with the nuisance that its effect may call for, where that gains enough."""
     extra = companion(before, fit.model.effects[len(before.effects)])

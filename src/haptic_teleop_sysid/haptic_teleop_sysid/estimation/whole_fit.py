@@ -69,12 +69,15 @@ def fit_whole(
     iterations: int = 10,
     enough: float = 0.3,
     limits: Limits | None = None,
+    known: FloatArray | None = None,
     progress: Callable[[int, float], None] | None = None,
 ) -> Fit:
     """Maximise the likelihood over the free parameters (all of the model's by default, none for an empty
     tuple) and the noise levels; ends when a step promises less than ``enough`` nats.
 
-    The information of the result is that of the parameters with the levels projected out.
+    The information of the result is that of the parameters with the levels projected out.  ``known`` (p, p):
+    information that other recordings have about the parameters, whose best values are the model's: it counts
+    like these records (so the result's likelihood is a posterior, and its information contains it).
     """
     names = model.free_parameters() if free is None else free
     levels = fitted_levels(model, records)
@@ -83,7 +86,15 @@ def fit_whole(
     theta = np.array([values[n] for n in names] + [np.log(getattr(noise, n)) for n in levels])
     theta = np.clip(theta, low, high)
     p = len(names)
-    point = _at(model, noise, names, levels, theta, records)
+    known = np.zeros((p, p)) if known is None else known
+    center = theta[:p].copy()
+
+    def at(before: Model, noise: NoiseModel, theta: FloatArray, allowed: float = np.inf) -> _Point | None:
+        found = _at(before, noise, names, levels, theta, records, allowed)
+        away = theta[:p] - center
+        return None if found is None else replace(found, value=found.value - 0.5 * float(away @ known @ away))
+
+    point = at(model, noise, theta)
     if point is None:
         nothing = np.zeros((p, p))
         return Fit(
@@ -106,6 +117,8 @@ def fit_whole(
         if found is None:
             break
         information, gradient = found
+        information[:p, :p] += known
+        gradient[:p] += known @ (theta[:p] - center)
         active = ~((theta <= low) & (gradient > 0)) & ~((theta >= high) & (gradient < 0))
         whole = gauss_newton_step(information, gradient, 1e-9, active)
         promised = abs(0.5 * float(gradient @ whole))
@@ -121,7 +134,7 @@ def fit_whole(
             )
             reach = np.log(_LARGEST_FACTOR)
             new[p:] = np.clip(new[p:], theta[p:] - reach, theta[p:] + reach)
-            trial = _at(point.model, point.noise, names, levels, new, records, allowed)
+            trial = at(point.model, point.noise, new, allowed)
             if trial is not None and trial.value > before:
                 break
             damping = max(30.0 * damping, 1e-3)
@@ -148,6 +161,23 @@ def fit_whole(
         "converged" if converged else "no step gains anything, or stopped at the limit of iterations",
         at_bound,
     )
+
+
+def pull(fit: Fit, noise: NoiseModel, records: Sequence[Record]) -> tuple[FloatArray, FloatArray] | None:
+    """Where other recordings want the free parameters of ``fit``: information (p, p) and gradient (p,) of
+    their negative log-likelihood at the fitted values, their noise levels (from ``noise``) projected out;
+    None where they predict nothing."""
+    names, p = fit.free, len(fit.free)
+    levels = fitted_levels(fit.model, records)
+    found = _errors(fit.model, noise, records)
+    if found is None:
+        return None
+    equations = _equations(_Point(fit.model, noise, *found), names, levels, p + len(levels), records)
+    if equations is None:
+        return None
+    information, gradient = equations
+    cross, own = information[:p, p:], np.linalg.pinv(information[p:, p:], rcond=1e-10, hermitian=True)
+    return information[:p, :p] - cross @ own @ cross.T, gradient[:p] - cross @ own @ gradient[p:]
 
 
 def fit_from_scratch(

@@ -1,0 +1,66 @@
+"""Fits from where nothing is known, for what a linearisation does not see.
+
+Where a large effect is missing, the fitted structure and noise levels have gone far to make up for it, and
+from there the effect promises nothing: friction of half the torque was taken for a disturbance that wanders,
+a constant torque for another motor.  A fit of the effect beside what the lab believes, with noise levels that
+know nothing either, finds it in a dozen steps.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+
+import numpy as np
+
+from haptic_teleop_sim.effects import EFFECTS
+from haptic_teleop_sim.model import Effect, Model
+from haptic_teleop_sysid.estimation.gauss_newton import Fit, Limits
+from haptic_teleop_sysid.estimation.records import Record
+from haptic_teleop_sysid.estimation.whole_fit import fit_whole, noise_starts
+
+from .candidates import CONTACT_ANGLES, candidates, plain_start
+from .scales import Scales
+
+#: Effects that may be so large that the structure and the noise make up for them.
+LARGE = (
+    "coulomb_friction",
+    "stribeck_friction",
+    "presliding_friction",
+    "load_dependent_friction",
+    "constant_torque",
+    "spring_to_ground",
+    "gravity",
+    "hard_stop",
+    "backlash",
+    "hysteresis",
+    "torque_saturation",
+    "dead_zone",
+    "actuator_lag",
+    "input_delay",
+)
+_STEPS = 12
+
+
+def plain(
+    lab: Model,
+    records: Sequence[Record],
+    scales: Scales,
+    limits: Limits,
+    progress: Callable[[str], None],
+) -> list[Fit]:
+    """The effects of ``LARGE`` beside the model that the lab believes in, each fitted with its noise levels
+    from nothing."""
+    noise = noise_starts(lab, records)[1]
+    places = dict.fromkeys(
+        (e.effect, e.location) for e in candidates(lab, records, scales, {}) if e.effect in LARGE
+    )
+    found = []
+    for name, location in places:
+        progress(f"fitting {name} at {location} from nothing")
+        entry = EFFECTS[name]
+        for parameters in plain_start(entry, scales, location.rpartition("_")[2]):
+            if entry.memory == "direction":
+                parameters = {**parameters, "contact_angle": CONTACT_ANGLES[1]}
+            wider = lab.with_effects(Effect(name, location, parameters))
+            found.append(fit_whole(wider, noise, records, iterations=_STEPS, limits=limits))
+    return [f for f in found if np.isfinite(f.log_likelihood)]

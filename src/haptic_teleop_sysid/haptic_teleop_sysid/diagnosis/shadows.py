@@ -1,0 +1,72 @@
+"""The other things that load the joint: what holds the arm is answered by the motor, and the other way round.
+
+A torque that hardly changes looks the same at the motor and, with a preload of the joint, at the arm; gravity
+high up and a far spring are constant torques.  A linearisation without the preload promises none of them
+much, so each is tried from where another one ended.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import replace
+
+from haptic_teleop_sim.model import Effect
+from haptic_teleop_sysid.estimation.gauss_newton import Fit, Limits
+from haptic_teleop_sysid.estimation.records import Record
+
+from .candidates import LOADS_THE_JOINT, companion
+from .trials import best_of_each, polish, with_companion
+
+#: Nats behind the best one from which a thing that explains the same has not ended where it could.
+_SHORT_OF = 2.0
+#: Nats behind the best fit of all up to which one that loads the joint may be what is there.
+_AMONG_THE_BEST = 10.0
+
+
+def shadows(effect: Effect) -> list[Effect]:
+    """What loads the joint as ``effect`` does; [] for one that does not."""
+    head, _, part = effect.location.rpartition("_")
+    found = []
+    if effect.effect not in LOADS_THE_JOINT or part not in ("motor", "arm"):
+        return found
+    if effect.effect != "gravity":
+        found.append(
+            Effect(effect.effect, f"{head}_{'arm' if part == 'motor' else 'motor'}", effect.parameters)
+        )
+    if effect.effect == "constant_torque" and part == "arm":
+        torque = effect.parameters["torque"]
+        found.append(
+            Effect(
+                "gravity",
+                effect.location,
+                {"torque": abs(torque), "phase": -math.copysign(math.pi / 2.0, torque)},
+            )
+        )
+    return found
+
+
+def with_shadows(fits: Sequence[Fit], before: Fit, records: Sequence[Record], limits: Limits) -> list[Fit]:
+    """The fits (best first), and the shadows of the best one that loads the joint, where that is among the
+    best and they are missing or stopped short of it; ``before``: without any of these effects."""
+    index = len(before.model.effects)
+    near = [f for f in fits if f.log_likelihood > fits[0].log_likelihood - _AMONG_THE_BEST]
+    loads = [f for f in near if f.model.effects[index].effect in LOADS_THE_JOINT]
+    if not loads:
+        return list(fits)
+    best = loads[0]
+    own = best.model.effects[index]
+    ends = {(f.model.effects[index].effect, f.model.effects[index].location): f for f in fits}
+    found = list(fits)
+    for other in shadows(own):
+        end = ends.get((other.effect, other.location))
+        if end is not None and end.log_likelihood > best.log_likelihood - _SHORT_OF:
+            continue
+        effects = [*best.model.effects[:index], other]
+        if preload := companion(before.model, other) if other.location.endswith("_arm") else None:
+            # Zeroed under load: what the joint carries at rest.
+            effects.append(replace(preload, parameters={"torque": -other.parameters.get("torque", 0.0)}))
+        start = replace(best, model=replace(best.model, effects=tuple(effects), fixed=before.model.fixed))
+        start = replace(start, free=start.model.free_parameters())
+        found.append(with_companion(polish(start, records, limits), before.model, records, limits))
+    return best_of_each(found, index)
