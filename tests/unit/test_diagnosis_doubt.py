@@ -11,7 +11,7 @@ from test_diagnosis_parts import DT, MODEL, joint_record
 from haptic_teleop_sim.model import Effect
 from haptic_teleop_sysid.dataset import load_dataset
 from haptic_teleop_sysid.diagnosis.decide import Choice
-from haptic_teleop_sysid.diagnosis.doubt import COLOURED, UNSTEADY, _without_last, doubted
+from haptic_teleop_sysid.diagnosis.doubt import COLOURED, UNSTEADY, _without_last, doubted, runs_away
 from haptic_teleop_sysid.diagnosis.explanation import Explanation
 from haptic_teleop_sysid.diagnosis.scales import recording_scales
 from haptic_teleop_sysid.diagnosis.search import SearchResult
@@ -203,3 +203,19 @@ def test_a_slow_drift_stands_out_by_its_rate():
     # Where the other recordings know nothing of it, no shape helps.
     clean = recorded(STAGE, 0.2, 3)
     assert not stands_out(choice, result.final, replace(stand, spread=spread), [clean])
+
+
+def test_recordings_that_hardly_determine_a_size_do_not_spread_it(records):
+    estimation, _ = records
+    faint = [recorded(STAGE.with_effects(DRAG), 0.004, 5)]
+    result = found(DRAG, estimation)
+    stand = stand_of(result, (30.0, 30.0), estimation, faint)
+    assert stand.spread["stage1_motor.quadratic_drag.coefficient"] == 0.0
+    assert stands_out(result.choices[0], result.final, stand, faint)
+
+
+def test_what_runs_away_is_doubted_and_not_forgotten(records):
+    choice = found(DRAG, records[0]).choices[0]
+    doubt = runs_away(choice)
+    assert doubt.choice is choice
+    assert "quadratic_drag" in doubt.why

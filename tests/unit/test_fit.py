@@ -115,6 +115,26 @@ def test_what_pushes_the_joint_slowly_away_is_not_made_up_for_by_a_speed_it_neve
     assert fit.percent["stage1_motor.velocity"] > 95.0
 
 
+@pytest.mark.parametrize("late", [-0.7, -0.3, 0.6, 1.6])
+def test_an_encoder_that_is_stamped_early_or_late_changes_nothing_of_where_a_window_begins(late):
+    # Its first or last reading in a window belongs to a moment outside; the step from no error to the next
+    # one is no speed.
+    fine = response(np.repeat(CURRENT, 10), dt=DT / 10)
+    states = fine[::10]
+    moved = np.clip(10 * np.arange(N) - round(10 * late), 0, 10 * N - 1)
+    recording = joint_recording(CURRENT, np.column_stack([fine[moved, 0], states[:, 1:]]))
+    # A machine that is a little off, so that errors are not zero where a window begins.
+    wrong = {**TRUTH, "motor_inertia": 1.1 * TRUTH["motor_inertia"], "motor_damping": 2.7}
+    model = Model("sfj", "stage1", "flexible_joint", wrong)
+    dataset = load_dataset(recording, model, "moved")
+    plain = load_dataset(joint_recording(CURRENT, states), model, "made")
+    skewed = model.with_effects(Effect("channel_skew", "stage1_motor_encoder", {"delay": late * DT}))
+    found = simulated_fit(skewed, dataset, cut(dataset, 2.0, ""))
+    expected = simulated_fit(model, plain, cut(plain, 2.0, ""))
+    for name, percent in expected.percent.items():
+        assert found.percent[name] == pytest.approx(percent, abs=0.5), name
+
+
 def test_windows_are_consecutive_equal_and_cover_everything():
     dataset = dataset_of()
     windows = cut(dataset, 3.0, "")

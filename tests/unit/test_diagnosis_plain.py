@@ -1,0 +1,111 @@
+"""What a linearisation does not see: large effects fitted from nothing, other things that load the joint."""
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from test_diagnosis_parts import MODEL, joint_record
+
+from haptic_teleop_sim.effects import EFFECTS
+from haptic_teleop_sim.model import Effect
+from haptic_teleop_sysid.diagnosis.candidates import candidates, plain_start
+from haptic_teleop_sysid.diagnosis.plain import LARGE, plain
+from haptic_teleop_sysid.diagnosis.scales import CONTACTS, recording_scales, within_reach
+from haptic_teleop_sysid.diagnosis.shadows import shadows, with_shadows
+from haptic_teleop_sysid.diagnosis.trials import polish, with_contact
+from haptic_teleop_sysid.estimation.whole_fit import fit_from_scratch
+
+
+def nothing(text):
+    """A progress that nobody reads."""
+
+
+@pytest.fixture(scope="module")
+def pulled():
+    """The joint with 0.02 N·m that always pull at the motor, under 0.3 N·m rms of the input."""
+    return [joint_record(4, rms=0.05, motor_torque=lambda angle: -0.02)]
+
+
+def test_a_constant_torque_is_fitted_from_nothing(pulled):
+    scales, limits = recording_scales(MODEL, pulled), within_reach(MODEL)
+    fits = plain(MODEL, pulled, scales, limits, nothing)
+    tried = {(f.model.effects[0].effect, f.model.effects[0].location) for f in fits}
+    expected = {(e.effect, e.location) for e in candidates(MODEL, pulled, scales, {}) if e.effect in LARGE}
+    assert tried == expected
+    best = max(fits, key=lambda f: f.log_likelihood)
+    found = next(
+        f
+        for f in fits
+        if (f.model.effects[0].effect, f.model.effects[0].location[7:]) == ("constant_torque", "motor")
+    )
+    assert found.model.effects[0].parameters["torque"] == pytest.approx(-0.02, rel=0.05)
+    assert found.log_likelihood > fit_from_scratch(MODEL, pulled).log_likelihood + 50.0
+    assert found.log_likelihood > best.log_likelihood - 10.0
+
+
+def test_plain_starts_lie_within_bounds_and_stops_at_either_end(pulled):
+    scales = recording_scales(MODEL, pulled)
+    for name in LARGE:
+        entry = EFFECTS[name]
+        for place in entry.where:
+            several = plain_start(entry, scales, place)
+            assert len(several) == (2 if name == "hard_stop" else 1)
+            for parameters in several:
+                for n, value in parameters.items():
+                    parameter = entry.parameter(n)
+                    assert parameter.minimum <= value <= parameter.maximum
+                MODEL.with_effects(Effect(name, MODEL.location(place), parameters))
+    low, high = (p["angle"] for p in plain_start(EFFECTS["hard_stop"], scales, "motor"))
+    assert low < 0.0 < high
+
+
+def test_a_torque_at_the_motor_has_its_shadow_at_the_arm(pulled):
+    limits = within_reach(MODEL)
+    before = fit_from_scratch(MODEL, pulled, limits=limits)
+    model = MODEL.with_effects(Effect("constant_torque", "stage1_motor", {"torque": -0.02}))
+    start = replace(before, model=model, free=model.free_parameters())
+    motor = polish(start, pulled, limits)
+    both = with_shadows([motor], before, pulled, limits)
+    places = {f.model.effects[0].location: f for f in both}
+    assert set(places) == {"stage1_motor", "stage1_arm"}
+    # The encoders are zeroed with the joint loaded: nothing tells the two apart but the first moments.
+    arm = places["stage1_arm"]
+    assert arm.log_likelihood == pytest.approx(motor.log_likelihood, abs=3.0)
+    values = arm.model.parameter_values()
+    assert values["stage1_arm.constant_torque.torque"] == pytest.approx(-0.02, rel=0.1)
+    assert values["stage1_joint.joint_preload.torque"] == pytest.approx(0.02, rel=0.1)
+
+
+def test_what_does_not_load_the_joint_has_no_shadow():
+    assert shadows(Effect("coulomb_friction", "stage1_motor", {"torque": 0.1})) == []
+    spring = Effect("spring_to_ground", "stage1_arm", {"stiffness": 0.1, "rest": 0.2})
+    assert [(e.effect, e.location) for e in shadows(spring)] == [("spring_to_ground", "stage1_motor")]
+
+
+@pytest.mark.parametrize("torque", [0.03, -0.03])
+def test_gravity_high_up_is_the_constant_torque_it_stands_for(torque):
+    found = shadows(Effect("constant_torque", "stage1_arm", {"torque": torque}))
+    gravity = next(e for e in found if e.effect == "gravity")
+    p = gravity.parameters
+    # -T sin(q + phase) at q = 0, the contract's equation.
+    assert -p["torque"] * math.sin(p["phase"]) == pytest.approx(torque)
+    assert p["torque"] > 0.0
+
+
+def test_the_contact_of_dry_friction_is_held_for_a_trial_and_free_at_the_end():
+    friction = Effect("coulomb_friction", "stage1_motor", {"torque": 0.1, "contact_angle": 2e-5})
+    name = "stage1_motor.coulomb_friction.contact_angle"
+    model = MODEL.with_effects(friction)
+    assert name in model.free_parameters()
+    held = replace(model, fixed=(*model.fixed, name))
+    record = joint_record(5, seconds=3.0)
+    fit = replace(fit_from_scratch(MODEL, [record]), model=held, free=held.free_parameters())
+    freed = with_contact(fit)
+    assert name in freed.free
+    assert freed.model.fixed == MODEL.fixed
+    assert with_contact(freed) is freed
+    assert within_reach(MODEL)[name] == CONTACTS
+    ended = polish(freed, [record], {**within_reach(MODEL), name: (1e-5, 3e-5)})
+    assert 1e-5 <= ended.model.parameter_values()[name] <= 3e-5
+    assert np.isfinite(ended.log_likelihood)

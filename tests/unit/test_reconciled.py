@@ -1,0 +1,83 @@
+"""Two kinds of recordings that share parameters: what each knows, and what both gain where they agree."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from identification_plants import STAGE, stage_recording
+from test_diagnosis_parts import fit_of
+
+from haptic_teleop_sysid.dataset import load_dataset
+from haptic_teleop_sysid.diagnosis.decide import known_beside
+from haptic_teleop_sysid.diagnosis.held_out import reconciled
+from haptic_teleop_sysid.estimation.records import record_from
+from haptic_teleop_sysid.estimation.whole_fit import fit_from_scratch, fit_whole
+
+
+def recorded(seed, seconds):
+    recording = stage_recording(STAGE, seed=seed, seconds=seconds, rms=0.15, band=(0.2, 6.0))
+    return record_from(load_dataset(recording, STAGE), commanded=True)
+
+
+@pytest.fixture(scope="module")
+def fits():
+    """A short recording, a longer one, and both, each fitted."""
+    short, long = recorded(3, 12.0), recorded(4, 24.0)
+    here = fit_from_scratch(STAGE, [short])
+    there = fit_whole(here.model, here.noise, [long], free=(), iterations=20)
+    both = max(
+        (fit_whole(here.model, n, [short, long], iterations=30) for n in (here.noise, there.noise)),
+        key=lambda f: f.log_likelihood,
+    )
+    return short, long, here, there, both
+
+
+def test_what_both_gain_is_what_a_fit_to_both_gains(fits):
+    short, long, here, there, both = fits
+    free_there = fit_whole(both.model, there.noise, [long], free=(), iterations=20)
+    free_here = fit_whole(both.model, here.noise, [short], free=(), iterations=20)
+    together = free_here.log_likelihood + free_there.log_likelihood
+    apart = here.log_likelihood + there.log_likelihood
+    assert together > apart
+    assert reconciled(here, there, [long]) == pytest.approx(
+        together - apart, abs=0.5 + 0.2 * (together - apart)
+    )
+
+
+def test_another_machine_is_granted_no_more_than_chance_explains(fits):
+    short, _, here, there, _ = fits
+    other = replace(
+        STAGE, parameters={**STAGE.parameters, "arm_inertia": 1.3 * STAGE.parameters["arm_inertia"]}
+    )
+    recording = stage_recording(other, seed=4, seconds=12.0, rms=0.15, band=(0.2, 6.0))
+    record = record_from(load_dataset(recording, STAGE), commanded=True)
+    elsewhere = fit_whole(here.model, there.noise, [record], free=(), iterations=20)
+    again = fit_whole(here.model, elsewhere.noise, [record], iterations=30)
+    wanted = again.log_likelihood - elsewhere.log_likelihood
+    # As many samples of as much: J is about I, and chance gains half a nat per parameter.
+    assert reconciled(here, elsewhere, [record]) < 6.5 * 0.5 * len(here.free) < 0.2 * wanted
+
+
+def test_information_of_other_recordings_counts_like_them(fits):
+    _, long, here, there, both = fits
+    counted = fit_whole(here.model, there.noise, [long], known=here.information, iterations=30)
+    std = 1.0 / np.sqrt(np.diag(both.information))
+    for name, error in zip(both.free, std, strict=True):
+        a, b = counted.model.parameter_values()[name], both.model.parameter_values()[name]
+        assert abs(a - b) < 0.8 * error
+
+
+@given(st.integers(0, 10_000))
+def test_what_is_known_beside_a_parameter_is_the_marginal_information(seed):
+    rng = np.random.default_rng(seed)
+    square = rng.standard_normal((4, 7)) * 10.0 ** rng.uniform(-2, 2, (4, 1))
+    names = ("a", "b", "c", "d")
+    fit = replace(fit_of(), free=names, information=square @ square.T)
+    known = known_beside(fit, ("b", "d"))
+    rest = [0, 2]
+    expected = np.linalg.inv(np.linalg.inv(fit.information)[np.ix_(rest, rest)])
+    assert known[np.ix_(rest, rest)] == pytest.approx(expected, rel=1e-6)
+    assert not known[[1, 3]].any()
+    assert not known[:, [1, 3]].any()
