@@ -438,3 +438,16 @@ def test_a_late_reading_and_a_late_stamp_are_one_thing_in_the_labels() -> None:
             assert not case.label["isolable"]
             return
     raise AssertionError("no such effect")
+
+
+@pytest.mark.parametrize("place", ["motor", "arm"])
+def test_what_always_pulls_at_the_motor_or_at_the_arm_is_one_thing_to_zeroed_encoders(place: str) -> None:
+    order = np.random.default_rng((5, 55)).permutation(len(PLACES))
+    index = next(i for i in range(len(PLACES)) if PLACES[int(order[i])] == ("constant_torque", place))
+    case = draw_case(5, "single", index, "pull", levels=(32.0,))
+    stage = case.label["stage"]
+    (same,) = case.label["sets"]
+    assert {("constant_torque", f"{stage}_motor"), ("constant_torque", f"{stage}_arm")} <= {
+        tuple(one) for one in same
+    }
+    assert not case.label["isolable"]

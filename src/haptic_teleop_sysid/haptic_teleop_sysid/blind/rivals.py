@@ -126,8 +126,12 @@ def rivals(
             yield Rival("friction_drift", part, (push(-speed * -np.expm1(-d.time / time)),), (0,))
         if part == "arm":
             yield Rival("gravity", part, (push(-np.sin(angle)), push(-(np.cos(angle) - 1.0))), (0, 0))
-        yield Rival("spring_to_ground", part, (push(-angle), push(np.ones_like(angle))), (1, 0))
-        yield Rival("constant_torque", part, (push(np.ones_like(angle)),), (0,))
+        # Both encoders are zeroed with the load on: of what always pulls at the arm, the joint's twist is not
+        # seen, and the motor holds against it.
+        always = np.ones_like(angle)
+        pull = push(always) if part == "motor" else Column(arm_force=always, arm_error=-always / stiffness)
+        yield Rival("spring_to_ground", part, (push(-angle), pull), (1, 0))
+        yield Rival("constant_torque", part, (pull,), (0,))
         for side in (-1.0, 1.0):
             reach = np.max(side * like_angle)
             for share in (0.5, 0.7, 0.85, 0.95):

@@ -76,14 +76,19 @@ def starts(
 
 def plain_start(entry: EffectEntry, scales: Scales, place: str) -> list[dict[str, float]]:
     """Parameters to start from where nothing is known: a tenth of the typical size and the middle of every
-    grid; a stop at either end."""
+    grid; stops well within the travel at either end, as hard as is typical: soft ones fade away."""
+    stops = any(p.scale == "furthest" for p in entry.parameters)
     options = []
     for p in entry.parameters:
         if _wanted(p):
-            values = _values(entry, p, scales, place, _PLAIN, None)
-            ends = sorted({max(values), min(values)})
-            several = p.scale == "furthest"
-            options.append([(p.name, v) for v in (ends if several else [values[len(values) // 2]])])
+            values = _values(entry, p, scales, place, 1.0 if stops else _PLAIN, None)
+            if p.scale == "furthest":
+                chosen = [
+                    min((v for v in values if v * sign > 0.0), key=abs, default=0.0) for sign in (-1.0, 1.0)
+                ]
+            else:
+                chosen = [values[len(values) // 2]]
+            options.append([(p.name, v) for v in chosen if v != 0.0 or p.scale != "furthest"])
     return [
         {n: _allowed(entry.parameter(n), v) for n, v in combination}
         for combination in itertools.product(*options)
