@@ -12,7 +12,7 @@ from haptic_teleop_sysid.estimation.gauss_newton import Fit
 from haptic_teleop_sysid.estimation.likelihood import settled
 from haptic_teleop_sysid.estimation.records import Record
 
-from .decide import Choice
+from .decide import Choice, significant
 from .doubt import Doubt
 from .experiment import suggest
 from .nulls import Null
@@ -23,6 +23,9 @@ from .stand import Stand
 from .verdict import Verdict
 from .whiteness import LAGS
 from .words import called, separating
+
+#: How many of the explanations that did not stand up are told.
+_MOST_TRIED = 10
 
 
 def contents(
@@ -77,6 +80,18 @@ def contents(
             "augmented": disturbance(result, result.final, records),
         },
     }
+    content["tried"] = [
+        {
+            "effect": e.effect.effect,
+            "location": e.effect.location,
+            "gain": round(e.gain, 2),
+            "held_out": round(e.held_out, 2),
+            "material": e.material,
+            "significant": significant(e),
+        }
+        for e in result.last_round[:_MOST_TRIED]
+        if np.isfinite(e.gain) and np.isfinite(e.held_out)
+    ]
     found_by_chance, dropped = chance
     if found_by_chance:
         content["nulls"] = {

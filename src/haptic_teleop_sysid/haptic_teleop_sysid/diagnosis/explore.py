@@ -7,7 +7,7 @@ from dataclasses import replace
 
 from haptic_teleop_sim.model import Model
 from haptic_teleop_sysid.estimation.gauss_newton import Fit, Limits
-from haptic_teleop_sysid.estimation.records import Record
+from haptic_teleop_sysid.estimation.records import Record, thinned_to
 from haptic_teleop_sysid.estimation.whole_fit import fit_whole
 
 from .candidates import contacts, larger_starts
@@ -27,6 +27,8 @@ _MOST_TUNED = 6
 _MOST_PROMISED = 3
 _MOST_POLISHED = 6
 _MOST_ABLATED = 2
+#: Fits from nothing on thinned recordings that are fitted to the end on all of them.
+_MOST_FROM_NOTHING = 3
 #: Colour that the best explanation leaves (25 in the mean where there is none, 53 once in a thousand) from
 #: which effects are fitted from nothing, too.
 _COLOURED = 60.0
@@ -52,29 +54,8 @@ def explore(
     believed, which lie nearer the truth than fitted ones where those have swallowed a large effect.
     """
     say = progress or (lambda text: None)
-    say("screening all effects")
     limits = within_reach(lab)
-    chosen = shortlist(fit, estimation, scales, limits, again and not fit.model.effects)
-    fits: list[Fit] = []
-    for noise, promising in zip((fit.noise, quiet(fit.noise)), chosen, strict=True):
-        trials: list[Fit] = []
-        promised: list[Fit] = []
-        touched: dict[str, float] = {}
-        for s in promising:
-            say(f"fitting {s.effect.effect} at {s.effect.location}")
-            starts = contacts(s.effect, touched.get(s.effect.location))
-            best = trial(fit, lab, starts, larger_starts(s.effect, scales), estimation, noise, limits)
-            trials += best
-            if len(promised) < _MOST_PROMISED:
-                promised += best
-            if len(starts) > 1 and best and "contact_angle" in best[0].model.effects[-1].parameters:
-                # One contact for all forms of friction at a place.
-                touched[s.effect.location] = best[0].model.effects[-1].parameters["contact_angle"]
-        trials.sort(key=lambda t: -t.log_likelihood)
-        # What promised most gets its levels, too: a few steps may be too few where the structure's parameters
-        # have gone far to make up for it.
-        late = [t for t in promised if all(t is not other for other in trials[:_MOST_TUNED])]
-        fits += [polish(t, estimation, limits, TUNING_STEPS) for t in [*trials[:_MOST_TUNED], *late]]
+    fits, few = _tried(fit, lab, estimation, scales, limits, again, say)
     index = len(fit.model.effects)
     # What is too small or too much like a simpler thing to be named takes no place from what is not.
     fits = sorted(
@@ -88,7 +69,10 @@ def explore(
         )
     fits = sorted(fits[:_MOST_POLISHED], key=lambda f: -f.log_likelihood)
     if colour((fits or [fit])[0], estimation) > _COLOURED:
-        fits = best_of_each([*fits, *plain(lab, estimation, scales, limits, say)], index)[:_MOST_POLISHED]
+        found = plain(lab, few, scales, limits, say)
+        if few is not estimation:
+            found = [polish(f, estimation, limits) for f in best_of_each(found, index)[:_MOST_FROM_NOTHING]]
+        fits = best_of_each([*fits, *found], index)[:_MOST_POLISHED]
     fits = with_shadows(fits, fit, estimation, limits)
     say("fitting the model without them once more")
     better = better_baseline(fit, fits[:_MOST_ABLATED], estimation, limits)
@@ -99,6 +83,46 @@ def explore(
     fit = better
     say("judging on recordings that were not fitted")
     return fit, judged(fit, fits, validation, scales)
+
+
+def _tried(
+    fit: Fit,
+    lab: Model,
+    estimation: Sequence[Record],
+    scales: Scales,
+    limits: Limits,
+    first: bool,
+    say: Callable[[str], None],
+) -> tuple[list[Fit], Sequence[Record]]:
+    """The best trials of the effects worth one, and the recordings they were made on: thinned where they are
+    long."""
+    say("screening all effects")
+    few = thinned_to(estimation)
+    near = fit
+    if few is not estimation:
+        near = fit_whole(fit.model, fit.noise, few, free=fit.free, iterations=LAST_STEPS, limits=limits)
+    chosen = shortlist(near, few, scales, limits, first and not fit.model.effects)
+    fits: list[Fit] = []
+    for noise, promising in zip((near.noise, quiet(near.noise)), chosen, strict=True):
+        trials: list[Fit] = []
+        promised: list[Fit] = []
+        touched: dict[str, float] = {}
+        for s in promising:
+            say(f"fitting {s.effect.effect} at {s.effect.location}")
+            starts = contacts(s.effect, touched.get(s.effect.location))
+            best = trial(near, lab, starts, larger_starts(s.effect, scales), few, noise, limits)
+            trials += best
+            if len(promised) < _MOST_PROMISED:
+                promised += best
+            if len(starts) > 1 and best and "contact_angle" in best[0].model.effects[-1].parameters:
+                # One contact for all forms of friction at a place.
+                touched[s.effect.location] = best[0].model.effects[-1].parameters["contact_angle"]
+        trials.sort(key=lambda t: -t.log_likelihood)
+        # What promised most gets its levels, too: a few steps may be too few where the structure's parameters
+        # have gone far to make up for it.
+        late = [t for t in promised if all(t is not other for other in trials[:_MOST_TUNED])]
+        fits += [polish(t, few, limits, TUNING_STEPS) for t in [*trials[:_MOST_TUNED], *late]]
+    return fits, few
 
 
 def better_baseline(fit: Fit, fits: Sequence[Fit], records: Sequence[Record], limits: Limits) -> Fit:
