@@ -18,6 +18,8 @@ from .scan import Scanned
 SMALL = (0.002, 0.05)
 #: ... and the one from which a fit starts that knows nothing.
 _PLAIN = 0.1
+#: Share of the travel to either end at which a stop is looked for that nothing is known of.
+_WITHIN = 0.6
 #: Only one of each of these groups at one place: they are forms of one thing.
 FAMILIES = (
     (
@@ -78,17 +80,15 @@ def plain_start(entry: EffectEntry, scales: Scales, place: str) -> list[dict[str
     """Parameters to start from where nothing is known: a tenth of the typical size and the middle of every
     grid; stops well within the travel at either end, as hard as is typical: soft ones fade away."""
     stops = any(p.scale == "furthest" for p in entry.parameters)
+    channel = 1 if place == "arm" else 0
     options = []
     for p in entry.parameters:
-        if _wanted(p):
+        if p.scale == "furthest":
+            ends = (scales.lowest[channel], scales.highest[channel])
+            options.append([(p.name, _WITHIN * end) for end in ends if end != 0.0])
+        elif _wanted(p):
             values = _values(entry, p, scales, place, 1.0 if stops else _PLAIN, None)
-            if p.scale == "furthest":
-                chosen = [
-                    min((v for v in values if v * sign > 0.0), key=abs, default=0.0) for sign in (-1.0, 1.0)
-                ]
-            else:
-                chosen = [values[len(values) // 2]]
-            options.append([(p.name, v) for v in chosen if v != 0.0 or p.scale != "furthest"])
+            options.append([(p.name, values[len(values) // 2])])
     return [
         {n: _allowed(entry.parameter(n), v) for n, v in combination}
         for combination in itertools.product(*options)

@@ -18,7 +18,7 @@ from haptic_teleop_sysid.estimation.gauss_newton import Fit, Limits
 from haptic_teleop_sysid.estimation.records import Record
 from haptic_teleop_sysid.estimation.whole_fit import fit_whole, noise_starts
 
-from .candidates import CONTACT_ANGLES, candidates, plain_start
+from .candidates import CONTACT_ANGLES, candidates, contacts, plain_start
 from .scales import Scales
 
 #: Effects that may be so large that the structure and the noise make up for them.
@@ -57,10 +57,8 @@ def plain(
     found = []
     for name, location in places:
         progress(f"fitting {name} at {location} from nothing")
-        entry = EFFECTS[name]
-        for parameters in plain_start(entry, scales, location.rpartition("_")[2]):
-            if entry.memory == "direction":
-                parameters = {**parameters, "contact_angle": CONTACT_ANGLES[1]}
-            wider = lab.with_effects(Effect(name, location, parameters))
-            found.append(fit_whole(wider, noise, records, iterations=_STEPS, limits=limits))
+        for parameters in plain_start(EFFECTS[name], scales, location.rpartition("_")[2]):
+            for start in contacts(Effect(name, location, parameters), CONTACT_ANGLES[1]):
+                wider = lab.with_effects(start)
+                found.append(fit_whole(wider, noise, records, iterations=_STEPS, limits=limits))
     return [f for f in found if np.isfinite(f.log_likelihood)]
