@@ -15,6 +15,7 @@ import pytest
 from haptic_teleop_control.recording import JointStateSeries, write_recording
 from haptic_teleop_sim.model import Effect, Model, load_model
 from haptic_teleop_sysid import compare, diagnose
+from haptic_teleop_sysid.diagnosis.decide import LEAST_GAIN, LEAST_HELD_OUT
 
 DT = 0.002
 START = 1_760_000_000_000_000_000
@@ -145,6 +146,12 @@ def test_a_joint_as_the_structure_has_it_yields_no_mismatch(tmp_path, model_file
     assert found["fit"]["baseline"] == found["fit"]["augmented"]
     assert found["fit"]["baseline"]["validation"]["stage1_motor.position"] > 90.0
     assert found["baseline_parameters"]["motor_inertia"] == pytest.approx(TRUTH["motor_inertia"], rel=0.05)
+    # What was tried is told, and why it did not stand up.
+    assert found["tried"]
+    for one in found["tried"]:
+        assert set(one) == {"effect", "location", "gain", "held_out", "material", "significant"}
+        believed = one["gain"] >= LEAST_GAIN and one["held_out"] >= LEAST_HELD_OUT
+        assert not (believed and one["material"] and one["significant"])
 
 
 @pytest.mark.timeout(600)

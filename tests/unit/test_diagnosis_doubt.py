@@ -10,7 +10,9 @@ from test_diagnosis_parts import DT, MODEL, joint_record
 
 from haptic_teleop_sim.model import Effect
 from haptic_teleop_sysid.dataset import load_dataset
+from haptic_teleop_sysid.diagnosis import diagnose as diagnosis
 from haptic_teleop_sysid.diagnosis.decide import Choice
+from haptic_teleop_sysid.diagnosis.diagnose import records_of
 from haptic_teleop_sysid.diagnosis.doubt import COLOURED, UNSTEADY, _without_last, doubted, runs_away
 from haptic_teleop_sysid.diagnosis.explanation import Explanation
 from haptic_teleop_sysid.diagnosis.scales import recording_scales
@@ -219,3 +221,26 @@ def test_what_runs_away_is_doubted_and_not_forgotten(records):
     doubt = runs_away(choice)
     assert doubt.choice is choice
     assert "quadratic_drag" in doubt.why
+
+
+def test_a_finding_that_spoils_the_simulation_leaves_something_unknown(monkeypatch):
+    truth = STAGE.with_effects(DRAG)
+    data = [
+        load_dataset(stage_recording(truth, seed=seed, seconds=10.0, rms=rms, band=(0.2, 4.0)), STAGE)
+        for seed, rms in ((1, 0.2), (2, 0.15))
+    ]
+
+    def bare(result, *_):
+        return replace(result, choices=(), final=result.baseline, last_round=())
+
+    def in_vain(model, fit, *_, **__):
+        return SearchResult(fit, fit, (), (), recording_scales(STAGE, records_of(data)))
+
+    monkeypatch.setattr(diagnosis, "unharmful", bare)
+    monkeypatch.setattr(diagnosis, "search_by_simulation", in_vain)
+    result, verdict, _, content = diagnosis.diagnose(STAGE, data[:1], data[1:])
+    assert result.choices == ()
+    assert verdict.kind == "unknown"
+    assert "quadratic_drag" in content["doubt"]
+    assert "simulated worse" in content["doubt"]
+    assert verdict.where[0]["equation"] == "stage1_motor"

@@ -8,10 +8,12 @@ import pytest
 from test_diagnosis_parts import DT, MODEL, coupled, explanation, joint_record
 
 from haptic_teleop_sysid.dataset import DataSet
+from haptic_teleop_sysid.diagnosis import shortlist
 from haptic_teleop_sysid.diagnosis.answers import Answers
 from haptic_teleop_sysid.diagnosis.current import shown_by_current
 from haptic_teleop_sysid.diagnosis.decide import choose
 from haptic_teleop_sysid.diagnosis.doubt import doubted
+from haptic_teleop_sysid.diagnosis.explore import explore
 from haptic_teleop_sysid.diagnosis.scales import recording_scales
 from haptic_teleop_sysid.diagnosis.scan import both, scan
 from haptic_teleop_sysid.diagnosis.search import SearchResult
@@ -50,6 +52,30 @@ def test_the_orders_of_a_long_recording_are_found_on_fewer_samples(order, monkey
     assert found["torque_ripple", "stage1_motor"][0] == pytest.approx(order, abs=np.pi / 2 / scales.span(0))
     thinned, whole = (sum(n for dt, n in filtered if dt == step) for step in (2 * DT, DT))
     assert thinned > 100 and whole > 100
+
+
+def test_a_long_recording_is_searched_on_fewer_samples_and_judged_on_all(monkeypatch):
+    records = [
+        joint_record(seed, seconds=10.0, rms=rms, motor_torque=_wavy) for seed, rms in ((3, 0.25), (4, 0.35))
+    ]
+    fit, scales = fit_from_scratch(MODEL, records[:1]), recording_scales(MODEL, records[:1])
+    _, whole = explore(fit, MODEL, records[:1], records[1:], scales)
+    used = []
+    screening = shortlist.screen
+    monkeypatch.setattr(
+        shortlist, "screen", lambda f, r, e, *rest: used.append(r[0].dt) or screening(f, r, e, *rest)
+    )
+    monkeypatch.setattr("haptic_teleop_sysid.estimation.records.ENOUGH_SAMPLES", len(records[0]) // 2)
+    _, thinned = explore(fit, MODEL, records[:1], records[1:], scales)
+    assert set(used) == {2 * DT}
+    assert thinned[0].effect.effect == whole[0].effect.effect == "torque_ripple"
+    assert thinned[0].gain == pytest.approx(whole[0].gain, abs=1.0)
+    assert thinned[0].held_out == pytest.approx(whole[0].held_out, abs=1.0)
+    assert thinned[0].effect.parameters == pytest.approx(whole[0].effect.parameters, rel=1e-3, abs=1e-3)
+
+
+def _wavy(angle):
+    return 0.03 * np.sin(9.0 * angle + 0.4)
 
 
 def test_a_stop_is_found_where_it_is():

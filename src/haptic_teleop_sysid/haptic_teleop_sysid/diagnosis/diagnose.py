@@ -131,7 +131,7 @@ def diagnose(
     result, doubt, stand = doubted(
         kept, learn, judge, lambda candidate: float(np.mean(course.percent(candidate)[n:]))
     )
-    if harmful is not None and doubt is None:
+    if harmful is not None and (doubt is None or doubt.choice is None):
         doubt = runs_away(harmful)
     say("deciding")
     verdict = decide_verdict(result, learn, judge, doubt, stand.spread)

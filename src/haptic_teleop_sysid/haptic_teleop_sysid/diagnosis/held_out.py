@@ -8,7 +8,7 @@ import numpy as np
 
 from haptic_teleop_sysid.estimation.gauss_newton import Fit
 from haptic_teleop_sysid.estimation.noise import NoiseModel
-from haptic_teleop_sysid.estimation.records import Record
+from haptic_teleop_sysid.estimation.records import Record, thinned_to
 from haptic_teleop_sysid.estimation.whole_fit import fit_whole, noise_starts, pull
 
 from .explanation import Explanation
@@ -81,7 +81,11 @@ def held_out_fit(fit: Fit, records: Sequence[Record], levels: Sequence[NoiseMode
 
     Levels carried over would judge the noise, not the physics: a disturbance may be larger on another day,
     and a model that leaves nothing unexplained has levels near zero, under which the smallest further effect
-    is a catastrophe.
+    is a catastrophe.  The way there is made on thinned recordings where they are long.
     """
-    ends = [fit_whole(fit.model, noise, records, free=(), iterations=_STEPS) for noise in levels]
-    return max(ends, key=lambda end: end.log_likelihood)
+    few = thinned_to(records)
+    ends = [fit_whole(fit.model, noise, few, free=(), iterations=_STEPS) for noise in levels]
+    best = max(ends, key=lambda end: end.log_likelihood)
+    if few is records:
+        return best
+    return fit_whole(fit.model, best.noise, records, free=(), iterations=_STEPS)
