@@ -5,14 +5,14 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from test_diagnosis_parts import MODEL, joint_record
+from test_diagnosis_parts import MODEL, RIGID, fit_of, joint_record
 
 from haptic_teleop_sim.effects import EFFECTS
 from haptic_teleop_sim.model import Effect
 from haptic_teleop_sysid.diagnosis.candidates import candidates, plain_start
 from haptic_teleop_sysid.diagnosis.plain import LARGE, plain
 from haptic_teleop_sysid.diagnosis.scales import CONTACTS, recording_scales, within_reach
-from haptic_teleop_sysid.diagnosis.shadows import shadows, with_shadows
+from haptic_teleop_sysid.diagnosis.shadows import _at_rest, shadows, with_shadows
 from haptic_teleop_sysid.diagnosis.trials import polish, with_contact
 from haptic_teleop_sysid.estimation.whole_fit import fit_from_scratch
 
@@ -58,6 +58,9 @@ def test_plain_starts_lie_within_bounds_and_stops_at_either_end(pulled):
                 MODEL.with_effects(Effect(name, MODEL.location(place), parameters))
     low, high = (p["angle"] for p in plain_start(EFFECTS["hard_stop"], scales, "motor"))
     assert low < 0.0 < high
+    beyond = replace(scales, lowest=(0.5, 0.5), highest=(1.5, 1.5))
+    (only,) = plain_start(EFFECTS["hard_stop"], beyond, "motor")
+    assert 0.5 < only["angle"] < 1.5
 
 
 def test_a_torque_at_the_motor_has_its_shadow_at_the_arm(pulled):
@@ -83,6 +86,26 @@ def test_what_does_not_load_the_joint_has_no_shadow():
     assert [(e.effect, e.location) for e in shadows(spring)] == [("spring_to_ground", "stage1_motor")]
 
 
+def test_no_shadow_falls_where_the_model_can_have_none_or_has_it_already(pulled):
+    def start(model, *effects):
+        wider = model
+        for effect in effects:
+            wider = wider.with_effects(effect)
+        return replace(fit_of(wider), free=wider.free_parameters())
+
+    pull = Effect("constant_torque", "j_motor", {"torque": -0.02})
+    rigid = start(RIGID, pull)
+    assert with_shadows([rigid], fit_of(RIGID), pulled, {}) == [rigid]
+    present = Effect("spring_to_ground", "stage1_arm", {"stiffness": 0.1, "rest": 0.2})
+    before = fit_of(MODEL.with_effects(present))
+    spring = start(before.model, Effect("spring_to_ground", "stage1_motor", {"stiffness": 0.1, "rest": 0.2}))
+    assert with_shadows([spring], before, pulled, {}) == [spring]
+    torque = start(before.model, Effect("constant_torque", "stage1_arm", {"torque": 0.02}))
+    found = with_shadows([torque], before, pulled, within_reach(MODEL))
+    names = {(f.model.effects[1].effect, f.model.effects[1].location) for f in found}
+    assert names == {("constant_torque", "stage1_arm"), ("constant_torque", "stage1_motor")}
+
+
 @pytest.mark.parametrize("torque", [0.03, -0.03])
 def test_gravity_high_up_is_the_constant_torque_it_stands_for(torque):
     found = shadows(Effect("constant_torque", "stage1_arm", {"torque": torque}))
@@ -91,6 +114,8 @@ def test_gravity_high_up_is_the_constant_torque_it_stands_for(torque):
     # -T sin(q + phase) at q = 0, the contract's equation.
     assert -p["torque"] * math.sin(p["phase"]) == pytest.approx(torque)
     assert p["torque"] > 0.0
+    assert _at_rest(gravity) == pytest.approx(torque)
+    assert _at_rest(Effect("spring_to_ground", "stage1_arm", {"stiffness": 0.1, "rest": 0.3})) == 0.03
 
 
 def test_the_contact_of_dry_friction_is_held_for_a_trial_and_free_at_the_end():

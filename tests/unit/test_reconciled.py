@@ -40,7 +40,7 @@ def test_what_both_gain_is_what_a_fit_to_both_gains(fits):
     free_here = fit_whole(both.model, here.noise, [short], free=(), iterations=20)
     together = free_here.log_likelihood + free_there.log_likelihood
     apart = here.log_likelihood + there.log_likelihood
-    assert together > apart
+    assert together > apart + 2.0
     assert reconciled(here, there, [long]) == pytest.approx(
         together - apart, abs=0.5 + 0.2 * (together - apart)
     )
@@ -57,7 +57,7 @@ def test_another_machine_is_granted_no_more_than_chance_explains(fits):
     again = fit_whole(here.model, elsewhere.noise, [record], iterations=30)
     wanted = again.log_likelihood - elsewhere.log_likelihood
     # As many samples of as much: J is about I, and chance gains half a nat per parameter.
-    assert reconciled(here, elsewhere, [record]) < 6.5 * 0.5 * len(here.free) < 0.2 * wanted
+    assert 1.0 < reconciled(here, elsewhere, [record]) < 6.5 * 0.5 * len(here.free) < 0.2 * wanted
 
 
 def test_information_of_other_recordings_counts_like_them(fits):

@@ -84,8 +84,10 @@ def plain_start(entry: EffectEntry, scales: Scales, place: str) -> list[dict[str
     options = []
     for p in entry.parameters:
         if p.scale == "furthest":
-            ends = (scales.lowest[channel], scales.highest[channel])
-            options.append([(p.name, _WITHIN * end) for end in ends if end != 0.0])
+            least = 0.1 * scales.size[p.scale]
+            low, high = scales.lowest[channel], scales.highest[channel]
+            ends = [end for end in (min(low, 0.0), max(high, 0.0)) if abs(end) > least]
+            options.append([(p.name, _WITHIN * end) for end in ends])
         elif _wanted(p):
             values = _values(entry, p, scales, place, 1.0 if stops else _PLAIN, None)
             options.append([(p.name, values[len(values) // 2])])

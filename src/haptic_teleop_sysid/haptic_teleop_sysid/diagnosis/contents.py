@@ -15,6 +15,7 @@ from haptic_teleop_sysid.estimation.records import Record
 from .decide import Choice, significant
 from .doubt import Doubt
 from .experiment import suggest
+from .explanation import Explanation
 from .nulls import Null
 from .proof import Proof, mean_percent
 from .residual import left_over
@@ -89,7 +90,7 @@ def contents(
             "material": e.material,
             "significant": significant(e),
         }
-        for e in result.last_round[:_MOST_TRIED]
+        for e in _fallen(result)[:_MOST_TRIED]
         if np.isfinite(e.gain) and np.isfinite(e.held_out)
     ]
     found_by_chance, dropped = chance
@@ -116,6 +117,13 @@ def contents(
             "torque": best.torque.tolist(),
         }
     return content
+
+
+def _fallen(result: SearchResult) -> list[Explanation]:
+    """What was tried in the last round and is not among what was found."""
+    stood = [c.chosen.effect for c in (*result.choices, *([result.nameless] if result.nameless else ()))]
+    named = {(e.effect, e.location) for e in stood}
+    return [e for e in result.last_round if (e.effect.effect, e.effect.location) not in named]
 
 
 def disturbance(result: SearchResult, fit: Fit, records: Sequence[Record]) -> dict[str, float]:

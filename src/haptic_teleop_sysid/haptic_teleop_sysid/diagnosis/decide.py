@@ -100,7 +100,7 @@ def choose(
         # A name has to lose clearly before it is not given; beside an effect that is found already, be its
         # own size known well or not.
         rivals = named if best_so_far <= 0.0 else [e for e in found if e.material]
-        nearest = max((e.together for e in rivals if not e.effect.entry.unnamed), default=0.0)
+        nearest = max((e.together for e in rivals if not e.effect.entry.unnamed), default=best.reconciled)
         if best.together > nearest + max(CLEARLY_LESS, SHARE_LESS * nearest) and best.score > (
             LEAST_SHARE_ALIKE * best_so_far
         ):

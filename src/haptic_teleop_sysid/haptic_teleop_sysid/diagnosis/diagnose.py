@@ -127,7 +127,8 @@ def diagnose(
         believed = beyond_chance(kept, chance) if not found_freely else kept
         dropped, kept = kept.choices[len(believed.choices) :], believed
     say("doubting")
-    harmful = None if kept.choices or dropped else next(iter(result.choices), None)
+    believed = beyond_chance(result, chance) if null_count else result
+    harmful = None if kept.choices else next(iter(believed.choices), None)
     result, doubt, stand = doubted(
         kept, learn, judge, lambda candidate: float(np.mean(course.percent(candidate)[n:]))
     )

@@ -27,7 +27,7 @@ _MOST_TUNED = 6
 _MOST_PROMISED = 3
 _MOST_POLISHED = 6
 _MOST_ABLATED = 2
-#: Fits from nothing on thinned recordings that are fitted to the end on all of them.
+#: Fits from nothing that are fitted to the end, on all samples.
 _MOST_FROM_NOTHING = 3
 #: Colour that the best explanation leaves (25 in the mean where there is none, 53 once in a thousand) from
 #: which effects are fitted from nothing, too.
@@ -69,10 +69,15 @@ def explore(
         )
     fits = sorted(fits[:_MOST_POLISHED], key=lambda f: -f.log_likelihood)
     if colour((fits or [fit])[0], estimation) > _COLOURED:
-        found = plain(lab, few, scales, limits, say)
-        if few is not estimation:
-            found = [polish(f, estimation, limits) for f in best_of_each(found, index)[:_MOST_FROM_NOTHING]]
-        fits = best_of_each([*fits, *found], index)[:_MOST_POLISHED]
+        found = best_of_each(plain(lab, few, scales, limits, say), index)
+        ended = [polish(f, estimation, limits) for f in found[:_MOST_FROM_NOTHING]]
+        ended = [with_companion(f, fit.model, estimation, limits) for f in ended]
+        rest = found[_MOST_FROM_NOTHING:] if few is estimation else []
+        fits = sorted(
+            best_of_each([*fits, *ended, *rest], index),
+            key=lambda f: (not material(f.model.effects[index], scales), -f.log_likelihood),
+        )
+        fits = sorted(fits[:_MOST_POLISHED], key=lambda f: -f.log_likelihood)
     fits = with_shadows(fits, fit, estimation, limits)
     say("fitting the model without them once more")
     better = better_baseline(fit, fits[:_MOST_ABLATED], estimation, limits)

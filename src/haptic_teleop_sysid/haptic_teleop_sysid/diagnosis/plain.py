@@ -1,9 +1,9 @@
 """Fits from where nothing is known, for what a linearisation does not see.
 
 Where a large effect is missing, the fitted structure and noise levels have gone far to make up for it, and
-from there the effect promises nothing: friction of half the torque was taken for a disturbance that wanders,
-a constant torque for another motor.  A fit of the effect beside what the lab believes, with noise levels that
-know nothing either, finds it in a dozen steps.
+from there the effect promises nothing: friction was taken for a disturbance that wanders, a constant torque
+for another motor.  A fit of the effect beside what the lab believes, with noise levels that know nothing
+either, finds it in a dozen steps.
 """
 
 from __future__ import annotations

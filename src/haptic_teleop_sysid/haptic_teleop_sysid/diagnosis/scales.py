@@ -51,7 +51,10 @@ def within_reach(lab: Model) -> dict[str, tuple[float, float]]:
         if place == "motor" or not lab.rigid:
             for name, entry in EFFECTS.items():
                 if entry.memory == "direction":
-                    limits[f"{lab.location(place)}.{name}.contact_angle"] = CONTACTS
+                    parameter = f"{lab.location(place)}.{name}.contact_angle"
+                    # A model that states another one is taken at its word.
+                    stated = lab.parameter_values().get(parameter, CONTACTS[0])
+                    limits[parameter] = (min(CONTACTS[0], stated), max(CONTACTS[1], stated))
     return {name: (low, high if high > low else np.inf) for name, (low, high) in limits.items()}
 
 

@@ -11,11 +11,12 @@ import math
 from collections.abc import Sequence
 from dataclasses import replace
 
+from haptic_teleop_sim.effects import locations
 from haptic_teleop_sim.model import Effect
 from haptic_teleop_sysid.estimation.gauss_newton import Fit, Limits
 from haptic_teleop_sysid.estimation.records import Record
 
-from .candidates import LOADS_THE_JOINT, companion
+from .candidates import LOADS_THE_JOINT, companion, family
 from .trials import best_of_each, polish, with_companion
 
 #: Nats behind the best one from which a thing that explains the same has not ended where it could.
@@ -46,6 +47,16 @@ def shadows(effect: Effect) -> list[Effect]:
     return found
 
 
+def _at_rest(effect: Effect) -> float:
+    """Torque of the effect at angle zero, N·m, by the contract's equations."""
+    p = effect.parameters
+    if effect.effect == "gravity":
+        return -p["torque"] * math.sin(p["phase"])
+    if effect.effect == "spring_to_ground":
+        return p["stiffness"] * p["rest"]
+    return p["torque"]
+
+
 def with_shadows(fits: Sequence[Fit], before: Fit, records: Sequence[Record], limits: Limits) -> list[Fit]:
     """The fits (best first), and the shadows of the best one that loads the joint, where that is among the
     best and they are missing or stopped short of it; ``before``: without any of these effects."""
@@ -58,14 +69,18 @@ def with_shadows(fits: Sequence[Fit], before: Fit, records: Sequence[Record], li
     own = best.model.effects[index]
     ends = {(f.model.effects[index].effect, f.model.effects[index].location): f for f in fits}
     found = list(fits)
+    present = {(n, e.location) for e in before.model.effects for n in family(e.effect)}
     for other in shadows(own):
+        places = locations(other.effect, before.model.structure)
+        if before.model.place(other.location) not in places or (other.effect, other.location) in present:
+            continue
         end = ends.get((other.effect, other.location))
         if end is not None and end.log_likelihood > best.log_likelihood - _SHORT_OF:
             continue
         effects = [*best.model.effects[:index], other]
         if preload := companion(before.model, other) if other.location.endswith("_arm") else None:
             # Zeroed under load: what the joint carries at rest.
-            effects.append(replace(preload, parameters={"torque": -other.parameters.get("torque", 0.0)}))
+            effects.append(replace(preload, parameters={"torque": -_at_rest(other)}))
         start = replace(best, model=replace(best.model, effects=tuple(effects), fixed=before.model.fixed))
         start = replace(start, free=start.model.free_parameters())
         found.append(with_companion(polish(start, records, limits), before.model, records, limits))

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -57,7 +57,8 @@ def _spread(
     ``held`` kept."""
     free = tuple(n for n in fit.free if n not in held)
     places = [fit.free.index(n) for n in free]
-    known = known_beside(fit, (*names, *held))[np.ix_(places, places)]
+    given = replace(fit, free=free, information=fit.information[np.ix_(places, places)])
+    known = known_beside(given, names)
     again = fit_whole(fit.model, there.noise, validation, free=free, known=known)
     here, elsewhere = fit.model.parameter_values(), again.model.parameter_values()
     std, std_there = standard_errors(fit, held), standard_errors(again)

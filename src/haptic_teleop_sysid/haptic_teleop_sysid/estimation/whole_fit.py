@@ -176,8 +176,13 @@ def pull(fit: Fit, noise: NoiseModel, records: Sequence[Record]) -> tuple[FloatA
     if equations is None:
         return None
     information, gradient = equations
-    cross, own = information[:p, p:], np.linalg.pinv(information[p:, p:], rcond=1e-10, hermitian=True)
-    return information[:p, :p] - cross @ own @ cross.T, gradient[:p] - cross @ own @ gradient[p:]
+    # A level at its bound that wants beyond it stays where it is.
+    low, high = (edge[p:] for edge in _box(fit.model, names, levels, records, None))
+    at, wants = np.log([getattr(noise, n) for n in levels]), gradient[p:]
+    moves = p + np.flatnonzero(~((at <= low + 1e-9) & (wants > 0)) & ~((at >= high - 1e-9) & (wants < 0)))
+    cross = information[:p][:, moves]
+    own = np.linalg.pinv(information[np.ix_(moves, moves)], rcond=1e-10, hermitian=True)
+    return information[:p, :p] - cross @ own @ cross.T, gradient[:p] - cross @ own @ gradient[moves]
 
 
 def fit_from_scratch(
