@@ -13,7 +13,14 @@ from haptic_teleop_sysid.dataset import load_dataset
 from haptic_teleop_sysid.diagnosis import diagnose as diagnosis
 from haptic_teleop_sysid.diagnosis.decide import Choice
 from haptic_teleop_sysid.diagnosis.diagnose import records_of
-from haptic_teleop_sysid.diagnosis.doubt import COLOURED, UNSTEADY, _without_last, doubted, runs_away
+from haptic_teleop_sysid.diagnosis.doubt import (
+    COLOURED,
+    ONLY_HERE,
+    UNSTEADY,
+    _without_last,
+    doubted,
+    runs_away,
+)
 from haptic_teleop_sysid.diagnosis.explanation import Explanation
 from haptic_teleop_sysid.diagnosis.scales import recording_scales
 from haptic_teleop_sysid.diagnosis.search import SearchResult
@@ -244,3 +251,20 @@ def test_a_finding_that_spoils_the_simulation_leaves_something_unknown(monkeypat
     assert "quadratic_drag" in content["doubt"]
     assert "simulated worse" in content["doubt"]
     assert verdict.where[0]["equation"] == "stage1_motor"
+
+
+@pytest.mark.parametrize(("gain", "expected"), [(0.5 * ONLY_HERE, False), (2.0 * ONLY_HERE, True)])
+def test_what_gains_far_more_than_chance_and_only_here_is_something_unknown(records, gain, expected):
+    quiet = [recorded(STAGE, 0.15, 7)], [recorded(STAGE, 0.15, 8)]
+    baseline = fit_from_scratch(STAGE, quiet[0])
+    chosen = found(DRAG, records[0]).choices[0].chosen
+    tried = replace(chosen, gain=gain, held_out=-50.0)
+    result = SearchResult(baseline, baseline, (), (tried,), recording_scales(STAGE, quiet[0]))
+    _, doubt, _ = doubted(result, *quiet, unimpressed)
+    assert (doubt is not None) == expected
+    if doubt is not None:
+        assert doubt.choice.chosen is tried
+        assert "quadratic_drag" in doubt.why
+    # One that is too small to matter is none.
+    nothing = replace(result, last_round=(replace(tried, material=False),))
+    assert doubted(nothing, *quiet, unimpressed)[1] is None
