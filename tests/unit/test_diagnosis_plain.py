@@ -14,6 +14,7 @@ from haptic_teleop_sysid.diagnosis.plain import LARGE, plain
 from haptic_teleop_sysid.diagnosis.scales import CONTACTS, recording_scales, within_reach
 from haptic_teleop_sysid.diagnosis.shadows import _at_rest, shadows, with_shadows
 from haptic_teleop_sysid.diagnosis.trials import polish, with_contact
+from haptic_teleop_sysid.estimation.gauss_newton import bounds
 from haptic_teleop_sysid.estimation.whole_fit import fit_from_scratch
 
 
@@ -134,3 +135,12 @@ def test_the_contact_of_dry_friction_is_held_for_a_trial_and_free_at_the_end():
     ended = polish(freed, [record], {**within_reach(MODEL), name: (1e-5, 3e-5)})
     assert 1e-5 <= ended.model.parameter_values()[name] <= 3e-5
     assert np.isfinite(ended.log_likelihood)
+
+
+def test_friction_may_be_several_times_the_torque_that_the_joint_carries():
+    # Gears that lock themselves: a coefficient of 4 ended at a bound of 1, and what was left had no name.
+    model = MODEL.with_effects(Effect("load_dependent_friction", "stage1_motor", {"coefficient": 4.0}))
+    name = "stage1_motor.load_dependent_friction.coefficient"
+    low, high = bounds(model, (name,), within_reach(MODEL))
+    assert low[0] == 0.0
+    assert high[0] > 10.0

@@ -214,7 +214,7 @@ LOAD_DEPENDENT = EffectEntry(
             "1",
             "friction torque per transmitted joint torque",
             minimum=0.0,
-            maximum=1.0,
+            maximum=100.0,
             typical=0.15,
         ),
         *_CONTACT,

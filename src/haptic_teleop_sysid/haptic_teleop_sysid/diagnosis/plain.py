@@ -35,6 +35,8 @@ LARGE = (
     "hysteresis",
     "torque_saturation",
     "dead_zone",
+    "quadratic_drag",
+    "inertial_coupling",
     "actuator_lag",
     "input_delay",
 )
