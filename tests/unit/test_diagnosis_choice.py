@@ -7,6 +7,7 @@ import pytest
 from test_diagnosis_parts import MODEL, explanation, fit_of
 
 from haptic_teleop_sim.model import Effect
+from haptic_teleop_sysid.diagnosis.certainty import standard_errors
 from haptic_teleop_sysid.diagnosis.decide import (
     CLEAR_GAIN,
     LEAST_AGAINST,
@@ -14,7 +15,6 @@ from haptic_teleop_sysid.diagnosis.decide import (
     LEAST_HELD_OUT,
     LEAST_SHARE,
     choose,
-    standard_errors,
 )
 from haptic_teleop_sysid.diagnosis.explanation import Explanation
 

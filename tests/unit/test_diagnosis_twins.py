@@ -6,7 +6,8 @@ from test_diagnosis_parts import DT, MODEL, NOISE, joint_record
 
 from haptic_teleop_sim.kernel import pack
 from haptic_teleop_sim.model import Effect
-from haptic_teleop_sysid.diagnosis.decide import choose, standard_errors
+from haptic_teleop_sysid.diagnosis.certainty import standard_errors
+from haptic_teleop_sysid.diagnosis.decide import choose
 from haptic_teleop_sysid.diagnosis.explanation import Explanation
 from haptic_teleop_sysid.diagnosis.twins import twin, with_twins
 from haptic_teleop_sysid.estimation.gauss_newton import Fit

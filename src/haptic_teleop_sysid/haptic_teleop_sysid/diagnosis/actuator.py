@@ -10,8 +10,8 @@ from haptic_teleop_sysid.estimation.gauss_newton import Fit, Limits
 from haptic_teleop_sysid.estimation.records import Record
 from haptic_teleop_sysid.estimation.whole_fit import fit_whole
 
+from .certainty import standard_errors
 from .current import SHOWN, Shown
-from .decide import standard_errors
 from .explanation import Explanation
 from .held_out import judged
 from .scales import Scales

@@ -19,7 +19,8 @@ from haptic_teleop_sysid.estimation.gauss_newton import Fit
 from haptic_teleop_sysid.estimation.records import Record
 from haptic_teleop_sysid.estimation.whole_fit import fit_whole
 
-from .decide import Choice, known_beside, significant, standard_errors
+from .certainty import known_beside, standard_errors
+from .decide import Choice, significant
 from .explanation import Explanation
 from .held_out import held_out_fit
 from .search import SearchResult

@@ -11,6 +11,7 @@ from haptic_teleop_sysid.estimation.noise import NoiseModel
 from haptic_teleop_sysid.estimation.records import Record, thinned_to
 from haptic_teleop_sysid.estimation.whole_fit import fit_whole, noise_starts, pull
 
+from .certainty import scaled_inverse
 from .explanation import Explanation
 from .material import material
 from .scales import Scales
@@ -67,11 +68,11 @@ def reconciled(fit: Fit, there: Fit, records: Sequence[Record]) -> float:
         return 0.0
     kept = [i for i, n in enumerate(fit.free) if n not in fit.at_bound and fit.information[i, i] > 0.0]
     here, elsewhere = fit.information[np.ix_(kept, kept)], pulled[0][np.ix_(kept, kept)]
-    scale = np.sqrt(np.maximum(np.diag(here + elsewhere), 1e-300))
-    here, elsewhere = here / np.outer(scale, scale), elsewhere / np.outer(scale, scale)
+    scale, inverse = scaled_inverse(here + elsewhere, rcond=1e-10)
     gradient = pulled[1][kept] / scale
-    gained = 0.5 * float(gradient @ np.linalg.pinv(here + elsewhere, rcond=1e-10, hermitian=True) @ gradient)
-    by_chance = 0.5 * float(np.trace(elsewhere @ np.linalg.pinv(here, rcond=1e-10, hermitian=True)))
+    gained = 0.5 * float(gradient @ inverse @ gradient)
+    scale, inverse = scaled_inverse(here, rcond=1e-10)
+    by_chance = 0.5 * float(np.sum(elsewhere / np.outer(scale, scale) * inverse))
     return min(gained, MOST_BY_CHANCE * by_chance)
 
 

@@ -13,7 +13,8 @@ from haptic_teleop_sim.model import Model
 from haptic_teleop_sysid.estimation.gauss_newton import Fit
 from haptic_teleop_sysid.estimation.records import Record
 
-from .decide import Choice, standard_errors
+from .certainty import standard_errors
+from .decide import Choice
 from .doubt import Doubt
 from .residual import Condition, conditions, intervals, shares
 from .search import SearchResult

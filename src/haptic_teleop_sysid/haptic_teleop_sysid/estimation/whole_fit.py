@@ -180,9 +180,8 @@ def pull(fit: Fit, noise: NoiseModel, records: Sequence[Record]) -> tuple[FloatA
     low, high = (edge[p:] for edge in _box(fit.model, names, levels, records, None))
     at, wants = np.log([getattr(noise, n) for n in levels]), gradient[p:]
     moves = p + np.flatnonzero(~((at <= low + 1e-9) & (wants > 0)) & ~((at >= high - 1e-9) & (wants < 0)))
-    cross = information[:p][:, moves]
-    own = np.linalg.pinv(information[np.ix_(moves, moves)], rcond=1e-10, hermitian=True)
-    return information[:p, :p] - cross @ own @ cross.T, gradient[:p] - cross @ own @ gradient[moves]
+    made_up = _made_up(information, p, moves)
+    return information[:p, :p] - made_up @ information[moves, :p], gradient[:p] - made_up @ gradient[moves]
 
 
 def fit_from_scratch(
@@ -317,5 +316,11 @@ def _gain_slopes(
 
 def _without_levels(information: FloatArray, p: int) -> FloatArray:
     """Information (p, p) of the parameters when the levels are unknown, too (Schur complement)."""
-    cross, own = information[:p, p:], information[p:, p:]
-    return information[:p, :p] - cross @ np.linalg.pinv(own, rcond=1e-10, hermitian=True) @ cross.T
+    levels = np.arange(p, len(information))
+    return information[:p, :p] - _made_up(information, p, levels) @ information[levels, :p]
+
+
+def _made_up(information: FloatArray, p: int, levels: NDArray[np.int64]) -> FloatArray:
+    """How much of each level (p, levels) makes up for a change of each of the p parameters."""
+    own = np.linalg.pinv(information[np.ix_(levels, levels)], rcond=1e-10, hermitian=True)
+    return information[:p][:, levels] @ own
