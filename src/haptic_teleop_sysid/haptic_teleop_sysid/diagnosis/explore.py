@@ -57,27 +57,17 @@ def explore(
     limits = within_reach(lab)
     fits, few = _tried(fit, lab, estimation, scales, limits, again, say)
     index = len(fit.model.effects)
-    # What is too small or too much like a simpler thing to be named takes no place from what is not.
-    fits = sorted(
-        best_of_each(fits, index),
-        key=lambda f: (not material(f.model.effects[index], scales), -f.log_likelihood),
-    )
-    for i, candidate in enumerate(fits[:_MOST_POLISHED]):
-        say(f"once more {candidate.model.effects[index].effect}")
-        fits[i] = with_companion(
-            polish(with_contact(candidate), estimation, limits), fit.model, estimation, limits
-        )
-    fits = sorted(fits[:_MOST_POLISHED], key=lambda f: -f.log_likelihood)
+
+    def to_the_end(trial: Fit) -> Fit:
+        say(f"once more {trial.model.effects[index].effect}")
+        return with_companion(polish(with_contact(trial), estimation, limits), fit.model, estimation, limits)
+
+    fits = best_of_each([to_the_end(f) for f in _most_material(fits, index, scales)], index)
     if colour((fits or [fit])[0], estimation) > _COLOURED:
         found = best_of_each(plain(lab, few, scales, limits, say), index)
-        ended = [polish(f, estimation, limits) for f in found[:_MOST_FROM_NOTHING]]
-        ended = [with_companion(f, fit.model, estimation, limits) for f in ended]
+        ended = [to_the_end(f) for f in found[:_MOST_FROM_NOTHING]]
         rest = found[_MOST_FROM_NOTHING:] if few is estimation else []
-        fits = sorted(
-            best_of_each([*fits, *ended, *rest], index),
-            key=lambda f: (not material(f.model.effects[index], scales), -f.log_likelihood),
-        )
-        fits = sorted(fits[:_MOST_POLISHED], key=lambda f: -f.log_likelihood)
+        fits = best_of_each(_most_material([*fits, *ended, *rest], index, scales), index)
     fits = with_shadows(fits, fit, estimation, limits)
     say("fitting the model without them once more")
     better = better_baseline(fit, fits[:_MOST_ABLATED], estimation, limits)
@@ -88,6 +78,13 @@ def explore(
     fit = better
     say("judging on recordings that were not fitted")
     return fit, judged(fit, fits, validation, scales)
+
+
+def _most_material(fits: Sequence[Fit], index: int, scales: Scales) -> list[Fit]:
+    """The best of the fits, one of each effect at each place: what is too small or too much like a simpler
+    thing to be named takes no place from what is not."""
+    best = best_of_each(fits, index)  # by likelihood, which the sort below keeps
+    return sorted(best, key=lambda f: not material(f.model.effects[index], scales))[:_MOST_POLISHED]
 
 
 def _tried(
