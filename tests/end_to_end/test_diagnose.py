@@ -272,6 +272,14 @@ def test_a_recording_in_which_only_the_other_stage_moved_is_refused(tmp_path, mo
     assert "not change" in error
 
 
+def test_a_recording_in_which_the_joint_was_only_held_is_refused(tmp_path, model_file, rubbing, capsys):
+    amperes = current(3, 3.0, 0.002, (0.5, 1.3))
+    held = write_bag(tmp_path / "held", amperes, 0.002 * motion(amperes, 3))
+    error = refused(capsys, model_file, rubbing[0], held, tmp_path / "out")
+    assert "held" in error
+    assert "Record while this joint is driven" in error
+
+
 def test_a_constant_input_is_refused(tmp_path, model_file, rubbing, capsys):
     amperes = np.full(2000, 0.05)
     flat = write_bag(tmp_path / "flat", amperes, motion(amperes, 3))

@@ -19,7 +19,6 @@ from haptic_teleop_sysid.diagnosis.doubt import (
     UNSTEADY,
     _without_last,
     doubted,
-    runs_away,
 )
 from haptic_teleop_sysid.diagnosis.explanation import Explanation
 from haptic_teleop_sysid.diagnosis.scales import recording_scales
@@ -221,13 +220,6 @@ def test_recordings_that_hardly_determine_a_size_do_not_spread_it(records):
     stand = stand_of(result, (30.0, 30.0), estimation, faint)
     assert stand.spread["stage1_motor.quadratic_drag.coefficient"] == 0.0
     assert stands_out(result.choices[0], result.final, stand, faint)
-
-
-def test_what_runs_away_is_doubted_and_not_forgotten(records):
-    choice = found(DRAG, records[0]).choices[0]
-    doubt = runs_away(choice)
-    assert doubt.choice is choice
-    assert "quadratic_drag" in doubt.why
 
 
 def test_a_finding_that_spoils_the_simulation_leaves_something_unknown(monkeypatch):

@@ -19,6 +19,7 @@ from .current import shown_by_current
 from .decide import Choice
 from .doubt import doubted, runs_away
 from .nulls import Null, beyond_chance, nulls
+from .plausible import refuse_idle
 from .proof import Course, Proof, prove
 from .scales import within_reach
 from .search import LEAST_PERCENT, POOR_FIT, SearchResult, search, search_by_simulation
@@ -91,6 +92,7 @@ def diagnose(
     """
     learn, judge = records_of(estimation), records_of(validation)
     n, everything = len(estimation), [*estimation, *validation]
+    refuse_idle(everything)
     say("re-estimating the given structure")
     baseline = fit_from_scratch(model, learn, limits=within_reach(model))
     course = Course.of(baseline.model, everything)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -19,6 +20,8 @@ _FURTHEST = 2.0 * np.pi
 _GIVES = 10.0
 #: Factor between measured and commanded effort beyond which one of them has another unit.
 _ANOTHER_UNIT = 20.0
+#: Shares of the most driven and the most moved recording below which a joint is held, not driven.
+_HARDLY_DRIVEN, _HARDLY_MOVES = 0.05, 0.01
 
 
 def refuse_implausible(model: Model, recording: Recording, dataset: DataSet) -> None:
@@ -46,6 +49,21 @@ def refuse_implausible(model: Model, recording: Recording, dataset: DataSet) -> 
             f"{model.source} describes a rigid body, but in {dataset.name} {names[1]} moves by up to "
             f"{gives:.3g} rad against its motor: give a model of structure flexible_joint."
         )
+
+
+def refuse_idle(datasets: Sequence[DataSet]) -> None:
+    """Raise RecordingError for a recording in which the joint hardly is driven and moves beside others.
+
+    Its controller then holds it while another joint is driven, and rounded readings agree with any model."""
+    drives = [float(np.nanstd(d.input)) for d in datasets]
+    travels = [float(np.nanstd(d.motor_position)) for d in datasets]
+    for dataset, drive, travel in zip(datasets, drives, travels, strict=True):
+        if drive < _HARDLY_DRIVEN * max(drives) and travel < _HARDLY_MOVES * max(travels):
+            raise RecordingError(
+                f"{dataset.name}: beside another recording {dataset.joint} is driven by "
+                f"{100 * drive / max(drives):.2g} % and moves by {100 * travel / max(travels):.2g} %: "
+                "that says nothing of it. Record while this joint is driven, or leave the recording out."
+            )
 
 
 def with_contradictions(dataset: DataSet) -> DataSet:
