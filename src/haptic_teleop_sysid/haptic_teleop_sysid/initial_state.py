@@ -100,9 +100,10 @@ def estimate_initial_state(
         slopes = [bounded(result.d_innovation * weights[:, None]).reshape(len(errors[0]), -1)]
         for channel, weight in rates:
             last = held[:, channel]
-            errors.append(bounded(weight * rate(result.innovation[last, channel], dataset)))
-            columns = [rate(column, dataset) for column in result.d_innovation[last, channel].T]
-            slopes.append(bounded(weight * np.column_stack(columns)))
+            columns = np.column_stack([result.innovation[last, channel], result.d_innovation[last, channel]])
+            rated = bounded(weight * rate(columns, dataset))
+            errors.append(rated[:, 0])
+            slopes.append(rated[:, 1:])
         error, slope = np.concatenate(errors), np.concatenate(slopes)
         return slope.T @ slope, slope.T @ error, 0.5 * float(error @ error)
 
@@ -150,14 +151,14 @@ def last_reading(read: NDArray[np.bool_], moved: NDArray[np.int64]) -> NDArray[n
 
 
 def rate(angle: Array, dataset: DataSet) -> Array:
-    """Return (n,): the rate of an angle, through the recording's velocity filter where it had one.
+    """Return (n,) or (n, k): the rate of angles, through the recording's velocity filter where it had one.
 
     The filter begins at rest: where a recording's own began does not matter then, because errors of angles go
     through it, measured less simulated.
     """
     if dataset.velocity_filter is None:
-        return np.gradient(angle, dataset.dt)
-    return velocity_series(np.ascontiguousarray(angle), dataset.dt, *dataset.velocity_filter)
+        return np.gradient(angle, dataset.dt, axis=0)
+    return velocity_series(angle, dataset.dt, *dataset.velocity_filter)
 
 
 def bounded(values: Array) -> Array:

@@ -111,7 +111,12 @@ def predict_series(x, s, measured, gain, d_gain, decay, d_decay, torque, d_torqu
     for ch in range(2):
         for c in range(wide):
             last_s[ch, c] -= dt * s[2 + ch, c]
-    stage, total = np.zeros((n, wide)), np.zeros((n, wide))
+    stage, total, changes = np.zeros((n, wide)), np.zeros((n, wide)), np.zeros((n, wide))
+    forced = np.zeros((4, 4, wide))
+    remembering = True
+    for e in range(codes.shape[0]):
+        if codes[e, 5] > 0:
+            remembering = False
     g = np.zeros(16)
     slope = np.zeros(1)
     dpar = np.zeros((2, ncol))
@@ -215,7 +220,11 @@ def predict_series(x, s, measured, gain, d_gain, decay, d_decay, torque, d_torqu
                 for c in range(wide):
                     began[0, c] = s[0, c]
                     began[1, c] = s[1, c]
-                step_many_sensitivities(s, h, rigid, by_state, by_parameter, by_start, stage, total)
+                if remembering:
+                    step_remembering_sensitivities(s, h, rigid, by_state, by_parameter, by_start, forced)
+                else:
+                    step_many_sensitivities(s, h, rigid, by_state, by_parameter, by_start, stage, total,
+                                            changes)
                 update_memories_sensitive(x, h / 6.0 * s0, h / 6.0 * s1, s, began, codes, p, p_col)
         if spreading:
             # As `spread`, with derivatives.

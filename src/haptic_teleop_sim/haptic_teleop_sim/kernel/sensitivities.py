@@ -11,7 +11,6 @@ from __future__ import annotations
 
 import math
 
-import numpy as np
 from numba import njit
 
 # <the text below joins the kernel>
@@ -241,7 +240,7 @@ def own_state_row(by_state, by_parameter, stage, row, g, loc, o, nz, k, npar, ba
 def step_sensitivities(s, h, rigid, by_state, by_parameter):
     """One Runge-Kutta step of the sensitivities ``s`` (nx, columns) in place, from the four stages'
     derivatives of the rates, ``by_state`` (4, rows, nx) and ``by_parameter`` (4, rows, columns); without own
-    states of effects.
+    states of effects that change within a step.
 
     The variational equation is linear, so its stages need the states of each stage only through these. Column
     by column in scalars, which compilers turn into vectors over the columns.
@@ -250,8 +249,9 @@ def step_sensitivities(s, h, rigid, by_state, by_parameter):
     sixth = h / 6.0
     arm = 0.0 if rigid else 1.0
     a, b = by_state, by_parameter
+    m, n = s.shape[0] - 2, s.shape[0] - 1
     for c in range(s.shape[1]):
-        q0, q1, v0, v1, w0, w1 = s[0, c], s[1, c], s[2, c], s[3, c], s[4, c], s[5, c]
+        q0, q1, v0, v1, w0, w1 = s[0, c], s[1, c], s[2, c], s[3, c], s[m, c], s[n, c]
         k0 = v0
         k1 = v1 * arm
         k2 = (
@@ -259,7 +259,7 @@ def step_sensitivities(s, h, rigid, by_state, by_parameter):
             + a[0, 2, 1] * q1
             + a[0, 2, 2] * v0
             + a[0, 2, 3] * v1
-            + a[0, 2, 4] * w0
+            + a[0, 2, m] * w0
             + b[0, 2, c]
         )
         k3 = (
@@ -267,7 +267,7 @@ def step_sensitivities(s, h, rigid, by_state, by_parameter):
             + a[0, 3, 1] * q1
             + a[0, 3, 2] * v0
             + a[0, 3, 3] * v1
-            + a[0, 3, 5] * w1
+            + a[0, 3, n] * w1
             + b[0, 3, c]
         )
         y0, y1, y2, y3 = q0 + half * k0, q1 + half * k1, v0 + half * k2, v1 + half * k3
@@ -278,7 +278,7 @@ def step_sensitivities(s, h, rigid, by_state, by_parameter):
             + a[1, 2, 1] * y1
             + a[1, 2, 2] * y2
             + a[1, 2, 3] * y3
-            + a[1, 2, 4] * w0
+            + a[1, 2, m] * w0
             + b[1, 2, c]
         )
         l3 = (
@@ -286,7 +286,7 @@ def step_sensitivities(s, h, rigid, by_state, by_parameter):
             + a[1, 3, 1] * y1
             + a[1, 3, 2] * y2
             + a[1, 3, 3] * y3
-            + a[1, 3, 5] * w1
+            + a[1, 3, n] * w1
             + b[1, 3, c]
         )
         y0, y1, y2, y3 = q0 + half * l0, q1 + half * l1, v0 + half * l2, v1 + half * l3
@@ -297,7 +297,7 @@ def step_sensitivities(s, h, rigid, by_state, by_parameter):
             + a[2, 2, 1] * y1
             + a[2, 2, 2] * y2
             + a[2, 2, 3] * y3
-            + a[2, 2, 4] * w0
+            + a[2, 2, m] * w0
             + b[2, 2, c]
         )
         m3 = (
@@ -305,7 +305,7 @@ def step_sensitivities(s, h, rigid, by_state, by_parameter):
             + a[2, 3, 1] * y1
             + a[2, 3, 2] * y2
             + a[2, 3, 3] * y3
-            + a[2, 3, 5] * w1
+            + a[2, 3, n] * w1
             + b[2, 3, c]
         )
         y0, y1, y2, y3 = q0 + h * m0, q1 + h * m1, v0 + h * m2, v1 + h * m3
@@ -316,7 +316,7 @@ def step_sensitivities(s, h, rigid, by_state, by_parameter):
             + a[3, 2, 1] * y1
             + a[3, 2, 2] * y2
             + a[3, 2, 3] * y3
-            + a[3, 2, 4] * w0
+            + a[3, 2, m] * w0
             + b[3, 2, c]
         )
         n3 = (
@@ -324,7 +324,7 @@ def step_sensitivities(s, h, rigid, by_state, by_parameter):
             + a[3, 3, 1] * y1
             + a[3, 3, 2] * y2
             + a[3, 3, 3] * y3
-            + a[3, 3, 5] * w1
+            + a[3, 3, n] * w1
             + b[3, 3, c]
         )
         s[0, c] = q0 + sixth * (k0 + 2.0 * l0 + 2.0 * m0 + n0)
@@ -333,12 +333,29 @@ def step_sensitivities(s, h, rigid, by_state, by_parameter):
         s[3, c] = v1 + sixth * (k3 + 2.0 * l3 + 2.0 * m3 + n3)
 
 
+@inner
+def step_remembering_sensitivities(s, h, rigid, by_state, by_parameter, by_start, forced):
+    """The same where effects have memories alone: held over a step, they push like parameters, and so does
+    where the angles were at its start. ``forced`` is scratch like ``by_parameter``."""
+    n, ncol = s.shape
+    for k in range(4):
+        for r in range(2, 4):
+            first, second = by_start[k, r, 0], by_start[k, r, 1]
+            for c in range(ncol):
+                forced[k, r, c] = by_parameter[k, r, c] + first * s[0, c] + second * s[1, c]
+            for j in range(4, n - 2):
+                factor = by_state[k, r, j]
+                if factor != 0.0:
+                    for c in range(ncol):
+                        forced[k, r, c] += factor * s[j, c]
+    step_sensitivities(s, h, rigid, by_state, forced)
+
+
 @njit
-def step_many_sensitivities(s, h, rigid, by_state, by_parameter, by_start, stage, total):
-    """The same with any number of own states; ``stage`` and ``total`` (nx, columns) are scratch."""
+def step_many_sensitivities(s, h, rigid, by_state, by_parameter, by_start, stage, total, rate):
+    """The same with any number of own states; ``stage``, ``total`` and ``rate`` (nx, columns) are scratch."""
     n, ncol = s.shape
     rows = n - 2
-    rate = np.zeros((rows, ncol))
     for j in range(n):
         for c in range(ncol):
             stage[j, c] = s[j, c]

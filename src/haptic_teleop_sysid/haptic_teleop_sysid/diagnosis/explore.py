@@ -27,6 +27,8 @@ _MOST_TUNED = 6
 _MOST_PROMISED = 3
 _MOST_POLISHED = 6
 _MOST_ABLATED = 2
+#: Nats behind the best on thinned recordings, both fitted to the end there, from which nothing is expected.
+_HOPELESS = 60.0
 #: Fits from nothing that are fitted to the end, on all samples.
 _MOST_FROM_NOTHING = 3
 #: Colour that the best explanation leaves (25 in the mean where there is none, 53 once in a thousand) from
@@ -60,14 +62,20 @@ def explore(
 
     def to_the_end(trial: Fit) -> Fit:
         say(f"once more {trial.model.effects[index].effect}")
-        return with_companion(polish(with_contact(trial), estimation, limits), fit.model, estimation, limits)
+        return with_companion(polish(trial, estimation, limits), fit.model, estimation, limits)
 
-    fits = best_of_each([to_the_end(f) for f in _most_material(fits, index, scales)], index)
+    def ended(trials: Sequence[Fit]) -> list[Fit]:
+        trials = [with_contact(t) for t in trials]
+        if few is not estimation:
+            trials = _in_the_running([polish(t, few, limits) for t in trials])
+        return [to_the_end(t) for t in trials]
+
+    fits = best_of_each(ended(_most_material(fits, index, scales)), index)
     if colour((fits or [fit])[0], estimation) > _COLOURED:
         found = best_of_each(plain(lab, few, scales, limits, say), index)
-        ended = [to_the_end(f) for f in found[:_MOST_FROM_NOTHING]]
         rest = found[_MOST_FROM_NOTHING:] if few is estimation else []
-        fits = best_of_each(_most_material([*fits, *ended, *rest], index, scales), index)
+        few_ended = ended(found[:_MOST_FROM_NOTHING])
+        fits = best_of_each(_most_material([*fits, *few_ended, *rest], index, scales), index)
     fits = with_shadows(fits, fit, estimation, limits)
     say("fitting the model without them once more")
     better = better_baseline(fit, fits[:_MOST_ABLATED], estimation, limits)
@@ -85,6 +93,14 @@ def _most_material(fits: Sequence[Fit], index: int, scales: Scales) -> list[Fit]
     thing to be named takes no place from what is not."""
     best = best_of_each(fits, index)  # by likelihood, which the sort below keeps
     return sorted(best, key=lambda f: not material(f.model.effects[index], scales))[:_MOST_POLISHED]
+
+
+def _in_the_running(fits: Sequence[Fit]) -> list[Fit]:
+    """Fits on thinned recordings without those so far behind the best that all samples cannot turn it; a best
+    one and a runner-up at least."""
+    ranked = sorted((f.log_likelihood for f in fits), reverse=True)
+    least = min([ranked[0] - _HOPELESS, *ranked[1:2]]) if ranked else 0.0
+    return [f for f in fits if f.log_likelihood >= least]
 
 
 def _tried(

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+from collections import deque
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -27,6 +28,8 @@ class Course:
 
     data: tuple[DataSet, ...]
     windows: tuple[Windows, ...]
+    #: What was simulated last, because several questions are asked of the same model.
+    known: deque[tuple[Model, tuple[SimulatedFit, ...]]] = field(default_factory=lambda: deque(maxlen=6))
 
     @staticmethod
     def of(baseline: Model, data: Sequence[DataSet]) -> Course:
@@ -36,7 +39,12 @@ class Course:
 
     def simulate(self, model: Model) -> tuple[SimulatedFit, ...]:
         """The model's simulated responses, recording by recording."""
-        return tuple(simulated_fit(model, d, w) for d, w in zip(self.data, self.windows, strict=True))
+        for before, fits in self.known:
+            if before == model:
+                return fits
+        fits = tuple(simulated_fit(model, d, w) for d, w in zip(self.data, self.windows, strict=True))
+        self.known.append((model, fits))
+        return fits
 
     def percent(self, model: Model, ending: str = "") -> tuple[float, ...]:
         """Mean simulated fit (percent, each signal at least -100) of each recording, over signals whose names

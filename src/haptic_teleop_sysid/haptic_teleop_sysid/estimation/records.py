@@ -71,7 +71,7 @@ def thinned(record: Record, rate: float) -> Record:
 
 
 #: Samples in all, and rate, Hz, to which long recordings are thinned for what is to come near only.
-ENOUGH_SAMPLES, LEAST_RATE = 15000, 200.0
+ENOUGH_SAMPLES, LEAST_RATE = 12000, 200.0
 
 
 def thinned_to(records: Sequence[Record]) -> Sequence[Record]:
