@@ -19,10 +19,11 @@ from haptic_teleop_control.recording import read_recording
 from haptic_teleop_sysid.blind import command
 from haptic_teleop_sysid.blind.bags import record
 from haptic_teleop_sysid.blind.cases import Unlucky, _as_recorded, draw_case
-from haptic_teleop_sysid.blind.detect import Column, whiten, whitener
+from haptic_teleop_sysid.blind.detect import Column, Driven, whiten, whitener
 from haptic_teleop_sysid.blind.effects import BY_NAME, PLACES
 from haptic_teleop_sysid.blind.physics import integrate
 from haptic_teleop_sysid.blind.planting import contribution, run, shares_of
+from haptic_teleop_sysid.blind.rivals import rivals
 from haptic_teleop_sysid.blind.robot import Robot, disturbance
 from haptic_teleop_sysid.blind.runner import parse_cases, plan
 from haptic_teleop_sysid.blind.scoring import score_case
@@ -451,3 +452,34 @@ def test_what_always_pulls_at_the_motor_or_at_the_arm_is_one_thing_to_zeroed_enc
         tuple(one) for one in same
     }
     assert not case.label["isolable"]
+
+
+def test_a_spring_at_the_arm_and_gravity_are_one_thing_over_small_angles_whichever_it_is() -> None:
+    order = np.random.default_rng((5, 55)).permutation(len(PLACES))
+    for index in range(len(PLACES)):
+        effect = PLACES[int(order[index])]
+        if effect not in (("spring_to_ground", "arm"), ("gravity", "arm")):
+            continue
+        case = draw_case(5, "single", index, "spring", levels=(32.0,))
+        arm = f"{case.label['stage']}_arm"
+        (same,) = case.label["sets"]
+        assert {("spring_to_ground", arm), ("gravity", arm)} <= {tuple(one) for one in same}
+
+
+def test_a_spring_at_the_motor_and_half_a_wave_of_ripple_are_one_thing() -> None:
+    time = np.arange(0.0, 20.0, 0.01)
+    angle = 0.4 * np.sin(time)
+    nothing = np.zeros_like(time)
+    driven = Driven(angle, angle, nothing, nothing, nothing, nothing, nothing + 1e-9, nothing, time)
+    ripples = [
+        rival
+        for rival in rivals(driven, driven, 1.0, 1.0, known_gain=False)
+        if rival.effect == "torque_ripple"
+    ]
+    spring = 0.43 - angle
+    left = []
+    for ripple in ripples:
+        columns = np.column_stack([column.motor_force for column in ripple.columns])
+        rest = spring - columns @ np.linalg.lstsq(columns, spring)[0]
+        left.append(float(np.std(rest) / np.std(spring)))
+    assert min(left) < 0.1

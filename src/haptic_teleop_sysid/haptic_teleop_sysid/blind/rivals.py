@@ -27,11 +27,11 @@ CONTAINS: dict[str, frozenset[str]] = {
     "presliding_friction": frozenset({"coulomb_friction"}),
     "position_dependent_friction": frozenset({"coulomb_friction"}),
     "spring_to_ground": frozenset({"constant_torque"}),
-    "gravity": frozenset({"constant_torque", "spring_to_ground"}),
+    "gravity": frozenset({"constant_torque"}),
     "encoder_eccentricity": frozenset({"encoder_scale"}),
 }
 """Effects that hold simpler ones as a special case: explaining them is no rivalry, the simpler name is right.
-Gravity holds a spring to ground only over small angles, where the two are planted as a tie instead."""
+Gravity and a spring to ground, alike over small angles, have as many parameters: neither is the simpler."""
 
 
 @dataclass(frozen=True)
@@ -124,14 +124,16 @@ def rivals(
             yield Rival("position_dependent_friction", part, waves, (1, 0, 0))
         for time in (4.0, 8.0, 15.0):
             yield Rival("friction_drift", part, (push(-speed * -np.expm1(-d.time / time)),), (0,))
-        if part == "arm":
-            yield Rival("gravity", part, (push(-np.sin(angle)), push(-(np.cos(angle) - 1.0))), (0, 0))
         # Both encoders are zeroed with the load on: of what always pulls at the arm, the joint's twist is not
         # seen, and the motor holds against it.
         always = np.ones_like(angle)
         pull = push(always) if part == "motor" else Column(arm_force=always, arm_error=-always / stiffness)
         yield Rival("spring_to_ground", part, (push(-angle), pull), (1, 0))
         yield Rival("constant_torque", part, (pull,), (0,))
+        if part == "arm":
+            # What gravity pulls at angle zero always pulls, too.
+            upright = Column(arm_force=-np.cos(angle), arm_error=always / stiffness)
+            yield Rival("gravity", part, (push(-np.sin(angle)), upright), (0, 0))
         for side in (-1.0, 1.0):
             reach = np.max(side * like_angle)
             for share in (0.5, 0.7, 0.85, 0.95):
@@ -139,9 +141,11 @@ def rivals(
                 yield Rival("hard_stop", part, (push(-side * depth),), (1,))
         for turn in (0.5, 1.0, 2.0, 4.0, 8.0):
             order = max(1.0, round(turn * 2.0 / travel))
-            waves = (np.sin(order * angle), np.cos(order * angle) - 1.0)
+            sine, cosine = np.sin(order * angle), np.cos(order * angle)
             if part == "motor":
-                yield Rival("torque_ripple", part, tuple(push(w) for w in waves), (0, 0))
+                yield Rival("torque_ripple", part, (push(sine), push(cosine)), (0, 0))
+            # Encoders are zeroed where they begin.
+            waves = (sine, cosine - 1.0)
             yield Rival("encoder_eccentricity", f"{part}_encoder", tuple(show(w) for w in waves), (0, 0))
         yield Rival("encoder_scale", f"{part}_encoder", (show(angle),), (0,))
         for delay in (0.002, 0.006, 0.015, 0.03, *delays):

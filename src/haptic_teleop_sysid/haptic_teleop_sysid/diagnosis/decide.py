@@ -87,32 +87,32 @@ def choose(
         and significant(e)
     ]
     # One effect by the motion alone and by the currents as well is one explanation, not two.
-    best_of = {(e.effect.effect, e.effect.location): e for e in sorted(good, key=lambda e: e.together)}
+    best_of = {(e.effect.effect, e.effect.location): e for e in sorted(good, key=lambda e: e.score)}
     good = [e for e in good if e is best_of[e.effect.effect, e.effect.location]]
     if not good:
         return None
     named = [e for e in good if not e.effect.entry.unnamed]
-    best = max(good, key=lambda e: e.together)
+    best = max(good, key=lambda e: e.score)
     if best.effect.entry.unnamed:
         # A name has to lose clearly before it is not given; beside an effect that is found already, be its
         # own size known well or not.
         rivals = named if best_so_far <= 0.0 else [e for e in found if e.material]
-        nearest = max((e.together for e in rivals if not e.effect.entry.unnamed), default=best.reconciled)
-        if best.together > nearest + max(CLEARLY_LESS, SHARE_LESS * nearest) and best.score > (
+        nearest = max((e.score for e in rivals if not e.effect.entry.unnamed), default=0.0)
+        if best.score > nearest + max(CLEARLY_LESS, SHARE_LESS * nearest) and best.score > (
             LEAST_SHARE_ALIKE * best_so_far
         ):
             return Choice(best, 1.0)
     if not named:
         return None
-    good, best = named, max(named, key=lambda e: e.together)
+    good, best = named, max(named, key=lambda e: e.score)
     # The noise of a current sense is white: what it says is taken at its word.
     margin = BY_CHANCE + AS_GOOD * max(best.by_motion, 0.0)
-    close = [e for e in good if e.together > best.together - 3.0 * margin]
+    close = [e for e in good if e.score > best.score - 3.0 * margin]
     weights = np.array(
-        [np.exp((e.together - best.together) / margin) * _prior(e, sense_follows) for e in close]
+        [np.exp((e.score - best.score) / margin) * _prior(e, sense_follows) for e in close]
     )
     # What lies a whole margin behind is hardly a rival.
-    weights[[e.together < best.together - margin for e in close]] *= 0.2
+    weights[[e.score < best.score - margin for e in close]] *= 0.2
     if percent is not None and len(close) > 1:
         fits = np.array([percent(e.fit.model) for e in close])
         weights = weights * np.exp((fits - fits.max()) / SIMULATED_MARGIN)
@@ -139,7 +139,7 @@ def _forms_of_one_thing(choice: Choice) -> bool:
 
 def _gains_enough(explanation: Explanation) -> bool:
     asked = np.interp(explanation.gain, (LEAST_GAIN, CLEAR_GAIN), (LEAST_HELD_OUT, -LEAST_AGAINST))
-    return explanation.gain >= LEAST_GAIN and explanation.held_out >= float(asked)
+    return explanation.gain >= LEAST_GAIN and explanation.elsewhere >= float(asked)
 
 
 def _least_share(explanation: Explanation) -> float:

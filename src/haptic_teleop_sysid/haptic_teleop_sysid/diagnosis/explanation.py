@@ -40,17 +40,17 @@ class Explanation:
         return self.fit.model.effects[self.effect_index] if self.beside is None else self.beside
 
     @property
+    def elsewhere(self) -> float:
+        """Nats that the effect gains beyond the recordings it was fitted to, when the parameters may lie
+        between what either kind of recordings wants."""
+        return self.held_out + self.reconciled
+
+    @property
     def score(self) -> float:
         """Nats in all, less what further parameters gain by chance on data they were fitted to."""
         entry = self.effect.entry
         chance = sum(_SOUGHT if entry.parameter(n).scan else _BY_CHANCE for n in self.effect.parameters)
-        return self.gain + self.held_out - chance
-
-    @property
-    def together(self) -> float:
-        """The score when the parameters may lie between what either kind of recordings wants, by which rivals
-        are told apart."""
-        return self.score + self.reconciled
+        return self.gain + self.elsewhere - chance
 
     @property
     def by_motion(self) -> float:

@@ -9,9 +9,8 @@ import numpy as np
 from haptic_teleop_sysid.estimation.gauss_newton import Fit
 from haptic_teleop_sysid.estimation.noise import NoiseModel
 from haptic_teleop_sysid.estimation.records import Record, thinned_to
-from haptic_teleop_sysid.estimation.whole_fit import fit_whole, noise_starts, pull
+from haptic_teleop_sysid.estimation.whole_fit import fit_whole, noise_starts
 
-from .certainty import scaled_inverse
 from .explanation import Explanation
 from .material import material
 from .scales import Scales
@@ -22,8 +21,6 @@ _MOST_LENDING = 2
 #: levels were sought from everywhere.
 _GAINS = 10.0
 _STEPS = 15
-#: How many times its mean a gain by chance may reach (of one direction, one in seventy exceeds six times).
-MOST_BY_CHANCE = 6.0
 
 
 def judged(fit: Fit, fits: Sequence[Fit], validation: Sequence[Record], scales: Scales) -> list[Explanation]:
@@ -56,24 +53,20 @@ def judged(fit: Fit, fits: Sequence[Fit], validation: Sequence[Record], scales: 
 
 
 def reconciled(fit: Fit, there: Fit, records: Sequence[Record]) -> float:
-    """Nats that both kinds of recordings gain when the parameters may lie between what either wants:
-    g' (I + J)^-1 g / 2, the step to the top of both likelihoods taken for parabolas.
+    """Nats that both kinds of recordings gain when the parameters may lie between what either wants: how far
+    the likelihood of these rises when what the fit knows of its parameters counts beside it.
 
-    A parameter that the estimation recordings hardly determine (the angle at which a weak spring rests) would
-    otherwise count against its effect where other recordings determine it.  No more is granted than chance
-    explains, which is tr(J I^-1) / 2 in the mean: what imitates wants to be something else elsewhere.
+    A parameter that the estimation recordings hardly determine (the angle at which a weak spring rests, a
+    motor's inertia under a slow chirp) would otherwise count for or against an effect by the chance of where
+    it ended. A fit and no single step, because such parameters go far.
     """
-    pulled = pull(fit, there.noise, records)
-    if pulled is None or not np.all(np.isfinite(fit.information)):
-        return 0.0
     kept = [i for i, n in enumerate(fit.free) if n not in fit.at_bound and fit.information[i, i] > 0.0]
-    here, elsewhere = fit.information[np.ix_(kept, kept)], pulled[0][np.ix_(kept, kept)]
-    scale, inverse = scaled_inverse(here + elsewhere, rcond=1e-10)
-    gradient = pulled[1][kept] / scale
-    gained = 0.5 * float(gradient @ inverse @ gradient)
-    scale, inverse = scaled_inverse(here, rcond=1e-10)
-    by_chance = 0.5 * float(np.sum(elsewhere / np.outer(scale, scale) * inverse))
-    return min(gained, MOST_BY_CHANCE * by_chance)
+    known = fit.information[np.ix_(kept, kept)]
+    if not np.all(np.isfinite(known)):
+        return 0.0
+    free = tuple(fit.free[i] for i in kept)
+    between = fit_whole(fit.model, there.noise, records, free=free, known=known, iterations=_STEPS)
+    return max(between.log_likelihood - there.log_likelihood, 0.0)
 
 
 def held_out_fit(fit: Fit, records: Sequence[Record], levels: Sequence[NoiseModel]) -> Fit:

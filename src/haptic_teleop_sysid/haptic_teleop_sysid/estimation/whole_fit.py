@@ -163,27 +163,6 @@ def fit_whole(
     )
 
 
-def pull(fit: Fit, noise: NoiseModel, records: Sequence[Record]) -> tuple[FloatArray, FloatArray] | None:
-    """Where other recordings want the free parameters of ``fit``: information (p, p) and gradient (p,) of
-    their negative log-likelihood at the fitted values, their noise levels (from ``noise``) projected out;
-    None where they predict nothing."""
-    names, p = fit.free, len(fit.free)
-    levels = fitted_levels(fit.model, records)
-    found = _errors(fit.model, noise, records)
-    if found is None:
-        return None
-    equations = _equations(_Point(fit.model, noise, *found), names, levels, p + len(levels), records)
-    if equations is None:
-        return None
-    information, gradient = equations
-    # A level at its bound that wants beyond it stays where it is.
-    low, high = (edge[p:] for edge in _box(fit.model, names, levels, records, None))
-    at, wants = np.log([getattr(noise, n) for n in levels]), gradient[p:]
-    moves = p + np.flatnonzero(~((at <= low + 1e-9) & (wants > 0)) & ~((at >= high - 1e-9) & (wants < 0)))
-    made_up = _made_up(information, p, moves)
-    return information[:p, :p] - made_up @ information[moves, :p], gradient[:p] - made_up @ gradient[moves]
-
-
 def fit_from_scratch(
     model: Model, records: Sequence[Record], *, limits: Limits | None = None, iterations: int = 30
 ) -> Fit:
@@ -316,11 +295,5 @@ def _gain_slopes(
 
 def _without_levels(information: FloatArray, p: int) -> FloatArray:
     """Information (p, p) of the parameters when the levels are unknown, too (Schur complement)."""
-    levels = np.arange(p, len(information))
-    return information[:p, :p] - _made_up(information, p, levels) @ information[levels, :p]
-
-
-def _made_up(information: FloatArray, p: int, levels: NDArray[np.int64]) -> FloatArray:
-    """How much of each level (p, levels) makes up for a change of each of the p parameters."""
-    own = np.linalg.pinv(information[np.ix_(levels, levels)], rcond=1e-10, hermitian=True)
-    return information[:p][:, levels] @ own
+    cross, own = information[:p, p:], information[p:, p:]
+    return information[:p, :p] - cross @ np.linalg.pinv(own, rcond=1e-10, hermitian=True) @ cross.T
