@@ -86,12 +86,12 @@ def contents(
             "effect": e.effect.effect,
             "location": e.effect.location,
             "gain": round(e.gain, 2),
-            "held_out": round(e.held_out, 2),
+            "held_out": round(e.elsewhere, 2),
             "material": e.material,
             "significant": significant(e),
         }
         for e in _fallen(result)[:_MOST_TRIED]
-        if np.isfinite(e.gain) and np.isfinite(e.held_out)
+        if np.isfinite(e.gain) and np.isfinite(e.elsewhere)
     ]
     found_by_chance, dropped = chance
     if found_by_chance:

@@ -227,7 +227,7 @@ def _tried(page: Page, result: SearchResult) -> None:
             e.effect.effect,
             e.effect.location,
             f"{e.gain:.0f}",
-            f"{e.held_out:.0f}",
+            f"{e.elsewhere:.0f}",
             "yes" if e.material else "no",
         )
         for e in result.last_round[:10]
