@@ -1,0 +1,118 @@
+"""Does a found effect keep its size whatever else the joint does?
+
+Friction that grows with the speed of another axis wins as dry friction against all names, with the mean of
+what it is. Were its torque larger by the factor 1 + c z(t), the innovations would answer that, as long as
+z changes slowly against the observer, by c z(t) times what they answer to the whole effect:
+
+    e = e0 + c z (de/ds),   s a common factor of all the effect's sizes,
+
+so that c is a score test (Rao 1948) away, all free parameters projected out. Of an effect under its right
+name both kinds of recordings agree on no c (`doubt.CHANGES`).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from haptic_teleop_sim.kernel import pack
+from haptic_teleop_sim.model import Effect, Model
+from haptic_teleop_sysid.estimation.gauss_newton import Fit, whiten
+from haptic_teleop_sysid.estimation.likelihood import channels, innovations, settling
+from haptic_teleop_sysid.estimation.records import Record
+
+FloatArray = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Modulation:
+    """``share``: change of the effect's size, relative, per standard deviation of what it would change with;
+    ``gain``: nats that this gains."""
+
+    share: float
+    gain: float
+
+
+def modulations(fit: Fit, effect: Effect, records: Sequence[Record]) -> dict[str, Modulation]:
+    """How the size of a torque that ``fit`` found would change, by what with (in words); {} where it has no
+    size, or is no torque."""
+    sizes = _sizes(fit.model, effect, fit.free)
+    if effect.entry.kind not in ("torque", "friction") or not sizes:
+        return {}
+    packed = pack(fit.model)
+    sums: dict[str, FloatArray] = {}
+    for record in records:
+        run = innovations(packed, fit.noise, record, fit.free)
+        errors, slopes = whiten(packed, record, run.innovation, run.d_innovation)
+        length = np.sqrt(np.sum(slopes**2, axis=0))
+        known = np.linalg.qr(slopes[:, length > 0.0] / length[length > 0.0])[0]
+        whole = sum(size * slopes[:, fit.free.index(name)] for name, size in sizes.items())
+        for name, z in _quantities(fit.model, effect, record, run.states):
+            values = np.repeat(z[settling(record) :], len(channels(packed, record)))
+            weights = whole**2
+            if not np.sum(weights) > 0.0:
+                continue
+            away = values - np.average(values, weights=weights)
+            spread = np.sqrt(np.average(away**2, weights=weights))
+            if not spread > 1e-9:
+                continue
+            column = whole * away / spread
+            column -= known @ (known.T @ column)
+            now = np.array([column @ column, -(column @ errors)])
+            sums[name] = sums.get(name, np.zeros(2)) + now
+    return {
+        name: Modulation(float(score / size), float(0.5 * score**2 / size))
+        for name, (size, score) in sums.items()
+        if size > 0.0
+    }
+
+
+def changes_with(
+    here: dict[str, Modulation], elsewhere: dict[str, Modulation], share: float, gain: float
+) -> tuple[str, float] | None:
+    """What the size changes with on both kinds of recordings, by more than ``share`` and with more than
+    ``gain`` nats each, and by how much; None where there is nothing."""
+    found = [
+        (min(a.gain, b.gain), name, a.share)
+        for name, a in here.items()
+        if (b := elsewhere.get(name)) is not None
+        and min(a.gain, b.gain) > gain
+        and min(abs(a.share), abs(b.share)) > share
+        and a.share * b.share > 0.0
+    ]
+    return max(found)[1:] if found else None
+
+
+def _sizes(model: Model, effect: Effect, free: Sequence[str]) -> dict[str, float]:
+    """The effect's free sizes, as differences from where there is none."""
+    head = f"{effect.location}.{effect.effect}."
+    values = model.parameter_values()
+    return {
+        head + p.name: values[head + p.name] - p.neutral
+        for p in effect.entry.parameters
+        if p.default is None and p.neutral is not None and np.isfinite(p.neutral) and head + p.name in free
+    }
+
+
+def _quantities(
+    model: Model, effect: Effect, record: Record, states: FloatArray
+) -> Iterator[tuple[str, FloatArray]]:
+    """What a size may change with (n,), by name; angles and velocities at the effect's own place."""
+    side, part = (1, "arm") if effect.location == model.location("arm") else (0, "motor")
+    time: FloatArray = record.dt * np.arange(len(record), dtype=np.float64)
+    velocity = states[:, 2 + side]
+    yield "time", time
+    yield f"{part} angle", states[:, side]
+    yield f"direction of {part} velocity", np.sign(velocity)
+    yield f"size of {part} velocity", np.abs(velocity)
+    if not model.rigid:
+        deflection = states[:, 0] - states[:, 1]
+        yield "deflection", deflection
+        yield "size of the deflection", np.abs(deflection)
+    yield "size of the input", np.abs(record.input)
+    if np.any(record.exogenous):
+        speed = np.cumsum(record.exogenous) * record.dt
+        yield "speed of the other stage", np.abs(speed - np.mean(speed))

@@ -1,0 +1,69 @@
+"""A torque that grows with something else does not keep its size, and the test says with what it grows."""
+
+import numpy as np
+import pytest
+from identification_plants import STAGE, stage_recording
+
+from haptic_teleop_sim.model import Effect
+from haptic_teleop_sysid.dataset import load_dataset
+from haptic_teleop_sysid.diagnosis.doubt import CHANGES, CHANGES_GAIN
+from haptic_teleop_sysid.diagnosis.modulation import Modulation, changes_with, modulations
+from haptic_teleop_sysid.estimation.records import record_from
+from haptic_teleop_sysid.estimation.whole_fit import fit_from_scratch, fit_whole, noise_starts
+
+FRICTION = Effect("coulomb_friction", "stage1_motor", {"torque": 0.08, "contact_angle": 1e-4})
+UNEVEN = Effect(
+    "position_dependent_friction",
+    "stage1_motor",
+    {"torque": 0.08, "amplitude": 0.07, "order": 6.0, "phase": 0.0, "contact_angle": 1e-4},
+)
+DRAG = Effect("quadratic_drag", "stage1_motor", {"coefficient": 2.0})
+
+
+def changing(truth, named):
+    """How the size of ``named`` changes, fitted to two recordings of a stage with ``truth``."""
+    found = []
+    for seed in (1, 2):
+        recording = stage_recording(
+            STAGE.with_effects(truth), seed=seed, seconds=20.0, rms=0.15, band=(0.2, 4.0)
+        )
+        record = record_from(load_dataset(recording, STAGE), commanded=True)
+        model = STAGE.with_effects(named)
+        fits = [fit_whole(model, noise, [record], iterations=30) for noise in noise_starts(model, [record])]
+        fit = max(fits, key=lambda f: f.log_likelihood)
+        found.append(modulations(fit, fit.model.effects[0], [record]))
+    return found
+
+
+@pytest.mark.parametrize("effect", [FRICTION, DRAG])
+def test_what_it_is_keeps_its_size(effect):
+    here, elsewhere = changing(effect, effect)
+    assert changes_with(here, elsewhere, 0.1, 8.0) is None
+
+
+def test_friction_that_grows_with_the_angle_is_told_by_it():
+    here, elsewhere = changing(UNEVEN, FRICTION)
+    what, share = changes_with(here, elsewhere, CHANGES, CHANGES_GAIN) or ("nothing", 0.0)
+    assert what == "motor angle"
+    # The relative amplitude (7/8) times the spread of sin(6 q) over an angle of some tenths of a radian.
+    assert 0.3 < share < 0.9
+
+
+def test_both_kinds_of_recordings_have_to_agree():
+    grows, shrinks = {"time": Modulation(0.5, 90.0)}, {"time": Modulation(-0.5, 90.0)}
+    weak = {"time": Modulation(0.5, 2.0)}
+    assert changes_with(grows, grows, 0.3, 30.0) == ("time", 0.5)
+    assert changes_with(grows, shrinks, 0.3, 30.0) is None
+    assert changes_with(grows, weak, 0.3, 30.0) is None
+    assert changes_with(grows, {}, 0.3, 30.0) is None
+
+
+def test_what_is_no_torque_has_no_size_that_could_change():
+    scale = Effect("encoder_scale", "stage1_arm_encoder", {"scale": 1.01})
+    record = record_from(
+        load_dataset(stage_recording(STAGE, seed=1, seconds=5.0, rms=0.15, band=(0.2, 4.0)), STAGE),
+        commanded=True,
+    )
+    fit = fit_whole(STAGE.with_effects(scale), fit_from_scratch(STAGE, [record]).noise, [record])
+    assert modulations(fit, fit.model.effects[0], [record]) == {}
+    assert np.isfinite(fit.log_likelihood)
