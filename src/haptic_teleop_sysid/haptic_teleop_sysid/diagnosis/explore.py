@@ -74,8 +74,8 @@ def explore(
     if colour((fits or [fit])[0], estimation) > _COLOURED:
         found = best_of_each(plain(lab, few, scales, limits, say), index)
         rest = found[_MOST_FROM_NOTHING:] if few is estimation else []
-        few_ended = ended(found[:_MOST_FROM_NOTHING])
-        fits = best_of_each(_most_material([*fits, *few_ended, *rest], index, scales), index)
+        fits += ended(found[:_MOST_FROM_NOTHING])
+        fits = best_of_each(_most_material([*fits, *rest], index, scales), index)
     fits = with_shadows(fits, fit, estimation, limits)
     say("fitting the model without them once more")
     better = better_baseline(fit, fits[:_MOST_ABLATED], estimation, limits)

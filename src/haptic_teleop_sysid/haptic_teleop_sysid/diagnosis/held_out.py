@@ -62,7 +62,7 @@ def reconciled(fit: Fit, there: Fit, records: Sequence[Record]) -> float:
     """
     kept = [i for i, n in enumerate(fit.free) if n not in fit.at_bound and fit.information[i, i] > 0.0]
     known = fit.information[np.ix_(kept, kept)]
-    if not np.all(np.isfinite(known)):
+    if not np.all(np.isfinite(known)) or not np.isfinite(there.log_likelihood):
         return 0.0
     free = tuple(fit.free[i] for i in kept)
     between = fit_whole(fit.model, there.noise, records, free=free, known=known, iterations=_STEPS)
