@@ -13,13 +13,13 @@ from haptic_teleop_sysid.estimation.gauss_newton import Fit
 FloatArray = NDArray[np.float64]
 
 
-def scaled_inverse(information: FloatArray, rcond: float = 1e-12) -> tuple[FloatArray, FloatArray]:
+def scaled_inverse(information: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Square roots of the diagonal (p,), and the inverse (p, p) of the information in these units; zero in
     directions of which nothing is known."""
     scale = np.sqrt(np.maximum(np.diag(information), 1e-300))
     if not len(scale):
         return scale, information
-    inverse = np.linalg.pinv(information / np.outer(scale, scale), rcond=rcond, hermitian=True)
+    inverse = np.linalg.pinv(information / np.outer(scale, scale), rcond=1e-12, hermitian=True)
     return scale, np.asarray(inverse, dtype=float)
 
 

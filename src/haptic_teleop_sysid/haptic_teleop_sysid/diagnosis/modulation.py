@@ -40,7 +40,7 @@ def modulations(fit: Fit, effect: Effect, records: Sequence[Record]) -> dict[str
     """How the size of a torque that ``fit`` found would change, by what with (in words); {} where it has no
     size, or is no torque."""
     sizes = _sizes(fit.model, effect, fit.free)
-    if effect.entry.kind not in ("torque", "friction") or not sizes:
+    if effect.entry.kind not in ("torque", "friction") or not sizes or not np.isfinite(fit.log_likelihood):
         return {}
     packed = pack(fit.model)
     sums: dict[str, FloatArray] = {}
@@ -50,11 +50,11 @@ def modulations(fit: Fit, effect: Effect, records: Sequence[Record]) -> dict[str
         length = np.sqrt(np.sum(slopes**2, axis=0))
         known = np.linalg.qr(slopes[:, length > 0.0] / length[length > 0.0])[0]
         whole = sum(size * slopes[:, fit.free.index(name)] for name, size in sizes.items())
+        weights = whole**2
+        if not np.sum(weights) > 0.0:
+            continue
         for name, z in _quantities(fit.model, effect, record, run.states):
             values = np.repeat(z[settling(record) :], len(channels(packed, record)))
-            weights = whole**2
-            if not np.sum(weights) > 0.0:
-                continue
             away = values - np.average(values, weights=weights)
             spread = np.sqrt(np.average(away**2, weights=weights))
             if not spread > 1e-9:
