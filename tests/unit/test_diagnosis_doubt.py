@@ -243,6 +243,8 @@ def test_a_finding_that_spoils_the_simulation_leaves_something_unknown(monkeypat
     assert "quadratic_drag" in content["doubt"]
     assert "simulated worse" in content["doubt"]
     assert verdict.where[0]["equation"] == "stage1_motor"
+    # There is something left to find out.
+    assert verdict.where[0]["condition"] in content["next_experiment"]["why"]
 
 
 @pytest.mark.parametrize(("gain", "expected"), [(0.5 * ONLY_HERE, False), (2.0 * ONLY_HERE, True)])

@@ -165,6 +165,14 @@ def next_experiment(result: SearchResult, verdict: Verdict, records: Sequence[Re
                 "signal_generator": found.signal_generator,
                 "expected_discrimination": found.expected_discrimination,
             }
+    if verdict.kind == "unknown" and verdict.where:
+        place, condition = verdict.where[0]["equation"], verdict.where[0]["condition"]
+        return {
+            "why": f"what has no name sits at {place} and depends on {condition}: record twice alike but for "
+            "that, little of it once and much of it once",
+            "signal_generator": {},
+            "expected_discrimination": 0.5,
+        }
     return {
         "why": "nothing is left to separate; a recording of another day would show drift",
         "signal_generator": {},
