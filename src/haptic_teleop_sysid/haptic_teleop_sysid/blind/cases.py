@@ -39,7 +39,7 @@ Array = NDArray[np.float64]
 KINDS = ("single", "clean", "pair", "outside", "tied")
 LEVELS = (2.0, 8.0, 32.0, 128.0, 512.0)
 DURATION = 24.0
-DRAWS = 1000  # an effect that hardly reaches its size (a tie of skews, a stop at d' 512) has needed over sixty
+DRAWS = 1000  # a stop that is just felt (d' 2) has needed close to a hundred
 TIES: tuple[tuple[str, str], ...] = (
     ("sensor_delay", "motor_encoder"),
     ("sensor_delay", "arm_encoder"),

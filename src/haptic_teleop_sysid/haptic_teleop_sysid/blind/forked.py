@@ -1,0 +1,42 @@
+"""Diagnoses in processes of their own that need not import anything first.
+
+A fork server imports `diagnose` once and does nothing else; every diagnosis is a fork of it, so none sees
+what another one did. Importing takes a sixth of the time of a diagnosis without an effect.
+"""
+
+from __future__ import annotations
+
+import multiprocessing
+import os
+import tempfile
+from collections.abc import Sequence
+
+_SERVER = multiprocessing.get_context("forkserver")
+_SERVER.set_forkserver_preload(
+    ["haptic_teleop_control.front_door", "haptic_teleop_sysid.diagnose", "haptic_teleop_sim.kernel.predict"]
+)
+
+
+def run_forked(executable: str, arguments: Sequence[str], timeout: float) -> tuple[str, list[str]]:
+    """Run one of the project's executables in a fork; return its exit status (or `timeout`) and last words.
+
+    What it prints goes to a file that is deleted. ``timeout`` in seconds, after which the process is killed.
+    """
+    with tempfile.NamedTemporaryFile("r", suffix=".txt") as words:
+        process = _SERVER.Process(target=_child, args=(executable, list(arguments), words.name))
+        process.start()
+        process.join(timeout)
+        if process.exitcode is None:
+            process.kill()
+            process.join()
+            return "timeout", []
+        return str(process.exitcode), words.read().strip().splitlines()[-1:]
+
+
+def _child(executable: str, arguments: list[str], words: str) -> None:
+    from haptic_teleop_control.front_door import start
+
+    with open(words, "w") as said, open(os.devnull, "w") as nowhere:
+        os.dup2(said.fileno(), 2)
+        os.dup2(nowhere.fileno(), 1)
+    raise SystemExit(start(executable, arguments))
