@@ -79,13 +79,14 @@ def library(m: Motion) -> dict[str, list[tuple[Array, Array]]]:
             return (values, zero) if side == "motor" else (zero, values)
 
         sign = np.tanh(v / (0.02 * np.std(v) + 1e-6))
+        one = np.ones_like(q)
+        add(f"constant_torque {side}", on(one))
         add(f"coulomb_friction {side}", on(sign))
         add(f"stribeck_friction {side}", on(sign), on(sign * np.exp(-((v / (0.2 * np.std(v))) ** 2))))
-        add(f"asymmetric_friction {side}", on(sign), on(np.abs(sign)))
+        add(f"asymmetric_friction {side}", on(sign), on(one))
         add(f"quadratic_drag {side}", on(v * np.abs(v)))
         add(f"friction_drift {side}", on(v * m.time))
-        add(f"spring_to_ground {side}", on(q), on(np.ones_like(q)))
-        add(f"constant_torque {side}", on(np.ones_like(q)))
+        add(f"spring_to_ground {side}", on(q), on(one))
         reach = np.maximum(q - 0.85 * q.max(), 0.0)
         add(f"hard_stop {side}", on(reach))
     add("gravity arm", (zero, np.sin(m.arm)), (zero, np.cos(m.arm)))
@@ -110,6 +111,17 @@ def library(m: Motion) -> dict[str, list[tuple[Array, Array]]]:
     late = m.time > np.mean(m.time)
     add("payload_change arm", (zero, m.arm_acceleration * late))
     return found
+
+
+def _terms(m: Motion) -> list[tuple[str, Array]]:
+    """Return the library's columns one by one, each under the first effect that has it: of two that are equal
+    a regression would give either half."""
+    found: dict[bytes, tuple[str, Array]] = {}
+    for name, pairs in library(m).items():
+        for pair in pairs:
+            column = np.concatenate(pair)
+            found.setdefault(column.tobytes(), (name, column))
+    return list(found.values())
 
 
 def equations(m: Motion, stiffness: float) -> tuple[Array, Array]:
@@ -144,7 +156,7 @@ def sparse_regression(m: Motion, stiffness: float, threshold: float) -> list[str
     stlsq = _stlsq()
     target, base = equations(m, stiffness)
     y, fixed, weight = _scaled(target, base)
-    terms = [(name, np.concatenate(pair) * weight) for name, pairs in library(m).items() for pair in pairs]
+    terms = [(name, column * weight) for name, column in _terms(m)]
     basis = np.linalg.qr(fixed)[0]
     columns = np.column_stack([column for _, column in terms])
     columns = columns - basis @ (basis.T @ columns)
@@ -170,7 +182,7 @@ def fit_everything(m: Motion, stiffness: float, least: float) -> list[str]:
     """Return the terms whose t value exceeds `least` when all are fitted at once, strongest first."""
     target, base = equations(m, stiffness)
     y, fixed, weight = _scaled(target, base)
-    terms = [(name, np.concatenate(pair) * weight) for name, pairs in library(m).items() for pair in pairs]
+    terms = [(name, column * weight) for name, column in _terms(m)]
     columns = np.column_stack([fixed, *(c for _, c in terms)])
     scale = np.linalg.norm(columns, axis=0) + 1e-12
     columns = columns / scale
@@ -249,7 +261,8 @@ def run_baselines(
     """
     from haptic_teleop_sysid.blind.runner import spread
 
-    chosen = _chosen(labels, number)
+    # Of cases that another machine has run there may be no recordings here.
+    chosen = _chosen({n: v for n, v in labels.items() if (cases / n / "model.yaml").exists()}, number)
     found = dict(
         spread(
             _examine_named,

@@ -14,6 +14,7 @@ from rich.console import Console
 
 from haptic_teleop_control.command_line import run_command
 from haptic_teleop_control.errors import ConfigurationError
+from haptic_teleop_sysid.blind.archive import PLAN, pack, unpack
 from haptic_teleop_sysid.blind.cases import KINDS, LEVELS
 from haptic_teleop_sysid.blind.runner import (
     FRONT_DOOR,
@@ -25,9 +26,7 @@ from haptic_teleop_sysid.blind.runner import (
     plan,
     spread,
 )
-from haptic_teleop_sysid.blind.sealing import open_labels, seal, sealed_digest
-
-PLAN = "plan.json"
+from haptic_teleop_sysid.blind.sealing import AGAIN, open_labels, refuse_other_draws, seal, sealed_digest
 
 
 def parser() -> argparse.ArgumentParser:
@@ -51,6 +50,13 @@ def parser() -> argparse.ArgumentParser:
         "--partial", action="store_true", help="with --only score: open the labels of what has run so far"
     )
     found.add_argument("--resume", action="store_true", help="keep what an earlier run finished")
+    found.add_argument(
+        "--archive",
+        type=Path,
+        metavar="FILE.tar.xz",
+        help="what has been said so far, in one file: read first where it exists, written in the end. With "
+        "it a run goes on elsewhere (recordings are drawn again), or is scored anew (--only score)",
+    )
     found.add_argument("--baselines", type=int, default=0, metavar="N", help="also run baselines on N cases")
     found.add_argument("--command", help="what to run instead of this installation's diagnose")
     return found
@@ -84,6 +90,9 @@ def _body(argv: list[str]) -> int:
     say = Console(stderr=True)
     wanted = {"seed": arguments.seed, "cases": cases, "levels": list(levels)}
     listed = plan(arguments.seed, cases)
+    if arguments.archive is not None and arguments.archive.exists():
+        _take_over(arguments.archive, output, wanted)
+        arguments.resume = True
     if arguments.only != "score":
         _generate(arguments, output, wanted, listed, levels, say)
     elif not (output / PLAN).exists() or json.loads((output / PLAN).read_text()) != wanted:
@@ -105,14 +114,31 @@ def _body(argv: list[str]) -> int:
             for name, _, _ in listed
             if not (arguments.resume and (output / "cases" / name / RAN).exists())
         ]
-        spread(diagnose, waiting, arguments.jobs, arguments.dask, "diagnosing", threads=True)
+        try:
+            spread(diagnose, waiting, arguments.jobs, arguments.dask, "diagnosing", threads=True)
+        finally:
+            if arguments.archive is not None:
+                say.print(f"{arguments.archive} holds {pack(output, arguments.archive)} cases now")
     missing = [name for name, _, _ in listed if not (output / "cases" / name / RAN).exists()]
     partial = arguments.partial and len(missing) < len(listed)
     labels = open_labels(output, str(arguments.seed), [] if partial else missing, digest)
+    refuse_other_draws(output, str(arguments.seed), labels)
     # The order of the cases says nothing of their kind, so that the first ones are a fair draw.
     labels = {name: label for name, label in labels.items() if name not in missing}
     say.print(f"labels opened, digest as before; {len(labels)} of {len(listed)} cases have run")
     return _score(arguments, output, labels, wanted, digest, say)
+
+
+def _take_over(archive: Path, output: Path, wanted: dict[str, Any]) -> None:
+    """Put what an archive holds into ``output``, unless either belongs to other cases."""
+    planned = output / PLAN
+    if planned.exists() and json.loads(planned.read_text()) != wanted:
+        raise ConfigurationError(f"{output} holds other cases: choose another --output, or the same cases.")
+    unpack(archive, output)
+    if json.loads(planned.read_text()) != wanted:
+        raise ConfigurationError(
+            f"{archive} was made with other --seed, --cases or --levels: give the same ({planned} has them)."
+        )
 
 
 def _generate(
@@ -134,6 +160,7 @@ def _generate(
                 f"{output} holds an earlier run: say --resume or choose another --output."
             )
         if sealed_digest(output) is not None:
+            _draw_again(arguments, output, listed, levels)
             return
     try:
         (output / "cases").mkdir(parents=True, exist_ok=True)
@@ -149,6 +176,27 @@ def _generate(
     say.print(
         f"{len(made)} cases, {statistics.median(seconds for _, _, seconds in made):.2f} s each (median)"
     )
+
+
+def _draw_again(
+    arguments: argparse.Namespace,
+    output: Path,
+    listed: list[tuple[str, str, int]],
+    levels: tuple[float, ...],
+) -> None:
+    """Draw the recordings of the cases that are left to run and that this machine does not have."""
+    cases = output / "cases"
+    jobs = [
+        ((arguments.seed, name, kind, index, cases, levels),)
+        for name, kind, index in listed
+        # The model is written last.
+        if not ((cases / name / RAN).exists() or (cases / name / "model.yaml").exists())
+    ]
+    if jobs:
+        made = spread(generate, jobs, arguments.jobs, arguments.dask, "drawing again")
+        again = output / AGAIN
+        again.mkdir(exist_ok=True)
+        seal({name: label for name, label, _ in made}, again, str(arguments.seed))
 
 
 def _score(

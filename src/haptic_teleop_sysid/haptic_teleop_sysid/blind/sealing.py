@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import json
+import math
 import zlib
 from pathlib import Path
 from typing import Any
@@ -12,6 +13,8 @@ from haptic_teleop_control.errors import ConfigurationError
 
 SEALED = "labels.sealed"
 DIGEST = "labels.sha256"
+AGAIN = "again"
+"""Where the labels of recordings lie that were drawn once more, sealed as well."""
 
 
 def _stream(secret: str, length: int) -> bytes:
@@ -66,3 +69,30 @@ def open_labels(
             f"{directory / SEALED} is not what its digest promised: the labels were changed; generate anew."
         )
     return json.loads(plain)
+
+
+def refuse_other_draws(directory: Path, secret: str, labels: dict[str, Any]) -> None:
+    """Raise ConfigurationError when recordings that were drawn again hide something else than the labels say.
+
+    Processors differ in the last digits, and a draw that is accepted on one may be refused on another.
+    """
+    if sealed_digest(directory / AGAIN) is None:
+        return
+    for name, again in open_labels(directory / AGAIN, secret, []).items():
+        first = labels[name]
+        kept = [(one["kind"], one["stage"], len(one["truth"])) for one in (again, first)]
+        if kept[0] != kept[1] or not all(map(_alike, again["truth"], first["truth"])):
+            raise ConfigurationError(
+                f"{name} came out otherwise when it was drawn again on this machine: "
+                f"go on where the run began."
+            )
+
+
+def _alike(one: dict[str, Any], other: dict[str, Any]) -> bool:
+    """Whether two draws of an effect have the same name, place and, to a part in a hundred, sizes."""
+    sizes = [{**truth["parameters"], "": truth["detectability"]} for truth in (one, other)]
+    if (one["effect"], one["location"]) != (other["effect"], other["location"]):
+        return False
+    return sizes[0].keys() == sizes[1].keys() and all(
+        math.isclose(value, sizes[1][key], rel_tol=0.01, abs_tol=1e-9) for key, value in sizes[0].items()
+    )
