@@ -259,3 +259,19 @@ def test_an_uncertainty_is_a_number_that_grows_with_the_departure_from_none(effe
     (name,) = parameters
     departure = {"limit": 2.0, "torque": 0.05, "scale": 0.01}[name]
     assert told["parameters"][name]["std"] == pytest.approx(0.03 * departure)
+
+
+def test_what_a_value_promises_is_what_least_squares_gain_beside_the_structure():
+    record = joint_record(3, motor_torque=lambda q: 0.02 * np.sin(57.0 * q + 0.4))
+    fit = fit_from_scratch(MODEL, [record])
+    answers = Answers(fit, [record])
+    random = np.random.default_rng(2)
+    stacked = random.standard_normal((len(answers.left), 6)) + 0.1 * answers.left[:, None]
+    stacked[:, 5] = answers.structure @ np.arange(1.0, answers.structure.shape[1] + 1.0)  # nothing of its own
+    found = answers._promised([stacked], 3)
+    for k in range(3):
+        pair = stacked[:, 2 * k : 2 * k + (1 if k == 2 else 2)]
+        together = np.column_stack([answers.structure, pair])
+        left = answers.left - together @ np.linalg.lstsq(together, answers.left, rcond=None)[0]
+        gained = 0.5 * (answers.left @ answers.left - left @ left)
+        assert found[k] == pytest.approx(gained, rel=1e-6)

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy.linalg import expm, solve_discrete_are
 
-from haptic_teleop_sysid.estimation.riccati import exponential, stationary_covariance
+from haptic_teleop_sysid.estimation.riccati import exponential, stationary_filter
 
 DT = 0.002
 MEASURED = np.eye(2, 6)
@@ -56,20 +56,23 @@ def test_the_exponential_of_what_is_not_finite_is_refused(bad):
 
 
 @pytest.mark.parametrize("seed", range(25))
-def test_the_stationary_covariance_is_the_librarys(seed):
+def test_the_stationary_filter_is_the_librarys(seed):
     _, f, q, r = joint(seed)
-    found = stationary_covariance(f, MEASURED, q, r)
+    found, gain = stationary_filter(f, MEASURED, q, r)
     # States span ten orders of magnitude: the library, too, is right only on scaled ones.
     scale = 1.0 / np.sqrt(np.diag(found))
     t, back = np.diag(scale), np.diag(1.0 / scale)
     expected = solve_discrete_are((t @ f @ back).T, (MEASURED @ back).T, t @ q @ t, r)
     assert t @ found @ t == pytest.approx(expected, rel=1e-6, abs=1e-6)
+    c = MEASURED @ back
+    shown = expected @ c.T
+    assert t @ gain == pytest.approx(shown @ np.linalg.inv(c @ shown + r), rel=1e-5, abs=1e-5)
 
 
 @pytest.mark.parametrize("seed", range(8))
 def test_the_stationary_covariance_reproduces_itself_in_one_step_of_the_filter(seed):
     _, f, q, r = joint(seed, 0.001)
-    p = stationary_covariance(f, MEASURED, q, r)
+    p = stationary_filter(f, MEASURED, q, r)[0]
     corrected = p - p @ MEASURED.T @ np.linalg.solve(MEASURED @ p @ MEASURED.T + r, MEASURED @ p)
     assert np.diag(f @ corrected @ f.T + q) == pytest.approx(np.diag(p), rel=1e-6)
 
@@ -78,17 +81,18 @@ def test_one_state_has_the_solution_of_the_quadratic_equation():
     # p = p r / (p + r) + q, a random walk
     q, r = 0.3, 2.0
     expected = 0.5 * (q + np.sqrt(q * q + 4.0 * q * r))
-    found = stationary_covariance(np.eye(1), np.eye(1), np.array([[q]]), np.array([[r]]))
+    found, gain = stationary_filter(np.eye(1), np.eye(1), np.array([[q]]), np.array([[r]]))
     assert found[0, 0] == pytest.approx(expected, rel=1e-9)
+    assert gain[0, 0] == pytest.approx(expected / (expected + r), rel=1e-9)
 
 
 def test_a_growing_state_that_nothing_measures_is_refused():
     f = np.diag([0.9, 1.1])
     # The covariance grows beyond all numbers before it is given up; NumPy says so.
     with np.errstate(all="ignore"), pytest.raises(np.linalg.LinAlgError, match="no solution"):
-        stationary_covariance(f, np.array([[1.0, 0.0]]), np.eye(2), np.eye(1))
+        stationary_filter(f, np.array([[1.0, 0.0]]), np.eye(2), np.eye(1))
 
 
 def test_a_random_walk_that_nothing_measures_is_refused():
     with pytest.raises(np.linalg.LinAlgError, match="no solution"):
-        stationary_covariance(np.diag([0.9, 1.0]), np.array([[1.0, 0.0]]), np.eye(2), np.eye(1))
+        stationary_filter(np.diag([0.9, 1.0]), np.array([[1.0, 0.0]]), np.eye(2), np.eye(1))

@@ -8,7 +8,7 @@ import pytest
 from identification_plants import STAGE, off
 
 from haptic_teleop_sim.kernel import pack
-from haptic_teleop_sysid.estimation.gauss_newton import fit_parameters
+from haptic_teleop_sysid.estimation.gauss_newton import fit_parameters, whiten
 from haptic_teleop_sysid.estimation.likelihood import innovations, log_likelihood
 from haptic_teleop_sysid.estimation.noise import NoiseModel
 from haptic_teleop_sysid.estimation.records import Record
@@ -88,3 +88,24 @@ def test_a_bound_is_kept(record):
     kept = fit_whole(STAGE, start, [record], limits={"arm_inertia": (0.15, 0.165)})
     assert kept.model.parameters["arm_inertia"] <= 0.165
     assert "arm_inertia" in kept.at_bound
+
+
+def test_decorrelated_slopes_are_those_of_the_decorrelated_innovations(record):
+    random = np.random.default_rng(5)
+    record = replace(record, at_rest=True)
+    packed, n = pack(STAGE), len(record)
+    innovation = random.standard_normal((n, 2)) @ np.array([[1e-4, 3e-5], [0.0, 2e-4]])
+    slope = random.standard_normal((n, 2, 3))
+    e, jacobian = whiten(packed, record, innovation, slope)
+    assert e.reshape(n, 2).T @ e.reshape(n, 2) / n == pytest.approx(np.eye(2), abs=1e-9)
+    step = np.array([1e-7, -2e-7, 3e-7])
+    moved = whiten(packed, record, innovation + slope @ step, slope, innovation)[0]
+    assert moved - e == pytest.approx(jacobian @ step, rel=1e-6, abs=1e-9)
+    # Slices of a larger array, as they come where the beginning does not count.
+    wide = np.zeros((n, 2, 8))
+    wide[:, :, :3] = slope
+    assert np.array_equal(whiten(packed, record, innovation, wide[:, :, :3])[1], jacobian)
+    # Without an arm's reading the motor's innovations alone.
+    lone = replace(record, measured=np.column_stack([record.measured[:, 0], np.full(n, np.nan)]))
+    single = whiten(packed, lone, innovation, slope)[1]
+    assert single == pytest.approx(slope[:, 0] / np.sqrt(np.mean(innovation[:, 0] ** 2)))

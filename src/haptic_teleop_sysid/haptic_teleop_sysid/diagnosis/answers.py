@@ -22,6 +22,11 @@ FloatArray = NDArray[np.float64]
 #: Values that are filtered at once.
 _CHUNK = 48
 
+#: Share of an answer's square beyond which the structure's parameters leave nothing that rounding does not.
+_ALL_EXPLAINED = 1e-10
+#: The square that stands for it then: so large that the answer promises nothing.
+_NOTHING_LEFT = 1e300
+
 
 class Answers:
     """What the innovations of a fitted model answer to torques and encoder errors."""
@@ -68,15 +73,30 @@ class Answers:
                     shown,
                 )
                 parts.append(whiten(self.packed, record, run.innovation, answers)[1])
-            stacked = np.concatenate(parts)
-            stacked -= self.structure @ (self.structure.T @ stacked)
-            scores, each = stacked.T @ self.left, stacked.shape[1] // len(some)
-            for i in range(len(some)):
-                own = slice(i * each, (i + 1) * each)
-                matrix, score = stacked[:, own].T @ stacked[:, own], scores[own]
-                size = np.sqrt(np.maximum(np.diag(matrix), 1e-300))
-                solved = np.linalg.lstsq(matrix / np.outer(size, size), score / size, rcond=1e-9)[0]
-                found[begin + i] = 0.5 * float(solved @ (score / size))
+            found[begin : begin + len(some)] = self._promised(parts, len(some))
+        return found
+
+    def _promised(self, parts: Sequence[FloatArray], number: int) -> FloatArray:
+        """Nats (number,) of whitened answers, an array (samples, columns) a recording, columns by value."""
+        stacked = np.concatenate(parts) if len(parts) > 1 else parts[0]
+        each = stacked.shape[1] // number
+        scores = (stacked.T @ self.left).reshape(number, each)
+        # What the structure's parameters explain goes from the products, not from every answer.
+        explained = (self.structure.T @ stacked).reshape(-1, number, each)
+        values = stacked.reshape(-1, number, each)
+        matrix = np.empty((number, each, each))
+        for i in range(each):
+            for j in range(i, each):
+                whole = np.einsum("nk,nk->k", values[:, :, i], values[:, :, j])
+                rest = whole - np.einsum("nk,nk->k", explained[:, :, i], explained[:, :, j])
+                if i == j:
+                    rest = np.where(rest > _ALL_EXPLAINED * whole, rest, _NOTHING_LEFT)
+                matrix[:, i, j] = matrix[:, j, i] = rest
+        found = np.zeros(number)
+        for k in range(number):
+            size = np.sqrt(np.diag(matrix[k]))
+            scaled, own = scores[k] / size, matrix[k] / np.outer(size, size)
+            found[k] = 0.5 * float(np.linalg.lstsq(own, scaled, rcond=1e-9)[0] @ scaled)
         return found
 
 

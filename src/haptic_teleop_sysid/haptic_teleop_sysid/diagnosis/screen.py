@@ -100,7 +100,9 @@ def _score(
         gradient[known:] += among[:-1, -1]
     step = gauss_newton_step(information, gradient, 1e-9, np.ones(size, dtype=bool))
     promised = [
-        p.innovation + before.prediction.d_innovation @ step[:known] + p.d_innovation @ step[known:]
+        p.innovation
+        + _along(before.prediction.d_innovation, step[:known])
+        + _along(p.d_innovation, step[known:])
         for p, before in zip(predictions, structure, strict=True)
     ]
     gain = log_likelihood(packed, records, promised) - fit.log_likelihood
@@ -121,6 +123,12 @@ def _score(
                 return None
             new[name] = float(np.clip(new[name], a, b))
     return Screened(Effect(effect.effect, effect.location, new), gain, effect)
+
+
+def _along(slopes: NDArray[np.float64], step: NDArray[np.float64]) -> NDArray[np.float64]:
+    """What a step (p,) changes of innovations (n, 2) by their derivatives (n, 2, p): one product of a matrix,
+    not one of each sample."""
+    return (slopes.reshape(-1, len(step)) @ step).reshape(slopes.shape[:2])
 
 
 def _sizes(effect: Effect) -> tuple[str, ...]:

@@ -6,6 +6,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
+from numba import njit
 from numpy.typing import NDArray
 
 from haptic_teleop_sim.kernel import Packed, pack
@@ -100,18 +101,27 @@ def whiten(
     """Innovations (m,) and their derivatives (m, p) in units of their standard deviation (or that of
     ``reference`` (n, 2)), channels decorrelated; of the innovations (n, 2) and their derivatives (n, 2, p).
     """
-    chosen = channels(packed, record)
+    used = len(channels(packed, record))
     spread = covariance(packed, record, innovation if reference is None else reference)
     weight = np.linalg.inv(np.linalg.cholesky(spread)).T
-    e = settled(record, innovation)[:, chosen] @ weight
-    d = settled(record, slope)[:, chosen]
-    # The weight is upper triangular; written out for its columns, which is faster than a product of stacks.
-    jacobian = np.empty_like(d)
-    for k in range(len(chosen)):
-        np.multiply(d[:, k], weight[k, k], out=jacobian[:, k])
-        for i in range(k):
-            jacobian[:, k] += weight[i, k] * d[:, i]
-    return e.reshape(-1), jacobian.reshape(-1, d.shape[2])
+    e = settled(record, innovation)[:, :used] @ weight
+    return e.reshape(-1), _decorrelated(settled(record, slope), weight)
+
+
+@njit(cache=True, error_model="numpy")
+def _decorrelated(slope: FloatArray, weight: FloatArray) -> FloatArray:
+    """slope (n, 2, p) times the upper triangular weight (1, 1) or (2, 2), as (m, p); in one pass, where a
+    product of stacks would go over the memory a dozen times."""
+    n, _, p = slope.shape
+    used = len(weight)
+    found = np.empty((n * used, p))
+    for k in range(n):
+        for j in range(p):
+            found[k * used, j] = slope[k, 0, j] * weight[0, 0]
+        if used == 2:
+            for j in range(p):
+                found[2 * k + 1, j] = slope[k, 1, j] * weight[1, 1] + weight[0, 1] * slope[k, 0, j]
+    return found
 
 
 def gauss_newton_step(

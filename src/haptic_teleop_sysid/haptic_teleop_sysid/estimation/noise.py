@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 
 from haptic_teleop_sim.kernel import Packed
 
-from .riccati import exponential, stationary_covariance
+from .riccati import exponential, stationary_filter
 
 FloatArray = NDArray[np.float64]
 
@@ -144,15 +144,17 @@ def _structure_gain(
     """The gain (6, 2) of the structure alone: screening asks for one and the same hundreds of times."""
     c = _shown(base, rigid, lead)
     transition, decay = _transition(base, rigid, noise, dt), noise.decay(dt)
-    q = np.zeros((6, 6))
-    q[4, 4] = noise.motor_torque**2 * (1.0 - decay[0] ** 2)
-    q[5, 5] = noise.arm_torque**2 * (1.0 - decay[1] ** 2)
-    keep = [0, 2, 4] if rigid else list(range(6))
-    f, qq, cc = transition[np.ix_(keep, keep)], q[np.ix_(keep, keep)], c[np.ix_(channels, keep)]
-    r = np.diag([(noise.motor_angle**2, noise.arm_angle**2)[c] for c in channels])
     # Scaled to unit encoder noise: the equation mixes 1e-10 rad^2 with N·m^2 otherwise.
     scale = noise.motor_angle**2
-    p = stationary_covariance(f, cc, qq / scale, r / scale)
-    found = np.zeros((6, 2))
-    found[np.ix_(keep, channels)] = p @ cc.T @ np.linalg.inv(cc @ p @ cc.T + r / scale)
-    return found
+    q, r = np.zeros((6, 6)), np.eye(2)
+    q[4, 4] = noise.motor_torque**2 * (1.0 - decay[0] ** 2) / scale
+    q[5, 5] = noise.arm_torque**2 * (1.0 - decay[1] ** 2) / scale
+    r[1, 1] = noise.arm_angle**2 / scale
+    if not rigid and len(channels) == 2:
+        return stationary_filter(transition, c, q, r)[1]
+    keep, gain = [0, 2, 4] if rigid else list(range(6)), np.zeros((6, 2))
+    own, used = np.ix_(keep, keep), np.ix_(channels, channels)
+    gain[np.ix_(keep, channels)] = stationary_filter(
+        transition[own], c[np.ix_(channels, keep)], q[own], r[used]
+    )[1]
+    return gain

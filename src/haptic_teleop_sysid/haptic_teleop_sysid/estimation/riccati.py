@@ -25,23 +25,33 @@ def exponential(a: FloatArray) -> FloatArray:
     return _exponential(np.ascontiguousarray(a, dtype=np.float64), squarings)
 
 
-def stationary_covariance(
+def stationary_filter(
     f: FloatArray, c: FloatArray, q: FloatArray, r: FloatArray, most: int = 60
-) -> FloatArray:
-    """Covariance P (n, n) of the one-step prediction error of a stationary Kalman filter:
+) -> tuple[FloatArray, FloatArray]:
+    """Covariance P (n, n) of the prediction error of a stationary Kalman filter, and its gain (n, m):
 
     P = F (P - P C' (C P C' + R)^-1 C P) F' + Q, by structured doubling (Chu, Fan and Lin 2005), which
-    doubles the number of samples at every step.  Raises LinAlgError when it does not settle (an
-    unobservable drift).
+    doubles the number of samples at every step; gain P C' (C P C' + R)^-1, which corrects the prediction.
+    Raises LinAlgError when it does not settle (an unobservable drift).
     """
-    found, h = _doubling(
-        np.ascontiguousarray(f.T), np.ascontiguousarray(c.T @ np.linalg.solve(r, c)), q.copy(), most
-    )
+    found, p, gain = _filter(*(np.ascontiguousarray(m, dtype=np.float64) for m in (f, c, q, r)), most)
     if not found:
         raise np.linalg.LinAlgError(
             "the stationary Riccati equation has no solution for this model and these levels"
         )
-    return h
+    return p, gain
+
+
+@njit(cache=True, error_model="numpy")
+def _filter(
+    f: FloatArray, c: FloatArray, q: FloatArray, r: FloatArray, most: int
+) -> tuple[bool, FloatArray, FloatArray]:
+    ct = np.ascontiguousarray(c.T)
+    found, p = _doubling(np.ascontiguousarray(f.T), ct @ np.linalg.solve(r, c), q.copy(), most)
+    if not found:
+        return False, p, ct
+    shown = p @ ct
+    return True, p, shown @ np.linalg.inv(c @ shown + r)
 
 
 @njit(cache=True, error_model="numpy")
