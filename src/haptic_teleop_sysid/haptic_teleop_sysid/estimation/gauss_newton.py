@@ -103,7 +103,7 @@ def whiten(
     """
     used = len(channels(packed, record))
     spread = covariance(packed, record, innovation if reference is None else reference)
-    weight = np.linalg.inv(np.linalg.cholesky(spread)).T
+    weight = np.asarray(np.linalg.inv(np.linalg.cholesky(spread)).T, dtype=np.float64)
     e = settled(record, innovation)[:, :used] @ weight
     return e.reshape(-1), _decorrelated(settled(record, slope), weight)
 

@@ -34,7 +34,8 @@ def stationary_filter(
     doubles the number of samples at every step; gain P C' (C P C' + R)^-1, which corrects the prediction.
     Raises LinAlgError when it does not settle (an unobservable drift).
     """
-    found, p, gain = _filter(*(np.ascontiguousarray(m, dtype=np.float64) for m in (f, c, q, r)), most)
+    f, c, q, r = (np.ascontiguousarray(matrix, dtype=np.float64) for matrix in (f, c, q, r))
+    found, p, gain = _filter(f, c, q, r, most)
     if not found:
         raise np.linalg.LinAlgError(
             "the stationary Riccati equation has no solution for this model and these levels"
