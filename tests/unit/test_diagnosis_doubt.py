@@ -19,6 +19,7 @@ from haptic_teleop_sysid.diagnosis.doubt import (
     UNSTEADY,
     _without_last,
     doubted,
+    off_the_mark,
 )
 from haptic_teleop_sysid.diagnosis.explanation import Explanation
 from haptic_teleop_sysid.diagnosis.scales import recording_scales
@@ -182,6 +183,13 @@ def test_what_is_said_is_what_spoke_against_the_first_name(records):
     assert kept.choices == ()
     assert doubt.choice is unsure
     assert "coulomb_friction" in doubt.why
+
+
+def test_what_simulates_unseen_velocities_worse_than_their_mean_is_no_match():
+    good = {"stage1_motor.velocity": 40.0, "stage1_arm.velocity": 0.5, "stage1_arm.position": -300.0}
+    assert off_the_mark(good) is None  # angles drift in open loop
+    found = off_the_mark({**good, "stage1_arm.velocity": -98.0})
+    assert found is not None and "stage1_arm.velocity" in found.why and "signs" in found.why
 
 
 def test_a_twin_is_not_asked_again():

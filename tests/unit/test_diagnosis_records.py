@@ -8,8 +8,9 @@ from identification_plants import STAGE, stage_recording
 
 from haptic_teleop_control.errors import RecordingError
 from haptic_teleop_sysid.dataset import load_dataset
+from haptic_teleop_sysid.diagnosis.current import _starts, shown_by_current
 from haptic_teleop_sysid.diagnosis.diagnose import FEWEST_SAMPLES, records_of
-from haptic_teleop_sysid.diagnosis.plausible import with_contradictions
+from haptic_teleop_sysid.diagnosis.plausible import refuse_copies, with_contradictions
 
 
 @pytest.fixture(scope="module")
@@ -57,3 +58,25 @@ def test_efforts_of_different_units_contradict_each_other(data):
     assert with_contradictions(data) is data
     milliamperes = replace(data, input=1000.0 * data.input)
     assert "another unit" in with_contradictions(milliamperes).problems[-1]
+
+
+def test_a_recording_under_another_name_proves_nothing(data):
+    other = load_dataset(stage_recording(seed=4, seconds=6.0), STAGE)
+    refuse_copies([data, other])
+    half = {
+        name: getattr(data, name)[:1500]
+        for name in ("input", "commanded_input", "motor_position", "arm_position", "valid")
+    }
+    for again in (replace(data, name="again"), replace(data, name="again", start=data.start + 60.0)):
+        with pytest.raises(RecordingError, match="again holds the readings"):
+            refuse_copies([data, other, again])
+    with pytest.raises(RecordingError, match="the readings of again once more"):
+        refuse_copies([replace(data, name="again", **half), data])
+
+
+def test_the_currents_are_asked_for_no_delay_that_a_model_may_not_have(data):
+    """At 250 Hz and below, 64 samples are longer than the longest delay."""
+    slow = replace(data, dt=0.01)
+    found = shown_by_current(STAGE, [slow], [slow])
+    assert all(one.effect.parameters["delay"] <= 0.25 for one in found if one.effect.effect == "input_delay")
+    assert max(_starts("input_delay", STAGE, [slow])) > 0.2

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 from test_diagnosis_parts import DT, MODEL, coupled, explanation, joint_record
 
+from haptic_teleop_sim.model import Effect
 from haptic_teleop_sysid.dataset import DataSet
 from haptic_teleop_sysid.diagnosis import shortlist
 from haptic_teleop_sysid.diagnosis.answers import Answers
@@ -16,6 +17,7 @@ from haptic_teleop_sysid.diagnosis.doubt import doubted
 from haptic_teleop_sysid.diagnosis.explore import explore
 from haptic_teleop_sysid.diagnosis.scales import recording_scales
 from haptic_teleop_sysid.diagnosis.scan import both, scan
+from haptic_teleop_sysid.diagnosis.screen import screen
 from haptic_teleop_sysid.diagnosis.search import SearchResult
 from haptic_teleop_sysid.diagnosis.verdict import condition_of, decide_verdict, finding
 from haptic_teleop_sysid.diagnosis.words import called
@@ -275,3 +277,13 @@ def test_what_a_value_promises_is_what_least_squares_gain_beside_the_structure()
         left = answers.left - together @ np.linalg.lstsq(together, answers.left, rcond=None)[0]
         gained = 0.5 * (answers.left @ answers.left - left @ left)
         assert found[k] == pytest.approx(gained, rel=1e-6)
+
+
+def test_a_model_whose_parameters_are_all_believed_is_screened_as_well():
+    record = joint_record(3, motor_torque=lambda q: 0.05 * np.sin(3.0 * q))
+    trusted = replace(MODEL, fixed=tuple(MODEL.parameters))
+    fit = fit_from_scratch(trusted, [record])
+    assert fit.free == ()
+    effects = [Effect("torque_ripple", "stage1_motor", {"amplitude": 0.0, "order": 3.0, "phase": 0.0})]
+    (found,) = screen(fit, [record], effects)
+    assert found.gain > 50.0

@@ -2,6 +2,7 @@
 
 import importlib.metadata
 import math
+from dataclasses import replace
 
 import pytest
 from test_diagnosis_parts import MODEL, explanation, joint_record
@@ -25,6 +26,20 @@ def test_the_sentence_has_the_numbers_of_the_final_model_and_none_of_the_smoothi
 def test_a_number_without_unit_has_none():
     found = explanation("friction_drift", 300.0, 200.0, change=-0.06, time_constant=50.0)
     assert "change -0.06, time_constant 50 s" in because(Choice(found, 1.0), found.effect)
+
+
+def test_a_gain_beside_a_believed_stiffness_may_be_the_stiffness():
+    found = explanation("gain_error", 300.0, 200.0, place="actuator", gain=1.05)
+    found = replace(found, fit=replace(found.fit, model=replace(found.fit.model, fixed=())))
+    assert "stiffness" not in because(Choice(found, 1.0), found.effect)
+    believed = replace(found, fit=replace(found.fit, model=replace(found.fit.model, fixed=("stiffness",))))
+    assert "a stiffness that is believed" in because(Choice(believed, 1.0), found.effect)
+
+
+def test_an_axis_of_the_omni_is_excited_with_the_stage_it_is_paired_with():
+    axis = replace(MODEL, robot="omni", joint="omni_z")
+    scales = recording_scales(MODEL, [joint_record(3, seconds=2.0)])
+    assert all("stage2.enabled" in option for option in menu(axis, scales, 0.001))
 
 
 def test_suggested_settings_are_short_and_within_the_limits():

@@ -27,6 +27,9 @@ from .words import called, separating
 
 #: How many of the explanations that did not stand up are told.
 _MOST_TRIED = 10
+#: Probability that the better of two models would be told (one half says nothing) from which an experiment is
+#: suggested.
+_WORTH_RECORDING = 0.8
 
 
 def contents(
@@ -144,9 +147,9 @@ def next_experiment(result: SearchResult, verdict: Verdict, records: Sequence[Re
         names = (called(unsure.chosen.effect), called(rival.effect))
         found = suggest(unsure.chosen.fit, rival.fit, names, records[0], result.scales)
         text = separating([unsure.chosen.effect, rival.effect])
-        if found is None or found.expected_discrimination < 0.6:
+        if found is None or found.expected_discrimination < _WORTH_RECORDING:
             return {
-                "why": f"{names[0]} against {names[1]}: {text}",
+                "why": f"no excitation within the limits separates {names[0]} from {names[1]}: {text}",
                 "signal_generator": {},
                 "expected_discrimination": 0.5 if found is None else found.expected_discrimination,
             }

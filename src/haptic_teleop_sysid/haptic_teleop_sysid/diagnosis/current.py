@@ -17,6 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import minimize_scalar
 
+from haptic_teleop_sim.effects import EFFECTS
 from haptic_teleop_sim.kernel import acting_torque, pack
 from haptic_teleop_sim.model import Effect, Model
 from haptic_teleop_sysid.dataset import DataSet
@@ -129,7 +130,9 @@ def _starts(name: str, model: Model, data: Sequence[DataSet]) -> list[float]:
         return [share * float(np.max(np.abs(command))) for share in _LIMITS]
     if name == "dead_zone":
         return [share * float(np.std(command)) for share in _WIDTHS]
-    times = [t * dt for t in _TIMES]
+    # The bend at the best value is measured a little beyond it.
+    longest = EFFECTS[name].parameter(SHOWN[name]).maximum / 1.05
+    times = [t * dt for t in _TIMES if t * dt <= longest]
     return [-t for t in reversed(times)] + times if name == "channel_skew" else times
 
 

@@ -17,10 +17,10 @@ from haptic_teleop_sysid.estimation.whole_fit import fit_from_scratch
 from .contents import contents
 from .current import shown_by_current
 from .decide import Choice
-from .doubt import doubted, runs_away
+from .doubt import doubted, off_the_mark, runs_away
 from .nulls import Null, beyond_chance, nulls
-from .plausible import refuse_idle
-from .proof import Course, Proof, prove
+from .plausible import refuse_copies, refuse_idle
+from .proof import Course, Proof, mean_percent, prove
 from .scales import within_reach
 from .search import LEAST_PERCENT, POOR_FIT, SearchResult, search, search_by_simulation
 from .verdict import Verdict, decide_verdict
@@ -92,6 +92,7 @@ def diagnose(
     """
     learn, judge = records_of(estimation), records_of(validation)
     n, everything = len(estimation), [*estimation, *validation]
+    refuse_copies(everything)
     refuse_idle(everything)
     say("re-estimating the given structure")
     baseline = fit_from_scratch(model, learn, limits=within_reach(model))
@@ -136,6 +137,8 @@ def diagnose(
     )
     if harmful is not None and (doubt is None or doubt.choice is None):
         doubt = runs_away(harmful)
+    if doubt is None and not result.choices:
+        doubt = off_the_mark(mean_percent(course.simulate(result.baseline.model)[n:]))
     say("deciding")
     verdict = decide_verdict(result, learn, judge, doubt, stand.spread)
     say("simulating both models on all recordings")

@@ -9,7 +9,7 @@ and Box 1978); or the observer is surprised at some times and not at others, bec
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -60,6 +60,25 @@ class Doubt:
     choice: Choice | None
     why: str
     condition: str | None = None
+
+
+def off_the_mark(percent: Mapping[str, float]) -> Doubt | None:
+    """Doubt where nothing was found and a velocity of unseen recordings is simulated worse than its mean
+    would predict it. ``percent``: fit by signal.
+
+    The noise levels of other recordings are their own, so that the observer of a wrong unit or sign is merely
+    one that corrects much: nothing in the innovations says so.
+    """
+    velocities = {name: p for name, p in percent.items() if name.endswith(".velocity")}
+    worst = min(velocities, key=lambda name: velocities[name], default=None)
+    if worst is None or velocities[worst] >= 0.0:
+        return None
+    why = (
+        f"the given structure simulates {worst} of the validation recordings worse "
+        f"({velocities[worst]:.0f} %) than its mean would: see whether they have the units, "
+        "the signs and the joint of the others"
+    )
+    return Doubt(None, why, "throughout")
 
 
 def doubted(

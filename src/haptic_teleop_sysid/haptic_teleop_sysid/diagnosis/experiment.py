@@ -7,7 +7,7 @@ from math import copysign, erf, floor, isfinite, log10, sqrt, trunc
 
 import numpy as np
 
-from haptic_teleop_control.robots import SFJ_STAGES
+from haptic_teleop_control.robots import PAIRS, SFJ_STAGES
 from haptic_teleop_control.signals import SignalGenerator
 from haptic_teleop_sim.kernel import simulate
 from haptic_teleop_sim.model import Model
@@ -31,7 +31,7 @@ def menu(model: Model, scales: Scales, period: float) -> list[dict[str, object]]
     """Settings of the signal generator to choose from: multisines and slow triangles of several amplitudes
     and bands, in effort (N·m), within the recommended current.
     """
-    stage = model.joint if model.joint in SFJ_STAGES else "stage1"
+    stage = next((stage for stage, axis in PAIRS.items() if model.joint in (stage, axis)), "stage1")
     rms = scales.size["torque"]
     limit = 4.0 * rms
     if model.robot == "sfj":
@@ -100,7 +100,7 @@ def suggest(
     best: tuple[float, dict[str, object]] | None = None
     for option in menu(first.model, scales, record.dt):
         series = SignalGenerator.from_parameters(option).series(time)
-        torque = series[:, 1 if first.model.joint == "stage2" else 0]
+        torque = series[:, 1 if "stage2.enabled" in option else 0]
         nats = told_apart(first, second, torque / float(first.model.parameters["torque_constant"]), record)
         if best is None or nats > best[0]:
             best = (nats, option)

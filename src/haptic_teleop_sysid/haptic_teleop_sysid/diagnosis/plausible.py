@@ -66,6 +66,21 @@ def refuse_idle(datasets: Sequence[DataSet]) -> None:
             )
 
 
+def refuse_copies(datasets: Sequence[DataSet]) -> None:
+    """Raise RecordingError for two recordings of which one begins with the readings of the other: a model is
+    proved on what it has not seen, and no two recordings of a machine are alike in every encoder step."""
+    for i, one in enumerate(datasets):
+        for other in datasets[:i]:
+            n = min(len(one.motor_position), len(other.motor_position))
+            if np.array_equal(one.motor_position[:n], other.motor_position[:n], equal_nan=True) and (
+                np.array_equal(one.input[:n], other.input[:n], equal_nan=True)
+            ):
+                raise RecordingError(
+                    f"{one.name} holds the readings of {other.name} once more: learn from and judge by "
+                    "different recordings."
+                )
+
+
 def with_contradictions(dataset: DataSet) -> DataSet:
     """The data set whose problems also say that commanded and measured effort cannot have one unit."""
     if dataset.commanded_input is None or dataset.input_source != "measured effort":

@@ -73,7 +73,8 @@ def recording_scales(model: Model, records: Sequence[Record]) -> Scales:
         peak = max(peak, model.parameters["torque_constant"] * float(np.max(np.abs(r.input))))
         velocity = max(velocity, float(np.sqrt(np.mean(velocity_of(r.measured[:, 0], r.dt) ** 2))))
         if not model.rigid:
-            deflection = max(deflection, float(np.nanmax(np.abs(r.measured[:, 0] - r.measured[:, 1]))))
+            bent = np.abs(r.measured[:, 0] - r.measured[:, 1])
+            deflection = max(deflection, float(np.max(bent[np.isfinite(bent)], initial=0.0)))
         duration = max(duration, len(r) * r.dt)
     lowest, highest = [], []
     for channel in (0, 1):

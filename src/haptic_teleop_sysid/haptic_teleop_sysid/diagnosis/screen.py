@@ -128,6 +128,8 @@ def _score(
 def _along(slopes: NDArray[np.float64], step: NDArray[np.float64]) -> NDArray[np.float64]:
     """What a step (p,) changes of innovations (n, 2) by their derivatives (n, 2, p): one product of a matrix,
     not one of each sample."""
+    if not len(step):
+        return np.zeros(slopes.shape[:2])
     return (slopes.reshape(-1, len(step)) @ step).reshape(slopes.shape[:2])
 
 

@@ -56,6 +56,11 @@ def because(choice: Choice, fitted: Effect) -> str:
         text += f"; the measured current gives {e.by_current:.0f} of these nats"
     if e.beside is not None:
         text += "; the motion follows the command, so that only the record of the current is off"
+    if e.effect.effect == "gain_error" and "stiffness" in e.fit.model.fixed:
+        text += (
+            "; a stiffness that is believed and off by as much, and with it all inertias and dampings, would "
+            "look the same: measure it once more"
+        )
     if choice.others:
         rival, p = choice.others[0]
         text += f"; {rival.effect.effect} at {rival.effect.location} is the runner-up ({100 * p:.0f} %)"
