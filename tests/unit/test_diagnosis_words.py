@@ -5,12 +5,13 @@ import math
 from dataclasses import replace
 
 import pytest
-from test_diagnosis_parts import MODEL, explanation, joint_record
+from test_diagnosis_parts import MODEL, explanation, fit_of, joint_record
 
 from haptic_teleop_sim.model import Effect
 from haptic_teleop_sysid import results
 from haptic_teleop_sysid.diagnosis.decide import Choice
 from haptic_teleop_sysid.diagnosis.experiment import menu
+from haptic_teleop_sysid.diagnosis.explanation import Explanation
 from haptic_teleop_sysid.diagnosis.scales import recording_scales
 from haptic_teleop_sysid.diagnosis.words import because
 
@@ -29,11 +30,13 @@ def test_a_number_without_unit_has_none():
 
 
 def test_a_gain_beside_a_believed_stiffness_may_be_the_stiffness():
-    found = explanation("gain_error", 300.0, 200.0, place="actuator", gain=1.05)
-    found = replace(found, fit=replace(found.fit, model=replace(found.fit.model, fixed=())))
-    assert "stiffness" not in because(Choice(found, 1.0), found.effect)
-    believed = replace(found, fit=replace(found.fit, model=replace(found.fit.model, fixed=("stiffness",))))
-    assert "a stiffness that is believed" in because(Choice(believed, 1.0), found.effect)
+    effect = Effect("gain_error", "stage1_actuator", {"gain": 1.05})
+    texts = []
+    for fixed in ((), ("stiffness",)):
+        fit = fit_of(replace(MODEL, fixed=fixed).with_effects(effect))
+        texts.append(because(Choice(Explanation(fit, 300.0, 200.0, True, 0), 1.0), effect))
+    assert "stiffness" not in texts[0]
+    assert "a stiffness that is believed" in texts[1]
 
 
 def test_an_axis_of_the_omni_is_excited_with_the_stage_it_is_paired_with():
