@@ -1,12 +1,9 @@
 """The blind benchmark: its physics against closed forms, its seal, its scores on results written by hand."""
 
 import ast
-import io
 import json
 import math
 import sys
-import tarfile
-import zlib
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -20,9 +17,7 @@ import haptic_teleop_sysid.blind as blind_package
 from haptic_teleop_control.errors import ConfigurationError
 from haptic_teleop_control.recording import read_recording
 from haptic_teleop_sysid.blind import command
-from haptic_teleop_sysid.blind.archive import pack, unpack
 from haptic_teleop_sysid.blind.bags import record
-from haptic_teleop_sysid.blind.baselines import Motion, sparse_regression
 from haptic_teleop_sysid.blind.cases import Unlucky, _as_recorded, draw_case
 from haptic_teleop_sysid.blind.detect import Column, Driven, whiten, whitener
 from haptic_teleop_sysid.blind.effects import BY_NAME, PLACES
@@ -30,9 +25,9 @@ from haptic_teleop_sysid.blind.physics import integrate
 from haptic_teleop_sysid.blind.planting import contribution, run, shares_of
 from haptic_teleop_sysid.blind.rivals import rivals
 from haptic_teleop_sysid.blind.robot import Robot, disturbance
-from haptic_teleop_sysid.blind.runner import FRONT_DOOR, RAN, diagnose, parse_cases, plan
+from haptic_teleop_sysid.blind.runner import parse_cases, plan
 from haptic_teleop_sysid.blind.scoring import score_case
-from haptic_teleop_sysid.blind.sealing import SEALED, _mix, open_labels, seal
+from haptic_teleop_sysid.blind.sealing import SEALED, open_labels, seal
 from haptic_teleop_sysid.blind.slots import INDEX, empty
 from haptic_teleop_sysid.blind.summary import calibration_error, summarise, wilson
 
@@ -391,60 +386,6 @@ def test_from_seed_to_report_with_a_tool_that_sees_nothing(tmp_path: Path) -> No
     assert "The first 1 of these 2 have run" in (output / "table.md").read_text()
 
 
-def test_a_run_goes_on_elsewhere_from_its_archive_and_is_scored_there(tmp_path: Path) -> None:
-    fake = tmp_path / "fake.py"
-    fake.write_text(FAKE)
-    kept, first, other = tmp_path / "kept.tar.xz", tmp_path / "first", tmp_path / "other"
-    arguments = ["--seed", "2", "--cases", "single=1,clean=1", "--levels", "32", "--jobs", "1"]
-    tool = ["--command", f"{sys.executable} {fake}", "--archive", str(kept)]
-    assert command.main([*arguments, *tool, "--output", str(first)]) == 0
-    # As if one case had not run yet.
-    gone = first / "cases" / "case0002"
-    (gone / "run.json").unlink()
-    (first / "cases" / "case0001" / "diagnosis" / "diagnosis.json").write_text(
-        json.dumps({"verdict": "no_mismatch", "note": f"{first}/cases/case0001"})
-    )
-    assert pack(first, kept) == 1
-    before = kept.read_bytes()
-    assert pack(first, kept) == 1 and kept.read_bytes() == before and str(tmp_path).encode() not in before
-    assert command.main([*arguments, *tool, "--output", str(other)]) == 0
-    assert not (other / "cases" / "case0001" / "model.yaml").exists()  # had run: nothing to draw
-    for part in ("estimation", "validation"):
-        drawn = [read_recording(d / "cases" / "case0002" / part) for d in (first, other)]
-        read = [one.topics["/sfj/joint_states"].signal("stage1_motor", "position") for one in drawn]
-        assert np.array_equal(*read)
-    assert json.loads((other / "blind.json").read_text())["cases_run"] == 2
-    again = tmp_path / "again"
-    scored_anew = [*arguments, "--only", "score", "--archive", str(kept), "--output", str(again)]
-    assert command.main(scored_anew) == 0
-    assert (again / "table.md").read_text() == (other / "table.md").read_text()
-    assert command.main(["--seed", "3", *scored_anew[2:]]) == 2  # another seed's archive
-    # What was drawn again must be what the seal says.
-    labels = json.loads(zlib.decompress(_mix((other / "again" / SEALED).read_bytes(), "2")))
-    for label in labels.values():
-        label["stage"] = "stage3"
-    seal(labels, other / "again", "2")
-    assert command.main([*arguments, "--only", "score", "--output", str(other)]) == 2
-
-
-def test_an_archive_that_is_none_is_refused(tmp_path: Path) -> None:
-    rubbish = tmp_path / "rubbish.tar.xz"
-    rubbish.write_bytes(b"no archive")
-    with pytest.raises(ConfigurationError, match="cannot be read"):
-        unpack(rubbish, tmp_path / "out")
-    with tarfile.open(rubbish, "w:xz") as archive:
-        member = tarfile.TarInfo("cases/../../outside.json")
-        member.size = 2
-        archive.addfile(member, io.BytesIO(b"{}"))
-    with pytest.raises(ConfigurationError, match="which no run writes"):
-        unpack(rubbish, tmp_path / "out")
-    assert not (tmp_path / "outside.json").exists()
-    with tarfile.open(rubbish, "w:xz") as archive:
-        pass
-    with pytest.raises(ConfigurationError, match="lacks"):
-        unpack(rubbish, tmp_path / "out")
-
-
 def test_noise_has_the_level_and_the_memory_that_were_drawn() -> None:
     robot = Robot("stage1", dict.fromkeys(("a",), 1.0), 0.2, 0.05, 0.05, 0.01, 0.002)
     push = disturbance(np.random.default_rng(0), robot, 200_000)
@@ -542,40 +483,3 @@ def test_a_spring_at_the_motor_and_half_a_wave_of_ripple_are_one_thing() -> None
         rest = spring - columns @ np.linalg.lstsq(columns, spring)[0]
         left.append(float(np.std(rest) / np.std(spring)))
     assert min(left) < 0.1
-
-
-def test_a_forked_diagnosis_tells_its_status_and_last_words_and_is_killed_in_time(tmp_path: Path) -> None:
-    for name in ("estimation", "validation"):
-        (tmp_path / name).mkdir()
-    (tmp_path / "model.yaml").write_text("schema: 1\nrubbish: true\n")
-    ran = diagnose(tmp_path, (*FRONT_DOOR, "--no-report"), 120.0)
-    assert ran["status"] == "2" and "model.yaml" in ran["message"]
-    assert json.loads((tmp_path / RAN).read_text()) == ran
-    assert diagnose(tmp_path, (*FRONT_DOOR, "--no-report"), 1e-6)["status"] == "timeout"
-
-
-def test_pysindy_keeps_the_friction_that_moves_a_robot_and_nothing_beside_a_linear_one() -> None:
-    rng = np.random.default_rng(3)
-    t = 0.02 * np.arange(1500)
-    motor = np.column_stack([np.sin(2 * np.pi * f * t + p) for f, p in ((0.3, 0.1), (0.7, 1.0), (1.9, 2.0))])
-    motor = motor.sum(axis=1)
-    speed, acceleration = np.gradient(motor, t), np.gradient(np.gradient(motor, t), t)
-    # A stiff arm that lags a little; what the equations leave over is noise of a hundredth of the friction.
-    arm = motor - 0.02 * acceleration / K
-    arm_speed, arm_acceleration = np.gradient(arm, t), np.gradient(np.gradient(arm, t), t)
-    spring = K * (motor - arm)
-    ground = JA * arm_acceleration + BA * arm_speed - spring
-
-    def said(friction: float) -> list[str]:
-        dry = friction * np.tanh(speed / (0.02 * np.std(speed)))
-        noise = 0.002 * rng.standard_normal(len(t))
-        known = arm - (ground + 0.002 * rng.standard_normal(len(t))) / K
-        current = (JM * acceleration + BM * speed + K * (motor - known) + dry + noise) / KT
-        motion = Motion(
-            motor, known, speed, arm_speed, acceleration, arm_acceleration, current, t, 0.02,
-            np.column_stack([motor, arm]),
-        )  # fmt: skip
-        return sparse_regression(motion, K, 0.1)
-
-    assert said(0.2) == ["coulomb_friction motor"]
-    assert said(0.0) == []
