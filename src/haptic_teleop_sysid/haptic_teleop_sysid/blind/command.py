@@ -22,11 +22,12 @@ from haptic_teleop_sysid.blind.runner import (
     RAN,
     diagnose,
     generate,
+    generate_again,
     parse_cases,
     plan,
     spread,
 )
-from haptic_teleop_sysid.blind.sealing import AGAIN, open_labels, refuse_other_draws, seal, sealed_digest
+from haptic_teleop_sysid.blind.sealing import open_labels, refuse_other_draws, seal, sealed_digest
 
 
 def parser() -> argparse.ArgumentParser:
@@ -192,11 +193,7 @@ def _draw_again(
         # The model is written last.
         if not ((cases / name / RAN).exists() or (cases / name / "model.yaml").exists())
     ]
-    if jobs:
-        made = spread(generate, jobs, arguments.jobs, arguments.dask, "drawing again")
-        again = output / AGAIN
-        again.mkdir(exist_ok=True)
-        seal({name: label for name, label, _ in made}, again, str(arguments.seed))
+    spread(generate_again, jobs, arguments.jobs, arguments.dask, "drawing again")
 
 
 def _score(

@@ -18,6 +18,7 @@ from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, T
 
 from haptic_teleop_control.errors import ConfigurationError
 from haptic_teleop_sysid.blind.forked import run_forked
+from haptic_teleop_sysid.blind.sealing import seal
 
 ONE_THREAD: dict[str, str] = {f"{name}_NUM_THREADS": "1" for name in ("OMP", "OPENBLAS", "MKL", "NUMBA")}
 FRONT_DOOR = (
@@ -65,6 +66,12 @@ def generate(job: tuple[int, str, str, int, Path, tuple[float, ...]]) -> tuple[s
     target.mkdir(parents=True)
     label = write_case(draw_case(seed, kind, index, name, levels), target)
     return name, label, time.perf_counter() - begin
+
+
+def generate_again(job: tuple[int, str, str, int, Path, tuple[float, ...]]) -> None:
+    """Draw and write one case whose label is sealed already; seal the new one beside it, to be compared."""
+    name, label, _ = generate(job)
+    seal({name: label}, job[4] / name, str(job[0]))
 
 
 def diagnose(directory: Path, command: tuple[str, ...], timeout: float) -> dict[str, Any]:

@@ -13,8 +13,6 @@ from haptic_teleop_control.errors import ConfigurationError
 
 SEALED = "labels.sealed"
 DIGEST = "labels.sha256"
-AGAIN = "again"
-"""Where the labels of recordings lie that were drawn once more, sealed as well."""
 
 
 def _stream(secret: str, length: int) -> bytes:
@@ -74,12 +72,14 @@ def open_labels(
 def refuse_other_draws(directory: Path, secret: str, labels: dict[str, Any]) -> None:
     """Raise ConfigurationError when recordings that were drawn again hide something else than the labels say.
 
-    Processors differ in the last digits, and a draw that is accepted on one may be refused on another.
+    What is drawn again has its label sealed beside it. Processors differ in the last digits, and a draw that
+    is accepted on one may be refused on another.
     """
-    if sealed_digest(directory / AGAIN) is None:
-        return
-    for name, again in open_labels(directory / AGAIN, secret, []).items():
-        first = labels[name]
+    for name, first in labels.items():
+        place = directory / "cases" / name
+        if sealed_digest(place) is None:
+            continue
+        again = open_labels(place, secret, [])[name]
         kept = [(one["kind"], one["stage"], len(one["truth"])) for one in (again, first)]
         if kept[0] != kept[1] or not all(map(_alike, again["truth"], first["truth"])):
             raise ConfigurationError(
