@@ -3,6 +3,7 @@
 import numpy as np
 from test_blind import BA, BM, JA, JM, KT, K
 
+from haptic_teleop_sysid.blind import command
 from haptic_teleop_sysid.blind.baselines import Motion, sparse_regression
 
 
@@ -31,3 +32,11 @@ def test_pysindy_keeps_the_friction_that_moves_a_robot_and_nothing_beside_a_line
 
     assert said(0.2) == ["coulomb_friction motor"]
     assert said(0.0) == []
+
+
+def test_a_missing_library_is_told_before_anything_runs(tmp_path, monkeypatch, capsys):
+    monkeypatch.setattr("importlib.util.find_spec", lambda name: None)
+    arguments = ["--seed", "1", "--baselines", "3", "--output", str(tmp_path / "out")]
+    assert command.main(arguments) == 2
+    assert "pip install pysindy" in capsys.readouterr().err
+    assert not (tmp_path / "out").exists()

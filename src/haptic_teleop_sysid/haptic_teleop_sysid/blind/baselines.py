@@ -18,7 +18,6 @@ import yaml
 from numpy.typing import NDArray
 from scipy.signal import butter, filtfilt
 
-from haptic_teleop_control.errors import ConfigurationError
 from haptic_teleop_control.recording import read_recording
 from haptic_teleop_control.robots import SFJ_STAGES
 from haptic_teleop_sysid.blind.nested import nested_fits
@@ -153,7 +152,8 @@ def sparse_regression(m: Motion, stiffness: float, threshold: float) -> list[str
     The base's columns are projected out of target and library, which is a regression that always keeps them.
     Columns and target have norm one, so `threshold` is a share of what the base leaves.
     """
-    stlsq = _stlsq()
+    from pysindy.optimizers import STLSQ  # two seconds, and only the baselines need it
+
     target, base = equations(m, stiffness)
     y, fixed, weight = _scaled(target, base)
     terms = [(name, column * weight) for name, column in _terms(m)]
@@ -163,19 +163,11 @@ def sparse_regression(m: Motion, stiffness: float, threshold: float) -> list[str
     left = y - basis @ (basis.T @ y)
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")  # that a threshold leaves nothing is an answer
-        fitted = stlsq(threshold=threshold, alpha=1e-6, normalize_columns=True, unbias=False).fit(
+        fitted = STLSQ(threshold=threshold, alpha=1e-6, normalize_columns=True, unbias=False).fit(
             columns, left / np.linalg.norm(left)
         )
     strength = np.abs(fitted.coef_[0]) * np.linalg.norm(columns, axis=0)
     return list(dict.fromkeys(terms[i][0] for i in np.argsort(-strength) if strength[i] > 0.0))
-
-
-def _stlsq() -> Any:
-    try:
-        from pysindy.optimizers import STLSQ
-    except ImportError:
-        raise ConfigurationError("--baselines needs PySINDy: pip install pysindy.") from None
-    return STLSQ
 
 
 def fit_everything(m: Motion, stiffness: float, least: float) -> list[str]:

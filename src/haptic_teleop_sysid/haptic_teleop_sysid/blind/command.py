@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import importlib.util
 import json
 import os
 import shlex
@@ -88,6 +89,8 @@ def _body(argv: list[str]) -> int:
         raise ConfigurationError("--partial goes with --only score: what has run is scored, nothing is run.")
     if arguments.timeout <= 0 or arguments.baselines < 0 or arguments.seed < 0:
         raise ConfigurationError("--timeout must be positive, --seed and --baselines at least 0.")
+    if arguments.baselines and importlib.util.find_spec("pysindy") is None:
+        raise ConfigurationError("--baselines needs PySINDy: pip install pysindy.")  # now, not after hours
     say = Console(stderr=True)
     wanted = {"seed": arguments.seed, "cases": cases, "levels": list(levels)}
     listed = plan(arguments.seed, cases)

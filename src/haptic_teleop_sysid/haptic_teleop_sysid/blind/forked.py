@@ -1,7 +1,7 @@
 """Diagnoses in processes of their own that need not import anything first.
 
 A fork server imports `diagnose` once and does nothing else; every diagnosis is a fork of it, so none sees
-what another one did. Importing takes a sixth of the time of a diagnosis without an effect.
+what another one did.
 """
 
 from __future__ import annotations

@@ -150,8 +150,6 @@ def _structure_gain(
     q[4, 4] = noise.motor_torque**2 * (1.0 - decay[0] ** 2) / scale
     q[5, 5] = noise.arm_torque**2 * (1.0 - decay[1] ** 2) / scale
     r[1, 1] = noise.arm_angle**2 / scale
-    if not rigid and len(channels) == 2:
-        return stationary_filter(transition, c, q, r)[1]
     keep, gain = [0, 2, 4] if rigid else list(range(6)), np.zeros((6, 2))
     own, used = np.ix_(keep, keep), np.ix_(channels, channels)
     gain[np.ix_(keep, channels)] = stationary_filter(
