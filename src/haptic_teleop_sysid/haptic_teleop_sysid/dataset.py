@@ -7,16 +7,16 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.signal import savgol_filter
 
 from haptic_teleop_control.errors import MismatchError, RecordingError
 from haptic_teleop_control.recording import Recording, bag_problems
 from haptic_teleop_control.robots import SFJ_STAGES, VELOCITY_FILTER_CUTOFF_HZ, VELOCITY_FILTER_DAMPING
 from haptic_teleop_sim.model import Model
-from haptic_teleop_sysid.channels import Channel, Channels, channels_for
+from haptic_teleop_sysid.channels import Channels, channels_for
+from haptic_teleop_sysid.damage import refuse_holes
+from haptic_teleop_sysid.motion import derivative, finite, leave_out_stills, motion
 from haptic_teleop_sysid.recorded_parameters import recorded_value
 from haptic_teleop_sysid.time_grid import GAP_PERIODS, NS, TimeGrid
-from haptic_teleop_sysid.velocity_series import velocity_series
 
 Array = NDArray[np.float64]
 
@@ -115,9 +115,11 @@ def load_dataset(recording: Recording, model: Model, name: str = "", allow_gaps:
     it is taken one sample early), the commanded effort otherwise. Stamps that repeat or run backward are
     dropped; others are moved to a uniform grid only where they are off it by more than IRREGULAR of a period.
 
+    Readings that no joint can have made (`damage.py`) count as not taken.
+
     Raises MismatchError when the recording does not hold what the model describes, RecordingError when it has
-    fewer than ten samples, no movement recorded, or holes longer than GAP_PERIODS periods and `allow_gaps` is
-    false.
+    fewer than ten samples, no movement recorded, or holes longer than GAP_PERIODS periods (nothing sent, no
+    number, a sensor that stood still, a clock that was set back) and `allow_gaps` is false.
     """
     name = name or str(recording.path)
     channels = channels_for(model, recording, name)
@@ -130,15 +132,24 @@ def load_dataset(recording: Recording, model: Model, name: str = "", allow_gaps:
             f"the longest of "
             f"{length:.3f} s at {start:.3f} s: record again, or say --allow-gaps to leave them out."
         )
+    if grid.set_back and not allow_gaps:
+        start, count = grid.set_back[0]
+        raise RecordingError(
+            f"{name}: the clock of {channels.topic} was set back or stood still before {start:.3f} s: "
+            f"{count} samples cannot be placed in time. Record again, or say --allow-gaps to leave them out."
+        )
     scale = 1.0 / _torque_constant(recording, model) if model.robot == "sfj" else 1.0
     measured, commanded = _inputs(channels, grid, scale)
     valid = grid.valid.copy()
-    motor, motor_rate = _motion(channels.motor, grid, model.robot, valid)
+    damage: list[str] = []
+    motor, motor_rate = motion(channels.motor, grid, model.robot, valid, damage)
     if not np.any(np.isfinite(motor)):
         raise RecordingError(
             f"{name}: no position of {channels.motor.joint} is a finite number: record it again."
         )
-    arm, arm_rate = (None, None) if channels.arm is None else _motion(channels.arm, grid, model.robot, valid)
+    arm, arm_rate = (
+        (None, None) if channels.arm is None else motion(channels.arm, grid, model.robot, valid, damage)
+    )
     if arm is not None and not np.any(np.isfinite(arm)):
         arm = arm_rate = None  # as if nobody had recorded it; the stream's problems tell
     input_, source = (
@@ -148,7 +159,11 @@ def load_dataset(recording: Recording, model: Model, name: str = "", allow_gaps:
         raise MismatchError(
             f"{name} holds no effort of {channels.motor.joint}, neither measured nor commanded: record it."
         )
-    input_ = _finite(input_, valid)
+    input_ = finite(input_, valid)
+    if channels.arm is not None and arm is not None:
+        leave_out_stills({channels.motor.joint: motor, channels.arm.joint: arm}, grid.dt, valid, damage)
+    if not allow_gaps:
+        refuse_holes(valid, grid.dt, name, damage)
     return DataSet(
         name=name,
         robot=model.robot,
@@ -161,14 +176,14 @@ def load_dataset(recording: Recording, model: Model, name: str = "", allow_gaps:
         motor_velocity=motor_rate,
         arm_position=arm,
         arm_velocity=arm_rate,
-        commanded_input=None if commanded is None else _finite(commanded, None),
+        commanded_input=None if commanded is None else finite(commanded, None),
         exogenous=_other_arm_acceleration(channels, grid),
         valid=valid,
         velocity_filter=None
         if model.robot == "generic"
         else (VELOCITY_FILTER_CUTOFF_HZ, VELOCITY_FILTER_DAMPING),
         resampled=grid.resampled,
-        problems=quality.problems,
+        problems=(*quality.problems, *damage),
         experiment=dict(recording.experiment),
     )
 
@@ -193,38 +208,11 @@ def _inputs(channels: Channels, grid: TimeGrid, scale: float) -> tuple[Array | N
     return measured, commanded
 
 
-def _motion(channel: Channel, grid: TimeGrid, robot: str, valid: NDArray[np.bool_]) -> tuple[Array, Array]:
-    position = _finite(grid.sampled(channel.values("position")), valid)
-    recorded = channel.values_or_none("velocity")
-    if recorded is not None and np.mean(np.isfinite(recorded)) > 0.5:
-        return position, _finite(grid.sampled(recorded), valid)
-    if robot == "generic":
-        return position, _derivative(position, 11, 1, grid.dt)
-    return position, velocity_series(position, grid.dt, VELOCITY_FILTER_CUTOFF_HZ, VELOCITY_FILTER_DAMPING)
-
-
-def _finite(values: Array, valid: NDArray[np.bool_] | None) -> Array:
-    """Bridge values that are not finite; the samples are marked as not valid."""
-    good = np.isfinite(values)
-    if good.all() or not good.any():
-        return values
-    if valid is not None:
-        valid &= good
-    index = np.arange(len(values))
-    return np.interp(index, index[good], values[good])
-
-
 def _other_arm_acceleration(channels: Channels, grid: TimeGrid) -> Array | None:
     if channels.other_arm is None:
         return None
-    position = _finite(grid.sampled(channels.other_arm.values("position")), None)
-    return _derivative(position, round(0.06 / grid.dt), 2, grid.dt)
-
-
-def _derivative(values: Array, samples: int, order: int, dt: float) -> Array:
-    """Derivative of a cubic through about `samples` neighbours of each sample, without delay."""
-    length = min(max(5, samples // 2 * 2 + 1), (len(values) - 1) // 2 * 2 + 1)
-    return np.asarray(savgol_filter(values, length, 3, deriv=order, delta=dt), dtype=np.float64)
+    position = finite(grid.sampled(channels.other_arm.values("position")), None)
+    return derivative(position, round(0.06 / grid.dt), 2, grid.dt)
 
 
 def _torque_constant(recording: Recording, model: Model) -> float:

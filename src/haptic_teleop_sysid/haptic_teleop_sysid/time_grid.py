@@ -23,7 +23,8 @@ FEWEST_VALID = 0.5
 @dataclass(frozen=True)
 class TimeGrid:
     """`keep` picks usable messages; `stamps` their times, ns; `at` the uniform times; values are interpolated
-    if `resampled`.
+    if `resampled`; `set_back`: where the clock was set back, (s, messages that are in the past), not `valid`
+    from there on for a while, because what comes next happened later than it says.
     """
 
     keep: NDArray[np.intp]
@@ -32,6 +33,7 @@ class TimeGrid:
     dt: float
     resampled: bool
     valid: NDArray[np.bool_]
+    set_back: tuple[tuple[float, int], ...] = ()
 
     @classmethod
     def of(cls, series: JointStateSeries, name: str) -> TimeGrid:
@@ -70,9 +72,20 @@ class TimeGrid:
         valid = np.ones(n, dtype=np.bool_)
         for hole in np.flatnonzero(steps > GAP_PERIODS * period):
             valid[(at > since[hole] + 0.5 * dt) & (at < since[hole + 1] - 0.5 * dt)] = False
-        return cls(keep, stamps, at, dt, not regular, valid)
+        set_back = _set_back(keep, len(series), since)
+        for start, _ in set_back:
+            valid[(at >= start - 0.5 * dt) & (at <= start + (GAP_PERIODS + 0.5) * dt)] = False
+        return cls(keep, stamps, at, dt, not regular, valid, set_back)
 
     def sampled(self, values: Array) -> Array:
         """Bring values of all messages, (m,), to the grid (n,), linearly between messages when resampling."""
         kept = values[self.keep]
         return np.interp(self.at, (self.stamps - self.stamps[0]) * NS, kept) if self.resampled else kept
+
+
+def _set_back(keep: NDArray[np.intp], count: int, since: Array) -> tuple[tuple[float, int], ...]:
+    """Where more than GAP_PERIODS of `count` messages in a row lie in the past: time of the first kept one
+    behind them (of `since`, s), and how many they are. One that strayed in from earlier is no such thing."""
+    left_out = np.diff(np.append(keep, count)) - 1
+    behind = np.flatnonzero(left_out > GAP_PERIODS)
+    return tuple((float(since[min(i + 1, len(since) - 1)]), int(left_out[i])) for i in behind)

@@ -24,6 +24,8 @@ class StreamQuality:
     periods,
                   start relative to the first stamp; longest_gap: the longest distance of stamps
     duplicates    samples with the stamp of the one before; backwards: samples stamped before the one before
+    behind        samples stamped before any one before them, which nobody can place; set_back: by how much
+                  the clock went back at most
     jitter        standard deviation of distances that are no gaps; jitter_99: 99th percentile of |distance -
     period| latency, latency_99   median and 99th percentile of received - stamp
     non_finite    number of NaN or infinite values, by "joint.field"
@@ -39,6 +41,8 @@ class StreamQuality:
     longest_gap: float
     duplicates: int
     backwards: int
+    behind: int
+    set_back: float
     jitter: float
     jitter_99: float
     latency: float
@@ -74,6 +78,8 @@ def bag_problems(series: JointStateSeries, topic: str = "", gap_periods: float =
         "longest_gap": float(distances.max()) if len(distances) else 0.0,
         "duplicates": int((steps == 0).sum()),
         "backwards": int((steps < 0).sum()),
+        "behind": int((stamp < np.maximum.accumulate(stamp)).sum()) if len(stamp) else 0,
+        "set_back": max(0.0, -float(steps.min()) / NANOSECONDS) if len(steps) else 0.0,
         "jitter": float(np.std(steady)) if len(steady) else 0.0,
         "jitter_99": float(np.percentile(np.abs(steady - period), 99)) if len(steady) else 0.0,
         "latency": float(np.median(latency)) if len(latency) else float("nan"),
@@ -130,6 +136,11 @@ def _sentences(quality: dict, gap_periods: float) -> list[str]:
         told.append(f"{quality['duplicates']} samples repeat the stamp of the one before")
     if quality["backwards"]:
         told.append(f"{quality['backwards']} samples are stamped earlier than the one before")
+    if quality["behind"] > quality["backwards"]:
+        told.append(
+            f"the clock was set back, by {quality['set_back']:.3f} s at most: {quality['behind']} samples "
+            "are stamped earlier than one before them and cannot be placed in time"
+        )
     if quality["jitter_99"] > 0.5 * quality["period"]:
         told.append(
             "the sampling is uneven: 1 % of the samples are more than "

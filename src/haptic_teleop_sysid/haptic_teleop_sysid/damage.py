@@ -1,0 +1,94 @@
+"""Readings that no joint can have made: they leap away and back within some samples, or stand still while the
+other encoder of the joint moves; and stretches without readings that are too long to bridge."""
+
+from __future__ import annotations
+
+from itertools import pairwise
+
+import numpy as np
+from numpy.typing import NDArray
+
+from haptic_teleop_control.errors import RecordingError
+from haptic_teleop_sysid.time_grid import GAP_PERIODS
+
+Array = NDArray[np.float64]
+LEAP = 12.0
+"""Factor over the fastest usual step of a signal from one sample to the next that no motion exceeds ..."""
+USUAL = 0.995
+"""... which is the largest of this share of all steps."""
+LONGEST_LEAP = 5
+"""Samples after which a value that has leapt away is no outlier but another place."""
+STANDS_STILL = 0.1
+"""s without a single step of the encoder from which one may ask whether it stands still ..."""
+FURTHER = 4.0
+"""... and factor over what motor and arm differ by at other times, by which the other one then turns on."""
+
+
+SETTLES = 0.05
+"""s that filtered velocities take to forget how a reading jumped to where the joint had got to."""
+
+
+def leaps(values: Array) -> NDArray[np.bool_]:
+    """True (n,) at samples of a position (n,) that leave its motion: reached by a step of more than LEAP
+    times the usual ones and left by one back, within LONGEST_LEAP samples. Usual are those of a joint that
+    moves: samples that repeat the one before do not count."""
+    found = np.zeros(len(values), dtype=np.bool_)
+    steps = np.diff(values)
+    limit = _leap(steps)
+    away = np.flatnonzero(np.abs(steps) > limit)
+    i = 0
+    while i < len(away) - 1:
+        start, stop = away[i], away[i + 1]
+        back = np.sign(steps[start]) != np.sign(steps[stop])
+        if back and stop - start <= LONGEST_LEAP and abs(values[stop + 1] - values[start]) < 0.5 * limit:
+            found[start + 1 : stop + 1] = True
+            i += 2
+        else:
+            i += 1
+    return found
+
+
+def _leap(steps: Array) -> float:
+    """Size of a step, of `steps` (n,), that no motion makes; infinite where they show no motion."""
+    known = np.abs(steps[np.isfinite(steps)])
+    known = known[known > 1e-12]
+    return LEAP * float(np.quantile(known, USUAL)) if len(known) >= 100 else np.inf
+
+
+def stood_still(values: Array, other: Array, dt: float) -> list[tuple[int, int]]:
+    """Stretches [start, stop) of a position (n,) that does not change by a single step of its encoder, for
+    at least STANDS_STILL s, and leaps to where it had got to in the end, or while the joint's `other`
+    position (n,) turns further than FURTHER times all that the two differ by at other times."""
+    steps = np.append(np.abs(np.diff(values)), 0.0)
+    changes = np.flatnonzero(steps > 1e-12) + 1
+    edges = np.concatenate([[0], changes, [len(values)]])
+    longest = round(STANDS_STILL / dt)
+    still = [(int(a), int(b)) for a, b in pairwise(edges) if b - a > longest]
+    if not still:
+        return []
+    moving = np.ones(len(values), dtype=np.bool_)
+    for a, b in still:
+        moving[a:b] = False
+    if np.sum(moving) < 10:
+        return []
+    differ = float(np.ptp((other - values)[moving]))
+    step = float(np.min(steps[changes - 1]))
+    limit, far = _leap(steps), FURTHER * max(differ, 4.0 * step)
+    return [(a, b) for a, b in still if steps[b - 1] > limit or float(np.ptp(other[a:b])) > far]
+
+
+def refuse_holes(valid: NDArray[np.bool_], dt: float, name: str, why: list[str]) -> None:
+    """Raise RecordingError where more than GAP_PERIODS samples in a row are not `valid` (n,); `why` says what
+    is known of them."""
+    edges = np.flatnonzero(np.diff(np.concatenate([[True], valid, [True]]).astype(np.int8)))
+    stretches = edges.reshape(-1, 2)
+    long = stretches[np.diff(stretches, axis=1)[:, 0] > GAP_PERIODS]
+    if not len(long):
+        return
+    first, stop = max(long.tolist(), key=lambda s: s[1] - s[0])
+    raise RecordingError(
+        f"{name} has {len(long)} stretches of more than {GAP_PERIODS:g} samples without a usable reading, "
+        f"the longest of {(stop - first) * dt:.3f} s at {first * dt:.3f} s"
+        + (f" ({'; '.join(why)})" if why else "")
+        + ": record again, or say --allow-gaps to leave them out."
+    )

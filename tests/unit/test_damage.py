@@ -1,0 +1,119 @@
+"""Readings that no joint can have made are found and left out; what a joint can do is left alone."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from joint_recordings import DT, TRUTH, excitation, joint_recording, response
+
+from haptic_teleop_control.errors import RecordingError
+from haptic_teleop_control.recording import bag_problems
+from haptic_teleop_sim.model import Model
+from haptic_teleop_sysid.damage import leaps, stood_still
+from haptic_teleop_sysid.dataset import load_dataset
+
+MODEL = Model("sfj", "stage1", "flexible_joint", TRUTH, source="stage1.yaml")
+CURRENT = excitation(4000)
+STATES = response(CURRENT)
+TOPIC = "/sfj/joint_states"
+
+
+def with_positions(change):
+    """A recording whose positions (n, 4) were changed in place by `change`."""
+    recording = joint_recording(CURRENT, STATES)
+    position = recording.topics[TOPIC].position.copy()
+    change(position)
+    recording.topics[TOPIC] = replace(recording.topics[TOPIC], position=position)
+    return recording
+
+
+def with_stamps(stamp):
+    recording = joint_recording(CURRENT, STATES)
+    recording.topics[TOPIC] = replace(recording.topics[TOPIC], stamp=stamp)
+    return recording
+
+
+@pytest.mark.parametrize("size", [0.3, -1.0, 1e30])
+@pytest.mark.parametrize("length", [1, 3])
+def test_what_leaps_away_and_back_counts_as_not_read(size, length):
+    def spike(position):
+        position[1000 : 1000 + length, 1] += size
+        position[2500, 1] += size
+
+    dataset = load_dataset(with_positions(spike), MODEL, "mybag")
+    assert np.flatnonzero(~dataset.valid).tolist() == [*range(1000, 1000 + length), 2500]
+    assert np.max(np.abs(dataset.arm_position - STATES[:, 1])) < 0.01
+    assert np.max(np.abs(dataset.arm_velocity)) < 2.0 * np.max(np.abs(STATES[:, 3]))
+    assert any(f"stage1_arm.position leaps away and back at {length + 1} samples" in p
+               for p in dataset.problems)  # fmt: skip
+
+
+def test_a_place_reached_at_once_is_no_outlier():
+    slipped = np.sin(0.01 * np.arange(2000.0))
+    slipped[900:] += 3.0
+    assert not leaps(slipped).any()
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_motion_has_no_outliers_whatever_its_resolution(seed):
+    rng = np.random.default_rng(seed)
+    angle = np.cumsum(np.cumsum(rng.normal(size=4000))) * 1e-5
+    for step in (1e-9, 1e-4, 1e-3, 2e-2):
+        counted = step * np.round(angle / step)
+        assert not leaps(counted).any()
+
+
+def test_a_jump_of_speed_at_a_stop_is_no_outlier():
+    time = 0.002 * np.arange(3000)
+    assert not leaps(np.abs(np.sin(3.0 * time))).any()
+
+
+def test_an_encoder_that_stood_still_is_left_out_with_permission():
+    def freeze(position):
+        position[1200:2200, 1] = position[1200, 1]
+
+    with pytest.raises(RecordingError, match=r"mybag.*stage1_arm.position stands still.*--allow-gaps"):
+        load_dataset(with_positions(freeze), MODEL, "mybag")
+    dataset = load_dataset(with_positions(freeze), MODEL, "mybag", allow_gaps=True)
+    missing = np.flatnonzero(~dataset.valid)
+    assert missing[0] == 1200
+    assert 2200 <= missing[-1] < 2200 + 0.1 / DT
+    assert any("2.000 s from 2.400 s" in p for p in dataset.problems)
+
+
+def test_an_arm_that_its_joint_holds_back_has_not_failed():
+    # Dry friction holds the arm until the joint is wound up: over and over, so that this is how they differ.
+    time = 0.002 * np.arange(5000)
+    motor = 0.1 * np.sin(2.0 * time)
+    arm = np.empty_like(motor)
+    held = 0.0
+    for i, angle in enumerate(motor):
+        held += np.sign(angle - held) * max(0.0, abs(angle - held) - 0.03)
+        arm[i] = held
+    assert stood_still(arm, motor, 0.002) == []
+    assert stood_still(motor, arm, 0.002) == []
+
+
+def test_a_long_stretch_without_numbers_is_a_hole():
+    def blank(position):
+        position[300:700, 0] = np.nan
+
+    with pytest.raises(RecordingError, match=r"mybag.*0\.800 s at 0\.600 s.*--allow-gaps"):
+        load_dataset(with_positions(blank), MODEL, "mybag")
+    dataset = load_dataset(with_positions(blank), MODEL, "mybag", allow_gaps=True)
+    assert np.array_equal(np.flatnonzero(~dataset.valid), np.arange(300, 700))
+
+
+def test_a_clock_that_is_set_back_is_told_and_cuts_the_recording():
+    stamp = joint_recording(CURRENT, STATES).topics[TOPIC].stamp.copy()
+    stamp[2000:] -= 3_000_000_000
+    recording = with_stamps(stamp)
+    quality = bag_problems(recording.topics[TOPIC], TOPIC)
+    assert (quality.behind, quality.backwards) == (1499, 1)
+    assert any("set back, by 2.998 s" in p and "1499 samples" in p for p in quality.problems)
+    with pytest.raises(RecordingError, match=r"mybag.*clock.*1500 samples.*--allow-gaps"):
+        load_dataset(recording, MODEL, "mybag")
+    dataset = load_dataset(recording, MODEL, "mybag", allow_gaps=True)
+    missing = np.flatnonzero(~dataset.valid)
+    assert 0 <= missing[0] - 2000 <= 1
+    assert len(missing) > 5
