@@ -9,7 +9,7 @@ from joint_recordings import DT, TRUTH, excitation, joint_recording, response
 from haptic_teleop_control.errors import RecordingError
 from haptic_teleop_control.recording import bag_problems
 from haptic_teleop_sim.model import Model
-from haptic_teleop_sysid.damage import leaps, stood_still
+from haptic_teleop_sysid.damage import held, leaps, stood_still
 from haptic_teleop_sysid.dataset import load_dataset
 
 MODEL = Model("sfj", "stage1", "flexible_joint", TRUTH, source="stage1.yaml")
@@ -66,6 +66,31 @@ def test_motion_has_no_outliers_whatever_its_resolution(seed):
 def test_a_jump_of_speed_at_a_stop_is_no_outlier():
     time = 0.002 * np.arange(3000)
     assert not leaps(np.abs(np.sin(3.0 * time))).any()
+
+
+@pytest.mark.parametrize("length", [1, 2, 4])
+@pytest.mark.parametrize("step", [1e-12, 2.5e-4])
+def test_readings_that_are_held_while_the_joint_moves_count_as_not_read(length, step):
+    angle = 0.4 * np.sin(4.0 * 0.002 * np.arange(4000))
+    angle = step * np.round(angle / step)
+    damaged = angle.copy()
+    fast = [i for i in range(100, 3900, 60) if abs(angle[i] - angle[i - 1]) > 1.2e-3]
+    for i in fast:
+        damaged[i : i + length] = damaged[i - 1]
+    expected = sorted(i + j for i in fast for j in range(length))
+    assert np.flatnonzero(held(damaged)).tolist() == expected
+    assert not held(angle).any()
+
+
+def test_held_readings_are_told():
+    def hold(position):
+        speed = np.abs(np.diff(position[:, 0]))
+        for i in np.flatnonzero(speed > 0.7 * speed.max())[::40] + 1:
+            position[i, 0] = position[i - 1, 0]
+
+    dataset = load_dataset(with_positions(hold), MODEL, "mybag")
+    assert any("stage1_motor.position repeats" in p for p in dataset.problems)
+    assert np.max(np.abs(dataset.motor_position - STATES[:, 0])) < 2e-3
 
 
 def test_an_encoder_that_stood_still_is_left_out_with_permission():

@@ -19,9 +19,9 @@ from haptic_teleop_sysid.diagnosis.doubt import (
     UNSTEADY,
     _without_last,
     doubted,
-    off_the_mark,
 )
 from haptic_teleop_sysid.diagnosis.explanation import Explanation
+from haptic_teleop_sysid.diagnosis.reasons import off_the_mark
 from haptic_teleop_sysid.diagnosis.scales import recording_scales
 from haptic_teleop_sysid.diagnosis.search import SearchResult
 from haptic_teleop_sysid.diagnosis.stand import stand_of, stands_out

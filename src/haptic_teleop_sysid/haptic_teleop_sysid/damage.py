@@ -24,6 +24,12 @@ FURTHER = 4.0
 """... and factor over what motor and arm differ by at other times, by which the other one then turns on."""
 
 
+MOVES = 4.0
+"""Steps of the encoder per sample, of a joint that cannot stand still for just one of them."""
+LONGEST_HELD = 5
+"""Repeated readings after which the speed before them says nothing any more."""
+CAUGHT_UP = 0.4
+"""Share of what that speed makes over the repeated readings by which the next new one may differ."""
 SETTLES = 0.05
 """s that filtered velocities take to forget how a reading jumped to where the joint had got to."""
 
@@ -45,6 +51,26 @@ def leaps(values: Array) -> NDArray[np.bool_]:
             i += 2
         else:
             i += 1
+    return found
+
+
+def held(values: Array) -> NDArray[np.bool_]:
+    """True (n,) at readings of a position (n,) that repeat the one before although the joint moves by at
+    least MOVES steps of its encoder a sample: the next one that is new has caught up with that speed."""
+    found = np.zeros(len(values), dtype=np.bool_)
+    steps = np.diff(values)
+    sizes = np.abs(steps[np.isfinite(steps)])
+    if not np.any(sizes > 1e-12):
+        return found
+    least = MOVES * float(np.min(sizes[sizes > 1e-12]))
+    new = np.flatnonzero(steps != 0.0)  # steps[k] leads to sample k + 1
+    for before, after in pairwise(new.tolist()):
+        repeats = after - before - 1
+        if repeats == 0 or repeats > LONGEST_HELD:
+            continue
+        speed = steps[before]
+        if abs(speed) > least and abs(steps[after] / ((repeats + 1) * speed) - 1.0) < CAUGHT_UP:
+            found[before + 2 : after + 1] = True
     return found
 
 

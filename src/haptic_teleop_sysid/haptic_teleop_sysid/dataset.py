@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
@@ -14,8 +14,9 @@ from haptic_teleop_control.robots import SFJ_STAGES, VELOCITY_FILTER_CUTOFF_HZ, 
 from haptic_teleop_sim.model import Model
 from haptic_teleop_sysid.channels import Channels, channels_for
 from haptic_teleop_sysid.damage import refuse_holes
-from haptic_teleop_sysid.motion import derivative, finite, leave_out_stills, motion
+from haptic_teleop_sysid.motion import Damage, derivative, finite, leave_out_stills, motion
 from haptic_teleop_sysid.recorded_parameters import recorded_value
+from haptic_teleop_sysid.slips import Slip
 from haptic_teleop_sysid.time_grid import GAP_PERIODS, NS, TimeGrid
 
 Array = NDArray[np.float64]
@@ -34,6 +35,7 @@ class DataSet:
     valid            False inside holes longer than GAP_PERIODS periods and where a value was not finite
     velocity_filter  (cut-off in Hz, damping) of the filter that made the velocities; None: taken as true
     problems         sentences about the recording, empty when all is well
+    slips            where an encoder slipped or lost counts; positions and velocities are put back
     """
 
     name: str
@@ -54,6 +56,7 @@ class DataSet:
     start: float = 0.0
     resampled: bool = False
     problems: tuple[str, ...] = ()
+    slips: tuple[Slip, ...] = ()
     experiment: dict[str, Any] = field(default_factory=dict)
 
     def __len__(self) -> int:
@@ -141,7 +144,7 @@ def load_dataset(recording: Recording, model: Model, name: str = "", allow_gaps:
     scale = 1.0 / _torque_constant(recording, model) if model.robot == "sfj" else 1.0
     measured, commanded = _inputs(channels, grid, scale)
     valid = grid.valid.copy()
-    damage: list[str] = []
+    damage = Damage()
     motor, motor_rate = motion(channels.motor, grid, model.robot, valid, damage)
     if not np.any(np.isfinite(motor)):
         raise RecordingError(
@@ -163,7 +166,7 @@ def load_dataset(recording: Recording, model: Model, name: str = "", allow_gaps:
     if channels.arm is not None and arm is not None:
         leave_out_stills({channels.motor.joint: motor, channels.arm.joint: arm}, grid.dt, valid, damage)
     if not allow_gaps:
-        refuse_holes(valid, grid.dt, name, damage)
+        refuse_holes(valid, grid.dt, name, damage.told)
     return DataSet(
         name=name,
         robot=model.robot,
@@ -183,7 +186,13 @@ def load_dataset(recording: Recording, model: Model, name: str = "", allow_gaps:
         if model.robot == "generic"
         else (VELOCITY_FILTER_CUTOFF_HZ, VELOCITY_FILTER_DAMPING),
         resampled=grid.resampled,
-        problems=(*quality.problems, *damage),
+        problems=(*quality.problems, *damage.told),
+        slips=tuple(
+            replace(
+                s, encoder=f"{model.joint}_{'motor' if s.encoder == channels.motor.joint else 'arm'}_encoder"
+            )
+            for s in damage.slips
+        ),
         experiment=dict(recording.experiment),
     )
 

@@ -2,45 +2,82 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass, field, replace
+
 import numpy as np
 from numpy.typing import NDArray
 from scipy.signal import savgol_filter
 
 from haptic_teleop_control.robots import VELOCITY_FILTER_CUTOFF_HZ, VELOCITY_FILTER_DAMPING
 from haptic_teleop_sysid.channels import Channel
-from haptic_teleop_sysid.damage import SETTLES, leaps, stood_still
-from haptic_teleop_sysid.time_grid import TimeGrid
+from haptic_teleop_sysid.damage import SETTLES, held, leaps, stood_still
+from haptic_teleop_sysid.slips import Slip, put_back, slips
+from haptic_teleop_sysid.time_grid import NS, TimeGrid
 from haptic_teleop_sysid.velocity_series import velocity_series
 
 Array = NDArray[np.float64]
 
 
+@dataclass
+class Damage:
+    """What is wrong with the readings of a recording: `told` in sentences, and the encoders' `slips`."""
+
+    told: list[str] = field(default_factory=list)
+    slips: list[Slip] = field(default_factory=list)
+
+
 def motion(
-    channel: Channel, grid: TimeGrid, robot: str, valid: NDArray[np.bool_], damage: list[str]
+    channel: Channel, grid: TimeGrid, robot: str, valid: NDArray[np.bool_], damage: Damage
 ) -> tuple[Array, Array]:
     """Position and velocity (n,) of a channel on the grid. Samples that were not read are bridged and marked
-    as not `valid` (n,); `damage` gets a sentence about outliers."""
+    as not `valid` (n,), what slipped is put back; `damage` is told."""
     read = channel.values("position")
-    outliers = leaps(read[grid.keep])
-    if outliers.any():
-        read = read.copy()
-        read[grid.keep[outliers]] = np.nan
-        damage.append(
-            f"{channel.joint}.position leaps away and back at {int(np.sum(outliers))} samples, "
-            "which no joint does: they count as not read"
-        )
-    position = finite(grid.sampled(read), valid)
+    mended = _mended(read, channel.joint, grid, damage)
+    position = finite(grid.sampled(mended), valid)
     recorded = channel.values_or_none("velocity")
-    # The driver made its velocity of the outliers, too.
-    if not outliers.any() and recorded is not None and np.mean(np.isfinite(recorded)) > 0.5:
+    # The driver made its velocity of wrong readings, too.
+    if mended is read and recorded is not None and np.mean(np.isfinite(recorded)) > 0.5:
         return position, finite(grid.sampled(recorded), valid)
     if robot == "generic":
         return position, derivative(position, 11, 1, grid.dt)
     return position, velocity_series(position, grid.dt, VELOCITY_FILTER_CUTOFF_HZ, VELOCITY_FILTER_DAMPING)
 
 
+def _mended(read: Array, joint: str, grid: TimeGrid, damage: Damage) -> Array:
+    """The positions of all messages (m,) without what cannot be true; `read` itself where all of it can."""
+    kept, mended = read[grid.keep], read
+    outliers = leaps(kept)
+    if outliers.any():
+        kept[outliers] = np.nan
+        damage.told.append(
+            f"{joint}.position leaps away and back at {int(np.sum(outliers))} samples, which no joint does: "
+            "they count as not read"
+        )
+    stale = held(kept)
+    if stale.any():
+        kept[stale] = np.nan
+        damage.told.append(
+            f"{joint}.position repeats {int(np.sum(stale))} readings while the joint moves on: they count as "
+            "not read"
+        )
+    found = (
+        slips(finite(kept, None), (grid.stamps - grid.stamps[0]) * NS) if np.any(np.isfinite(kept)) else []
+    )
+    for slip in found:
+        time = float((grid.stamps[slip.index] - grid.stamps[0]) * NS)
+        damage.slips.append(replace(slip, encoder=joint, time=time))
+        damage.told.append(
+            f"{joint}.position is {slip.size:.4g} rad elsewhere from {time:.3f} s on and goes on from there, "
+            "as of an encoder that slips or loses counts: it was put back"
+        )
+    if outliers.any() or stale.any() or found:
+        mended = read.copy()
+        mended[grid.keep] = put_back(kept, found)
+    return mended
+
+
 def leave_out_stills(
-    positions: dict[str, Array], dt: float, valid: NDArray[np.bool_], damage: list[str]
+    positions: dict[str, Array], dt: float, valid: NDArray[np.bool_], damage: Damage
 ) -> None:
     """Mark where one of the two encoders of a joint stood still while the other moved on."""
     for joint, other in (list(positions), list(positions)[::-1]):
@@ -50,7 +87,7 @@ def leave_out_stills(
             valid[start : stop + round(SETTLES / dt)] = False
         if found:
             start, stop = max(found, key=lambda s: s[1] - s[0])
-            damage.append(
+            damage.told.append(
                 f"{joint}.position stands still {len(found)} times while {other} moves on, "
                 f"{(stop - start) * dt:.3f} s from {start * dt:.3f} s: its encoder or the line to it failed"
             )

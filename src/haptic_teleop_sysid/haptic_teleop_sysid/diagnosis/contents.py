@@ -13,11 +13,11 @@ from haptic_teleop_sysid.estimation.likelihood import settled
 from haptic_teleop_sysid.estimation.records import Record
 
 from .decide import Choice, significant
-from .doubt import Doubt
 from .experiment import suggest
 from .explanation import Explanation
 from .nulls import Null
 from .proof import Proof, mean_percent
+from .reasons import Doubt, slipped
 from .residual import left_over
 from .search import SearchResult
 from .stand import Stand
@@ -107,9 +107,15 @@ def contents(
         }
     if doubt is not None:
         content["doubt"] = doubt.why
+    beside = []
     if result.nameless is not None and result.choices:
         entry = result.nameless.chosen.effect.entry
-        content["beside"] = f"it looks as if {entry.sentence}, for which there is no name"
+        beside.append(f"it looks as if {entry.sentence}, for which there is no name")
+    apart = slipped([*estimation, *validation])
+    if apart is not None and (result.choices or (doubt is not None and doubt.why != apart.why)):
+        beside.append(apart.why)
+    if beside:
+        content["beside"] = "; ".join(beside)
     if verdict.kind == "unknown" and verdict.remaining:
         best = verdict.remaining[0]
         content["residual_curve"] = {

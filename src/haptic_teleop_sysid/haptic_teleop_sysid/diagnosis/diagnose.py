@@ -17,10 +17,11 @@ from haptic_teleop_sysid.estimation.whole_fit import fit_from_scratch
 from .contents import contents
 from .current import shown_by_current
 from .decide import Choice
-from .doubt import doubted, off_the_mark, runs_away
+from .doubt import doubted
 from .nulls import Null, beyond_chance, nulls
 from .plausible import refuse_copies, refuse_idle
 from .proof import Course, Proof, mean_percent, prove
+from .reasons import off_the_mark, runs_away, slipped
 from .scales import within_reach
 from .search import LEAST_PERCENT, POOR_FIT, SearchResult, search, search_by_simulation
 from .verdict import Verdict, decide_verdict
@@ -138,7 +139,7 @@ def diagnose(
     if harmful is not None and (doubt is None or doubt.choice is None):
         doubt = runs_away(harmful)
     if doubt is None and not result.choices:
-        doubt = off_the_mark(mean_percent(course.simulate(result.baseline.model)[n:]))
+        doubt = off_the_mark(mean_percent(course.simulate(result.baseline.model)[n:])) or slipped(everything)
     say("deciding")
     verdict = decide_verdict(result, learn, judge, doubt, stand.spread)
     say("simulating both models on all recordings")

@@ -9,8 +9,8 @@ and Box 1978); or the observer is surprised at some times and not at others, bec
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Callable, Sequence
+from dataclasses import replace
 
 import numpy as np
 
@@ -24,6 +24,7 @@ from .decide import Choice, significant
 from .explanation import Explanation
 from .held_out import held_out_fit
 from .modulation import changes_with, modulations
+from .reasons import Doubt, momentary, rather_event
 from .search import SearchResult
 from .stand import Stand, stand_of, stands_out
 from .whiteness import colour, unsteadiness
@@ -52,35 +53,6 @@ CHANGES, CHANGES_GAIN = 0.3, 30.0
 CLEARLY_BETTER = 0.4
 
 
-@dataclass(frozen=True)
-class Doubt:
-    """``choice``: the finding that was given up, None where nothing was named; ``why`` in words;
-    ``condition``: when the mismatch shows, where that is not when the finding's effect would."""
-
-    choice: Choice | None
-    why: str
-    condition: str | None = None
-
-
-def off_the_mark(percent: Mapping[str, float]) -> Doubt | None:
-    """Doubt where nothing was found and a velocity of unseen recordings is simulated worse than its mean
-    would predict it. ``percent``: fit by signal.
-
-    The noise levels of other recordings are their own, so that the observer of a wrong unit or sign is merely
-    one that corrects much: nothing in the innovations says so.
-    """
-    velocities = {name: p for name, p in percent.items() if name.endswith(".velocity")}
-    worst = min(velocities, key=lambda name: velocities[name], default=None)
-    if worst is None or velocities[worst] >= 0.0:
-        return None
-    why = (
-        f"the given structure simulates {worst} of the validation recordings worse "
-        f"({velocities[worst]:.0f} %) than its mean would: see whether they have the units, "
-        "the signs and the joint of the others"
-    )
-    return Doubt(None, why, "throughout")
-
-
 def doubted(
     result: SearchResult,
     estimation: Sequence[Record],
@@ -99,7 +71,10 @@ def doubted(
         if result.nameless is not None:
             sentence = result.nameless.chosen.effect.entry.sentence
             why = f"it looks as if {sentence}, for which there is no name: no named effect explains as much"
-            return result, Doubt(result.nameless, why), stand
+            fit = result.nameless.chosen.fit
+            after = [(fit, estimation), (held_out_fit(fit, validation, [fit.noise]), validation)]
+            return result, rather_event(Doubt(result.nameless, why), after), stand
+        both = [(result.baseline, estimation), (there, validation)]
         here = [e for e in result.last_round if e.gain > ONLY_HERE and e.material and significant(e)]
         if here:
             best = max(here, key=lambda e: e.gain)
@@ -107,12 +82,13 @@ def doubted(
                 f"{best.effect.effect} would predict the estimation recordings better by {best.gain:.0f} "
                 "nats, but the others do not bear it out"
             )
-            return result, Doubt(Choice(best, 1.0), why), stand
+            return result, rather_event(Doubt(Choice(best, 1.0), why), both), stand
         if min(before) > COLOURED:
             why = "the observer keeps correcting in one and the same direction"
-            return result, Doubt(None, why, "throughout"), stand
-        if unsteadiness([(result.baseline, estimation), (there, validation)]) > UNSTEADY:
-            return result, Doubt(None, "something acts at some times and not at others", "time"), stand
+            return result, rather_event(Doubt(None, why, "throughout"), both), stand
+        if unsteadiness(both) > UNSTEADY:
+            doubt = Doubt(None, "something acts at some times and not at others", "time")
+            return result, rather_event(doubt, both), stand
         return result, None, stand
     kept = list(result.choices)
     doubt: Doubt | None = None
@@ -126,7 +102,10 @@ def doubted(
 
     while True:
         while kept and kept[-1].chosen is not asked:
-            why = _objection(kept[-1], result.baseline, there, before, estimation, validation, percent)
+            so_far = kept[-2].chosen.fit if len(kept) > 1 else result.baseline
+            why = momentary(kept[-1], so_far, estimation, validation) or _objection(
+                kept[-1], result.baseline, there, before, estimation, validation, percent
+            )
             if why is None:
                 asked = kept[-1].chosen
                 break
@@ -138,21 +117,13 @@ def doubted(
         stand = stand_of(result, before, estimation, validation)
         faint = next((c for c in kept if not stands_out(c, final, stand, validation)), None)
         if faint is None:
-            return result, None if kept else doubt, stand
+            if kept or doubt is None:
+                return result, None, stand
+            return result, rather_event(doubt, [(result.baseline, estimation), (there, validation)]), stand
         # What was found after it stood beside it, and falls with it.
         kept = _without_last(kept[: kept.index(faint) + 1])
         name = faint.chosen.effect.effect
         given_up(faint, f"the size of {name} differs so much between recordings that it may be none")
-
-
-def runs_away(choice: Choice) -> Doubt:
-    """The doubt about a finding that predicts the next sample better and runs away when it runs freely:
-    something is there, and it is not that."""
-    name = choice.chosen.effect.effect
-    return Doubt(
-        choice,
-        f"with {name} each next sample is predicted better, but unseen recordings are simulated worse",
-    )
 
 
 def _without_last(kept: list[Choice]) -> list[Choice]:

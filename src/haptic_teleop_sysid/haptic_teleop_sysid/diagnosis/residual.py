@@ -176,4 +176,4 @@ def intervals(before: Fit, after: Fit, record: Record, seconds: float = 0.5) -> 
             found[-1] = (found[-1][0], end)
         else:
             found.append((start, end))
-    return [(round(a, 3), round(b, 3)) for a, b in found]
+    return [(round(float(a), 3), round(float(b), 3)) for a, b in found]

@@ -15,7 +15,7 @@ from haptic_teleop_sysid.estimation.records import Record
 
 from .certainty import standard_errors
 from .decide import Choice
-from .doubt import Doubt
+from .reasons import Doubt
 from .residual import Condition, conditions, intervals, shares
 from .search import SearchResult
 from .words import because, reported
@@ -160,7 +160,9 @@ def _doubtful_place(
     disturbance is larger."""
     model = result.baseline.model
     motor, arm = shares(result.baseline, estimation)
-    if doubt.choice is not None:
+    if doubt.place is not None:
+        place, condition = doubt.place, "time"
+    elif doubt.choice is not None:
         effect = doubt.choice.chosen.effect
         place, condition = effect.location, condition_of(model, effect.effect, effect.location, before)
     else:
@@ -170,7 +172,7 @@ def _doubtful_place(
         "equation": place,
         "share": round(share, 3),
         "condition": doubt.condition or condition,
-        "intervals": [],
+        "intervals": [list(i) for i in doubt.intervals],
     }
 
 

@@ -1,0 +1,139 @@
+"""What acts at some times, or at one frequency, is said to do so, with the times and the frequency."""
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from identification_plants import STAGE, multisine
+
+from haptic_teleop_control.recording import Recording
+from haptic_teleop_sim.experiments import run_open_loop
+from haptic_teleop_sim.hardware import SfjRobot
+from haptic_teleop_sim.model import Effect
+from haptic_teleop_sim.sfj_robot import SfjSettings, stage_hardware
+from haptic_teleop_sysid.dataset import load_dataset
+from haptic_teleop_sysid.diagnosis.diagnose import diagnose, records_of
+from haptic_teleop_sysid.diagnosis.events import bursts, moment, steady_line
+from haptic_teleop_sysid.diagnosis.reasons import Doubt, rather_event, slipped
+from haptic_teleop_sysid.estimation.whole_fit import fit_from_scratch, fit_whole
+
+DT, SECONDS, RMS = 0.002, 20.0, 0.12
+TIME = DT * np.arange(round(SECONDS / DT))
+CONSTANT = 8.925
+
+
+def recording(seed, added=0.0, truth=STAGE, slip=None):
+    """Stage 1 in open loop; `added` (n,) N·m acts at its motor and nobody recorded it; `slip`: s, when the
+    arm's encoder slips by 0.01 rad."""
+    hardware = stage_hardware("stage1", truth, disturbance_rms=0.01 * CONSTANT * RMS)
+    robot = SfjRobot(SfjSettings(stage1=hardware), DT, seed)
+    current = multisine(len(TIME), DT, RMS, (0.2, 10.0), seed)
+    wanted = robot.torque_constants[0] * current
+    unseen = np.broadcast_to(np.asarray(added, dtype=float), len(TIME))
+    topics = dict(run_open_loop(robot, np.column_stack([wanted + unseen, np.zeros(len(TIME))])))
+    command, states = topics["/sfj/effort_command"], topics["/sfj/joint_states"]
+    effort, sensed, position = command.effort.copy(), states.effort.copy(), states.position.copy()
+    effort[:, 0] -= unseen[: len(effort)]
+    sensed[1:, 0] -= unseen[: len(sensed) - 1]
+    if slip is not None:
+        position[TIME[: len(position)] >= slip, 1] += 0.01
+    topics["/sfj/effort_command"] = replace(command, effort=effort)
+    topics["/sfj/joint_states"] = replace(states, effort=sensed, position=position)
+    return Recording(Path(f"seed {seed}"), topics, {}, experiment={})
+
+
+def dataset(seed, *args, **changes):
+    return load_dataset(recording(seed, *args, **changes), STAGE, f"seed {seed}")
+
+
+def fitted(*sets):
+    """A fit of the stage as it is believed to each of the data sets, as `doubted` has them."""
+    kinds = [records_of([one]) for one in sets]
+    fits = [fit_from_scratch(STAGE, records) for records in kinds]
+    return list(zip(fits, kinds, strict=True))
+
+
+def at_times(times, length, torque):
+    return torque * np.any([(t <= TIME) & (t + length > TIME) for t in times], axis=0)
+
+
+@pytest.fixture(scope="module")
+def quiet():
+    return fitted(dataset(1), dataset(2))
+
+
+def test_nothing_stands_out_where_nothing_is_hidden(quiet):
+    assert bursts(quiet) is None
+    assert steady_line(quiet) is None
+    assert rather_event(Doubt(None, "why", "throughout"), quiet) == Doubt(None, "why", "throughout")
+
+
+def test_bursts_are_found_when_they_come():
+    times = [[4.0, 9.5, 17.2], [2.2, 8.1]]
+    sets = [dataset(i + 1, at_times(t, 0.15, 0.3)) for i, t in enumerate(times)]
+    found = bursts(fitted(*sets))
+    assert found.condition == "time"
+    for expected, intervals in zip(times, found.intervals, strict=True):
+        assert len(intervals) == len(expected)
+        for t, (start, end) in zip(expected, intervals, strict=True):
+            assert start < t + 0.15
+            assert t - 0.1 <= start
+            assert end < t + 0.6
+    doubt = rather_event(Doubt(None, "why", "throughout"), fitted(*sets))
+    assert (doubt.condition, doubt.intervals) == ("time", found.intervals[0])
+    assert "2 more times" in doubt.why
+
+
+def test_what_happens_where_the_motor_is_far_out_says_so():
+    # A torque of bursts whenever the motor is far out: time is not when, the angle is.
+    sets = []
+    for seed in (1, 2):
+        angle = dataset(seed).motor_position
+        far = np.abs(angle) > np.quantile(np.abs(angle), 0.93)
+        noise = np.random.default_rng(seed).normal(size=len(TIME))
+        sets.append(dataset(seed, 0.4 * noise * np.resize(far, len(TIME))))
+    assert bursts(fitted(*sets)).condition == "large motor angle"
+
+
+@pytest.mark.parametrize("frequency", [3.3, 17.0, 71.5])
+def test_a_hum_is_heard_at_its_frequency(frequency):
+    sets = [dataset(s, 0.03 * np.sin(2 * np.pi * frequency * TIME + s)) for s in (1, 2)]
+    assert steady_line(fitted(*sets)) == pytest.approx(frequency, abs=1.0 / SECONDS)
+
+
+def test_friction_is_no_hum():
+    truth = STAGE.with_effects(Effect("coulomb_friction", "stage1_motor", {"torque": 0.1}))
+    assert steady_line(fitted(dataset(1, truth=truth), dataset(2, truth=truth))) is None
+
+
+def test_what_is_gained_at_one_moment_is_told_from_what_is_gained_always():
+    friction = Effect("coulomb_friction", "stage1_motor", {"torque": 0.05})
+    records = records_of([dataset(1, truth=STAGE.with_effects(friction))])
+    before = fit_from_scratch(STAGE, records)
+    after = fit_whole(STAGE.with_effects(friction), before.noise, records, iterations=15)
+    assert moment(before, after, records) is None
+    assert moment(before, before, records) is None
+    pushed = records_of([dataset(1, at_times([9.0], 0.05, 2.0))])
+    slow = fit_from_scratch(STAGE, pushed)
+    told = replace(slow, noise=slow.noise.scaled(motor_torque=3.0))
+    found = moment(slow, told, pushed)
+    assert found is None or abs(found - 9.0) < 0.5
+
+
+def test_a_slip_that_was_put_back_is_unknown_and_not_another_machine():
+    sets = [dataset(1, slip=7.0), dataset(2)]
+    _, verdict, _, content = diagnose(STAGE, sets[:1], sets[1:])
+    assert verdict.kind == "unknown"
+    assert verdict.where[0]["equation"] == "stage1_arm_encoder"
+    assert verdict.where[0]["condition"] == "time"
+    assert verdict.where[0]["intervals"] == [[pytest.approx(7.0), pytest.approx(7.0)]]
+    assert "slipped or lost counts" in content["doubt"]
+    assert min(content["fit"]["baseline"]["validation"].values()) > 90.0
+
+
+def test_slips_of_several_recordings_are_counted():
+    doubt = slipped([dataset(1), dataset(2, slip=3.0), dataset(3, slip=4.0)])
+    assert "2 times in all" in doubt.why
+    assert doubt.intervals == ()
+    assert slipped([dataset(1)]) is None
