@@ -32,6 +32,9 @@ def test_pysindy_keeps_the_friction_that_moves_a_robot_and_nothing_beside_a_line
 
     assert said(0.2) == ["coulomb_friction motor"]
     assert said(0.0) == []
+    # All angles negative: a stop at the upper end is then no column at all.
+    motor, arm = motor - 10.0, arm - 10.0
+    assert said(0.2)[0] == "coulomb_friction motor"
 
 
 def test_a_missing_library_is_told_before_anything_runs(tmp_path, monkeypatch, capsys):

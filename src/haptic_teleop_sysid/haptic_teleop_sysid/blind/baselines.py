@@ -159,7 +159,11 @@ def sparse_regression(m: Motion, stiffness: float, threshold: float) -> list[str
     terms = [(name, column * weight) for name, column in _terms(m)]
     basis = np.linalg.qr(fixed)[0]
     columns = np.column_stack([column for _, column in terms])
+    whole = np.linalg.norm(columns, axis=0)
     columns = columns - basis @ (basis.T @ columns)
+    # What is nothing here (a limit that was never reached), or nothing beside the base, cannot have norm one.
+    usable = np.linalg.norm(columns, axis=0) > 1e-9 * whole
+    columns, terms = columns[:, usable], [t for t, kept in zip(terms, usable, strict=True) if kept]
     left = y - basis @ (basis.T @ y)
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")  # that a threshold leaves nothing is an answer
