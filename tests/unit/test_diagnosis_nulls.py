@@ -9,7 +9,8 @@ from test_diagnosis_parts import MODEL, explanation, fit_of, joint_record
 
 from haptic_teleop_sim.kernel import pack
 from haptic_teleop_sysid.diagnosis.decide import Choice
-from haptic_teleop_sysid.diagnosis.nulls import Null, beyond_chance, disturbed_as, null_record, nulls
+from haptic_teleop_sysid.diagnosis.null_records import disturbed_as, null_record
+from haptic_teleop_sysid.diagnosis.nulls import Null, beyond_chance, nulls
 from haptic_teleop_sysid.diagnosis.scales import recording_scales
 from haptic_teleop_sysid.diagnosis.search import SearchResult
 from haptic_teleop_sysid.diagnosis.words import chance_sentence

@@ -51,7 +51,7 @@ def test_plain_starts_lie_within_bounds_and_stops_at_either_end(pulled):
         entry = EFFECTS[name]
         for place in entry.where:
             several = plain_start(entry, scales, place)
-            assert len(several) == (2 if name == "hard_stop" else 1)
+            assert len(several) == {"hard_stop": 2, "input_delay": 3}.get(name, 1)
             for parameters in several:
                 for n, value in parameters.items():
                     parameter = entry.parameter(n)

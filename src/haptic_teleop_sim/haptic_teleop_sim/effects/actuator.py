@@ -76,7 +76,13 @@ def delay_step(torque, time, dt, p, k, z, o):
 
 def _duration(name: str, meaning: str, typical: float, maximum: float) -> EffectParameter:
     return EffectParameter(
-        name, "s", meaning, minimum=0.0, maximum=maximum, typical=typical, grid=(0.5 * typical, 2.0 * typical)
+        name,
+        "s",
+        meaning,
+        minimum=0.0,
+        maximum=maximum,
+        typical=typical,
+        grid=(0.5 * typical, 2.0 * typical, 5.0 * typical),
     )
 
 

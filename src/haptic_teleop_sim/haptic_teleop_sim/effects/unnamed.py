@@ -15,7 +15,12 @@ STEEP_DRAG = EffectEntry(
     where=("motor", "arm"),
     parameters=(
         EffectParameter(
-            "coefficient", "N*m*s^3/rad^3", "torque per cubed velocity", typical=0.2, scale="steep"
+            "coefficient",
+            "N*m*s^3/rad^3",
+            "torque per cubed velocity",
+            minimum=0.0,
+            typical=0.2,
+            scale="steep",
         ),
     ),
     sentence="a drag that grows faster than the square of the speed opposes the motion",

@@ -24,6 +24,7 @@ from .decide import Choice, significant
 from .explanation import Explanation
 from .held_out import held_out_fit
 from .modulation import changes_with, modulations
+from .null_records import expected_colour, rounding_shows
 from .reasons import Doubt, momentary, rather_event
 from .search import SearchResult
 from .stand import Stand, stand_of, stands_out
@@ -33,6 +34,8 @@ from .whiteness import colour, unsteadiness
 COLOURED = 100.0
 #: Share of the baseline's value from which an effect has not explained that.
 UNCHANGED = 0.3
+#: Factor over the colour of simulated recordings of the same fit, beyond which it is not the encoders'.
+BY_ROUNDING = 2.0
 #: From this value on all recordings the observer is surprised at some times more than at others: the largest
 #: of 174 clean pairs of recordings was 0.95.
 UNSTEADY = 1.3
@@ -83,7 +86,7 @@ def doubted(
                 "nats, but the others do not bear it out"
             )
             return result, rather_event(Doubt(Choice(best, 1.0), why), both), stand
-        if min(before) > COLOURED:
+        if min(before) > COLOURED and _more_coloured(before, both):
             why = "the observer keeps correcting in one and the same direction"
             return result, rather_event(Doubt(None, why, "throughout"), both), stand
         if unsteadiness(both) > UNSTEADY:
@@ -100,12 +103,17 @@ def doubted(
         if doubt is None or doubt.choice is None or not _instead_of(doubt.choice, last):
             doubt = Doubt(last, why, condition)
 
+    both = [(result.baseline, estimation), (there, validation)]
+    rounded = min(before) > COLOURED and not _more_coloured(before, both)
     while True:
         while kept and kept[-1].chosen is not asked:
             so_far = kept[-2].chosen.fit if len(kept) > 1 else result.baseline
             why = momentary(kept[-1], so_far, estimation, validation) or _objection(
                 kept[-1], result.baseline, there, before, estimation, validation, percent
             )
+            if why is None and rounded and rounding_shows(kept[-1].chosen, so_far, estimation):
+                name = kept[-1].chosen.effect.effect
+                why = (f"with encoders this coarse {name} would show on recordings without it, too", None)
             if why is None:
                 asked = kept[-1].chosen
                 break
@@ -119,11 +127,17 @@ def doubted(
         if faint is None:
             if kept or doubt is None:
                 return result, None, stand
-            return result, rather_event(doubt, [(result.baseline, estimation), (there, validation)]), stand
+            return result, rather_event(doubt, both), stand
         # What was found after it stood beside it, and falls with it.
         kept = _without_last(kept[: kept.index(faint) + 1])
         name = faint.chosen.effect.effect
         given_up(faint, f"the size of {name} differs so much between recordings that it may be none")
+
+
+def _more_coloured(found: tuple[float, float], fits: Sequence[tuple[Fit, Sequence[Record]]]) -> bool:
+    """Whether innovations are clearly more coloured on both kinds of recordings than coarse encoders make
+    those of a true model."""
+    return all(c > BY_ROUNDING * expected_colour(*one) for c, one in zip(found, fits, strict=True))
 
 
 def _without_last(kept: list[Choice]) -> list[Choice]:
@@ -195,7 +209,8 @@ def _objection(
     error_before, error_after = 100.0 - percent(baseline.model), 100.0 - percent(fit.model)
     if error_after < (1.0 - CLEARLY_BETTER) * error_before:
         return None
-    if min(after) > COLOURED and all(a > UNCHANGED * b for a, b in zip(after, before, strict=True)):
+    unchanged = min(after) > COLOURED and all(a > UNCHANGED * b for a, b in zip(after, before, strict=True))
+    if unchanged and _more_coloured(after, [(fit, estimation), (there, validation)]):
         return f"with {effect.effect} the observer keeps correcting much as it did without", None
     unsteady = unsteadiness([(fit, estimation), (there, validation)])
     if unsteady > UNSTEADY and unsteady > AS_UNSTEADY * unsteadiness(

@@ -12,6 +12,7 @@ from haptic_teleop_sysid.estimation.whole_fit import fit_whole
 
 from .candidates import contacts, larger_starts
 from .explanation import Explanation
+from .forms import richer_forms
 from .held_out import judged
 from .material import material
 from .plain import plain
@@ -76,6 +77,8 @@ def explore(
         rest = found[_MOST_FROM_NOTHING:] if few is estimation else []
         fits += ended(found[:_MOST_FROM_NOTHING])
         fits = best_of_each(_most_material([*fits, *rest], index, scales), index)
+    say("fitting richer forms of friction")
+    fits = best_of_each([*fits, *ended(richer_forms(fits, fit, index, few, scales, limits))], index)
     fits = with_shadows(fits, fit, estimation, limits)
     say("fitting the model without them once more")
     better = better_baseline(fit, fits[:_MOST_ABLATED], estimation, limits)

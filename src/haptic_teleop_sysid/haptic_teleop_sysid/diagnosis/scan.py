@@ -50,7 +50,7 @@ def scan(fit: Fit, records: Sequence[Record], scales: Scales) -> Scanned:
         if parameter is None:
             continue
         for place in locations(name, fit.model.structure):
-            values = list(_values(parameter, scales, place))
+            values = list(scanned_values(parameter, scales, place))
             few = sum(v < most[place.startswith("arm")] for v in values) if parameter.scan == "order" else 0
             gains = np.concatenate(
                 [
@@ -74,7 +74,8 @@ def both(one: Scanned, other: Scanned) -> Scanned:
     return {key: list(dict.fromkeys([*values, *other.get(key, [])])) for key, values in one.items()}
 
 
-def _values(parameter: EffectParameter, scales: Scales, place: str) -> Iterator[float]:
+def scanned_values(parameter: EffectParameter, scales: Scales, place: str) -> Iterator[float]:
+    """All values at which a scanned parameter of an effect at ``place`` is tried."""
     channel = 1 if place.startswith("arm") else 0
     if parameter.scan == "order":
         span = max(scales.span(channel), 1e-6)

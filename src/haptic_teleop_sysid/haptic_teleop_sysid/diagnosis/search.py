@@ -6,17 +6,20 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
 from haptic_teleop_sim.model import Model
-from haptic_teleop_sysid.estimation.gauss_newton import Fit, fit_parameters
+from haptic_teleop_sysid.estimation.gauss_newton import Fit, Limits, fit_parameters
 from haptic_teleop_sysid.estimation.records import Record
+from haptic_teleop_sysid.estimation.whole_fit import fit_whole
 
 from .actuator import joined
 from .candidates import family
 from .current import Shown
-from .decide import Choice, choose
+from .decide import LEAST_GAIN, Choice, choose
 from .explanation import Explanation
 from .explore import explore
+from .held_out import judged
 from .scales import Scales, recording_scales, within_reach
 from .simulated import explore_simulated, simulation_noise
+from .trials import LAST_STEPS
 from .twins import with_twins
 
 #: Effects that are looked for one after another.
@@ -82,12 +85,41 @@ def search(
             break
         choices.append(choice)
         fit = choice.chosen.fit
+        if len(choices) == 2:
+            second = _alone(baseline, fit, estimation, validation, scales, within_reach(lab))
+            alone = choose(second, 0.0, sense_follows, percent) if second else None
+            if alone is not None and not alone.unnamed:
+                choices, fit = [alone], alone.chosen.fit
         strongest = max(strongest, choice.chosen.by_motion)
     shown_too = any(c.chosen.by_current > 0.0 for c in choices)
     if nameless is not None and not shown_too and nameless.chosen.by_motion > strongest:
         # What came first was the nearest name of something else.
         choices, fit = [], baseline
     return SearchResult(baseline, fit, tuple(choices), tuple(found), scales, nameless)
+
+
+def _alone(
+    baseline: Fit,
+    both: Fit,
+    estimation: Sequence[Record],
+    validation: Sequence[Record],
+    scales: Scales,
+    limits: Limits,
+) -> list[Explanation]:
+    """The second of two effects as an explanation by itself, if the first is worth nothing beside it: then it
+    was but the nearest that could be seen before."""
+    effects = both.model.effects
+    first = effects[len(baseline.model.effects)]
+    rest = tuple(e for e in effects if e is not first)
+    head = f"{first.location}.{first.effect}."
+    fixed = tuple(name for name in both.model.fixed if not name.startswith(head))
+    model = replace(both.model, effects=rest, fixed=fixed)
+    if len(rest) <= len(baseline.model.effects):
+        return []
+    alone = fit_whole(model, both.noise, estimation, iterations=LAST_STEPS, limits=limits)
+    if not alone.log_likelihood > both.log_likelihood - LEAST_GAIN:
+        return []
+    return with_twins(judged(baseline, [alone], validation, scales))
 
 
 def search_by_simulation(

@@ -1,0 +1,100 @@
+"""Richer forms of a friction are found from its plain form, and an effect that a later one makes superfluous
+falls."""
+
+import numpy as np
+import pytest
+from identification_plants import STAGE, stage_recording
+
+from haptic_teleop_sim.model import Effect
+from haptic_teleop_sysid.dataset import load_dataset
+from haptic_teleop_sysid.diagnosis.diagnose import diagnose
+from haptic_teleop_sysid.diagnosis.forms import richer_forms
+from haptic_teleop_sysid.diagnosis.scales import recording_scales, within_reach
+from haptic_teleop_sysid.diagnosis.search import _alone
+from haptic_teleop_sysid.estimation.records import record_from
+from haptic_teleop_sysid.estimation.whole_fit import fit_from_scratch, fit_whole
+
+PLAIN = Effect("coulomb_friction", "stage1_arm", {"torque": 0.1})
+LATE = Effect("input_delay", "stage1_actuator", {"delay": 0.004})
+
+
+def records(*effects, seeds=(1,), rms=0.15):
+    truth = STAGE.with_effects(*effects)
+    made = [stage_recording(truth, seed=s, seconds=12.0, rms=rms, band=(0.2, 4.0)) for s in seeds]
+    return [record_from(load_dataset(one, STAGE), commanded=True) for one in made]
+
+
+def forms(hidden):
+    """What is found from a plain friction where ``hidden`` is true, by name."""
+    learn = records(hidden)
+    before = fit_from_scratch(STAGE, learn)
+    plain = fit_whole(STAGE.with_effects(PLAIN), before.noise, learn, iterations=20)
+    found = richer_forms(
+        [plain], before, 0, learn, recording_scales(before.model, learn), within_reach(STAGE)
+    )
+    return plain, {f.model.effects[0].effect: f for f in found}
+
+
+@pytest.mark.parametrize(
+    "hidden",
+    [
+        Effect("stribeck_friction", "stage1_arm", {"coulomb": 0.08, "breakaway": 0.2, "velocity": 0.1}),
+        Effect("asymmetric_friction", "stage1_arm", {"positive": 0.2, "negative": 0.1}),
+        Effect("presliding_friction", "stage1_arm", {"torque": 0.05, "stiffness": 60.0}),
+        Effect(
+            "position_dependent_friction",
+            "stage1_arm",
+            {"torque": 0.15, "amplitude": 0.08, "order": 9.0, "phase": 2.0},
+        ),
+    ],
+    ids=lambda e: e.effect,
+)
+def test_a_form_is_found_from_the_plain_one(hidden):
+    plain, found = forms(hidden)
+    right = found[hidden.effect]
+    assert right.log_likelihood == max(f.log_likelihood for f in found.values())
+    assert right.log_likelihood > plain.log_likelihood + 30.0
+    size = "stiffness" if hidden.effect == "presliding_friction" else next(iter(hidden.parameters))
+    assert right.model.effects[0].parameters[size] == pytest.approx(hidden.parameters[size], rel=0.25)
+
+
+def test_a_plain_friction_has_no_better_form_and_a_weak_one_is_not_asked():
+    plain, found = forms(PLAIN)
+    assert all(f.log_likelihood < plain.log_likelihood + 12.0 for f in found.values())
+    learn = records(Effect("coulomb_friction", "stage1_arm", {"torque": 1e-5}))
+    before = fit_from_scratch(STAGE, learn)
+    weak = fit_whole(STAGE.with_effects(PLAIN), before.noise, learn, iterations=20)
+    assert richer_forms([weak], before, 0, learn, recording_scales(STAGE, learn), within_reach(STAGE)) == []
+
+
+@pytest.mark.parametrize(("hidden", "falls"), [((PLAIN,), True), ((PLAIN, LATE), False)])
+def test_the_first_of_two_falls_where_it_is_worth_nothing_beside_the_second(hidden, falls):
+    learn, judge = records(*hidden), records(*hidden, seeds=(2,), rms=0.08)
+    baseline = fit_from_scratch(STAGE, learn)
+    both = fit_whole(STAGE.with_effects(LATE, PLAIN), baseline.noise, learn, iterations=30)
+    scales = recording_scales(baseline.model, learn)
+    found = _alone(baseline, both, learn, judge, scales, within_reach(STAGE))
+    if falls:
+        assert [e.effect.effect for e in found] == ["coulomb_friction"]
+        assert found[0].elsewhere > 30.0
+    else:
+        assert found == []
+
+
+def test_a_delay_of_many_samples_is_found():
+    late = Effect("input_delay", "stage1_actuator", {"delay": 0.055})
+    sets = [
+        load_dataset(
+            stage_recording(STAGE.with_effects(late), seed=s, seconds=12.0, rms=r, band=(0.2, 8.0)),
+            STAGE,
+            f"seed {s}",
+        )
+        for s, r in ((1, 0.15), (2, 0.08))
+    ]
+    _, verdict, _, content = diagnose(STAGE, sets[:1], sets[1:])
+    first = content["findings"][0]
+    names = {first["effect"], *(a["effect"] for a in first["alternatives"])}
+    assert "input_delay" in names
+    assert first["parameters"]["delay"]["value"] == pytest.approx(0.055, abs=2e-3)
+    assert verdict.kind in ("identified", "ambiguous")
+    assert np.mean(list(content["fit"]["augmented"]["validation"].values())) > 90.0
