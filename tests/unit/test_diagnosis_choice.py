@@ -14,6 +14,7 @@ from haptic_teleop_sysid.diagnosis.decide import (
     LEAST_GAIN,
     LEAST_HELD_OUT,
     LEAST_SHARE,
+    LEAST_SHARE_EXOGENOUS,
     choose,
 )
 from haptic_teleop_sysid.diagnosis.explanation import Explanation
@@ -161,6 +162,12 @@ def test_a_weak_second_effect_is_refused():
     weak = explanation("coulomb_friction", 60.0, 40.0)
     assert choose([weak], 0.0, False) is not None
     assert choose([weak], 200.0 / LEAST_SHARE, False) is None
+
+
+def test_a_weak_second_effect_that_follows_another_joint_is_no_leftover():
+    coupling = explanation("inertial_coupling", 100.0, 100.0, place="arm", coefficient=0.01)
+    assert choose([coupling], 200.0 / LEAST_SHARE, False).chosen is coupling
+    assert choose([coupling], 200.0 / LEAST_SHARE_EXOGENOUS, False) is None
 
 
 def test_what_is_left_of_a_lag_is_no_wrong_stamp_beside_it():

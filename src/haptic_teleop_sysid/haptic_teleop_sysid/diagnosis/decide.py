@@ -30,6 +30,8 @@ LEAST_SHARE = 0.02
 #: encoder: of any kind), where such leftovers go first, or where it is not even clear what it is or where,
 #: forms of one thing apart.
 LEAST_SHARE_ALIKE = 0.15
+#: ... and this one where it follows another joint, which no leftover of this joint's physics does by itself.
+LEAST_SHARE_EXOGENOUS = 0.0005
 #: Explanations whose score together is within this share of the best one's are as good: forms of friction
 #: differ by more, while the noise of real recordings is not white to within a few percent.
 AS_GOOD = 0.01
@@ -146,6 +148,8 @@ def _least_share(explanation: Explanation) -> float:
     """Leftovers of a slightly wrong form go to what is of its kind at its place first; between command and
     torque, and in an encoder, to whatever is there."""
     own = explanation.effect
+    if own.entry.exogenous:
+        return LEAST_SHARE_EXOGENOUS
     alike = any(
         e.location == own.location
         and (e.entry.kind == own.entry.kind or not own.location.endswith(("_motor", "_arm", "_joint")))
