@@ -7,7 +7,15 @@ from identification_plants import STAGE, stage_recording
 from haptic_teleop_sim.model import Effect
 from haptic_teleop_sysid.dataset import load_dataset
 from haptic_teleop_sysid.diagnosis.doubt import CHANGES, CHANGES_GAIN
-from haptic_teleop_sysid.diagnosis.modulation import Modulation, changes_with, modulations
+from haptic_teleop_sysid.diagnosis.modulation import (
+    JUST_AFTER,
+    LONGEST_REST,
+    RESTED,
+    Modulation,
+    changes_with,
+    modulations,
+    rested,
+)
 from haptic_teleop_sysid.estimation.records import record_from
 from haptic_teleop_sysid.estimation.whole_fit import fit_from_scratch, fit_whole, noise_starts
 
@@ -67,3 +75,23 @@ def test_what_is_no_torque_has_no_size_that_could_change():
     fit = fit_whole(STAGE.with_effects(scale), fit_from_scratch(STAGE, [record]).noise, [record])
     assert modulations(fit, fit.model.effects[0], [record]) == {}
     assert np.isfinite(fit.log_likelihood)
+
+
+def test_rests_are_counted_before_the_motion_that_follows():
+    velocity = np.ones(1000)
+    velocity[100:150] = 0.001  # 0.1 s at rest
+    velocity[400:700] = 0.0  # longer than matters
+    velocity[990:] = 0.0  # no motion follows
+    expected = np.zeros(1000)
+    after = round(JUST_AFTER / 0.002)
+    expected[150 : 150 + after] = 0.1
+    expected[700 : 700 + after] = LONGEST_REST
+    assert np.allclose(rested(velocity, 0.002), expected)
+    assert not rested(np.ones(50), 0.002).any()
+
+
+def test_what_happens_for_moments_needs_to_change_the_mean_but_little():
+    ages = {RESTED: Modulation(0.02, 40.0), "time": Modulation(0.02, 40.0)}
+    assert changes_with(ages, ages, CHANGES, CHANGES_GAIN) == (RESTED, 0.02)
+    by_chance = {RESTED: Modulation(0.02, 8.0)}
+    assert changes_with(ages, by_chance, CHANGES, CHANGES_GAIN) is None
