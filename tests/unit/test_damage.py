@@ -68,18 +68,68 @@ def test_a_jump_of_speed_at_a_stop_is_no_outlier():
     assert not leaps(np.abs(np.sin(3.0 * time))).any()
 
 
-@pytest.mark.parametrize("length", [1, 2, 4])
+@pytest.mark.parametrize("length", [1, 2, 4, 10, 20])
 @pytest.mark.parametrize("step", [1e-12, 2.5e-4])
 def test_readings_that_are_held_while_the_joint_moves_count_as_not_read(length, step):
     angle = 0.4 * np.sin(4.0 * 0.002 * np.arange(4000))
     angle = step * np.round(angle / step)
     damaged = angle.copy()
-    fast = [i for i in range(100, 3900, 60) if abs(angle[i] - angle[i - 1]) > 1.2e-3]
+    speed = np.abs(np.diff(angle, prepend=0.0))
+    fast = [i for i in range(100, 3900, 60) if np.all(speed[i - 4 : i + length + 4] > 1.2e-3)]
+    assert len(fast) > 30
     for i in fast:
         damaged[i : i + length] = damaged[i - 1]
     expected = sorted(i + j for i in fast for j in range(length))
     assert np.flatnonzero(held(damaged)).tolist() == expected
     assert not held(angle).any()
+
+
+def test_one_value_told_over_and_over_off_the_way_is_no_reading():
+    angle = 0.4 * np.sin(4.0 * 0.002 * np.arange(4000)) + 1.0
+    damaged = angle.copy()
+    for i in range(200, 3800, 300):
+        damaged[i : i + 30] = 0.0
+    assert np.flatnonzero(held(damaged)).tolist() == [i + j for i in range(200, 3800, 300) for j in range(30)]
+
+
+@pytest.mark.parametrize("length", [7, 20, 40])
+@pytest.mark.parametrize("columns", [[0], [1], [0, 1]])
+def test_short_dropouts_shift_nothing_behind_them(length, columns):
+    def drop(position):
+        for start in range(300, 3900, 300):
+            for c in columns:
+                position[start : start + length, c] = position[start - 1, c]
+
+    dataset = load_dataset(with_positions(drop), MODEL, "mybag", allow_gaps=True)
+    assert dataset.slips == ()
+    for found, true in ((dataset.motor_position, STATES[:, 0]), (dataset.arm_position, STATES[:, 1])):
+        wrong = np.abs(found - true) > 2e-3
+        assert np.mean(wrong) <= 12 * length / 4000
+        assert np.max(np.abs(found - true)[-100:]) < 1e-5
+
+
+@pytest.mark.parametrize("length", [7, 15, 30])
+def test_bursts_of_outliers_count_as_not_read(length):
+    def burst(position):
+        for start in range(300, 3900, 300):
+            position[start : start + length, 1] += 0.3
+
+    dataset = load_dataset(with_positions(burst), MODEL, "mybag", allow_gaps=True)
+    assert dataset.slips == ()
+    assert np.count_nonzero(~dataset.valid) == 12 * length
+    assert any("elsewhere for some samples 12 times" in p for p in dataset.problems)
+    with pytest.raises(RecordingError, match=r"12 stretches.*stage1_arm.*comes back"):
+        load_dataset(with_positions(burst), MODEL, "mybag")
+
+
+def test_infinite_readings_are_told_once_and_without_a_warning():
+    def overflow(position):
+        position[500:503, 1] = np.inf
+
+    with np.errstate(all="raise"):
+        dataset = load_dataset(with_positions(overflow), MODEL, "mybag")
+    assert len(dataset.problems) == 1
+    assert np.flatnonzero(~dataset.valid).tolist() == [500, 501, 502]
 
 
 def test_held_readings_are_told():
@@ -89,7 +139,7 @@ def test_held_readings_are_told():
             position[i, 0] = position[i - 1, 0]
 
     dataset = load_dataset(with_positions(hold), MODEL, "mybag")
-    assert any("stage1_motor.position repeats" in p for p in dataset.problems)
+    assert any("stage1_motor.position repeats one value" in p for p in dataset.problems)
     assert np.max(np.abs(dataset.motor_position - STATES[:, 0])) < 2e-3
 
 
@@ -142,3 +192,24 @@ def test_a_clock_that_is_set_back_is_told_and_cuts_the_recording():
     missing = np.flatnonzero(~dataset.valid)
     assert 0 <= missing[0] - 2000 <= 1
     assert len(missing) > 5
+
+
+@pytest.mark.parametrize("jump", [4_000_000, 20_000_000, 500_000_000])
+def test_a_clock_set_back_by_little_is_no_slip_either(jump):
+    stamp = joint_recording(CURRENT, STATES).topics[TOPIC].stamp.copy()
+    stamp[2000:] -= jump
+    with pytest.raises(RecordingError, match=r"clock.*--allow-gaps"):
+        load_dataset(with_stamps(stamp), MODEL, "mybag")
+    dataset = load_dataset(with_stamps(stamp), MODEL, "mybag", allow_gaps=True)
+    assert dataset.slips == ()
+    assert np.count_nonzero(~dataset.valid) > 5
+
+
+def test_a_joint_that_is_held_on_one_side_is_told_and_not_refused():
+    # The motor is braked while the arm rings down: that is an experiment.
+    time = 0.002 * np.arange(5000)
+    motor = 0.1 * np.sin(2.0 * time) * (time < 5.0)
+    arm = motor + 0.005 * np.sin(3.0 * time)
+    arm[2500:] = 0.05 * np.sin(8.0 * time[2500:]) * np.exp(-(time[2500:] - 5.0))
+    found = stood_still(motor, arm, 0.002)
+    assert [(a >= 2400, sure) for a, _, sure in found] == [(True, False)]

@@ -93,3 +93,24 @@ def test_a_recording_is_put_back_and_says_so():
     assert np.max(np.abs(dataset.arm_velocity)) < 1.5 * np.max(np.abs(states[:, 3]))
     assert dataset.valid.all()
     assert any("0.03 rad elsewhere from 3.000 s" in p for p in dataset.problems)
+
+
+def test_too_many_slips_are_told_and_left():
+    current = excitation(4000)
+    states = response(current)
+    recording = joint_recording(current, states)
+    position = recording.topics[TOPIC].position.copy()
+    for start in range(100, 3900, 140):
+        position[start:, 1] += 0.02
+    recording.topics[TOPIC] = replace(recording.topics[TOPIC], position=position)
+    model = Model("sfj", "stage1", "flexible_joint", TRUTH, source="stage1.yaml")
+    dataset = load_dataset(recording, model, "mybag")
+    assert dataset.slips == ()
+    assert np.array_equal(dataset.arm_position, position[:, 1])
+    assert any("jumps elsewhere 28 times" in p for p in dataset.problems)
+
+
+def test_slow_recordings_tell_no_slip():
+    snapped = np.repeat([0.0, 0.3, 0.0, 0.3], 1000) + 1e-4 * np.sin(np.arange(4000.0))
+    assert len(slips(snapped, 0.002 * np.arange(4000))) == 3
+    assert slips(snapped, 0.01 * np.arange(4000)) == []

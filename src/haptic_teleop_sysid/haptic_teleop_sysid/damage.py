@@ -26,10 +26,16 @@ FURTHER = 4.0
 
 MOVES = 4.0
 """Steps of the encoder per sample, of a joint that cannot stand still for just one of them."""
-LONGEST_HELD = 5
+LONGEST_HELD = 50
 """Repeated readings after which the speed before them says nothing any more."""
-CAUGHT_UP = 0.4
-"""Share of what that speed makes over the repeated readings by which the next new one may differ."""
+CATCHES_UP = 1.6
+"""Factor over the speed behind repeated readings by which the step out of them catches up ..."""
+CAUGHT_UP = 0.5
+"""... and share of what the speeds before and behind make of their time that it comes to, or the inverse."""
+OFF = 12.0
+"""Factor over the steps on either side by which a value lies off the way."""
+_ROUND = 4
+"""Samples on either side from which the speed there is drawn."""
 SETTLES = 0.05
 """s that filtered velocities take to forget how a reading jumped to where the joint had got to."""
 
@@ -55,22 +61,33 @@ def leaps(values: Array) -> NDArray[np.bool_]:
 
 
 def held(values: Array) -> NDArray[np.bool_]:
-    """True (n,) at readings of a position (n,) that repeat the one before although the joint moves by at
-    least MOVES steps of its encoder a sample: the next one that is new has caught up with that speed."""
+    """True (n,) at readings of a position (n,) that repeat one before although the joint moves on, which the
+    next new one has caught up with; and at one value told over and over that lies off the way before and
+    behind it. Up to LONGEST_HELD samples; longer ones are for `stood_still`."""
     found = np.zeros(len(values), dtype=np.bool_)
     steps = np.diff(values)
     sizes = np.abs(steps[np.isfinite(steps)])
     if not np.any(sizes > 1e-12):
         return found
     least = MOVES * float(np.min(sizes[sizes > 1e-12]))
-    new = np.flatnonzero(steps != 0.0)  # steps[k] leads to sample k + 1
-    for before, after in pairwise(new.tolist()):
-        repeats = after - before - 1
-        if repeats == 0 or repeats > LONGEST_HELD:
+    new = np.flatnonzero(steps != 0.0) + 1  # samples at which a new value begins
+    for first, stop in pairwise(new.tolist()):
+        if not 2 <= stop - first <= LONGEST_HELD or first < _ROUND or stop + _ROUND > len(values):
             continue
-        speed = steps[before]
-        if abs(speed) > least and abs(steps[after] / ((repeats + 1) * speed) - 1.0) < CAUGHT_UP:
-            found[before + 2 : after + 1] = True
+        into, out = steps[first - 1], steps[stop - 1]
+        before = (values[first - 1] - values[first - _ROUND]) / (_ROUND - 1)
+        behind = (values[stop + _ROUND - 1] - values[stop]) / (_ROUND - 1)
+        expected = (stop - first) * 0.5 * (before + behind)
+        if (
+            min(abs(into), abs(before), abs(out)) > least
+            and abs(out) > CATCHES_UP * abs(behind)
+            and CAUGHT_UP * abs(expected) < np.sign(expected) * out < abs(expected) / CAUGHT_UP
+        ):
+            found[first + 1 : stop] = True
+        elif min(abs(into), abs(out)) > OFF * max(abs(before), abs(behind), least) and abs(
+            values[stop] - values[first - 1]
+        ) < 0.5 * min(abs(into), abs(out)):
+            found[first:stop] = True
     return found
 
 
@@ -81,10 +98,11 @@ def _leap(steps: Array) -> float:
     return LEAP * float(np.quantile(known, USUAL)) if len(known) >= 100 else np.inf
 
 
-def stood_still(values: Array, other: Array, dt: float) -> list[tuple[int, int]]:
-    """Stretches [start, stop) of a position (n,) that does not change by a single step of its encoder, for
-    at least STANDS_STILL s, and leaps to where it had got to in the end, or while the joint's `other`
-    position (n,) turns further than FURTHER times all that the two differ by at other times."""
+def stood_still(values: Array, other: Array, dt: float) -> list[tuple[int, int, bool]]:
+    """Stretches [start, stop) of a position (n,) that does not change by a single step of its encoder, for at
+    least STANDS_STILL s, while the joint's `other` position (n,) moves on: surely (True) where it leaps to
+    where it had got to in the end; or perhaps, where the other one turns further than FURTHER times all that
+    the two differ by at other times, which a joint does that is held on one side."""
     steps = np.append(np.abs(np.diff(values)), 0.0)
     changes = np.flatnonzero(steps > 1e-12) + 1
     edges = np.concatenate([[0], changes, [len(values)]])
@@ -100,7 +118,12 @@ def stood_still(values: Array, other: Array, dt: float) -> list[tuple[int, int]]
     differ = float(np.ptp((other - values)[moving]))
     step = float(np.min(steps[changes - 1]))
     limit, far = _leap(steps), FURTHER * max(differ, 4.0 * step)
-    return [(a, b) for a, b in still if steps[b - 1] > limit or float(np.ptp(other[a:b])) > far]
+    found = []
+    for a, b in still:
+        moved = float(np.ptp(other[a:b]))
+        if (sure := steps[b - 1] > limit and moved > 0.5 * steps[b - 1]) or moved > far:
+            found.append((a, b, bool(sure)))
+    return found
 
 
 def refuse_holes(valid: NDArray[np.bool_], dt: float, name: str, why: list[str]) -> None:

@@ -11,7 +11,7 @@ from scipy.signal import savgol_filter
 from haptic_teleop_control.robots import VELOCITY_FILTER_CUTOFF_HZ, VELOCITY_FILTER_DAMPING
 from haptic_teleop_sysid.channels import Channel
 from haptic_teleop_sysid.damage import SETTLES, held, leaps, stood_still
-from haptic_teleop_sysid.slips import Slip, put_back, slips
+from haptic_teleop_sysid.slips import MOST, Slip, excursions, put_back, slips
 from haptic_teleop_sysid.time_grid import NS, TimeGrid
 from haptic_teleop_sysid.velocity_series import velocity_series
 
@@ -45,24 +45,38 @@ def motion(
 
 def _mended(read: Array, joint: str, grid: TimeGrid, damage: Damage) -> Array:
     """The positions of all messages (m,) without what cannot be true; `read` itself where all of it can."""
-    kept, mended = read[grid.keep], read
-    outliers = leaps(kept)
-    if outliers.any():
-        kept[outliers] = np.nan
+    kept = np.where(np.isfinite(read[grid.keep]), read[grid.keep], np.nan)
+    unread = leaps(kept)
+    if unread.any():
         damage.told.append(
-            f"{joint}.position leaps away and back at {int(np.sum(outliers))} samples, which no joint does: "
+            f"{joint}.position leaps away and back at {int(np.sum(unread))} samples, which no joint does: "
             "they count as not read"
         )
-    stale = held(kept)
+    stale = held(np.where(unread, np.nan, kept))
     if stale.any():
-        kept[stale] = np.nan
         damage.told.append(
-            f"{joint}.position repeats {int(np.sum(stale))} readings while the joint moves on: they count as "
-            "not read"
+            f"{joint}.position repeats one value at {int(np.sum(stale))} samples while the joint moves on: "
+            "they count as not read"
         )
-    found = (
-        slips(finite(kept, None), (grid.stamps - grid.stamps[0]) * NS) if np.any(np.isfinite(kept)) else []
-    )
+    unread |= stale
+    found: list[Slip] = []
+    if np.any(np.isfinite(kept) & ~unread):
+        way = finite(np.where(unread, np.nan, kept), None)
+        apart = np.diff(grid.keep, prepend=grid.keep[0] - 1) > 1  # messages between were left out
+        away, found = excursions(slips(way, (grid.stamps - grid.stamps[0]) * NS, apart))
+        for start, stop in away:
+            unread[start:stop] = True
+        if away:
+            damage.told.append(
+                f"{joint}.position is elsewhere for some samples {len(away)} times and comes back: they "
+                "count as not read"
+            )
+    if len(found) > MOST:
+        damage.told.append(
+            f"{joint}.position jumps elsewhere {len(found)} times, too often for an encoder that slips now "
+            "and then: its readings were left as they are and should not be trusted"
+        )
+        found = []
     for slip in found:
         time = float((grid.stamps[slip.index] - grid.stamps[0]) * NS)
         damage.slips.append(replace(slip, encoder=joint, time=time))
@@ -70,26 +84,30 @@ def _mended(read: Array, joint: str, grid: TimeGrid, damage: Damage) -> Array:
             f"{joint}.position is {slip.size:.4g} rad elsewhere from {time:.3f} s on and goes on from there, "
             "as of an encoder that slips or loses counts: it was put back"
         )
-    if outliers.any() or stale.any() or found:
-        mended = read.copy()
-        mended[grid.keep] = put_back(kept, found)
+    if not unread.any() and not found:
+        return read
+    mended = read.copy()
+    mended[grid.keep] = put_back(np.where(unread, np.nan, kept), found)
     return mended
 
 
 def leave_out_stills(
     positions: dict[str, Array], dt: float, valid: NDArray[np.bool_], damage: Damage
 ) -> None:
-    """Mark where one of the two encoders of a joint stood still while the other moved on."""
+    """Mark where one of the two encoders of a joint surely stood still while the other moved on, and tell
+    where it may have."""
     for joint, other in (list(positions), list(positions)[::-1]):
         values = positions[joint]
         found = stood_still(values, positions[other], dt)
-        for start, stop in found:
-            valid[start : stop + round(SETTLES / dt)] = False
+        for start, stop, sure in found:
+            if sure:
+                valid[start : stop + round(SETTLES / dt)] = False
         if found:
-            start, stop = max(found, key=lambda s: s[1] - s[0])
+            start, stop, sure = max(found, key=lambda s: (s[2], s[1] - s[0]))
+            why = "its encoder or the line to it failed" + ("" if sure else ", or it was held")
             damage.told.append(
                 f"{joint}.position stands still {len(found)} times while {other} moves on, "
-                f"{(stop - start) * dt:.3f} s from {start * dt:.3f} s: its encoder or the line to it failed"
+                f"{(stop - start) * dt:.3f} s from {start * dt:.3f} s: {why}"
             )
 
 

@@ -16,6 +16,8 @@ IRREGULAR = 0.01
 """Stamps off the uniform grid by more than this share of a period make resampling necessary."""
 GAP_PERIODS = 5.0
 """A longer hole, in periods, is not bridged: samples within it are not valid."""
+STRAYS = 1
+"""Messages in a row stamped in the past that may have strayed there; more of them mean a clock set back."""
 FEWEST_VALID = 0.5
 """Share of the time that must have been measured, so that leaving out holes makes sense."""
 
@@ -72,7 +74,7 @@ class TimeGrid:
         valid = np.ones(n, dtype=np.bool_)
         for hole in np.flatnonzero(steps > GAP_PERIODS * period):
             valid[(at > since[hole] + 0.5 * dt) & (at < since[hole + 1] - 0.5 * dt)] = False
-        set_back = _set_back(keep, len(series), since)
+        set_back = _set_back(keep, series.stamp, since)
         for start, _ in set_back:
             valid[(at >= start - 0.5 * dt) & (at <= start + (GAP_PERIODS + 0.5) * dt)] = False
         return cls(keep, stamps, at, dt, not regular, valid, set_back)
@@ -83,9 +85,14 @@ class TimeGrid:
         return np.interp(self.at, (self.stamps - self.stamps[0]) * NS, kept) if self.resampled else kept
 
 
-def _set_back(keep: NDArray[np.intp], count: int, since: Array) -> tuple[tuple[float, int], ...]:
-    """Where more than GAP_PERIODS of `count` messages in a row lie in the past: time of the first kept one
-    behind them (of `since`, s), and how many they are. One that strayed in from earlier is no such thing."""
-    left_out = np.diff(np.append(keep, count)) - 1
-    behind = np.flatnonzero(left_out > GAP_PERIODS)
-    return tuple((float(since[min(i + 1, len(since) - 1)]), int(left_out[i])) for i in behind)
+def _set_back(
+    keep: NDArray[np.intp], stamp: NDArray[np.int64], since: Array
+) -> tuple[tuple[float, int], ...]:
+    """Where several messages in a row lie in the past (STRAYS), or more than GAP_PERIODS repeat a stamp: time
+    of the first kept one behind them (of `since`, s), and how many they are."""
+    behind = np.concatenate([[0], np.cumsum(stamp < np.maximum.accumulate(stamp))])
+    edges = np.append(keep, len(stamp))
+    left_out = np.diff(edges) - 1
+    past = behind[edges[1:]] - behind[keep]
+    found = np.flatnonzero(((past > 0) & (left_out > STRAYS)) | (left_out > GAP_PERIODS))
+    return tuple((float(since[min(i + 1, len(since) - 1)]), int(left_out[i])) for i in found)

@@ -85,7 +85,7 @@ def search(
             break
         choices.append(choice)
         fit = choice.chosen.fit
-        if len(choices) == 2:
+        if len(choices) == 2 and choices[0].chosen.by_current <= 0.0:
             second = _alone(baseline, fit, estimation, validation, scales, within_reach(lab))
             alone = choose(second, 0.0, sense_follows, percent) if second else None
             if alone is not None and not alone.unnamed:

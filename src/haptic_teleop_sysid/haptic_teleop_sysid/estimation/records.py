@@ -163,13 +163,23 @@ def with_trusted_input(data: DataSet, commanded: bool = False) -> DataSet:
 
 
 def _resolution(data: DataSet, measured: FloatArray) -> tuple[float, float]:
-    if data.robot == "sfj":
-        facts = SFJ_STAGES[data.joint]
-        return facts.drive_resolution, facts.joint_resolution
-    if data.robot == "omni":
-        return OMNI_RESOLUTION, OMNI_RESOLUTION
+    if data.robot in ("sfj", "omni"):
+        known = (OMNI_RESOLUTION, OMNI_RESOLUTION)
+        if data.robot == "sfj":
+            facts = SFJ_STAGES[data.joint]
+            known = (facts.drive_resolution, facts.joint_resolution)
+        # Another encoder may be coarser than the one that is usual there.
+        seen = [_least_step(measured[:, channel]) for channel in (0, 1)]
+        return max(known[0], seen[0]), max(known[1], seen[1])
     found = [smallest_step(measured[:, channel]) for channel in (0, 1)]
     return found[0], found[1]
+
+
+def _least_step(angle: FloatArray) -> float:
+    """The smallest difference of successive readings, rad; 0 where hardly any differ."""
+    steps = np.abs(np.diff(angle[np.isfinite(angle)]))
+    steps = steps[steps > 1e-12]
+    return float(np.min(steps)) if len(steps) >= SHORTEST_PIECE else 0.0
 
 
 def smallest_step(angle: FloatArray) -> float:
