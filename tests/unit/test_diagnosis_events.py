@@ -14,7 +14,7 @@ from haptic_teleop_sim.model import Effect
 from haptic_teleop_sim.sfj_robot import SfjSettings, stage_hardware
 from haptic_teleop_sysid.dataset import load_dataset
 from haptic_teleop_sysid.diagnosis.diagnose import diagnose, records_of
-from haptic_teleop_sysid.diagnosis.events import bursts, moment, steady_line
+from haptic_teleop_sysid.diagnosis.events import _lines, bursts, moment, steady_line
 from haptic_teleop_sysid.diagnosis.reasons import Doubt, rather_event, slipped
 from haptic_teleop_sysid.estimation.whole_fit import fit_from_scratch, fit_whole
 
@@ -105,6 +105,17 @@ def test_a_hum_is_heard_at_its_frequency(frequency):
 def test_friction_is_no_hum():
     truth = STAGE.with_effects(Effect("coulomb_friction", "stage1_motor", {"torque": 0.1}))
     assert steady_line(fitted(dataset(1, truth=truth), dataset(2, truth=truth))) is None
+
+
+def test_the_multiples_of_a_single_tone_are_its_answer_and_no_hum():
+    rng = np.random.default_rng(1)
+    time = 0.002 * np.arange(10000)
+    drive = np.sin(2 * np.pi * 1.5 * time)
+    noise = rng.standard_normal((10000, 2))
+    third = noise + 0.8 * np.sin(2 * np.pi * 4.5 * time)[:, None]
+    other = noise + 0.8 * np.sin(2 * np.pi * 17.2 * time)[:, None]
+    assert _lines(third, drive, 0.002) == []
+    assert _lines(other, drive, 0.002) == [pytest.approx(17.2)]
 
 
 def test_what_is_gained_at_one_moment_is_told_from_what_is_gained_always():

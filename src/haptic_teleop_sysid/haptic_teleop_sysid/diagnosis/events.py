@@ -38,6 +38,8 @@ MOMENT, ALL_OF_IT, ENOUGH = 0.5, 0.8, 20.0
 #: Frequencies (of those that the recording resolves) on either side that the surroundings are taken from, and
 #: that belong to one line.
 _AROUND, _WIDTH = 50, 3
+#: Tones of a command up to which their multiples may be its answer; a multisine has multiples everywhere.
+_FEW_TONES = 4
 
 
 @dataclass(frozen=True)
@@ -138,12 +140,21 @@ def _lines(errors: FloatArray, drive: FloatArray, dt: float) -> list[float]:
     white = float(np.median(power)) / np.log(2.0)
     left = float(np.sum(power[power > EXCEEDS * white]))
     frequency = np.fft.rfftfreq(len(errors), dt)
+    # What a nonlinearity makes of a command of one or few frequencies are their multiples.
+    tones = [k for k in np.flatnonzero(driven > 0.1 * driven.max()) if driven[k] == driven[_near(k)].max()]
     found = []
     for k in sorted(np.flatnonzero(out), key=lambda k: -power[k]):
-        near = slice(max(k - _WIDTH, 0), k + _WIDTH + 1)
+        if len(tones) <= _FEW_TONES and any(abs(k / t - round(k / t)) * t < _WIDTH for t in tones if t > 0):
+            continue
+        near = _near(k)
         if power[k] == power[near].max() and power[near].sum() > LINE_HOLDS * left:
             found.append(float(frequency[k]))
     return found
+
+
+def _near(k: int) -> slice:
+    """The frequencies that belong to the line at number ``k``."""
+    return slice(max(k - _WIDTH, 0), k + _WIDTH + 1)
 
 
 def _whitened(fit: Fit, record: Record) -> FloatArray:
