@@ -70,7 +70,10 @@ def test_a_torque_at_the_motor_has_its_shadow_at_the_arm(pulled):
     model = MODEL.with_effects(Effect("constant_torque", "stage1_motor", {"torque": -0.02}))
     start = replace(before, model=model, free=model.free_parameters())
     motor = polish(start, pulled, limits)
-    both = with_shadows([motor], before, pulled, limits)
+    cast = with_shadows([motor], before, pulled, limits)
+    names = {(f.model.effects[0].effect, f.model.effects[0].location) for f in cast}
+    assert names >= {("constant_torque", "stage1_arm"), ("gravity", "stage1_arm")}
+    both = [f for f in cast if f.model.effects[0].effect == "constant_torque"]
     places = {f.model.effects[0].location: f for f in both}
     assert set(places) == {"stage1_motor", "stage1_arm"}
     # The encoders are zeroed with the joint loaded: nothing tells the two apart but the first moments.
@@ -84,7 +87,23 @@ def test_a_torque_at_the_motor_has_its_shadow_at_the_arm(pulled):
 def test_what_does_not_load_the_joint_has_no_shadow():
     assert shadows(Effect("coulomb_friction", "stage1_motor", {"torque": 0.1})) == []
     spring = Effect("spring_to_ground", "stage1_arm", {"stiffness": 0.1, "rest": 0.2})
-    assert [(e.effect, e.location) for e in shadows(spring)] == [("spring_to_ground", "stage1_motor")]
+    assert [(e.effect, e.location) for e in shadows(spring)] == [
+        ("spring_to_ground", "stage1_motor"),
+        ("gravity", "stage1_arm"),
+    ]
+
+
+def test_a_spring_is_gravity_over_small_angles_and_gravity_a_spring():
+    spring = Effect("spring_to_ground", "stage1_arm", {"stiffness": 0.1, "rest": 0.2})
+    gravity = shadows(spring)[-1]
+    t, phase = gravity.parameters["torque"], gravity.parameters["phase"]
+    for q in (-0.02, 0.0, 0.03):
+        # The contract's equations.
+        assert -t * math.sin(q + phase) == pytest.approx(-0.1 * (q - 0.2), abs=2e-5)
+    (back,) = shadows(gravity)
+    assert back.parameters == pytest.approx(spring.parameters)
+    hanging = Effect("gravity", "stage1_arm", {"torque": 0.1, "phase": math.pi / 2})
+    assert shadows(hanging) == []
 
 
 def test_no_shadow_falls_where_the_model_can_have_none_or_has_it_already(pulled):
@@ -104,7 +123,7 @@ def test_no_shadow_falls_where_the_model_can_have_none_or_has_it_already(pulled)
     torque = start(before.model, Effect("constant_torque", "stage1_arm", {"torque": 0.02}))
     found = with_shadows([torque], before, pulled, within_reach(MODEL))
     names = {(f.model.effects[1].effect, f.model.effects[1].location) for f in found}
-    assert names == {("constant_torque", "stage1_arm"), ("constant_torque", "stage1_motor")}
+    assert names == {("constant_torque", "stage1_arm"), ("constant_torque", "stage1_motor")}  # no gravity
 
 
 @pytest.mark.parametrize("torque", [0.03, -0.03])

@@ -35,6 +35,14 @@ def shadows(effect: Effect) -> list[Effect]:
         found.append(
             Effect(effect.effect, f"{head}_{'arm' if part == 'motor' else 'motor'}", effect.parameters)
         )
+    p = effect.parameters
+    if effect.effect == "spring_to_ground" and part == "arm":
+        # Over small angles T sin(q + phase) is k (q - rest).
+        torque, phase = p["stiffness"] * math.hypot(1.0, p["rest"]), math.atan(-p["rest"])
+        found.append(Effect("gravity", effect.location, {"torque": torque, "phase": phase}))
+    if effect.effect == "gravity" and math.cos(p["phase"]) > 0.1:
+        spring = {"stiffness": p["torque"] * math.cos(p["phase"]), "rest": -math.tan(p["phase"])}
+        found.append(Effect("spring_to_ground", effect.location, spring))
     if effect.effect == "constant_torque" and part == "arm":
         torque = effect.parameters["torque"]
         found.append(
@@ -58,30 +66,34 @@ def _at_rest(effect: Effect) -> float:
 
 
 def with_shadows(fits: Sequence[Fit], before: Fit, records: Sequence[Record], limits: Limits) -> list[Fit]:
-    """The fits (best first), and the shadows of the best one that loads the joint, where that is among the
-    best and they are missing or stopped short of it; ``before``: without any of these effects."""
+    """The fits (best first), and the shadows of those that load the joint and are among the best, where they
+    are missing or stopped short of them; ``before``: without any of these effects."""
     index = len(before.model.effects)
     near = [f for f in fits if f.log_likelihood > fits[0].log_likelihood - _AMONG_THE_BEST]
-    loads = [f for f in near if f.model.effects[index].effect in LOADS_THE_JOINT]
-    if not loads:
-        return list(fits)
-    best = loads[0]
-    own = best.model.effects[index]
-    ends = {(f.model.effects[index].effect, f.model.effects[index].location): f for f in fits}
     found = list(fits)
     present = {(n, e.location) for e in before.model.effects for n in family(e.effect)}
-    for other in shadows(own):
-        places = locations(other.effect, before.model.structure)
-        if before.model.place(other.location) not in places or (other.effect, other.location) in present:
-            continue
-        end = ends.get((other.effect, other.location))
-        if end is not None and end.log_likelihood > best.log_likelihood - _SHORT_OF:
-            continue
-        effects = [*best.model.effects[:index], other]
-        if preload := companion(before.model, other) if other.location.endswith("_arm") else None:
-            # Zeroed under load: what the joint carries at rest.
-            effects.append(replace(preload, parameters={"torque": -_at_rest(other)}))
-        start = replace(best, model=replace(best.model, effects=tuple(effects), fixed=before.model.fixed))
-        start = replace(start, free=start.model.free_parameters())
-        found.append(with_companion(polish(start, records, limits), before.model, records, limits))
+    for one in near:  # which grows: a shadow has shadows of its own
+        for other in shadows(one.model.effects[index]):
+            places = locations(other.effect, before.model.structure)
+            if before.model.place(other.location) not in places or (other.effect, other.location) in present:
+                continue
+            best = best_of_each(found, index)
+            ends = {(f.model.effects[index].effect, f.model.effects[index].location): f for f in best}
+            end = ends.get((other.effect, other.location))
+            if end is None or end.log_likelihood < one.log_likelihood - _SHORT_OF:
+                cast = _from_there(one, other, before, records, limits)
+                found.append(cast)
+                if end is None and cast.log_likelihood > fits[0].log_likelihood - _AMONG_THE_BEST:
+                    near.append(cast)
     return best_of_each(found, index)
+
+
+def _from_there(one: Fit, other: Effect, before: Fit, records: Sequence[Record], limits: Limits) -> Fit:
+    """The fit of a shadow from where another one ended."""
+    effects = [*one.model.effects[: len(before.model.effects)], other]
+    if preload := companion(before.model, other) if other.location.endswith("_arm") else None:
+        # Zeroed under load: what the joint carries at rest.
+        effects.append(replace(preload, parameters={"torque": -_at_rest(other)}))
+    start = replace(one, model=replace(one.model, effects=tuple(effects), fixed=before.model.fixed))
+    start = replace(start, free=start.model.free_parameters())
+    return with_companion(polish(start, records, limits), before.model, records, limits)
