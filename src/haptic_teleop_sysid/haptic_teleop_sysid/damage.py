@@ -32,6 +32,8 @@ CATCHES_UP = 1.6
 """Factor over the speed behind repeated readings by which the step out of them catches up ..."""
 CAUGHT_UP = 0.5
 """... and share of what the speeds before and behind make of their time that it comes to, or the inverse."""
+EVEN = 0.6
+"""Share of the mean by which the steps on either side may differ from it."""
 OFF = 12.0
 """Factor over the steps on either side by which a value lies off the way."""
 _ROUND = 4
@@ -78,8 +80,11 @@ def held(values: Array) -> NDArray[np.bool_]:
         before = (values[first - 1] - values[first - _ROUND]) / (_ROUND - 1)
         behind = (values[stop + _ROUND - 1] - values[stop]) / (_ROUND - 1)
         expected = (stop - first) * 0.5 * (before + behind)
+        around = steps[first - _ROUND : first], steps[stop : stop + _ROUND - 1]
+        even = all(np.max(np.abs(s - np.mean(s))) < EVEN * abs(np.mean(s)) for s in around)
         if (
-            min(abs(into), abs(before), abs(out)) > least
+            even  # as no motion by single steps of an encoder is, whose readings repeat by themselves
+            and min(abs(into), abs(before), abs(out)) > least
             and abs(out) > CATCHES_UP * abs(behind)
             and CAUGHT_UP * abs(expected) < np.sign(expected) * out < abs(expected) / CAUGHT_UP
         ):

@@ -141,10 +141,11 @@ def _lines(errors: FloatArray, drive: FloatArray, dt: float) -> list[float]:
     left = float(np.sum(power[power > EXCEEDS * white]))
     frequency = np.fft.rfftfreq(len(errors), dt)
     # What a nonlinearity makes of a command of one or few frequencies are their multiples.
-    tones = [k for k in np.flatnonzero(driven > 0.1 * driven.max()) if driven[k] == driven[_near(k)].max()]
+    strong: list[int] = np.flatnonzero(driven > 0.1 * driven.max()).tolist()
+    tones = [k for k in strong if k > 0 and driven[k] == driven[_near(k)].max()]
     found = []
-    for k in sorted(np.flatnonzero(out), key=lambda k: -power[k]):
-        if len(tones) <= _FEW_TONES and any(abs(k / t - round(k / t)) * t < _WIDTH for t in tones if t > 0):
+    for k in sorted(np.flatnonzero(out).tolist(), key=lambda k: -power[k]):
+        if len(tones) <= _FEW_TONES and any(abs(k / t - round(k / t)) * t < _WIDTH for t in tones):
             continue
         near = _near(k)
         if power[k] == power[near].max() and power[near].sum() > LINE_HOLDS * left:
