@@ -7,7 +7,9 @@ from identification_plants import STAGE, stage_recording
 
 from haptic_teleop_sim.model import Effect
 from haptic_teleop_sysid.dataset import load_dataset
+from haptic_teleop_sysid.diagnosis.decide import Choice
 from haptic_teleop_sysid.diagnosis.diagnose import diagnose
+from haptic_teleop_sysid.diagnosis.explanation import Explanation
 from haptic_teleop_sysid.diagnosis.forms import richer_forms
 from haptic_teleop_sysid.diagnosis.scales import recording_scales, within_reach
 from haptic_teleop_sysid.diagnosis.search import _alone
@@ -67,18 +69,42 @@ def test_a_plain_friction_has_no_better_form_and_a_weak_one_is_not_asked():
     assert richer_forms([weak], before, 0, learn, recording_scales(STAGE, learn), within_reach(STAGE)) == []
 
 
-@pytest.mark.parametrize(("hidden", "falls"), [((PLAIN,), True), ((PLAIN, LATE), False)])
-def test_the_first_of_two_falls_where_it_is_worth_nothing_beside_the_second(hidden, falls):
+PULL = Effect("constant_torque", "stage1_arm", {"torque": 1e-3})
+PRELOAD = Effect("joint_preload", "stage1_joint", {"torque": 0.0})
+UNEVEN = Effect("asymmetric_friction", "stage1_arm", {"positive": 0.11, "negative": 0.09})
+
+
+def alone(hidden, *believed, others=()):
+    """What `_alone` makes of the last of the believed effects (and of what stands for it in ``others``)."""
     learn, judge = records(*hidden), records(*hidden, seeds=(2,), rms=0.08)
     baseline = fit_from_scratch(STAGE, learn)
-    both = fit_whole(STAGE.with_effects(LATE, PLAIN), baseline.noise, learn, iterations=30)
+    found = []
+    for last in (believed[-1], *others):
+        model = STAGE.with_effects(*believed[:-1], last)
+        fit = fit_whole(model, baseline.noise, learn, iterations=30)
+        found.append(Explanation(fit, 50.0, 50.0, True, len(believed) - 1))
+    share = 1.0 / len(found)
+    second = Choice(found[0], share, tuple((e, share) for e in found[1:]))
     scales = recording_scales(baseline.model, learn)
-    found = _alone(baseline, both, learn, judge, scales, within_reach(STAGE))
-    if falls:
-        assert [e.effect.effect for e in found] == ["coulomb_friction"]
-        assert found[0].elsewhere > 30.0
-    else:
-        assert found == []
+    return _alone(baseline, second, learn, judge, scales, within_reach(STAGE))
+
+
+def test_the_first_of_two_falls_where_it_is_worth_nothing_beside_the_second():
+    (found,) = alone((PLAIN,), LATE, PLAIN)
+    assert found.effect.effect == "coulomb_friction"
+    assert found.elsewhere > 30.0
+    assert alone((PLAIN, LATE), LATE, PLAIN) == []
+
+
+def test_what_the_second_is_not_told_from_stays_beside_it():
+    found = alone((PLAIN,), LATE, PLAIN, others=(UNEVEN,))
+    assert {e.effect.effect for e in found} == {"coulomb_friction", "asymmetric_friction"}
+
+
+def test_the_nuisance_of_the_first_falls_with_it():
+    (found,) = alone((PLAIN,), PULL, PRELOAD, PLAIN)
+    assert found.effect.effect == "coulomb_friction"
+    assert [e.effect for e in found.fit.model.effects] == ["coulomb_friction"]
 
 
 def test_a_delay_of_many_samples_is_found():

@@ -19,7 +19,7 @@ from .explore import explore
 from .held_out import judged
 from .scales import Scales, recording_scales, within_reach
 from .simulated import explore_simulated, simulation_noise
-from .trials import LAST_STEPS
+from .trials import LAST_STEPS, with_companion
 from .twins import with_twins
 
 #: Effects that are looked for one after another.
@@ -85,8 +85,8 @@ def search(
             break
         choices.append(choice)
         fit = choice.chosen.fit
-        if len(choices) == 2 and choices[0].chosen.by_current <= 0.0:
-            second = _alone(baseline, fit, estimation, validation, scales, within_reach(lab))
+        if len(choices) == 2 and all(c.chosen.by_current <= 0.0 for c in choices):
+            second = _alone(baseline, choice, estimation, validation, scales, within_reach(lab))
             alone = choose(second, 0.0, sense_follows, percent) if second else None
             if alone is not None and not alone.unnamed:
                 choices, fit = [alone], alone.chosen.fit
@@ -100,26 +100,40 @@ def search(
 
 def _alone(
     baseline: Fit,
-    both: Fit,
+    second: Choice,
     estimation: Sequence[Record],
     validation: Sequence[Record],
     scales: Scales,
     limits: Limits,
 ) -> list[Explanation]:
-    """The second of two effects as an explanation by itself, if the first is worth nothing beside it: then it
-    was but the nearest that could be seen before."""
-    effects = both.model.effects
-    first = effects[len(baseline.model.effects)]
-    rest = tuple(e for e in effects if e is not first)
+    """The second of two effects, and what it is not told from, as explanations by themselves, if the first is
+    worth nothing beside it: then the first was but the nearest that could be seen before."""
+    fits = [_without_first(e, baseline, estimation, limits) for e in (second.chosen, *_others(second))]
+    if not fits[0].log_likelihood > second.chosen.fit.log_likelihood - LEAST_GAIN:
+        return []
+    return with_twins(judged(baseline, fits, validation, scales))
+
+
+def _others(choice: Choice) -> list[Explanation]:
+    """What a choice is not told from, without the twins of what is there, which are the same fit."""
+    seen, found = {choice.chosen.fit.log_likelihood}, []
+    for e, _ in choice.others:
+        if e.beside is None and e.fit.log_likelihood not in seen:
+            seen.add(e.fit.log_likelihood)
+            found.append(e)
+    return found
+
+
+def _without_first(second: Explanation, baseline: Fit, records: Sequence[Record], limits: Limits) -> Fit:
+    """The fit of a second effect without the one found before it (and its nuisance)."""
+    both, own = second.fit, second.effect
+    count = len(baseline.model.effects)
+    first = both.model.effects[count]
     head = f"{first.location}.{first.effect}."
     fixed = tuple(name for name in both.model.fixed if not name.startswith(head))
-    model = replace(both.model, effects=rest, fixed=fixed)
-    if len(rest) <= len(baseline.model.effects):
-        return []
-    alone = fit_whole(model, both.noise, estimation, iterations=LAST_STEPS, limits=limits)
-    if not alone.log_likelihood > both.log_likelihood - LEAST_GAIN:
-        return []
-    return with_twins(judged(baseline, [alone], validation, scales))
+    model = replace(both.model, effects=(*both.model.effects[:count], own), fixed=fixed)
+    alone = fit_whole(model, both.noise, records, iterations=LAST_STEPS, limits=limits)
+    return with_companion(alone, baseline.model, records, limits)
 
 
 def search_by_simulation(
