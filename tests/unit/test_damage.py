@@ -156,6 +156,18 @@ def test_an_encoder_that_stood_still_is_left_out_with_permission():
     assert any("2.000 s from 2.400 s" in p for p in dataset.problems)
 
 
+def test_an_encoder_that_failed_for_a_moment_of_little_motion_surely_stood_still():
+    time = 0.002 * np.arange(5000)
+    motor = 0.3 * np.sin(2.0 * time)
+    arm = motor + 0.05 * np.sin(9.0 * time)
+    turn = int(np.argmax(arm))  # where it moves least: it leaps by but a few of its fastest steps
+    frozen = arm.copy()
+    frozen[turn - 30 : turn + 45] = frozen[turn - 30]
+    leap = abs(frozen[turn + 45] - frozen[turn + 44])
+    assert leap < 12.0 * np.quantile(np.abs(np.diff(arm)), 0.995)
+    assert stood_still(frozen, motor, 0.002) == [(turn - 30, turn + 45, True)]
+
+
 def test_an_arm_that_its_joint_holds_back_has_not_failed():
     # Dry friction holds the arm until the joint is wound up: over and over, so that this is how they differ.
     time = 0.002 * np.arange(5000)

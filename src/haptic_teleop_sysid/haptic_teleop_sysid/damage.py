@@ -22,8 +22,8 @@ STANDS_STILL = 0.1
 """s without a single step of the encoder from which one may ask whether it stands still ..."""
 FURTHER = 4.0
 """... and factor over what motor and arm differ by at other times, by which the other one then turns on."""
-
-
+LEAPS_OUT = 3.0
+"""Factor over the steps behind, by which an encoder that failed leaps to where the joint had got to."""
 MOVES = 4.0
 """Steps of the encoder per sample, of a joint that cannot stand still for just one of them."""
 LONGEST_HELD = 50
@@ -48,7 +48,11 @@ def leaps(values: Array) -> NDArray[np.bool_]:
     moves: samples that repeat the one before do not count."""
     found = np.zeros(len(values), dtype=np.bool_)
     steps = np.diff(values)
-    limit = _leap(steps)
+    known = np.abs(steps[np.isfinite(steps)])
+    known = known[known > 1e-12]
+    if len(known) < 100:
+        return found
+    limit = LEAP * float(np.quantile(known, USUAL))
     away = np.flatnonzero(np.abs(steps) > limit)
     i = 0
     while i < len(away) - 1:
@@ -96,13 +100,6 @@ def held(values: Array) -> NDArray[np.bool_]:
     return found
 
 
-def _leap(steps: Array) -> float:
-    """Size of a step, of `steps` (n,), that no motion makes; infinite where they show no motion."""
-    known = np.abs(steps[np.isfinite(steps)])
-    known = known[known > 1e-12]
-    return LEAP * float(np.quantile(known, USUAL)) if len(known) >= 100 else np.inf
-
-
 def stood_still(values: Array, other: Array, dt: float) -> list[tuple[int, int, bool]]:
     """Stretches [start, stop) of a position (n,) that does not change by a single step of its encoder, for at
     least STANDS_STILL s, while the joint's `other` position (n,) moves on: surely (True) where it leaps to
@@ -120,13 +117,15 @@ def stood_still(values: Array, other: Array, dt: float) -> list[tuple[int, int, 
         moving[a:b] = False
     if np.sum(moving) < 10:
         return []
-    differ = float(np.ptp((other - values)[moving]))
-    step = float(np.min(steps[changes - 1]))
-    limit, far = _leap(steps), FURTHER * max(differ, 4.0 * step)
+    least = MOVES * float(np.min(steps[changes - 1]))
+    far = FURTHER * max(float(np.ptp((other - values)[moving])), least)
     found = []
     for a, b in still:
-        moved = float(np.ptp(other[a:b]))
-        if (sure := steps[b - 1] > limit and moved > 0.5 * steps[b - 1]) or moved > far:
+        moved, out = float(np.ptp(other[a:b])), steps[b - 1]
+        # What is let go begins slowly: its first step is no larger than the next ones.
+        sure = out > LEAPS_OUT * max(float(np.max(steps[b : b + _ROUND - 1], initial=0.0)), least)
+        sure = sure and moved > 0.5 * out
+        if sure or moved > far:
             found.append((a, b, bool(sure)))
     return found
 
