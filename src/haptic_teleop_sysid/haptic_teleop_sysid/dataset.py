@@ -32,7 +32,7 @@ class DataSet:
     motor_position, motor_velocity, arm_position, arm_velocity
                      rad, rad/s; arm None when the model has none
     exogenous        acceleration of the robot's other arm, rad/s², for inertial coupling; None without it
-    valid            False inside holes longer than GAP_PERIODS periods and where a value was not finite
+    valid            False inside holes longer than GAP_PERIODS periods and where nothing usable was read
     velocity_filter  (cut-off in Hz, damping) of the filter that made the velocities; None: taken as true
     problems         sentences about the recording, empty when all is well
     slips            where an encoder slipped or lost counts; positions and velocities are put back
@@ -167,6 +167,9 @@ def load_dataset(recording: Recording, model: Model, name: str = "", allow_gaps:
         leave_out_stills({channels.motor.joint: motor, channels.arm.joint: arm}, grid.dt, valid, damage)
     if not allow_gaps:
         refuse_holes(valid, grid.dt, name, damage.told)
+    encoders = {channels.motor.joint: model.location("motor_encoder")}
+    if channels.arm is not None:
+        encoders[channels.arm.joint] = model.location("arm_encoder")
     return DataSet(
         name=name,
         robot=model.robot,
@@ -187,12 +190,7 @@ def load_dataset(recording: Recording, model: Model, name: str = "", allow_gaps:
         else (VELOCITY_FILTER_CUTOFF_HZ, VELOCITY_FILTER_DAMPING),
         resampled=grid.resampled,
         problems=(*quality.problems, *damage.told),
-        slips=tuple(
-            replace(
-                s, encoder=f"{model.joint}_{'motor' if s.encoder == channels.motor.joint else 'arm'}_encoder"
-            )
-            for s in damage.slips
-        ),
+        slips=tuple(replace(s, encoder=encoders[s.encoder]) for s in damage.slips),
         experiment=dict(recording.experiment),
     )
 

@@ -11,7 +11,13 @@ from scipy.ndimage import median_filter
 
 from haptic_teleop_sim.kernel import pack
 from haptic_teleop_sysid.estimation.gauss_newton import Fit
-from haptic_teleop_sysid.estimation.likelihood import channels, innovations, settled, settling
+from haptic_teleop_sysid.estimation.likelihood import (
+    channels,
+    covariance,
+    innovations,
+    settled,
+    settling,
+)
 from haptic_teleop_sysid.estimation.records import Record
 
 from .residual import left_over
@@ -65,8 +71,7 @@ def bursts(fits: Sequence[tuple[Fit, Sequence[Record]]]) -> Bursts | None:
             outside.append(one[2])
     if not found:
         return None
-    condition = _condition([{**one} for one in inside], [{**one} for one in outside])
-    return Bursts(tuple(found), condition)
+    return Bursts(tuple(found), _condition(inside, outside))
 
 
 def _stretches(
@@ -187,6 +192,7 @@ def moment(before: Fit, after: Fit, records: Sequence[Record]) -> float | None:
 def _nats(fit: Fit, record: Record) -> FloatArray:
     """Negative log-likelihood of each settled sample (n,), but for a constant."""
     packed = pack(fit.model)
-    e = settled(record, innovations(packed, fit.noise, record).innovation)[:, list(channels(packed, record))]
-    spread = np.atleast_2d(np.cov(e.T, bias=True)) + 1e-30 * np.eye(e.shape[1])
+    errors = innovations(packed, fit.noise, record).innovation
+    spread = covariance(packed, record, errors)
+    e = settled(record, errors)[:, : len(spread)]
     return 0.5 * np.einsum("ni,ij,nj->n", e, np.linalg.inv(spread), e) + 0.5 * np.linalg.slogdet(spread)[1]
