@@ -102,9 +102,12 @@ class Sink:
 
     def __init__(self, graph: Graph, topic: str) -> None:
         self.messages: list[JointState] = []
-        self.subscription = graph.probe.create_subscription(
-            JointState, topic, self.messages.append, STREAM_QOS
-        )
+        self._first: dict[int, JointState] = {}  # of each stamp
+        self.subscription = graph.probe.create_subscription(JointState, topic, self._collect, STREAM_QOS)
+
+    def _collect(self, message: JointState) -> None:
+        self.messages.append(message)
+        self._first.setdefault(stamp_of(message), message)
 
     @property
     def stamps(self) -> list[int]:
@@ -115,7 +118,7 @@ class Sink:
         return self.messages[-1]
 
     def answer_to(self, stamp: int) -> JointState | None:
-        return next((message for message in self.messages if stamp_of(message) == stamp), None)
+        return self._first.get(stamp)
 
     def connected(self) -> bool:
         return self.subscription.get_publisher_count() > 0

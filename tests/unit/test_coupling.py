@@ -228,6 +228,25 @@ def test_a_position_that_is_no_number_is_not_aligned():
     assert rig.coupling.state is State.ALIGNING
 
 
+@pytest.mark.parametrize("auto_engage", [True, False], ids=["engaged", "aligning"])
+def test_a_reset_without_a_fault_changes_nothing_and_silence_is_still_noticed(auto_engage):
+    rig = Rig(command_source="device", auto_engage=auto_engage)
+    if not auto_engage:
+        rig.coupling.master[0][1] = 0.2
+        rig.step()
+        rig.coupling.engage(rig.now)
+    rig.run(0.1)
+    before = rig.coupling.state
+    assert before is (State.ENGAGED if auto_engage else State.ALIGNING)
+    rig.coupling.reset(rig.now)
+    rig.step()
+    assert rig.coupling.state is before and rig.faults == []
+    rig.coupling.reset(rig.now)
+    for _ in range(300):
+        rig.step(slave=False)
+    assert rig.faults == ["stale_slave"]
+
+
 class LinkedRig(Rig):
     """What either side sends is heard by the other `delay` s later."""
 

@@ -204,10 +204,11 @@ class Coupling:
         return self.machine.disengage()
 
     def reset(self, now: int) -> None:
-        """Leave a latched fault, through aligning. Every stream counts as not heard of yet."""
+        """Leave a latched fault, through aligning; every stream counts as not heard of yet. Without a fault
+        nothing changes: streams that were forgotten while driving could go silent unnoticed."""
         self._now = now
-        self.machine.reset()
-        self.streams.forget()
+        if self.machine.reset():
+            self.streams.forget()
 
     def fault(self, now: int, name: str, detail: str, at_once: bool = False) -> None:
         """Something is wrong: report it, and drive nothing until `reset`. at_once: no fading either,
