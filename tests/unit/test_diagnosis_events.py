@@ -1,5 +1,6 @@
 """What acts at some times, or at one frequency, is said to do so, with the times and the frequency."""
 
+import re
 from dataclasses import replace
 from pathlib import Path
 
@@ -13,9 +14,11 @@ from haptic_teleop_sim.hardware import SfjRobot
 from haptic_teleop_sim.model import Effect
 from haptic_teleop_sim.sfj_robot import SfjSettings, stage_hardware
 from haptic_teleop_sysid.dataset import load_dataset
+from haptic_teleop_sysid.diagnosis.decide import Choice
 from haptic_teleop_sysid.diagnosis.diagnose import diagnose, records_of
 from haptic_teleop_sysid.diagnosis.events import _lines, bursts, moment, steady_line
-from haptic_teleop_sysid.diagnosis.reasons import Doubt, rather_event, slipped
+from haptic_teleop_sysid.diagnosis.explanation import Explanation
+from haptic_teleop_sysid.diagnosis.reasons import Doubt, momentary, rather_event, slipped
 from haptic_teleop_sysid.estimation.whole_fit import fit_from_scratch, fit_whole
 
 DT, SECONDS, RMS = 0.002, 20.0, 0.12
@@ -135,6 +138,13 @@ def test_what_is_gained_at_one_moment_is_told_from_what_is_gained_always():
     after = fit_whole(STAGE.with_effects(mode), before.noise, slid, iterations=15)
     assert after.log_likelihood > before.log_likelihood + 20.0
     assert moment(before, after, slid) == pytest.approx(9.0, abs=0.5)
+    named = Explanation(after, 50.0, 50.0, True, 0)
+    why, condition = momentary(Choice(named, 1.0), before, slid, slid)
+    assert float(re.search(r"happened at (\S+) s", why)[1]) == pytest.approx(9.0, abs=0.5)
+    assert condition == "time"
+    # A stop may be touched just once.
+    stop = Effect("hard_stop", "stage1_arm", {"angle": 0.2, "stiffness": 50.0})
+    assert momentary(Choice(replace(named, beside=stop), 1.0), before, slid, slid) is None
 
 
 def test_a_slip_that_was_put_back_is_unknown_and_not_another_machine():

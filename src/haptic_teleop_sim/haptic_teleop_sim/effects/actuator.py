@@ -74,7 +74,9 @@ def delay_step(torque, time, dt, p, k, z, o):
     return (1.0 - fraction) * newer + fraction * older
 
 
-def _duration(name: str, meaning: str, typical: float, maximum: float) -> EffectParameter:
+def _duration(
+    name: str, meaning: str, typical: float, maximum: float, hills: bool = False
+) -> EffectParameter:
     return EffectParameter(
         name,
         "s",
@@ -83,6 +85,7 @@ def _duration(name: str, meaning: str, typical: float, maximum: float) -> Effect
         maximum=maximum,
         typical=typical,
         grid=(0.5 * typical, 2.0 * typical, 5.0 * typical),
+        hills=hills,
     )
 
 
@@ -129,6 +132,7 @@ TORQUE_SATURATION = EffectEntry(
     name="torque_saturation",
     kind="input",
     where=("actuator",),
+    momentary=True,
     parameters=(
         EffectParameter(
             "limit",
@@ -177,7 +181,7 @@ INPUT_DELAY = EffectEntry(
     name="input_delay",
     kind="input",
     where=("actuator",),
-    parameters=(_duration("delay", "delay between command and torque", 0.01, 0.25),),
+    parameters=(_duration("delay", "delay between command and torque", 0.01, 0.25, hills=True),),
     sentence="the torque acts a fixed time after its command",
     step=delay_step,
     states=DELAY_MEMORY + 1,

@@ -30,7 +30,8 @@ class EffectParameter:
     nor absurd, relative to the scales that diagnosis measures on a recording (see ``scale``): a torque of
     0.2 means 20 % of the rms input torque.  ``grid`` lists values worth trying as a start when the effect
     depends on the parameter in a non-convex way (an order, a width); where they would have to lie too dense
-    for that, ``scan`` says along which scale diagnosis seeks them on a recording.  A parameter with a
+    for that, ``scan`` says along which scale diagnosis seeks them on a recording; ``hills``: from each of
+    them a fit climbs another hill, so that one that knows nothing starts from all.  A parameter with a
     ``default`` is optional: left out of a model file it keeps the default and is not estimated.
     """
 
@@ -60,6 +61,7 @@ class EffectParameter:
     grid: tuple[float, ...] = ()
     default: float | None = None
     neutral: float | None = 0.0
+    hills: bool = False
     scan: Literal["", "order", "frequency", "furthest", "within"] = ""
 
 
@@ -86,7 +88,8 @@ class EffectEntry:
     above zero), ``ratio``
     (first over second parameter), ``displacement`` (second parameter). A ``nuisance`` belongs to how a
     recording was taken: diagnosis fits it where another effect calls for it and never reports it as missing
-    physics. ``unnamed`` physics is not in the contract's table: where it explains more than any name, the
+    physics. A ``momentary`` effect may show at one moment of a recording only. ``unnamed`` physics is not in
+    the contract's table: where it explains more than any name, the
     verdict is `unknown`.
     """
 
@@ -105,6 +108,7 @@ class EffectEntry:
     memory: Literal["", "direction", "ratio", "displacement"] = ""
     rigid_body: bool = True
     nuisance: bool = False
+    momentary: bool = False
     unnamed: bool = False
 
     def __post_init__(self) -> None:

@@ -10,6 +10,7 @@ BACKLASH = EffectEntry(
     name="backlash",
     kind="torque",
     where=("joint",),
+    momentary=True,
     parameters=(
         EffectParameter(
             "width",
@@ -129,6 +130,7 @@ PAYLOAD_CHANGE = EffectEntry(
     name="payload_change",
     kind="inertia",
     where=("arm", "motor"),
+    momentary=True,
     parameters=(
         EffectParameter(
             "time",

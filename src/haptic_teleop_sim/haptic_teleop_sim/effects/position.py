@@ -96,6 +96,7 @@ HARD_STOP = EffectEntry(
     name="hard_stop",
     kind="torque",
     where=("arm", "motor"),
+    momentary=True,
     parameters=(
         EffectParameter(
             "angle",

@@ -93,6 +93,7 @@ DETENT = EffectEntry(
     name="detent",
     kind="torque",
     where=("motor", "arm"),
+    momentary=True,
     parameters=(
         EffectParameter(
             "torque", "N*m", "largest torque on either side (negative: away)", typical=0.1, scale="torque"

@@ -78,8 +78,8 @@ def starts(
 
 def plain_start(entry: EffectEntry, scales: Scales, place: str) -> list[dict[str, float]]:
     """Parameters to start from where nothing is known: a tenth of the typical size and the middle of every
-    grid (all of it for a delay); stops well within the travel at either end, as hard as is typical: soft
-    ones fade away."""
+    grid (all of it where each value is another hill); stops well within the travel at either end, as hard
+    as is typical: soft ones fade away."""
     stops = any(p.scale == "furthest" for p in entry.parameters)
     channel = 1 if place == "arm" else 0
     options = []
@@ -89,8 +89,7 @@ def plain_start(entry: EffectEntry, scales: Scales, place: str) -> list[dict[str
             low, high = scales.lowest[channel], scales.highest[channel]
             ends = [end for end in (min(low, 0.0), max(high, 0.0)) if abs(end) > least]
             options.append([(p.name, _WITHIN * end) for end in ends])
-        elif p.name == "delay" and p.grid:
-            # Another delay is another hill: from each a fit climbs its own.
+        elif p.hills:
             options.append([(p.name, g * scales.size[p.scale]) for g in p.grid])
         elif _wanted(p):
             values = _values(entry, p, scales, place, 1.0 if stops else _PLAIN, None)

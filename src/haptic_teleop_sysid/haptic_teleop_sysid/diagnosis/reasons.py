@@ -14,9 +14,6 @@ from .decide import Choice
 from .events import bursts, moment, steady_line
 from .held_out import held_out_fit
 
-#: Effects that may show at one moment only.
-HAPPENS = frozenset({"hard_stop", "payload_change", "torque_saturation", "backlash", "detent"})
-
 
 @dataclass(frozen=True)
 class Doubt:
@@ -103,7 +100,7 @@ def momentary(
     """The objection that all that speaks for a finding happened at one moment of each kind of recordings,
     although its effect acts all the time."""
     chosen = choice.chosen
-    if chosen.effect.effect in HAPPENS or chosen.by_current > 0.0:
+    if chosen.effect.entry.momentary or chosen.by_current > 0.0:
         return None
     fit = chosen.fit
     then = moment(before, fit, estimation)
