@@ -6,6 +6,7 @@ from __future__ import annotations
 import time
 from array import array
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 
 import rclpy
 from rclpy.context import Context
@@ -14,11 +15,24 @@ from rclpy.parameter import Parameter
 from sensor_msgs.msg import JointState
 from std_srvs.srv import Trigger
 
+from haptic_teleop_control.node_tables import FORCE_CONTROLLER
 from haptic_teleop_control.nodes.base import HapticNode
+from haptic_teleop_control.nodes.force_controller import ForceController
 from haptic_teleop_control.nodes.joint_state_io import STREAM_QOS, stamp_of
 from haptic_teleop_control.nodes.spin import make_executor
+from haptic_teleop_control.parameters import ParameterTable
 
 DEADLINE = 10.0
+
+
+class PatientController(ForceController):
+    """The controller with a `timeout` that a machine too busy for its tests does not reach."""
+
+    TABLE = ParameterTable(
+        FORCE_CONTROLLER.node_name,
+        [replace(p, maximum=5.0) if p.name == "timeout" else p for p in FORCE_CONTROLLER],
+        FORCE_CONTROLLER._brought,
+    )
 
 
 class Graph:

@@ -9,19 +9,19 @@ import pytest
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 from rclpy.parameter import Parameter
 from rclpy.qos import DurabilityPolicy, QoSProfile
-from ros_graph import Graph, Sink, Source
+from ros_graph import Graph, PatientController, Sink, Source
 from sensor_msgs.msg import JointState
 from std_msgs.msg import String
 from std_srvs.srv import Trigger
 
-from haptic_teleop_control.nodes.force_controller import ForceController
 from haptic_teleop_control.nodes.link_emulator import LinkEmulator
 from haptic_teleop_control.robots import OMNI_JOINTS, SFJ_JOINTS
 
 SFJ_REST = {"position": [0.0] * 4, "velocity": [0.0] * 4, "effort": [0.0] * 4}
 OMNI_REST = {"position": [0.0] * 3, "velocity": [0.0] * 3, "effort": [0.0] * 3}
 LATCHED = QoSProfile(depth=10, durability=DurabilityPolicy.TRANSIENT_LOCAL)
-MANUAL = {"command_source": "device", "auto_engage": False, "ramp_time": 0.0, "timeout": 0.2}
+MANUAL = {"command_source": "device", "auto_engage": False, "ramp_time": 0.0, "timeout": 2.0}
+PROMPT = {"timeout": 0.2}
 
 
 class Setting:
@@ -29,7 +29,7 @@ class Setting:
 
     def __init__(self, graph: Graph, **parameters: object) -> None:
         self.graph = graph
-        self.controller = graph.start(ForceController, **{**MANUAL, **parameters})
+        self.controller = graph.start(PatientController, **{**MANUAL, **parameters})
         self.sfj = Source(graph, "/sfj/joint_states", SFJ_JOINTS)
         self.omni = Source(graph, "/omni/joint_states", OMNI_JOINTS)
         self.to_sfj, self.to_omni = Sink(graph, "/sfj/effort_command"), Sink(graph, "/omni/effort_command")
@@ -93,15 +93,16 @@ def test_out_of_alignment_the_master_is_pulled_back_and_the_offset_is_told(graph
 
 
 def test_disengaging_fades_and_stays(graph):
-    setting = Setting(graph, ramp_out_time=0.3)
+    setting = Setting(graph, ramp_out_time=0.5)
     assert setting.call("engage").success
     setting.sample(omni=at(0.05))
     full = setting.sample(omni=at(0.05))[0][0]
     assert graph.call("/force_controller/disengage").success
     fading = [setting.sample(omni=at(0.05))[0][0]]
-    end = time.monotonic() + 0.35
+    end = time.monotonic() + 0.5
     while time.monotonic() < end:
         fading.append(setting.sample(omni=at(0.05))[0][0])
+    fading.append(setting.sample(omni=at(0.05))[0][0])
     assert 0.0 < fading[0] <= full
     assert all(later <= earlier for earlier, later in itertools.pairwise(fading))
     assert fading[-1] == 0.0
@@ -199,7 +200,7 @@ def test_one_role_alone_cannot_change(graph):
 
 
 def test_a_side_that_goes_silent_is_noticed_by_the_other(graph):
-    setting = Setting(graph)
+    setting = Setting(graph, **PROMPT)
     assert setting.call("engage").success
     time.sleep(0.21)
     stamp = setting.sfj.send(**SFJ_REST)
@@ -283,7 +284,7 @@ def test_swapped_roles_bring_their_own_limit_of_the_round_trip(graph):
 
 
 def test_a_link_that_goes_dead_is_a_fault(graph):
-    setting = Linked(graph, 0.001)
+    setting = Linked(graph, 0.001, **PROMPT)
     setting.run(0.1)
     assert setting.engage()
     setting.link.shutdown_safely()
