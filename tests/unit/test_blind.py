@@ -18,12 +18,11 @@ from haptic_teleop_control.errors import ConfigurationError
 from haptic_teleop_control.recording import read_recording
 from haptic_teleop_sysid.blind import command
 from haptic_teleop_sysid.blind.bags import record
-from haptic_teleop_sysid.blind.cases import Unlucky, _as_recorded, draw_case
-from haptic_teleop_sysid.blind.detect import Column, Driven, whiten, whitener
+from haptic_teleop_sysid.blind.cases import draw_case
+from haptic_teleop_sysid.blind.detect import Column, whiten, whitener
 from haptic_teleop_sysid.blind.effects import BY_NAME, PLACES
 from haptic_teleop_sysid.blind.physics import integrate
 from haptic_teleop_sysid.blind.planting import contribution, run, shares_of
-from haptic_teleop_sysid.blind.rivals import rivals
 from haptic_teleop_sysid.blind.robot import Robot, disturbance
 from haptic_teleop_sysid.blind.runner import parse_cases, plan
 from haptic_teleop_sysid.blind.scoring import score_case
@@ -405,81 +404,3 @@ def test_what_two_effects_add_on_their_way_together_is_what_both_add() -> None:
             parts = [getattr(column, what) for column in each]
             scale = max(float(np.max(np.abs(part))) for part in parts) + 1e-9
             assert np.max(np.abs(sum(parts) - getattr(total, what))) < 1e-9 * scale + 1e-12
-
-
-def test_a_stop_that_the_recording_does_not_reach_is_not_planted() -> None:
-    """Random torque may keep the robot from a stop that it just touches without: d' is the recording's."""
-    index = next(i for i in range(len(PLACES)) if _single_effect(i) == "hard_stop")
-    case = draw_case(5, "single", index, "stop", levels=(32.0,))
-    truth = case.label["truth"][0]
-    setting, stop = case.settings[0], case.planted[0]
-    filter_ = whitener(setting.robot)
-    (again,) = _as_recorded([stop], setting, case.pushes[0], case.scenes, filter_, False)
-    assert again.detectability == pytest.approx(truth["detectability"], rel=1e-6)
-    farther = {**stop.parameters, "angle": 2.0 * stop.parameters["angle"]}
-    with pytest.raises(Unlucky):
-        _as_recorded(
-            [replace(stop, parameters=farther)], setting, case.pushes[0], case.scenes, filter_, False
-        )
-
-
-def _single_effect(index: int) -> str:
-    order = np.random.default_rng((5, 55)).permutation(len(PLACES))
-    return PLACES[int(order[index])][0]
-
-
-def test_a_late_reading_and_a_late_stamp_are_one_thing_in_the_labels() -> None:
-    """Whatever the delay: the grid of rivals holds the truth's own."""
-    for index in range(len(PLACES)):
-        effect, part = PLACES[int(np.random.default_rng((5, 55)).permutation(len(PLACES))[index])]
-        if (effect, part) == ("sensor_delay", "motor_encoder"):
-            case = draw_case(5, "single", index, "late", levels=(128.0,))
-            stage = case.label["stage"]
-            assert ("channel_skew", f"{stage}_motor_encoder") in case.label["sets"][0]
-            assert not case.label["isolable"]
-            return
-    raise AssertionError("no such effect")
-
-
-@pytest.mark.parametrize("place", ["motor", "arm"])
-def test_what_always_pulls_at_the_motor_or_at_the_arm_is_one_thing_to_zeroed_encoders(place: str) -> None:
-    order = np.random.default_rng((5, 55)).permutation(len(PLACES))
-    index = next(i for i in range(len(PLACES)) if PLACES[int(order[i])] == ("constant_torque", place))
-    case = draw_case(5, "single", index, "pull", levels=(32.0,))
-    stage = case.label["stage"]
-    (same,) = case.label["sets"]
-    assert {("constant_torque", f"{stage}_motor"), ("constant_torque", f"{stage}_arm")} <= {
-        tuple(one) for one in same
-    }
-    assert not case.label["isolable"]
-
-
-def test_a_spring_at_the_arm_and_gravity_are_one_thing_over_small_angles_whichever_it_is() -> None:
-    order = np.random.default_rng((5, 55)).permutation(len(PLACES))
-    for index in range(len(PLACES)):
-        effect = PLACES[int(order[index])]
-        if effect not in (("spring_to_ground", "arm"), ("gravity", "arm")):
-            continue
-        case = draw_case(5, "single", index, "spring", levels=(32.0,))
-        arm = f"{case.label['stage']}_arm"
-        (same,) = case.label["sets"]
-        assert {("spring_to_ground", arm), ("gravity", arm)} <= {tuple(one) for one in same}
-
-
-def test_a_spring_at_the_motor_and_half_a_wave_of_ripple_are_one_thing() -> None:
-    time = np.arange(0.0, 20.0, 0.01)
-    angle = 0.4 * np.sin(time)
-    nothing = np.zeros_like(time)
-    driven = Driven(angle, angle, nothing, nothing, nothing, nothing, nothing + 1e-9, nothing, time)
-    ripples = [
-        rival
-        for rival in rivals(driven, driven, 1.0, 1.0, known_gain=False)
-        if rival.effect == "torque_ripple"
-    ]
-    spring = 0.43 - angle
-    left = []
-    for ripple in ripples:
-        columns = np.column_stack([column.motor_force for column in ripple.columns])
-        rest = spring - columns @ np.linalg.lstsq(columns, spring)[0]
-        left.append(float(np.std(rest) / np.std(spring)))
-    assert min(left) < 0.1

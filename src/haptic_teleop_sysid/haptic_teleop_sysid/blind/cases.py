@@ -10,7 +10,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from haptic_teleop_sysid.blind import effects, outside
-from haptic_teleop_sysid.blind.detect import Whitener, beyond, detectability, whiten, whitener
+from haptic_teleop_sysid.blind.detect import (
+    Column,
+    Driven,
+    Whitener,
+    beyond,
+    detectability,
+    whiten,
+    whitener,
+)
 from haptic_teleop_sysid.blind.detect import base_columns as refit_columns
 from haptic_teleop_sysid.blind.effects import PLACES, Kind, Scene
 from haptic_teleop_sysid.blind.planting import (
@@ -27,6 +35,7 @@ from haptic_teleop_sysid.blind.planting import scene_of as scene_at
 from haptic_teleop_sysid.blind.rivals import CANNOT_TELL, CONTAINS, distances
 from haptic_teleop_sysid.blind.robot import (
     LOOPS,
+    Robot,
     disturbance,
     draw_experiment,
     draw_robot,
@@ -132,10 +141,16 @@ def _draw(rng: np.random.Generator, kind: str, index: int, name: str, levels: tu
     scenes = {part: scene_at(settings[0], quiet, part) for part in ("motor", "arm", "joint", "actuator")}
     scenes |= {f"{side}_encoder": scenes[side] for side in ("motor", "arm")}
     planted = _sized(rng, kind, wanted, settings[0], scenes, filter_, known)
-    tell = [_rivals(settings, one, scenes, filter_, known) for one in planted]
-    _check(kind, tell)
+    _check(kind, [_rivals(one, _sketched(one, settings, scenes), noisy, filter_, known) for one in planted])
     pushes = tuple(disturbance(rng, noisy, setting.samples) for setting in settings)
-    planted = _as_recorded(planted, settings[0], pushes[0], scenes, filter_, known)
+    recorded = _recorded(planted, settings, pushes, scenes) if planted else []
+    if planted:
+        planted = _as_large(planted, *recorded[0], filter_, known)
+    tell = [
+        _rivals(one, [(driven, added[i]) for driven, added in recorded], noisy, filter_, known)
+        for i, one in enumerate(planted)
+    ]
+    _check(kind, tell)
     trace, offset = _trace(rng, planted, settings[0], scenes, filter_, known)
     everything = (*planted, *trace)
     for setting in settings:
@@ -285,27 +300,44 @@ def _sized(
     return planted
 
 
-def _as_recorded(
-    planted: list[Planted],
-    setting: Setting,
-    push: Array,
-    scenes: dict[str, Scene],
-    filter_: Whitener,
-    known: bool,
+def _sketched(one: Planted, settings: list[Setting], scenes: dict[str, Scene]) -> list[tuple[Driven, Column]]:
+    """Return each recording's trajectory without random torque, and what the effect adds to it."""
+    experiments = []
+    for setting in settings:
+        quiet = run(setting, [one], scenes[one.part])
+        if not quiet.settled:
+            raise Unlucky
+        experiments.append((driven_of(setting, quiet), contribution(setting, quiet)))
+    return experiments
+
+
+def _recorded(
+    planted: list[Planted], settings: list[Setting], pushes: tuple[Array, ...], scenes: dict[str, Scene]
+) -> list[tuple[Driven, list[Column]]]:
+    """Return each recording's trajectory as it was made, and what every effect adds beside the others.
+
+    Random torque moves the robot, too: a stop that is just touched without it may be missed with it, and in a
+    loop it is in the command, where it tells a lag from a delay.
+    """
+    experiments = []
+    for setting, push in zip(settings, pushes, strict=True):
+        moved, added = shares_of(setting, planted, scenes, push)
+        if not moved.settled:
+            raise Unlucky
+        experiments.append((driven_of(setting, moved), added))
+    return experiments
+
+
+def _as_large(
+    planted: list[Planted], driven: Driven, added: list[Column], filter_: Whitener, known: bool
 ) -> list[Planted]:
     """Return the effects with the d' that they have in the recording itself, of a pair each beside the other.
 
-    Random torque moves the robot, too: a stop that is just touched without it may be missed with it.  And one
-    effect may leave another no way to show. Unlucky where that makes much of a difference to a single effect,
-    or leaves less than d' 8 of one of two.
+    One effect may leave another no way to show. Unlucky where the recording makes much of a difference to a
+    single effect, or leaves less than d' 8 of one of two.
     """
-    if not planted:
-        return planted
-    moved, added = shares_of(setting, planted, scenes, push)
-    if not moved.settled:
-        raise Unlucky
-    base = refit_columns(filter_, driven_of(setting, moved), known)
-    left = beyond(base, whiten(filter_, added, setting.samples))
+    base = refit_columns(filter_, driven, known)
+    left = beyond(base, whiten(filter_, added, len(driven.motor)))
     found = []
     for i, one in enumerate(planted):
         alone = left[:, i]
@@ -323,16 +355,10 @@ def _as_recorded(
 
 
 def _rivals(
-    settings: list[Setting], one: Planted, scenes: dict[str, Scene], filter_: Whitener, known: bool
+    one: Planted, experiments: list[tuple[Driven, Column]], robot: Robot, filter_: Whitener, known: bool
 ) -> dict[tuple[str, str], float]:
     """Return nats to every other explanation of one effect."""
-    experiments = []
-    for setting in settings:
-        quiet = run(setting, [one], scenes[one.part])
-        if not quiet.settled:
-            raise Unlucky
-        experiments.append((driven_of(setting, quiet), contribution(setting, quiet)))
-    truth = settings[0].robot.truth
+    truth = robot.truth
     delays = tuple(abs(v) for name, v in one.parameters.items() if name == "delay")
     found = distances(filter_, experiments, truth["torque_constant"], truth["stiffness"], known, delays)
     found.pop((one.kind.effect, one.part), None)
@@ -374,8 +400,6 @@ def _trace(
     if draw > 0.92:  # an offset of the current sense looks like a constant torque to whoever believes it
         quiet = run(setting, [], None)
         kt = setting.robot.truth["torque_constant"]
-        from haptic_teleop_sysid.blind.detect import Column
-
         unit = detectability(
             filter_, driven_of(setting, quiet), Column(motor_force=np.full(setting.samples, kt)), known
         )
