@@ -8,10 +8,12 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from haptic_teleop_sim.model import Model
+from haptic_teleop_sysid.estimation.gauss_newton import Fit
 
 from .candidates import family
 from .certainty import covariance
 from .explanation import Explanation
+from .isolable import CANNOT_TELL
 
 #: Nats that an effect must gain on the estimation and on the validation recordings.  Of 321 pairs of clean
 #: recordings of the benchmark five had an explanation, material and significant, that gained 12 nats; the
@@ -45,6 +47,8 @@ SIMULATED_MARGIN = 4.0
 SIGNIFICANT = 3.0
 #: From this confidence on a single name is given.
 SURE = 0.7
+#: Weight, relative to the best explanation, of one that the recordings cannot tell from it.
+ALIKE = 0.5
 
 
 @dataclass(frozen=True)
@@ -72,6 +76,7 @@ def choose(
     best_so_far: float,
     sense_follows: bool,
     percent: Callable[[Model], float] | None = None,
+    apart: Callable[[Fit, Fit], float] | None = None,
 ) -> Choice | None:
     """The best explanation that is material and gains enough on both kinds of recordings; None if there is
     none.
@@ -79,6 +84,7 @@ def choose(
     ``best_so_far``: score of the strongest effect found before (0 in the first round).  ``sense_follows``:
     the measured current follows the command without extra delay, so that a command stamped early is unlikely.
     ``percent``: simulated fit of a model, which tells rivals apart that predict the next sample alike.
+    ``apart``: nats at which the recordings tell one fit from another (see `isolable.nats_apart`).
     """
     good = [
         e
@@ -110,11 +116,13 @@ def choose(
     # The noise of a current sense is white: what it says is taken at its word.
     margin = BY_CHANCE + AS_GOOD * max(best.by_motion, 0.0)
     close = [e for e in good if e.score > best.score - 3.0 * margin]
-    weights = np.array(
-        [np.exp((e.score - best.score) / margin) * _prior(e, sense_follows) for e in close]
-    )
-    # What lies a whole margin behind is hardly a rival.
+    weights = np.array([np.exp((e.score - best.score) / margin) for e in close])
+    # What lies a whole margin behind is hardly a rival, unless it makes hardly another prediction.
     weights[[e.score < best.score - margin for e in close]] *= 0.2
+    if apart is not None:
+        alike = [_alike(e, best, apart) for e in close]
+        weights[alike] = np.maximum(weights[alike], ALIKE)
+    weights = weights * [_prior(e, sense_follows) for e in close]
     if percent is not None and len(close) > 1:
         fits = np.array([percent(e.fit.model) for e in close])
         weights = weights * np.exp((fits - fits.max()) / SIMULATED_MARGIN)
@@ -131,6 +139,17 @@ def choose(
     ):
         return None
     return choice
+
+
+def _alike(other: Explanation, best: Explanation, apart: Callable[[Fit, Fit], float]) -> bool:
+    """Whether an explanation that needs no more parameters is neither found nor expected to be told from the
+    best one."""
+    return (
+        other is not best
+        and len(other.effect.parameters) <= len(best.effect.parameters)
+        and best.score - other.score < CANNOT_TELL
+        and apart(best.fit, other.fit) < CANNOT_TELL
+    )
 
 
 def _forms_of_one_thing(choice: Choice) -> bool:

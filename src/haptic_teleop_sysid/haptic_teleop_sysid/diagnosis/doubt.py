@@ -104,16 +104,17 @@ def doubted(
             doubt = Doubt(last, why, condition)
 
     both = [(result.baseline, estimation), (there, validation)]
-    rounded = min(before) > COLOURED and not _more_coloured(before, both)
+    if min(before) > COLOURED and not _more_coloured(before, both):
+        while (steps := _of_the_encoders(kept, result.baseline, estimation)) is not None:
+            name = steps.chosen.effect.effect
+            given_up(steps, f"with encoders this coarse {name} would show on recordings without it, too")
+            kept = _without_last(kept[: kept.index(steps) + 1])
     while True:
         while kept and kept[-1].chosen is not asked:
             so_far = kept[-2].chosen.fit if len(kept) > 1 else result.baseline
             why = momentary(kept[-1], so_far, estimation, validation) or _objection(
                 kept[-1], result.baseline, there, before, estimation, validation, percent
             )
-            if why is None and rounded and rounding_shows(kept[-1].chosen, so_far, estimation):
-                name = kept[-1].chosen.effect.effect
-                why = (f"with encoders this coarse {name} would show on recordings without it, too", None)
             if why is None:
                 asked = kept[-1].chosen
                 break
@@ -138,6 +139,17 @@ def _more_coloured(found: tuple[float, float], fits: Sequence[tuple[Fit, Sequenc
     """Whether innovations are clearly more coloured on both kinds of recordings than coarse encoders make
     those of a true model."""
     return all(c > BY_ROUNDING * expected_colour(*one) for c, one in zip(found, fits, strict=True))
+
+
+def _of_the_encoders(choices: list[Choice], baseline: Fit, records: Sequence[Record]) -> Choice | None:
+    """The first finding that stands for the steps of coarse encoders; what was found beside it falls with
+    it."""
+    before = baseline
+    for choice in choices:
+        if choice.chosen.by_current <= 0.0 and rounding_shows(choice.chosen, before, records):
+            return choice
+        before = choice.chosen.fit
+    return None
 
 
 def _without_last(kept: list[Choice]) -> list[Choice]:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 
 from haptic_teleop_sim.model import Model
 from haptic_teleop_sysid.estimation.gauss_newton import Fit, Limits, fit_parameters
@@ -17,6 +18,7 @@ from .decide import LEAST_GAIN, Choice, choose
 from .explanation import Explanation
 from .explore import explore
 from .held_out import judged
+from .isolable import nats_apart
 from .scales import Scales, recording_scales, within_reach
 from .simulated import explore_simulated, simulation_noise
 from .trials import LAST_STEPS, with_companion
@@ -67,6 +69,8 @@ def search(
     scales = recording_scales(baseline.model, estimation)
     fit, choices, strongest, nameless = baseline, [], 0.0, None
     found: list[Explanation] = []
+    apart = partial(nats_apart, records=(*estimation, *validation))
+    pick = partial(choose, sense_follows=sense_follows, percent=percent, apart=apart)
     for number in range(MOST_EFFECTS):
         lab = replace(model, effects=fit.model.effects, fixed=fit.model.fixed)
         fit, found = explore(
@@ -77,7 +81,7 @@ def search(
         if shown and not any(c.chosen.by_current > 0.0 for c in choices):
             found = joined(fit, model, found, shown, estimation, validation, scales, within_reach(lab))
         found = with_twins(found)
-        choice = choose(found, strongest, sense_follows, percent)
+        choice = pick(found, strongest)
         if choice is None:
             break
         if choice.unnamed:
@@ -87,7 +91,7 @@ def search(
         fit = choice.chosen.fit
         if len(choices) == 2 and all(c.chosen.by_current <= 0.0 for c in choices):
             second = _alone(baseline, choice, estimation, validation, scales, within_reach(lab))
-            alone = choose(second, 0.0, sense_follows, percent) if second else None
+            alone = pick(second, 0.0) if second else None
             if alone is not None and not alone.unnamed:
                 choices, fit = [alone], alone.chosen.fit
         strongest = max(strongest, choice.chosen.by_motion)

@@ -72,7 +72,7 @@ def with_shadows(fits: Sequence[Fit], before: Fit, records: Sequence[Record], li
     near = [f for f in fits if f.log_likelihood > fits[0].log_likelihood - _AMONG_THE_BEST]
     found = list(fits)
     present = {(n, e.location) for e in before.model.effects for n in family(e.effect)}
-    for one in near:  # which grows: a shadow has shadows of its own
+    for one in near:  # which grows: a shadow, or one that got farther, has shadows of its own
         for other in shadows(one.model.effects[index]):
             places = locations(other.effect, before.model.structure)
             if before.model.place(other.location) not in places or (other.effect, other.location) in present:
@@ -83,7 +83,8 @@ def with_shadows(fits: Sequence[Fit], before: Fit, records: Sequence[Record], li
             if end is None or end.log_likelihood < one.log_likelihood - _SHORT_OF:
                 cast = _from_there(one, other, before, records, limits)
                 found.append(cast)
-                if end is None and cast.log_likelihood > fits[0].log_likelihood - _AMONG_THE_BEST:
+                farther = end is None or cast.log_likelihood > end.log_likelihood + _SHORT_OF
+                if farther and cast.log_likelihood > fits[0].log_likelihood - _AMONG_THE_BEST:
                     near.append(cast)
     return best_of_each(found, index)
 

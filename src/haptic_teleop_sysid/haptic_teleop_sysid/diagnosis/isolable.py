@@ -1,0 +1,35 @@
+"""Can these recordings tell two fitted models apart at all?
+
+Two models whose predictions of every next sample hardly differ are one thing to the recordings, whichever of
+them chance favours: of Gaussian innovations with one covariance S and means e1, e2 the expected difference of
+log-likelihoods is the divergence of Kullback and Leibler, 1/2 sum (e1 - e2)' S^-1 (e1 - e2).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from haptic_teleop_sim.kernel import pack
+from haptic_teleop_sysid.estimation.gauss_newton import Fit
+from haptic_teleop_sysid.estimation.likelihood import covariance, innovations, settled
+from haptic_teleop_sysid.estimation.records import Record
+
+#: Nats below which two explanations are one set: the better one loses by chance in one case of eighteen.
+CANNOT_TELL = 5.0
+
+
+def nats_apart(one: Fit, other: Fit, records: Sequence[Record]) -> float:
+    """Nats by which the recordings are expected to speak for ``one`` against ``other`` if it is true: their
+    innovations compared under the noise model of ``one``; 0 or more, infinite for a model that runs away."""
+    first, second = pack(one.model), pack(other.model)
+    total = 0.0
+    for record in records:
+        errors = innovations(first, one.noise, record).innovation
+        spread = covariance(first, record, errors)
+        apart = settled(record, errors - innovations(second, one.noise, record).innovation)[:, : len(spread)]
+        if not np.all(np.isfinite(apart)) or not np.all(np.isfinite(spread)):
+            return np.inf
+        total += 0.5 * float(np.einsum("ni,ij,nj->", apart, np.linalg.pinv(spread, hermitian=True), apart))
+    return total
