@@ -191,3 +191,20 @@ def test_a_current_that_follows_its_command_speaks_against_a_wrong_stamp():
     assert follows.chosen.effect.effect == "input_delay"
     assert follows.confidence > unknown.confidence
     assert not follows.ambiguous
+
+
+def test_what_the_recordings_are_not_expected_to_tell_apart_is_one_set():
+    delay = explanation("input_delay", 37.0, 6.0, "actuator", delay=0.008)
+    lag = explanation("actuator_lag", 33.0, 6.0, "actuator", time_constant=0.008)
+    alone = choose([delay, lag], 0.0, True, apart=lambda one, other: 20.0)
+    assert alone.chosen is delay and not alone.ambiguous
+    both = choose([delay, lag], 0.0, True, apart=lambda one, other: 3.0)
+    assert both.chosen is delay and both.ambiguous
+    assert [e.effect.effect for e, _ in both.others] == ["actuator_lag"]
+    # What was found all the same: chance would have had to favour it too much.
+    behind = explanation("actuator_lag", 30.0, 6.0, "actuator", time_constant=0.008)
+    assert not choose([delay, behind], 0.0, True, apart=lambda one, other: 3.0).ambiguous
+    # A richer form that predicts the same is none.
+    plain = explanation("coulomb_friction", 37.0, 6.0)
+    richer = explanation("asymmetric_friction", 35.0, 6.0, positive=0.1, negative=0.1)
+    assert not choose([plain, richer], 0.0, True, apart=lambda one, other: 0.0).ambiguous

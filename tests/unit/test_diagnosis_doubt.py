@@ -6,8 +6,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from identification_plants import STAGE, stage_recording
-from test_diagnosis_parts import DT, MODEL, joint_record
+from test_diagnosis_parts import DT, MODEL, fit_of, joint_record
 
+import haptic_teleop_sysid.diagnosis.doubt as doubt_module
 from haptic_teleop_sim.model import Effect
 from haptic_teleop_sysid.dataset import load_dataset
 from haptic_teleop_sysid.diagnosis import diagnose as diagnosis
@@ -17,6 +18,7 @@ from haptic_teleop_sysid.diagnosis.doubt import (
     COLOURED,
     ONLY_HERE,
     UNSTEADY,
+    _of_the_encoders,
     _without_last,
     doubted,
 )
@@ -270,3 +272,21 @@ def test_what_gains_far_more_than_chance_and_only_here_is_something_unknown(reco
     # One that is too small to matter is none.
     nothing = replace(result, last_round=(replace(tried, material=False),))
     assert doubted(nothing, *quiet, unimpressed)[1] is None
+
+
+def test_a_first_finding_may_be_the_encoders_steps_and_takes_what_was_found_beside_it_along(monkeypatch):
+    fits = [fit_of(log_likelihood=float(n)) for n in range(3)]
+    first, second = (Choice(Explanation(f, 400.0, 400.0, True, 0), 1.0) for f in fits[1:])
+    asked = []
+
+    def shows(found, before, records):
+        asked.append((found.fit, before))
+        return found is first.chosen
+
+    monkeypatch.setattr(doubt_module, "rounding_shows", shows)
+    assert _of_the_encoders([second], fits[0], []) is None
+    assert _of_the_encoders([second, first], fits[0], []) is first
+    assert asked[1:] == [(fits[2], fits[0]), (fits[1], fits[2])]
+    # What the current shows is no matter of the encoders.
+    seen = Choice(replace(first.chosen, by_current=50.0), 1.0)
+    assert _of_the_encoders([seen], fits[0], []) is None

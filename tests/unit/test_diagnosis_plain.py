@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 from test_diagnosis_parts import MODEL, RIGID, fit_of, joint_record
 
+import haptic_teleop_sysid.diagnosis.shadows as shadows_module
 from haptic_teleop_sim.effects import EFFECTS
 from haptic_teleop_sim.model import Effect
 from haptic_teleop_sysid.diagnosis.candidates import candidates, plain_start
@@ -124,6 +125,23 @@ def test_no_shadow_falls_where_the_model_can_have_none_or_has_it_already(pulled)
     found = with_shadows([torque], before, pulled, within_reach(MODEL))
     names = {(f.model.effects[1].effect, f.model.effects[1].location) for f in found}
     assert names == {("constant_torque", "stage1_arm"), ("constant_torque", "stage1_motor")}  # no gravity
+
+
+def test_one_that_got_farther_as_a_shadow_casts_its_own(monkeypatch):
+    """A spring found the joint's preload from where gravity had ended without it: gravity has it, too."""
+
+    def cast(one, other, before, records, limits):
+        end = 110.0 if other.effect == "spring_to_ground" else one.log_likelihood
+        return fit_of(MODEL.with_effects(other), end)
+
+    monkeypatch.setattr(shadows_module, "_from_there", cast)
+    weight = {"torque": 0.1, "phase": 0.1}
+    gravity = fit_of(MODEL.with_effects(Effect("gravity", "stage1_arm", weight)), 100.0)
+    spring = {"stiffness": 0.1, "rest": -0.1}
+    short = fit_of(MODEL.with_effects(Effect("spring_to_ground", "stage1_arm", spring)), 95.0)
+    found = with_shadows([gravity, short], fit_of(), [], {})
+    ends = {(f.model.effects[0].effect, f.model.effects[0].location): f.log_likelihood for f in found}
+    assert ends["spring_to_ground", "stage1_arm"] == ends["gravity", "stage1_arm"] == 110.0
 
 
 @pytest.mark.parametrize("torque", [0.03, -0.03])
