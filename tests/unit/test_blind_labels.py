@@ -62,6 +62,14 @@ def test_a_late_reading_and_a_late_stamp_are_one_thing_in_the_labels() -> None:
     raise AssertionError("no such effect")
 
 
+def test_a_delay_is_compared_with_a_lag_of_its_own_length() -> None:
+    """Of 0.1 ms the two are one thing; the shortest lag of the grid is 2 ms, 67 nats away."""
+    index = next(i for i in range(len(PLACES)) if _single_effect(i) == "input_delay")
+    case = draw_case(5, "single", index, "delay", levels=(32.0,))
+    assert case.label["truth"][0]["parameters"]["delay"] < 2e-4
+    assert ("actuator_lag", f"{case.label['stage']}_actuator") in case.label["sets"][0]
+
+
 @pytest.mark.parametrize("place", ["motor", "arm"])
 def test_what_always_pulls_at_the_motor_or_at_the_arm_is_one_thing_to_zeroed_encoders(place: str) -> None:
     order = np.random.default_rng((5, 55)).permutation(len(PLACES))

@@ -359,7 +359,7 @@ def _rivals(
 ) -> dict[tuple[str, str], float]:
     """Return nats to every other explanation of one effect."""
     truth = robot.truth
-    delays = tuple(abs(v) for name, v in one.parameters.items() if name == "delay")
+    delays = tuple(abs(v) for name, v in one.parameters.items() if name in ("delay", "time_constant"))
     found = distances(filter_, experiments, truth["torque_constant"], truth["stiffness"], known, delays)
     found.pop((one.kind.effect, one.part), None)
     return {

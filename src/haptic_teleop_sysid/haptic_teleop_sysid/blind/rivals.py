@@ -216,7 +216,7 @@ def _actuator(
                 _late(u, way, d.time) - u
             )  # only the sense is off: the command says what really acted, when
             yield Rival("channel_skew", "actuator", (Column(current=shift),), (1,))
-    for time in (0.002, 0.005, 0.012, 0.03, 0.07):
+    for time in (0.002, 0.005, 0.012, 0.03, 0.07, *delays):
         yield from both("actuator_lag", _lagged(u, time, period) - u)
     for share in (0.5, 0.7, 0.85, 0.95):
         yield from both("torque_saturation", np.clip(u, -share * peak, share * peak) - u)
@@ -239,7 +239,7 @@ def distances(
     """Return nats between the truth and the nearest shape of each (effect, part), both recordings together.
 
     `experiments`: each recording's trajectory and what the truth adds to it; `delays`: of the truth itself,
-    without which the grid would call a late reading and a late stamp two things.
+    or its time constant, without which the grid would call a late reading and a late stamp two things.
     """
     rows: list[Array] = []
     listed: list[Rival] = []
