@@ -9,7 +9,7 @@ from joint_recordings import DT, TRUTH, excitation, joint_recording, response
 from haptic_teleop_control.errors import RecordingError
 from haptic_teleop_control.recording import bag_problems
 from haptic_teleop_sim.model import Model
-from haptic_teleop_sysid.damage import held, leaps, stood_still
+from haptic_teleop_sysid.damage import encoder_step, held, leaps, stood_still
 from haptic_teleop_sysid.dataset import load_dataset
 
 MODEL = Model("sfj", "stage1", "flexible_joint", TRUTH, source="stage1.yaml")
@@ -165,7 +165,52 @@ def test_an_encoder_that_failed_for_a_moment_of_little_motion_surely_stood_still
     frozen[turn - 30 : turn + 45] = frozen[turn - 30]
     leap = abs(frozen[turn + 45] - frozen[turn + 44])
     assert leap < 12.0 * np.quantile(np.abs(np.diff(arm)), 0.995)
-    assert stood_still(frozen, motor, 0.002) == [(turn - 30, turn + 45, True)]
+    assert stood_still(frozen, motor, 0.002, encoder_step(frozen)) == [(turn - 30, turn + 45, True)]
+
+
+@pytest.mark.parametrize("jitter", [0.005, 0.03, 0.2])
+def test_a_slow_joint_whose_stamps_jitter_does_not_stand_still(jitter):
+    """On even times, between the readings, single steps of its encoder come in parts."""
+    rng = np.random.default_rng(3)
+    time = 0.002 * (np.arange(6000) + jitter * rng.uniform(-1.0, 1.0, 6000))
+    motor = 0.05 * np.sin(2.0 * np.pi * 0.2 * time)
+    arm = motor + 0.005 * np.sin(2.0 * np.pi * 0.35 * time)
+    read = [np.rint(x / s) * s for x, s in ((motor, 1.534e-5), (arm, 2.462e-4))]
+    even = 0.002 * np.arange(6000)
+    on_grid = [np.interp(even, time, x) for x in read]
+    for k in (0, 1):
+        assert stood_still(on_grid[k], on_grid[1 - k], 0.002, encoder_step(read[k])) == []
+    # One that failed is found there, too.
+    dead = read[1].copy()
+    dead[2000:2300] = dead[2000]
+    found = stood_still(np.interp(even, time, dead), on_grid[0], 0.002, encoder_step(dead))
+    assert [(abs(a - 2000) < 20, abs(b - 2300) < 3, sure) for a, b, sure in found] == [(True, True, True)]
+
+
+def test_a_joint_that_moves_within_one_slow_sample_has_not_failed():
+    # Dry friction lets it go and holds it again within 10 ms: fifteen times.
+    slides = 0.1 * np.sin(0.02 * np.arange(600.0))
+    sticks = slides[-1] + np.repeat(0.01 * np.arange(15.0), 60)
+    motor = np.rint(np.concatenate([slides, sticks]) / 1.534e-5) * 1.534e-5
+    arm = motor + 0.002 * np.sin(np.arange(1500.0))
+    arm[600:] += 0.008 * (np.arange(900) % 60) / 60.0
+    assert not any(sure for _, _, sure in stood_still(motor, arm, 0.01, encoder_step(motor)))
+    assert any(sure for _, _, sure in stood_still(motor, arm, 0.002, encoder_step(motor)))
+
+
+def test_readings_that_are_held_often_are_found_as_well():
+    rng = np.random.default_rng(8)
+    position = 0.4 * np.sin(2.0 * np.pi * 1.0 * 0.002 * np.arange(5000))
+    for share in (0.02, 0.05, 0.1):
+        late = position.copy()
+        again = np.flatnonzero(rng.uniform(size=5000) < share)
+        for k in again[again > 0]:
+            late[k] = late[k - 1]
+        fast = np.abs(np.gradient(position)) > 0.5 * np.max(np.gradient(position))
+        expected = np.zeros(5000, dtype=bool)
+        expected[again] = True
+        expected &= fast
+        assert np.sum(held(late) & expected) > 0.9 * np.sum(expected)
 
 
 def test_an_arm_that_its_joint_holds_back_has_not_failed():
@@ -177,8 +222,8 @@ def test_an_arm_that_its_joint_holds_back_has_not_failed():
     for i, angle in enumerate(motor):
         held += np.sign(angle - held) * max(0.0, abs(angle - held) - 0.03)
         arm[i] = held
-    assert stood_still(arm, motor, 0.002) == []
-    assert stood_still(motor, arm, 0.002) == []
+    assert stood_still(arm, motor, 0.002, encoder_step(arm)) == []
+    assert stood_still(motor, arm, 0.002, encoder_step(motor)) == []
 
 
 def test_a_long_stretch_without_numbers_is_a_hole():
@@ -223,5 +268,5 @@ def test_a_joint_that_is_held_on_one_side_is_told_and_not_refused():
     motor = 0.1 * np.sin(2.0 * time) * (time < 5.0)
     arm = motor + 0.005 * np.sin(3.0 * time)
     arm[2500:] = 0.05 * np.sin(8.0 * time[2500:]) * np.exp(-(time[2500:] - 5.0))
-    found = stood_still(motor, arm, 0.002)
+    found = stood_still(motor, arm, 0.002, encoder_step(motor))
     assert [(a >= 2400, sure) for a, _, sure in found] == [(True, False)]

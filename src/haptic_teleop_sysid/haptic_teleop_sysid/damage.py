@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from haptic_teleop_control.errors import RecordingError
+from haptic_teleop_sysid.slips import SLOWEST
 from haptic_teleop_sysid.time_grid import GAP_PERIODS
 
 Array = NDArray[np.float64]
@@ -33,11 +34,11 @@ CATCHES_UP = 1.6
 CAUGHT_UP = 0.5
 """... and share of what the speeds before and behind make of their time that it comes to, or the inverse."""
 EVEN = 0.6
-"""Share of the mean by which the steps on either side may differ from it."""
+"""Share of the mean by which the speeds on either side may differ from it."""
 OFF = 12.0
 """Factor over the steps on either side by which a value lies off the way."""
 _ROUND = 4
-"""Samples on either side from which the speed there is drawn."""
+"""New values (or samples) on either side from which the speed there is drawn."""
 SETTLES = 0.05
 """s that filtered velocities take to forget how a reading jumped to where the joint had got to."""
 
@@ -77,14 +78,15 @@ def held(values: Array) -> NDArray[np.bool_]:
         return found
     least = MOVES * float(np.min(sizes[sizes > 1e-12]))
     new = np.flatnonzero(steps != 0.0) + 1  # samples at which a new value begins
-    for first, stop in pairwise(new.tolist()):
-        if not 2 <= stop - first <= LONGEST_HELD or first < _ROUND or stop + _ROUND > len(values):
+    # From one new value to the next: other repeats nearby, which the next value has caught up with, are even.
+    speeds = np.diff(values[new]) / np.diff(new)
+    for k, (first, stop) in enumerate(pairwise(new.tolist())):
+        if not 2 <= stop - first <= LONGEST_HELD or k < _ROUND or k + _ROUND > len(speeds):
             continue
         into, out = steps[first - 1], steps[stop - 1]
-        before = (values[first - 1] - values[first - _ROUND]) / (_ROUND - 1)
-        behind = (values[stop + _ROUND - 1] - values[stop]) / (_ROUND - 1)
+        around = speeds[k - _ROUND : k], speeds[k + 1 : k + _ROUND]
+        before, behind = float(np.mean(around[0][:-1])), float(np.mean(around[1]))
         expected = (stop - first) * 0.5 * (before + behind)
-        around = steps[first - _ROUND : first], steps[stop : stop + _ROUND - 1]
         even = all(np.max(np.abs(s - np.mean(s))) < EVEN * abs(np.mean(s)) for s in around)
         if (
             even  # as no motion by single steps of an encoder is, whose readings repeat by themselves
@@ -100,11 +102,19 @@ def held(values: Array) -> NDArray[np.bool_]:
     return found
 
 
-def stood_still(values: Array, other: Array, dt: float) -> list[tuple[int, int, bool]]:
-    """Stretches [start, stop) of a position (n,) that does not change by a single step of its encoder, for at
-    least STANDS_STILL s, while the joint's `other` position (n,) moves on: surely (True) where it leaps to
-    where it had got to in the end; or perhaps, where the other one turns further than FURTHER times all that
-    the two differ by at other times, which a joint does that is held on one side."""
+def encoder_step(read: Array) -> float:
+    """The least step between readings (m,) of a position, rad, 0 where there is none: the encoder's. To be
+    asked of what was read; on other times, between readings, single steps come in parts."""
+    steps = np.abs(np.diff(read[np.isfinite(read)]))
+    return float(np.min(steps[steps > 1e-12], initial=np.inf)) if np.any(steps > 1e-12) else 0.0
+
+
+def stood_still(values: Array, other: Array, dt: float, step: float) -> list[tuple[int, int, bool]]:
+    """Stretches [start, stop) of a position (n,) that does not change by a single step of its encoder
+    (``step``, rad: `encoder_step`), for at least STANDS_STILL s, while the joint's `other` position (n,)
+    moves on: surely (True) where it leaps to where it had got to in the end, unless samples are so far apart
+    (SLOWEST) that the joint may have moved meanwhile; or perhaps, where the other one turns further than
+    FURTHER times all that the two differ by at other times, which a joint does that is held on one side."""
     steps = np.append(np.abs(np.diff(values)), 0.0)
     changes = np.flatnonzero(steps > 1e-12) + 1
     edges = np.concatenate([[0], changes, [len(values)]])
@@ -117,14 +127,16 @@ def stood_still(values: Array, other: Array, dt: float) -> list[tuple[int, int, 
         moving[a:b] = False
     if np.sum(moving) < 10:
         return []
-    least = MOVES * float(np.min(steps[changes - 1]))
+    least = MOVES * step
     far = FURTHER * max(float(np.ptp((other - values)[moving])), least)
     found = []
     for a, b in still:
-        moved, out = float(np.ptp(other[a:b])), steps[b - 1]
-        # What is let go begins slowly: its first step is no larger than the next ones.
-        sure = out > LEAPS_OUT * max(float(np.max(steps[b : b + _ROUND - 1], initial=0.0)), least)
-        sure = sure and moved > 0.5 * out
+        moved = float(np.ptp(other[a:b]))
+        # Over two samples: one that lies between two readings has but a part of the leap.
+        out = abs(float(values[min(b + 1, len(values) - 1)] - values[b - 1]))
+        # What is let go begins slowly: its first steps are no larger than the next ones.
+        sure = out > LEAPS_OUT * max(float(np.max(steps[b + 1 : b + _ROUND], initial=0.0)), least)
+        sure = sure and dt <= SLOWEST and moved > 0.5 * out
         if sure or moved > far:
             found.append((a, b, bool(sure)))
     return found

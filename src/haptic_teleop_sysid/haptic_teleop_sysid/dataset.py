@@ -13,7 +13,7 @@ from haptic_teleop_control.recording import Recording, bag_problems
 from haptic_teleop_control.robots import SFJ_STAGES, VELOCITY_FILTER_CUTOFF_HZ, VELOCITY_FILTER_DAMPING
 from haptic_teleop_sim.model import Model
 from haptic_teleop_sysid.channels import Channels, channels_for
-from haptic_teleop_sysid.damage import refuse_holes
+from haptic_teleop_sysid.damage import encoder_step, refuse_holes
 from haptic_teleop_sysid.motion import Damage, derivative, finite, leave_out_stills, motion
 from haptic_teleop_sysid.recorded_parameters import recorded_value
 from haptic_teleop_sysid.slips import Slip
@@ -164,7 +164,9 @@ def load_dataset(recording: Recording, model: Model, name: str = "", allow_gaps:
         )
     input_ = finite(input_, valid)
     if channels.arm is not None and arm is not None:
-        leave_out_stills({channels.motor.joint: motor, channels.arm.joint: arm}, grid.dt, valid, damage)
+        both = {channels.motor.joint: motor, channels.arm.joint: arm}
+        read = [encoder_step(c.values("position")[grid.keep]) for c in (channels.motor, channels.arm)]
+        leave_out_stills(both, dict(zip(both, read, strict=True)), grid.dt, valid, damage)
     if not allow_gaps:
         refuse_holes(valid, grid.dt, name, damage.told)
     encoders = {channels.motor.joint: model.location("motor_encoder")}

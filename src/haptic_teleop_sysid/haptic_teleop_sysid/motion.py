@@ -92,13 +92,17 @@ def _mended(read: Array, joint: str, grid: TimeGrid, damage: Damage) -> Array:
 
 
 def leave_out_stills(
-    positions: dict[str, Array], dt: float, valid: NDArray[np.bool_], damage: Damage
+    positions: dict[str, Array],
+    steps: dict[str, float],
+    dt: float,
+    valid: NDArray[np.bool_],
+    damage: Damage,
 ) -> None:
-    """Mark where one of the two encoders of a joint surely stood still while the other moved on, and tell
-    where it may have."""
+    """Mark where one of the two encoders of a joint (joint -> position (n,), and the encoder's step, rad)
+    surely stood still while the other moved on, and tell where it may have."""
     for joint, other in (list(positions), list(positions)[::-1]):
         values = positions[joint]
-        found = stood_still(values, positions[other], dt)
+        found = stood_still(values, positions[other], dt, steps[joint])
         for start, stop, sure in found:
             if sure:
                 valid[start : stop + round(SETTLES / dt)] = False
