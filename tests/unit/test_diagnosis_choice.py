@@ -4,8 +4,9 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from test_diagnosis_parts import MODEL, explanation, fit_of
+from test_diagnosis_parts import MODEL, explanation, fit_of, joint_record
 
+import haptic_teleop_sysid.diagnosis.search as search_module
 from haptic_teleop_sim.model import Effect
 from haptic_teleop_sysid.diagnosis.certainty import standard_errors
 from haptic_teleop_sysid.diagnosis.decide import (
@@ -208,3 +209,25 @@ def test_what_the_recordings_are_not_expected_to_tell_apart_is_one_set():
     plain = explanation("coulomb_friction", 37.0, 6.0)
     richer = explanation("asymmetric_friction", 35.0, 6.0, positive=0.1, negative=0.1)
     assert not choose([plain, richer], 0.0, True, apart=lambda one, other: 0.0).ambiguous
+    # Beside something strong it is stated as well: that it is there is clear, and only its name is not.
+    beside = [replace(e, gain=3.0 * e.gain) for e in (delay, lag)]
+    behind = replace(beside[1], gain=beside[0].gain - 4.0)
+    second = choose([beside[0], behind], 1000.0, True, apart=lambda *_: 3.0)
+    assert second.ambiguous and not second.left_open
+    # A delay and a lag that differ by nothing are open by themselves, and too weak there.
+    same = choose([beside[0], replace(beside[1], gain=beside[0].gain)], 1000.0, True, apart=lambda *_: 0.0)
+    assert same is None
+
+
+def test_the_search_asks_on_all_recordings_how_far_two_explanations_are_apart(monkeypatch):
+    fit, asked = fit_of(), []
+
+    def choosing(found, best_so_far, sense_follows, percent, apart):
+        asked.append(apart(fit, fit))
+
+    monkeypatch.setattr(search_module, "explore", lambda fit, *_: (fit, []))
+    monkeypatch.setattr(search_module, "choose", choosing)
+    monkeypatch.setattr(search_module, "nats_apart", lambda one, other, records: len(records))
+    records = [joint_record(1, seconds=1.0)]
+    assert search_module.search(MODEL, fit, records, 2 * records).choices == ()
+    assert asked == [3]

@@ -18,7 +18,6 @@ from haptic_teleop_sysid.diagnosis.doubt import (
     COLOURED,
     ONLY_HERE,
     UNSTEADY,
-    _of_the_encoders,
     _without_last,
     doubted,
 )
@@ -26,7 +25,7 @@ from haptic_teleop_sysid.diagnosis.explanation import Explanation
 from haptic_teleop_sysid.diagnosis.reasons import off_the_mark
 from haptic_teleop_sysid.diagnosis.scales import recording_scales
 from haptic_teleop_sysid.diagnosis.search import SearchResult
-from haptic_teleop_sysid.diagnosis.stand import stand_of, stands_out
+from haptic_teleop_sysid.diagnosis.stand import Stand, stand_of, stands_out
 from haptic_teleop_sysid.diagnosis.whiteness import LAGS, colour, unsteadiness
 from haptic_teleop_sysid.estimation.records import record_from
 from haptic_teleop_sysid.estimation.whole_fit import fit_from_scratch, fit_whole, noise_starts
@@ -274,19 +273,75 @@ def test_what_gains_far_more_than_chance_and_only_here_is_something_unknown(reco
     assert doubted(nothing, *quiet, unimpressed)[1] is None
 
 
-def test_a_first_finding_may_be_the_encoders_steps_and_takes_what_was_found_beside_it_along(monkeypatch):
-    fits = [fit_of(log_likelihood=float(n)) for n in range(3)]
-    first, second = (Choice(Explanation(f, 400.0, 400.0, True, 0), 1.0) for f in fits[1:])
-    asked = []
+@pytest.fixture
+def believing(monkeypatch):
+    """`doubted` with its questions answered by lists: the explanations that are the encoders' steps, and
+    those that something else speaks against; what to call with choices gives what is kept, and the doubt."""
+    steps, refuted, asked = [], [], []
 
     def shows(found, before, records):
         asked.append((found.fit, before))
-        return found is first.chosen
+        return any(found is one for one in steps)
 
-    monkeypatch.setattr(doubt_module, "rounding_shows", shows)
-    assert _of_the_encoders([second], fits[0], []) is None
-    assert _of_the_encoders([second, first], fits[0], []) is first
-    assert asked[1:] == [(fits[2], fits[0]), (fits[1], fits[2])]
+    def objection(choice, *rest):
+        return ("it has another size", None) if any(choice.chosen is one for one in refuted) else None
+
+    replaced = {
+        "rounding_shows": shows,
+        "_objection": objection,
+        "_more_coloured": lambda *_: False,
+        "momentary": lambda *_: None,
+        "colour": lambda *_: 2.0 * COLOURED,
+        "held_out_fit": lambda fit, *_: fit,
+        "stand_of": lambda *_: Stand((0.0, 0.0), (0.0, 0.0), {}),
+        "stands_out": lambda *_: True,
+        "rather_event": lambda doubt, both: doubt,
+    }
+    for name, what in replaced.items():
+        monkeypatch.setattr(doubt_module, name, what)
+
+    def ask(*choices):
+        fit = choices[-1].chosen.fit
+        result = SearchResult(fit_of(), fit, choices, (), None)
+        kept, doubt, _ = doubted(result, [], [], unimpressed)
+        return [c.chosen for c in kept.choices], doubt
+
+    return ask, steps, refuted, asked
+
+
+def explanations(count):
+    model = STAGE.with_effects(DRAG)
+    return [Explanation(fit_of(model, float(n)), 400.0 + n, 400.0, True, 0) for n in range(count)]
+
+
+def test_a_first_finding_may_be_the_encoders_steps_and_takes_what_was_found_beside_it_along(believing):
+    ask, steps, _, asked = believing
+    first, second = explanations(2)
+    assert ask(Choice(first, 1.0), Choice(second, 1.0)) == ([first, second], None)
+    assert [fit.log_likelihood for fit, _ in asked] == [0.0, 1.0]
+    assert asked[1][1] is first.fit
+    steps.append(first)
+    kept, doubt = ask(Choice(first, 1.0), Choice(second, 1.0))
+    assert kept == [] and "encoders this coarse" in doubt.why
     # What the current shows is no matter of the encoders.
-    seen = Choice(replace(first.chosen, by_current=50.0), 1.0)
-    assert _of_the_encoders([seen], fits[0], []) is None
+    seen = replace(first, by_current=50.0)
+    steps.append(seen)
+    assert ask(Choice(seen, 1.0)) == ([seen], None)
+
+
+def test_what_takes_the_place_of_a_name_that_was_given_up_is_asked_about_the_encoders_too(believing):
+    ask, steps, refuted, _ = believing
+    first, rival = explanations(2)
+    refuted.append(first)
+    assert ask(Choice(first, 0.6, ((rival, 0.4),))) == ([rival], None)
+    steps.append(rival)
+    kept, doubt = ask(Choice(first, 0.6, ((rival, 0.4),)))
+    assert kept == [] and doubt is not None
+
+
+def test_what_merely_predicts_the_same_falls_with_the_name_it_was_behind(believing):
+    ask, _, refuted, _ = believing
+    first, rival = explanations(2)
+    refuted.append(first)
+    kept, doubt = ask(Choice(first, 0.65, ((rival, 0.35),), alike=0.35))
+    assert kept == [] and doubt.choice.chosen is first

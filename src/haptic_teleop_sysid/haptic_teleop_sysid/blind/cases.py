@@ -359,7 +359,8 @@ def _rivals(
 ) -> dict[tuple[str, str], float]:
     """Return nats to every other explanation of one effect."""
     truth = robot.truth
-    delays = tuple(abs(v) for name, v in one.parameters.items() if name in ("delay", "time_constant"))
+    late = one.kind.effect in ("input_delay", "actuator_lag", "sensor_delay", "channel_skew")
+    delays = tuple(abs(one.parameters[n]) for n in ("delay", "time_constant") if late and n in one.parameters)
     found = distances(filter_, experiments, truth["torque_constant"], truth["stiffness"], known, delays)
     found.pop((one.kind.effect, one.part), None)
     return {

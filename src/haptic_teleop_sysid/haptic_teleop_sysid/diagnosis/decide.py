@@ -54,12 +54,14 @@ ALIKE = 0.5
 @dataclass(frozen=True)
 class Choice:
     """What one round of the search found: the chosen explanation, its confidence, and the others that remain
-    possible with theirs.
+    possible with theirs.  ``alike``: confidence of those among them that are behind, but predict hardly
+    anything else.
     """
 
     chosen: Explanation
     confidence: float
     others: tuple[tuple[Explanation, float], ...] = field(default=())
+    alike: float = 0.0
 
     @property
     def unnamed(self) -> bool:
@@ -69,6 +71,11 @@ class Choice:
     @property
     def ambiguous(self) -> bool:
         return self.confidence < SURE and bool(self.others)
+
+    @property
+    def left_open(self) -> bool:
+        """Whether the likelihoods themselves leave open what it is, be it told from what is alike or not."""
+        return self.ambiguous and self.confidence < SURE * (1.0 - self.alike)
 
 
 def choose(
@@ -119,9 +126,10 @@ def choose(
     weights = np.array([np.exp((e.score - best.score) / margin) for e in close])
     # What lies a whole margin behind is hardly a rival, unless it makes hardly another prediction.
     weights[[e.score < best.score - margin for e in close]] *= 0.2
+    raised = np.zeros(len(close), dtype=np.bool_)
     if apart is not None:
-        alike = [_alike(e, best, apart) for e in close]
-        weights[alike] = np.maximum(weights[alike], ALIKE)
+        raised = np.array([_alike(e, best, apart) for e in close]) & (weights < ALIKE)
+        weights[raised] = ALIKE
     weights = weights * [_prior(e, sense_follows) for e in close]
     if percent is not None and len(close) > 1:
         fits = np.array([percent(e.fit.model) for e in close])
@@ -130,9 +138,11 @@ def choose(
     order = np.argsort(-weights, kind="stable")
     ranked = [(close[i], float(weights[i])) for i in order]
     others = tuple((e, p) for e, p in ranked[1:] if p > 0.02)
-    choice = Choice(ranked[0][0], ranked[0][1], others)
+    first = int(order[0])
+    behind = float(np.sum(weights[raised])) if not raised[first] else 0.0
+    choice = Choice(ranked[0][0], ranked[0][1], others, behind)
     if (
-        choice.ambiguous
+        choice.left_open
         and not _forms_of_one_thing(choice)
         and choice.chosen.by_current <= 0.0
         and choice.chosen.score < LEAST_SHARE_ALIKE * best_so_far

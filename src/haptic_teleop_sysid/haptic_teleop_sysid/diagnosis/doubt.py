@@ -104,22 +104,23 @@ def doubted(
             doubt = Doubt(last, why, condition)
 
     both = [(result.baseline, estimation), (there, validation)]
-    if min(before) > COLOURED and not _more_coloured(before, both):
-        while (steps := _of_the_encoders(kept, result.baseline, estimation)) is not None:
+    rounded = min(before) > COLOURED and not _more_coloured(before, both)
+    rounding = _Rounding(result.baseline, estimation)
+    while True:
+        while rounded and (steps := rounding.first(kept)) is not None:
             name = steps.chosen.effect.effect
             given_up(steps, f"with encoders this coarse {name} would show on recordings without it, too")
             kept = _without_last(kept[: kept.index(steps) + 1])
-    while True:
-        while kept and kept[-1].chosen is not asked:
+        if kept and kept[-1].chosen is not asked:
             so_far = kept[-2].chosen.fit if len(kept) > 1 else result.baseline
             why = momentary(kept[-1], so_far, estimation, validation) or _objection(
                 kept[-1], result.baseline, there, before, estimation, validation, percent
             )
-            if why is None:
-                asked = kept[-1].chosen
-                break
-            given_up(kept[-1], *why)
-            kept = _without_last(kept)
+            if why is not None:
+                given_up(kept[-1], *why)
+                kept = _without_last(kept)
+                continue
+            asked = kept[-1].chosen
         final = kept[-1].chosen.fit if kept else result.baseline
         if doubt is not None:
             result = replace(result, choices=tuple(kept), final=final, last_round=())
@@ -141,25 +142,39 @@ def _more_coloured(found: tuple[float, float], fits: Sequence[tuple[Fit, Sequenc
     return all(c > BY_ROUNDING * expected_colour(*one) for c, one in zip(found, fits, strict=True))
 
 
-def _of_the_encoders(choices: list[Choice], baseline: Fit, records: Sequence[Record]) -> Choice | None:
-    """The first finding that stands for the steps of coarse encoders; what was found beside it falls with
-    it."""
-    before = baseline
-    for choice in choices:
-        if choice.chosen.by_current <= 0.0 and rounding_shows(choice.chosen, before, records):
-            return choice
-        before = choice.chosen.fit
-    return None
+class _Rounding:
+    """Which findings stand for the steps of coarse encoders; every one is asked once."""
+
+    def __init__(self, baseline: Fit, records: Sequence[Record]) -> None:
+        self._baseline, self._records = baseline, records
+        self._known: list[tuple[Explanation, Fit, bool]] = []
+
+    def first(self, choices: list[Choice]) -> Choice | None:
+        """The first of the findings that does; what was found beside it falls with it."""
+        before = self._baseline
+        for choice in choices:
+            if choice.chosen.by_current <= 0.0 and self._shows(choice.chosen, before):
+                return choice
+            before = choice.chosen.fit
+        return None
+
+    def _shows(self, found: Explanation, before: Fit) -> bool:
+        for one, beside, known in self._known:
+            if one is found and beside is before:
+                return known
+        shows = rounding_shows(found, before, self._records)
+        self._known.append((found, before, shows))
+        return shows
 
 
 def _without_last(kept: list[Choice]) -> list[Choice]:
     """The findings without the last one, in whose place comes the next of what it was not told from (but for
-    its twin, which is the same fit)."""
+    its twin, which is the same fit, and where the others were behind and merely predicted the same)."""
     last = kept[-1]
     others = [
         (e, p) for e, p in last.others if (e.gain, e.held_out) != (last.chosen.gain, last.chosen.held_out)
     ]
-    if not last.ambiguous or not others:
+    if not last.left_open or not others:
         return kept[:-1]
     total = sum(p for _, p in others)
     (chosen, share), *rest = others

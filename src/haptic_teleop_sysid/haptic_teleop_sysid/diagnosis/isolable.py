@@ -26,9 +26,12 @@ def nats_apart(one: Fit, other: Fit, records: Sequence[Record]) -> float:
     first, second = pack(one.model), pack(other.model)
     total = 0.0
     for record in records:
-        errors = innovations(first, one.noise, record).innovation
+        try:
+            errors, others = (innovations(m, one.noise, record).innovation for m in (first, second))
+        except np.linalg.LinAlgError:  # no observer for this model with the other one's noise
+            return np.inf
         spread = covariance(first, record, errors)
-        apart = settled(record, errors - innovations(second, one.noise, record).innovation)[:, : len(spread)]
+        apart = settled(record, errors - others)[:, : len(spread)]
         if not np.all(np.isfinite(apart)) or not np.all(np.isfinite(spread)):
             return np.inf
         total += 0.5 * float(np.einsum("ni,ij,nj->", apart, np.linalg.pinv(spread, hermitian=True), apart))

@@ -112,9 +112,10 @@ def _alone(
 ) -> list[Explanation]:
     """The second of two effects, and what it is not told from, as explanations by themselves, if the first is
     worth nothing beside it: then the first was but the nearest that could be seen before."""
-    fits = [_without_first(e, baseline, estimation, limits) for e in (second.chosen, *_others(second))]
-    if not fits[0].log_likelihood > second.chosen.fit.log_likelihood - LEAST_GAIN:
+    alone = _without_first(second.chosen, baseline, estimation, limits)
+    if not alone.log_likelihood > second.chosen.fit.log_likelihood - LEAST_GAIN:
         return []
+    fits = [alone, *(_without_first(e, baseline, estimation, limits) for e in _others(second))]
     return with_twins(judged(baseline, fits, validation, scales))
 
 

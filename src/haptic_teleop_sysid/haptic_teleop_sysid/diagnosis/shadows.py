@@ -8,6 +8,7 @@ much, so each is tried from where another one ended.
 from __future__ import annotations
 
 import math
+from collections import Counter
 from collections.abc import Sequence
 from dataclasses import replace
 
@@ -21,6 +22,8 @@ from .trials import best_of_each, polish, with_companion
 
 #: Nats behind the best one from which a thing that explains the same has not ended where it could.
 _SHORT_OF = 2.0
+#: Times that one may get farther as a shadow and cast its own anew.
+_OFTEN = 2
 #: Nats behind the best fit of all up to which one that loads the joint may be what is there.
 _AMONG_THE_BEST = 10.0
 
@@ -70,7 +73,7 @@ def with_shadows(fits: Sequence[Fit], before: Fit, records: Sequence[Record], li
     are missing or stopped short of them; ``before``: without any of these effects."""
     index = len(before.model.effects)
     near = [f for f in fits if f.log_likelihood > fits[0].log_likelihood - _AMONG_THE_BEST]
-    found = list(fits)
+    found, again = list(fits), Counter()
     present = {(n, e.location) for e in before.model.effects for n in family(e.effect)}
     for one in near:  # which grows: a shadow, or one that got farther, has shadows of its own
         for other in shadows(one.model.effects[index]):
@@ -84,6 +87,8 @@ def with_shadows(fits: Sequence[Fit], before: Fit, records: Sequence[Record], li
                 cast = _from_there(one, other, before, records, limits)
                 found.append(cast)
                 farther = end is None or cast.log_likelihood > end.log_likelihood + _SHORT_OF
+                again[other.effect, other.location] += 1
+                farther = farther and again[other.effect, other.location] <= _OFTEN
                 if farther and cast.log_likelihood > fits[0].log_likelihood - _AMONG_THE_BEST:
                     near.append(cast)
     return best_of_each(found, index)
