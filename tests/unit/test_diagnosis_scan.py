@@ -192,6 +192,15 @@ def test_a_sense_with_noise_and_offset_shows_nothing():
     assert shown_by_current(MODEL, same[:1], same[1:]) == []
 
 
+@pytest.mark.parametrize("sample", [-1, 1500])
+def test_a_single_reading_far_off_is_no_stamp_that_is_wrong(sample):
+    """The last command of an experiment, which no measured current answers, had been a skew of 0.04 ms."""
+    same = [current_data(seed, lambda current, h: current) for seed in (1, 2)]
+    command = np.array(same[0].commanded_input)
+    command[sample] += 3.0
+    assert shown_by_current(MODEL, [replace(same[0], commanded_input=command)], same[1:]) == []
+
+
 def test_without_a_measured_current_nothing_is_said():
     data = replace(current_data(1, late), input_source="commanded effort")
     assert shown_by_current(MODEL, [data], [data]) == []

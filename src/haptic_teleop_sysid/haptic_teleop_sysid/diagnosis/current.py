@@ -38,6 +38,8 @@ _LEAST, _LEAST_HELD_OUT = 12.0, 3.0
 _CLEAR, _LEAST_AGAINST = 25.0, 2.0
 #: Standard deviation of the sense that is granted at least, relative to the rms command.
 _EXACT = 1e-4
+#: Samples that speak most for an effect and do not count.
+_SPIKES = 3
 #: Samples at the start that may still answer what was commanded before the recording.
 _UNSEEN = 64
 #: Starts: times in samples (a loop's command is so lively that a delay shows only within one of its own),
@@ -150,13 +152,19 @@ def _nats(model: Model, effect: Effect, data: DataSet) -> float:
         packed = pack(model.with_effects(effect))
         expected = acting_torque(packed, command, data.dt, data.start) / packed.torque_constant
     floor = (_EXACT * float(np.std(command[good]))) ** 2
-    before, after = (_left(c[good], sensed[good]) + floor for c in (command, expected))
+    pairs = [(c[good], sensed[good]) for c in (command, expected)]
+    rests = [np.square(_left(*pair)) for pair in pairs]
+    # What speaks for the effect at a few samples alone is a spike, or the command that ended the experiment.
+    spikes = np.argpartition(rests[0] - rests[1], -_SPIKES)[-_SPIKES:]
+    before, after = (
+        float(np.mean(np.square(_left(np.delete(c, spikes), np.delete(s, spikes))))) + floor for c, s in pairs
+    )
     return 0.5 * int(np.sum(good)) * float(np.log(before / after))
 
 
-def _left(expected: FloatArray, sensed: FloatArray) -> float:
-    """Variance of the measured current about offset and scale times the expected one."""
+def _left(expected: FloatArray, sensed: FloatArray) -> FloatArray:
+    """What is left (n,), A, of the measured current about offset and scale times the expected one."""
     a = expected - expected.mean()
     b = sensed - sensed.mean()
     power = float(a @ a)
-    return float(np.mean((b - a * (float(a @ b) / power)) ** 2)) if power > 0.0 else float(np.mean(b**2))
+    return b - a * (float(a @ b) / power) if power > 0.0 else b
