@@ -14,7 +14,7 @@ from haptic_teleop_control.errors import ConfigurationError
 from haptic_teleop_control.recording import read_recording
 from haptic_teleop_sysid.blind import command
 from haptic_teleop_sysid.blind.archive import pack, unpack
-from haptic_teleop_sysid.blind.runner import FRONT_DOOR, RAN, diagnose
+from haptic_teleop_sysid.blind.runner import FRONT_DOOR, RAN, diagnose, spread
 from haptic_teleop_sysid.blind.sealing import open_labels, seal
 
 
@@ -80,3 +80,12 @@ def test_a_forked_diagnosis_tells_its_status_and_last_words_and_is_killed_in_tim
     assert ran["status"] == "2" and "model.yaml" in ran["message"]
     assert json.loads((tmp_path / RAN).read_text()) == ran
     assert diagnose(tmp_path, (*FRONT_DOOR, "--no-report"), 1e-6)["status"] == "timeout"
+
+
+def test_a_diagnosis_runs_on_a_worker_of_dask_which_may_not_fork(tmp_path: Path) -> None:
+    pytest.importorskip("distributed")
+    for name in ("estimation", "validation"):
+        (tmp_path / name).mkdir()
+    (tmp_path / "model.yaml").write_text("schema: 1\nrubbish: true\n")
+    (ran,) = spread(diagnose, [(tmp_path, (*FRONT_DOOR, "--no-report"), 120.0)], 1, "local", "", threads=True)
+    assert ran["status"] == "2" and "model.yaml" in ran["message"]

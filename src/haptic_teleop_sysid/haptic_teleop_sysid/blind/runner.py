@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import multiprocessing
 import os
 import shutil
 import subprocess
@@ -77,7 +78,8 @@ def generate_again(job: tuple[int, str, str, int, Path, tuple[float, ...]]) -> N
 def diagnose(directory: Path, command: tuple[str, ...], timeout: float) -> dict[str, Any]:
     """Run the command on one case; write and return what happened: status, seconds, last words.
 
-    This installation's own `diagnose` (FRONT_DOOR and options) is forked from a process that has it imported.
+    This installation's own `diagnose` (FRONT_DOOR and options) is forked from a process that has it imported,
+    unless this is a worker of Dask, which may have no children of that kind.
     """
     output = directory / "diagnosis"
     if output.exists():
@@ -89,7 +91,7 @@ def diagnose(directory: Path, command: tuple[str, ...], timeout: float) -> dict[
         *("--output", str(output)),
     ]
     begin = time.perf_counter()
-    if command[: len(FRONT_DOOR)] == FRONT_DOOR:
+    if command[: len(FRONT_DOOR)] == FRONT_DOOR and not multiprocessing.current_process().daemon:
         os.environ.update(ONE_THREAD)
         status, words = run_forked("diagnose", [*command[len(FRONT_DOOR) :], *arguments], timeout)
     else:
