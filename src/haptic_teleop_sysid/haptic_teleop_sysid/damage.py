@@ -73,10 +73,9 @@ def held(values: Array) -> NDArray[np.bool_]:
     behind it. Up to LONGEST_HELD samples; longer ones are for `stood_still`."""
     found = np.zeros(len(values), dtype=np.bool_)
     steps = np.diff(values)
-    sizes = np.abs(steps[np.isfinite(steps)])
-    if not np.any(sizes > 1e-12):
+    least = MOVES * encoder_step(values)
+    if least == 0.0:
         return found
-    least = MOVES * float(np.min(sizes[sizes > 1e-12]))
     new = np.flatnonzero(steps != 0.0) + 1  # samples at which a new value begins
     # From one new value to the next: other repeats nearby, which the next value has caught up with, are even.
     speeds = np.diff(values[new]) / np.diff(new)
@@ -102,11 +101,12 @@ def held(values: Array) -> NDArray[np.bool_]:
     return found
 
 
-def encoder_step(read: Array) -> float:
-    """The least step between readings (m,) of a position, rad, 0 where there is none: the encoder's. To be
-    asked of what was read; on other times, between readings, single steps come in parts."""
+def encoder_step(read: Array, fewest: int = 1) -> float:
+    """The least step between readings (m,) of a position, rad: the encoder's. 0 where fewer than ``fewest``
+    differ. To be asked of what was read; at other times, between readings, single steps come in parts."""
     steps = np.abs(np.diff(read[np.isfinite(read)]))
-    return float(np.min(steps[steps > 1e-12], initial=np.inf)) if np.any(steps > 1e-12) else 0.0
+    steps = steps[steps > 1e-12]
+    return float(np.min(steps)) if len(steps) >= fewest else 0.0
 
 
 def stood_still(values: Array, other: Array, dt: float, step: float) -> list[tuple[int, int, bool]]:

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from haptic_teleop_control.robots import OMNI_RESOLUTION, SFJ_STAGES
+from haptic_teleop_sysid.damage import encoder_step
 from haptic_teleop_sysid.dataset import DataSet
 
 FloatArray = NDArray[np.float64]
@@ -169,17 +170,10 @@ def _resolution(data: DataSet, measured: FloatArray) -> tuple[float, float]:
             facts = SFJ_STAGES[data.joint]
             known = (facts.drive_resolution, facts.joint_resolution)
         # Another encoder may be coarser than the one that is usual there.
-        seen = [_least_step(measured[:, channel]) for channel in (0, 1)]
+        seen = [encoder_step(measured[:, channel], SHORTEST_PIECE) for channel in (0, 1)]
         return max(known[0], seen[0]), max(known[1], seen[1])
     found = [smallest_step(measured[:, channel]) for channel in (0, 1)]
     return found[0], found[1]
-
-
-def _least_step(angle: FloatArray) -> float:
-    """The smallest difference of successive readings, rad; 0 where hardly any differ."""
-    steps = np.abs(np.diff(angle[np.isfinite(angle)]))
-    steps = steps[steps > 1e-12]
-    return float(np.min(steps)) if len(steps) >= SHORTEST_PIECE else 0.0
 
 
 def smallest_step(angle: FloatArray) -> float:
