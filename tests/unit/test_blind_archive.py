@@ -89,3 +89,13 @@ def test_a_diagnosis_runs_on_a_worker_of_dask_which_may_not_fork(tmp_path: Path)
     (tmp_path / "model.yaml").write_text("schema: 1\nrubbish: true\n")
     (ran,) = spread(diagnose, [(tmp_path, (*FRONT_DOOR, "--no-report"), 120.0)], 1, "local", "", threads=True)
     assert ran["status"] == "2" and "model.yaml" in ran["message"]
+
+
+def test_a_dask_scheduler_that_does_not_answer_is_told_with_the_remedy() -> None:
+    dask = pytest.importorskip("dask")
+    pytest.importorskip("distributed")
+    with (
+        dask.config.set({"distributed.comm.timeouts.connect": "1s"}),
+        pytest.raises(ConfigurationError, match=r"127\.0\.0\.1:1.*--dask local"),
+    ):
+        spread(diagnose, [()], 1, "127.0.0.1:1", "")

@@ -127,7 +127,14 @@ def _workers(
         from dask.distributed import Client  # pyright: ignore[reportMissingImports]
     except ImportError:
         raise ConfigurationError("--dask needs Dask: pip install 'dask[distributed]'.") from None
-    with Client(address=None if dask == "local" else dask), parallel_config(backend="dask"):
+    try:
+        client = Client(address=None if dask == "local" else dask)
+    except (OSError, ValueError) as failure:
+        raise ConfigurationError(
+            f"--dask {dask}: no scheduler answers there ({failure}). Start one (`dask scheduler`), or say "
+            "`--dask local`."
+        ) from None
+    with client, parallel_config(backend="dask"):
         yield Parallel(n_jobs=-1)
 
 
