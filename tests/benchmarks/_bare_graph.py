@@ -8,10 +8,10 @@ import numpy as np
 from rclpy.node import Node
 from sensor_msgs.msg import JointState
 
-from haptic_teleop_control.nodes.deadline import DeadlineThread
-from haptic_teleop_control.nodes.joint_state_io import STREAM_QOS
-from haptic_teleop_control.nodes.latency import LatencyMeter
 from haptic_teleop_control.nodes.signal_generator import PHASE
+from haptic_teleop_control.nodes.streams.joint_states import STREAM_QOS
+from haptic_teleop_control.nodes.streams.latency import LatencyMeter
+from haptic_teleop_control.nodes.timing.deadline import DeadlineThread
 from haptic_teleop_control.robots import OMNI_JOINTS, SFJ_JOINTS, SFJ_MOTOR_JOINTS
 from haptic_teleop_sim.nodes.omni_sim import OmniSim
 from haptic_teleop_sim.nodes.sfj_sim import SfjSim

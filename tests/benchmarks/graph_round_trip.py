@@ -19,11 +19,11 @@ import numpy as np
 import rclpy
 from _bare_graph import bare_node
 
-from haptic_teleop_control.nodes.composed import node_class
-from haptic_teleop_control.nodes.latency import LatencyMeter
-from haptic_teleop_control.nodes.ros_arguments import parse_ros_arguments
-from haptic_teleop_control.nodes.spin import SWITCH_INTERVAL, create_nodes, spin
-from haptic_teleop_control.nodes.stopping import stop_requests
+from haptic_teleop_control.nodes.base.registry import node_class
+from haptic_teleop_control.nodes.base.ros_arguments import parse_ros_arguments
+from haptic_teleop_control.nodes.base.run import SWITCH_INTERVAL, create_nodes, spin
+from haptic_teleop_control.nodes.launching.stopping import stop_requests
+from haptic_teleop_control.nodes.streams.latency import LatencyMeter
 
 NODES = ("sfj_sim", "omni_sim", "force_controller", "signal_generator")
 RATE = 1000.0

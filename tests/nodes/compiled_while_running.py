@@ -14,8 +14,8 @@ import numpy as np
 from numba.core.dispatcher import Dispatcher
 from ros_graph import Graph, Source
 
-from haptic_teleop_control.nodes.composed import node_class
-from haptic_teleop_control.nodes.joint_state_io import FIELDS
+from haptic_teleop_control.nodes.base.registry import node_class
+from haptic_teleop_control.nodes.streams.joint_states import FIELDS
 from haptic_teleop_control.robots import OMNI_JOINTS, SFJ_JOINTS, SFJ_MOTOR_JOINTS
 
 PARAMETERS = {

@@ -16,10 +16,10 @@ from sensor_msgs.msg import JointState
 from std_srvs.srv import Trigger
 
 from haptic_teleop_control.node_tables import FORCE_CONTROLLER
-from haptic_teleop_control.nodes.base import HapticNode
+from haptic_teleop_control.nodes.base.haptic_node import HapticNode
+from haptic_teleop_control.nodes.base.run import make_executor
 from haptic_teleop_control.nodes.force_controller import ForceController
-from haptic_teleop_control.nodes.joint_state_io import STREAM_QOS, stamp_of
-from haptic_teleop_control.nodes.spin import make_executor
+from haptic_teleop_control.nodes.streams.joint_states import STREAM_QOS, stamp_of
 from haptic_teleop_control.parameters import ParameterTable
 
 DEADLINE = 10.0

@@ -18,14 +18,14 @@ from rclpy.node import Node
 from rclpy.qos import QoSProfile, ReliabilityPolicy
 from sensor_msgs.msg import JointState
 
-from haptic_teleop_control.nodes import starter as starter_module
-from haptic_teleop_control.nodes.children import Child
-from haptic_teleop_control.nodes.composed import node_names
-from haptic_teleop_control.nodes.connections import IN, OUT, endpoints, merged, unconnected
-from haptic_teleop_control.nodes.joint_state_io import STREAM_QOS
-from haptic_teleop_control.nodes.parameter_collector import PATIENCE, ParameterCollector
-from haptic_teleop_control.nodes.starter import Starter
-from haptic_teleop_control.nodes.stopping import StopRequests, stop_requests
+from haptic_teleop_control.nodes.base.registry import node_names
+from haptic_teleop_control.nodes.launching import starter as starter_module
+from haptic_teleop_control.nodes.launching.children import Child
+from haptic_teleop_control.nodes.launching.connections import IN, OUT, endpoints, merged, unconnected
+from haptic_teleop_control.nodes.launching.starter import Starter
+from haptic_teleop_control.nodes.launching.stopping import StopRequests, stop_requests
+from haptic_teleop_control.nodes.recording.parameter_collector import PATIENCE, ParameterCollector
+from haptic_teleop_control.nodes.streams.joint_states import STREAM_QOS
 from haptic_teleop_control.recording import read_recording
 
 

@@ -11,8 +11,8 @@ import pytest
 from ros_graph import Sink, Source
 
 from haptic_teleop_control.front_door import load
+from haptic_teleop_control.nodes.base.registry import node_class, node_names
 from haptic_teleop_control.nodes.composed import main as composed
-from haptic_teleop_control.nodes.composed import node_class, node_names
 from haptic_teleop_control.robots import SFJ_JOINTS
 
 NODES = ("signal_generator", "force_controller", "sfj_sim", "omni_sim")

@@ -6,7 +6,7 @@ import time
 import numpy as np
 import pytest
 
-from haptic_teleop_control.nodes.deadline import DeadlineThread
+from haptic_teleop_control.nodes.timing.deadline import DeadlineThread
 
 
 def run_until(condition, deadline=5.0):

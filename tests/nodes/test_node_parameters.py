@@ -3,8 +3,8 @@
 import pytest
 
 from haptic_teleop_control.errors import ConfigurationError
-from haptic_teleop_control.nodes.parameters import overrides
-from haptic_teleop_control.nodes.ros_arguments import parse_ros_arguments
+from haptic_teleop_control.nodes.base.parameters import overrides
+from haptic_teleop_control.nodes.base.ros_arguments import parse_ros_arguments
 from haptic_teleop_control.parameters import Parameter, ParameterTable
 
 TABLE = ParameterTable("plant", [Parameter("gain", 1.0), Parameter("part.count", 1), Parameter("model", "")])

@@ -17,7 +17,7 @@ from rclpy.qos import QoSProfile, ReliabilityPolicy
 from ros_graph import Graph
 from sensor_msgs.msg import JointState
 
-from haptic_teleop_control.nodes.joint_state_io import STREAM_QOS
+from haptic_teleop_control.nodes.streams.joint_states import STREAM_QOS
 from haptic_teleop_control.recording import bag_problems, read_recording
 from haptic_teleop_control.recording.recover import main as recover
 

@@ -12,10 +12,10 @@ from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 from sensor_msgs.msg import JointState
 
 from haptic_teleop_control.errors import ConfigurationError
-from haptic_teleop_control.nodes.children import Child, stop_all
-from haptic_teleop_control.nodes.joint_state_io import STREAM_QOS
+from haptic_teleop_control.nodes.launching.children import Child, stop_all
+from haptic_teleop_control.nodes.launching.watch import Watcher
 from haptic_teleop_control.nodes.scenario import load_scenario, main
-from haptic_teleop_control.nodes.watch import Watcher
+from haptic_teleop_control.nodes.streams.joint_states import STREAM_QOS
 from haptic_teleop_control.recording import read_recording
 from haptic_teleop_control.robots import OMNI_JOINTS
 
@@ -131,7 +131,7 @@ def test_children_end_when_the_scenario_is_killed(file):
 
 
 def test_a_child_that_ignores_what_it_is_told_is_killed_in_the_end(monkeypatch):
-    from haptic_teleop_control.nodes import children
+    from haptic_teleop_control.nodes.launching import children
 
     monkeypatch.setattr(
         children, "STOPPING", ((signal.SIGINT, 0.2), (signal.SIGTERM, 0.2), (signal.SIGKILL, 5.0))

@@ -14,7 +14,7 @@ from sensor_msgs.msg import JointState
 from std_msgs.msg import String
 from std_srvs.srv import Trigger
 
-from haptic_teleop_control.nodes.link_emulator import LinkEmulator
+from haptic_teleop_control.nodes.link import LinkEmulator
 from haptic_teleop_control.robots import OMNI_JOINTS, SFJ_JOINTS
 
 SFJ_REST = {"position": [0.0] * 4, "velocity": [0.0] * 4, "effort": [0.0] * 4}

@@ -14,7 +14,7 @@ EXECUTABLES: dict[str, tuple[str, str]] = {
         "couple master and slave by force control; which robot is which are parameters",
     ),
     "link": (
-        "haptic_teleop_control.nodes.link_emulator:main",
+        "haptic_teleop_control.nodes.link:main",
         "the network between master and slave: seeded delay, jitter, loss, reordering",
     ),
     "operate": (

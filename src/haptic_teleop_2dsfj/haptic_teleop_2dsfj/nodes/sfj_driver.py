@@ -8,10 +8,10 @@ from haptic_teleop_2dsfj.build import make_driver
 from haptic_teleop_2dsfj.settings import TABLE
 from haptic_teleop_2dsfj.supervisor import FAULTS
 from haptic_teleop_control.device import Driver, Reporter
-from haptic_teleop_control.nodes.commanded import CommandedNode
-from haptic_teleop_control.nodes.driver_node import DriverNode
-from haptic_teleop_control.nodes.joint_state_io import stamp_now
-from haptic_teleop_control.nodes.spin import run_node
+from haptic_teleop_control.nodes.base.commanded import CommandedNode
+from haptic_teleop_control.nodes.base.driver_node import DriverNode
+from haptic_teleop_control.nodes.base.run import run_node
+from haptic_teleop_control.nodes.streams.joint_states import stamp_now
 from haptic_teleop_control.robots import SFJ_JOINTS, SFJ_MOTOR_JOINTS
 
 

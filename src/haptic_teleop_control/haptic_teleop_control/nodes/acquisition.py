@@ -8,9 +8,9 @@ from rclpy.context import Context
 
 from haptic_teleop_control.acquisition import ABORTED, ACQUISITION_PARAMETERS, Acquisition
 from haptic_teleop_control.node_tables import REALTIME_PRIORITY
-from haptic_teleop_control.nodes.base import HapticNode
-from haptic_teleop_control.nodes.joint_state_io import JointStatePublisher, JointStateReceiver
-from haptic_teleop_control.nodes.spin import run_node
+from haptic_teleop_control.nodes.base.haptic_node import HapticNode
+from haptic_teleop_control.nodes.base.run import run_node
+from haptic_teleop_control.nodes.streams.joint_states import JointStatePublisher, JointStateReceiver
 from haptic_teleop_control.parameters import ParameterTable
 
 

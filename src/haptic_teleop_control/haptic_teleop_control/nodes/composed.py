@@ -6,17 +6,14 @@ This is the 1 kHz default on one machine; as separate processes the same nodes r
 
 from __future__ import annotations
 
-import difflib
-import importlib
 from collections.abc import Sequence
 
 from haptic_teleop_control.command_line import run_command
 from haptic_teleop_control.errors import ConfigurationError
-from haptic_teleop_control.front_door import executables
-from haptic_teleop_control.nodes.base import HapticNode
-from haptic_teleop_control.nodes.link import OPTION
-from haptic_teleop_control.nodes.node_help import node_help
-from haptic_teleop_control.nodes.spin import run_nodes
+from haptic_teleop_control.nodes.base.node_help import node_help
+from haptic_teleop_control.nodes.base.registry import node_class, node_names
+from haptic_teleop_control.nodes.base.run import run_nodes
+from haptic_teleop_control.nodes.launching.parent import OPTION
 
 HELP = """composed: runs several nodes in one process: the 1 kHz default on one machine
 
@@ -24,33 +21,6 @@ usage: composed NODE [NODE ...] [--ros-args [--params-file FILE] [-p NODE:NAME:=
        composed NODE [NODE ...] --help        the topics and parameters of these nodes
 
 NODE is the name of an executable that is a node: """
-
-SEPARATE = ("recorder",)
-"""Nodes that write to disk: never in the control process."""
-
-
-def node_names() -> list[str]:
-    """Executables that are nodes and may share a process: those whose module lies in a `nodes`
-    sub-package."""
-    runners = (*SEPARATE, "composed", "scenario")
-    return [
-        name for name, (target, _) in executables().items() if ".nodes." in target and name not in runners
-    ]
-
-
-def node_class(name: str) -> type[HapticNode]:
-    """The class of a node by the name of its executable. Raises ConfigurationError for what is none."""
-    if name in SEPARATE:
-        raise ConfigurationError(
-            f"{name} writes to disk and never shares the control process; start it by itself."
-        )
-    if name not in node_names():
-        nearest = difflib.get_close_matches(name, node_names(), n=1)
-        hint = f"did you mean {nearest[0]}?" if nearest else f"choose from {', '.join(node_names())}."
-        raise ConfigurationError(f"{name} is not a node; {hint}")
-    module = importlib.import_module(executables()[name][0].split(":")[0])
-    return module.NODE
-
 
 def _composed(argv: Sequence[str]) -> int:
     end = list(argv).index("--ros-args") if "--ros-args" in argv else len(argv)

@@ -22,14 +22,14 @@ from std_srvs.srv import Trigger
 from haptic_teleop_control.errors import ConfigurationError
 from haptic_teleop_control.laws import find_law
 from haptic_teleop_control.node_tables import FORCE_CONTROLLER
-from haptic_teleop_control.nodes.base import HapticNode
-from haptic_teleop_control.nodes.joint_state_io import (
+from haptic_teleop_control.nodes.base.haptic_node import HapticNode
+from haptic_teleop_control.nodes.base.run import run_node
+from haptic_teleop_control.nodes.streams.joint_states import (
     FIELDS,
     JointStatePublisher,
     JointStateReceiver,
     stamp_at,
 )
-from haptic_teleop_control.nodes.spin import run_node
 from haptic_teleop_control.robots import OMNI_JOINTS, SFJ_JOINTS, SFJ_MOTOR_JOINTS, STAGES
 from haptic_teleop_control.teleoperation.coupling import Coupling
 from haptic_teleop_control.teleoperation.faults import FAULTS, MALFORMED_STATE, NON_FINITE_STATE, TIME_JUMP

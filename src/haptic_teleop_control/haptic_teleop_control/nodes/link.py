@@ -1,56 +1,113 @@
-"""Short messages between a process and the one that started it, both ways, apart from its output.
-
-The child's standard input is one end of a socket pair; each message is a JSON object on a line of its own.
-"""
+"""The link between master and slave as a node: everything that the controller sends passes through it, and is
+delayed, lost, repeated or overtaken as the parameters say."""
 
 from __future__ import annotations
 
-import json
-import socket
+import heapq
+import threading
+from functools import partial
+from time import monotonic_ns
 from typing import Any
 
-from haptic_teleop_control.errors import ConfigurationError
+from rclpy.context import Context
 
-OPTION = "--armed"
-"""Tells an executable that its standard input is such a socket. For parents only, so no help names it."""
+from haptic_teleop_control.node_tables import LINK
+from haptic_teleop_control.nodes.base.haptic_node import HapticNode
+from haptic_teleop_control.nodes.base.run import run_node
+from haptic_teleop_control.nodes.streams.joint_states import JointStatePublisher, JointStateReceiver
+from haptic_teleop_control.quantities import from_parameters
+from haptic_teleop_control.robots import STAGES
+from haptic_teleop_control.teleoperation.link_model import LinkChannel, LinkSettings
+
+FIELDS = ("velocity", "effort")
+WAYS = ("master", "slave")
+"""The two directions, named by who sends; their numbers choose the random sequences."""
 
 
-class Link:
-    """One end. `closed` is true when the other process has gone; sending then does nothing."""
+class LinkEmulator(HapticNode):
+    NAME = "link"
+    SUMMARY = "the network between master and slave: seeded delay, jitter, loss, reordering, duplicates"
+    TOPICS = (
+        "subscribes teleoperation/master, teleoperation/slave            what the controller's sides send",
+        "publishes  link/teleoperation/master, link/teleoperation/slave  the same, as it arrives",
+        "publishes  /diagnostics  packets sent, lost, repeated and delivered, worst lateness of a delivery",
+    )
+    TABLE = LINK
 
-    def __init__(self, end: socket.socket) -> None:
-        self._socket = end
-        self._socket.setblocking(False)
-        self._text = b""
-        self.closed = False
+    def __init__(self, context: Context | None = None, **node_options: Any) -> None:
+        super().__init__(context, **node_options)
+        settings = from_parameters(LinkSettings, self.values)
+        self._channels = [LinkChannel(settings, number) for number in range(len(WAYS))]
+        self._out = [JointStatePublisher(self, f"link/teleoperation/{way}", STAGES, FIELDS) for way in WAYS]
+        self._in: list[JointStateReceiver] = []
+        for number, way in enumerate(WAYS):
+            take = partial(self._take, number)
+            self._in.append(JointStateReceiver(self, f"teleoperation/{way}", STAGES, FIELDS, take))
+        # due ns, order of arrival here, way, stamp, values of FIELDS
+        self._under_way: list[tuple[int, int, int, int, list[list[float]]]] = []
+        self._changed = threading.Condition()
+        self._order = 0
+        self._stopped = False
+        self.delivered = 0
+        self.worst_lateness = 0.0
+        self._thread = threading.Thread(target=self._run, name=self.NAME, daemon=True)
+        self.count_rate("packets delivered", lambda: self.delivered)
 
-    @classmethod
-    def to_parent(cls) -> Link:
-        """The child's end. Raises ConfigurationError when standard input is no socket."""
+    def start(self) -> None:
+        self._thread.start()
+
+    def _take(self, number: int) -> None:
+        source = self._in[number]
+        arrivals = self._channels[number].transmit(source.received * 1e-9)
+        values = [source.value[field].tolist() for field in FIELDS]
+        with self._changed:
+            for arrival in arrivals:
+                self._order += 1
+                packet = (round(arrival * 1e9), self._order, number, source.stamp, values)
+                heapq.heappush(self._under_way, packet)
+            self._changed.notify()
+
+    def _run(self) -> None:
         try:
-            return cls(socket.socket(fileno=0))
-        except OSError:
-            raise ConfigurationError(
-                f"{OPTION} is what `scenario` starts its nodes with; leave it out."
-            ) from None
+            while (packet := self._next()) is not None:
+                due, _, number, stamp, values = packet
+                out = self._out[number]
+                for field, content in zip(FIELDS, values, strict=True):
+                    out.view[field][:] = content
+                out.send(stamp)
+                self.delivered += 1
+                self.worst_lateness = max(self.worst_lateness, (monotonic_ns() - due) * 1e-9)
+        except Exception as failure:
+            self.fail(failure)
 
-    def send(self, **content: Any) -> None:
-        """Sends one message. They are some kilobytes at most, which the system's buffer always takes."""
-        try:
-            self._socket.sendall(json.dumps(content).encode() + b"\n")
-        except OSError:
-            self.closed = True
+    def _next(self) -> tuple[int, int, int, int, list[list[float]]] | None:
+        """The packet that is due, once it is; None at the end."""
+        with self._changed:
+            while not self._stopped:
+                wait = None
+                if self._under_way:
+                    wait = (self._under_way[0][0] - monotonic_ns()) * 1e-9
+                    if wait <= 0.0:
+                        return heapq.heappop(self._under_way)
+                self._changed.wait(wait)
+        return None
 
-    def receive(self) -> list[dict[str, Any]]:
-        """The messages that have arrived since; never waits."""
-        while not self.closed:
-            try:
-                data = self._socket.recv(65536)
-            except BlockingIOError:
-                break
-            except OSError:
-                data = b""
-            self.closed = not data
-            self._text += data
-        *lines, self._text = self._text.split(b"\n")
-        return [json.loads(line) for line in lines]
+    def measurements(self) -> dict[str, Any]:
+        values: dict[str, Any] = {"worst lateness (ms)": f"{1e3 * self.worst_lateness:.2f}"}
+        for way, channel in zip(WAYS, self._channels, strict=True):
+            values[f"from the {way}"] = f"{channel.sent} sent, {channel.lost} lost, {channel.repeated} twice"
+        return values
+
+    def shutdown_safely(self) -> None:
+        with self._changed:
+            self._stopped = True
+            self._changed.notify()
+        if self._thread.is_alive():
+            self._thread.join(1.0)
+
+
+NODE = LinkEmulator
+
+
+def main(argv: list[str] | None = None) -> int:
+    return run_node(NODE, argv)

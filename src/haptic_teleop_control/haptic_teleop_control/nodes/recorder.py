@@ -18,16 +18,16 @@ from rclpy.signals import SignalHandlerOptions
 
 from haptic_teleop_control.command_line import run_command
 from haptic_teleop_control.errors import RecordingError
-from haptic_teleop_control.nodes.arming import ArmedStart
-from haptic_teleop_control.nodes.base import HapticNode
-from haptic_teleop_control.nodes.connections import IN, Endpoints, endpoints
-from haptic_teleop_control.nodes.node_help import node_help
-from haptic_teleop_control.nodes.parameter_collector import ParameterCollector
-from haptic_teleop_control.nodes.recorded_topic import RecordedTopic
-from haptic_teleop_control.nodes.recorder_table import KNOWN_TYPES, TABLE, experiment_description
-from haptic_teleop_control.nodes.recorder_verdict import print_verdict
-from haptic_teleop_control.nodes.spin import create_nodes, make_executor, read_arguments
-from haptic_teleop_control.nodes.stopping import stop_requests
+from haptic_teleop_control.nodes.base.haptic_node import HapticNode
+from haptic_teleop_control.nodes.base.node_help import node_help
+from haptic_teleop_control.nodes.base.run import create_nodes, make_executor, read_arguments
+from haptic_teleop_control.nodes.launching.arming import ArmedStart
+from haptic_teleop_control.nodes.launching.connections import IN, Endpoints, endpoints
+from haptic_teleop_control.nodes.launching.stopping import stop_requests
+from haptic_teleop_control.nodes.recording.parameter_collector import ParameterCollector
+from haptic_teleop_control.nodes.recording.recorded_topic import RecordedTopic
+from haptic_teleop_control.nodes.recording.table import KNOWN_TYPES, TABLE, experiment_description
+from haptic_teleop_control.nodes.recording.verdict import print_verdict
 from haptic_teleop_control.recording.verify import verify_recording
 from haptic_teleop_control.recording.writer import RecordingWriter
 
@@ -234,6 +234,9 @@ class Recorder(HapticNode):
     def _problem(self, sentence: str) -> None:
         self.problems.append(sentence)
         self.get_logger().error(sentence)
+
+
+NODE = Recorder
 
 
 def main(argv: Sequence[str] | None = None) -> int:

@@ -26,12 +26,12 @@ from typing import Any
 from haptic_teleop_control.command_line import run_command
 from haptic_teleop_control.errors import ConfigurationError
 from haptic_teleop_control.node_tables import SCENARIO
-from haptic_teleop_control.nodes.children import Child, stop_all
-from haptic_teleop_control.nodes.composed import node_class
+from haptic_teleop_control.nodes.base.registry import node_class
+from haptic_teleop_control.nodes.launching.children import Child, stop_all
+from haptic_teleop_control.nodes.launching.starter import START_INTERVAL, Starter
+from haptic_teleop_control.nodes.launching.stopping import stop_requests
+from haptic_teleop_control.nodes.launching.watch import ProgressLine, Watcher
 from haptic_teleop_control.nodes.recorder import Recorder
-from haptic_teleop_control.nodes.starter import START_INTERVAL, Starter
-from haptic_teleop_control.nodes.stopping import stop_requests
-from haptic_teleop_control.nodes.watch import ProgressLine, Watcher
 from haptic_teleop_control.parameter_files import (
     check_parameter_file,
     is_wildcard,

@@ -11,10 +11,10 @@ from rclpy.context import Context
 from std_srvs.srv import Trigger
 
 from haptic_teleop_control.node_tables import GENERATOR_OWN, SIGNAL_GENERATOR
-from haptic_teleop_control.nodes.base import HapticNode
-from haptic_teleop_control.nodes.deadline import DeadlineThread
-from haptic_teleop_control.nodes.joint_state_io import JointStatePublisher, stamp_now
-from haptic_teleop_control.nodes.spin import run_node
+from haptic_teleop_control.nodes.base.haptic_node import HapticNode
+from haptic_teleop_control.nodes.base.run import run_node
+from haptic_teleop_control.nodes.streams.joint_states import JointStatePublisher, stamp_now
+from haptic_teleop_control.nodes.timing.deadline import DeadlineThread
 from haptic_teleop_control.robots import STAGES
 from haptic_teleop_control.signals import SignalGenerator
 

@@ -5,9 +5,9 @@ from __future__ import annotations
 from typing import ClassVar
 
 from haptic_teleop_control.device import Driver, Reporter
-from haptic_teleop_control.nodes.driver_node import DriverNode
-from haptic_teleop_control.nodes.joint_state_io import stamp_now
-from haptic_teleop_control.nodes.spin import run_node
+from haptic_teleop_control.nodes.base.driver_node import DriverNode
+from haptic_teleop_control.nodes.base.run import run_node
+from haptic_teleop_control.nodes.streams.joint_states import stamp_now
 from haptic_teleop_control.robots import OMNI_JOINTS
 from haptic_teleop_omni.build import ALL_FAULTS, make_driver
 from haptic_teleop_omni.settings import TABLE

@@ -12,9 +12,9 @@ import numpy as np
 from numpy.typing import NDArray
 from rclpy.context import Context
 
-from haptic_teleop_control.nodes.commanded import CommandedNode
-from haptic_teleop_control.nodes.deadline import DeadlineThread
-from haptic_teleop_control.nodes.joint_state_io import stamp_now
+from haptic_teleop_control.nodes.base.commanded import CommandedNode
+from haptic_teleop_control.nodes.streams.joint_states import stamp_now
+from haptic_teleop_control.nodes.timing.deadline import DeadlineThread
 
 Array = NDArray[np.float64]
 

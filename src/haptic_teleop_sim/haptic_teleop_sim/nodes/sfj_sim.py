@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from haptic_teleop_control.node_tables import REALTIME_PRIORITY
-from haptic_teleop_control.nodes.spin import run_node
+from haptic_teleop_control.nodes.base.run import run_node
 from haptic_teleop_control.parameters import ParameterTable
 from haptic_teleop_control.robots import SFJ_JOINTS, SFJ_MOTOR_JOINTS
 from haptic_teleop_sim.hardware import SFJ_PARAMETERS, SfjRobot

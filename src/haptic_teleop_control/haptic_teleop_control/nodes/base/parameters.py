@@ -18,7 +18,8 @@ from rclpy.node import Node
 from rclpy.parameter import Parameter as RosParameter
 
 from haptic_teleop_control.errors import ConfigurationError
-from haptic_teleop_control.nodes.ros_arguments import RosArguments
+from haptic_teleop_control.nodes.base.registry import parameter_tables
+from haptic_teleop_control.nodes.base.ros_arguments import RosArguments
 from haptic_teleop_control.parameter_files import is_wildcard, load_parameter_file, parameters_for
 from haptic_teleop_control.parameters import Parameter, ParameterTable
 
@@ -134,12 +135,9 @@ def _section_values(sections: Mapping[str, Mapping[str, Any]], full_name: str) -
 def _speaks_to_others(key: str, table: ParameterTable) -> bool:
     # In a process of its own a node knows no neighbours, but a wildcard may mean them: the key must then be
     # a parameter of some node of the project. Looked up only when one turns up that is not our own.
-    from haptic_teleop_control.nodes.composed import node_class, node_names  # it imports this module
-    from haptic_teleop_control.nodes.recorder import Recorder
-
     if key in table or _is_ros_own(key):
         return False
-    return any(key in other for other in (Recorder.TABLE, *(node_class(name).TABLE for name in node_names())))
+    return any(key in other for other in parameter_tables())
 
 
 def _check_stated(table: ParameterTable, stated: Mapping[str, Any], source: str) -> dict[str, Any]:

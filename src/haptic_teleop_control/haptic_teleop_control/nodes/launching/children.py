@@ -11,8 +11,8 @@ import sys
 import time
 from collections.abc import Sequence
 
-from haptic_teleop_control.nodes import link
-from haptic_teleop_control.nodes.stopping import STOP_SIGNALS
+from haptic_teleop_control.nodes.launching.parent import OPTION, ParentChannel
+from haptic_teleop_control.nodes.launching.stopping import STOP_SIGNALS
 
 STOPPING = ((signal.SIGINT, 8.0), (signal.SIGTERM, 2.0), (signal.SIGKILL, 2.0))
 """What a child is sent in turn, and the seconds it is given to end after each."""
@@ -44,8 +44,8 @@ class Child:
                 os._exit(1)
 
         ours, theirs = socket.socketpair()
-        self.link = link.Link(ours)
-        option = [link.OPTION] if armed else []
+        self.link = ParentChannel(ours)
+        option = [OPTION] if armed else []
         with theirs:
             self.process = subprocess.Popen(
                 [sys.executable, "-m", "haptic_teleop_control.front_door", name, *option, *arguments],

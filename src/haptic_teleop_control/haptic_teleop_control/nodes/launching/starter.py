@@ -8,8 +8,14 @@ from collections.abc import Sequence
 from rclpy.node import Node
 
 from haptic_teleop_control.errors import ConfigurationError
-from haptic_teleop_control.nodes.children import Child
-from haptic_teleop_control.nodes.connections import Endpoints, endpoints, merged, strangers, unconnected
+from haptic_teleop_control.nodes.launching.children import Child
+from haptic_teleop_control.nodes.launching.connections import (
+    Endpoints,
+    endpoints,
+    merged,
+    strangers,
+    unconnected,
+)
 
 START_INTERVAL = 0.02
 """Seconds between two looks at the children until they have started."""

@@ -6,7 +6,7 @@ import sys
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 
-from haptic_teleop_control.nodes.recorded_topic import RecordedTopic
+from haptic_teleop_control.nodes.recording.recorded_topic import RecordedTopic
 
 
 def print_verdict(

@@ -13,14 +13,14 @@ from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
 
 from haptic_teleop_control.command_line import run_command
 from haptic_teleop_control.errors import ConfigurationError
-from haptic_teleop_control.nodes.arming import ArmedStart
-from haptic_teleop_control.nodes.base import HapticNode
-from haptic_teleop_control.nodes.deadline import request_realtime
-from haptic_teleop_control.nodes.link import OPTION, Link
-from haptic_teleop_control.nodes.node_help import node_help
-from haptic_teleop_control.nodes.parameters import overrides
-from haptic_teleop_control.nodes.ros_arguments import RosArguments, parse_ros_arguments
-from haptic_teleop_control.nodes.stopping import StopRequests, stop_requests
+from haptic_teleop_control.nodes.base.haptic_node import HapticNode
+from haptic_teleop_control.nodes.base.node_help import node_help
+from haptic_teleop_control.nodes.base.parameters import overrides
+from haptic_teleop_control.nodes.base.ros_arguments import RosArguments, parse_ros_arguments
+from haptic_teleop_control.nodes.launching.arming import ArmedStart
+from haptic_teleop_control.nodes.launching.parent import OPTION, ParentChannel
+from haptic_teleop_control.nodes.launching.stopping import StopRequests, stop_requests
+from haptic_teleop_control.nodes.timing.deadline import request_realtime
 from haptic_teleop_control.parameter_files import load_parameter_file
 
 POLL = 0.05
@@ -90,7 +90,7 @@ def make_executor(context: rclpy.Context | None = None) -> rclpy.executors.Execu
 
 
 def read_arguments(argv: Sequence[str]) -> tuple[list[str], RosArguments, ArmedStart | None]:
-    """The arguments for rclpy, what they say, and the start to wait for if `link.OPTION` is among them.
+    """The arguments for rclpy, what they say, and the start to wait for if `parent.OPTION` is among them.
 
     Raises ConfigurationError, also for a parameter file: rcl's own words for it name no remedy.
     """
@@ -100,7 +100,7 @@ def read_arguments(argv: Sequence[str]) -> tuple[list[str], RosArguments, ArmedS
         raise ConfigurationError(f"{arguments.other[0]} is not an argument of a node; see --help.")
     for file in arguments.parameter_files:
         load_parameter_file(file)
-    return rest, arguments, ArmedStart(Link.to_parent()) if len(rest) < len(argv) else None
+    return rest, arguments, ArmedStart(ParentChannel.to_parent()) if len(rest) < len(argv) else None
 
 
 def spin(

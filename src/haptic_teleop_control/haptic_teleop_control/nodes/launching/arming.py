@@ -16,17 +16,17 @@ from contextlib import contextmanager
 
 from rclpy.node import Node
 
-from haptic_teleop_control.nodes.connections import Endpoints, endpoints, unconnected
-from haptic_teleop_control.nodes.link import Link
+from haptic_teleop_control.nodes.launching.connections import Endpoints, endpoints, unconnected
+from haptic_teleop_control.nodes.launching.parent import ParentChannel
 
 LOOK_INTERVAL = 0.1
 """Seconds between two looks at the graph."""
 
 
 class ArmedStart:
-    """The side of a process that was started with `link.OPTION`; call `poll` until it returns True."""
+    """The side of a process that was started with `parent.OPTION`; call `poll` until it returns True."""
 
-    def __init__(self, link: Link) -> None:
+    def __init__(self, link: ParentChannel) -> None:
         self._link = link
         self._nodes: Callable[[], Iterable[Node]] = list
         self._expected: Endpoints | None = None

@@ -19,9 +19,9 @@ from rclpy.context import Context
 
 from haptic_teleop_control.device import DeviceError, Driver, ReadResult, Reporter
 from haptic_teleop_control.errors import ConfigurationError
-from haptic_teleop_control.nodes.commanded import CommandedNode
-from haptic_teleop_control.nodes.deadline import request_realtime
-from haptic_teleop_control.nodes.joint_state_io import stamp_now
+from haptic_teleop_control.nodes.base.commanded import CommandedNode
+from haptic_teleop_control.nodes.streams.joint_states import stamp_now
+from haptic_teleop_control.nodes.timing.deadline import request_realtime
 from haptic_teleop_control.raw_capture import COMMAND, RESET, RawCapture, read_capture
 from haptic_teleop_control.replay import Session
 

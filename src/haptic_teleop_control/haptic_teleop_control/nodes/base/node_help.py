@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import textwrap
 
-from haptic_teleop_control.nodes.base import HapticNode
+from haptic_teleop_control.nodes.base.haptic_node import HapticNode
 
 
 def node_help(node_class: type[HapticNode]) -> str:

@@ -1,7 +1,7 @@
 """What all nodes of this project share: parameters from a table, a fault latch with `~/reset`, diagnostics
 at 1 Hz.
 
-A subclass states `NAME`, `NAMESPACE`, `SUMMARY`, `TOPICS` and `TABLE`; `spin.run_node` and `composed` need
+A subclass states `NAME`, `NAMESPACE`, `SUMMARY`, `TOPICS` and `TABLE`; `run.run_node` and `composed` need
 no more to print its help, check its parameters and run it.
 """
 
@@ -17,7 +17,7 @@ from rclpy.node import Node
 from std_srvs.srv import Trigger
 
 from haptic_teleop_control.faults import FaultLatch
-from haptic_teleop_control.nodes.parameters import declare_parameters
+from haptic_teleop_control.nodes.base.parameters import declare_parameters
 from haptic_teleop_control.parameters import ParameterTable
 
 LOG_INTERVAL = 1.0

@@ -15,14 +15,14 @@ from numpy.typing import NDArray
 from rclpy.context import Context
 
 from haptic_teleop_control.faults import COMMAND_FAULTS, MALFORMED_COMMAND, NON_FINITE_COMMAND, STALE_COMMAND
-from haptic_teleop_control.nodes.base import HapticNode
-from haptic_teleop_control.nodes.joint_state_io import (
+from haptic_teleop_control.nodes.base.haptic_node import HapticNode
+from haptic_teleop_control.nodes.streams.joint_states import (
     FIELDS,
     JointStatePublisher,
     JointStateReceiver,
     stamp_at,
 )
-from haptic_teleop_control.nodes.latency import LatencyMeter
+from haptic_teleop_control.nodes.streams.latency import LatencyMeter
 
 Array = NDArray[np.float64]
 

@@ -1,0 +1,1 @@
+"""What every node of this project is built on: parameters, faults, commands, command line and loop."""
