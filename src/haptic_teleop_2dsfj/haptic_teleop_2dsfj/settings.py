@@ -11,7 +11,7 @@ from haptic_teleop_2dsfj.board_settings import BoardSettings
 from haptic_teleop_2dsfj.stage_settings import StageSettings, check_hardware_maximum
 from haptic_teleop_2dsfj.supervisor import SupervisorSettings
 from haptic_teleop_control.errors import ConfigurationError
-from haptic_teleop_control.node_tables import REALTIME_PRIORITY
+from haptic_teleop_control.node_tables import NODE_PARAMETERS
 from haptic_teleop_control.parameters import Parameter, ParameterTable
 from haptic_teleop_control.quantities import from_parameters, parameters_of
 from haptic_teleop_control.robots import (
@@ -96,7 +96,7 @@ def _table() -> ParameterTable:
             maximum=3.0,
             meaning="arm angle either side at which the emulated limit switches are pressed",
         ),
-        REALTIME_PRIORITY,
+        *NODE_PARAMETERS,
         *parameters_of(BoardSettings(), runtime=False),
         *parameters_of(Amplifier(), runtime=False),
         *parameters_of(SupervisorSettings(), "supervisor.", runtime=False),

@@ -17,6 +17,10 @@ EXECUTABLES: dict[str, tuple[str, str]] = {
         "haptic_teleop_control.nodes.link:main",
         "the network between master and slave: seeded delay, jitter, loss, reordering",
     ),
+    "time_coordinator": (
+        "haptic_teleop_control.nodes.time_coordinator:main",
+        "grant simulated time: the next tick when everybody has answered the last one",
+    ),
     "operate": (
         "haptic_teleop_control.operate:main",
         "engage, disengage, swap or reset the running teleoperation, or print its state",

@@ -13,12 +13,16 @@ NON_FINITE_COMMAND = "non_finite_command"
 STALE_COMMAND = "stale_command"
 MISSING_COMMAND = "missing_command"
 MALFORMED_COMMAND = "malformed_command"
+FUTURE_COMMAND = "future_command"
+CONTRADICTORY_COMMAND = "contradictory_command"
 
 COMMAND_FAULTS: dict[str, str] = {
     NON_FINITE_COMMAND: "a command held a value that is not a finite number; look at its publisher",
     STALE_COMMAND: "the last command is too old; look whether its publisher still runs and keeps its rate",
     MISSING_COMMAND: "no command has arrived yet; start the node that publishes it",
     MALFORMED_COMMAND: "a command had the wrong number of values or wrong joint names; look at its publisher",
+    FUTURE_COMMAND: "a command answers a state that there has not been yet; look at its publisher's stamps",
+    CONTRADICTORY_COMMAND: "one state was answered twice with different values; look for a second publisher",
 }
 """Faults of a received command, with the sentence for the log."""
 

@@ -5,6 +5,9 @@ The nodes declare them; programs that know no ROS, such as the lockstep runner, 
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+from typing import Any
+
 from haptic_teleop_control.laws import LAWS, MasterSide, parameters_of_own_law
 from haptic_teleop_control.laws.omni_slave import OmniSlaveLaw
 from haptic_teleop_control.laws.sfj_master import SfjMasterSide
@@ -24,7 +27,24 @@ REALTIME_PRIORITY = Parameter(
     maximum=90,
     meaning="SCHED_FIFO priority of the whole process, where the system permits it; 0 for normal scheduling",
 )
-"""In the table of every control node and plant; of nodes in one process the highest one holds."""
+"""Of nodes in one process the highest one holds."""
+
+USE_SIM_TIME = Parameter(
+    "use_sim_time",
+    False,
+    meaning="simulated time, granted by time_coordinator tick by tick; simulated, emulated and replayed "
+    "devices only",
+)
+"""ROS' own parameter. All nodes of a graph state it alike."""
+
+NODE_PARAMETERS = (REALTIME_PRIORITY, USE_SIM_TIME)
+"""In the table of every control node and plant; what is simulated knows nothing of them."""
+
+
+def without_node_parameters(values: Mapping[str, Any]) -> dict[str, Any]:
+    """`values` less `NODE_PARAMETERS`: those of the plant, experiment or law itself."""
+    own = {entry.name for entry in NODE_PARAMETERS}
+    return {name: value for name, value in values.items() if name not in own}
 
 GENERATOR_OWN = (
     Parameter(
@@ -36,7 +56,7 @@ GENERATOR_OWN = (
     Parameter(
         "autostart", True, meaning="start the signal with the node; otherwise with the service ~/start"
     ),
-    REALTIME_PRIORITY,
+    *NODE_PARAMETERS,
 )
 """Parameters of the signal generator's node beside those of the signals."""
 
@@ -68,7 +88,7 @@ def _force_controller() -> ParameterTable:
                 runtime=True,
                 meaning="rate of the master's states; the two rates are swapped with the roles",
             ),
-            REALTIME_PRIORITY,
+            *NODE_PARAMETERS,
             *laws.values(),  # scenario 1: the 2DSFJ as slave
             *MasterSide.parameters(AXES),  # and the Omni as master
             *OmniSlaveLaw.parameters(AXES),  # scenario 2: the Omni as slave
@@ -80,12 +100,20 @@ def _force_controller() -> ParameterTable:
 
 FORCE_CONTROLLER = _force_controller()
 
-LINK = ParameterTable("link", [*LINK_OWN, REALTIME_PRIORITY])
+LINK = ParameterTable("link", [*LINK_OWN, *NODE_PARAMETERS])
 
 SCENARIO = ParameterTable(
     "scenario",
     [
         Parameter("nodes", ["sfj_sim"], required=True, meaning="executables of the nodes, in order of start"),
+        Parameter(
+            "real_time_factor",
+            1.0,
+            "",
+            0.0,
+            1000.0,
+            meaning="with use_sim_time: simulated seconds per second, at most; 0: as fast as it goes",
+        ),
         Parameter("processes", False, meaning="one process for each node instead of one for all"),
         Parameter("duration", 0.0, "s", 0.0, 86400.0, meaning="from start to stop; 0: until Ctrl-C"),
         Parameter("record", "", meaning="directory of the recording; empty for none"),
@@ -93,3 +121,34 @@ SCENARIO = ParameterTable(
     ],
 )
 """The section `scenario:` of a scenario file: not a node, but what the command `scenario` reads."""
+
+TIME_COORDINATOR = ParameterTable(
+    "time_coordinator",
+    [
+        Parameter(
+            "participants",
+            ["sfj_sim", "omni_sim", "force_controller", "signal_generator"],
+            meaning="nodes that must have joined before simulated time begins",
+        ),
+        Parameter(
+            "real_time_factor",
+            1.0,
+            "",
+            0.0,
+            1000.0,
+            runtime=True,
+            meaning="simulated seconds per second, at most; 0: as fast as it goes",
+        ),
+        Parameter("duration", 0.0, "s", 0.0, 86400.0, meaning="simulated time after which it ends; 0: never"),
+        Parameter("paused", False, meaning="begin paused; ~/resume or ~/step lets time run"),
+        Parameter(
+            "liveness",
+            2.0,
+            "s",
+            0.2,
+            60.0,
+            meaning="silence of a node that owes something, by the wall, at which time is halted",
+        ),
+        *NODE_PARAMETERS,
+    ],
+)

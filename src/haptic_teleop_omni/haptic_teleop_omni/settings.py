@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from haptic_teleop_control.errors import ConfigurationError
-from haptic_teleop_control.node_tables import REALTIME_PRIORITY
+from haptic_teleop_control.node_tables import NODE_PARAMETERS
 from haptic_teleop_control.omni_compensation import COMPENSATION, PREFIX, CompensationSettings
 from haptic_teleop_control.parameters import Parameter, ParameterTable
 from haptic_teleop_control.quantities import check_quantities, from_parameters, parameters_of, quantity
@@ -129,7 +129,7 @@ def _table() -> ParameterTable:
             Parameter("emulated.plant", "haptic_teleop_sim.emulation:omni_plant", meaning=plant),
             Parameter("emulated.file", "", meaning=file),
             Parameter("emulated.docked_time", 0.5, "s", 0.0, 3600.0, meaning=docked),
-            REALTIME_PRIORITY,
+            *NODE_PARAMETERS,
             *parameters_of(OmniDriverSettings(), runtime=False),
             *parameters_of(TorqueLimits(), "torque.", runtime=False),
             *COMPENSATION,

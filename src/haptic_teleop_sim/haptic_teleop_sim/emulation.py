@@ -15,6 +15,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from haptic_teleop_control.node_tables import without_node_parameters
 from haptic_teleop_control.parameters import ParameterTable, load_parameter_file, parameters_for
 
 from .hardware import OMNI_PARAMETERS, SFJ_PARAMETERS, OmniRobot, OmniSettings, SfjRobot, SfjSettings
@@ -98,7 +99,7 @@ def _section(file: str, node: str, table: ParameterTable) -> tuple[dict[str, Any
         stated = {key: value for key, value in parameters_for(sections, node).items() if key in table}
         own = {name: values for name, values in sections.items() if "*" not in name}
         # Keys of the section itself are checked; what a wildcard says to others does not concern the plant.
-        unknown = {k: v for k, v in parameters_for(own, node).items() if k != "realtime_priority"}
+        unknown = without_node_parameters(parameters_for(own, node))
         table.check(unknown, file)
     source = file or "parameters"
     return table.check(stated, source), Path(file).parent if file else None, source

@@ -15,11 +15,11 @@ from haptic_teleop_control.errors import ConfigurationError
 from haptic_teleop_control.laws import ForceLaw
 from haptic_teleop_control.recording import JointStateSeries, write_recording
 from haptic_teleop_control.signals import SignalGenerator
+from haptic_teleop_control.simulated_time.stamps import ORIGIN
 from haptic_teleop_control.teleoperation.machine import State
 
 from .scenario_parameters import ScenarioParameters, check_scenario, load_scenario
 from .scenario_run import ScenarioResult, simulate_scenario
-from .stamps import ORIGIN
 
 __all__ = ["load_scenario", "main", "record_scenario", "run_scenario", "simulate_scenario"]
 

@@ -19,6 +19,7 @@ from haptic_teleop_control.laws import AugmentedErrorLaw, ForceLaw, LawResult, M
 from haptic_teleop_control.quantities import from_parameters
 from haptic_teleop_control.recording import JointStateSeries
 from haptic_teleop_control.robots import OMNI_PEAK_TORQUE, STAGES
+from haptic_teleop_control.simulated_time.stamps import ORIGIN
 from haptic_teleop_control.teleoperation.coupling import Coupling
 from haptic_teleop_control.teleoperation.link_model import LinkChannel, LinkSettings
 from haptic_teleop_control.teleoperation.machine import State
@@ -27,7 +28,7 @@ from haptic_teleop_control.teleoperation.sides import AXES, AXIS_SLICE
 from .experiments import SteppedRobot
 from .hardware import OmniRobot, SfjRobot, StepResult
 from .kernel import stepping
-from .stamps import ORIGIN, stamps
+from .stamps import stamps
 
 Array = NDArray[np.float64]
 MASTER, SLAVE = 0, 1

@@ -12,7 +12,7 @@ from haptic_teleop_control.errors import ConfigurationError
 from haptic_teleop_control.node_tables import (
     FORCE_CONTROLLER,
     LINK,
-    REALTIME_PRIORITY,
+    NODE_PARAMETERS,
     SCENARIO,
     SIGNAL_GENERATOR,
 )
@@ -22,8 +22,8 @@ from haptic_teleop_control.teleoperation.agreement import ROBOTS
 from .hardware import OMNI_PARAMETERS, SFJ_PARAMETERS
 
 TABLES: dict[str, ParameterTable] = {
-    "sfj_sim": ParameterTable("sfj_sim", [*SFJ_PARAMETERS, REALTIME_PRIORITY]),
-    "omni_sim": ParameterTable("omni_sim", [*OMNI_PARAMETERS, REALTIME_PRIORITY]),
+    "sfj_sim": ParameterTable("sfj_sim", [*SFJ_PARAMETERS, *NODE_PARAMETERS]),
+    "omni_sim": ParameterTable("omni_sim", [*OMNI_PARAMETERS, *NODE_PARAMETERS]),
     "force_controller": FORCE_CONTROLLER,
     "signal_generator": SIGNAL_GENERATOR,
     "link": LINK,

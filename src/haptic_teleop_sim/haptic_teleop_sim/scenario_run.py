@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 
 from haptic_teleop_control.errors import ConfigurationError
 from haptic_teleop_control.laws import ForceLaw, find_law
+from haptic_teleop_control.node_tables import without_node_parameters
 from haptic_teleop_control.recording import JointStateSeries
 from haptic_teleop_control.robots import OMNI_JOINTS, SFJ_JOINTS, SFJ_MOTOR_JOINTS, STAGES
 from haptic_teleop_control.signals import SignalGenerator
@@ -156,5 +157,5 @@ def _reference(
 
 def _own(values: Mapping[str, Any], seed: int | None) -> dict[str, Any]:
     """A plant's parameters from those of its node."""
-    own = {key: value for key, value in values.items() if key != "realtime_priority"}
+    own = without_node_parameters(values)
     return own if seed is None else {**own, "seed": seed}

@@ -10,11 +10,9 @@ from numpy.typing import NDArray
 
 from haptic_teleop_control.errors import ConfigurationError
 from haptic_teleop_control.recording import JointStateSeries
+from haptic_teleop_control.simulated_time.stamps import ORIGIN, sample_count
 
 Array = NDArray[np.float64]
-
-ORIGIN = 1_000_000_000
-"""ns, stamp of time zero: not 0, which readers of ROS messages take for "no stamp"."""
 
 
 def sample_times(rate: float, duration: float) -> Array:
@@ -23,7 +21,7 @@ def sample_times(rate: float, duration: float) -> Array:
     """
     if not (math.isfinite(duration) and duration > 0.0):
         raise ConfigurationError(f"lockstep: the duration is {duration} s; give a number above 0.")
-    return np.arange(math.ceil(duration * rate - 1e-9)) / rate
+    return np.arange(sample_count(rate, duration)) / rate
 
 
 def stamps(times: Array) -> NDArray[np.int64]:

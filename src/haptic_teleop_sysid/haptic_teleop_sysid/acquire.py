@@ -22,7 +22,7 @@ from rich.console import Console
 from haptic_teleop_control.acquisition import ABORTED, TABLE, Acquisition
 from haptic_teleop_control.command_line import run_command
 from haptic_teleop_control.errors import ConfigurationError
-from haptic_teleop_control.node_tables import REALTIME_PRIORITY, SCENARIO
+from haptic_teleop_control.node_tables import NODE_PARAMETERS, SCENARIO, without_node_parameters
 from haptic_teleop_control.parameters import ParameterTable, load_parameter_file, parameters_for
 from haptic_teleop_control.recording import JointStateSeries, write_recording
 from haptic_teleop_sim.experiments import SteppedRobot, run_closed_loop
@@ -44,7 +44,7 @@ def experiment_from(path: str | Path, allow: bool = False) -> tuple[Acquisition,
     sections = load_parameter_file(path)
     if not any(name.rstrip("/").rsplit("/", 1)[-1] == "acquisition" for name in sections):
         raise ConfigurationError(f"{path} has no section acquisition: add one, it says what to identify.")
-    own = {k: v for k, v in parameters_for(sections, "acquisition").items() if k != REALTIME_PRIORITY.name}
+    own = without_node_parameters(parameters_for(sections, "acquisition"))
     if allow:
         own["allow"] = True
     return Acquisition(TABLE.check(own, str(path)), str(path)), sections
@@ -61,9 +61,9 @@ def run_lockstep(
     parameters. node: the plant's, `sfj_sim` or `omni_sim` where it is empty."""
     node = node or f"{experiment.robot}_sim"
     table = SFJ_PARAMETERS if experiment.robot == "sfj" else OMNI_PARAMETERS
-    whole = ParameterTable(node, [*table, REALTIME_PRIORITY])
+    whole = ParameterTable(node, [*table, *NODE_PARAMETERS])
     values = whole.check(dict(parameters_for(sections, node)), source)
-    own = {k: v for k, v in values.items() if k != REALTIME_PRIORITY.name}
+    own = without_node_parameters(values)
     robot: SteppedRobot = PLANTS[node].from_parameters(own, folder=folder, source=source)
     experiment.reset()
     signal: list[float] = []

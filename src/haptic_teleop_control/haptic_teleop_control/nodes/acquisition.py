@@ -7,11 +7,12 @@ from typing import Any, ClassVar
 from rclpy.context import Context
 
 from haptic_teleop_control.acquisition import ABORTED, ACQUISITION_PARAMETERS, Acquisition
-from haptic_teleop_control.node_tables import REALTIME_PRIORITY
+from haptic_teleop_control.node_tables import NODE_PARAMETERS
 from haptic_teleop_control.nodes.base.haptic_node import HapticNode
 from haptic_teleop_control.nodes.base.run import run_node
 from haptic_teleop_control.nodes.streams.joint_states import JointStatePublisher, JointStateReceiver
 from haptic_teleop_control.parameters import ParameterTable
+from haptic_teleop_control.simulated_time.messages import ANSWERER, Tick
 
 
 class AcquisitionNode(HapticNode):
@@ -27,7 +28,7 @@ class AcquisitionNode(HapticNode):
         "limit": "a limit was exceeded and the experiment was aborted",
         "state": "a state had wrong joints or values that are no numbers; look at its publisher",
     }
-    TABLE = ParameterTable("acquisition", [*ACQUISITION_PARAMETERS, REALTIME_PRIORITY])
+    TABLE = ParameterTable("acquisition", [*ACQUISITION_PARAMETERS, *NODE_PARAMETERS])
 
     def __init__(self, context: Context | None = None, **node_options: Any) -> None:
         super().__init__(context, **node_options)
@@ -49,7 +50,23 @@ class AcquisitionNode(HapticNode):
         )  # fmt: skip
         self.count_rate("states", lambda: self._in.count)
 
+    def start(self) -> None:
+        self.take_part(ANSWERER, topics=(self._in.topic,))
+
+    def on_tick(self, tick: Tick, repeated: bool) -> None:
+        if repeated and self._in.topic in tick.states:
+            if self._last == tick.stamp:
+                self._out.resend()
+            else:
+                self.time.waiting(self._in.topic)
+
+    def on_time_fault(self, detail: str) -> None:
+        super().on_time_fault(detail)
+        self._effort[:] = 0.0
+
     def _newer(self, stamp: int, received: int) -> bool:
+        if stamp == self._last and self.time.simulated:
+            self._out.resend()
         return stamp > self._last
 
     def _on_state(self) -> None:
@@ -80,7 +97,9 @@ class AcquisitionNode(HapticNode):
         return self._experiment.phase
 
     def shutdown_safely(self) -> None:
-        self._out.send_zero(self._last)
+        if not self.time.simulated:  # there the robot moves by an answer only
+            self._out.send_zero(self.time.stamp())
+        self.time.close()
 
 
 NODE = AcquisitionNode

@@ -9,7 +9,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from functools import partial
-from time import monotonic_ns
 from typing import Any
 
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
@@ -28,9 +27,10 @@ from haptic_teleop_control.nodes.streams.joint_states import (
     FIELDS,
     JointStatePublisher,
     JointStateReceiver,
-    stamp_at,
 )
+from haptic_teleop_control.nodes.timing.time_base import SIMULATED_TIME
 from haptic_teleop_control.robots import OMNI_JOINTS, SFJ_JOINTS, SFJ_MOTOR_JOINTS, STAGES
+from haptic_teleop_control.simulated_time.messages import ANSWERER, Tick
 from haptic_teleop_control.teleoperation.coupling import Coupling
 from haptic_teleop_control.teleoperation.faults import FAULTS, MALFORMED_STATE, NON_FINITE_STATE, TIME_JUMP
 from haptic_teleop_control.teleoperation.machine import State
@@ -47,12 +47,12 @@ WAY_FIELDS = ("velocity", "effort")
 
 
 class _Robot:
-    """One robot's topics: its states in, its commands out."""
+    """One robot's topics: its states in, its commands out. seen, answered: stamps, ns."""
 
     def __init__(self, node: ForceController, name: str) -> None:
         states, motors = JOINTS[name]
         self.name = name
-        self.last_stamp = 0
+        self.last_stamp = self.seen = self.answered = 0
         self.out = JointStatePublisher(node, f"{name}/effort_command", motors, ("effort",))
         self.effort = self.out.view["effort"]
         self.input = JointStateReceiver(
@@ -64,10 +64,12 @@ class _Robot:
 
 
 class _Way:
-    """One direction of the link: what we send into it, and what comes out at the other end."""
+    """One direction of the link: what we send into it, and what comes out at the other end. sent: the newest
+    stamp. packets: simulated time: stamp -> what came out, until it is delivered."""
 
     def __init__(self, node: ForceController, name: str, backward: bool) -> None:
-        self.last_stamp = 0
+        self.last_stamp = self.sent = 0
+        self.packets: dict[int, tuple[Any, Any]] = {}
         self.backward = backward
         self.out = JointStatePublisher(node, f"teleoperation/{name}", STAGES, WAY_FIELDS)
         self.input = JointStateReceiver(
@@ -79,6 +81,12 @@ class _Way:
         self.out.view["effort"][:] = torque
         self.out.view["velocity"][:] = velocity
         self.out.send(stamp)
+        self.sent = stamp
+
+    def keep(self) -> None:
+        """What has just come out waits for its moment."""
+        value = self.input.value
+        self.packets[self.input.stamp] = (value["effort"].copy(), value["velocity"].copy())
 
 
 class ForceController(HapticNode):
@@ -107,6 +115,8 @@ class ForceController(HapticNode):
         super().__init__(context, **node_options)
         self.dropped = 0
         self._warned = False
+        self._tick: Tick | None = None
+        self._reference_seen = 0
         self._state_out = self.create_publisher(String, "~/state", LATCHED)
         self._coupling = self._couple(self.values)
         self._timeout_ns = round(self.values["timeout"] * 1e9)
@@ -154,7 +164,15 @@ class ForceController(HapticNode):
     # One sample.
 
     def on_state(self, robot: _Robot) -> None:
-        now, stamp, coupling = robot.input.received, robot.input.stamp, self._coupling
+        if self.time.simulated:
+            robot.seen = robot.input.stamp
+            self._advance()
+        else:
+            self._answer_state(robot, robot.input.received)
+
+    def _answer_state(self, robot: _Robot, now: int) -> None:
+        stamp, coupling = robot.input.stamp, self._coupling
+        robot.answered = stamp
         if robot is self._slave:
             robot.effort[:] = coupling.on_slave(now)
             robot.out.send(stamp)
@@ -167,30 +185,119 @@ class ForceController(HapticNode):
                 self._ways[0].send(stamp, *coupling.to_slave)
 
     def on_heard(self, way: _Way) -> None:
-        now, coupling = way.input.received, self._coupling
-        age = (stamp_at(now) - way.input.stamp) * 1e-9
+        if self.time.simulated:
+            way.keep()
+            self._advance()
+            return
+        now, value = way.input.received, way.input.value
+        self._deliver(way, value["effort"], value["velocity"], now, self.time.stamp_at(now) - way.input.stamp)
+
+    def _deliver(self, way: _Way, effort: Any, velocity: Any, now: int, age: int) -> None:
+        coupling = self._coupling
         first = 2 if way.backward else 0
-        coupling.heard[first] = way.input.value["effort"]
-        coupling.heard[first + 1] = way.input.value["velocity"]
-        (coupling.on_backward if way.backward else coupling.on_forward)(now, age)
+        coupling.heard[first], coupling.heard[first + 1] = effort, velocity
+        (coupling.on_backward if way.backward else coupling.on_forward)(now, age * 1e-9)
+
+    # Simulated time.
+
+    def on_tick(self, tick: Tick, repeated: bool) -> None:
+        self._tick = tick
+        if repeated:
+            for robot in self._robots.values():
+                if robot.answered == tick.stamp and robot.input.topic in tick.states:
+                    robot.out.resend()
+            for way in self._ways:
+                if way.sent:
+                    way.out.resend()
+        self._advance(repeated)
+
+    def _advance(self, repeated: bool = False) -> None:
+        """Answers the states of this tick in the order of lockstep, the master first, as soon as what shall
+        be known before is there."""
+        tick = self._tick
+        if tick is None or self.faults.latched == SIMULATED_TIME:
+            return
+        mine = [robot for robot in (self._master, self._slave) if robot.input.topic in tick.states]
+        for robot in mine:
+            if robot.answered == tick.stamp:
+                continue
+            lacking = robot.input.topic if robot.seen != tick.stamp else self._lacking(tick)
+            if lacking:
+                if repeated:
+                    self.time.waiting(lacking)
+                return
+            self._deliver_packets(tick)
+            self._answer_state(robot, tick.stamp)
+            repeated = True  # something was done
+            if robot is mine[-1]:
+                self._report_done()
+                return
+        if repeated and mine:
+            self._report_done()
+
+    def _report_done(self) -> None:
+        if self._ways:
+            self.time.done({way.out.topic: way.sent for way in self._ways})
+
+    def _lacking(self, tick: Tick) -> str:
+        """The first topic on which something is missing that is to be known before answering, or ""."""
+        reference = self._reference
+        if reference is not None and tick.newest.get(reference.topic, 0) > self._reference_seen:
+            return reference.topic
+        for way in self._ways:
+            for name, sent, _ in tick.deliveries:
+                if name == way.out.topic and sent > way.last_stamp and sent not in way.packets:
+                    return way.input.topic
+        return ""
+
+    def _deliver_packets(self, tick: Tick) -> None:
+        ways = {way.out.topic: way for way in self._ways}
+        for name, sent, arrival in tick.deliveries:
+            way = ways.get(name)
+            if way is None or sent <= way.last_stamp:  # overtaken, or a second time
+                continue
+            way.last_stamp = sent
+            self._deliver(way, *way.packets[sent], arrival, arrival - sent)
+        for way in self._ways:
+            way.packets = {sent: packet for sent, packet in way.packets.items() if sent > way.last_stamp}
+
+    def on_time_fault(self, detail: str) -> None:
+        now = self.time.now()
+        self._coupling.fault(now, SIMULATED_TIME, detail, True)
+        for robot in self._robots.values():
+            if robot.seen > robot.answered:
+                robot.answered = robot.seen
+                robot.out.send_zero(robot.seen)
+
+    # What is told beside the states.
 
     def _on_reference(self) -> None:
-        self._coupling.on_reference(monotonic_ns())
+        assert self._reference is not None
+        if self.time.simulated:
+            stamp = self._reference_seen = self._reference.stamp
+            self._coupling.on_reference(stamp)
+            self._advance()
+        else:
+            self._coupling.on_reference(self.time.now())
 
     def _on_bad_reference(self, kind: str, detail: str, stamp: int) -> None:
         name = NON_FINITE_STATE if kind == "non_finite" else MALFORMED_STATE
-        self._coupling.on_bad_reference(monotonic_ns(), name, detail)
+        self._coupling.on_bad_reference(self.time.now(), name, detail)
+        self._reference_seen = max(self._reference_seen, stamp)
+        self._advance()
 
     def _on_diagnostics(self, message: DiagnosticArray) -> None:
         """Any node in a robot's namespace speaks for the robot."""
         for status in message.status:
             if any(f"/{robot}/" in status.name for robot in JOINTS):
-                failed = status.level == DiagnosticStatus.ERROR
-                self._coupling.on_robot_fault(monotonic_ns(), status.name, status.message if failed else None)
+                sentence = status.message if status.level == DiagnosticStatus.ERROR else None
+                self._coupling.on_robot_fault(self.time.now(), status.name, sentence)
 
     def follows(self, source: _Robot | _Way, stamp: int, received: int) -> bool:
         """Whether a state is newer than the last; one that was overtaken on its way is dropped, and
         counted."""
+        if self.time.simulated:
+            return self._is_new(source, stamp)
         back = source.last_stamp - stamp
         if 0 <= back <= self._timeout_ns or (back > 0 and isinstance(source, _Way)):
             self.dropped += 1
@@ -201,20 +308,34 @@ class ForceController(HapticNode):
             self._coupling.fault(received, TIME_JUMP, f"{name}, by {back * 1e-9:.3f} s", True)
         return True
 
+    def _is_new(self, source: _Robot | _Way, stamp: int) -> bool:
+        """In simulated time a state comes a second time when its answer was lost."""
+        if isinstance(source, _Way):
+            return stamp > source.last_stamp
+        if stamp > source.last_stamp:
+            source.last_stamp = stamp
+            return True
+        if stamp == source.answered:
+            source.out.resend()
+        return False
+
     def on_problem(self, robot: _Robot | None, kind: str, detail: str, stamp: int) -> None:
         name = NON_FINITE_STATE if kind == "non_finite" else MALFORMED_STATE
-        self._coupling.fault(monotonic_ns(), name, detail, robot is self._slave)
+        self._coupling.fault(self.time.now(), name, detail, robot is self._slave)
         if robot is not None:
+            robot.seen = robot.answered = robot.last_stamp = stamp
             robot.out.send_zero(stamp)
+            if self.time.simulated:
+                self._advance(True)
 
     # What the operator does.
 
     def _engage(self, request: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
-        obstacle = self._coupling.engage(monotonic_ns())
+        obstacle = self._coupling.engage(self.time.now())
         return self._answer(response, obstacle is None, obstacle or "engaged")
 
     def _disengage(self, request: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
-        done = self._coupling.disengage(monotonic_ns())
+        done = self._coupling.disengage(self.time.now())
         return self._answer(response, done, "disengaged" if done else "nothing was engaged")
 
     def _swap(self, request: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
@@ -233,7 +354,7 @@ class ForceController(HapticNode):
         return response
 
     def on_reset(self) -> None:
-        self._coupling.reset(monotonic_ns())
+        self._coupling.reset(self.time.now())
 
     def apply_parameters(self, values: Mapping[str, Any]) -> None:
         changed = [key for key in ROLE_KEYS if values[key] != self.values[key]]
@@ -257,7 +378,7 @@ class ForceController(HapticNode):
         coupling = self._coupling
         if coupling.state in (State.ENGAGED, State.FAULT):
             return coupling.state.value
-        return f"{coupling.state.value}: {coupling.obstacle(monotonic_ns()) or 'aligned'}"
+        return f"{coupling.state.value}: {coupling.obstacle(self.time.now()) or 'aligned'}"
 
     def _warn_of_energy(self) -> None:
         """Once for each coupling: a port gave away more than the operator wants to bear."""
@@ -289,9 +410,15 @@ class ForceController(HapticNode):
             values["round trip (ms)"] = f"{1e3 * coupling.round_trip:.2f}"
         return values
 
+    def start(self) -> None:
+        states = tuple(robot.input.topic for robot in (self._master, self._slave))
+        self.take_part(ANSWERER, topics=states, linked=bool(self._ways))
+
     def shutdown_safely(self) -> None:
-        for robot in self._robots.values():
-            robot.out.send_zero(robot.last_stamp)
+        if not self.time.simulated:  # there a robot moves by an answer only, and every state has had its own
+            for robot in self._robots.values():
+                robot.out.send_zero(self.time.stamp())
+        self.time.close()
 
 
 def check_roles(values: Mapping[str, Any]) -> None:

@@ -15,8 +15,12 @@ from haptic_teleop_control.node_tables import LINK
 from haptic_teleop_control.nodes.base.haptic_node import HapticNode
 from haptic_teleop_control.nodes.base.run import run_node
 from haptic_teleop_control.nodes.streams.joint_states import JointStatePublisher, JointStateReceiver
+from haptic_teleop_control.nodes.timing.time_base import SimulatedTime
 from haptic_teleop_control.quantities import from_parameters
 from haptic_teleop_control.robots import STAGES
+from haptic_teleop_control.simulated_time.messages import LINK as LINK_MEMBER
+from haptic_teleop_control.simulated_time.messages import Tick
+from haptic_teleop_control.simulated_time.stamps import ORIGIN, seconds
 from haptic_teleop_control.teleoperation.link_model import LinkChannel, LinkSettings
 
 FIELDS = ("velocity", "effort")
@@ -43,6 +47,9 @@ class LinkEmulator(HapticNode):
         for number, way in enumerate(WAYS):
             take = partial(self._take, number)
             self._in.append(JointStateReceiver(self, f"teleoperation/{way}", STAGES, FIELDS, take))
+        self._topics = [source.topic for source in self._in]
+        self._taken: list[tuple[int, list[int]] | None] = [None] * len(WAYS)  # stamp and arrivals of the last
+        self._packets: dict[tuple[int, int], list[Any]] = {}  # way and stamp -> copies to come, values
         # due ns, order of arrival here, way, stamp, values of FIELDS
         self._under_way: list[tuple[int, int, int, int, list[list[float]]]] = []
         self._changed = threading.Condition()
@@ -54,10 +61,55 @@ class LinkEmulator(HapticNode):
         self.count_rate("packets delivered", lambda: self.delivered)
 
     def start(self) -> None:
-        self._thread.start()
+        if self.time.simulated:
+            self.take_part(LINK_MEMBER, topics=tuple(source.topic for source in self._in))
+        else:
+            self._thread.start()
+
+    # Simulated time: what arrives when is told to the coordinator, who says when it is handed over.
+
+    def on_tick(self, tick: Tick, repeated: bool) -> None:
+        if repeated:
+            for number, taken in enumerate(self._taken):
+                if taken is not None:
+                    self._tell(number, *taken)
+        else:
+            self._packets = {key: packet for key, packet in self._packets.items() if packet[0] > 0}
+        for way, sent, _ in tick.deliveries:
+            number = self._topics.index(way)
+            packet = self._packets.get((number, sent))
+            if packet is None:
+                continue
+            if not repeated:
+                packet[0] -= 1
+                self.delivered += 1
+            out = self._out[number]
+            for field, content in zip(FIELDS, packet[1], strict=True):
+                out.view[field][:] = content
+            out.send(sent)
+
+    def _take_simulated(self, number: int) -> None:
+        source = self._in[number]
+        last = self._taken[number]
+        if last is None or source.stamp > last[0]:
+            arrivals = self._channels[number].transmit(seconds(source.stamp))
+            last = self._taken[number] = (source.stamp, [ORIGIN + round(at * 1e9) for at in arrivals])
+            if arrivals:
+                values = [source.value[field].copy() for field in FIELDS]
+                self._packets[number, source.stamp] = [len(arrivals), values]
+        self._tell(number, *last)
+
+    def _tell(self, number: int, sent: int, arrivals: list[int]) -> None:
+        if isinstance(self.time, SimulatedTime) and self.time.participant is not None:
+            self.time.participant.taken(self._topics[number], sent, tuple(arrivals))
+
+    # Real time.
 
     def _take(self, number: int) -> None:
         source = self._in[number]
+        if self.time.simulated:
+            self._take_simulated(number)
+            return
         arrivals = self._channels[number].transmit(source.received * 1e-9)
         values = [source.value[field].tolist() for field in FIELDS]
         with self._changed:
@@ -93,7 +145,9 @@ class LinkEmulator(HapticNode):
         return None
 
     def measurements(self) -> dict[str, Any]:
-        values: dict[str, Any] = {"worst lateness (ms)": f"{1e3 * self.worst_lateness:.2f}"}
+        values: dict[str, Any] = {}
+        if not self.time.simulated:
+            values["worst lateness (ms)"] = f"{1e3 * self.worst_lateness:.2f}"
         for way, channel in zip(WAYS, self._channels, strict=True):
             values[f"from the {way}"] = f"{channel.sent} sent, {channel.lost} lost, {channel.repeated} twice"
         return values
@@ -104,6 +158,7 @@ class LinkEmulator(HapticNode):
             self._changed.notify()
         if self._thread.is_alive():
             self._thread.join(1.0)
+        self.time.close()
 
 
 NODE = LinkEmulator

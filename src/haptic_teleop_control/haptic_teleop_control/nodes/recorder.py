@@ -26,15 +26,26 @@ from haptic_teleop_control.nodes.launching.connections import IN, Endpoints, end
 from haptic_teleop_control.nodes.launching.stopping import stop_requests
 from haptic_teleop_control.nodes.recording.parameter_collector import ParameterCollector
 from haptic_teleop_control.nodes.recording.recorded_topic import RecordedTopic
-from haptic_teleop_control.nodes.recording.table import KNOWN_TYPES, TABLE, experiment_description
+from haptic_teleop_control.nodes.recording.table import (
+    JOINT_STATE,
+    KNOWN_TYPES,
+    TABLE,
+    experiment_description,
+)
 from haptic_teleop_control.nodes.recording.verdict import print_verdict
+from haptic_teleop_control.nodes.timing.time_base import SimulatedTime, steady_timer
+from haptic_teleop_control.recording.joint_state_cdr import header_stamp
 from haptic_teleop_control.recording.verify import verify_recording
 from haptic_teleop_control.recording.writer import RecordingWriter
+from haptic_teleop_control.simulated_time.messages import RECORDER, Status
+from haptic_teleop_control.simulated_time.stamps import ORIGIN, seconds
 
 FOLLOW_PERIOD = 0.1
 DRAIN_PERIOD = 0.005
 """Seconds between two looks for messages; the time of reception is the middleware's, not that of the look."""
 LOG_PERIOD = 10.0
+ACKNOWLEDGED = 200_000_000
+"""ns of simulated time after which the coordinator is told again what is kept."""
 
 
 class Recorder(HapticNode):
@@ -69,6 +80,8 @@ class Recorder(HapticNode):
         self._deadline = self.started + (values["duration"] or float("inf"))
         self._next_log = self.started + LOG_PERIOD
         self._stored: dict[str, dict[str, Any]] = {}
+        self._kept: dict[str, int] = {}  # stamped topic -> newest stamp, ns
+        self._acknowledged = 0
         self._collector = ParameterCollector(self)
         # The topics have a node of their own, hidden by its name: this node's executor must not take them.
         self._input = Node(
@@ -79,10 +92,12 @@ class Recorder(HapticNode):
             enable_rosout=False,
         )
         self._topics = [
-            RecordedTopic(self._input, name, KNOWN_TYPES.get(name), values["depth"], self._receive)
+            RecordedTopic(
+                self._input, name, KNOWN_TYPES.get(name), values["depth"], self._receive, self.time.simulated
+            )
             for name in dict.fromkeys(self.resolve_topic_name(name) for name in values["topics"])
         ]
-        self.create_timer(FOLLOW_PERIOD, self._follow)
+        steady_timer(self, FOLLOW_PERIOD, self._follow)
         self._follow()
         self.get_logger().info(f"recording to {self.writer.path}")
 
@@ -138,9 +153,21 @@ class Recorder(HapticNode):
             # What was there before has been taken, and dropped; what comes from now on counts.
             self.armed.confirm()
             self.armed = None
-            self._begin()
+            self.begin()
+        if max(self._kept.values(), default=0) - self._acknowledged > ACKNOWLEDGED:
+            self._acknowledge()
+
+    def on_time_status(self, status: Status) -> None:
+        self._acknowledge()
+
+    def _acknowledge(self) -> None:
+        """Tells the coordinator of simulated time what is kept, so that it does not run ahead."""
+        if isinstance(self.time, SimulatedTime) and self.time.participant is not None and self._kept:
+            self._acknowledged = max(self._kept.values())
+            self.time.participant.recorded(self._kept)
 
     def shutdown_safely(self) -> None:
+        self.time.close()
         self._collector.close()
         try:
             self.writer.close()
@@ -148,10 +175,17 @@ class Recorder(HapticNode):
             self._problem(str(refusal))
         self._input.destroy_node()
 
-    def _begin(self) -> None:
+    def begin(self) -> None:
+        self.take_part(RECORDER, topics=tuple(topic.name for topic in self._topics))
         self.started = time.monotonic()
         self._deadline = self.started + (self.values["duration"] or float("inf"))
         self._next_log = self.started + LOG_PERIOD
+
+    def _now(self) -> float:
+        """s, by which its duration counts."""
+        if self.time.simulated:
+            return self.started + seconds(max(self._kept.values(), default=ORIGIN))
+        return time.monotonic()
 
     def _nodes(self) -> list[Node]:
         return [self, self._input]
@@ -171,6 +205,13 @@ class Recorder(HapticNode):
         if self.stop and self.problems:
             return  # the disk refuses; what is written stays readable
         try:
+            if self.time.simulated:
+                stamp = header_stamp(data) if topic.kind == JOINT_STATE else 0
+                if stamp and stamp == self._kept.get(name):
+                    return  # said again, because an answer to it was lost
+                if stamp:
+                    self._kept[name] = stamp
+                received = published = stamp or max(self._kept.values(), default=ORIGIN)
             if name not in self.received:
                 self.writer.add_topic(name, topic.kind or "", qos=topic.profiles)
                 self.received[name] = 0
@@ -191,13 +232,13 @@ class Recorder(HapticNode):
             self._collector.poll()
         self._store_parameters()
         try:
-            self.writer.flush_older(time.time_ns())
+            self.writer.flush_older()
         except RecordingError as refusal:
             self._problem(str(refusal))
             self.stop = True
         if self.armed is not None:
             return
-        now = time.monotonic()
+        now = self._now()
         free = shutil.disk_usage(self.writer.path).free
         if free < self.values["minimum_free_space"] and not self.stop:
             self._problem(
@@ -261,6 +302,8 @@ def _main(argv: list[str]) -> int:
             gc.freeze()
             if armed is not None:
                 node.arm(armed)
+            else:
+                node.begin()
             try:
                 while rclpy.ok() and not node.stop and not stop.is_set():
                     node.spin_once(executor)

@@ -25,7 +25,7 @@ from typing import Any
 
 from haptic_teleop_control.command_line import run_command
 from haptic_teleop_control.errors import ConfigurationError
-from haptic_teleop_control.node_tables import SCENARIO
+from haptic_teleop_control.node_tables import SCENARIO, TIME_COORDINATOR
 from haptic_teleop_control.nodes.base.registry import node_class
 from haptic_teleop_control.nodes.launching.children import Child, stop_all
 from haptic_teleop_control.nodes.launching.starter import START_INTERVAL, Starter
@@ -38,7 +38,7 @@ from haptic_teleop_control.parameter_files import (
     load_parameter_file,
     parameters_for,
 )
-from haptic_teleop_control.teleoperation.agreement import check_agreement
+from haptic_teleop_control.teleoperation.agreement import check_agreement, simulates
 
 FIRST_STATE_LIMIT = 30.0
 """Seconds from the start until the first state; a device may have to be calibrated."""
@@ -61,6 +61,8 @@ class Scenario:
     duration: float
     record: str
     note: str
+    simulated: bool = False
+    real_time_factor: float = 1.0
 
 
 def load_scenario(path: str | Path, changes: dict[str, Any] | None = None) -> Scenario:
@@ -82,9 +84,12 @@ def load_scenario(path: str | Path, changes: dict[str, Any] | None = None) -> Sc
         raise ConfigurationError(f"{path}: scenario: nodes: {error}") from None
     if len(tables) < len(values["nodes"]):
         raise ConfigurationError(f"{path}: scenario: nodes names one twice; remove one.")
-    own_tables = {SCENARIO.node_name: SCENARIO, Recorder.NAME: Recorder.TABLE}
+    own_tables = {
+        table.node_name: table for table in (SCENARIO, Recorder.TABLE, TIME_COORDINATOR)
+    }
     checked = check_parameter_file(path, {**own_tables, **tables})
-    check_agreement(checked, str(path))
+    taking_part = {name: values for name, values in checked.items() if name not in own_tables}
+    check_agreement(taking_part, str(path))
     return Scenario(
         Path(path),
         tuple(values["nodes"]),
@@ -93,6 +98,8 @@ def load_scenario(path: str | Path, changes: dict[str, Any] | None = None) -> Sc
         values["duration"],
         values["record"],
         values["note"],
+        simulates(taking_part, str(path)),
+        values["real_time_factor"],
     )
 
 
@@ -107,16 +114,35 @@ def start_children(scenario: Scenario) -> list[Child]:
     """The control processes, one or one for each node, and after them the recorder if there is to be one; all
     wait for the start."""
     ros = ["--ros-args", "--params-file", str(scenario.file)]
+    nodes = list(scenario.nodes)
+    if scenario.simulated:
+        recorders = [Recorder.NAME] if scenario.record else []
+        ros += _stated(
+            TIME_COORDINATOR.node_name,
+            participants=[*nodes, *recorders],
+            real_time_factor=scenario.real_time_factor,
+            duration=scenario.duration,
+        )
+        nodes.append(TIME_COORDINATOR.node_name)
     if scenario.processes:
-        children = [Child(name, ros, armed=True) for name in scenario.nodes]
+        children = [Child(name, ros, armed=True) for name in nodes]
     else:
-        children = [Child("composed", [*scenario.nodes, *ros], armed=True)]
+        children = [Child("composed", [*nodes, *ros], armed=True)]
     if scenario.record:
-        stated = {"output": scenario.record, "experiment": scenario.file.stem, "note": scenario.note}
-        # JSON text is YAML text.
-        given = [part for key, value in stated.items() for part in ("-p", f"{key}:={json.dumps(value)}")]
+        given = _stated(
+            Recorder.NAME,
+            output=scenario.record,
+            experiment=scenario.file.stem,
+            note=scenario.note,
+            use_sim_time=scenario.simulated,
+        )
         children.append(Child(Recorder.NAME, [*ros, *given], armed=True))
     return children
+
+
+def _stated(node: str, **values: Any) -> list[str]:
+    """Arguments that state parameters of a node; JSON text is YAML text."""
+    return [part for key, value in values.items() for part in ("-p", f"{node}:{key}:={json.dumps(value)}")]
 
 
 def run(scenario: Scenario) -> int:
@@ -130,9 +156,11 @@ def run(scenario: Scenario) -> int:
         finally:
             # In order: outputs to zero, then the recording's end.
             control = [child for child in children if child.name != Recorder.NAME]
-            statuses = stop_all(control)
+            # Who grants simulated time first: nobody is then missed who ends.
+            statuses = stop_all([child for child in control if child.name == TIME_COORDINATOR.node_name])
+            statuses |= stop_all([child for child in control if child.name not in statuses])
             for recorder in children[len(control) :]:
-                if recorder.status is None:
+                if recorder.status is None and not scenario.simulated:
                     time.sleep(LAST_COMMANDS)
                 statuses[recorder.name] = recorder.stop()
     for node, sentence in faults.items():
@@ -144,7 +172,7 @@ def run(scenario: Scenario) -> int:
 
 
 def _watch(scenario: Scenario, children: Sequence[Child], stop: threading.Event) -> dict[str, str]:
-    with Watcher(scenario.watched) as watcher, ProgressLine() as progress:
+    with Watcher(scenario.watched, scenario.simulated) as watcher, ProgressLine() as progress:
         starter = Starter(children, watcher.node)
         while not stop.is_set() and all(child.status is None for child in children):
             watcher.look(LOOK_INTERVAL if starter.done else START_INTERVAL)
@@ -159,9 +187,9 @@ def _watch(scenario: Scenario, children: Sequence[Child], stop: threading.Event)
                     print(f"warning: {starter.warning}", file=sys.stderr, flush=True)
                 watcher.begin()
             progress.show(watcher.line(scenario.duration))
-            over = scenario.duration > 0.0 and watcher.elapsed >= scenario.duration
-            if watcher.blind and (over or watcher.elapsed > FIRST_STATE_LIMIT):
-                silent = f"no state of {scenario.watched} in {watcher.elapsed:.0f} s"
+            over = watcher.over(scenario.duration)
+            if watcher.blind and (over or watcher.waited > FIRST_STATE_LIMIT):
+                silent = f"no state of {scenario.watched} in {watcher.waited:.0f} s"
                 return {SCENARIO.node_name: f"{silent}; put its plant among the nodes"}
             if over:
                 break
@@ -181,6 +209,10 @@ def _scenario(argv: Sequence[str]) -> int:
     parser.add_argument(
         "--record", metavar="DIR", help="directory of the recording, which must not exist yet"
     )
+    parser.add_argument(
+        "--real-time-factor", type=float, metavar="F",
+        help="with use_sim_time: simulated seconds per second, at most; 0: as fast as it goes",
+    )  # fmt: skip
     parser.add_argument("--processes", action="store_true", default=None, help="one process for each node")
     given = vars(parser.parse_args(argv))
     file = given.pop("file")

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import time
 from collections.abc import Mapping
 from typing import Any
 
@@ -13,10 +12,11 @@ from std_srvs.srv import Trigger
 from haptic_teleop_control.node_tables import GENERATOR_OWN, SIGNAL_GENERATOR
 from haptic_teleop_control.nodes.base.haptic_node import HapticNode
 from haptic_teleop_control.nodes.base.run import run_node
-from haptic_teleop_control.nodes.streams.joint_states import JointStatePublisher, stamp_now
+from haptic_teleop_control.nodes.streams.joint_states import JointStatePublisher
 from haptic_teleop_control.nodes.timing.deadline import DeadlineThread
 from haptic_teleop_control.robots import STAGES
 from haptic_teleop_control.signals import SignalGenerator
+from haptic_teleop_control.simulated_time.messages import SOURCE, Tick
 
 PHASE = 0.875
 """At 500 Hz a quarter of a millisecond before the 2DSFJ's state, which is then answered with this reference,
@@ -46,6 +46,8 @@ class SignalGeneratorNode(HapticNode):
         self._command = self._out.view[kind]
         self.create_service(Trigger, "~/start", self._start)
         self.create_service(Trigger, "~/stop", self._stop)
+        self._sample: int | None = None  # simulated time: samples so far since the signal began
+        self._sampled = 0
         self._thread = DeadlineThread(
             1.0 / self.values["rate"], self._cycle, self.NAME, self.fail, phase=PHASE
         )
@@ -53,19 +55,42 @@ class SignalGeneratorNode(HapticNode):
 
     def start(self) -> None:
         if self.values["autostart"]:
-            self._started = time.monotonic_ns()
-        self._thread.start()
+            self._begin()
+        if self.time.simulated:
+            self.take_part(SOURCE, rate=self.values["rate"], topic=self._out.topic)
+        else:
+            self._thread.start()
+
+    def _begin(self) -> None:
+        self._started, self._sample = self.time.now(), 0
+
+    def on_tick(self, tick: Tick, repeated: bool) -> None:
+        if self.get_fully_qualified_name() not in tick.due:
+            if repeated and self._out.sent:
+                self._out.resend()  # somebody may wait for it
+            return
+        if tick.stamp == self._sampled:
+            self._out.resend()
+        else:
+            self._sampled = tick.stamp
+            if self._sample is None or self._started is None:
+                self._command.fill(0.0)
+            else:
+                self._command[:] = self._generator.value(self._sample / self.values["rate"])
+                self._sample += 1
+            self._out.send(tick.stamp)
+        self.time.done()
 
     def _cycle(self, periods: int) -> None:
         started = self._started
         if started is None:
             self._command.fill(0.0)
         else:
-            self._command[:] = self._generator.value((time.monotonic_ns() - started) * 1e-9)
-        self._out.send(stamp_now())
+            self._command[:] = self._generator.value((self.time.now() - started) * 1e-9)
+        self._out.send(self.time.stamp())
 
     def _start(self, request: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
-        self._started = time.monotonic_ns()
+        self._begin()
         end = self._generator.end
         until = f"ends after {end:g} s" if math.isfinite(end) else "goes on until it is stopped"
         response.success, response.message = True, f"started, {until}"
@@ -88,11 +113,13 @@ class SignalGeneratorNode(HapticNode):
         return "stopped" if self._started is None else "running"
 
     def measurements(self) -> dict[str, Any]:
-        return {"periods skipped": self._thread.overruns}
+        return {} if self.time.simulated else {"periods skipped": self._thread.overruns}
 
     def shutdown_safely(self) -> None:
         self._thread.stop()
-        self._out.send_zero(stamp_now())
+        if not self.time.simulated:
+            self._out.send_zero(self.time.stamp())
+        self.time.close()
 
 
 NODE = SignalGeneratorNode

@@ -188,3 +188,13 @@ def _sentences(problems: Counter[str], broken: Counter[str], n: int) -> tuple[st
         rest = sum(count for _, count in broken.most_common()[3:])
         told.append(f"{rest} of {n} messages are left out for other reasons")
     return tuple(told)
+
+
+def header_stamp(data: bytes) -> int:
+    """ns, header.stamp of a serialised message that begins with a std_msgs/Header; 0 for data too short to
+    hold one."""
+    if len(data) < 12:
+        return 0
+    order = "<" if data[1] & 1 else ">"
+    sec, nanosec = struct.unpack_from(f"{order}iI", data, 4)
+    return sec * 1_000_000_000 + nanosec

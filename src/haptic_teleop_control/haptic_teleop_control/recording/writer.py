@@ -4,7 +4,8 @@ writer."""
 from __future__ import annotations
 
 import json
-from collections.abc import Iterator, Mapping, Sequence
+import time
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
@@ -35,7 +36,8 @@ class RecordingWriter:
     Messages are collected in chunks of at most one second or 768 kB, so a killed writer loses no more; with
     ``durable`` a chunk is on the disk, not only with the system, before the next begins. ``numbered`` appends
     _2, _3, ... to the name where it is taken. ``path`` is then where the recording lies, ``counts`` the
-    messages by topic. Raises RecordingError: the directory exists or cannot be made, the disk is full, or the
+    messages by topic. ``steady`` is the clock that `flush_older` goes by, ns. Raises RecordingError: the
+    directory exists or cannot be made, the disk is full, or the
     writer is closed.
     """
 
@@ -48,6 +50,7 @@ class RecordingWriter:
         compression: str = "",
         durable: bool = False,
         numbered: bool = False,
+        steady: Callable[[], int] = time.monotonic_ns,
     ) -> None:
         if compression not in COMPRESSIONS:
             raise RecordingError(f"compression {compression!r} is not known: choose 'zstd', or '' for none")
@@ -56,6 +59,7 @@ class RecordingWriter:
         self._custom: dict[str, str] = {}
         self._topics: dict[str, tuple[int, TopicEntry]] = {}
         self._closed = False
+        self._steady = steady
         self._empty_chunk()
         with self._refusals():
             self._file = McapWriter(self.path / f"{self.path.name}_0.mcap", compression, durable)
@@ -118,6 +122,7 @@ class RecordingWriter:
             self.flush()
         if not self._body:
             self._chunk_start = received
+            self._chunk_begun = self._steady()
         number = self._topics[topic][0]
         times, offsets = self._index.setdefault(number, ([], []))
         times.append(received)
@@ -143,9 +148,10 @@ class RecordingWriter:
             with self._refusals():
                 self._file.add_chunk(data, index)
 
-    def flush_older(self, now: int) -> None:
-        """Ends the chunk in progress when it began a second before ``now`` (ns) or earlier."""
-        if self._body and now - self._chunk_start >= CHUNK_NANOSECONDS:
+    def flush_older(self) -> None:
+        """Ends the chunk in progress when it was begun a second ago or earlier, by the steady clock: times of
+        reception may be simulated, and a wall clock may be set back."""
+        if self._body and self._steady() - self._chunk_begun >= CHUNK_NANOSECONDS:
             self.flush()
 
     def flush(self) -> None:
@@ -194,7 +200,7 @@ class RecordingWriter:
     def _empty_chunk(self) -> None:
         self._body = bytearray()
         self._index: dict[int, tuple[list[int], list[int]]] = {}
-        self._chunk_start = 0
+        self._chunk_start = self._chunk_begun = 0
 
     def _write_metadata(self) -> None:
         entries = [(entry, self._file.counts[number]) for number, entry in self._topics.values()]

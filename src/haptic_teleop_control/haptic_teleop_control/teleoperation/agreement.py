@@ -1,4 +1,4 @@
-"""What the nodes of one scenario have to state alike: roles, rates, and the artificial command.
+"""What the nodes of one scenario have to state alike: time, roles, rates, and the artificial command.
 
 A node alone cannot see it: a controller at another rate than its robot filters and integrates wrongly, and a
 command of the wrong joints or kind is refused sample by sample. So it is looked at before anything starts.
@@ -15,6 +15,8 @@ from haptic_teleop_control.teleoperation.sides import REFERENCES
 CONTROLLER, GENERATOR = "force_controller", "signal_generator"
 ROBOTS = {"sfj": ("sfj_sim", "sfj_driver", "mujoco_sim"), "omni": ("omni_sim", "omni_driver")}
 """The nodes that may stand for a robot."""
+VIRTUAL_DEVICES = ("emulated", "replay")
+"""Devices of a driver that keep a clock which can be held."""
 
 
 def check_agreement(nodes: Mapping[str, Mapping[str, Any]], source: str) -> None:
@@ -22,6 +24,7 @@ def check_agreement(nodes: Mapping[str, Mapping[str, Any]], source: str) -> None
 
     Raises ConfigurationError naming `source`, node, key and remedy.
     """
+    simulates(nodes, source)
     control = nodes.get(CONTROLLER)
     if control is None:
         return
@@ -39,6 +42,35 @@ def check_agreement(nodes: Mapping[str, Mapping[str, Any]], source: str) -> None
                 )
     if GENERATOR in nodes and control["command_source"] == "reference":
         _check_reference(control["master"], nodes[GENERATOR], source)
+
+
+def simulates(nodes: Mapping[str, Mapping[str, Any]], source: str) -> bool:
+    """Whether these nodes run in simulated time.
+
+    Raises ConfigurationError where some do and others do not, and where a driver would that moves hardware.
+    """
+    stating = {name: values for name, values in nodes.items() if "use_sim_time" in values}
+    by_ticks = [name for name, values in stating.items() if values["use_sim_time"]]
+    by_the_wall = [name for name in stating if name not in by_ticks]
+    if by_ticks and by_the_wall:
+        raise ConfigurationError(
+            f"{source}: {by_ticks[0]} runs in simulated time and {by_the_wall[0]} does not; set use_sim_time "
+            "alike, once for all under `/**:`."
+        )
+    simulated = bool(by_ticks)
+    for name, values in nodes.items():
+        device = values.get("device", VIRTUAL_DEVICES[0])
+        if simulated and device not in VIRTUAL_DEVICES:
+            raise ConfigurationError(f"{source}: {hardware_refusal(name, device)}")
+    return simulated
+
+
+def hardware_refusal(node: str, device: str) -> str:
+    """Why a driver of hardware takes no simulated time."""
+    return (
+        f"{node}: use_sim_time is true, but device {device} is hardware, whose time nobody can hold; set "
+        "use_sim_time: false, or device: emulated."
+    )
 
 
 def _check_reference(master: str, signal: Mapping[str, Any], source: str) -> None:

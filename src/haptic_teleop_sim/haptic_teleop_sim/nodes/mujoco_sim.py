@@ -3,7 +3,7 @@
 
 from __future__ import annotations
 
-from haptic_teleop_control.node_tables import REALTIME_PRIORITY
+from haptic_teleop_control.node_tables import NODE_PARAMETERS
 from haptic_teleop_control.nodes.base.run import run_node
 from haptic_teleop_control.parameters import ParameterTable
 from haptic_teleop_sim.hardware import SFJ_PARAMETERS
@@ -14,7 +14,7 @@ from haptic_teleop_sim.nodes.sfj_sim import SfjSim
 class MujocoSim(SfjSim):
     NAME = "mujoco_sim"
     SUMMARY = "the Quanser 2DSFJ simulated by MuJoCo, in place of sfj_sim"
-    TABLE = ParameterTable(NAME, [*SFJ_PARAMETERS, REALTIME_PRIORITY])
+    TABLE = ParameterTable(NAME, [*SFJ_PARAMETERS, *NODE_PARAMETERS])
 
     def make_robot(self, dt: float) -> MujocoRobot:
         own = {name: value for name, value in self.values.items() if name in SFJ_PARAMETERS}

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from haptic_teleop_control.node_tables import REALTIME_PRIORITY
+from haptic_teleop_control.node_tables import NODE_PARAMETERS
 from haptic_teleop_control.nodes.base.run import run_node
 from haptic_teleop_control.parameters import ParameterTable
 from haptic_teleop_control.robots import OMNI_JOINTS
@@ -23,7 +23,7 @@ class OmniSim(PlantNode):
     JOINTS = OMNI_JOINTS
     COMMAND_JOINTS = OMNI_JOINTS
     PHASE = 0.5  # at 1 kHz halfway between two states of the 2DSFJ
-    TABLE = ParameterTable(NAME, [*OMNI_PARAMETERS, REALTIME_PRIORITY])
+    TABLE = ParameterTable(NAME, [*OMNI_PARAMETERS, *NODE_PARAMETERS])
 
     def make_robot(self, dt: float) -> OmniRobot:
         own = {name: value for name, value in self.values.items() if name in OMNI_PARAMETERS}

@@ -1,7 +1,8 @@
 """What both simulated plants share as nodes: a robot stepped in real time, commands checked, states
 published.
 
-The robot is stepped by a thread of its own at absolute deadlines with the latest command.
+In real time the robot is stepped by a thread of its own at absolute deadlines with the latest command; in
+simulated time at every tick, by the command that answers its state.
 """
 
 from __future__ import annotations
@@ -13,8 +14,8 @@ from numpy.typing import NDArray
 from rclpy.context import Context
 
 from haptic_teleop_control.nodes.base.commanded import CommandedNode
-from haptic_teleop_control.nodes.streams.joint_states import stamp_now
 from haptic_teleop_control.nodes.timing.deadline import DeadlineThread
+from haptic_teleop_control.simulated_time.messages import PLANT
 
 Array = NDArray[np.float64]
 
@@ -53,7 +54,18 @@ class PlantNode(CommandedNode):
         self.robot = self.make_robot(1.0 / rate)
 
     def start(self) -> None:
-        self.thread.start()
+        if self.time.simulated:
+            rate, states, commands = self.values["rate"], self.states.topic, self.commands.topic
+            self.take_part(PLANT, rate=rate, topic=states, commands=commands)
+        else:
+            self.thread.start()
+
+    def sample(self, stamp: int) -> None:
+        self.publish_state(stamp, *self.robot.sense())
+
+    def act(self, command: Array | None) -> None:
+        self.robot.powered = command is not None
+        self.robot.step(self._zero if command is None else command)
 
     def make_robot(self, dt: float) -> Robot:
         """The robot that the parameters describe, stepped every dt seconds. Raises HapticTeleopError."""
@@ -73,9 +85,11 @@ class PlantNode(CommandedNode):
             self.robot.step(command)
         self._sensed = True
         signals = self.robot.sense()
-        self.publish_state(stamp_now(), *signals)
+        self.publish_state(self.time.stamp(), *signals)
 
     def measurements(self) -> dict[str, Any]:
+        if self.time.simulated:
+            return {"commands out of order": self.dropped}
         return {
             "periods skipped": self.thread.overruns,
             "steps lost": self.lost_steps,
@@ -86,3 +100,4 @@ class PlantNode(CommandedNode):
     def shutdown_safely(self) -> None:
         self._driven = False
         self.thread.stop()
+        self.time.close()

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from haptic_teleop_control.node_tables import REALTIME_PRIORITY
+from haptic_teleop_control.node_tables import NODE_PARAMETERS
 from haptic_teleop_control.nodes.base.run import run_node
 from haptic_teleop_control.parameters import ParameterTable
 from haptic_teleop_control.robots import SFJ_JOINTS, SFJ_MOTOR_JOINTS
@@ -22,7 +22,7 @@ class SfjSim(PlantNode):
     )
     JOINTS = SFJ_JOINTS
     COMMAND_JOINTS = SFJ_MOTOR_JOINTS
-    TABLE = ParameterTable(NAME, [*SFJ_PARAMETERS, REALTIME_PRIORITY])
+    TABLE = ParameterTable(NAME, [*SFJ_PARAMETERS, *NODE_PARAMETERS])
 
     def make_robot(self, dt: float) -> SfjRobot:
         own = {name: value for name, value in self.values.items() if name in SFJ_PARAMETERS}

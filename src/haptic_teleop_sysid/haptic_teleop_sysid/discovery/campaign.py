@@ -17,6 +17,7 @@ import yaml
 from numpy.typing import NDArray
 
 from haptic_teleop_control.acquisition import Acquisition
+from haptic_teleop_control.node_tables import without_node_parameters
 from haptic_teleop_control.parameters import load_parameter_file, parameters_for
 from haptic_teleop_control.recording import bag_problems, read_recording, write_recording
 from haptic_teleop_control.robots import SFJ_RATE_HZ, STAGES
@@ -113,9 +114,7 @@ def write_files(folder: Path, contents: Mapping[str, Content], models: Mapping[s
 
 def experiment(content: Content) -> Acquisition:
     """The acquisition that a parameter file's content describes."""
-    values = dict(flattened(content["acquisition"]))
-    values.pop("realtime_priority", None)
-    return Acquisition.from_parameters(values)
+    return Acquisition.from_parameters(without_node_parameters(dict(flattened(content["acquisition"]))))
 
 
 def planned(seconds: float) -> tuple[dict[str, Array], dict[str, dict[str, float]]]:
@@ -150,7 +149,7 @@ def run_scenario1(file: Path, plant: str, recording: Path, lockstep: bool) -> in
     scenario = check_scenario(sections, file.parent, str(file), duration, stated["note"])
     slave = None
     if plant != "sfj_sim":
-        values = {key: value for key, value in own.items() if key != "realtime_priority"}
+        values = without_node_parameters(own)
         slave = acquire.PLANTS[plant].from_parameters(values, folder=file.parent, source=str(file))
     result = simulate_scenario(scenario, duration, slave=slave)
     recorded = {

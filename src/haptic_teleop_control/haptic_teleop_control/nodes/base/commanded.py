@@ -14,15 +14,23 @@ import numpy as np
 from numpy.typing import NDArray
 from rclpy.context import Context
 
-from haptic_teleop_control.faults import COMMAND_FAULTS, MALFORMED_COMMAND, NON_FINITE_COMMAND, STALE_COMMAND
+from haptic_teleop_control.faults import (
+    COMMAND_FAULTS,
+    CONTRADICTORY_COMMAND,
+    FUTURE_COMMAND,
+    MALFORMED_COMMAND,
+    NON_FINITE_COMMAND,
+    STALE_COMMAND,
+)
 from haptic_teleop_control.nodes.base.haptic_node import HapticNode
 from haptic_teleop_control.nodes.streams.joint_states import (
     FIELDS,
     JointStatePublisher,
     JointStateReceiver,
-    stamp_at,
 )
 from haptic_teleop_control.nodes.streams.latency import LatencyMeter
+from haptic_teleop_control.simulated_time.messages import Tick
+from haptic_teleop_control.simulated_time.stamps import seconds
 
 Array = NDArray[np.float64]
 
@@ -36,7 +44,10 @@ class CommandedNode(HapticNode):
     JOINTS: ClassVar[Sequence[str]]
     COMMAND_JOINTS: ClassVar[Sequence[str]]
     FAULTS: ClassVar = {
-        name: COMMAND_FAULTS[name] for name in (NON_FINITE_COMMAND, MALFORMED_COMMAND, STALE_COMMAND)
+        name: COMMAND_FAULTS[name]
+        for name in (
+            NON_FINITE_COMMAND, MALFORMED_COMMAND, STALE_COMMAND, FUTURE_COMMAND, CONTRADICTORY_COMMAND,
+        )
     }
 
     def __init__(self, context: Context | None = None, **node_options: Any) -> None:
@@ -54,6 +65,9 @@ class CommandedNode(HapticNode):
         )  # fmt: skip
         self._command = self.commands.value["effort"]
         self._last_stamp = 0
+        self.sampled = 0  # stamp of the state published last, in simulated time
+        self._awaiting = False  # whether its answer is still to come
+        self._used = np.zeros(len(self.COMMAND_JOINTS))
         self.count_rate("states", lambda: self.states.sent)
         self.count_rate("commands", lambda: self.commands.count)
 
@@ -68,7 +82,7 @@ class CommandedNode(HapticNode):
         """The command in force, (motors,) N·m; None where there is none that may be used now."""
         if not self._driven or self.faults.latched:
             return None
-        silence = time.monotonic_ns() - self.commands.received
+        silence = self.time.now() - self.commands.received
         if silence > self._timeout_ns:
             self._driven = False
             self.fault(STALE_COMMAND, f"{self.commands.topic} is silent for {silence * 1e-9:.3f} s")
@@ -77,10 +91,15 @@ class CommandedNode(HapticNode):
 
     def on_command(self) -> None:
         """A good command has arrived."""
-        self._driven = True
+        if self.time.simulated:
+            self._take_answer()
+        else:
+            self._driven = True
 
     def _accept(self, stamp: int, received: int) -> bool:
-        age = stamp_at(received) - stamp
+        if self.time.simulated:
+            return self._answers_this_state(stamp)
+        age = self.time.stamp_at(received) - stamp
         if not -self._timeout_ns <= age <= self._timeout_ns:
             self._refuse_stale(stamp, age * 1e-9)
             return False
@@ -91,6 +110,58 @@ class CommandedNode(HapticNode):
         self._stale_since = None
         self.latency.add(age)
         return True
+
+    def _answers_this_state(self, stamp: int) -> bool:
+        """In simulated time nothing is late: an answer is that to the state published last, or it is none."""
+        if stamp > self.sampled:
+            self._driven = False
+            ahead = (stamp - self.sampled) * 1e-9
+            self.fault(FUTURE_COMMAND, f"{self.commands.topic}: its stamp is {ahead:.4f} s ahead")
+            return False
+        self.dropped += stamp < self.sampled
+        return stamp == self.sampled
+
+    def on_tick(self, tick: Tick, repeated: bool) -> None:
+        if self.get_fully_qualified_name() not in tick.due:
+            return
+        if tick.stamp == self.sampled:
+            if self._awaiting:
+                self.states.resend()
+                self.time.waiting("answer")
+            else:
+                self.time.done()
+            return
+        self.sampled = tick.stamp
+        self._awaiting = self.states.topic in tick.states
+        self.sample(tick.stamp)
+        if not self._awaiting:
+            self._act(None)
+
+    def sample(self, stamp: int) -> None:
+        """Simulated time: reads the robot and publishes its state with this stamp."""
+        raise NotImplementedError
+
+    def act(self, command: Array | None) -> None:
+        """Simulated time: the robot goes on with this command, N·m, or none, to the next sample."""
+        raise NotImplementedError
+
+    def _act(self, command: Array | None) -> None:
+        self._awaiting = False
+        self._used[:] = 0.0 if command is None else command
+        self.act(command)
+        self.time.done()
+
+    def _take_answer(self) -> None:
+        if self._awaiting:
+            self._driven = True
+            self._act(self.permitted())
+        elif not self.faults.latched and not np.array_equal(self._command, self._used):
+            self._driven = False
+            self.fault(CONTRADICTORY_COMMAND, f"{self.commands.topic}: at {seconds(self.sampled):.4f} s")
+
+    def on_time_fault(self, detail: str) -> None:
+        self._driven = False
+        super().on_time_fault(detail)
 
     def _refuse_stale(self, stamp: int, age: float) -> None:
         now = time.monotonic()
@@ -107,6 +178,8 @@ class CommandedNode(HapticNode):
     def _command_problem(self, kind: str, detail: str, stamp: int) -> None:
         self._driven = False
         self.fault(NON_FINITE_COMMAND if kind == "non_finite" else MALFORMED_COMMAND, detail)
+        if self.time.simulated and self._awaiting and stamp == self.sampled:
+            self._act(None)  # it is an answer, though none that can be used
 
     def on_reset(self) -> None:
         self._driven = False

@@ -18,7 +18,16 @@ from std_srvs.srv import Trigger
 
 from haptic_teleop_control.faults import FaultLatch
 from haptic_teleop_control.nodes.base.parameters import declare_parameters
+from haptic_teleop_control.nodes.timing.time_base import (
+    SIMULATED_TIME,
+    TIME_FAULTS,
+    SimulatedTime,
+    TimeBase,
+    WallTime,
+    steady_timer,
+)
 from haptic_teleop_control.parameters import ParameterTable
+from haptic_teleop_control.simulated_time.messages import Member, Status, Tick
 
 LOG_INTERVAL = 1.0
 """Seconds between two log lines of one kind of fault."""
@@ -33,19 +42,22 @@ class HapticNode(Node):
     TOPICS: ClassVar[tuple[str, ...]] = ()
     FAULTS: ClassVar[Mapping[str, str]] = {}
     TABLE: ClassVar[ParameterTable]
+    MAY_BE_SIMULATED: ClassVar[bool] = True
 
     def __init__(self, context: Context | None = None, **node_options: Any) -> None:
         options = {"namespace": self.NAMESPACE, **node_options}
         super().__init__(self.NAME, context=context, **options)
         self.failure: BaseException | None = None
-        self.faults = FaultLatch(self.FAULTS)
         self._last_log: dict[str, float] = {}
         self._counters: dict[str, Callable[[], int]] = {}
         self._last_counts: dict[str, int] = {}
         self._last_report = time.monotonic()
         self.values = declare_parameters(self, self.TABLE)
+        simulated = bool(self.values.get("use_sim_time")) and self.MAY_BE_SIMULATED
+        self.time: TimeBase = SimulatedTime(self) if simulated else WallTime()
+        self.faults = FaultLatch({**self.FAULTS, **TIME_FAULTS} if simulated else self.FAULTS)
         self._diagnostics = self.create_publisher(DiagnosticArray, "/diagnostics", 10)
-        self.create_timer(1.0, self._report)
+        steady_timer(self, 1.0, self._report)
         if self.FAULTS:
             self.create_service(Trigger, "~/reset", self._reset)
 
@@ -72,7 +84,24 @@ class HapticNode(Node):
     def shutdown_safely(self) -> None:
         """Stops threads, publishes and sends zero output; called once, before the node is destroyed."""
 
+    def on_tick(self, tick: Tick, repeated: bool) -> None:
+        """Simulated time has come to `tick.stamp`; repeated: something was lost, so say again what you
+        said."""
+
+    def on_time_fault(self, detail: str) -> None:
+        """Simulated time has ended, or takes us no more: the output is zero from now on."""
+        self.fault(SIMULATED_TIME, detail)
+
+    def on_time_status(self, status: Status) -> None:
+        """What the coordinator of simulated time says of itself."""
+
     # What subclasses use.
+
+    def take_part(self, kind: str, **what: Any) -> None:
+        """Joins simulated time as a `Member` of this kind; does nothing in real time."""
+        if isinstance(self.time, SimulatedTime):
+            member = Member(self.get_fully_qualified_name(), kind, **what)
+            self.time.take_part(member, self.on_tick, self.on_time_fault, self.on_time_status)
 
     def fault(self, name: str, detail: str) -> None:
         """Counts a fault; logs the one that latches, and repetitions at most once a second."""
@@ -127,5 +156,5 @@ class HapticNode(Node):
             values=[KeyValue(key=key, value=str(value)) for key, value in values.items()],
         )
         message = DiagnosticArray(status=[status])
-        message.header.stamp = self.get_clock().now().to_msg()
+        message.header.stamp.sec, message.header.stamp.nanosec = divmod(self.time.stamp(), 10**9)
         self._diagnostics.publish(message)

@@ -23,7 +23,7 @@ from haptic_teleop_control.nodes.base.ros_arguments import RosArguments
 from haptic_teleop_control.parameter_files import is_wildcard, load_parameter_file, parameters_for
 from haptic_teleop_control.parameters import Parameter, ParameterTable
 
-ROS_OWN = ("use_sim_time", "start_type_description_service", "qos_overrides")
+ROS_OWN = ("start_type_description_service", "qos_overrides")
 """Parameters that every ROS node has; never checked against a table."""
 
 FILE_KEYS = ("model", "file")
@@ -62,6 +62,8 @@ def declare_parameters(node: Node, table: ParameterTable) -> dict[str, Any]:
 
 
 def _declare(node: Node, entry: Parameter) -> RosParameter:
+    if node.has_parameter(entry.name):  # use_sim_time, which every node declares itself
+        return node.get_parameter(entry.name)
     return node.declare_parameter(entry.name, entry.default, _descriptor(entry))
 
 

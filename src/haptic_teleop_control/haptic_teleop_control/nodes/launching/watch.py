@@ -21,8 +21,11 @@ from rich.console import Console
 from rich.live import Live
 from rich.text import Text
 from sensor_msgs.msg import JointState
+from std_msgs.msg import String
 
 from haptic_teleop_control.robots import OMNI_JOINTS, SFJ_JOINTS, STAGES
+from haptic_teleop_control.simulated_time.messages import HALTED, OVER, STATUS_TOPIC, Status, decode
+from haptic_teleop_control.simulated_time.stamps import seconds
 
 NEWEST_ONLY = QoSProfile(depth=1, reliability=ReliabilityPolicy.BEST_EFFORT)
 PLAIN_INTERVAL = 2.0
@@ -34,15 +37,17 @@ class Watcher:
     context manager.
 
     faults: node -> the sentence it reported last, also after a reset. node: the node, within the context.
-    Time counts from `begin`.
+    Time counts from `begin`, or is the simulated one. time: what its coordinator said last.
     """
 
-    def __init__(self, robot: str = "sfj") -> None:
+    def __init__(self, robot: str = "sfj", simulated: bool = False) -> None:
         self._topic = f"/{robot}/joint_states"
         self._joints = SFJ_JOINTS if robot == "sfj" else OMNI_JOINTS
         self.faults: dict[str, str] = {}
         self._in_fault: dict[str, None] = {}
         self._begun: float | None = None
+        self.simulated = simulated
+        self.time: Status | None = None
         self._state: JointState | None = None
 
     def __enter__(self) -> Self:
@@ -50,6 +55,8 @@ class Watcher:
         self.node = Node("scenario", start_parameter_services=False)
         self.node.create_subscription(JointState, self._topic, self._take, NEWEST_ONLY)
         self.node.create_subscription(DiagnosticArray, "/diagnostics", self._diagnose, 10)
+        if self.simulated:
+            self.node.create_subscription(String, STATUS_TOPIC, self._take_status, 10)
         self._executor = SingleThreadedExecutor()
         self._executor.add_node(self.node)
         return self
@@ -67,8 +74,21 @@ class Watcher:
 
     @property
     def elapsed(self) -> float:
-        """Seconds since `begin`; 0 before it."""
+        """Seconds of the experiment: simulated ones, or those since `begin`; 0 before it."""
+        if self.simulated:
+            return 0.0 if self.time is None else seconds(self.time.stamp)
+        return self.waited
+
+    @property
+    def waited(self) -> float:
+        """Seconds of the wall since `begin`; 0 before it."""
         return 0.0 if self._begun is None else time.monotonic() - self._begun
+
+    def over(self, duration: float) -> bool:
+        """Whether the experiment has come to its end, and everything is recorded."""
+        if self.simulated:
+            return self.time is not None and self.time.state in (OVER, HALTED)
+        return duration > 0.0 and self.elapsed >= duration
 
     @property
     def blind(self) -> bool:
@@ -86,7 +106,8 @@ class Watcher:
         total = f" / {duration:.0f}" if duration > 0.0 else ""
         parts = [f"{self.elapsed:5.1f}{total} s"]
         if self._state is None:
-            return f"{parts[0]}   waiting for {self._topic}"
+            waiting = self.time.reason if self.time is not None else ""
+            return f"{parts[0]}   {waiting or f'waiting for {self._topic}'}"
         if self._joints == OMNI_JOINTS:
             values = zip(OMNI_JOINTS, self._state.position, self._state.effort, strict=True)
             for name, angle, torque in values:
@@ -102,6 +123,13 @@ class Watcher:
     def _take(self, message: JointState) -> None:
         if list(message.name) == list(self._joints) and len(message.effort) == len(self._joints):
             self._state = message
+
+    def _take_status(self, message: String) -> None:
+        status = decode(message.data)
+        if isinstance(status, Status):
+            self.time = status
+            if status.state == HALTED:
+                self.faults["/time_coordinator"] = f"simulated time is halted: {status.reason}"
 
     def _diagnose(self, message: DiagnosticArray) -> None:
         for status in message.status:

@@ -17,7 +17,8 @@ Receive = Callable[["RecordedTopic", bytes, int, int], None]
 class RecordedTopic:
     """Subscribes to `name`; `drain` hands each message to `receive(topic, data, received ns, published ns)`.
 
-    Before a publisher is known it subscribes best effort, which any publisher can serve; when `follow`
+    Before a publisher is known it subscribes best effort, which any publisher can serve, unless all are
+    `reliable`; when `follow`
     finds that all publishers are reliable it changes to a reliable subscription, without a gap and without
     taking a message twice. A type that is not known in advance is taken from the publishers. `problem` is a
     sentence or empty; `missed` counts messages that the publishers numbered but that did not arrive.
@@ -26,7 +27,9 @@ class RecordedTopic:
     callback each, and with the middleware's own time of reception.
     """
 
-    def __init__(self, node: Node, name: str, kind: str | None, depth: int, receive: Receive) -> None:
+    def __init__(
+        self, node: Node, name: str, kind: str | None, depth: int, receive: Receive, reliable: bool = False
+    ) -> None:
         self.node, self.name, self.kind, self.depth = node, name, kind, depth
         self.receive = receive
         self.problem = ""
@@ -40,7 +43,7 @@ class RecordedTopic:
         self._last_published = 0
         self._sequence: dict[bytes, int] = {}
         if kind is not None:
-            self._subscribe(reliable=False)
+            self._subscribe(reliable)
 
     @property
     def publishers(self) -> int:

@@ -6,6 +6,7 @@ import json
 from typing import Any
 
 from haptic_teleop_control.errors import ConfigurationError
+from haptic_teleop_control.node_tables import USE_SIM_TIME
 from haptic_teleop_control.parameters import Parameter, ParameterTable
 
 JOINT_STATE, DIAGNOSTICS = "sensor_msgs/msg/JointState", "diagnostic_msgs/msg/DiagnosticArray"
@@ -57,6 +58,7 @@ TABLE = ParameterTable(
             maximum=10.0,
             meaning="longest time it asks for the parameters of the other nodes when it stops",
         ),
+        USE_SIM_TIME,
         Parameter("depth", 5000, minimum=10, maximum=1_000_000, meaning="messages kept for it on each topic"),
     ],
 )

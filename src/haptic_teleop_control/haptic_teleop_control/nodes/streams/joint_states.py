@@ -1,46 +1,33 @@
-"""Joint states in and out: one quality of service, message objects reused, every sample checked where it
-enters.
+"""Joint states in and out: message objects reused, every sample checked where it enters.
 
-`STREAM_QOS` is said here once for all states, commands and references: best effort, because a late sample
-is worth nothing; depth 10, because depth 1 loses samples at every hop under jitter (measured) and 10 adds
-no delay.
+The quality of service is that of the node's time: in real time only the latest sample counts, in simulated
+time every one.
 """
 
 from __future__ import annotations
 
-import time
 from array import array
 from collections.abc import Callable, Sequence
 from math import inf, isfinite
-from time import monotonic_ns
 
 import numpy as np
 from rclpy.node import Node
-from rclpy.qos import DurabilityPolicy, HistoryPolicy, QoSProfile, ReliabilityPolicy
 from sensor_msgs.msg import JointState
 
-STREAM_QOS = QoSProfile(
-    reliability=ReliabilityPolicy.BEST_EFFORT,
-    durability=DurabilityPolicy.VOLATILE,
-    history=HistoryPolicy.KEEP_LAST,
-    depth=10,
-)
+from haptic_teleop_control.nodes.timing.time_base import LATEST_QOS, TimeBase, WallTime
+
+STREAM_QOS = LATEST_QOS
 
 FIELDS = ("position", "velocity", "effort")
 NANOSECONDS = 1_000_000_000
 
-_STEADY_TO_WALL = time.time_ns() - monotonic_ns()
+_WALL = WallTime()
+stamp_now, stamp_at = _WALL.stamp, _WALL.stamp_at
 
 
-def stamp_now() -> int:
-    """Wall time in ns, counted by the steady clock since this process started: stamps never jump with the
-    clock."""
-    return monotonic_ns() + _STEADY_TO_WALL
-
-
-def stamp_at(steady: int) -> int:
-    """The stamp of a moment of the steady clock, ns."""
-    return steady + _STEADY_TO_WALL
+def time_base(node: Node) -> TimeBase:
+    """The time by which a node counts; any other node than ours lives by the wall."""
+    return getattr(node, "time", _WALL)
 
 
 def stamp_of(message: JointState) -> int:
@@ -58,7 +45,7 @@ class JointStatePublisher:
 
     def __init__(self, node: Node, topic: str, joints: Sequence[str], fields: Sequence[str]) -> None:
         self.joints = tuple(joints)
-        self._publisher = node.create_publisher(JointState, topic, STREAM_QOS)
+        self._publisher = node.create_publisher(JointState, topic, time_base(node).qos)
         self._message = JointState(name=list(joints))
         self._stamp = self._message.header.stamp
         self.view: dict[str, np.ndarray] = {}
@@ -82,6 +69,10 @@ class JointStatePublisher:
         self._publish(self._message)
         self.sent += 1
 
+    def resend(self) -> None:
+        """Publishes what was sent last once more."""
+        self._publish(self._message)
+
     def send_zero(self, stamp: int) -> None:
         """Publishes zeros in all fields with `stamp` (ns)."""
         for values in self.view.values():
@@ -93,8 +84,8 @@ class JointStateReceiver:
     """The latest sample of one topic, checked and brought into the order of `joints`.
 
     Every message must name exactly `joints`, in any order, and hold one finite number per joint in each of
-    `fields`; then `value[field]` (joints,), `stamp` (ns, from the header) and `received` (ns, steady clock)
-    are updated and `on_sample()` is called. Otherwise nothing is updated and `on_problem(kind, detail,
+    `fields`; then `value[field]` (joints,), `stamp` (ns, from the header) and `received` (ns, by the node's
+    time) are updated and `on_sample()` is called. Otherwise nothing is updated and `on_problem(kind, detail,
     stamp)` is called, with kind "joints" (wrong names or lengths) or "non_finite". A good sample that
     `accept(stamp, received)` refuses is left out without a word. `count` is the number of samples taken,
     `fresh` whether there was one since the start or `forget`.
@@ -126,7 +117,10 @@ class JointStateReceiver:
         self._on_problem = on_problem or (lambda kind, detail, stamp: None)
         self._accept = accept
         self._destroyed = False
-        self._subscription = node.create_subscription(JointState, topic, self._receive, STREAM_QOS)
+        self._now = time_base(node).now
+        self._subscription = node.create_subscription(
+            JointState, topic, self._receive, time_base(node).qos
+        )
 
     @property
     def topic(self) -> str:
@@ -137,7 +131,7 @@ class JointStateReceiver:
         return self._subscription.get_publisher_count()
 
     def age(self, now: int) -> float:
-        """Seconds since the last good sample arrived, by the steady clock; infinite before the first."""
+        """Seconds since the last good sample arrived, by the node's time; infinite before the first."""
         return (now - self.received) * 1e-9 if self.fresh else inf
 
     def forget(self) -> None:
@@ -153,7 +147,7 @@ class JointStateReceiver:
     def _receive(self, message: JointState) -> None:
         if self._destroyed:
             return
-        received = monotonic_ns()
+        received = self._now()
         stamp = stamp_of(message)
         if message.name != self._names and not self._learn_order(message.name, stamp):
             return

@@ -1,0 +1,135 @@
+"""The coordinator of simulated time as a node: grants ticks, publishes `/clock`, pauses and steps."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Mapping
+from typing import Any, ClassVar
+
+from rclpy.context import Context
+from rosgraph_msgs.msg import Clock
+from std_srvs.srv import Trigger
+
+from haptic_teleop_control.node_tables import TIME_COORDINATOR
+from haptic_teleop_control.nodes.base.haptic_node import HapticNode
+from haptic_teleop_control.nodes.base.run import run_node
+from haptic_teleop_control.nodes.timing.exchange import CoordinatorEnd
+from haptic_teleop_control.nodes.timing.time_base import steady_timer
+from haptic_teleop_control.simulated_time.coordinator import Coordinator
+from haptic_teleop_control.simulated_time.messages import HALTED, OVER, Report, Status
+from haptic_teleop_control.simulated_time.stamps import ORIGIN, seconds
+
+POLL = 0.005
+"""s between two looks at the wall: simulated time runs in steps of that length, never ahead of the wall."""
+
+CLOCK_PERIOD = 10_000_000
+"""ns of simulated time between two messages on /clock."""
+
+HALT = "halted"
+
+
+class TimeCoordinator(HapticNode):
+    NAME = "time_coordinator"
+    SUMMARY = "grants simulated time: the next tick when everybody has answered the last one"
+    TOPICS = (
+        "publishes  /clock                  rosgraph_msgs/Clock, 100 times per simulated second",
+        "publishes  /simulated_time/tick    std_msgs/String, JSON: who acts at which stamp",
+        "publishes  /simulated_time/status  std_msgs/String, JSON: who takes part, what is waited for",
+        "subscribes /simulated_time/report  std_msgs/String, JSON: who has done what",
+        "publishes  /diagnostics            simulated time, real-time factor achieved, what is waited for",
+        "service    ~/pause                 std_srvs/Trigger: stop before the next tick",
+        "service    ~/resume                std_srvs/Trigger: go on",
+        "service    ~/step                  std_srvs/Trigger: one tick, while paused",
+    )
+    FAULTS: ClassVar = {HALT: "simulated time is halted; end the scenario and start it anew"}
+    TABLE = TIME_COORDINATOR
+    MAY_BE_SIMULATED = False  # it is the one that knows the wall
+
+    def __init__(self, context: Context | None = None, **node_options: Any) -> None:
+        super().__init__(context, **node_options)
+        values = self.values
+        self._coordinator = Coordinator(
+            values["participants"],
+            values["real_time_factor"],
+            values["duration"],
+            values["liveness"],
+            armed=False,
+            paused=values["paused"],
+        )
+        self._told = ORIGIN - CLOCK_PERIOD
+        self._clock = self.create_publisher(Clock, "/clock", 10)
+        self._end = CoordinatorEnd(self, self._hear)
+        for act in ("pause", "resume", "step"):
+            self.create_service(Trigger, f"~/{act}", self._service(act))
+        steady_timer(self, POLL, self._look)
+
+    def start(self) -> None:
+        self._coordinator.armed = True
+
+    def _hear(self, report: Report) -> None:
+        self._coordinator.hear(report, time.monotonic())
+        self._proceed()
+
+    def _look(self) -> None:
+        self._end.run()
+        self._proceed()
+
+    def _proceed(self) -> None:
+        coordinator = self._coordinator
+        for message in coordinator.poll(time.monotonic()):
+            if isinstance(message, Status):
+                self._tell_clock()
+                if message.state == HALTED and self.faults.latched is None:
+                    self.fault(HALT, message.reason)
+            elif message.stamp - self._told >= CLOCK_PERIOD:
+                self._tell_clock()
+            self._end.announce(message, coordinator.members)
+
+    def _tell_clock(self) -> None:
+        self._told = stamp = self._coordinator.stamp
+        message = Clock()
+        message.clock.sec, message.clock.nanosec = divmod(stamp, 10**9)
+        self._clock.publish(message)
+
+    def _service(self, act: str):
+        def serve(request: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
+            refusal = getattr(self._coordinator, act)()
+            response.success = refusal is None
+            done = f"{act}: done at {seconds(self._coordinator.stamp):.4f} s"
+            response.message = f"{act}: refused: {refusal}" if refusal else done
+            self._proceed()
+            return response
+
+        return serve
+
+    def apply_parameters(self, values: Mapping[str, Any]) -> None:
+        if values["real_time_factor"] != self._coordinator.pace.factor:
+            self._coordinator.pace.factor = values["real_time_factor"]
+
+    def state(self) -> str:
+        status = self._coordinator.status()
+        return f"{status.state}: {status.reason}" if status.reason else status.state
+
+    def measurements(self) -> dict[str, Any]:
+        coordinator = self._coordinator
+        return {
+            "simulated time (s)": f"{seconds(coordinator.stamp):.3f}",
+            "real-time factor": f"{coordinator.pace.achieved:.3f}",
+            "real-time factor wanted": f"{coordinator.pace.factor:g}",
+            "ticks": coordinator.ticks,
+            "ticks asked for again": coordinator.repeats,
+            "participants": ", ".join(coordinator.members),
+        }
+
+    def shutdown_safely(self) -> None:
+        coordinator = self._coordinator
+        if coordinator.state not in (OVER, HALTED):
+            self._end.announce(coordinator.end("the coordinator was stopped"), coordinator.members)
+        self._end.close()
+
+
+NODE = TimeCoordinator
+
+
+def main(argv: list[str] | None = None) -> int:
+    return run_node(NODE, argv)

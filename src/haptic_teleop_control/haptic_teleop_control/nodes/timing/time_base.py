@@ -1,0 +1,136 @@
+"""The time of a node: that of the wall, or simulated. Nothing else in a node asks a clock.
+
+What serves the operator and the disk (diagnostics, flushing, liveness) runs on steady timers in both
+(`steady_timer`); every duration of an experiment counts stamps.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Mapping
+
+from rclpy.clock import Clock
+from rclpy.clock_type import ClockType
+from rclpy.node import Node
+from rclpy.qos import DurabilityPolicy, HistoryPolicy, QoSProfile, ReliabilityPolicy
+from rclpy.timer import Timer
+
+from haptic_teleop_control.nodes.timing.exchange import ParticipantEnd
+from haptic_teleop_control.simulated_time.messages import Member, Status, Tick
+from haptic_teleop_control.simulated_time.participant import Participant
+from haptic_teleop_control.simulated_time.stamps import ORIGIN
+
+LATEST_QOS = QoSProfile(
+    reliability=ReliabilityPolicy.BEST_EFFORT,
+    durability=DurabilityPolicy.VOLATILE,
+    history=HistoryPolicy.KEEP_LAST,
+    depth=10,
+)
+"""In real time: best effort, because a late sample is worth nothing; depth 10, because depth 1 loses samples
+at every hop under jitter (measured) and 10 adds no delay."""
+
+EVERY_QOS = QoSProfile(
+    reliability=ReliabilityPolicy.RELIABLE,
+    durability=DurabilityPolicy.VOLATILE,
+    history=HistoryPolicy.KEEP_LAST,
+    depth=4000,
+)
+"""In simulated time: nothing may be lost, and a recorder may be a second behind."""
+
+POLL = 0.05
+"""s between two looks at the coordinator."""
+
+SIMULATED_TIME = "simulated_time"
+TIME_FAULTS = {SIMULATED_TIME: "simulated time has ended or was refused; start the scenario anew"}
+
+_STEADY_TO_WALL = time.time_ns() - time.monotonic_ns()
+
+
+def steady_timer(node: Node, period: float, work: Callable[[], None]) -> Timer:
+    """A timer that neither `/clock` nor a clock that is set stops."""
+    return node.create_timer(period, work, clock=Clock(clock_type=ClockType.STEADY_TIME))
+
+
+class WallTime:
+    """The steady clock for ages and watchdogs; stamps are wall time counted by it since the process started,
+    so that they never jump with the clock."""
+
+    simulated = False
+    qos = LATEST_QOS
+
+    def now(self) -> int:
+        """ns of the clock by which ages and durations count."""
+        return time.monotonic_ns()
+
+    def stamp_at(self, moment: int) -> int:
+        """The stamp of a moment of `now`, ns."""
+        return moment + _STEADY_TO_WALL
+
+    def stamp(self) -> int:
+        """The stamp of now, ns."""
+        return time.monotonic_ns() + _STEADY_TO_WALL
+
+    def close(self) -> None:
+        pass
+
+
+class SimulatedTime:
+    """Time that the coordinator grants; it stands still between two ticks.
+
+    To be used by the executor's thread alone.
+    """
+
+    simulated = True
+    qos = EVERY_QOS
+
+    def __init__(self, node: Node) -> None:
+        self._node = node
+        self._end: ParticipantEnd | None = None
+        self.participant: Participant | None = None
+
+    def now(self) -> int:
+        return ORIGIN if self.participant is None else self.participant.stamp
+
+    def stamp_at(self, moment: int) -> int:
+        return moment
+
+    def stamp(self) -> int:
+        return self.now()
+
+    def take_part(
+        self,
+        member: Member,
+        on_tick: Callable[[Tick, bool], None],
+        on_fault: Callable[[str], None],
+        on_status: Callable[[Status], None] = lambda status: None,
+    ) -> None:
+        """Joins the coordinator and is called with every tick (see `Participant`)."""
+        assert self.participant is None
+        self.participant = Participant(member, self._say, on_tick, on_fault, on_status)
+        self._end = ParticipantEnd(self._node, member, self.participant.hear)
+        steady_timer(self._node, POLL, self._poll)
+
+    def done(self, stamps: Mapping[str, int] | None = None) -> None:
+        if self.participant is not None:
+            self.participant.done(stamps)
+
+    def waiting(self, what: str) -> None:
+        if self.participant is not None:
+            self.participant.waiting(what)
+
+    def close(self) -> None:
+        """Takes no part any more."""
+        if self.participant is not None and self._end is not None:
+            self.participant.leave()
+            self._end.close()
+
+    def _say(self, report) -> None:
+        if self._end is not None:
+            self._end.say(report)
+
+    def _poll(self) -> None:
+        if self.participant is not None:
+            self.participant.poll(time.monotonic())
+
+
+TimeBase = WallTime | SimulatedTime

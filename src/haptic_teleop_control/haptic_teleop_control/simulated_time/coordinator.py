@@ -1,0 +1,330 @@
+"""Grants simulated time tick by tick: the next one when everybody has done what the last one asked.
+
+No clock is read here: `wall` is what the caller's steady clock says, in s. What is owed is asked for again
+after `REPEAT`; who owes something and has not been heard of for `liveness` seconds halts time, and is named.
+Only time during which this object was called counts, so that a machine that stood still accuses nobody.
+"""
+
+from __future__ import annotations
+
+import secrets
+from collections.abc import Iterable
+
+from haptic_teleop_control.simulated_time.messages import (
+    ANSWERER,
+    HALTED,
+    LINK,
+    OVER,
+    PAUSED,
+    PLANT,
+    RECORDER,
+    RUNNING,
+    SOURCE,
+    WAITING,
+    Member,
+    Report,
+    Status,
+    Tick,
+)
+from haptic_teleop_control.simulated_time.pace import Pace
+from haptic_teleop_control.simulated_time.schedule import Schedule
+from haptic_teleop_control.simulated_time.stamps import ORIGIN, seconds
+
+REPEAT = 0.05
+"""s after which what is owed is asked for again."""
+HEARTBEAT = 0.2
+"""s between two statuses at most."""
+LONGEST_STEP = 0.1
+"""s counted at most between two calls: what is longer, we stood still ourselves."""
+LEAD = 1_000_000_000
+"""ns that time may be ahead of what a recorder has kept."""
+
+
+class Coordinator:
+    """participants: bare or full names of the nodes that must join before time begins; others may, until
+    then. duration: s, 0: no end. liveness: s. `poll` and `hear` return what is to be announced."""
+
+    def __init__(
+        self,
+        participants: Iterable[str],
+        factor: float = 1.0,
+        duration: float = 0.0,
+        liveness: float = 2.0,
+        armed: bool = True,
+        paused: bool = False,
+    ) -> None:
+        self.session = secrets.token_hex(4)
+        self.participants = list(participants)
+        self.pace = Pace(factor)
+        self.state = WAITING
+        self.stamp = ORIGIN
+        self.ticks = self.repeats = 0
+        self.members: dict[str, Member] = {}
+        self.reason = ""
+        self.armed, self._paused = armed, paused
+        self._duration, self._liveness = duration, liveness
+        self._schedule = Schedule([])
+        self._tick: Tick | None = None
+        self._owing: set[str] = set()  # names that have not done what the tick asked
+        self._sent: dict[str, int] = {}  # way -> newest stamp sent into the link, taken out of it
+        self._taken: dict[str, int] = {}
+        self._kept: dict[str, dict[str, int]] = {}  # recorder -> topic -> newest stamp
+        self._waits_for: dict[str, str] = {}  # name -> what it says it waits for
+        self._heard: dict[str, float] = {}
+        self._refused: dict[str, str] = {}
+        self._lived = self._asked = self._told = 0.0
+        self._last_wall: float | None = None
+        self._stepping = False
+        self._news = False
+
+    # What is asked of it from outside.
+
+    def pause(self) -> str | None:
+        """Stops time before the next tick; None when done, else why not."""
+        if self.state != RUNNING:
+            return f"time is {self.state}"
+        self.state = PAUSED
+        self.pace.stop()
+        return None
+
+    def resume(self) -> str | None:
+        if self.state != PAUSED:
+            return f"time is {self.state}, not paused"
+        self.state = RUNNING
+        return None
+
+    def step(self) -> str | None:
+        """One tick, while paused."""
+        if self.state != PAUSED:
+            return f"time is {self.state}; pause it before a step"
+        if self._busy or self._stepping:
+            return "the last step is not over yet"
+        self._stepping = True
+        return None
+
+    def end(self, reason: str) -> Status:
+        """No tick comes any more."""
+        if self.state not in (OVER, HALTED):
+            self.state, self.reason = OVER, reason
+        return self.status()
+
+    def status(self) -> Status:
+        reason = self.reason or self._missing()
+        return Status(self.session, self.state, self.stamp, tuple(self.members), reason, dict(self._refused))
+
+    # Messages.
+
+    def hear(self, report: Report, wall: float) -> None:
+        """Takes what a participant says; `poll` then says what follows."""
+        self._live(wall)
+        name = report.name
+        if report.act == "join" and report.member is not None:
+            self._join(report.member)
+            return
+        if name not in self.members:
+            return
+        self._heard[name] = self._lived
+        member = self.members[name]
+        if report.act == "recorded":
+            self._kept[name] = dict(report.stamps)
+        elif report.act == "taken" and member.kind == LINK:
+            for way, stamp in report.stamps.items():
+                if stamp > self._taken.get(way, 0):
+                    self._taken[way] = stamp
+                    self._schedule.under_way(way, stamp, report.arrivals)
+        elif report.act == "left":
+            self._leave(member)
+        elif self._tick is not None and report.number == self._tick.number:
+            if report.act == "waiting":
+                self._waits_for[name] = report.what
+            elif report.act == "done":
+                self._sent.update(report.stamps)
+                self._owing.discard(name)
+
+    def poll(self, wall: float) -> list[Tick | Status]:
+        """What is to be announced now: the next tick, the last one again, or a status."""
+        self._live(wall)
+        before = self.state
+        out = self._progress(wall)
+        if self.state != before or self._news or self._lived - self._told >= HEARTBEAT:
+            out.insert(0, self.status())  # whoever has just joined knows that before the tick that asks him
+            self._news, self._told = False, self._lived
+        return out
+
+    def waiting_time(self, wall: float) -> float | None:
+        """s of wall time until the pace allows the next tick; None where something else is waited for."""
+        following = self._schedule.next_stamp
+        if self.state != RUNNING or self._busy or following is None:
+            return None
+        return self.pace.wait(wall, seconds(following))
+
+    # Within.
+
+    @property
+    def _busy(self) -> bool:
+        return bool(self._owing or self._link_owes())
+
+    def _link_owes(self) -> list[str]:
+        return [way for way, stamp in self._sent.items() if self._taken.get(way, 0) < stamp]
+
+    def _live(self, wall: float) -> None:
+        if self._last_wall is not None:
+            self._lived += min(max(0.0, wall - self._last_wall), LONGEST_STEP)
+        self._last_wall = wall
+
+    def _progress(self, wall: float) -> list[Tick | Status]:
+        if self.state == WAITING:
+            if not self.armed or self._missing():
+                return []
+            self._schedule = Schedule(self.members.values(), self._duration)
+            self.state = PAUSED if self._paused else RUNNING
+        if self.state in (OVER, HALTED):
+            return []
+        if self._busy:
+            return self._ask_again()
+        if self.state == PAUSED and not self._stepping:
+            return []
+        following = self._schedule.next_stamp
+        late = self._late_recorders(ORIGIN - 1 if following is None else following - LEAD, following is None)
+        if late:
+            return self._await_recorders(late)
+        if following is None:
+            self.state = OVER
+            self.stamp = ORIGIN + round(self._duration * 1e9)
+            return []
+        if not self._stepping and self.pace.wait(wall, seconds(following)) > 0.0:
+            return []
+        self._stepping = False
+        return [self._grant(wall)]
+
+    def _grant(self, wall: float) -> Tick:
+        grant = self._schedule.grant()
+        self.ticks += 1
+        self._tick = Tick(
+            self.session, self.ticks, grant.stamp, grant.due, grant.states, grant.newest, grant.deliveries
+        )
+        self.stamp = grant.stamp
+        self._owing = set(grant.due)
+        if grant.states:
+            self._owing |= {
+                m.name for m in self.members.values()
+                if m.linked and m.kind == ANSWERER and set(m.topics) & set(grant.states)
+            }  # fmt: skip
+        self._begin_waiting()
+        if self.state == RUNNING:
+            self.pace.advanced(wall, seconds(grant.stamp))
+        return self._tick
+
+    def _begin_waiting(self) -> None:
+        self._waits_for.clear()
+        self._asked = self._lived
+        self._heard = dict.fromkeys(self.members, self._lived)
+
+    def _ask_again(self) -> list[Tick | Status]:
+        self._judge()
+        if self.state == HALTED or self._lived - self._asked < REPEAT or self._tick is None:
+            return []
+        self._asked = self._lived
+        self.repeats += 1
+        return [self._tick]
+
+    def _judge(self) -> None:
+        """Halts where somebody owes something and is silent for too long, or all say they wait."""
+        silent = {
+            name for name in self._owed_by() if self._lived - self._heard.get(name, 0.0) > self._liveness
+        }
+        if silent:
+            self._halt("; ".join(self._accusation(name) for name in sorted(silent)))
+
+    def _owed_by(self) -> set[str]:
+        """Who keeps time from going on, as far as one knows: what waits for an answer owes nothing itself."""
+        owed = set(self._owing)
+        if self._link_owes():
+            owed |= {m.name for m in self.members.values() if m.kind == LINK}
+        for name in list(owed):
+            if self._waits_for.get(name) == "answer":
+                topic = self.members[name].topic
+                owed |= {m.name for m in self.members.values() if topic in m.topics and m.kind == ANSWERER}
+        return owed
+
+    def _accusation(self, name: str) -> str:
+        member = self.members[name]
+        when = f"of {seconds(self.stamp):.4f} s"
+        what = {
+            PLANT: f"its state on {member.topic} {when}, or the step after the answer",
+            SOURCE: f"its sample on {member.topic} {when}",
+            ANSWERER: f"the answer to the state on {' and '.join(self._states())} {when}",
+            LINK: f"word of the packets {when}",
+            RECORDER: f"word that it has kept what was published up to {when[3:]}",
+        }[member.kind]
+        return f"{name} owes {what} and has been silent for {self._liveness:g} s"
+
+    def _states(self) -> tuple[str, ...]:
+        return self._tick.states if self._tick is not None else ()
+
+    def _late_recorders(self, limit: int, all_of_it: bool) -> list[str]:
+        published = self._schedule.last_stamps()
+        for member in self.members.values():
+            if member.kind == PLANT and member.topic in published and member.topic in self._schedule.answered:
+                published[member.commands] = published[member.topic]
+        late = []
+        for name, member in self.members.items():
+            if member.kind != RECORDER:
+                continue
+            kept = self._kept.get(name, {})
+            for topic in member.topics:
+                if topic in published:
+                    wanted = published[topic] if all_of_it else min(published[topic], limit)
+                    if kept.get(topic, ORIGIN - 1) < wanted:
+                        late.append(name)
+                        break
+        return late
+
+    def _await_recorders(self, late: list[str]) -> list[Tick | Status]:
+        """They answer a status with what they have kept."""
+        for name in late:
+            if self._lived - self._heard.get(name, 0.0) > self._liveness:
+                self._halt(self._accusation(name))
+                return []
+        if self._lived - self._asked < REPEAT:
+            return []
+        self._asked = self._lived
+        return [self.status()]
+
+    def _halt(self, reason: str) -> None:
+        self.state, self.reason = HALTED, reason
+        self.pace.stop()
+
+    def _join(self, member: Member) -> None:
+        self._news = True
+        known = self.members.get(member.name)
+        if known is None and self.state != WAITING and member.kind != RECORDER:
+            self._refused[member.name] = "simulated time runs already; start it before, or start all anew"
+            return
+        if known is not None and known != member:
+            self._refused[member.name] = "another node of this name takes part; give one of them another name"
+            return
+        if member.kind in (PLANT, SOURCE) and any(
+            other.topic == member.topic and other.name != member.name for other in self.members.values()
+        ):
+            self._refused[member.name] = f"another node publishes {member.topic}; stop one of them"
+            return
+        self._refused.pop(member.name, None)
+        self.members[member.name] = member
+        self._heard[member.name] = self._lived
+
+    def _leave(self, member: Member) -> None:
+        del self.members[member.name]
+        if self.state in (RUNNING, PAUSED) and member.kind != RECORDER:
+            self._halt(f"{member.name} has ended")
+        self._owing.discard(member.name)
+
+    def _missing(self) -> str:
+        """What is waited for before time begins, in words."""
+        if self.state != WAITING:
+            return ""
+        there = [*self.members, *(name.rsplit("/", 1)[-1] for name in self.members)]
+        missing = [name for name in self.participants if name not in there]
+        if not missing:
+            return "" if self.armed else "waiting for the start"
+        return f"waiting for {', '.join(missing)}: start it with use_sim_time: true"

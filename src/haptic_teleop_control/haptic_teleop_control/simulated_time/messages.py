@@ -1,0 +1,142 @@
+"""What the coordinator announces and what participants report, as JSON on three topics.
+
+    coordinator  -> all           Tick: these act at this stamp      Status: who is there, what is waited for
+    participant  -> coordinator   Report: join, done, waiting, recorded, left
+
+A repeated message is the same message: everything here may arrive twice.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Any, NamedTuple
+
+TICK_TOPIC = "/simulated_time/tick"
+STATUS_TOPIC = "/simulated_time/status"
+REPORT_TOPIC = "/simulated_time/report"
+
+PLANT, SOURCE, ANSWERER, LINK, RECORDER = "plant", "source", "answerer", "link", "recorder"
+KINDS = (PLANT, SOURCE, ANSWERER, LINK, RECORDER)
+
+WAITING, RUNNING, PAUSED, OVER, HALTED = "waiting", "running", "paused", "over", "halted"
+"""States of the coordinator."""
+
+
+class Delivery(NamedTuple):
+    """A packet that the link hands over. way: its topic before the link. sent, arrival: ns."""
+
+    way: str
+    sent: int
+    arrival: int
+
+
+@dataclass(frozen=True)
+class Member:
+    """What a participant says of itself when it joins.
+
+    name: the node's full name. rate: Hz, of a plant or source. topic: what a plant or source publishes.
+    commands: where a plant is answered. topics: state topics that an answerer answers, in the order in which
+    those of one stamp are answered; ways that a link takes; topics that a recorder keeps. linked: whether an
+    answerer also sends into a link.
+    """
+
+    name: str
+    kind: str
+    rate: float = 0.0
+    topic: str = ""
+    commands: str = ""
+    topics: tuple[str, ...] = ()
+    linked: bool = False
+
+
+@dataclass(frozen=True)
+class Tick:
+    """One grant. number: counts up by one; a repeat bears the same number. stamp: ns of simulated time.
+    due: names of the plants and sources that publish now. states: topics among theirs that somebody answers.
+    newest: source's topic -> stamp that must have been taken before answering. deliveries: what the link
+    hands over before the answer, in this order. session: of the coordinator.
+    """
+
+    session: str
+    number: int
+    stamp: int
+    due: tuple[str, ...]
+    states: tuple[str, ...] = ()
+    newest: Mapping[str, int] = field(default_factory=dict)
+    deliveries: tuple[Delivery, ...] = ()
+
+
+@dataclass(frozen=True)
+class Status:
+    """The coordinator's state, told when it changes and now and then. members: who has joined. reason: why
+    time is halted, or what is waited for. refused: name -> why it may not take part."""
+
+    session: str
+    state: str
+    stamp: int
+    members: tuple[str, ...] = ()
+    reason: str = ""
+    refused: Mapping[str, str] = field(default_factory=dict)
+
+
+@dataclass(frozen=True)
+class Report:
+    """What a participant says. act: join, done (with tick `number`), waiting (for `what`), recorded, taken,
+    left. stamps: recorded: topic -> newest stamp kept; done of a linked answerer: way -> newest stamp sent;
+    taken: way -> stamp of the packet taken last, whose copies arrive at `arrivals` (ns).
+    """
+
+    name: str
+    act: str
+    number: int = 0
+    what: str = ""
+    stamps: Mapping[str, int] = field(default_factory=dict)
+    arrivals: tuple[int, ...] = ()
+    member: Member | None = None
+
+
+def encode(message: Tick | Status | Report) -> str:
+    """JSON text of a message."""
+    content = {**vars(message), "type": type(message).__name__.lower()}
+    if isinstance(message, Report) and message.member is not None:
+        content["member"] = vars(message.member)
+    return json.dumps(content, separators=(",", ":"))
+
+
+def decode(text: str) -> Tick | Status | Report | None:
+    """The message, or None for text that is none: a topic may carry anything."""
+    try:
+        content = json.loads(text)
+        kind = content.pop("type")
+        if kind == "tick":
+            return _tick(content)
+        if kind == "status":
+            return Status(**{**content, "members": tuple(content["members"])})
+        if kind == "report":
+            return _report(content)
+    except (ValueError, TypeError, KeyError, AttributeError):
+        return None
+    return None
+
+
+def _tick(content: dict[str, Any]) -> Tick:
+    return Tick(
+        content["session"],
+        int(content["number"]),
+        int(content["stamp"]),
+        tuple(content["due"]),
+        tuple(content["states"]),
+        {str(topic): int(stamp) for topic, stamp in content["newest"].items()},
+        tuple(Delivery(str(way), int(sent), int(arrival)) for way, sent, arrival in content["deliveries"]),
+    )
+
+
+def _report(content: dict[str, Any]) -> Report | None:
+    member = content.pop("member")
+    if member is not None:
+        member = Member(**{**member, "topics": tuple(member["topics"])})
+        if member.kind not in KINDS:
+            return None
+    return Report(**{**content, "arrivals": tuple(content["arrivals"]), "member": member})

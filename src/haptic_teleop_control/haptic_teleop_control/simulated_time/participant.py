@@ -1,0 +1,116 @@
+"""A participant's side of simulated time: joins, hears ticks, says what it has done. Pure.
+
+Whoever hears a tick a second time says again what it said: a state, an answer, that it waits. So nothing that
+is lost on the way stops time, and nothing is done twice.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+
+from haptic_teleop_control.simulated_time.messages import HALTED, OVER, PAUSED, Member, Report, Status, Tick
+from haptic_teleop_control.simulated_time.stamps import ORIGIN
+
+LONGEST_STEP = 0.1
+JOIN_INTERVAL = 0.1
+"""s between two attempts to join."""
+
+
+class Participant:
+    """member: itself. say: sends a report. on_tick(tick, repeated): called for every tick, also those that
+    ask nothing of it. on_fault(detail): time is halted, the coordinator is lost, or it refuses this
+    participant; once. on_status: every status. liveness: s without a word from the coordinator.
+    """
+
+    def __init__(
+        self,
+        member: Member,
+        say: Callable[[Report], None],
+        on_tick: Callable[[Tick, bool], None],
+        on_fault: Callable[[str], None],
+        on_status: Callable[[Status], None] = lambda status: None,
+        liveness: float = 2.0,
+    ) -> None:
+        self.member = member
+        self.stamp = ORIGIN
+        self.tick: Tick | None = None
+        self.joined = False
+        self.state = ""
+        self._say, self._on_tick, self._on_fault, self._on_status = say, on_tick, on_fault, on_status
+        self._liveness = liveness
+        self._session = ""
+        self._faulty = False
+        self._lived = self._heard = 0.0
+        self._next_join = 0.0
+        self._last_wall: float | None = None
+
+    def hear(self, message: Tick | Status) -> None:
+        """Takes an announcement of the coordinator."""
+        self._heard = self._lived
+        if self._session and message.session != self._session:
+            self._fault("a second coordinator of simulated time announces ticks; stop one of the two")
+            return
+        if isinstance(message, Status):
+            self._take_status(message)
+            return
+        if not self.joined or self._faulty:
+            return
+        repeated = self.tick is not None and message.number <= self.tick.number
+        if repeated and self.tick is not None and message.number < self.tick.number:
+            return  # overtaken on its way
+        self.tick, self.stamp = message, message.stamp
+        self._on_tick(message, repeated)
+
+    def poll(self, wall: float) -> None:
+        """Joins, and looks whether the coordinator is there; to be called now and then."""
+        if self._last_wall is not None:
+            self._lived += min(max(0.0, wall - self._last_wall), LONGEST_STEP)
+        self._last_wall = wall
+        if not self.joined:
+            if self._lived >= self._next_join:
+                self._next_join = self._lived + JOIN_INTERVAL
+                self._say(Report(self.member.name, "join", member=self.member))
+        elif self._lived - self._heard > self._liveness and self.state != OVER:
+            self._fault(f"the coordinator of simulated time has been silent for {self._liveness:g} s")
+
+    def done(self, stamps: Mapping[str, int] | None = None) -> None:
+        """What the tick asked is done. stamps: of a linked answerer, way -> newest stamp sent."""
+        if self.tick is not None:
+            self._say(Report(self.member.name, "done", self.tick.number, stamps=stamps or {}))
+
+    def waiting(self, what: str) -> None:
+        """The tick came again, and `what` is still waited for."""
+        if self.tick is not None:
+            self._say(Report(self.member.name, "waiting", self.tick.number, what))
+
+    def recorded(self, stamps: Mapping[str, int]) -> None:
+        """A recorder has kept these topics up to these stamps."""
+        self._say(Report(self.member.name, "recorded", stamps=dict(stamps)))
+
+    def taken(self, way: str, sent: int, arrivals: tuple[int, ...]) -> None:
+        """The link has taken the packet stamped `sent`."""
+        self._say(Report(self.member.name, "taken", stamps={way: sent}, arrivals=arrivals))
+
+    def leave(self) -> None:
+        """It takes no part any more."""
+        if self.joined:
+            self._say(Report(self.member.name, "left"))
+        self.joined = False
+
+    def _take_status(self, status: Status) -> None:
+        refusal = status.refused.get(self.member.name)
+        if refusal is not None and not self.joined:
+            self._fault(f"the coordinator of simulated time refuses {self.member.name}: {refusal}")
+        if self.member.name in status.members and not self.joined:
+            self.joined, self._session = True, status.session
+        self.state = status.state
+        if status.state == HALTED and self.joined:
+            self._fault(f"simulated time is halted: {status.reason}")
+        elif status.state in (PAUSED, OVER):
+            self.stamp = max(self.stamp, status.stamp)
+        self._on_status(status)
+
+    def _fault(self, detail: str) -> None:
+        if not self._faulty:
+            self._faulty = True
+            self._on_fault(detail)
