@@ -14,6 +14,9 @@ from haptic_teleop_control.simulated_time.stamps import ORIGIN
 LONGEST_STEP = 0.1
 JOIN_INTERVAL = 0.1
 """s between two attempts to join."""
+COORDINATOR_LIVENESS = 5.0
+"""s without a word from the coordinator. Longer than its own patience with us: who names the culprit must come
+first, and a child of `scenario` that was killed is seen at once anyway."""
 
 
 class Participant:
@@ -29,7 +32,7 @@ class Participant:
         on_tick: Callable[[Tick, bool], None],
         on_fault: Callable[[str], None],
         on_status: Callable[[Status], None] = lambda status: None,
-        liveness: float = 2.0,
+        liveness: float = COORDINATOR_LIVENESS,
     ) -> None:
         self.member = member
         self.stamp = ORIGIN
