@@ -1,0 +1,454 @@
+"""The protocol of simulated time over a network that loses, repeats, delays and overtakes messages.
+
+The participants here are toys: what they do is told by a list of what was done, which has to be the list of a
+world without a network. No ROS, no clock: the wall is a number that the test counts up.
+"""
+
+import heapq
+import random
+from dataclasses import replace
+
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from haptic_teleop_control.errors import ConfigurationError
+from haptic_teleop_control.simulated_time.coordinator import Coordinator
+from haptic_teleop_control.simulated_time.messages import (
+    ANSWERER,
+    HALTED,
+    LINK,
+    OVER,
+    PAUSED,
+    PLANT,
+    RECORDER,
+    RUNNING,
+    SOURCE,
+    Delivery,
+    Member,
+    Report,
+    Status,
+    Tick,
+    decode,
+    encode,
+)
+from haptic_teleop_control.simulated_time.pace import Pace
+from haptic_teleop_control.simulated_time.participant import Participant
+from haptic_teleop_control.simulated_time.schedule import Schedule
+from haptic_teleop_control.simulated_time.stamps import ORIGIN, sample_count, sample_stamp
+
+STEP = 0.01  # s of wall between two turns of the world
+DEAD = float("inf")
+
+
+class World:
+    """Everybody, and the wires between them. Every message takes `luck`'s time, or is lost, or comes twice."""
+
+    def __init__(self, seed, loss=0.0, duration=0.05, rates=(1000.0, 500.0, 400.0), **options):
+        self.luck, self.loss = random.Random(seed), loss
+        self.wall, self.order = 0.0, 0
+        self.wires = []
+        self.stopped = {}  # name -> wall until which it does not run
+        self.done = []
+        fast, slow, source = rates
+        self.coordinator = Coordinator(
+            ["omni_sim", "sfj_sim", "generator", "controller"], factor=0.0, duration=duration, **options
+        )
+        self.nodes = {
+            node.name: node
+            for node in (
+                ToyPlant(self, "/omni/omni_sim", fast, "/omni/joint_states"),
+                ToyPlant(self, "/sfj/sfj_sim", slow, "/sfj/joint_states"),
+                ToySource(self, "/generator", source),
+                ToyController(self, "/controller"),
+            )
+        }
+
+    def send(self, target, message):
+        copies = 1 + (self.luck.random() < self.loss)
+        for _ in range(copies):
+            if self.luck.random() >= self.loss:
+                self.order += 1
+                delay = self.luck.random() * 3 * STEP if self.loss else 0.0
+                heapq.heappush(self.wires, (self.wall + delay, self.order, target, message))
+
+    def run(self, until=None):
+        """To the end, or until a condition holds."""
+        for _ in range(20_000):
+            if until is not None and until():
+                return self
+            self.wall += STEP
+            if self.awake("coordinator"):
+                for message in self.coordinator.poll(self.wall):
+                    assert decode(encode(message)) == message
+                    for name in self.nodes:
+                        self.send(name, message)
+            for name, node in self.nodes.items():
+                if self.awake(name):
+                    node.participant.poll(self.wall)
+            held = []
+            while self.wires and self.wires[0][0] <= self.wall:
+                entry = heapq.heappop(self.wires)
+                if not self.awake(entry[2]):
+                    if self.stopped.get(entry[2]) != DEAD:
+                        held.append(entry)
+                elif entry[2] == "coordinator":
+                    self.coordinator.hear(entry[3], self.wall)
+                else:
+                    self.nodes[entry[2]].hear(entry[3])
+            for entry in held:
+                heapq.heappush(self.wires, entry)
+            if self.coordinator.state in (OVER, HALTED) and not self.wires:
+                return self
+        raise AssertionError("it does not come to an end")
+
+    def awake(self, name):
+        return self.stopped.get(name, 0.0) <= self.wall
+
+
+class Toy:
+    def __init__(self, world, member):
+        self.world, self.name = world, member.name
+        self.faults = []
+        say = lambda report: world.send("coordinator", report)  # noqa: E731
+        self.participant = Participant(member, say, self.on_tick, self.faults.append)
+
+    def hear(self, message):
+        if isinstance(message, (Tick, Status)):
+            self.participant.hear(message)
+        else:
+            self.take(*message)
+
+
+class ToyPlant(Toy):
+    def __init__(self, world, name, rate, topic):
+        self.topic, self.sampled, self.awaiting = topic, 0, False
+        super().__init__(world, Member(name, PLANT, rate, topic, "/commands"))
+
+    def on_tick(self, tick, repeated):
+        if self.name not in tick.due:
+            return
+        if tick.stamp == self.sampled and not self.awaiting:
+            self.participant.done()
+            return
+        self.sampled, self.awaiting = tick.stamp, True
+        if repeated:
+            self.participant.waiting("answer")
+        self.world.send("/controller", (self.topic, tick.stamp))
+
+    def take(self, topic, stamp):
+        if self.awaiting and stamp == self.sampled:
+            self.awaiting = False
+            self.world.done.append((stamp, f"step {self.topic}"))
+            self.participant.done()
+
+
+class ToySource(Toy):
+    def __init__(self, world, name, rate):
+        self.sampled = 0
+        super().__init__(world, Member(name, SOURCE, rate, "/reference"))
+
+    def on_tick(self, tick, repeated):
+        if self.name in tick.due:
+            self.sampled = tick.stamp
+            self.participant.done()
+        if self.sampled:
+            self.world.send("/controller", ("/reference", self.sampled))
+
+
+class ToyController(Toy):
+    def __init__(self, world, name):
+        self.states, self.reference, self.tick, self.answered = {}, 0, None, {}
+        topics = ("/omni/joint_states", "/sfj/joint_states")
+        super().__init__(world, Member(name, ANSWERER, topics=topics))
+
+    def on_tick(self, tick, repeated):
+        self.tick = tick
+        self.advance()
+
+    def take(self, topic, stamp):
+        if topic == "/reference":
+            self.reference = max(self.reference, stamp)
+        else:
+            self.states[topic] = max(stamp, self.states.get(topic, 0))
+            if self.answered.get(topic) == stamp:
+                self.reply(topic, stamp)
+        self.advance()
+
+    def advance(self):
+        for topic in self.participant.member.topics:
+            tick = self.tick
+            if tick is None or topic not in tick.states or self.answered.get(topic) == tick.stamp:
+                continue
+            if self.states.get(topic) != tick.stamp or self.reference < tick.newest.get("/reference", 0):
+                return
+            self.answered[topic] = tick.stamp
+            self.world.done.append((tick.stamp, f"answer {topic} with {self.reference}"))
+            self.reply(topic, tick.stamp)
+
+    def reply(self, topic, stamp):
+        plant = "/omni/omni_sim" if topic.startswith("/omni") else "/sfj/sfj_sim"
+        self.world.send(plant, (topic, stamp))
+
+
+def answers(world):
+    return [entry for entry in world.done if entry[1].startswith("answer")]
+
+
+def steps(world, topic):
+    return [stamp for stamp, what in world.done if what == f"step {topic}"]
+
+
+@settings(max_examples=25)
+@given(seed=st.integers(0, 10**6), loss=st.floats(0.0, 0.4), rates=st.sampled_from([
+    (1000.0, 500.0, 500.0), (1000.0, 500.0, 400.0), (300.0, 700.0, 90.0),
+]))  # fmt: skip
+def test_whatever_the_network_does_the_same_happens_in_the_same_order(seed, loss, rates):
+    rough, smooth = World(seed, loss, rates=rates).run(), World(0, rates=rates).run()
+    assert rough.coordinator.state == OVER
+    assert answers(rough) == answers(smooth)
+    for topic, rate in (("/omni/joint_states", rates[0]), ("/sfj/joint_states", rates[1])):
+        expected = [sample_stamp(k, rate) for k in range(sample_count(rate, 0.05))]
+        assert steps(rough, topic) == steps(smooth, topic) == expected
+    assert not any(node.faults for node in rough.nodes.values())
+
+
+def test_every_answer_knows_the_newest_reference_that_is_not_from_the_future():
+    world = World(0, rates=(1000.0, 500.0, 400.0)).run()
+    references = [sample_stamp(k, 400.0) for k in range(20)]
+    for stamp, what in answers(world):
+        assert int(what.rsplit(" ", 1)[1]) == max(r for r in references if r <= stamp)
+
+
+def test_where_states_coincide_the_first_in_the_answerers_list_is_answered_first():
+    at = {}
+    for stamp, what in answers(World(3, 0.3).run()):
+        at.setdefault(stamp, []).append(what.split()[1])
+    coinciding = [topics for topics in at.values() if len(topics) == 2]
+    assert len(coinciding) == 25
+    assert all(topics == ["/omni/joint_states", "/sfj/joint_states"] for topics in coinciding)
+
+
+@settings(max_examples=25)
+@given(seed=st.integers(0, 10**6), name=st.sampled_from(
+    ["/omni/omni_sim", "/sfj/sfj_sim", "/generator", "/controller", "coordinator"]
+), begin=st.floats(0.0, 1.0), length=st.floats(0.0, 1.8))  # fmt: skip
+def test_a_process_that_stands_still_for_less_than_the_bound_changes_nothing(seed, name, begin, length):
+    world = World(seed, 0.05)
+    original = world.awake
+    world.awake = lambda who: original(who) and not (who == name and begin <= world.wall < begin + length)
+    world.run()
+    assert world.coordinator.state == OVER
+    assert answers(world) == answers(World(0).run())
+
+
+def test_a_machine_that_stands_still_accuses_nobody():
+    world = World(1)
+    world.run(until=lambda: world.coordinator.ticks == 10)
+    world.wall += 3600.0
+    world.run()
+    assert world.coordinator.state == OVER and not any(node.faults for node in world.nodes.values())
+
+
+@pytest.mark.parametrize(
+    ("dead", "named"),
+    [("/controller", "the answer to the state"), ("/generator", "its sample on /reference"),
+     ("/sfj/sfj_sim", "its state on /sfj/joint_states")],
+)  # fmt: skip
+def test_who_owes_something_for_too_long_halts_time_and_is_named(dead, named):
+    world = World(2)
+    world.run(until=lambda: world.coordinator.ticks == 10)
+    world.stopped[dead] = DEAD
+    world.run()
+    assert world.coordinator.state == HALTED
+    assert dead in world.coordinator.reason and named in world.coordinator.reason
+    others = [node for name, node in world.nodes.items() if name != dead]
+    assert all(len(node.faults) == 1 and dead in node.faults[0] for node in others)
+
+
+def test_a_coordinator_that_dies_is_a_fault_of_every_participant():
+    world = World(4)
+    world.run(until=lambda: world.coordinator.ticks == 10)
+    world.stopped["coordinator"] = DEAD
+    world.run(until=lambda: all(node.faults for node in world.nodes.values()))
+    said = [node.faults[0] for node in world.nodes.values()]
+    assert all("coordinator" in fault and "silent" in fault for fault in said)
+
+
+def joined(coordinator, *members, wall=0.0):
+    for member in members:
+        coordinator.hear(Report(member.name, "join", member=member), wall)
+    return coordinator
+
+
+PLANT_MEMBER = Member("/sfj/sfj_sim", PLANT, 500.0, "/sfj/joint_states", "/sfj/effort_command")
+
+
+def open_loop(**options):
+    return joined(Coordinator(["sfj_sim"], 0.0, **options), PLANT_MEMBER)
+
+
+def ticks(messages):
+    return [message for message in messages if isinstance(message, Tick)]
+
+
+def test_time_begins_when_all_have_joined_and_says_whom_it_waits_for():
+    coordinator = Coordinator(["sfj_sim", "recorder"], 0.0)
+    joined(coordinator, PLANT_MEMBER)
+    (status,) = coordinator.poll(0.0)
+    assert status.state == "waiting" and "recorder" in status.reason and "use_sim_time" in status.reason
+    joined(coordinator, Member("/recorder", RECORDER, topics=("/sfj/joint_states",)))
+    assert [tick.stamp for tick in ticks(coordinator.poll(0.01))] == [ORIGIN]
+
+
+def test_what_joins_late_or_doubles_another_is_refused_with_the_reason():
+    coordinator = open_loop()
+    coordinator.poll(0.0)
+    joined(coordinator, Member("/omni/omni_sim", PLANT, 1000.0, "/omni/joint_states"))
+    assert "runs already" in coordinator.status().refused["/omni/omni_sim"]
+    waiting = joined(Coordinator(["sfj_sim", "x"]), PLANT_MEMBER, replace(PLANT_MEMBER, name="/mujoco_sim"))
+    assert "/sfj/joint_states" in waiting.status().refused["/mujoco_sim"]
+    waiting = joined(Coordinator(["sfj_sim", "x"]), PLANT_MEMBER, replace(PLANT_MEMBER, rate=100.0))
+    assert "another node of this name" in waiting.status().refused["/sfj/sfj_sim"]
+
+
+def test_a_refused_participant_has_a_fault():
+    faults = []
+    participant = Participant(PLANT_MEMBER, lambda report: None, lambda tick, repeated: None, faults.append)
+    participant.hear(Status("s", RUNNING, ORIGIN, (), "", {"/sfj/sfj_sim": "too late"}))
+    participant.hear(Status("s", RUNNING, ORIGIN, (), "", {"/sfj/sfj_sim": "too late"}))
+    assert len(faults) == 1 and "too late" in faults[0]
+
+
+def test_a_second_coordinator_is_a_fault():
+    faults = []
+    participant = Participant(PLANT_MEMBER, lambda report: None, lambda tick, repeated: None, faults.append)
+    participant.hear(Status("one", RUNNING, ORIGIN, ("/sfj/sfj_sim",)))
+    participant.hear(Tick("two", 1, ORIGIN, ("/sfj/sfj_sim",)))
+    assert "second coordinator" in faults[0]
+
+
+def test_pause_holds_time_a_step_is_one_tick_and_a_step_while_running_is_refused():
+    coordinator = open_loop()
+    assert len(ticks(coordinator.poll(0.0))) == 1
+    assert "pause it" in coordinator.step()
+    coordinator.hear(Report("/sfj/sfj_sim", "done", 1), 0.01)
+    assert coordinator.pause() is None
+    assert coordinator.pause() is not None
+    assert not ticks(coordinator.poll(0.02)) and coordinator.state == PAUSED
+    assert coordinator.step() is None
+    assert "not over" in coordinator.step()
+    (tick,) = ticks(coordinator.poll(0.03))
+    assert tick.stamp == ORIGIN + 2_000_000
+    coordinator.hear(Report("/sfj/sfj_sim", "done", 2), 0.04)
+    assert not ticks(coordinator.poll(0.05))
+    assert coordinator.resume() is None
+    assert len(ticks(coordinator.poll(0.06))) == 1
+    assert coordinator.resume() is not None
+
+
+def test_a_pause_accuses_nobody():
+    coordinator = open_loop()
+    coordinator.poll(0.0)
+    coordinator.hear(Report("/sfj/sfj_sim", "done", 1), 0.0)
+    coordinator.pause()
+    for k in range(1000):
+        coordinator.poll(0.05 * k)
+    assert coordinator.state == PAUSED
+
+
+def test_time_stays_within_a_second_of_what_a_recorder_has_kept_and_ends_only_when_it_has_all():
+    topics = ("/sfj/joint_states",)
+    coordinator = joined(
+        Coordinator(["sfj_sim"], 0.0, duration=3.0),
+        PLANT_MEMBER,
+        Member("/recorder", RECORDER, topics=topics),
+    )
+    wall = 0.0
+
+    def run_on():
+        nonlocal wall
+        for _ in range(5000):
+            wall += 1e-4
+            for tick in ticks(coordinator.poll(wall)):
+                coordinator.hear(Report("/sfj/sfj_sim", "done", tick.number), wall)
+
+    def keep(stamp):
+        coordinator.hear(Report("/recorder", "recorded", stamps={"/sfj/joint_states": stamp}), wall)
+
+    run_on()
+    assert coordinator.stamp <= ORIGIN + 1_000_000_000
+    keep(ORIGIN + 900_000_000)
+    run_on()
+    assert ORIGIN + 1_800_000_000 < coordinator.stamp <= ORIGIN + 1_900_000_000
+    keep(ORIGIN + 2_500_000_000)
+    run_on()
+    assert coordinator.stamp == sample_stamp(1499, 500.0) and coordinator.state == RUNNING
+    keep(sample_stamp(1499, 500.0))
+    run_on()
+    assert coordinator.state == OVER and coordinator.stamp == ORIGIN + 3_000_000_000
+
+
+def test_a_participant_that_ends_halts_time_but_a_recorder_may_go():
+    recorder = Member("/recorder", RECORDER, topics=("/sfj/joint_states",))
+    coordinator = joined(open_loop(), recorder)
+    coordinator.poll(0.0)
+    coordinator.hear(Report("/recorder", "left"), 0.0)
+    assert coordinator.state == RUNNING
+    coordinator.hear(Report("/sfj/sfj_sim", "left"), 0.0)
+    assert coordinator.state == HALTED and "/sfj/sfj_sim has ended" in coordinator.reason
+
+
+def test_with_a_link_coinciding_states_go_singly_and_packets_come_in_order_of_arrival():
+    members = [
+        Member("/a", PLANT, 1000.0, "/one"),
+        Member("/b", PLANT, 500.0, "/two"),
+        Member("/c", ANSWERER, topics=("/one", "/two"), linked=True),
+        Member("/link", LINK, topics=("/to_b", "/to_a")),
+    ]
+    schedule = Schedule(members, 0.01)
+    assert schedule.grant().states == ("/one",)
+    schedule.under_way("/to_b", ORIGIN, [ORIGIN, ORIGIN + 1_500_000])  # at once, and a copy later
+    second = schedule.grant()
+    assert second.states == ("/two",) and second.deliveries == (Delivery("/to_b", ORIGIN, ORIGIN),)
+    schedule.under_way("/to_a", ORIGIN, [ORIGIN + 1_500_000])
+    third, fourth = schedule.grant(), schedule.grant()
+    assert (third.stamp, third.deliveries) == (ORIGIN + 1_000_000, ())
+    assert [delivery.way for delivery in fourth.deliveries] == ["/to_b", "/to_a"]
+
+
+@pytest.mark.parametrize("factor", [-1.0, float("nan"), float("inf")])
+def test_a_real_time_factor_that_is_none_is_refused(factor):
+    with pytest.raises(ConfigurationError, match="real_time_factor"):
+        Pace(factor)
+    with pytest.raises(ConfigurationError, match="real_time_factor"):
+        Coordinator([], factor)
+
+
+def test_time_never_runs_ahead_of_the_wall_and_what_is_late_stays_late():
+    pace = Pace(2.0)
+    assert pace.wait(10.0, 0.0) == 0.0
+    assert pace.wait(10.0, 0.5) == pytest.approx(0.25)
+    assert pace.wait(10.25, 0.5) == 0.0
+    assert pace.wait(11.25, 0.5) == 0.0  # a second late: only a little of that is made up
+    assert pace.wait(11.25, 1.0) > 0.2
+
+
+def test_the_factor_achieved_leaves_pauses_out():
+    pace = Pace(0.0)
+    pace.advanced(0.0, 0.0)
+    pace.advanced(1.0, 3.0)
+    pace.stop()
+    pace.advanced(100.0, 3.0)
+    pace.advanced(101.0, 4.0)
+    assert pace.achieved == pytest.approx(2.0)
+
+
+@pytest.mark.parametrize("text", ["", "nonsense", "[]", "{}", '{"type": "tick"}', '{"type": "report"}'])
+def test_what_is_no_message_is_none(text):
+    assert decode(text) is None
+
+
+@given(st.text())
+def test_any_text_is_a_message_or_none(text):
+    assert decode(text) is None

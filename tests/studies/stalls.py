@@ -1,0 +1,147 @@
+"""Does anything in a simulated experiment depend on when its processes run? Stops them and compares.
+
+    python tests/studies/stalls.py --seeds 20                   # single processes stopped for 0.07 to 1.5 s
+    python tests/studies/stalls.py --seeds 20 --freeze 0.3      # all of them together, three times each
+
+Every seed runs the scenario as processes (`--composed`: in one) with a recording, beside `--hogs` processes
+that burn the processor, and stops one process after another with SIGSTOP. The recording then has to hold the
+stamps and values of the lockstep runner, bit for bit, and no fault. Prints a line per seed; exit status 1
+where one fails.
+"""
+
+from __future__ import annotations
+
+import argparse
+import contextlib
+import os
+import random
+import signal
+import subprocess
+import sys
+import tempfile
+import time
+from pathlib import Path
+
+import numpy as np
+
+from haptic_teleop_control.recording import read_recording
+from haptic_teleop_sim.lockstep import run_scenario
+
+HOG = [sys.executable, "-c", "while True: pass"]
+FIELDS = ("position", "velocity", "effort")
+CONFIG = Path(__file__).parents[2] / "config"
+
+
+def children_of(pid: int) -> list[int]:
+    """Process numbers of all descendants, and of `pid` itself."""
+    found = [pid]
+    try:
+        for task in Path(f"/proc/{pid}/task").iterdir():
+            for child in (task / "children").read_text().split():
+                found += children_of(int(child))
+    except OSError:
+        pass
+    return found
+
+
+def send(pids: list[int], number: signal.Signals) -> None:
+    for pid in pids:
+        with contextlib.suppress(ProcessLookupError):
+            os.kill(pid, number)
+
+
+def stop_now_and_then(run: subprocess.Popen, luck: random.Random, freeze: float, begin: float) -> int:
+    """Stops processes until the run is over; how often."""
+    stops = 0
+    time.sleep(begin)
+    moments = sorted(luck.uniform(0.0, 6.0) for _ in range(3)) if freeze else []
+    began = time.monotonic()
+    while run.poll() is None:
+        if freeze:
+            if not moments:
+                time.sleep(0.1)
+                continue
+            time.sleep(max(0.0, moments.pop(0) - (time.monotonic() - began)))
+            pids, seconds = children_of(run.pid), freeze
+        else:
+            time.sleep(luck.uniform(0.05, 0.6))
+            pids, seconds = [luck.choice(children_of(run.pid))], luck.uniform(0.07, 1.5)
+        send(pids, signal.SIGSTOP)
+        time.sleep(seconds)
+        send(pids, signal.SIGCONT)
+        stops += 1
+    return stops
+
+
+def differences(bag: Path, expected: dict) -> list[str]:
+    """What of the recording is not as lockstep says, in words."""
+    topics, found = read_recording(bag).topics, []
+    for name, wanted in expected.items():
+        if name not in topics:
+            if name.endswith(("joint_states", "effort_command")):
+                found.append(f"{name} is missing")
+            continue
+        seen = topics[name]
+        if not np.array_equal(seen.stamp, wanted.stamp):
+            found.append(f"{name}: {len(seen)} samples for {len(wanted)}, or other stamps")
+            continue
+        for field in FIELDS:
+            one, other = getattr(seen, field), getattr(wanted, field)
+            if other is not None and other.size and not np.array_equal(one, other):
+                found.append(f"{name}: {field} differs by {np.max(np.abs(one - other)):.3g}")
+    return found
+
+
+def one_seed(seed: int, arguments: argparse.Namespace, expected: dict) -> tuple[bool, str]:
+    luck = random.Random(seed)
+    with tempfile.TemporaryDirectory() as folder:
+        bag = Path(folder, "bag")
+        command = [
+            *(sys.executable, "-m", "haptic_teleop_control.front_door", "scenario", arguments.scenario),
+            *("--record", str(bag), "--duration", f"{arguments.duration:g}"),
+            *("--real-time-factor", f"{arguments.factor:g}"),
+            *([] if arguments.composed else ["--processes"]),
+        ]
+        hogs = [subprocess.Popen(HOG) for _ in range(arguments.hogs)]
+        began = time.monotonic()
+        try:
+            pipes = {"stderr": subprocess.PIPE, "stdout": subprocess.DEVNULL}
+            with subprocess.Popen(command, text=True, **pipes) as run:
+                stops = stop_now_and_then(run, luck, arguments.freeze, arguments.begin)
+                assert run.stderr is not None
+                said = run.stderr.read()
+        finally:
+            for hog in hogs:
+                hog.kill()
+        wrong = differences(bag, expected) if bag.is_dir() else ["no recording"]
+        if run.returncode:
+            wrong.insert(0, f"exit status {run.returncode}: {said.strip().splitlines()[-1:]}")
+        took = time.monotonic() - began
+    return not wrong, f"seed {seed}: {stops} stops, {took:.0f} s: {'; '.join(wrong) or 'the same'}"
+
+
+def main() -> int:
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawTextHelpFormatter)
+    parser.add_argument("--scenario", default=str(CONFIG / "scenario1_sim.yaml"))
+    parser.add_argument("--seeds", type=int, default=20)
+    parser.add_argument("--first", type=int, default=1, help="the first seed")
+    parser.add_argument("--duration", type=float, default=6.0, help="simulated seconds")
+    parser.add_argument("--factor", type=float, default=0.0, help="real-time factor")
+    parser.add_argument("--hogs", type=int, default=4)
+    parser.add_argument("--freeze", type=float, default=0.0, help="s for which all are stopped, three times")
+    parser.add_argument("--begin", type=float, default=4.0, help="s after the start of the first stop")
+    parser.add_argument("--composed", action="store_true")
+    arguments = parser.parse_args()
+    expected = run_scenario(arguments.scenario, arguments.duration)
+    expected = getattr(expected, "topics", expected)
+    failed = 0
+    for seed in range(arguments.first, arguments.first + arguments.seeds):
+        good, line = one_seed(seed, arguments, expected)
+        failed += not good
+        print(line, flush=True)
+    print(f"{arguments.seeds - failed} of {arguments.seeds} the same")
+    return 1 if failed else 0
+
+
+if __name__ == "__main__":
+    raise SystemExit(main())
