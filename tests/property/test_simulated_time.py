@@ -42,7 +42,7 @@ DEAD = float("inf")
 
 
 class World:
-    """Everybody, and the wires between them. Every message takes `luck`'s time, or is lost, or comes twice."""
+    """Everybody, and the wires between them. A message takes its time, is lost, or comes twice."""
 
     def __init__(self, seed, loss=0.0, duration=0.05, rates=(1000.0, 500.0, 400.0), **options):
         self.luck, self.loss = random.Random(seed), loss

@@ -13,7 +13,7 @@ from __future__ import annotations
 
 import difflib
 import re
-from collections.abc import Mapping
+from collections.abc import Container, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -49,9 +49,12 @@ def load_parameter_file(path: str | Path) -> dict[str, dict[str, Any]]:
     return sections
 
 
-def parameters_for(sections: Mapping[str, Mapping[str, Any]], node: str) -> dict[str, Any]:
+def parameters_for(
+    sections: Mapping[str, Mapping[str, Any]], node: str, known: Container[str] | None = None
+) -> dict[str, Any]:
     """What the sections say for one node: wildcards first, so that a section with the node's own name wins.
 
+    known: keys that the node has, such as its table; what a wildcard says to others is then left out.
     `node` with a leading "/" is a full name and must match as ROS matches it; a bare name matches the section
     of that node in any namespace, which is what a run without ROS wants.
     """
@@ -59,7 +62,10 @@ def parameters_for(sections: Mapping[str, Mapping[str, Any]], node: str) -> dict
     for wildcard in (True, False):
         for name, values in sections.items():
             if is_wildcard(name) == wildcard and _matches(name, node):
-                merged.update(values)
+                merged.update(
+                    {key: value for key, value in values.items()
+                     if not wildcard or known is None or key in known}
+                )  # fmt: skip
     return merged
 
 
@@ -85,14 +91,9 @@ def check_parameter_file(path: str | Path, tables: Mapping[str, ParameterTable])
                 tables[matched[0]].check(
                     {key: values[key]}, str(path)
                 )  # raises, naming the nearest parameter
-    checked = {}
-    for node, table in tables.items():
-        own = {}
-        for wildcard in (True, False):
-            for name, values in sections.items():
-                if is_wildcard(name) == wildcard and _matches(name, node):
-                    own.update({key: value for key, value in values.items() if not wildcard or key in table})
-        checked[node] = table.check(own, str(path))
+    checked = {
+        node: table.check(parameters_for(sections, node, table), str(path)) for node, table in tables.items()
+    }
     return checked
 
 

@@ -96,7 +96,7 @@ def _section(file: str, node: str, table: ParameterTable) -> tuple[dict[str, Any
     stated: Mapping[str, Any] = {}
     if file:
         sections = load_parameter_file(file)
-        stated = {key: value for key, value in parameters_for(sections, node).items() if key in table}
+        stated = {key: value for key, value in parameters_for(sections, node, table).items() if key in table}
         own = {name: values for name, values in sections.items() if "*" not in name}
         # Keys of the section itself are checked; what a wildcard says to others does not concern the plant.
         unknown = without_node_parameters(parameters_for(own, node))

@@ -40,7 +40,7 @@ FULL_NAMES = {
 """Names under which a recording keeps the nodes' parameters."""
 
 #: Sections that speak to programs which do not take part; `scenario` holds the duration and the note.
-_OTHERS = ("scenario", "recorder")
+_OTHERS = ("scenario", "recorder", "time_coordinator")
 
 
 @dataclass(frozen=True)
@@ -70,11 +70,7 @@ def load_scenario(path: str | Path) -> ScenarioParameters:
     sections = load_parameter_file(path)
     # `nodes` is the graph's business: here the four nodes of the scenario take part, whatever it says.
     # What a wildcard says to the nodes is checked with them.
-    mine = {
-        name: {key: value for key, value in values.items() if "*" not in name or key in SCENARIO}
-        for name, values in sections.items()
-    }
-    stated = parameters_for(mine, "scenario")
+    stated = parameters_for(sections, "scenario", SCENARIO)
     own = SCENARIO.check({"nodes": ["sfj_sim"], **stated}, str(path))
     return check_scenario(sections, path.parent, str(path), own["duration"], own["note"])
 
@@ -93,14 +89,9 @@ def check_scenario(
         last = name.rstrip("/").rsplit("/", 1)[-1]
         if "*" not in name and last not in TABLES and last not in _OTHERS:
             raise ConfigurationError(f"{source}: {name} names no node of this scenario; {_hint(last)}")
-    wild = {name for name in sections if "*" in name}
-    nodes = {}
-    for node, table in TABLES.items():
-        # What a wildcard says to others does not concern this node.
-        common = parameters_for({name: sections[name] for name in wild}, node)
-        own = parameters_for({name: sections[name] for name in sections if name not in wild}, node)
-        known = {key: value for key, value in common.items() if key in table}
-        nodes[node] = table.check({**known, **own}, source)
+    nodes = {
+        node: table.check(parameters_for(sections, node, table), source) for node, table in TABLES.items()
+    }
     return ScenarioParameters(nodes, duration, note, folder, source)
 
 

@@ -44,7 +44,7 @@ def experiment_from(path: str | Path, allow: bool = False) -> tuple[Acquisition,
     sections = load_parameter_file(path)
     if not any(name.rstrip("/").rsplit("/", 1)[-1] == "acquisition" for name in sections):
         raise ConfigurationError(f"{path} has no section acquisition: add one, it says what to identify.")
-    own = without_node_parameters(parameters_for(sections, "acquisition"))
+    own = without_node_parameters(parameters_for(sections, "acquisition", TABLE))
     if allow:
         own["allow"] = True
     return Acquisition(TABLE.check(own, str(path)), str(path)), sections
@@ -62,14 +62,15 @@ def run_lockstep(
     node = node or f"{experiment.robot}_sim"
     table = SFJ_PARAMETERS if experiment.robot == "sfj" else OMNI_PARAMETERS
     whole = ParameterTable(node, [*table, *NODE_PARAMETERS])
-    values = whole.check(dict(parameters_for(sections, node)), source)
+    values = whole.check(parameters_for(sections, node, whole), source)
     own = without_node_parameters(values)
     robot: SteppedRobot = PLANTS[node].from_parameters(own, folder=folder, source=source)
     experiment.reset()
     signal: list[float] = []
 
     def answer(time: float, position: np.ndarray, velocity: np.ndarray, effort: np.ndarray) -> np.ndarray:
-        command = experiment.step(time, position, velocity).copy()
+        told = round(time * 1e9) * 1e-9  # the node knows its time from stamps, which are whole nanoseconds
+        command = experiment.step(told, position, velocity).copy()
         signal.append(experiment.reference)
         return command
 
@@ -92,12 +93,13 @@ def run(argv: list[str]) -> int:
     screen = Console(stderr=True)
     for warning in experiment.warnings:
         screen.print(f"warning: {warning}", markup=False, highlight=False)
-    scenario = SCENARIO.check({"nodes": ["acquisition"], **parameters_for(sections, "scenario")}, str(path))
+    stated = parameters_for(sections, "scenario", SCENARIO)
+    scenario = SCENARIO.check({"nodes": ["acquisition"], **stated}, str(path))
     output = Path(arguments.output)
     if output.exists():
         raise ConfigurationError(f"{output} exists already: choose another --output for the recording.")
     if not arguments.lockstep:
-        return _graph(path, experiment, output)
+        return _graph(path, experiment, sections, output)
     with screen.status("simulating"):
         node = "mujoco_sim" if "mujoco_sim" in scenario["nodes"] else ""
         topics, recorded = run_lockstep(experiment, sections, path.parent, str(path), node)
@@ -109,9 +111,13 @@ def run(argv: list[str]) -> int:
     return 1 if experiment.phase == ABORTED else 0
 
 
-def _graph(path: Path, experiment: Acquisition, output: Path) -> int:
+def _graph(
+    path: Path, experiment: Acquisition, sections: Mapping[str, Mapping[str, Any]], output: Path
+) -> int:
     """Run the file's nodes; an --allow on the command line reaches them in a changed copy beside the file."""
-    duration = experiment.end + AFTERWARDS + START_SECONDS
+    duration = experiment.end + AFTERWARDS
+    if not parameters_for(sections, "acquisition").get("use_sim_time", False):
+        duration += START_SECONDS
     content = yaml.safe_load(path.read_text(encoding="utf-8"))
     stated = [section for section in content if section.rstrip("/").rsplit("/", 1)[-1] == "acquisition"]
     if all(content[s]["ros__parameters"].get("allow", False) == experiment.values["allow"] for s in stated):

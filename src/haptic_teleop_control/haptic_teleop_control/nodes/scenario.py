@@ -34,7 +34,6 @@ from haptic_teleop_control.nodes.launching.watch import ProgressLine, Watcher
 from haptic_teleop_control.nodes.recorder import Recorder
 from haptic_teleop_control.parameter_files import (
     check_parameter_file,
-    is_wildcard,
     load_parameter_file,
     parameters_for,
 )
@@ -70,13 +69,7 @@ def load_scenario(path: str | Path, changes: dict[str, Any] | None = None) -> Sc
     remedy."""
     sections = load_parameter_file(path)
     # What a wildcard says to the nodes is checked with them, below.
-    own = parameters_for(
-        {
-            name: {key: value for key, value in values.items() if not is_wildcard(name) or key in SCENARIO}
-            for name, values in sections.items()
-        },
-        SCENARIO.node_name,
-    )
+    own = parameters_for(sections, SCENARIO.node_name, SCENARIO)
     values = SCENARIO.check({**own, **(changes or {})}, str(path))
     try:
         tables = {name: node_class(name).TABLE for name in values["nodes"]}

@@ -17,6 +17,7 @@ import yaml
 from numpy.typing import NDArray
 
 from haptic_teleop_control.acquisition import Acquisition
+from haptic_teleop_control.node_tables import SCENARIO as SCENARIO_TABLE
 from haptic_teleop_control.node_tables import without_node_parameters
 from haptic_teleop_control.parameters import load_parameter_file, parameters_for
 from haptic_teleop_control.recording import bag_problems, read_recording, write_recording
@@ -141,7 +142,7 @@ def run_acquisition(file: Path, recording: Path, lockstep: bool) -> int:
 def run_scenario1(file: Path, plant: str, recording: Path, lockstep: bool) -> int:
     """Run the scenario's file, in which `plant` is the slave, into a recording; exit status."""
     sections = dict(load_parameter_file(file))
-    stated = parameters_for(sections, "scenario")
+    stated = parameters_for(sections, "scenario", SCENARIO_TABLE)
     duration = float(stated["duration"])
     if not lockstep:
         return run_scenario(file, recording, duration)
