@@ -399,6 +399,20 @@ def test_a_participant_that_ends_halts_time_but_a_recorder_may_go():
     assert coordinator.state == HALTED and "/sfj/sfj_sim has ended" in coordinator.reason
 
 
+def test_a_plant_that_has_nothing_to_publish_is_not_waited_for_with_an_answer():
+    members = [
+        Member("/a", PLANT, 1000.0, "/one", silent=True),
+        Member("/b", PLANT, 1000.0, "/two"),
+        Member("/c", ANSWERER, topics=("/one", "/two")),
+    ]
+    schedule = Schedule(members)
+    first = schedule.grant()
+    assert set(first.due) == {"/a", "/b"} and first.states == ("/two",)
+    assert schedule.last_stamps() == {"/two": ORIGIN}
+    schedule.silence("/a", False)
+    assert schedule.grant().states == ("/one", "/two")
+
+
 def test_with_a_link_coinciding_states_go_singly_and_packets_come_in_order_of_arrival():
     members = [
         Member("/a", PLANT, 1000.0, "/one"),

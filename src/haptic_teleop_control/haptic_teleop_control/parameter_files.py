@@ -91,10 +91,9 @@ def check_parameter_file(path: str | Path, tables: Mapping[str, ParameterTable])
                 tables[matched[0]].check(
                     {key: values[key]}, str(path)
                 )  # raises, naming the nearest parameter
-    checked = {
+    return {
         node: table.check(parameters_for(sections, node, table), str(path)) for node, table in tables.items()
     }
-    return checked
 
 
 def is_wildcard(name: str) -> bool:

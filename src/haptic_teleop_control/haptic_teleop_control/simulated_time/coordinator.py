@@ -139,6 +139,8 @@ class Coordinator:
                 self._waits_for[name] = report.what
             elif report.act == "done":
                 self._sent.update(report.stamps)
+                if member.kind == PLANT:
+                    self._schedule.silence(name, report.silent)
                 self._owing.discard(name)
 
     def poll(self, wall: float) -> list[Tick | Status]:

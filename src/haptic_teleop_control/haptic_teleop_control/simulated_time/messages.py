@@ -39,7 +39,7 @@ class Member:
     name: the node's full name. rate: Hz, of a plant or source. topic: what a plant or source publishes.
     commands: where a plant is answered. topics: state topics that an answerer answers, in the order in which
     those of one stamp are answered; ways that a link takes; topics that a recorder keeps. linked: whether an
-    answerer also sends into a link.
+    answerer also sends into a link. silent: a plant whose first sample is not published.
     """
 
     name: str
@@ -49,6 +49,7 @@ class Member:
     commands: str = ""
     topics: tuple[str, ...] = ()
     linked: bool = False
+    silent: bool = False
 
 
 @dataclass(frozen=True)
@@ -85,7 +86,8 @@ class Status:
 class Report:
     """What a participant says. act: join, done (with tick `number`), waiting (for `what`), recorded, taken,
     left. stamps: recorded: topic -> newest stamp kept; done of a linked answerer: way -> newest stamp sent;
-    taken: way -> stamp of the packet taken last, whose copies arrive at `arrivals` (ns).
+    taken: way -> stamp of the packet taken last, whose copies arrive at `arrivals` (ns). silent: done of a
+    plant: its next sample is not published, because its device calibrates or is lost.
     """
 
     name: str
@@ -95,6 +97,7 @@ class Report:
     stamps: Mapping[str, int] = field(default_factory=dict)
     arrivals: tuple[int, ...] = ()
     member: Member | None = None
+    silent: bool = False
 
 
 def encode(message: Tick | Status | Report) -> str:

@@ -76,10 +76,12 @@ class Participant:
         elif self._lived - self._heard > self._liveness and self.state != OVER:
             self._fault(f"the coordinator of simulated time has been silent for {self._liveness:g} s")
 
-    def done(self, stamps: Mapping[str, int] | None = None) -> None:
-        """What the tick asked is done. stamps: of a linked answerer, way -> newest stamp sent."""
+    def done(self, stamps: Mapping[str, int] | None = None, silent: bool = False) -> None:
+        """What the tick asked is done. stamps: of a linked answerer, way -> newest stamp sent. silent: of a
+        plant, its next sample will not be published."""
         if self.tick is not None:
-            self._say(Report(self.member.name, "done", self.tick.number, stamps=stamps or {}))
+            number = self.tick.number
+            self._say(Report(self.member.name, "done", number, stamps=stamps or {}, silent=silent))
 
     def waiting(self, what: str) -> None:
         """The tick came again, and `what` is still waited for."""

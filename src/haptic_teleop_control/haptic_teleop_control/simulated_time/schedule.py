@@ -20,6 +20,8 @@ class _Sampled:
     limit: float
     k: int = 0
     last: int = ORIGIN - 1
+    silent: bool = False
+    published: int = ORIGIN - 1
 
     @property
     def next(self) -> int | None:
@@ -51,7 +53,12 @@ class Schedule:
         )
         self._singly = any(m.kind == LINK for m in members)
         self._sampled = [
-            _Sampled(member, self._rank(member), sample_count(member.rate, duration) if duration else 1e18)
+            _Sampled(
+                member,
+                self._rank(member),
+                sample_count(member.rate, duration) if duration else 1e18,
+                silent=member.silent,
+            )
             for member in members
             if member.kind in (PLANT, SOURCE)
         ]
@@ -70,8 +77,18 @@ class Schedule:
         return min((s.next for s in self._sampled if s.next is not None), default=None)
 
     def last_stamps(self) -> dict[str, int]:
-        """Topic of a plant or source -> stamp of its newest sample granted."""
-        return {sampled.member.topic: sampled.last for sampled in self._sampled if sampled.k}
+        """Topic of a plant or source -> stamp of its newest sample that is published."""
+        return {s.member.topic: s.published for s in self._sampled if s.published >= ORIGIN}
+
+    def silence(self, name: str, silent: bool) -> None:
+        """Whether the next sample of a plant is published."""
+        for sampled in self._sampled:
+            if sampled.member.name == name:
+                sampled.silent = silent
+
+    def _is_answered(self, sampled: _Sampled) -> bool:
+        plant = sampled.member.kind == PLANT and not sampled.silent
+        return plant and sampled.member.topic in self.answered
 
     def under_way(self, way: str, sent: int, arrivals: Iterable[int]) -> None:
         """The link has taken a packet whose copies arrive at these stamps."""
@@ -86,13 +103,15 @@ class Schedule:
         for sampled in self._sampled:
             if sampled.next != stamp:
                 continue
-            answered = sampled.member.kind == PLANT and sampled.member.topic in self.answered
+            answered = self._is_answered(sampled)
             if answered and states and self._singly:
                 break
             due.append(sampled.member.name)
             if answered:
                 states.append(sampled.member.topic)
             sampled.k, sampled.last = sampled.k + 1, stamp
+            if not sampled.silent:
+                sampled.published = stamp
         newest = {s.member.topic: s.last for s in self._sampled if s.member.kind == SOURCE and s.k}
         deliveries = []
         while states and self._under_way and self._under_way[0][0] <= stamp:

@@ -68,6 +68,7 @@ class CommandedNode(HapticNode):
         self.sampled = 0  # stamp of the state published last, in simulated time
         self._awaiting = False  # whether its answer is still to come
         self._used = np.zeros(len(self.COMMAND_JOINTS))
+        self.silent = False  # whether there is no state to publish at the next tick
         self.count_rate("states", lambda: self.states.sent)
         self.count_rate("commands", lambda: self.commands.count)
 
@@ -129,7 +130,7 @@ class CommandedNode(HapticNode):
                 self.states.resend()
                 self.time.waiting("answer")
             else:
-                self.time.done()
+                self.time.done(silent=self.silent)
             return
         self.sampled = tick.stamp
         self._awaiting = self.states.topic in tick.states
@@ -149,7 +150,7 @@ class CommandedNode(HapticNode):
         self._awaiting = False
         self._used[:] = 0.0 if command is None else command
         self.act(command)
-        self.time.done()
+        self.time.done(silent=self.silent)
 
     def _take_answer(self) -> None:
         if self._awaiting:

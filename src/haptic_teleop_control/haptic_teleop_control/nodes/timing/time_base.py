@@ -110,9 +110,9 @@ class SimulatedTime:
         self._end = ParticipantEnd(self._node, member, self.participant.hear)
         steady_timer(self._node, POLL, self._poll)
 
-    def done(self, stamps: Mapping[str, int] | None = None) -> None:
+    def done(self, stamps: Mapping[str, int] | None = None, silent: bool = False) -> None:
         if self.participant is not None:
-            self.participant.done(stamps)
+            self.participant.done(stamps, silent)
 
     def waiting(self, what: str) -> None:
         if self.participant is not None:
