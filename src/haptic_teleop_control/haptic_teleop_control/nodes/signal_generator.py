@@ -65,7 +65,7 @@ class SignalGeneratorNode(HapticNode):
         self._started, self._sample = self.time.now(), 0
 
     def on_tick(self, tick: Tick, repeated: bool) -> None:
-        if self.get_fully_qualified_name() not in tick.due:
+        if self.full_name not in tick.due:
             if repeated and self._out.sent:
                 self._out.resend()  # somebody may wait for it
             return

@@ -22,10 +22,16 @@ class _Sampled:
     last: int = ORIGIN - 1
     silent: bool = False
     published: int = ORIGIN - 1
+    next: int | None = ORIGIN
 
-    @property
-    def next(self) -> int | None:
-        return sample_stamp(self.k, self.member.rate) if self.k < self.limit else None
+    def advance(self) -> None:
+        """Its next sample has been granted."""
+        assert self.next is not None
+        self.last = self.next
+        if not self.silent:
+            self.published = self.next
+        self.k += 1
+        self.next = sample_stamp(self.k, self.member.rate) if self.k < self.limit else None
 
 
 @dataclass(frozen=True)
@@ -109,9 +115,7 @@ class Schedule:
             due.append(sampled.member.name)
             if answered:
                 states.append(sampled.member.topic)
-            sampled.k, sampled.last = sampled.k + 1, stamp
-            if not sampled.silent:
-                sampled.published = stamp
+            sampled.advance()
         newest = {s.member.topic: s.last for s in self._sampled if s.member.kind == SOURCE and s.k}
         deliveries = []
         while states and self._under_way and self._under_way[0][0] <= stamp:

@@ -123,7 +123,7 @@ class CommandedNode(HapticNode):
         return stamp == self.sampled
 
     def on_tick(self, tick: Tick, repeated: bool) -> None:
-        if self.get_fully_qualified_name() not in tick.due:
+        if self.full_name not in tick.due:
             return
         if tick.stamp == self.sampled:
             if self._awaiting:

@@ -47,6 +47,7 @@ class HapticNode(Node):
     def __init__(self, context: Context | None = None, **node_options: Any) -> None:
         options = {"namespace": self.NAMESPACE, **node_options}
         super().__init__(self.NAME, context=context, **options)
+        self.full_name = self.get_fully_qualified_name()
         self.failure: BaseException | None = None
         self._last_log: dict[str, float] = {}
         self._counters: dict[str, Callable[[], int]] = {}
@@ -100,7 +101,7 @@ class HapticNode(Node):
     def take_part(self, kind: str, **what: Any) -> None:
         """Joins simulated time as a `Member` of this kind; does nothing in real time."""
         if isinstance(self.time, SimulatedTime):
-            member = Member(self.get_fully_qualified_name(), kind, **what)
+            member = Member(self.full_name, kind, **what)
             self.time.take_part(member, self.on_tick, self.on_time_fault, self.on_time_status)
 
     def fault(self, name: str, detail: str) -> None:

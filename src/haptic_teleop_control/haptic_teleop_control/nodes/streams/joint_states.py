@@ -46,6 +46,7 @@ class JointStatePublisher:
     def __init__(self, node: Node, topic: str, joints: Sequence[str], fields: Sequence[str]) -> None:
         self.joints = tuple(joints)
         self._publisher = node.create_publisher(JointState, topic, time_base(node).qos)
+        self.topic = self._publisher.topic_name
         self._message = JointState(name=list(joints))
         self._stamp = self._message.header.stamp
         self.view: dict[str, np.ndarray] = {}
@@ -54,10 +55,6 @@ class JointStatePublisher:
             self.view[field] = np.frombuffer(getattr(self._message, field))
         self._publish = self._publisher.publish
         self.sent = 0
-
-    @property
-    def topic(self) -> str:
-        return self._publisher.topic_name
 
     @property
     def subscribers(self) -> int:
@@ -121,10 +118,7 @@ class JointStateReceiver:
         self._subscription = node.create_subscription(
             JointState, topic, self._receive, time_base(node).qos
         )
-
-    @property
-    def topic(self) -> str:
-        return self._subscription.topic_name
+        self.topic = self._subscription.topic_name
 
     @property
     def publishers(self) -> int:
