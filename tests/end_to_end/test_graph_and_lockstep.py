@@ -1,7 +1,10 @@
-"""The graph in real time and the lockstep runner tell the same story of the same scenario."""
+"""The graph in simulated time is the lockstep runner: the same stamps and values, bit for bit, whatever the
+machine does meanwhile."""
 
+import random
 import subprocess
 import sys
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -9,57 +12,87 @@ import pytest
 from haptic_teleop_control.recording import read_recording
 from haptic_teleop_sim.lockstep import run_scenario
 
-SCENARIO = """
-scenario:
-  ros__parameters: {nodes: [sfj_sim, omni_sim, force_controller, signal_generator], duration: 8.0}
-sfj_sim:
-  ros__parameters:
-    timeout: 0.2
-    stage1.wall: {angle: 0.5, dissipation: 1.0}
-    stage2.wall: {angle: 0.5, dissipation: 1.0}
-omni_sim:
-  ros__parameters: {timeout: 0.2}
-force_controller:
-  ros__parameters: {timeout: 0.2}
-signal_generator:
-  ros__parameters:
-    stage1: {enabled: true, delay: 4.0, step: {enabled: true, amplitude: 0.06}}
-    stage2: {enabled: true, delay: 4.0, step: {enabled: true, amplitude: 0.08}}
-"""
-SPAN = 3.0
+sys.path.insert(0, str(Path(__file__).parent))
+from graph_runs import CONFIG, differences, scenario_command, stop_now_and_then
+
+MEANWHILE = pytest.mark.timeout(240)
 
 
-def curves(topics):
-    """Positions and torques of both arms, (time, 4), on a common grid from the step of the reference on."""
-    reference, states = topics["/reference"], topics["/sfj/joint_states"]
-    begun = reference.stamp[np.argmax(np.any(reference.position != 0.0, axis=1))]
-    time = (states.stamp - begun) * 1e-9
-    grid = np.arange(0.0, SPAN, 0.002)
-    signals = np.column_stack([states.position[:, [1, 3]], states.effort[:, [1, 3]]])
-    return np.column_stack([np.interp(grid, time, signal) for signal in signals.T])
+def run(file, bag, duration, *options, stops=None):
+    """Topics of lockstep after the graph has run; `stops` disturbs it. The run ends with 0."""
+    command = scenario_command(file, bag, "--duration", str(duration), "--real-time-factor", "0", *options)
+    with subprocess.Popen(command, stderr=subprocess.PIPE, stdout=subprocess.DEVNULL, text=True) as process:
+        if stops is not None:
+            stops(process)
+        _, errors = process.communicate(timeout=200)
+    assert process.returncode == 0, errors
+    return run_scenario(file, duration)
 
 
-def recorded(path):
-    """Topics of the graph's recording. A machine that stands still for longer than a command may be old ends
-    in a fault, as it must; that is not what is compared here, so the run is then repeated.
-    """
-    command = [sys.executable, "-m", "haptic_teleop_control.front_door", "scenario", str(path), "--record"]
-    for attempt in range(3):
-        bag = path.parent / f"bag{attempt}"
-        result = subprocess.run([*command, str(bag)], capture_output=True, text=True, timeout=60)
-        if result.returncode == 0:
-            return read_recording(bag).topics
-        assert "fault in" in result.stderr, result.stderr
-    pytest.fail(f"three runs ended in a fault: {result.stderr}")
+def shortened(name, folder, *changes):
+    """A scenario of the project in which the motion begins at once."""
+    content = (CONFIG / name).read_text()
+    for old, new in (
+        ("delay: 4.0", "delay: 0.3"),
+        ("times: [4.0, 4.6, 9.0, 9.6, 10.4, 10.8]", "times: [0.2, 0.6, 9.0, 9.6, 10.4, 10.8]"),
+        ("times: [4.0, 4.6, 9.0, 9.6, 10.2, 10.6]", "times: [0.2, 0.6, 9.0, 9.6, 10.2, 10.6]"),
+    ):
+        content = content.replace(old, new)
+    for old, new in changes:
+        assert old in content, old
+        content = content.replace(old, new)
+    file = folder / name
+    file.write_text(content)
+    return file
 
 
-@pytest.mark.timeout(240)
-def test_the_graph_and_lockstep_agree_on_free_motion_contact_and_torque(tmp_path):
-    """Within what one or two samples of latency more make: 5 % of each signal's deviation, root mean square.
-    """
-    path = tmp_path / "scenario.yaml"
-    path.write_text(SCENARIO, encoding="utf-8")
-    graph, lockstep = curves(recorded(path)), curves(run_scenario(path, 8.0))
-    assert lockstep[:, :2].max(axis=0).min() > 0.5  # both arms have reached the wall
-    error = np.sqrt(np.mean((graph - lockstep) ** 2, axis=0)) / lockstep.std(axis=0)
-    assert np.all(error < 0.05), error
+@MEANWHILE
+@pytest.mark.parametrize("options", [(), ("--processes",)], ids=["composed", "processes"])
+@pytest.mark.parametrize("name", ["scenario1_sim.yaml", "scenario2_sim.yaml", "scenario1_link_sim.yaml"])
+def test_stamps_and_values_of_the_graph_are_those_of_lockstep(tmp_path, name, options):
+    expected = run(shortened(name, tmp_path), tmp_path / "bag", 2.0, *options)
+    assert differences(tmp_path / "bag", expected) == []
+    slave = "/omni" if name.startswith("scenario2") else "/sfj"
+    assert np.abs(expected[f"{slave}/joint_states"].position).max() > 0.1  # it is about a robot that moves
+
+
+@MEANWHILE
+def test_rates_without_a_common_period_and_packets_repeated_and_overtaken_make_no_difference(tmp_path):
+    file = shortened(
+        "scenario1_link_sim.yaml",
+        tmp_path,
+        ("rate: 500.0                    # Hz", "rate: 400.0"),
+        ("reorder: 0.0 ", "reorder: 0.1\n    duplicate: 0.1 "),
+        ("    link: true", "    link: true\n    slave_rate: 400.0"),
+        ("    rate: 500.0\n\nrecorder", "    rate: 300.0\n\nrecorder"),
+    )
+    expected = run(file, tmp_path / "bag", 2.0)
+    assert differences(tmp_path / "bag", expected) == []
+
+
+@MEANWHILE
+@pytest.mark.parametrize("seed", [1, 2])
+def test_a_process_that_is_stopped_for_up_to_1_5_s_now_and_then_makes_no_difference(tmp_path, seed):
+    luck = random.Random(seed)
+    expected = run(
+        shortened("scenario1_sim.yaml", tmp_path), tmp_path / "bag", 1.5, "--processes",
+        stops=lambda process: stop_now_and_then(process, luck, 0.0, 4.0),
+    )  # fmt: skip
+    assert differences(tmp_path / "bag", expected) == []
+
+
+@MEANWHILE
+def test_a_machine_that_freezes_as_a_whole_makes_no_difference(tmp_path):
+    luck = random.Random(3)
+    expected = run(
+        shortened("scenario1_sim.yaml", tmp_path), tmp_path / "bag", 6.0,
+        stops=lambda process: stop_now_and_then(process, luck, 0.3, 4.0),
+    )  # fmt: skip
+    assert differences(tmp_path / "bag", expected) == []
+
+
+def test_the_recording_says_that_time_was_simulated_and_how_fast_it_ran(tmp_path):
+    run(CONFIG / "scenario1_sim.yaml", tmp_path / "bag", 1.0)
+    recording = read_recording(tmp_path / "bag")
+    assert recording.parameters["/force_controller"]["use_sim_time"] is True
+    assert recording.parameters["/time_coordinator"]["real_time_factor"] == 0.0

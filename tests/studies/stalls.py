@@ -12,96 +12,28 @@ where one fails.
 from __future__ import annotations
 
 import argparse
-import contextlib
-import os
 import random
-import signal
 import subprocess
 import sys
 import tempfile
 import time
 from pathlib import Path
 
-import numpy as np
-
-from haptic_teleop_control.recording import read_recording
 from haptic_teleop_sim.lockstep import run_scenario
 
+sys.path.insert(0, str(Path(__file__).parents[1] / "end_to_end"))
+from graph_runs import CONFIG, differences, scenario_command, stop_now_and_then
+
 HOG = [sys.executable, "-c", "while True: pass"]
-FIELDS = ("position", "velocity", "effort")
-CONFIG = Path(__file__).parents[2] / "config"
-
-
-def children_of(pid: int) -> list[int]:
-    """Process numbers of all descendants, and of `pid` itself."""
-    found = [pid]
-    try:
-        for task in Path(f"/proc/{pid}/task").iterdir():
-            for child in (task / "children").read_text().split():
-                found += children_of(int(child))
-    except OSError:
-        pass
-    return found
-
-
-def send(pids: list[int], number: signal.Signals) -> None:
-    for pid in pids:
-        with contextlib.suppress(ProcessLookupError):
-            os.kill(pid, number)
-
-
-def stop_now_and_then(run: subprocess.Popen, luck: random.Random, freeze: float, begin: float) -> int:
-    """Stops processes until the run is over; how often."""
-    stops = 0
-    time.sleep(begin)
-    moments = sorted(luck.uniform(0.0, 6.0) for _ in range(3)) if freeze else []
-    began = time.monotonic()
-    while run.poll() is None:
-        if freeze:
-            if not moments:
-                time.sleep(0.1)
-                continue
-            time.sleep(max(0.0, moments.pop(0) - (time.monotonic() - began)))
-            pids, seconds = children_of(run.pid), freeze
-        else:
-            time.sleep(luck.uniform(0.05, 0.6))
-            pids, seconds = [luck.choice(children_of(run.pid))], luck.uniform(0.07, 1.5)
-        send(pids, signal.SIGSTOP)
-        time.sleep(seconds)
-        send(pids, signal.SIGCONT)
-        stops += 1
-    return stops
-
-
-def differences(bag: Path, expected: dict) -> list[str]:
-    """What of the recording is not as lockstep says, in words."""
-    topics, found = read_recording(bag).topics, []
-    for name, wanted in expected.items():
-        if name not in topics:
-            if name.endswith(("joint_states", "effort_command")):
-                found.append(f"{name} is missing")
-            continue
-        seen = topics[name]
-        if not np.array_equal(seen.stamp, wanted.stamp):
-            found.append(f"{name}: {len(seen)} samples for {len(wanted)}, or other stamps")
-            continue
-        for field in FIELDS:
-            one, other = getattr(seen, field), getattr(wanted, field)
-            if other is not None and other.size and not np.array_equal(one, other):
-                found.append(f"{name}: {field} differs by {np.max(np.abs(one - other)):.3g}")
-    return found
 
 
 def one_seed(seed: int, arguments: argparse.Namespace, expected: dict) -> tuple[bool, str]:
     luck = random.Random(seed)
     with tempfile.TemporaryDirectory() as folder:
         bag = Path(folder, "bag")
-        command = [
-            *(sys.executable, "-m", "haptic_teleop_control.front_door", "scenario", arguments.scenario),
-            *("--record", str(bag), "--duration", f"{arguments.duration:g}"),
-            *("--real-time-factor", f"{arguments.factor:g}"),
-            *([] if arguments.composed else ["--processes"]),
-        ]
+        options = ["--duration", f"{arguments.duration:g}", "--real-time-factor", f"{arguments.factor:g}"]
+        options += [] if arguments.composed else ["--processes"]
+        command = scenario_command(arguments.scenario, bag, *options)
         hogs = [subprocess.Popen(HOG) for _ in range(arguments.hogs)]
         began = time.monotonic()
         try:
