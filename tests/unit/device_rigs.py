@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any
@@ -23,6 +24,10 @@ from haptic_teleop_omni.driver import OmniDriver
 from haptic_teleop_omni.layout import load_layout
 from haptic_teleop_omni.settings import OmniDriverSettings
 from haptic_teleop_omni.transports.emulated import EmulatedOmni
+
+
+UNSHAPED = {"ramp_time": 0.0, "stage1.current_slew": math.inf, "stage2.current_slew": math.inf}
+"""Parameters of `sfj_driver` with which a command flows at once, for tests of something else."""
 
 
 @dataclass
@@ -56,10 +61,11 @@ class StillOmni:
 
 
 class SfjRig:
-    """parameters: of `sfj_driver`, with __ for dots. plant: what is behind the board."""
+    """parameters: of `sfj_driver`, with __ for dots, UNSHAPED where they say nothing else. plant: what is
+    behind the board."""
 
     def __init__(self, plant: Any = None, **parameters: Any) -> None:
-        values = {name.replace("__", "."): value for name, value in parameters.items()}
+        values = UNSHAPED | {name.replace("__", "."): value for name, value in parameters.items()}
         self.settings = SfjDriverSettings.from_parameters(values)
         self.clock = VirtualClock()
         self.plant = StillRobot() if plant is None else plant
@@ -113,14 +119,14 @@ class OmniRig:
 class EmulatedPair:
     """Both drivers on emulated devices, each with a virtual clock; open.
 
-    sfj, omni: their parameters, `device: emulated` unless they say otherwise.
+    sfj, omni: their parameters; `device: emulated` and UNSHAPED unless they say otherwise.
     """
 
     def __init__(self, sfj: Mapping[str, Any], omni: Mapping[str, Any]) -> None:
         sfj_reporter, self.sfj_latch = Reporter.to_latch(all_faults())
         omni_reporter, self.omni_latch = Reporter.to_latch(ALL_FAULTS)
         emulated = {"device": "emulated"}
-        self.sfj = make_sfj_driver({**emulated, **sfj}, sfj_reporter, clock=VirtualClock())
+        self.sfj = make_sfj_driver({**emulated, **UNSHAPED, **sfj}, sfj_reporter, clock=VirtualClock())
         self.omni = make_omni_driver({**emulated, **omni}, omni_reporter, clock=VirtualClock())
         self.sfj.open()
         self.omni.open()

@@ -4,6 +4,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from device_rigs import UNSHAPED
 
 from haptic_teleop_2dsfj.build import emulated_hil
 from haptic_teleop_2dsfj.settings import TABLE as SFJ_TABLE
@@ -32,7 +33,7 @@ class Slave:
         from haptic_teleop_2dsfj.driver import SfjDriver
         from haptic_teleop_2dsfj.settings import SfjDriverSettings
 
-        values = SFJ_TABLE.check({"device": "emulated", "emulated.file": str(FILE), **changes})
+        values = SFJ_TABLE.check({"device": "emulated", "emulated.file": str(FILE), **UNSHAPED, **changes})
         settings = SfjDriverSettings.from_parameters(values)
         self.hil = emulated_hil(values, settings, VirtualClock())
         reporter, self.latch = Reporter.to_latch(all_faults())

@@ -69,7 +69,9 @@ class SfjDriver:
         self.filter = VelocityFilter(4, dt, settings.cutoff_hz, settings.damping)
         self.filter.reset(np.zeros(4))
         self.switches = LimitSwitches(settings.limit_switches, settings.switch_debounce)
-        self.limiters = [CurrentLimiter(i, stage, self.switches, dt) for i, stage in enumerate(stages)]
+        self.limiters = [
+            CurrentLimiter(i, stage, self.switches, dt, settings.ramp_time) for i, stage in enumerate(stages)
+        ]
         self._supervisors = [
             StageSupervisor(settings.supervisor, stage.current_limit, stage.deflection_trip, dt)
             for stage in stages
@@ -177,7 +179,7 @@ class SfjDriver:
     def close(self) -> None:
         """0 V, amplifier off, board released."""
         self._open = False
-        self._flow = [0.0, 0.0]
+        self._halt()
         self.board.close()
 
     def describe(self) -> str:
@@ -259,7 +261,7 @@ class SfjDriver:
     def _halt(self) -> None:
         self._flow = [0.0, 0.0]
         for limiter in self.limiters:
-            limiter.current = 0.0
+            limiter.halt()
 
     def _refused(self, error: DeviceError) -> None:
         # Between its reload and an output the watchdog may have expired: the board is there, and locked.

@@ -23,6 +23,9 @@ from haptic_teleop_control.robots import (
 
 DEVICES = ("hardware", "emulated", "replay")
 
+RAMP_TIME = 0.2
+"""s, as the Omni's torque and the controller's output after engaging."""
+
 
 @dataclass(frozen=True)
 class SfjDriverSettings:
@@ -37,6 +40,7 @@ class SfjDriverSettings:
     joint_gearing: float = JOINT_ENCODER_GEARING
     cutoff_hz: float = VELOCITY_FILTER_CUTOFF_HZ
     damping: float = VELOCITY_FILTER_DAMPING
+    ramp_time: float = RAMP_TIME
     limit_switches: bool = True
     switch_debounce: int = 10
 
@@ -58,6 +62,7 @@ class SfjDriverSettings:
                 joint_gearing=checked["joint_encoder.gearing"],
                 cutoff_hz=checked["velocity_filter.cutoff_hz"],
                 damping=checked["velocity_filter.damping"],
+                ramp_time=checked["ramp_time"],
                 limit_switches=checked["limit_switches.enabled"],
                 switch_debounce=checked["limit_switches.debounce"],
             )
@@ -83,6 +88,9 @@ def _table() -> ParameterTable:
             0.0,
             0.1,
             meaning="for which a state's answer is awaited before the write",
+        ),
+        Parameter(
+            "ramp_time", RAMP_TIME, "s", 0.0, 5.0, meaning="from zero to full current after a start or reset"
         ),
         Parameter("capture", "", meaning="file for the raw packets of the session; empty: none"),
         Parameter("replay.file", "", meaning=replay),

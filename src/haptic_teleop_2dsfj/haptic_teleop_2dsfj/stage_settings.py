@@ -2,12 +2,16 @@
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass
 
 from haptic_teleop_control.errors import ConfigurationError
 from haptic_teleop_control.quantities import check_quantities, quantity
 from haptic_teleop_control.robots import SFJ_STAGES
+
+CURRENT_SLEW = 50.0
+"""A/s. At 500 Hz one sample changes the current by 0.1 A at most, which is where the thesis (3.1.1) begins to ask
+for care. Zero to 0.5 A takes 10 ms: a tenth of the period of the fastest mode (5.4 Hz), so that a force loop does
+not notice; a command that jumps to and fro at every sample is cut to that tenth of an ampere."""
 
 
 @dataclass(frozen=True)
@@ -24,7 +28,7 @@ class StageSettings:
         5.0, "s", "for which current_limit may flow from cold", name="i2t.time", above=0.0, maximum=60.0
     )
     current_slew: float = quantity(
-        math.inf, "A/s", "largest rate of the current; .inf: none", above=0.0, infinite=True
+        CURRENT_SLEW, "A/s", "largest rate of the current; .inf: none", above=0.0, infinite=True
     )
     drift_correction: float = quantity(
         0.0, "A", "added to every command, against a drift in one direction", minimum=-0.2, maximum=0.2
