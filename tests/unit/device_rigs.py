@@ -26,8 +26,15 @@ from haptic_teleop_omni.settings import OmniDriverSettings
 from haptic_teleop_omni.transports.emulated import EmulatedOmni
 
 
-UNSHAPED = {"ramp_time": 0.0, "stage1.current_slew": math.inf, "stage2.current_slew": math.inf}
-"""Parameters of `sfj_driver` with which a command flows at once, for tests of something else."""
+UNSHAPED = {
+    "ramp_time": 0.0,
+    "stage1.current_slew": math.inf,
+    "stage2.current_slew": math.inf,
+    "stage1.current_limit": 0.94,
+    "stage2.current_limit": 1.2,
+}
+"""Parameters of `sfj_driver` with which a command flows at once, up to the motors' maximum, as in the simulated
+plant: for tests of something else."""
 
 
 @dataclass

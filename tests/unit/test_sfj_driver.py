@@ -11,6 +11,7 @@ from haptic_teleop_2dsfj.board_settings import BoardSettings
 from haptic_teleop_2dsfj.build import make_driver
 from haptic_teleop_2dsfj.limit_switches import LimitSwitches
 from haptic_teleop_2dsfj.settings import SfjDriverSettings
+from haptic_teleop_2dsfj.stage_settings import StageSettings
 from haptic_teleop_control.device import DeviceError, ReadResult, Reporter
 from haptic_teleop_control.errors import ConfigurationError
 
@@ -82,6 +83,13 @@ def test_more_than_the_motor_carries_never_flows(effort, limit):
     rig.run(3, effort)
     strongest = max(abs(value) for value in rig.plant.given[-1])
     assert limit - STEP < strongest <= limit
+
+
+def test_without_a_word_the_recommended_current_is_the_limit():
+    rig = SfjRig(stage1__current_limit=StageSettings.nominal("stage1").current_limit,
+                 stage2__current_limit=StageSettings.nominal("stage2").current_limit)  # fmt: skip
+    rig.run(20, (50.0, -50.0))
+    assert 0.5 - STEP < np.abs(rig.plant.given).max() <= 0.5, "thesis 2.4.4"
 
 
 def test_a_limit_above_the_motor_s_is_refused():
@@ -505,6 +513,21 @@ def test_a_dead_encoder_is_found_when_almost_all_current_flows():
     rig.run(140, (50.0, 0.0))
     assert rig.latch.latched == "encoder_frozen"
     assert "STAGE 1" in rig.latch.sentence
+
+
+def test_a_drive_that_presses_against_a_wall_with_all_its_current_is_not_taken_for_a_dead_encoder():
+    plant = StillRobot()
+    rig = SfjRig(plant, stage2__current_limit=0.5)
+    rig.run(3, (0.0, 1.0))
+    for _ in range(20):  # 0.11 rad, 0.43 of the 0.7 N·m: friction holds the rest
+        plant.angles[2] += 0.0055
+        rig.cycle((0.0, 1.0))
+    rig.run(1000, (0.0, 1.0))
+    assert rig.latch.latched is None
+    plant.angles[2:] = [0.0, 0.11]  # bent against its current: the drive has turned, and its encoder is silent
+    rig.driver.encoders.reset()
+    rig.run(140, (0.0, 1.0))
+    assert rig.latch.latched == "encoder_frozen"
 
 
 def test_missed_samples_are_counted_and_the_velocity_takes_their_time_into_account():

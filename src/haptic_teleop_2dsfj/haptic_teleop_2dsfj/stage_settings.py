@@ -20,7 +20,7 @@ class StageSettings:
 
     torque_constant: float = quantity(1.0, "N·m/A", "nominal effort per current, of the messages", above=0.0)
     stiffness: float = quantity(1.0, "N·m/rad", "nominal stiffness, for the effort of the arm", above=0.0)
-    current_limit: float = quantity(0.5, "A", "largest current; the hardware's maximum at most", above=0.0)
+    current_limit: float = quantity(0.5, "A", "largest current; default: recommended, most: the motor's maximum", above=0.0)
     continuous_current: float = quantity(
         0.5, "A", "recommended current, which may flow for ever", name="i2t.continuous", above=0.0
     )
@@ -64,7 +64,7 @@ class StageSettings:
         values = {
             "torque_constant": facts.torque_constant,
             "stiffness": facts.stiffness,
-            "current_limit": facts.current_limit,
+            "current_limit": facts.recommended_current,
             "continuous_current": facts.recommended_current,
             "gear_ratio": facts.gear_ratio,
         }
