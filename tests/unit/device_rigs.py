@@ -78,8 +78,12 @@ class SfjRig:
         self.plant = StillRobot() if plant is None else plant
         self.hil = EmulatedHil(self.plant, self.settings.board, Amplifier(), self.clock)
         self.reporter, self.latch = Reporter.to_latch(all_faults())
-        self.driver = SfjDriver(self.settings, Board(self.settings.board, lambda: self.hil), self.reporter)
+        self.driver = SfjDriver(self.settings, self.board(), self.reporter)
         self.driver.open()
+
+    def board(self, hil: Any = None) -> Board:
+        """A new one around `hil`, or around the rig's."""
+        return Board(self.settings.board, lambda: hil or self.hil, clock=self.clock)
 
     def cycle(self, effort: Any = None) -> Any:
         result = self.driver.read()

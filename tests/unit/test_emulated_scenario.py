@@ -36,9 +36,10 @@ class Slave:
 
         values = SFJ_TABLE.check({"device": "emulated", "emulated.file": str(FILE), **UNSHAPED, **changes})
         settings = SfjDriverSettings.from_parameters(values)
-        self.hil = emulated_hil(values, settings, VirtualClock())
+        clock = VirtualClock()
+        self.hil = emulated_hil(values, settings, clock)
         reporter, self.latch = Reporter.to_latch(all_faults())
-        self.driver = SfjDriver(settings, Board(settings.board, lambda: self.hil), reporter)
+        self.driver = SfjDriver(settings, Board(settings.board, lambda: self.hil, clock=clock), reporter)
         self.driver.open()
 
 

@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 from device_rigs import SfjRig, StillRobot
 
-from haptic_teleop_2dsfj.board import Board
 from haptic_teleop_2dsfj.board_settings import BoardSettings
 from haptic_teleop_2dsfj.build import make_driver
 from haptic_teleop_2dsfj.limit_switches import LimitSwitches
@@ -426,7 +425,7 @@ def test_a_killed_driver_leaves_its_board_to_the_watchdog_and_the_next_one_can_u
     rig.run(5, PUSH)
     assert all(rig.hil.amplifier_on)
     rig.clock.advance(0.021)
-    heir = Board(rig.settings.board, lambda: rig.hil)
+    heir = rig.board()
     rig.hil.open("q8", "0")
     assert off(rig), "before anybody has written anything"
     heir.open()
@@ -555,6 +554,6 @@ def test_a_watchdog_shorter_than_two_samples_is_refused():
 
 def test_a_closed_board_is_asked_nothing():
     rig = SfjRig()
-    board = Board(rig.settings.board, lambda: rig.hil)
+    board = rig.board()
     with pytest.raises(DeviceError, match="not open"):
         board.read()

@@ -46,7 +46,7 @@ def make_driver(
         taps = (None, None)
         if on_packet is not None:
             taps = (lambda data: on_packet(READ, data), lambda data: on_packet(WRITE, data))
-        board = Board(settings.board, make_hil, *taps)
+        board = Board(settings.board, make_hil, *taps, clock=clock)
     return SfjDriver(settings, board, reporter)
 
 

@@ -34,6 +34,8 @@ class BoardLike(Protocol):
     sense_volts: NDArray[np.float64]
     switch_levels: NDArray[np.int8]
     periods: int
+    lag: float | None
+    sampling: str
     enabled: bool
 
     def open(self) -> None: ...
@@ -185,12 +187,14 @@ class SfjDriver:
         """Device, rate and limits in one line."""
         limits = " and ".join(f"{stage.current_limit:g} A" for stage in self.settings.stages)
         board = self.settings.board
-        return f"2DSFJ on {board.card_type} {board.card_identifier} at {board.rate:g} Hz, at most {limits}"
+        device = f"2DSFJ on {board.card_type} {board.card_identifier} at {board.rate:g} Hz, at most {limits}"
+        return f"{device}; samples: {self.board.sampling}" if self.board.sampling else device
 
     def measurements(self) -> dict[str, Any]:
         """For diagnostics."""
         return {
             "amplifier": "on" if self.board.enabled else "off",
+            "samples": self.board.sampling,
             "samples missed": self.missed,
             "watchdog expiries": self.expiries,
             "samples at the current limit": self.limited,
@@ -206,6 +210,9 @@ class SfjDriver:
         self._late = self._late + 1 if periods > _MOST_LATE else 0
         if self._late >= 2:
             self._stop("late", f"{periods - 1} samples missed at once, twice in a row")
+        if self.board.lag is not None:
+            lag, dt = self.board.lag, self.settings.board.dt
+            self._stop("sample_clock", f"{abs(lag) / dt:.1f} samples too {'few' if lag > 0.0 else 'many'}")
         hit = self.switches.step(self.board.switch_levels.tolist(), self.position[1::2].tolist())
         if hit:
             self._stop(*hit)

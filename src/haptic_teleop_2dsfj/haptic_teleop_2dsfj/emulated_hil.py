@@ -17,13 +17,13 @@ from numpy.typing import NDArray
 
 from haptic_teleop_2dsfj.amplifier import Amplifier
 from haptic_teleop_2dsfj.board_settings import BoardSettings
-from haptic_teleop_2dsfj.hil import QUADRATURE_4X, TRISTATE
+from haptic_teleop_2dsfj.hil import OVERWRITE_ON_OVERFLOW, QUADRATURE_4X, TRISTATE
 from haptic_teleop_control.clocks import Clock
 from haptic_teleop_control.robots import ENCODER_COUNTS_PER_TURN, JOINT_ENCODER_GEARING, SFJ_STAGES, STAGES
 
 INPUT_BITS = 14
 LONGEST_CATCH_UP = 500  # samples of the plant that are made up for after a stall; the rest is lost
-NOT_OPEN, BAD_ARGUMENT, EXPIRED, NO_DEVICE = -1, -2, -3, -4
+NOT_OPEN, BAD_ARGUMENT, EXPIRED, NO_DEVICE, OVERFLOW = -1, -2, -3, -4, -5
 LOCKED = ("write_", "set_")
 """Beginnings of the calls that an expired board refuses until its watchdog has been cleared."""
 
@@ -52,7 +52,8 @@ class SfjPlant(Protocol):
 
 class EmulatedHil:
     """See the module. unplug(): every call fails from then on; refuse(call, code): that call fails once;
-    stuck: level of a switch (0 to 3) whatever the arm does, or no entry."""
+    stuck: level of a switch (0 to 3) whatever the arm does, or no entry; lose(n): samples get lost and no
+    overflow is counted; stretch: of the period, where its clock is wrong. clock: the one asked for."""
 
     def __init__(
         self,
@@ -82,7 +83,10 @@ class EmulatedHil:
         self._reloaded: int | None = None
         self._period = 0
         self._tick = self._start = 0
-        self._overflows = 0
+        self._overflows = self._lost = 0
+        self._buffer, self._overwrites = 1, False
+        self._held = np.zeros(2)
+        self.stretch, self.clock = 1.0, 0
         self._look()
 
     # What a test does to it.
@@ -102,6 +106,10 @@ class EmulatedHil:
     def refuse(self, call: str, code: int) -> None:
         """The next `call` fails with `code`."""
         self._refusals[call] = code
+
+    def lose(self, samples: int) -> None:
+        """So many samples are never taken, and nobody is told."""
+        self._lost += samples
 
     # The calls of HIL.
 
@@ -186,6 +194,7 @@ class EmulatedHil:
             encoder=(encoder, np.uint32, n_encoder),
             digital=(digital, np.uint32, n_digital),
         )
+        self._buffer, self._overwrites = samples, False  # a card ends its task unless it is told to overwrite
         return {
             "analog": [self._wiring.senses.index(channel) for channel in analog.tolist()],
             "encoder": [self._wiring.encoders.index(channel) for channel in encoder.tolist()],
@@ -194,6 +203,7 @@ class EmulatedHil:
 
     def task_set_buffer_overflow_mode(self, task: Any, mode: int) -> None:
         self._enter("task_set_buffer_overflow_mode")
+        self._overwrites = mode == OVERWRITE_ON_OVERFLOW
 
     def task_get_buffer_overflows(self, task: Any) -> int:
         self._enter("task_get_buffer_overflows")
@@ -203,23 +213,31 @@ class EmulatedHil:
         self._enter("task_start")
         if not 0 <= samples < 2**32:  # as cffi does, before anything reaches the library
             raise OverflowError("can't convert negative number to unsigned")
-        self._period = round(1e9 / frequency)
+        self.clock = clock
+        self._period = round(1e9 / frequency * self.stretch)
         self._start, self._tick, self._overflows = self._clock.now(), 0, 0
 
     def task_read(
         self, task: Mapping[str, list[int]], samples: int, analog: Any, encoder: Any, digital: Any, other: Any
     ) -> int:
-        """Waits for the next sample; a late reader gets the newest one, the others are overflows."""
+        """Waits for the next sample. A late reader gets the newest one, the others are overflows; where nothing is
+        overwritten he gets the oldest, until the buffer is full, which ends the task."""
         self._enter("task_read")
         self._types(
             analog=(analog, np.float64, 2), encoder=(encoder, np.int32, 4), digital=(digital, np.int8, 4)
         )
         if not self._period:
             return 0
-        due = self._start + (self._tick + 1) * self._period
+        lost, self._lost = self._lost, 0
+        due = self._start + (self._tick + 1 + lost) * self._period
         late = max(0, (self._clock.now() - due) // self._period)
+        if not self._overwrites:
+            if late >= self._buffer:
+                self._period = 0
+                raise EmulatedError(OVERFLOW, "the buffer of the task is full")
+            late = 0
         self._overflows += late
-        self._pass(1 + late)
+        self._pass(1 + late + lost)
         self._clock.sleep_until(due)
         if self._gone:
             raise EmulatedError(NO_DEVICE, "the board does not respond")
@@ -280,6 +298,7 @@ class EmulatedHil:
         if not self._is_expired():
             raise EmulatedError(BAD_ARGUMENT, "there is nothing to clear")
         self.expired = self.tristate = False
+        self.volts[:] = self._held  # nobody has stated what a board does here: the worst that it could do
 
     def watchdog_is_expired(self) -> bool:
         self._enter("watchdog_is_expired")
@@ -318,6 +337,7 @@ class EmulatedHil:
         if self._reloaded is not None and now - self._reloaded > self._timeout:
             self._reloaded = None
             self.expired = self.tristate = True
+            self._held[:] = self.volts
             self.volts[:] = 0.0
         return self.expired
 

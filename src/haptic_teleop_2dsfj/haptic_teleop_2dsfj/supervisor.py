@@ -27,6 +27,8 @@ FAULTS = {
     "amplifier": "the measured current does not follow the commanded one; check power, emergency stop and "
     "cable of the amplifier",
     "non_finite_measurement": "the board delivered a value that is no finite number; check its configuration",
+    "sample_clock": "the board's samples do not keep step with the computer's steady clock: it samples at another "
+    "rate than was asked for, or loses samples without counting them; check rate and board.clock",
     "late": "the loop missed many samples in a row; lower the load of the machine or raise realtime_priority",
 }
 """Faults of the driver, with the sentence for the log."""
