@@ -9,11 +9,11 @@ from typing import Any
 
 import numpy as np
 
-from haptic_teleop_2dsfj.amplifier import Amplifier
 from haptic_teleop_2dsfj.board import Board
 from haptic_teleop_2dsfj.build import all_faults
 from haptic_teleop_2dsfj.build import make_driver as make_sfj_driver
 from haptic_teleop_2dsfj.driver import SfjDriver
+from haptic_teleop_2dsfj.emulated_electronics import Electronics
 from haptic_teleop_2dsfj.emulated_hil import EmulatedHil
 from haptic_teleop_2dsfj.settings import SfjDriverSettings
 from haptic_teleop_control.clocks import VirtualClock
@@ -69,14 +69,16 @@ class StillOmni:
 
 class SfjRig:
     """parameters: of `sfj_driver`, with __ for dots, UNSHAPED where they say nothing else. plant: what is
-    behind the board."""
+    behind the board. electronics: its converters and scales, those of the robot where it is None."""
 
-    def __init__(self, plant: Any = None, **parameters: Any) -> None:
+    def __init__(
+        self, plant: Any = None, electronics: Electronics | None = None, **parameters: Any
+    ) -> None:
         values = UNSHAPED | {name.replace("__", "."): value for name, value in parameters.items()}
         self.settings = SfjDriverSettings.from_parameters(values)
         self.clock = VirtualClock()
         self.plant = StillRobot() if plant is None else plant
-        self.hil = EmulatedHil(self.plant, self.settings.board, Amplifier(), self.clock)
+        self.hil = EmulatedHil(self.plant, self.settings.board, self.clock, electronics=electronics)
         self.reporter, self.latch = Reporter.to_latch(all_faults())
         self.driver = SfjDriver(self.settings, self.board(), self.reporter)
         self.driver.open()

@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 from device_rigs import StillOmni, StillRobot
 
-from haptic_teleop_2dsfj.amplifier import Amplifier
 from haptic_teleop_2dsfj.board import Board
 from haptic_teleop_2dsfj.build import all_faults
 from haptic_teleop_2dsfj.build import replay_capture as replay_sfj
@@ -41,7 +40,7 @@ class Recorded:
         if robot == "sfj":
             settings = SfjDriverSettings.from_parameters(stated)
             self.plant = StillRobot()
-            self.device = EmulatedHil(self.plant, settings.board, Amplifier(), self.clock)
+            self.device = EmulatedHil(self.plant, settings.board, self.clock)
             reporter, self.latch = Reporter.to_latch(all_faults())
             taps = self._tap(READ), self._tap(WRITE)
             board = Board(settings.board, lambda: self.device, *taps, clock=self.clock)

@@ -8,6 +8,7 @@ from device_rigs import SfjRig, StillRobot
 
 from haptic_teleop_2dsfj.board_settings import BoardSettings
 from haptic_teleop_2dsfj.build import make_driver
+from haptic_teleop_2dsfj.emulated_electronics import Electronics
 from haptic_teleop_2dsfj.limit_switches import LimitSwitches
 from haptic_teleop_2dsfj.settings import SfjDriverSettings
 from haptic_teleop_2dsfj.stage_settings import StageSettings
@@ -62,7 +63,10 @@ def test_the_pose_at_the_start_is_zero_whatever_the_counters_held():
 
 def test_counters_that_wrap_give_continuous_angles():
     plant = StillRobot()
-    rig = SfjRig(plant, board__counter_bits=16, supervisor__highest_speed=1e6, stage1__deflection_trip=1.0)
+    rig = SfjRig(
+        plant, Electronics(counter_bits=16), board__counter_bits=16,
+        supervisor__highest_speed=1e6, stage1__deflection_trip=1.0,
+    )  # fmt: skip
     turn = 2.0 * math.pi / 409_600
     for count in range(0, 70_000, 10_000):  # passes 2^15
         plant.angles[0] = plant.angles[1] = count * turn

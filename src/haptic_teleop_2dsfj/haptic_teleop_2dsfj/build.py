@@ -54,7 +54,7 @@ def emulated_hil(values: Mapping[str, Any], settings: SfjDriverSettings, clock: 
     """The emulated board with the plant that the parameters `emulated.*` name."""
     factory = load_object(values["emulated.plant"], "emulated.plant")
     plant = factory(values["emulated.file"], settings.board.rate)
-    return EmulatedHil(plant, settings.board, settings.amplifier, clock, values["emulated.switch_angle"])
+    return EmulatedHil(plant, settings.board, clock, values["emulated.switch_angle"])
 
 
 def replay_capture(capture: Capture, parameters: Mapping[str, Any]) -> ReplayedStates:

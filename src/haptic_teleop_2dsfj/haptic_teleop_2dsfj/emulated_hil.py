@@ -15,15 +15,15 @@ from typing import Any, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from haptic_teleop_2dsfj.amplifier import Amplifier
 from haptic_teleop_2dsfj.board_settings import BoardSettings
+from haptic_teleop_2dsfj.emulated_electronics import Electronics
 from haptic_teleop_2dsfj.hil import OVERWRITE_ON_OVERFLOW, QUADRATURE_4X, TRISTATE
 from haptic_teleop_control.clocks import Clock
-from haptic_teleop_control.robots import ENCODER_COUNTS_PER_TURN, JOINT_ENCODER_GEARING, SFJ_STAGES, STAGES
 
-INPUT_BITS = 14
 LONGEST_CATCH_UP = 500  # samples of the plant that are made up for after a stall; the rest is lost
 NOT_OPEN, BAD_ARGUMENT, EXPIRED, NO_DEVICE, OVERFLOW = -1, -2, -3, -4, -5
+RANGES = (5.0, 10.0)
+"""V either side, that the analog lines know; the last one after power-up."""
 LOCKED = ("write_", "set_")
 """Beginnings of the calls that an expired board refuses until its watchdog has been cleared."""
 
@@ -53,21 +53,24 @@ class SfjPlant(Protocol):
 class EmulatedHil:
     """See the module. unplug(): every call fails from then on; refuse(call, code): that call fails once;
     stuck: level of a switch (0 to 3) whatever the arm does, or no entry; lose(n): samples get lost and no
-    overflow is counted; stretch: of the period, where its clock is wrong. clock: the one asked for."""
+    overflow is counted; stretch: of the period, where its clock is wrong. clock: the one asked for.
+
+    Of `settings` it takes the channels: each line is plugged in where the driver looks for it. All scales are those of
+    `electronics`, and the ranges those that the calls set."""
 
     def __init__(
         self,
         plant: SfjPlant,
         settings: BoardSettings,
-        amplifier: Amplifier,
         clock: Clock,
         switch_angle: float = 1.45,
+        electronics: Electronics | None = None,
     ) -> None:
-        self._plant, self._wiring, self._amplifier, self._clock = plant, settings, amplifier, clock
+        self._plant, self._wiring, self._clock = plant, settings, clock
+        self._electronics = electronics or Electronics()
         self._switch_angle = switch_angle
-        turn = ENCODER_COUNTS_PER_TURN / (2.0 * np.pi)
-        drives = [SFJ_STAGES[stage].gear_ratio * turn for stage in STAGES]
-        self._counts_per_rad = np.array([*drives, *[JOINT_ENCODER_GEARING * turn] * 2])
+        self._counts_per_rad = self._electronics.counts_per_radian
+        self._input_range = self._output_range = RANGES[-1]
         self.stuck: dict[int, int] = {}
         self.volts = np.zeros(2)
         self.levels = np.ones(3, dtype=np.int8)
@@ -130,12 +133,14 @@ class EmulatedHil:
         self._types(
             channels=(channels, np.uint32, n), minima=(minima, np.float64, n), maxima=(maxima, np.float64, n)
         )
+        self._input_range = self._range(minima, maxima)
 
     def set_analog_output_ranges(self, channels: Any, n: int, minima: Any, maxima: Any) -> None:
         self._enter("set_analog_output_ranges")
         self._types(
             channels=(channels, np.uint32, n), minima=(minima, np.float64, n), maxima=(maxima, np.float64, n)
         )
+        self._output_range = self._range(minima, maxima)
 
     def set_digital_directions(self, inputs: Any, n_in: int, outputs: Any, n_out: int) -> None:
         self._enter("set_digital_directions")
@@ -157,12 +162,13 @@ class EmulatedHil:
     def write_analog(self, channels: Any, n: int, volts: Any) -> None:
         self._enter("write_analog")
         self._types(channels=(channels, np.uint32, n), volts=(volts, np.float64, n))
-        step, top = self._wiring.output_step, 2**self._wiring.output_bits - 1
+        full, top = self._output_range, 2**self._electronics.output_bits - 1
+        step = 2.0 * full / (top + 1)
         for channel, value in zip(channels.tolist(), volts.tolist(), strict=True):
             if not np.isfinite(value):
                 raise EmulatedError(BAD_ARGUMENT, "an output voltage is not finite")
-            code = min(max(round((value + self._wiring.range_volts) / step), 0), top)
-            self.volts[self._wiring.outputs.index(channel)] = code * step - self._wiring.range_volts
+            code = min(max(round((value + full) / step), 0), top)
+            self.volts[self._wiring.outputs.index(channel)] = code * step - full
 
     def write_digital(self, channels: Any, n: int, levels: Any) -> None:
         self._enter("write_digital")
@@ -241,14 +247,14 @@ class EmulatedHil:
         self._clock.sleep_until(due)
         if self._gone:
             raise EmulatedError(NO_DEVICE, "the board does not respond")
-        full = self._wiring.range_volts
-        step = 2.0 * full / 2**INPUT_BITS
+        full = self._input_range
+        step = 2.0 * full / 2**self._electronics.input_bits
         for i, sense in enumerate(task["analog"]):
-            volts = self._sensed[sense] / self._amplifier.sense_a_per_v
+            volts = self._sensed[sense] * self._electronics.sense_volts_per_ampere
             if np.isfinite(volts):  # what is not stays so, for tests of what a driver does then
                 volts = min(max(round(volts / step) * step, -full), full)
             analog[i] = volts
-        span = 1 << self._wiring.counter_bits
+        span = 1 << self._electronics.counter_bits
         for i, counter in enumerate(task["encoder"]):
             count = round(self._angles[self._joint(counter)] * self._counts_per_rad[counter])
             encoder[i] = (count + self._offset[counter] + span // 2) % span - span // 2
@@ -346,7 +352,8 @@ class EmulatedHil:
         for k in range(periods):
             self._is_expired(self._start + self._tick * self._period)
             for i, on in enumerate(self.amplifier_on):
-                self.current[i] = self._amplifier.commanded(self.volts[i]) if on and not self._gone else 0.0
+                flows = on and not self._gone
+                self.current[i] = self.volts[i] * self._electronics.amperes_per_volt if flows else 0.0
             # The first sample shows the plant as it is: it has not been driven yet.
             if self._tick > 0 and k < LONGEST_CATCH_UP:
                 self._plant.advance(self.current)
@@ -356,6 +363,13 @@ class EmulatedHil:
     def _look(self) -> None:
         angles, currents = self._plant.sense()
         self._angles[:], self._sensed[:] = angles, currents
+
+    @staticmethod
+    def _range(minima: Any, maxima: Any) -> float:
+        full = float(maxima[0])
+        if full not in RANGES or np.any(maxima != full) or np.any(minima != -full):
+            raise EmulatedError(BAD_ARGUMENT, f"the ranges are {' and '.join(f'±{volts:g}' for volts in RANGES)} V")
+        return full
 
     @staticmethod
     def _joint(counter: int) -> int:
