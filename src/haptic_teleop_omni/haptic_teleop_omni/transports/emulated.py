@@ -64,6 +64,7 @@ class EmulatedOmni:
     """
 
     emulated = True
+    identity = ""
 
     def __init__(
         self,
