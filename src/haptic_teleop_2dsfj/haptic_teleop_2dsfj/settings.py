@@ -10,6 +10,7 @@ from haptic_teleop_2dsfj.amplifier import Amplifier
 from haptic_teleop_2dsfj.board_settings import BoardSettings
 from haptic_teleop_2dsfj.stage_settings import StageSettings, check_hardware_maximum
 from haptic_teleop_2dsfj.supervisor import SupervisorSettings
+from haptic_teleop_control.device_watch import DEVICE_TIMEOUT
 from haptic_teleop_control.errors import ConfigurationError
 from haptic_teleop_control.node_tables import REALTIME_PRIORITY
 from haptic_teleop_control.parameters import Parameter, ParameterTable
@@ -104,6 +105,7 @@ def _table() -> ParameterTable:
             maximum=3.0,
             meaning="arm angle either side at which the emulated limit switches are pressed",
         ),
+        DEVICE_TIMEOUT,
         REALTIME_PRIORITY,
         *parameters_of(BoardSettings(), runtime=False),
         *parameters_of(Amplifier(), runtime=False),

@@ -172,8 +172,8 @@ class OmniDriver:
         what = f"{self.transport.describe()}, layout {self.layout.name} ({self.layout.source})"
         if not self.may_drive:
             return (
-                f"{what}: NOT CONFIRMED for this device, so torques are refused and nothing is sent. Once angles, "
-                f"signs and torques agree (docs/drivers.md), set {self._remedy}. "
+                f"{what}: NOT CONFIRMED for this device, so torques are refused and nothing is sent. Once angles "
+                f"and signs agree (docs/drivers.md), set {self._remedy}. "
                 f"Calibration: {self.calibration.advice}"
             )
         return f"{what}, at most {self.settings.limits.peak:g} N·m. Calibration: {self.calibration.advice}"

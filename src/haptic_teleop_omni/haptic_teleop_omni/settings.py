@@ -6,6 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
+from haptic_teleop_control.device_watch import DEVICE_TIMEOUT
 from haptic_teleop_control.errors import ConfigurationError
 from haptic_teleop_control.node_tables import REALTIME_PRIORITY
 from haptic_teleop_control.omni_compensation import COMPENSATION, PREFIX, CompensationSettings
@@ -134,6 +135,7 @@ def _table() -> ParameterTable:
             Parameter("emulated.plant", "haptic_teleop_sim.emulation:omni_plant", meaning=plant),
             Parameter("emulated.file", "", meaning=file),
             Parameter("emulated.docked_time", 0.5, "s", 0.0, 3600.0, meaning=docked),
+            DEVICE_TIMEOUT,
             REALTIME_PRIORITY,
             *parameters_of(OmniDriverSettings(), runtime=False),
             *parameters_of(TorqueLimits(), "torque.", runtime=False),

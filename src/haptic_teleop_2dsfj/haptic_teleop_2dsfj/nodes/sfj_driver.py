@@ -8,7 +8,6 @@ from haptic_teleop_2dsfj.build import make_driver
 from haptic_teleop_2dsfj.settings import TABLE
 from haptic_teleop_2dsfj.supervisor import FAULTS
 from haptic_teleop_control.device import Driver, Reporter
-from haptic_teleop_control.nodes.commanded import CommandedNode
 from haptic_teleop_control.nodes.driver_node import DriverNode
 from haptic_teleop_control.nodes.joint_state_io import stamp_now
 from haptic_teleop_control.nodes.spin import run_node
@@ -28,7 +27,7 @@ class SfjDriverNode(DriverNode):
     )
     JOINTS = SFJ_JOINTS
     COMMAND_JOINTS = SFJ_MOTOR_JOINTS
-    FAULTS: ClassVar = {**CommandedNode.FAULTS, **FAULTS}
+    FAULTS: ClassVar = {**DriverNode.FAULTS, **FAULTS}
     TABLE = TABLE
 
     def make_driver(self, reporter: Reporter) -> Driver:

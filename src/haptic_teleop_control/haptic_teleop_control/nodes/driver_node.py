@@ -4,6 +4,8 @@
 
 The thread is the only one that touches the device. Reading is the loop's clock; a write never waits for a
 command, and what has no answer in time is written with the last command until that is too old.
+
+A device that holds the thread is noticed by the executor, which looks for it now and then (`DeviceWatch`).
 """
 
 from __future__ import annotations
@@ -15,9 +17,18 @@ from pathlib import Path
 from typing import Any, ClassVar
 
 import numpy as np
+from rclpy.clock import Clock, ClockType
 from rclpy.context import Context
 
+from haptic_teleop_control.clocks import SteadyClock
 from haptic_teleop_control.device import DeviceError, Driver, ReadResult, Reporter
+from haptic_teleop_control.device_watch import (
+    DEVICE_FAULTS,
+    DEVICE_HANGS,
+    LOOK_PERIOD,
+    OPENING_TIME,
+    DeviceWatch,
+)
 from haptic_teleop_control.errors import ConfigurationError
 from haptic_teleop_control.nodes.commanded import CommandedNode
 from haptic_teleop_control.nodes.deadline import request_realtime
@@ -48,9 +59,10 @@ def stop_at_further_signals() -> None:
 
 class DriverNode(CommandedNode):
     """Subclasses build their driver in `make_driver`. Parameters that every driver has: `device`,
-    `answer_wait`, `timeout`, `capture`, `realtime_priority`."""
+    `answer_wait`, `timeout`, `device_timeout`, `capture`, `realtime_priority`."""
 
     ROBOT: ClassVar[str]
+    FAULTS: ClassVar = {**CommandedNode.FAULTS, **DEVICE_FAULTS}
 
     def __init__(self, context: Context | None = None, **node_options: Any) -> None:
         super().__init__(context, **node_options)
@@ -72,6 +84,10 @@ class DriverNode(CommandedNode):
                 )
             self.session = Session(read_capture(self.values["replay.file"], self.ROBOT))
         self.driver: Driver = self.make_driver(Reporter(self.fault, lambda: self.faults.latched))
+        self.watch = DeviceWatch(SteadyClock(), self.values["device_timeout"])
+        self._hangs = ""
+        if self.session is None:  # whose pauses are those of the session
+            self.create_timer(LOOK_PERIOD, self._look, clock=Clock(clock_type=ClockType.STEADY_TIME))
         self._thread = threading.Thread(target=self._run, name=self.NAME, daemon=True)
 
     def make_driver(self, reporter: Reporter) -> Driver:
@@ -107,6 +123,16 @@ class DriverNode(CommandedNode):
         super().on_reset()
         self._wants_reset.set()
 
+    def _look(self) -> None:
+        away = self.watch.look()
+        if away is None:
+            self._hangs = ""
+            return
+        known, self._hangs = self._hangs, f"{away[0]} has not come back for {away[1]:.1f} s"
+        self._driven = False
+        if not known or self.faults.latched is None:  # a reset does not bring the device back
+            self.fault(DEVICE_HANGS, self._hangs)
+
     # The thread that owns the device.
 
     def _run(self) -> None:
@@ -127,16 +153,20 @@ class DriverNode(CommandedNode):
         self._wants_reset.clear()
         if self.capture is not None:
             self.capture.add(RESET, stamp_now(), bytes([reopened]))
+        self.watch.enter("reset", OPENING_TIME)
         if reopened:
             self.driver.close()
         self.driver.reset()
+        self.watch.leave()
 
     def _cycle(self) -> bool:
         reopened = None if self.session is None else self.session.take_reset()
         if reopened is not None:
             self.faults.reset()
             self._reset_device(reopened)
+        self.watch.enter("read")
         result = self.driver.read()
+        self.watch.leave()
         if result is ReadResult.END:
             self.get_logger().info("the replayed session is over")
             return False
@@ -167,17 +197,22 @@ class DriverNode(CommandedNode):
         if self.capture is not None:
             data = b"" if command is None else np.asarray(command, dtype="<f8").tobytes()
             self.capture.add(COMMAND, self._state_stamp, data)
+        self.watch.enter("write")
         self.driver.write(command)
+        self.watch.leave()
 
     # What is said about it.
 
     def state(self) -> str:
+        if self._hangs:
+            return f"device hangs: {self._hangs}"
         return "device lost" if self._lost else super().state()
 
     def measurements(self) -> dict[str, Any]:
         values = {
             "device": self.values["device"],
-            **self.driver.measurements(),
+            # What the driver knew before its device held it is not so any more.
+            **({"device call": self._hangs} if self._hangs else self.driver.measurements()),
             "states without an answer in time": self.unanswered,
             "commands out of order": self.dropped,
             **self.latency.summary(),

@@ -26,7 +26,7 @@ class OmniDriverNode(DriverNode):
     )
     JOINTS = OMNI_JOINTS
     COMMAND_JOINTS = OMNI_JOINTS
-    FAULTS: ClassVar = ALL_FAULTS
+    FAULTS: ClassVar = {**DriverNode.FAULTS, **ALL_FAULTS}
     TABLE = TABLE
 
     def make_driver(self, reporter: Reporter) -> Driver:
