@@ -1,9 +1,11 @@
 """The drivers as nodes on emulated devices: as the plants, off at the end, captured and replayed."""
 
 import math
+import re
 import signal
 import subprocess
 import sys
+import threading
 import time
 
 import numpy as np
@@ -14,6 +16,8 @@ from ros_graph import Graph, Sink, Source, stamp_of
 from haptic_teleop_2dsfj.build import replay_capture as replay_sfj
 from haptic_teleop_2dsfj.nodes.sfj_driver import SfjDriverNode
 from haptic_teleop_2dsfj.replay_session import main as sfj_replay
+from haptic_teleop_control.clocks import VirtualClock
+from haptic_teleop_control.device_watch import DeviceWatch
 from haptic_teleop_control.errors import RecordingError
 from haptic_teleop_control.raw_capture import read_capture
 from haptic_teleop_control.recording import read_recording
@@ -141,6 +145,69 @@ def test_at_the_end_nothing_flows_and_the_device_is_released(graph, robot):
     else:
         assert not device.torque.any()
         assert not device.motors_on
+
+
+class Held:
+    """A device that blocks in one call of its driver until the test releases it, and a clock that the test moves."""
+
+    def __init__(self, setting, call, monkeypatch):
+        self.entered, self.released, self.clock = threading.Event(), threading.Event(), VirtualClock()
+        setting.node.watch = DeviceWatch(self.clock, setting.node.values["device_timeout"])
+        ordinary = getattr(setting.node.driver, call)
+
+        def block(*arguments):
+            if not self.released.is_set():
+                self.entered.set()
+                self.released.wait()
+            return ordinary(*arguments)
+
+        monkeypatch.setattr(setting.node.driver, call, block)
+        setting.graph.until(self.entered.is_set)
+
+
+@pytest.mark.parametrize("call", ["read", "write"])
+@pytest.mark.parametrize("robot", ROBOTS)
+def test_a_device_that_holds_its_thread_is_an_error_and_stays_one_after_it_has_come_back(
+    graph, robot, call, monkeypatch
+):
+    heard: list = []
+    graph.probe.create_subscription(DiagnosticArray, "/diagnostics", heard.append, 10)
+    setting = Setting(graph, robot)
+    setting.push()
+    held = Held(setting, call, monkeypatch)
+    try:
+        states = len(setting.states.messages)
+        graph.run(0.3)  # a long look at the machine's clock alone tells nothing
+        assert setting.node.faults.counts["device_hangs"] == 0
+        graph.until(lambda: (held.clock.advance(0.02), setting.node.faults.counts["device_hangs"])[1])
+        assert len(setting.states.messages) <= states + 1
+        held.clock.advance(0.2)
+        setting.node._look()
+        heard.clear()
+        setting.node._report()
+        status = graph.until(lambda: heard and heard[-1].status[0])
+        values = {entry.key: entry.value for entry in status.values}
+        assert status.level == b"\x02"
+        assert re.search(rf"{call} has not come back for [0-9.]+ s", values["state"])
+        assert float(re.search(r"([0-9.]+) s", values["state"])[1]) >= 0.6
+        assert not {"amplifier", "motors"} & set(values), "what was so before the device held the driver"
+        assert setting.node.permitted() is None
+        counted = setting.node.faults.counts["device_hangs"]
+        assert graph.call(f"/{robot}/{robot}_driver/reset").success
+        held.clock.advance(0.2)
+        graph.until(lambda: setting.node.faults.latched == "device_hangs", what="a reset does not bring it back")
+        assert setting.node.faults.counts["device_hangs"] == counted + 1
+    finally:
+        held.released.set()
+    graph.until(lambda: len(setting.states.messages) > states + 20)
+    graph.until(lambda: setting.node.state() == "fault")
+    setting.push()
+    assert setting.node.faults.latched == "device_hangs"
+    assert not setting.flows()
+    assert graph.call(f"/{robot}/{robot}_driver/reset").success
+    setting.push(0.3)
+    assert setting.node.faults.latched is None
+    assert setting.flows()
 
 
 def test_an_error_of_the_program_leaves_the_amplifier_off(graph, monkeypatch):
@@ -319,7 +386,13 @@ def test_the_shipped_files_differ_from_the_simulated_ones_in_the_robots_and_in_w
     assert load_scenario(real).nodes == ("sfj_driver", "omni_driver", "force_controller", "signal_generator")
     ours, theirs = load_parameter_file(real), load_parameter_file(sim)
     begins = {"auto_engage", "autostart", "stage1.delay", "stage2.delay"}
+    # And in what the recommended current can do.
+    begins |= {f"{stage}{side}.current_limit" for stage in ("stage1", "stage2") for side in ("", ".master")}
+    begins |= {"stage2.steps.levels"}
     for node in ("force_controller", "signal_generator"):
         different = {key for key in ours[node] | theirs[node] if ours[node].get(key) != theirs[node].get(key)}
         assert different <= begins
+    for stage in ("stage1", "stage2"):
+        law = f"{stage}.current_limit" if number == 1 else f"{stage}.master.current_limit"
+        assert ours["sfj_driver"][f"{stage}.current_limit"] == ours["force_controller"][law] == 0.5
     assert ours["force_controller"]["auto_engage"] is False and not ours["signal_generator"]["autostart"]

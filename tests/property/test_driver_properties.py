@@ -201,6 +201,7 @@ class AnyBoard:
         self.counts, self.sense_volts = np.zeros(4, dtype=np.int32), np.zeros(2)
         self.switch_levels = np.ones(4, dtype=np.int8)
         self.periods, self.enabled, self.volts = 1, False, (0.0, 0.0)
+        self.lag, self.sampling = None, ""
 
     def open(self) -> None: ...
 

@@ -2,17 +2,18 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
 
-from haptic_teleop_2dsfj.amplifier import Amplifier
 from haptic_teleop_2dsfj.board import Board
 from haptic_teleop_2dsfj.build import all_faults
 from haptic_teleop_2dsfj.build import make_driver as make_sfj_driver
 from haptic_teleop_2dsfj.driver import SfjDriver
+from haptic_teleop_2dsfj.emulated_electronics import Electronics
 from haptic_teleop_2dsfj.emulated_hil import EmulatedHil
 from haptic_teleop_2dsfj.settings import SfjDriverSettings
 from haptic_teleop_control.clocks import VirtualClock
@@ -23,6 +24,16 @@ from haptic_teleop_omni.driver import OmniDriver
 from haptic_teleop_omni.layout import load_layout
 from haptic_teleop_omni.settings import OmniDriverSettings
 from haptic_teleop_omni.transports.emulated import EmulatedOmni
+
+UNSHAPED = {
+    "ramp_time": 0.0,
+    "stage1.current_slew": math.inf,
+    "stage2.current_slew": math.inf,
+    "stage1.current_limit": 0.94,
+    "stage2.current_limit": 1.2,
+}
+"""Parameters of `sfj_driver` with which a command flows at once, up to the motors' maximum, as in the simulated
+plant: for tests of something else."""
 
 
 @dataclass
@@ -56,17 +67,24 @@ class StillOmni:
 
 
 class SfjRig:
-    """parameters: of `sfj_driver`, with __ for dots. plant: what is behind the board."""
+    """parameters: of `sfj_driver`, with __ for dots, UNSHAPED where they say nothing else. plant: what is
+    behind the board. electronics: its converters and scales, those of the robot where it is None."""
 
-    def __init__(self, plant: Any = None, **parameters: Any) -> None:
-        values = {name.replace("__", "."): value for name, value in parameters.items()}
+    def __init__(
+        self, plant: Any = None, electronics: Electronics | None = None, **parameters: Any
+    ) -> None:
+        values = UNSHAPED | {name.replace("__", "."): value for name, value in parameters.items()}
         self.settings = SfjDriverSettings.from_parameters(values)
         self.clock = VirtualClock()
         self.plant = StillRobot() if plant is None else plant
-        self.hil = EmulatedHil(self.plant, self.settings.board, Amplifier(), self.clock)
+        self.hil = EmulatedHil(self.plant, self.settings.board, self.clock, electronics=electronics)
         self.reporter, self.latch = Reporter.to_latch(all_faults())
-        self.driver = SfjDriver(self.settings, Board(self.settings.board, lambda: self.hil), self.reporter)
+        self.driver = SfjDriver(self.settings, self.board(), self.reporter)
         self.driver.open()
+
+    def board(self, hil: Any = None) -> Board:
+        """A new one around `hil`, or around the rig's."""
+        return Board(self.settings.board, lambda: hil or self.hil, clock=self.clock)
 
     def cycle(self, effort: Any = None) -> Any:
         result = self.driver.read()
@@ -113,14 +131,14 @@ class OmniRig:
 class EmulatedPair:
     """Both drivers on emulated devices, each with a virtual clock; open.
 
-    sfj, omni: their parameters, `device: emulated` unless they say otherwise.
+    sfj, omni: their parameters; `device: emulated` and UNSHAPED unless they say otherwise.
     """
 
     def __init__(self, sfj: Mapping[str, Any], omni: Mapping[str, Any]) -> None:
         sfj_reporter, self.sfj_latch = Reporter.to_latch(all_faults())
         omni_reporter, self.omni_latch = Reporter.to_latch(ALL_FAULTS)
         emulated = {"device": "emulated"}
-        self.sfj = make_sfj_driver({**emulated, **sfj}, sfj_reporter, clock=VirtualClock())
+        self.sfj = make_sfj_driver({**emulated, **UNSHAPED, **sfj}, sfj_reporter, clock=VirtualClock())
         self.omni = make_omni_driver({**emulated, **omni}, omni_reporter, clock=VirtualClock())
         self.sfj.open()
         self.omni.open()

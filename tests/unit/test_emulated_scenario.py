@@ -4,13 +4,14 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from device_rigs import UNSHAPED
 
 from haptic_teleop_2dsfj.build import emulated_hil
 from haptic_teleop_2dsfj.settings import TABLE as SFJ_TABLE
 from haptic_teleop_control.clocks import VirtualClock
 from haptic_teleop_control.device import ReadResult, Reporter
 from haptic_teleop_control.laws import LAWS, MasterSide
-from haptic_teleop_control.node_tables import AXES
+from haptic_teleop_control.node_tables import AXES, FORCE_CONTROLLER, SIGNAL_GENERATOR
 from haptic_teleop_control.parameter_files import load_parameter_file, parameters_for
 from haptic_teleop_control.robots import STAGES
 from haptic_teleop_control.signals import SignalGenerator
@@ -21,6 +22,7 @@ from haptic_teleop_sim.scenario_parameters import load_scenario
 
 FILE = Path(__file__).parents[2] / "config" / "scenario1_sim.yaml"
 DURATION = 18.0
+TABLE_DEFAULTS = SFJ_TABLE.defaults()
 
 
 class Slave:
@@ -32,20 +34,26 @@ class Slave:
         from haptic_teleop_2dsfj.driver import SfjDriver
         from haptic_teleop_2dsfj.settings import SfjDriverSettings
 
-        values = SFJ_TABLE.check({"device": "emulated", "emulated.file": str(FILE), **changes})
+        values = SFJ_TABLE.check({"device": "emulated", "emulated.file": str(FILE), **UNSHAPED, **changes})
         settings = SfjDriverSettings.from_parameters(values)
-        self.hil = emulated_hil(values, settings, VirtualClock())
+        clock = VirtualClock()
+        self.hil = emulated_hil(values, settings, clock)
         reporter, self.latch = Reporter.to_latch(all_faults())
-        self.driver = SfjDriver(settings, Board(settings.board, lambda: self.hil), reporter)
+        self.driver = SfjDriver(settings, Board(settings.board, lambda: self.hil, clock=clock), reporter)
         self.driver.open()
 
 
-def through_the_drivers(changes: dict | None = None, duration: float = DURATION) -> dict[str, np.ndarray]:
-    """Position, velocity, effort of the 2DSFJ (n, 4), its commands and the currents that flowed in the period
+def through_the_drivers(
+    changes: dict | None = None, duration: float = DURATION, stated: dict[str, dict] | None = None
+) -> dict[str, np.ndarray]:
+    """stated: parameters of controller and signal generator, of the simulated scenario where it is None.
+
+    Position, velocity, effort of the 2DSFJ (n, 4), its commands and the currents that flowed in the period
     before (n, 2), angles and torques of the Omni (m, 3)."""
     scenario = load_scenario(FILE)
-    control, signal = scenario.nodes["force_controller"], scenario.nodes["signal_generator"]
-    stated = {k: v for k, v in signal.items() if k in ("kind", "rate") or k.split(".")[0] in STAGES}
+    nodes = scenario.nodes if stated is None else stated
+    control, signal = nodes["force_controller"], nodes["signal_generator"]
+    generator = {k: v for k, v in signal.items() if k in ("kind", "rate") or k.split(".")[0] in STAGES}
     slave = Slave(changes or {})
     reporter, omni_latch = Reporter.to_latch(ALL_FAULTS)
     # What the simulated Omni does of its own, its driver does behind the emulated one.
@@ -61,7 +69,7 @@ def through_the_drivers(changes: dict | None = None, duration: float = DURATION)
     wanted = MasterSide.from_parameters(control, AXES, 0.002)
     felt = MasterSide.from_parameters(control, AXES, 0.001)
     times = np.arange(round(duration * 500)) / 500
-    reference = SignalGenerator.from_parameters(stated, STAGES).series(times)
+    reference = SignalGenerator.from_parameters(generator, STAGES).series(times)
     logs: dict[str, list] = {
         name: [] for name in ("position", "velocity", "effort", "command", "flow", "omni", "torque")
     }
@@ -155,6 +163,40 @@ def test_what_flows_is_what_was_asked_for_one_period_later_and_never_more(emulat
 def test_the_omni_moves_as_the_simulated_one_does_within_its_torque_steps(simulated, emulated):
     states = simulated["/omni/joint_states"]
     assert np.abs(emulated["omni"] - states.position).max() < 5e-3
+
+
+def test_the_file_for_the_robots_presses_as_it_asks_within_the_recommended_current():
+    """With its own limits, slew and ramp; the thesis' 0.8 N·m of stage 2 is more than 0.5 A can do."""
+    file = FILE.with_name("scenario1_real.yaml")
+    sections = load_parameter_file(file)
+    stated = {}
+    for table in (FORCE_CONTROLLER, SIGNAL_GENERATOR):
+        own = parameters_for(sections, table.node_name)
+        stated[table.node_name] = table.check({key: value for key, value in own.items() if key in table})
+    own = {k: v for k, v in parameters_for(sections, "sfj_driver").items() if "current" in k}
+    shaped = {key: TABLE_DEFAULTS[key] for key in UNSHAPED}
+    run = through_the_drivers({**shaped, **own}, 14.0, stated)
+    assert np.abs(run["flow"]).max() <= 0.5
+    contact = slice(int(9.0 * 500), int(10.9 * 500))
+    for arm, asked in ((1, 0.6), (3, 0.4)):
+        assert run["effort"][contact, arm].mean() == pytest.approx(asked, abs=0.002)
+        assert run["effort"][:, arm].max() < 1.15 * asked
+        assert run["position"][-1, arm] < 0.9, "it lets go of the wall"
+    # Nothing of it is what a limit makes of it: the currents that it needs are below.
+    assert np.abs(run["flow"][contact]).max() < 0.3
+
+
+def test_the_ramp_and_the_slew_limit_as_shipped_do_not_change_the_contact(emulated):
+    shaped = {key: TABLE_DEFAULTS[key] for key in UNSHAPED if "limit" not in key}
+    run = through_the_drivers(shaped, 14.0)
+    contact = slice(int(12.0 * 500), int(13.9 * 500))
+    for arm, stiffness in ((1, 3.971), (3, 3.891)):
+        count = stiffness * 2.462e-4  # N·m
+        pressed, before = (r["effort"][contact, arm].mean() for r in (run, emulated))
+        assert pressed == pytest.approx(before, abs=count)
+        assert run["effort"][:, arm].max() == pytest.approx(emulated["effort"][:, arm].max(), abs=count)
+        touch, touched = (np.argmax(r["position"][:, arm] >= 1.0) / 500 for r in (run, emulated))
+        assert touched < touch < touched + 0.011
 
 
 def test_the_drift_correction_shifts_the_current_and_the_force_loop_takes_it_up_again(emulated):

@@ -1,6 +1,7 @@
 """The driver of the Omni on an emulated device: angles, torques, calibration, losses, the end."""
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -9,7 +10,7 @@ from device_rigs import OmniRig, StillOmni
 
 from haptic_teleop_control.device import DeviceError, ReadResult, Reporter
 from haptic_teleop_control.errors import ConfigurationError
-from haptic_teleop_omni.build import make_driver
+from haptic_teleop_omni.build import ALL_FAULTS, make_driver
 from haptic_teleop_omni.driver import OmniDriver
 from haptic_teleop_omni.layout import load_layout, parse_layout
 from haptic_teleop_omni.settings import OmniDriverSettings
@@ -334,6 +335,7 @@ class RealDevice:
     """A transport that claims to be a real device and fails the test when something is sent to it."""
 
     emulated = False
+    identity = "2988:0304:T1"
 
     def open(self) -> None: ...
 
@@ -341,7 +343,7 @@ class RealDevice:
         return bytes(64) if timeout else None
 
     def write(self, report: bytes) -> None:
-        pytest.fail(f"sent {report.hex()} with an unverified layout")
+        pytest.fail(f"sent {report.hex()} with a layout that nobody has confirmed")
 
     def close(self) -> None: ...
 
@@ -349,22 +351,65 @@ class RealDevice:
         return "a real device"
 
 
-def test_with_an_unverified_layout_nothing_is_ever_sent_to_a_real_device():
-    reporter, latch = Reporter.to_latch(dict.fromkeys(["frozen_counter", "silent", "non_finite_command"], ""))
-    settings = OmniDriverSettings.from_parameters({"calibration.method": "start"})
-    driver = OmniDriver(settings, load_layout("touch_hid"), RealDevice(), reporter)
+TOUCH = load_layout("touch_hid")
+OTHERS = [
+    "", "true", "2988:0304:T1", TOUCH.confirmation("2988:0304:T2"), TOUCH.confirmation("").strip(),
+    load_layout("emulator").confirmation("2988:0304:T1"),
+    replace(TOUCH, output=replace(TOUCH.output, length=65)).confirmation("2988:0304:T1"),
+]  # fmt: skip
+
+
+@pytest.mark.parametrize("stated", OTHERS)
+def test_without_the_words_for_this_device_and_layout_nothing_is_ever_sent_to_it(stated):
+    reporter, latch = Reporter.to_latch(ALL_FAULTS)
+    settings = OmniDriverSettings.from_parameters(
+        {"calibration.method": "start", "layout_confirmed_for": stated}
+    )
+    driver = OmniDriver(settings, TOUCH, RealDevice(), reporter)
     driver.open()
     for _ in range(10):
         driver.read()
         driver.write(np.array(PUSH))
     driver.close()
-    assert "NOT VERIFIED" in driver.describe()
     assert not driver.may_drive
+    needed = f'layout_confirmed_for: "{TOUCH.confirmation("2988:0304:T1")}"'
+    assert needed in driver.describe()
+    assert needed in driver.measurements()["torque output"]
+    assert latch.counts["layout_not_confirmed"] == (1 if stated else 0), "wrong words are no silence"
+    if stated:
+        assert needed in latch.sentence
+        latch.reset()
+        driver.reset()
+        assert latch.latched == "layout_not_confirmed"
 
 
-@pytest.mark.parametrize("name", ["emulator", "touch_hid"])
-def test_no_layout_that_we_ship_claims_to_be_verified(name):
-    assert not load_layout(name).verified
+def test_the_words_that_the_refusal_spells_out_are_those_that_let_torques_through():
+    device = RealDevice()
+    sent: list[bytes] = []
+    device.write = sent.append
+    reporter, latch = Reporter.to_latch(ALL_FAULTS)
+    asked = OmniDriver(OmniDriverSettings(), TOUCH, device, reporter)
+    asked.open()
+    text = asked.describe().split('layout_confirmed_for: "')[1].split('"')[0]
+    settings = OmniDriverSettings.from_parameters({"layout_confirmed_for": text})
+    driver = OmniDriver(settings, TOUCH, device, reporter)
+    assert not driver.may_drive, "not before it is known which device it is"
+    driver.open()
+    assert driver.may_drive
+    driver.close()
+    assert sent and latch.latched is None
+    device.identity = "2988:0304:T2"  # another one in its place
+    driver.reset()
+    assert not driver.may_drive
+    assert latch.latched == "layout_not_confirmed"
+
+
+@pytest.mark.parametrize("key", ["verified", "layout_confirmed_for"])
+def test_a_layout_file_cannot_carry_the_confirmation_itself(key):
+    content = broken("name", "mine") | {key: True}
+    with pytest.raises(ConfigurationError, match=key) as caught:
+        parse_layout(content, "mine.yaml")
+    assert key != "verified" or "layout_confirmed_for" in str(caught.value)
 
 
 def broken(path: str, value: object) -> dict:
@@ -398,7 +443,6 @@ def load_folder():
         ("output/fields/torque_x/idle", 5000, ["torque_x: idle", "4095"]),
         ("output/fields/torque_x/maximum", 40000, ["torque_x: minimum", "32767"]),
         ("output/fields/motors_on/mask", 0x3F, ["motors_on: mask", "u8"]),
-        ("verified", "yes", ["verified", "true or false"]),
         ("output", None, ["output is missing"]),
     ],
 )

@@ -1,7 +1,6 @@
 """The Omni over hidapi, with a module in its place that answers as the library's documentation says."""
 
 import sys
-from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -55,6 +54,17 @@ class FakeHid:
 
     def close(self) -> None: ...
 
+    serial: str | None = "T1"
+    product: str | None = "Touch"
+
+    def get_serial_number_string(self) -> str | None:
+        if self.serial == "refused":
+            raise OSError("no such string")
+        return self.serial
+
+    def get_product_string(self) -> str | None:
+        return self.product
+
 
 @pytest.fixture
 def fake(monkeypatch):
@@ -102,11 +112,23 @@ class HidOmni(FakeHid):
         return len(data)
 
 
-@pytest.mark.parametrize("verified", [True, False])
-def test_a_real_device_gets_torques_if_and_only_if_its_layout_is_verified(monkeypatch, verified):
-    rig = OmniRig()
+@pytest.mark.parametrize(("serial", "product", "identity"), [
+    ("T1", "Touch", "2988:0304:T1"), (None, "Touch", "2988:0304:Touch"), ("", None, "2988:0304"),
+    ("refused", " Touch  X ", "2988:0304:Touch X"),
+])  # fmt: skip
+def test_a_device_is_known_by_its_serial_number_or_its_product_s_name(fake, serial, product, identity):
+    fake.serial, fake.product = serial, product
+    transport = HidapiTransport(0x2988, 0x0304)
+    transport.open()
+    assert transport.identity == identity
+
+
+@pytest.mark.parametrize("confirmed", [True, False])
+def test_a_real_device_gets_torques_if_and_only_if_its_layout_is_confirmed_for_it(monkeypatch, confirmed):
+    layout = load_layout("emulator")
+    words = layout.confirmation("2988:0304:T1") if confirmed else ""
+    rig = OmniRig(layout_confirmed_for=words)
     monkeypatch.setitem(sys.modules, "hidraw", HidOmni(rig.device))
-    layout = replace(load_layout("emulator"), verified=verified)
     driver = OmniDriver(rig.settings, layout, HidapiTransport(0x2988, 0x0304), rig.reporter)
     driver.open()
     states = 0
@@ -115,8 +137,8 @@ def test_a_real_device_gets_torques_if_and_only_if_its_layout_is_verified(monkey
         driver.write(np.array(PUSH))
     assert states == 20
     assert rig.latch.latched is None
-    assert rig.device.torque == pytest.approx(PUSH if verified else (0.0, 0.0, 0.0), abs=STEP / 2)
-    assert driver.effort == pytest.approx(PUSH if verified else (0.0, 0.0, 0.0), abs=STEP / 2)
+    assert rig.device.torque == pytest.approx(PUSH if confirmed else (0.0, 0.0, 0.0), abs=STEP / 2)
+    assert driver.effort == pytest.approx(PUSH if confirmed else (0.0, 0.0, 0.0), abs=STEP / 2)
     driver.close()
     assert idle(rig)
 

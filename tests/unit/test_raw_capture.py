@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 from device_rigs import StillOmni, StillRobot
 
-from haptic_teleop_2dsfj.amplifier import Amplifier
 from haptic_teleop_2dsfj.board import Board
 from haptic_teleop_2dsfj.build import all_faults
 from haptic_teleop_2dsfj.build import replay_capture as replay_sfj
@@ -41,9 +40,10 @@ class Recorded:
         if robot == "sfj":
             settings = SfjDriverSettings.from_parameters(stated)
             self.plant = StillRobot()
-            self.device = EmulatedHil(self.plant, settings.board, Amplifier(), self.clock)
+            self.device = EmulatedHil(self.plant, settings.board, self.clock)
             reporter, self.latch = Reporter.to_latch(all_faults())
-            board = Board(settings.board, lambda: self.device, self._tap(READ), self._tap(WRITE))
+            taps = self._tap(READ), self._tap(WRITE)
+            board = Board(settings.board, lambda: self.device, *taps, clock=self.clock)
             self.driver = SfjDriver(settings, board, reporter)
         else:
             layout = load_layout("emulator")
@@ -124,6 +124,18 @@ def replayed(robot: str, path) -> list[tuple[int, bytes]]:
     states = REPLAY[robot](capture, capture.parameters)
     rows = np.concatenate([states.position, states.velocity, states.effort], axis=1)
     return [(int(stamp), row.tobytes()) for stamp, row in zip(states.stamp, rows, strict=True)]
+
+
+def test_a_session_in_which_samples_lost_step_with_the_clock_replays_to_the_same_fault(tmp_path):
+    session = Recorded("sfj", tmp_path / "session.mcap")
+    session.run(400, [2.0, 0.4])
+    session.device.lose(2)
+    session.run(400, [2.0, 0.4])
+    session.close()
+    assert session.latch.latched == "sample_clock"
+    assert replayed("sfj", tmp_path / "session.mcap") == session.states
+    capture = read_capture(tmp_path / "session.mcap", "sfj")
+    assert replay_sfj(capture, capture.parameters).faults["sample_clock"] == 1
 
 
 @pytest.mark.parametrize("robot", REPLAY)

@@ -6,11 +6,12 @@ import numpy as np
 import pytest
 from device_rigs import SfjRig, StillRobot
 
-from haptic_teleop_2dsfj.board import Board
 from haptic_teleop_2dsfj.board_settings import BoardSettings
 from haptic_teleop_2dsfj.build import make_driver
+from haptic_teleop_2dsfj.emulated_electronics import Electronics
 from haptic_teleop_2dsfj.limit_switches import LimitSwitches
 from haptic_teleop_2dsfj.settings import SfjDriverSettings
+from haptic_teleop_2dsfj.stage_settings import StageSettings
 from haptic_teleop_control.device import DeviceError, ReadResult, Reporter
 from haptic_teleop_control.errors import ConfigurationError
 
@@ -62,7 +63,10 @@ def test_the_pose_at_the_start_is_zero_whatever_the_counters_held():
 
 def test_counters_that_wrap_give_continuous_angles():
     plant = StillRobot()
-    rig = SfjRig(plant, board__counter_bits=16, supervisor__highest_speed=1e6, stage1__deflection_trip=1.0)
+    rig = SfjRig(
+        plant, Electronics(counter_bits=16), board__counter_bits=16,
+        supervisor__highest_speed=1e6, stage1__deflection_trip=1.0,
+    )  # fmt: skip
     turn = 2.0 * math.pi / 409_600
     for count in range(0, 70_000, 10_000):  # passes 2^15
         plant.angles[0] = plant.angles[1] = count * turn
@@ -82,6 +86,13 @@ def test_more_than_the_motor_carries_never_flows(effort, limit):
     rig.run(3, effort)
     strongest = max(abs(value) for value in rig.plant.given[-1])
     assert limit - STEP < strongest <= limit
+
+
+def test_without_a_word_the_recommended_current_is_the_limit():
+    rig = SfjRig(stage1__current_limit=StageSettings.nominal("stage1").current_limit,
+                 stage2__current_limit=StageSettings.nominal("stage2").current_limit)  # fmt: skip
+    rig.run(20, (50.0, -50.0))
+    assert 0.5 - STEP < np.abs(rig.plant.given).max() <= 0.5, "thesis 2.4.4"
 
 
 def test_a_limit_above_the_motor_s_is_refused():
@@ -120,6 +131,77 @@ def test_the_slew_limit_holds_for_every_sample():
     currents = [given[0] for given in rig.plant.given]
     assert max(np.diff(currents)) <= 10.0 / 500.0 + STEP
     assert max(currents) == pytest.approx(20 * 10.0 / 500.0 + 8 * 10.0 / 500.0, abs=0.05)
+
+
+RAMP, CAREFUL = 0.2, 0.1  # s; A, where the thesis (3.1.1) begins to ask for care
+
+
+def test_as_shipped_no_sample_changes_the_current_by_more_than_the_thesis_calls_careful():
+    defaults = SfjDriverSettings().stages
+    rig = SfjRig(stage1__current_slew=defaults[0].current_slew, stage2__current_slew=defaults[1].current_slew)
+    for sample in range(200):  # to and fro at every sample, then at every tenth
+        sign = (-1.0) ** (sample if sample < 100 else sample // 10)
+        rig.cycle((sign * 50.0, sign * 50.0))
+    currents = np.abs(np.diff([(0.0, 0.0), *rig.plant.given], axis=0))
+    assert currents.max() <= CAREFUL + STEP
+    assert currents.max() > CAREFUL - STEP, "and it may change by so much"
+    assert np.abs(rig.plant.given[:100]).max() <= CAREFUL + STEP
+
+
+def ramp(rig: SfjRig, samples: int) -> np.ndarray:
+    """Current of stage 1 in each sample from now on, with PUSH."""
+    begun = len(rig.plant.given)
+    rig.run(samples, PUSH)
+    return np.array([given[0] for given in rig.plant.given[begun:]])
+
+
+def follows_the_ramp(currents: np.ndarray) -> bool:
+    whole = PUSH[0] / 8.925
+    expected = whole * np.minimum(1.0, np.arange(len(currents)) * 0.002 / RAMP)
+    return bool(np.abs(currents - expected).max() <= STEP) and currents[-1] > whole - STEP
+
+
+@pytest.mark.parametrize("fault", ["watchdog_expired", "limit_switch", "board_error", "stale_command"])
+def test_after_a_fault_and_its_reset_the_effort_ramps_in_from_zero(fault):
+    rig = SfjRig(ramp_time=RAMP)
+    rig.run(150, PUSH)
+    if fault == "watchdog_expired":
+        rig.clock.advance(0.1)
+    elif fault == "limit_switch":
+        rig.hil.stuck[1] = 0  # the other way is free
+    elif fault == "board_error":
+        rig.hil.unplug()
+    else:
+        rig.latch.count(fault)
+    rig.run(3, PUSH)
+    assert rig.latch.latched == fault
+    if fault == "board_error":
+        rig.hil.plug()
+    rig.latch.reset()
+    rig.driver.reset()
+    rig.cycle(PUSH)
+    assert follows_the_ramp(np.array([0.0, *ramp(rig, 130)]))
+    assert rig.latch.latched is None
+
+
+def test_a_fault_that_is_reset_before_the_next_sample_ramps_in_as_well():
+    rig = SfjRig(ramp_time=RAMP)
+    rig.run(150, PUSH)
+    rig.latch.count("stale_command")
+    rig.latch.reset()
+    rig.driver.reset()
+    rig.cycle(PUSH)
+    assert follows_the_ramp(np.array([0.0, *ramp(rig, 130)]))
+
+
+def test_as_shipped_the_first_command_ramps_in_and_a_late_loop_does_not_make_it_longer():
+    assert SfjDriverSettings().ramp_time == RAMP
+    rig = SfjRig(ramp_time=RAMP, board__watchdog=0.2)
+    rig.run(5)
+    rig.cycle(PUSH)
+    rig.clock.advance(0.1)
+    currents = ramp(rig, 80)
+    assert currents.max() == pytest.approx(PUSH[0] / 8.925, abs=STEP)
 
 
 def test_i2t_trips_when_its_time_at_the_limit_is_over_and_not_before():
@@ -347,7 +429,7 @@ def test_a_killed_driver_leaves_its_board_to_the_watchdog_and_the_next_one_can_u
     rig.run(5, PUSH)
     assert all(rig.hil.amplifier_on)
     rig.clock.advance(0.021)
-    heir = Board(rig.settings.board, lambda: rig.hil)
+    heir = rig.board()
     rig.hil.open("q8", "0")
     assert off(rig), "before anybody has written anything"
     heir.open()
@@ -436,6 +518,21 @@ def test_a_dead_encoder_is_found_when_almost_all_current_flows():
     assert "STAGE 1" in rig.latch.sentence
 
 
+def test_a_drive_that_presses_against_a_wall_with_all_its_current_is_not_taken_for_a_dead_encoder():
+    plant = StillRobot()
+    rig = SfjRig(plant, stage2__current_limit=0.5)
+    rig.run(3, (0.0, 1.0))
+    for _ in range(20):  # 0.11 rad, 0.43 of the 0.7 N·m: friction holds the rest
+        plant.angles[2] += 0.0055
+        rig.cycle((0.0, 1.0))
+    rig.run(1000, (0.0, 1.0))
+    assert rig.latch.latched is None
+    plant.angles[2:] = [0.0, 0.11]  # bent against its current: the drive has turned, and its encoder is silent
+    rig.driver.encoders.reset()
+    rig.run(140, (0.0, 1.0))
+    assert rig.latch.latched == "encoder_frozen"
+
+
 def test_missed_samples_are_counted_and_the_velocity_takes_their_time_into_account():
     plant = StillRobot()
     rig = SfjRig(plant, board__watchdog=0.2)
@@ -461,6 +558,6 @@ def test_a_watchdog_shorter_than_two_samples_is_refused():
 
 def test_a_closed_board_is_asked_nothing():
     rig = SfjRig()
-    board = Board(rig.settings.board, lambda: rig.hil)
+    board = rig.board()
     with pytest.raises(DeviceError, match="not open"):
         board.read()

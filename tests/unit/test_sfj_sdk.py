@@ -62,7 +62,7 @@ def test_every_call_of_a_session_fits_the_prototypes_of_the_sdk():
     rig = SfjRig()
     rig.driver.close()
     strict = StrictHil(rig.hil)
-    rig.driver.board = Board(rig.settings.board, lambda: strict)
+    rig.driver.board = rig.board(strict)
     rig.driver.open()
     rig.run(3, PUSH)
     rig.clock.advance(0.1)

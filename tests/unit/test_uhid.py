@@ -5,7 +5,6 @@ import select
 import struct
 import threading
 import time
-from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -82,20 +81,28 @@ def virtual():
 
 
 def test_the_driver_reads_angles_and_sends_torques_through_the_kernel(virtual):
-    layout = replace(load_layout("emulator"), verified=True)  # ours, so it is: this device speaks it
+    layout = load_layout("emulator")
     reporter, latch = Reporter.to_latch(ALL_FAULTS)
-    settings = OmniDriverSettings.from_parameters(
-        {"calibration.method": "start", "silence": 0.2, "torque.ramp_time": 0.0}
-    )
-    driver = OmniDriver(settings, layout, HidapiTransport(VENDOR, PRODUCT), reporter)
+    transport = HidapiTransport(VENDOR, PRODUCT)
     deadline = time.monotonic() + 5.0
     while True:
         try:
-            driver.open()
+            transport.open()
             break
         except Exception:
             assert time.monotonic() < deadline
             time.sleep(0.05)
+    transport.close()
+    settings = OmniDriverSettings.from_parameters(
+        {
+            "calibration.method": "start",
+            "silence": 0.2,
+            "torque.ramp_time": 0.0,
+            "layout_confirmed_for": layout.confirmation(transport.identity),
+        }
+    )
+    driver = OmniDriver(settings, layout, transport, reporter)
+    driver.open()
     states = 0
     for _ in range(200):
         states += driver.read() is ReadResult.STATE

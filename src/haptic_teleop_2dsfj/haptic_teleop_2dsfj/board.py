@@ -6,6 +6,7 @@ Every array is made once with the exact type of its call. Outputs are 0 V and th
 
 from __future__ import annotations
 
+import math
 import struct
 from collections.abc import Callable
 from contextlib import suppress
@@ -15,7 +16,6 @@ import numpy as np
 
 from haptic_teleop_2dsfj.board_settings import BoardSettings
 from haptic_teleop_2dsfj.hil import (
-    HARDWARE_CLOCK_0,
     INFINITE,
     OVERWRITE_ON_OVERFLOW,
     QUADRATURE_4X,
@@ -23,18 +23,26 @@ from haptic_teleop_2dsfj.hil import (
     Hil,
     as_device_error,
 )
+from haptic_teleop_2dsfj.sample_clock import SampleClock
+from haptic_teleop_control.clocks import Clock, SteadyClock
 from haptic_teleop_control.device import DeviceError
 
-READ_FORMAT = struct.Struct("<4i2d4bI")
-"""A sample as captured: counts, volts of the senses, levels of the switches, periods since the last."""
+READ_FORMAT = struct.Struct("<4i2d4bIq")
+"""A sample as captured: counts, volts of the senses, levels of the switches, periods since the last, and when it was
+read, ns of the steady clock."""
 WRITE_FORMAT = struct.Struct("<2d3b")
 """An output as captured: volts of the current commands, levels of the enable lines."""
 
+QUEUE_TIME = 1.0
+"""s of samples that a card keeps which does not overwrite them: a reader that comes later has lost the board."""
+
 
 class Board:
-    """counts (4,) int32, sense_volts (2,) float64, switch_levels (4,) int8 and `periods` after each `read`.
+    """counts (4,) int32, sense_volts (2,) float64, switch_levels (4,) int8 and `periods` after each `read`;
+    lag: s, once the samples have been found not to keep step with the steady clock, otherwise None.
 
-    make_hil: makes the `HIL`, called by `open`. on_read, on_write: take the packets' bytes, for captures.
+    make_hil: makes the `HIL`, called by `open`. on_read, on_write: take the packets' bytes, for captures. clock: the
+    steady one where it is None. sampling: how the card hands out samples, in words.
     Every method raises DeviceError when the board refuses.
     """
 
@@ -44,8 +52,11 @@ class Board:
         make_hil: Callable[[], Hil],
         on_read: Callable[[bytes], None] | None = None,
         on_write: Callable[[bytes], None] | None = None,
+        clock: Clock | None = None,
     ) -> None:
         self.settings = settings
+        self._clock = clock or SteadyClock()
+        self._sample_clock = SampleClock(settings.dt)
         self._make_hil = make_hil
         self._on_read, self._on_write = on_read, on_write
         self._hil: Hil | None = None
@@ -64,6 +75,9 @@ class Board:
         self.switch_levels = np.ones(4, dtype=np.int8)
         self.periods = 1
         self.overflows = 0
+        self.lag: float | None = None
+        self.sampling = ""
+        self._queues = False
         self.enabled = False
 
     def open(self) -> None:
@@ -87,40 +101,32 @@ class Board:
             self._call("watchdog_set_analog_expiration_state", self._outputs, 2, self._zero)
             self._call("watchdog_set_digital_expiration_state", self._enables, 3, states)
             self._call("read_digital", self._switches, 4, self.switch_levels)
-            self._task = self._call(
-                "task_create_reader",
-                settings.buffer,
-                self._senses,
-                2,
-                self._encoders,
-                4,
-                self._switches,
-                4,
-                None,
-                0,
-            )
-            self._call("task_set_buffer_overflow_mode", self._task, OVERWRITE_ON_OVERFLOW)
+            self._create_task()
             self._call("watchdog_start", settings.watchdog)
-            self._call("task_start", self._task, HARDWARE_CLOCK_0, settings.rate, INFINITE)
+            self._call("task_start", self._task, settings.clock, settings.rate, INFINITE)
         except BaseException:
             self.close()
             raise
         self.overflows = 0
+        self._sample_clock.restart()
         self.enabled = False
 
     def read(self) -> None:
         """Waits for the next sample; `periods` is 1, or more when samples were missed in between."""
-        taken = self._call(
-            "task_read", self._task, 1, self.sense_volts, self.counts, self.switch_levels, None
-        )
-        if taken < 1:
-            raise DeviceError("task_read: the board's sampling task has stopped")
+        self._take()
+        more = 0
+        if self._queues:  # which begins with what is long past
+            more = max(0, self._sample_clock.waiting(self._clock.now()) - 1)
+            for _ in range(more):
+                self._take()
         overflows = int(self._call("task_get_buffer_overflows", self._task))
-        self.periods = 1 + max(0, overflows - self.overflows)
+        self.periods = 1 + more + max(0, overflows - self.overflows)
         self.overflows = overflows
+        moment = self._clock.now()
+        self.lag = self._sample_clock.step(moment, self.periods)
         if self._on_read is not None:
             self._on_read(
-                READ_FORMAT.pack(*self.counts, *self.sense_volts, *self.switch_levels, self.periods)
+                READ_FORMAT.pack(*self.counts, *self.sense_volts, *self.switch_levels, self.periods, moment)
             )
 
     def write(self, first: float, second: float) -> None:
@@ -130,10 +136,9 @@ class Board:
         self._wrote()
 
     def enable(self, on: bool) -> None:
-        """The amplifier on or off; off means 0 V as well."""
-        if not on:
-            self._volts[:] = 0.0
-            self._call("write_analog", self._outputs, 2, self._zero)
+        """The amplifier on or off; either begins with 0 V."""
+        self._volts[:] = 0.0
+        self._call("write_analog", self._outputs, 2, self._zero)
         self._call("write_digital", self._enables, 3, self._on if on else self._off)
         self.enabled = on
         self._wrote()
@@ -178,6 +183,37 @@ class Board:
         # A board may refuse this when nothing had expired; one that stays locked refuses the next output.
         with suppress(DeviceError):
             self._call("watchdog_clear")
+        # What a board holds after that nobody has stated: perhaps what flowed before it expired. So zero comes
+        # first, before its lines get a direction and a level.
+        self._call("write_analog", self._outputs, 2, self._zero)
+
+    def _create_task(self) -> None:
+        self._task = self._reader(self.settings.buffer)
+        try:
+            self._call("task_set_buffer_overflow_mode", self._task, OVERWRITE_ON_OVERFLOW)
+        except DeviceError as refusal:
+            if not refusal.code:  # not the card's answer
+                raise
+            # As cards do by themselves, this one then ends its task when its buffer is full. So the buffer becomes
+            # a queue, of which the reader takes all that has come.
+            with suppress(DeviceError):
+                self._call("task_delete", self._task)
+            self._task = None
+            self._task = self._reader(max(self.settings.buffer, math.ceil(QUEUE_TIME * self.settings.rate)))
+            self._queues, self.sampling = True, f"from a queue, because the card does not overwrite: {refusal}"
+        else:
+            self._queues, self.sampling = False, "the newest sample"
+
+    def _reader(self, samples: int) -> Any:
+        inputs = (self._senses, 2, self._encoders, 4, self._switches, 4)
+        return self._call("task_create_reader", samples, *inputs, None, 0)
+
+    def _take(self) -> None:
+        taken = self._call(
+            "task_read", self._task, 1, self.sense_volts, self.counts, self.switch_levels, None
+        )
+        if taken < 1:
+            raise DeviceError("task_read: the board's sampling task has stopped")
 
     def _wrote(self) -> None:
         if self._on_write is not None:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
+from haptic_teleop_2dsfj.hil import HARDWARE_CLOCK_0
 from haptic_teleop_control.errors import ConfigurationError
 from haptic_teleop_control.quantities import check_quantities, quantity
 from haptic_teleop_control.robots import SFJ_RATE_HZ
@@ -86,6 +87,14 @@ class BoardSettings:
     )
     counter_bits: int = quantity(
         24, "", "width of the encoder counters", name="board.counter_bits", minimum=16, maximum=32
+    )
+    clock: int = quantity(
+        HARDWARE_CLOCK_0,
+        "",
+        "of the card that paces the samples: 0 to 19 a hardware clock, -1 to -4 a system clock",
+        name="board.clock",
+        minimum=-4,
+        maximum=19,
     )
     watchdog: float = quantity(
         0.02,

@@ -46,7 +46,7 @@ def make_driver(
         taps = (None, None)
         if on_packet is not None:
             taps = (lambda data: on_packet(READ, data), lambda data: on_packet(WRITE, data))
-        board = Board(settings.board, make_hil, *taps)
+        board = Board(settings.board, make_hil, *taps, clock=clock)
     return SfjDriver(settings, board, reporter)
 
 
@@ -54,7 +54,7 @@ def emulated_hil(values: Mapping[str, Any], settings: SfjDriverSettings, clock: 
     """The emulated board with the plant that the parameters `emulated.*` name."""
     factory = load_object(values["emulated.plant"], "emulated.plant")
     plant = factory(values["emulated.file"], settings.board.rate)
-    return EmulatedHil(plant, settings.board, settings.amplifier, clock, values["emulated.switch_angle"])
+    return EmulatedHil(plant, settings.board, clock, values["emulated.switch_angle"])
 
 
 def replay_capture(capture: Capture, parameters: Mapping[str, Any]) -> ReplayedStates:

@@ -1,6 +1,6 @@
 """From a commanded effort to a current that may flow: every limit in series, none of which trusts another.
 
-effort -> current -> drift correction -> slew -> limit -> limit switches
+effort -> current -> drift correction -> ramp-in -> slew -> limit -> limit switches
 """
 
 from __future__ import annotations
@@ -28,10 +28,14 @@ class LimitResult(IntFlag):
 
 
 class CurrentLimiter:
-    """One stage, 0 or 1. `current` is what flows now, A."""
+    """One stage, 0 or 1. `current` is what flows now, A. ramp_time: s from none to all of a command after
+    `rest` or `halt`."""
 
-    def __init__(self, stage: int, settings: StageSettings, switches: LimitSwitches, dt: float) -> None:
+    def __init__(
+        self, stage: int, settings: StageSettings, switches: LimitSwitches, dt: float, ramp_time: float = 0.0
+    ) -> None:
         self.settings = settings
+        self._ramp_time, self._ramped = ramp_time, 0.0
         self.overload = Overload(settings.continuous_current, settings.current_limit, settings.overload_time)
         self.current = 0.0
         self._stage, self._switches, self._dt = stage, switches, dt
@@ -44,6 +48,10 @@ class CurrentLimiter:
             self.overload.step(self.current, (periods - 1) * self._dt)
         result = LimitResult.OK
         wanted = effort / settings.torque_constant + settings.drift_correction
+        # The time since power came, not its samples: a late loop does not make the ramp longer.
+        self._ramped = min(self._ramped + periods * self._dt, self._ramp_time)
+        if self._ramped < self._ramp_time:
+            wanted *= self._ramped / self._ramp_time
         if not math.isfinite(wanted):
             wanted, result = 0.0, LimitResult.REFUSED
         way = settings.current_slew * self._dt
@@ -67,5 +75,9 @@ class CurrentLimiter:
         """`periods` samples without current, once that which flows has ended."""
         if periods > 1:
             self.overload.step(self.current, (periods - 1) * self._dt)
-        self.current = 0.0
+        self.halt()
         self.overload.step(0.0, self._dt)
+
+    def halt(self) -> None:
+        """No current from now on; the next command ramps in."""
+        self.current = self._ramped = 0.0

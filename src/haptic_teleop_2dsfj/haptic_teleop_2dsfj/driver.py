@@ -34,6 +34,8 @@ class BoardLike(Protocol):
     sense_volts: NDArray[np.float64]
     switch_levels: NDArray[np.int8]
     periods: int
+    lag: float | None
+    sampling: str
     enabled: bool
 
     def open(self) -> None: ...
@@ -69,10 +71,11 @@ class SfjDriver:
         self.filter = VelocityFilter(4, dt, settings.cutoff_hz, settings.damping)
         self.filter.reset(np.zeros(4))
         self.switches = LimitSwitches(settings.limit_switches, settings.switch_debounce)
-        self.limiters = [CurrentLimiter(i, stage, self.switches, dt) for i, stage in enumerate(stages)]
+        self.limiters = [
+            CurrentLimiter(i, stage, self.switches, dt, settings.ramp_time) for i, stage in enumerate(stages)
+        ]
         self._supervisors = [
-            StageSupervisor(settings.supervisor, stage.current_limit, stage.deflection_trip, dt)
-            for stage in stages
+            StageSupervisor(settings.supervisor, stage, dt) for stage in stages
         ]
         self._step, self._highest = settings.board.output_step, settings.board.highest_volts
         self.position: Array = np.zeros(4)
@@ -177,19 +180,21 @@ class SfjDriver:
     def close(self) -> None:
         """0 V, amplifier off, board released."""
         self._open = False
-        self._flow = [0.0, 0.0]
+        self._halt()
         self.board.close()
 
     def describe(self) -> str:
         """Device, rate and limits in one line."""
         limits = " and ".join(f"{stage.current_limit:g} A" for stage in self.settings.stages)
         board = self.settings.board
-        return f"2DSFJ on {board.card_type} {board.card_identifier} at {board.rate:g} Hz, at most {limits}"
+        device = f"2DSFJ on {board.card_type} {board.card_identifier} at {board.rate:g} Hz, at most {limits}"
+        return f"{device}; samples: {self.board.sampling}" if self.board.sampling else device
 
     def measurements(self) -> dict[str, Any]:
         """For diagnostics."""
         return {
             "amplifier": "on" if self.board.enabled else "off",
+            "samples": self.board.sampling,
             "samples missed": self.missed,
             "watchdog expiries": self.expiries,
             "samples at the current limit": self.limited,
@@ -205,6 +210,9 @@ class SfjDriver:
         self._late = self._late + 1 if periods > _MOST_LATE else 0
         if self._late >= 2:
             self._stop("late", f"{periods - 1} samples missed at once, twice in a row")
+        if self.board.lag is not None:
+            lag, dt = self.board.lag, self.settings.board.dt
+            self._stop("sample_clock", f"{abs(lag) / dt:.1f} samples too {'few' if lag > 0.0 else 'many'}")
         hit = self.switches.step(self.board.switch_levels.tolist(), self.position[1::2].tolist())
         if hit:
             self._stop(*hit)
@@ -259,7 +267,7 @@ class SfjDriver:
     def _halt(self) -> None:
         self._flow = [0.0, 0.0]
         for limiter in self.limiters:
-            limiter.current = 0.0
+            limiter.halt()
 
     def _refused(self, error: DeviceError) -> None:
         # Between its reload and an output the watchdog may have expired: the board is there, and locked.

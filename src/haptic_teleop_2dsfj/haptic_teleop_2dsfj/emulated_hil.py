@@ -15,15 +15,15 @@ from typing import Any, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from haptic_teleop_2dsfj.amplifier import Amplifier
 from haptic_teleop_2dsfj.board_settings import BoardSettings
-from haptic_teleop_2dsfj.hil import QUADRATURE_4X, TRISTATE
+from haptic_teleop_2dsfj.emulated_electronics import Electronics
+from haptic_teleop_2dsfj.hil import OVERWRITE_ON_OVERFLOW, QUADRATURE_4X, TRISTATE
 from haptic_teleop_control.clocks import Clock
-from haptic_teleop_control.robots import ENCODER_COUNTS_PER_TURN, JOINT_ENCODER_GEARING, SFJ_STAGES, STAGES
 
-INPUT_BITS = 14
 LONGEST_CATCH_UP = 500  # samples of the plant that are made up for after a stall; the rest is lost
-NOT_OPEN, BAD_ARGUMENT, EXPIRED, NO_DEVICE = -1, -2, -3, -4
+NOT_OPEN, BAD_ARGUMENT, EXPIRED, NO_DEVICE, OVERFLOW = -1, -2, -3, -4, -5
+RANGES = (5.0, 10.0)
+"""V either side, that the analog lines know; the last one after power-up."""
 LOCKED = ("write_", "set_")
 """Beginnings of the calls that an expired board refuses until its watchdog has been cleared."""
 
@@ -52,21 +52,25 @@ class SfjPlant(Protocol):
 
 class EmulatedHil:
     """See the module. unplug(): every call fails from then on; refuse(call, code): that call fails once;
-    stuck: level of a switch (0 to 3) whatever the arm does, or no entry."""
+    stuck: level of a switch (0 to 3) whatever the arm does, or no entry; lose(n): samples get lost and no
+    overflow is counted; stretch: of the period, where its clock is wrong. clock: the one asked for.
+
+    Of `settings` it takes the channels: each line is plugged in where the driver looks for it. All scales are those of
+    `electronics`, and the ranges those that the calls set."""
 
     def __init__(
         self,
         plant: SfjPlant,
         settings: BoardSettings,
-        amplifier: Amplifier,
         clock: Clock,
         switch_angle: float = 1.45,
+        electronics: Electronics | None = None,
     ) -> None:
-        self._plant, self._wiring, self._amplifier, self._clock = plant, settings, amplifier, clock
+        self._plant, self._wiring, self._clock = plant, settings, clock
+        self._electronics = electronics or Electronics()
         self._switch_angle = switch_angle
-        turn = ENCODER_COUNTS_PER_TURN / (2.0 * np.pi)
-        drives = [SFJ_STAGES[stage].gear_ratio * turn for stage in STAGES]
-        self._counts_per_rad = np.array([*drives, *[JOINT_ENCODER_GEARING * turn] * 2])
+        self._counts_per_rad = self._electronics.counts_per_radian
+        self._input_range = self._output_range = RANGES[-1]
         self.stuck: dict[int, int] = {}
         self.volts = np.zeros(2)
         self.levels = np.ones(3, dtype=np.int8)
@@ -82,7 +86,10 @@ class EmulatedHil:
         self._reloaded: int | None = None
         self._period = 0
         self._tick = self._start = 0
-        self._overflows = 0
+        self._overflows = self._lost = 0
+        self._buffer, self._overwrites = 1, False
+        self._held = np.zeros(2)
+        self.stretch, self.clock = 1.0, 0
         self._look()
 
     # What a test does to it.
@@ -103,6 +110,10 @@ class EmulatedHil:
         """The next `call` fails with `code`."""
         self._refusals[call] = code
 
+    def lose(self, samples: int) -> None:
+        """So many samples are never taken, and nobody is told."""
+        self._lost += samples
+
     # The calls of HIL.
 
     def open(self, card_type: str, card_identifier: str) -> None:
@@ -122,12 +133,14 @@ class EmulatedHil:
         self._types(
             channels=(channels, np.uint32, n), minima=(minima, np.float64, n), maxima=(maxima, np.float64, n)
         )
+        self._input_range = self._range(minima, maxima)
 
     def set_analog_output_ranges(self, channels: Any, n: int, minima: Any, maxima: Any) -> None:
         self._enter("set_analog_output_ranges")
         self._types(
             channels=(channels, np.uint32, n), minima=(minima, np.float64, n), maxima=(maxima, np.float64, n)
         )
+        self._output_range = self._range(minima, maxima)
 
     def set_digital_directions(self, inputs: Any, n_in: int, outputs: Any, n_out: int) -> None:
         self._enter("set_digital_directions")
@@ -149,12 +162,13 @@ class EmulatedHil:
     def write_analog(self, channels: Any, n: int, volts: Any) -> None:
         self._enter("write_analog")
         self._types(channels=(channels, np.uint32, n), volts=(volts, np.float64, n))
-        step, top = self._wiring.output_step, 2**self._wiring.output_bits - 1
+        full, top = self._output_range, 2**self._electronics.output_bits - 1
+        step = 2.0 * full / (top + 1)
         for channel, value in zip(channels.tolist(), volts.tolist(), strict=True):
             if not np.isfinite(value):
                 raise EmulatedError(BAD_ARGUMENT, "an output voltage is not finite")
-            code = min(max(round((value + self._wiring.range_volts) / step), 0), top)
-            self.volts[self._wiring.outputs.index(channel)] = code * step - self._wiring.range_volts
+            code = min(max(round((value + full) / step), 0), top)
+            self.volts[self._wiring.outputs.index(channel)] = code * step - full
 
     def write_digital(self, channels: Any, n: int, levels: Any) -> None:
         self._enter("write_digital")
@@ -186,6 +200,7 @@ class EmulatedHil:
             encoder=(encoder, np.uint32, n_encoder),
             digital=(digital, np.uint32, n_digital),
         )
+        self._buffer, self._overwrites = samples, False  # a card ends its task unless it is told to overwrite
         return {
             "analog": [self._wiring.senses.index(channel) for channel in analog.tolist()],
             "encoder": [self._wiring.encoders.index(channel) for channel in encoder.tolist()],
@@ -194,6 +209,7 @@ class EmulatedHil:
 
     def task_set_buffer_overflow_mode(self, task: Any, mode: int) -> None:
         self._enter("task_set_buffer_overflow_mode")
+        self._overwrites = mode == OVERWRITE_ON_OVERFLOW
 
     def task_get_buffer_overflows(self, task: Any) -> int:
         self._enter("task_get_buffer_overflows")
@@ -203,34 +219,42 @@ class EmulatedHil:
         self._enter("task_start")
         if not 0 <= samples < 2**32:  # as cffi does, before anything reaches the library
             raise OverflowError("can't convert negative number to unsigned")
-        self._period = round(1e9 / frequency)
+        self.clock = clock
+        self._period = round(1e9 / frequency * self.stretch)
         self._start, self._tick, self._overflows = self._clock.now(), 0, 0
 
     def task_read(
         self, task: Mapping[str, list[int]], samples: int, analog: Any, encoder: Any, digital: Any, other: Any
     ) -> int:
-        """Waits for the next sample; a late reader gets the newest one, the others are overflows."""
+        """Waits for the next sample. A late reader gets the newest one, the others are overflows; where nothing is
+        overwritten he gets the oldest, until the buffer is full, which ends the task."""
         self._enter("task_read")
         self._types(
             analog=(analog, np.float64, 2), encoder=(encoder, np.int32, 4), digital=(digital, np.int8, 4)
         )
         if not self._period:
             return 0
-        due = self._start + (self._tick + 1) * self._period
+        lost, self._lost = self._lost, 0
+        due = self._start + (self._tick + 1 + lost) * self._period
         late = max(0, (self._clock.now() - due) // self._period)
+        if not self._overwrites:
+            if late >= self._buffer:
+                self._period = 0
+                raise EmulatedError(OVERFLOW, "the buffer of the task is full")
+            late = 0
         self._overflows += late
-        self._pass(1 + late)
+        self._pass(1 + late + lost)
         self._clock.sleep_until(due)
         if self._gone:
             raise EmulatedError(NO_DEVICE, "the board does not respond")
-        full = self._wiring.range_volts
-        step = 2.0 * full / 2**INPUT_BITS
+        full = self._input_range
+        step = 2.0 * full / 2**self._electronics.input_bits
         for i, sense in enumerate(task["analog"]):
-            volts = self._sensed[sense] / self._amplifier.sense_a_per_v
+            volts = self._sensed[sense] * self._electronics.sense_volts_per_ampere
             if np.isfinite(volts):  # what is not stays so, for tests of what a driver does then
                 volts = min(max(round(volts / step) * step, -full), full)
             analog[i] = volts
-        span = 1 << self._wiring.counter_bits
+        span = 1 << self._electronics.counter_bits
         for i, counter in enumerate(task["encoder"]):
             count = round(self._angles[self._joint(counter)] * self._counts_per_rad[counter])
             encoder[i] = (count + self._offset[counter] + span // 2) % span - span // 2
@@ -280,6 +304,7 @@ class EmulatedHil:
         if not self._is_expired():
             raise EmulatedError(BAD_ARGUMENT, "there is nothing to clear")
         self.expired = self.tristate = False
+        self.volts[:] = self._held  # nobody has stated what a board does here: the worst that it could do
 
     def watchdog_is_expired(self) -> bool:
         self._enter("watchdog_is_expired")
@@ -318,6 +343,7 @@ class EmulatedHil:
         if self._reloaded is not None and now - self._reloaded > self._timeout:
             self._reloaded = None
             self.expired = self.tristate = True
+            self._held[:] = self.volts
             self.volts[:] = 0.0
         return self.expired
 
@@ -326,7 +352,8 @@ class EmulatedHil:
         for k in range(periods):
             self._is_expired(self._start + self._tick * self._period)
             for i, on in enumerate(self.amplifier_on):
-                self.current[i] = self._amplifier.commanded(self.volts[i]) if on and not self._gone else 0.0
+                flows = on and not self._gone
+                self.current[i] = self.volts[i] * self._electronics.amperes_per_volt if flows else 0.0
             # The first sample shows the plant as it is: it has not been driven yet.
             if self._tick > 0 and k < LONGEST_CATCH_UP:
                 self._plant.advance(self.current)
@@ -336,6 +363,13 @@ class EmulatedHil:
     def _look(self) -> None:
         angles, currents = self._plant.sense()
         self._angles[:], self._sensed[:] = angles, currents
+
+    @staticmethod
+    def _range(minima: Any, maxima: Any) -> float:
+        full = float(maxima[0])
+        if full not in RANGES or np.any(maxima != full) or np.any(minima != -full):
+            raise EmulatedError(BAD_ARGUMENT, f"the ranges are {' and '.join(f'±{volts:g}' for volts in RANGES)} V")
+        return full
 
     @staticmethod
     def _joint(counter: int) -> int:

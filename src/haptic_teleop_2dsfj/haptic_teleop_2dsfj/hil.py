@@ -13,7 +13,6 @@ from haptic_teleop_control.device import DeviceError
 from haptic_teleop_control.errors import ConfigurationError
 
 HARDWARE_CLOCK_0 = 0
-SYSTEM_CLOCK_1 = -1
 OVERWRITE_ON_OVERFLOW = 1
 TRISTATE = 2
 QUADRATURE_4X = 4

@@ -6,6 +6,7 @@ import numpy as np
 
 from haptic_teleop_2dsfj.board import READ_FORMAT
 from haptic_teleop_2dsfj.board_settings import BoardSettings
+from haptic_teleop_2dsfj.sample_clock import SampleClock
 from haptic_teleop_control.clocks import Clock
 from haptic_teleop_control.device import DeviceError
 from haptic_teleop_control.replay import Session
@@ -20,11 +21,15 @@ class ReplayBoard:
         self.sense_volts = np.zeros(2)
         self.switch_levels = np.ones(4, dtype=np.int8)
         self.periods = 1
+        self.lag: float | None = None
+        self.sampling = "of a captured session"
+        self._sample_clock = SampleClock(settings.dt)
         self.enabled = False
         self._session, self._clock = session, clock
         self._origin: int | None = None
 
     def open(self) -> None:
+        self._sample_clock.restart()
         self.enabled = False
 
     def read(self) -> None:
@@ -37,6 +42,7 @@ class ReplayBoard:
         values = READ_FORMAT.unpack(data)
         self.counts[:], self.sense_volts[:], self.switch_levels[:] = values[:4], values[4:6], values[6:10]
         self.periods = max(1, values[10])
+        self.lag = self._sample_clock.step(values[11], self.periods)
         if self._origin is None:
             self._origin = self._clock.now() - self._session.first_stamp
         self._clock.sleep_until(self._origin + self._session.last_stamp)

@@ -10,6 +10,7 @@ from haptic_teleop_2dsfj.amplifier import Amplifier
 from haptic_teleop_2dsfj.board_settings import BoardSettings
 from haptic_teleop_2dsfj.stage_settings import StageSettings, check_hardware_maximum
 from haptic_teleop_2dsfj.supervisor import SupervisorSettings
+from haptic_teleop_control.device_watch import DEVICE_TIMEOUT
 from haptic_teleop_control.errors import ConfigurationError
 from haptic_teleop_control.node_tables import NODE_PARAMETERS
 from haptic_teleop_control.parameters import Parameter, ParameterTable
@@ -22,6 +23,9 @@ from haptic_teleop_control.robots import (
 )
 
 DEVICES = ("hardware", "emulated", "replay")
+
+RAMP_TIME = 0.2
+"""s, as the Omni's torque and the controller's output after engaging."""
 
 
 @dataclass(frozen=True)
@@ -37,6 +41,7 @@ class SfjDriverSettings:
     joint_gearing: float = JOINT_ENCODER_GEARING
     cutoff_hz: float = VELOCITY_FILTER_CUTOFF_HZ
     damping: float = VELOCITY_FILTER_DAMPING
+    ramp_time: float = RAMP_TIME
     limit_switches: bool = True
     switch_debounce: int = 10
 
@@ -58,6 +63,7 @@ class SfjDriverSettings:
                 joint_gearing=checked["joint_encoder.gearing"],
                 cutoff_hz=checked["velocity_filter.cutoff_hz"],
                 damping=checked["velocity_filter.damping"],
+                ramp_time=checked["ramp_time"],
                 limit_switches=checked["limit_switches.enabled"],
                 switch_debounce=checked["limit_switches.debounce"],
             )
@@ -84,6 +90,9 @@ def _table() -> ParameterTable:
             0.1,
             meaning="for which a state's answer is awaited before the write",
         ),
+        Parameter(
+            "ramp_time", RAMP_TIME, "s", 0.0, 5.0, meaning="from zero to full current after a start or reset"
+        ),
         Parameter("capture", "", meaning="file for the raw packets of the session; empty: none"),
         Parameter("replay.file", "", meaning=replay),
         Parameter("emulated.plant", "haptic_teleop_sim.emulation:sfj_plant", meaning=plant),
@@ -96,6 +105,7 @@ def _table() -> ParameterTable:
             maximum=3.0,
             meaning="arm angle either side at which the emulated limit switches are pressed",
         ),
+        DEVICE_TIMEOUT,
         *NODE_PARAMETERS,
         *parameters_of(BoardSettings(), runtime=False),
         *parameters_of(Amplifier(), runtime=False),

@@ -5,7 +5,12 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
+from haptic_teleop_2dsfj.stage_settings import StageSettings
 from haptic_teleop_control.quantities import check_quantities, quantity
+
+HELD_SHARE = 0.5
+"""Of the motor's torque, that the joint must carry to explain a drive that stands still: friction may carry the
+rest."""
 
 FAULTS = {
     "board_error": "the HIL board refused a call; check its cable, its power and who else uses it",
@@ -22,6 +27,8 @@ FAULTS = {
     "amplifier": "the measured current does not follow the commanded one; check power, emergency stop and "
     "cable of the amplifier",
     "non_finite_measurement": "the board delivered a value that is no finite number; check its configuration",
+    "sample_clock": "the board's samples do not keep step with the computer's steady clock: it samples at another "
+    "rate than was asked for, or loses samples without counting them; check rate and board.clock",
     "late": "the loop missed many samples in a row; lower the load of the machine or raise realtime_priority",
 }
 """Faults of the driver, with the sentence for the log."""
@@ -50,8 +57,9 @@ class SupervisorSettings:
 class StageSupervisor:
     """One stage: remembers for how long something has been suspicious."""
 
-    def __init__(self, settings: SupervisorSettings, limit: float, deflection_trip: float, dt: float) -> None:
-        self._settings, self._limit, self._trip, self._dt = settings, limit, deflection_trip, dt
+    def __init__(self, settings: SupervisorSettings, stage: StageSettings, dt: float) -> None:
+        self._settings, self._stage, self._dt = settings, stage, dt
+        self._limit, self._trip = stage.current_limit, stage.deflection_trip
         self.reset()
 
     def reset(self) -> None:
@@ -86,7 +94,15 @@ class StageSupervisor:
         if self._differs > settings.sense_time:
             return "amplifier", f"{commanded:+.2f} A commanded, {measured:+.2f} A measured"
         still = change == 0.0 and abs(commanded) >= settings.frozen_share * self._limit
+        if still and self._held(commanded, drive - joint):
+            still = False
         self._frozen = self._frozen + elapsed if still else 0.0
         if self._frozen > settings.frozen_time:
             return "encoder_frozen", f"no count for {self._frozen:.2f} s at {commanded:+.2f} A"
         return None
+
+    def _held(self, commanded: float, deflection: float) -> bool:
+        # An arm that presses holds its drive still, but then the joint is bent the way the current pushes. A drive
+        # that turns unseen bends it the other way, by the encoders.
+        torque = math.copysign(self._stage.stiffness * deflection, deflection * commanded)
+        return torque >= HELD_SHARE * self._stage.torque_constant * abs(commanded)

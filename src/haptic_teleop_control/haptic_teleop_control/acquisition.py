@@ -150,14 +150,23 @@ class Acquisition:
             self.phase, self.reference = FINISHED, 0.0
             return self.effort
         self.phase = RUNNING if time >= self._settings[SIGNAL].delay else WAITING
-        self.sentence = self._beyond(here - self._home, speed, angle)
-        if self.sentence:
-            self.phase, self.reference = ABORTED, 0.0
+        problem = self._beyond(here - self._home, speed, angle)
+        if problem:
+            self.abort(problem)
             return self.effort
         self.reference = float(self._generator.value(time)[0])
         input_ = self.values["gain"] * (self._home + self.reference - here) if self.closed else self.reference
         self.effort[self._out] = self._constant * min(max(input_, -self._largest), self._largest)
         return self.effort
+
+    def abort(self, sentence: str) -> bool:
+        """End it for good, for what `sentence` says; False where it had ended already. Every further answer is
+        zero: to go on in mid-signal would be a step to full effort."""
+        if self.phase in (FINISHED, ABORTED):
+            return False
+        self.phase, self.sentence, self.reference = ABORTED, sentence, 0.0
+        self.effort[:] = 0.0
+        return True
 
     def _beyond(self, moved: float, speed: float, position: Array) -> str:
         """A sentence when a limit is exceeded, else ""."""

@@ -58,7 +58,7 @@ class OmniDriver:
         self.filter = VelocityFilter(3, self._dt, settings.cutoff_hz, settings.damping)
         self.budget = TorqueBudget(3, settings.limits)
         self.compensation = OmniCompensation(settings.compensation)
-        self.may_drive = layout.verified or transport.emulated
+        self.may_drive = transport.emulated
         self.position: Array = np.zeros(3)
         self.velocity: Array = np.zeros(3)
         self.effort: Array = np.zeros(3)
@@ -82,6 +82,7 @@ class OmniDriver:
             self.counter.forget()
         self._started = self._lost_origin = False
         self._bad = 0
+        self._check_confirmation()
 
     def read(self) -> ReadResult:
         """Waits for the next report, and takes the newest of those that are there."""
@@ -149,11 +150,13 @@ class OmniDriver:
             self.calibration.forget()
             self._started = self._lost_origin = False
         self.budget.rest(self._dt)
-        if not self._open:
-            try:
-                self.open()
-            except DeviceError as error:
-                self._lose(error)
+        if self._open:
+            self._check_confirmation()
+            return
+        try:
+            self.open()
+        except DeviceError as error:
+            self._lose(error)
 
     def close(self) -> None:
         """Idle, motors off, device released."""
@@ -169,7 +172,8 @@ class OmniDriver:
         what = f"{self.transport.describe()}, layout {self.layout.name} ({self.layout.source})"
         if not self.may_drive:
             return (
-                f"{what}: NOT VERIFIED, so torques are refused and nothing is sent; see docs/drivers.md. "
+                f"{what}: NOT CONFIRMED for this device, so torques are refused and nothing is sent. Once angles "
+                f"and signs agree (docs/drivers.md), set {self._remedy}. "
                 f"Calibration: {self.calibration.advice}"
             )
         return f"{what}, at most {self.settings.limits.peak:g} N·m. Calibration: {self.calibration.advice}"
@@ -178,7 +182,7 @@ class OmniDriver:
         """For diagnostics."""
         counter = self.counter
         return {
-            "torque output": "possible" if self.may_drive else "refused: the layout is not verified",
+            "torque output": "possible" if self.may_drive else f"refused until {self._remedy}",
             "calibration": "done" if self.calibration.done else self.calibration.advice,
             "docked": self.docked,
             "buttons": " ".join(str(int(button)) for button in self.buttons),
@@ -193,6 +197,17 @@ class OmniDriver:
                 f"omni_{a}" for a, on in zip(AXES, self.budget.weakened, strict=True) if on
             ),
         }
+
+    @property
+    def _remedy(self) -> str:
+        return f'layout_confirmed_for: "{self.layout.confirmation(self.transport.identity)}"'
+
+    def _check_confirmation(self) -> None:
+        stated = self.settings.layout_confirmed_for
+        fits = stated == self.layout.confirmation(self.transport.identity)
+        self.may_drive = self.transport.emulated or fits
+        if stated and not self.may_drive:
+            self._reporter.fault("layout_not_confirmed", f'it is "{stated}", this device needs {self._remedy}')
 
     def _take(self, report: bytes) -> bool:
         """One report; False for one that cannot be used."""

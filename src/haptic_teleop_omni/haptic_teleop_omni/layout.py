@@ -3,12 +3,13 @@
     value = raw x scale            of inputs, raw = ((word >> shift) & mask), inverted where so stated
     word  = value / scale + idle   of outputs, between minimum and maximum
 
-`verified` says whether somebody has seen this layout agree with a real device; the driver sends torques only
-then, or to an emulated device.
+A file cannot say that it fits a real device: who has seen that says so with the driver's parameter
+`layout_confirmed_for`, in words that name the device and these very reports (`ReportLayout.confirmation`).
 """
 
 from __future__ import annotations
 
+import hashlib
 import importlib.resources
 import math
 from collections.abc import Mapping
@@ -83,10 +84,17 @@ class ReportLayout:
     """Both directions of one device."""
 
     name: str
-    verified: bool
     input: Report
     output: Report
     source: str
+
+    def confirmation(self, device: str) -> str:
+        """What somebody has to type who has seen this layout agree with `device`; another after any change to the
+        reports."""
+        reports = [(r.length, r.report_id, r.checksum, sorted(r.fields.items()), r.constants)
+                   for r in (self.input, self.output)]  # fmt: skip
+        digest = hashlib.sha256(repr(reports).encode()).hexdigest()[:8]
+        return f"{device} {self.name} {digest}"
 
 
 def load_layout(name: str) -> ReportLayout:
@@ -115,10 +123,12 @@ def load_layout(name: str) -> ReportLayout:
 
 def parse_layout(content: Any, source: str) -> ReportLayout:
     """The layout that a YAML file's content describes. Raises ConfigurationError as `load_layout`."""
-    top = _mapping(content, source, "the file", ("name", "verified", "input", "output"))
-    verified = top.get("verified", False)
-    if not isinstance(verified, bool):
-        raise ConfigurationError(f"{source}: verified is {verified!r}; write true or false.")
+    if isinstance(content, Mapping) and "verified" in content:
+        raise ConfigurationError(
+            f"{source}: verified is no longer looked at; delete it, and confirm the layout for your own device with "
+            "the driver's parameter layout_confirmed_for, which the driver's first line spells out."
+        )
+    top = _mapping(content, source, "the file", ("name", "input", "output"))
     directions = {}
     for direction, required, optional in (
         ("input", REQUIRED_INPUT, OPTIONAL_INPUT),
@@ -127,9 +137,7 @@ def parse_layout(content: Any, source: str) -> ReportLayout:
         if direction not in top:
             raise ConfigurationError(f"{source}: {direction} is missing; describe the report's fields.")
         directions[direction] = _report(top[direction], f"{source}: {direction}", required, optional)
-    return ReportLayout(
-        str(top.get("name", source)), verified, directions["input"], directions["output"], source
-    )
+    return ReportLayout(str(top.get("name", source)), directions["input"], directions["output"], source)
 
 
 def _report(content: Any, where: str, required: tuple[str, ...], optional: tuple[str, ...]) -> Report:

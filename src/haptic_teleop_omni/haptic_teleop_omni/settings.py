@@ -6,6 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
+from haptic_teleop_control.device_watch import DEVICE_TIMEOUT
 from haptic_teleop_control.errors import ConfigurationError
 from haptic_teleop_control.node_tables import NODE_PARAMETERS
 from haptic_teleop_control.omni_compensation import COMPENSATION, PREFIX, CompensationSettings
@@ -28,6 +29,8 @@ FAULTS = {
     "frozen_counter": "the device repeats the same report, or sends old ones; switch it off and on",
     "counter_restart": "the device began to count its reports anew, so its angles may have changed; reset, "
     "then calibrate it again",
+    "layout_not_confirmed": "layout_confirmed_for names another device or another layout, so no torque is sent; compare "
+    "both, then correct it or leave it empty",
     "over_speed": "an axis moved faster than a hand can; check the encoders and the layout's scale, reset, "
     "then calibrate it again",
 }
@@ -40,6 +43,9 @@ class OmniDriverSettings:
 
     limits: TorqueLimits = field(default_factory=TorqueLimits)
     compensation: CompensationSettings = field(default_factory=CompensationSettings)
+    layout_confirmed_for: str = quantity(
+        "", "", "the device and the layout that somebody has seen agree, as the driver's first line spells it; hardware only"
+    )
     rate: float = quantity(
         OMNI_RATE_HZ, "Hz", "reports per second of the device", minimum=10.0, maximum=2000.0
     )
@@ -129,6 +135,7 @@ def _table() -> ParameterTable:
             Parameter("emulated.plant", "haptic_teleop_sim.emulation:omni_plant", meaning=plant),
             Parameter("emulated.file", "", meaning=file),
             Parameter("emulated.docked_time", 0.5, "s", 0.0, 3600.0, meaning=docked),
+            DEVICE_TIMEOUT,
             *NODE_PARAMETERS,
             *parameters_of(OmniDriverSettings(), runtime=False),
             *parameters_of(TorqueLimits(), "torque.", runtime=False),

@@ -8,10 +8,8 @@ from haptic_teleop_2dsfj.build import make_driver
 from haptic_teleop_2dsfj.settings import TABLE
 from haptic_teleop_2dsfj.supervisor import FAULTS
 from haptic_teleop_control.device import Driver, Reporter
-from haptic_teleop_control.nodes.base.commanded import CommandedNode
 from haptic_teleop_control.nodes.base.driver_node import DriverNode
 from haptic_teleop_control.nodes.base.run import run_node
-from haptic_teleop_control.nodes.streams.joint_states import stamp_now
 from haptic_teleop_control.robots import SFJ_JOINTS, SFJ_MOTOR_JOINTS
 
 
@@ -28,15 +26,15 @@ class SfjDriverNode(DriverNode):
     )
     JOINTS = SFJ_JOINTS
     COMMAND_JOINTS = SFJ_MOTOR_JOINTS
-    FAULTS: ClassVar = {**CommandedNode.FAULTS, **FAULTS}
+    FAULTS: ClassVar = {**DriverNode.FAULTS, **FAULTS}
     TABLE = TABLE
 
     def make_driver(self, reporter: Reporter) -> Driver:
-        return make_driver(self.values, reporter, self._packet, self.session, source=self.NAME)
+        return make_driver(self.values, reporter, self._packet, self.session, self.clock, self.NAME)
 
     def _packet(self, channel: str, data: bytes) -> None:
         if self.capture is not None:
-            self.capture.add(channel, stamp_now(), data)
+            self.capture.add(channel, self.time.stamp(), data)
 
 
 NODE = SfjDriverNode

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from typing import Any, ClassVar
 
+from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 from rclpy.context import Context
 
 from haptic_teleop_control.acquisition import ABORTED, ACQUISITION_PARAMETERS, Acquisition
@@ -12,7 +13,11 @@ from haptic_teleop_control.nodes.base.haptic_node import HapticNode
 from haptic_teleop_control.nodes.base.run import run_node
 from haptic_teleop_control.nodes.streams.joint_states import JointStatePublisher, JointStateReceiver
 from haptic_teleop_control.parameters import ParameterTable
+from haptic_teleop_control.robot_faults import RobotFaults
 from haptic_teleop_control.simulated_time.messages import ANSWERER, Tick
+
+LONGEST_GAP = 1.0
+"""s between two states, after which the robot is taken for one that was started anew."""
 
 
 class AcquisitionNode(HapticNode):
@@ -22,11 +27,16 @@ class AcquisitionNode(HapticNode):
         "subscribes sfj/joint_states or omni/joint_states    each state is answered",
         "publishes  sfj/effort_command or omni/effort_command  N·m, zero but for the chosen joint",
         "publishes  reference        the signal: current, torque (effort) or position",
-        "service    ~/reset          std_srvs/Trigger: leave an abort, begin again",
+        "subscribes /diagnostics     whether the robot has a fault of its own",
+        "service    ~/reset          std_srvs/Trigger: leave a fault; an experiment that ended stays so",
     )
     FAULTS: ClassVar = {
         "limit": "a limit was exceeded and the experiment was aborted",
         "state": "a state had wrong joints or values that are no numbers; look at its publisher",
+        "robot_fault": "the robot had a fault of its own and the experiment was aborted; see to that, reset the "
+        "robot, then begin a new experiment",
+        "stale_state": "the states stopped and came back, and the experiment was aborted; look whether the "
+        "robot's driver was started anew",
     }
     TABLE = ParameterTable("acquisition", [*ACQUISITION_PARAMETERS, *NODE_PARAMETERS])
 
@@ -36,6 +46,8 @@ class AcquisitionNode(HapticNode):
         for warning in experiment.warnings:
             self.get_logger().warning(warning)
         robot = experiment.robot
+        self._robot_faults = RobotFaults(robot)
+        self.create_subscription(DiagnosticArray, "/diagnostics", self._on_diagnostics, 10)
         self._first: int | None = None
         self._last = 0
         self._out = JointStatePublisher(self, f"{robot}/effort_command", experiment.motors, ("effort",))
@@ -70,28 +82,44 @@ class AcquisitionNode(HapticNode):
         return stamp > self._last
 
     def _on_state(self) -> None:
-        stamp = self._last = self._in.stamp
+        stamp, before = self._in.stamp, self._last
+        self._last = stamp
         if self._first is None:
-            self._first = stamp
+            self._first = before = stamp
         experiment, value = self._experiment, self._in.value
+        if stamp - before > LONGEST_GAP * 1e9:
+            self._end("stale_state", f"{self._in.topic} was silent for {(stamp - before) * 1e-9:.1f} s")
         if self.faults.latched:
             self._out.send_zero(stamp)
             return
+        ended = experiment.phase == ABORTED
         time = (stamp - self._first) * 1e-9
         self._effort[:] = experiment.step(time, value["position"], value["velocity"])
         self._out.send(stamp)
         self._signal[0] = experiment.reference
         self._reference.send(stamp)
-        if experiment.phase == ABORTED:
+        if experiment.phase == ABORTED and not ended:
             self.fault("limit", experiment.sentence)
 
     def _on_problem(self, kind: str, detail: str, stamp: int) -> None:
+        self._experiment.abort(detail)
         self.fault("state", detail)
         self._out.send_zero(stamp)
 
-    def on_reset(self) -> None:
-        self._experiment.reset()
-        self._first = None
+    def _on_diagnostics(self, message: DiagnosticArray) -> None:
+        for status in message.status:
+            sentence = status.message if status.level == DiagnosticStatus.ERROR else None
+            values = {entry.key: entry.value for entry in status.values}
+            problem = self._robot_faults.step(status.name, sentence, values)
+            if problem is not None:
+                self._end("robot_fault", problem)
+
+    def _end(self, fault: str, detail: str) -> None:
+        """Zero at once; not even a reset lets the signal go on in its middle."""
+        if self._experiment.abort(detail):
+            if self._first is not None and not self.time.simulated:  # where the next state is soon enough
+                self._out.send_zero(self._last)
+            self.fault(fault, detail)
 
     def state(self) -> str:
         return self._experiment.phase

@@ -7,7 +7,6 @@ from typing import ClassVar
 from haptic_teleop_control.device import Driver, Reporter
 from haptic_teleop_control.nodes.base.driver_node import DriverNode
 from haptic_teleop_control.nodes.base.run import run_node
-from haptic_teleop_control.nodes.streams.joint_states import stamp_now
 from haptic_teleop_control.robots import OMNI_JOINTS
 from haptic_teleop_omni.build import ALL_FAULTS, make_driver
 from haptic_teleop_omni.settings import TABLE
@@ -26,15 +25,15 @@ class OmniDriverNode(DriverNode):
     )
     JOINTS = OMNI_JOINTS
     COMMAND_JOINTS = OMNI_JOINTS
-    FAULTS: ClassVar = ALL_FAULTS
+    FAULTS: ClassVar = {**DriverNode.FAULTS, **ALL_FAULTS}
     TABLE = TABLE
 
     def make_driver(self, reporter: Reporter) -> Driver:
-        return make_driver(self.values, reporter, self._packet, self.session, source=self.NAME)
+        return make_driver(self.values, reporter, self._packet, self.session, self.clock, self.NAME)
 
     def _packet(self, channel: str, data: bytes) -> None:
         if self.capture is not None:
-            self.capture.add(channel, stamp_now(), data)
+            self.capture.add(channel, self.time.stamp(), data)
 
 
 NODE = OmniDriverNode

@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 
 from haptic_teleop_control.clocks import Clock
 from haptic_teleop_control.device import DeviceError
-from haptic_teleop_omni.codec import ReportCodec, value_of
+from haptic_teleop_omni.codec import ReportCodec
 from haptic_teleop_omni.layout import ReportLayout
 
 AXES = ("x", "y", "z")
@@ -28,6 +28,13 @@ BACKLOG = 64
 LONGEST_CATCH_UP = 1000
 NOTICED, BROUGHT = 0.5, 1.0
 """Seconds until the operator sees the inkwell's light, and until the stylus is back in it."""
+
+RADIANS_PER_COUNT = 4.1e-4
+"""Of each encoder: 0.055 mm at the end of a link of 0.135 m, as the data sheet has it. Stated here and not read from the
+layout: with the layout's scale a wrong one would cancel out."""
+
+NEWTON_METRES_PER_STEP = 2.5e-4
+"""Of each torque; no source states it. Of this device it is so."""
 
 START_COUNTS = (65_000, 300, 32_000)
 """Raw encoders at the neutral pose: X and Y wrap soon."""
@@ -45,7 +52,9 @@ class OmniPlant(Protocol):
 
 
 class EmulatedOmni:
-    """docked_time: s after the start for which the stylus rests in its inkwell, at neutral; the plant's
+    """Of the layout it takes where its values lie and how they are written, never what they mean.
+
+    docked_time: s after the start for which the stylus rests in its inkwell, at neutral; the plant's
     time begins then. renew: makes the plant that goes on once the stylus has been brought back; without
     it nobody does.
 
@@ -55,6 +64,7 @@ class EmulatedOmni:
     """
 
     emulated = True
+    identity = ""
 
     def __init__(
         self,
@@ -147,7 +157,8 @@ class EmulatedOmni:
         self.motors_on = bool(raw["motors_on"])
         for i, axis in enumerate(AXES):
             name = f"torque_{axis}"
-            self.torque[i] = value_of(fields[name], raw[name]) if self.motors_on else 0.0
+            steps = raw[name] - fields[name].idle
+            self.torque[i] = steps * NEWTON_METRES_PER_STEP if self.motors_on else 0.0
 
     def close(self) -> None:
         self._open = False
@@ -186,7 +197,7 @@ class EmulatedOmni:
         values["docked"] = int(self._tick < self._docked_until)
         for i, axis in enumerate(AXES):
             field = fields[f"encoder_{axis}"]
-            count = round(float(self._angles[i]) / field.scale) + START_COUNTS[i]
+            count = round(float(self._angles[i]) / RADIANS_PER_COUNT) + START_COUNTS[i]
             values[field.name] = count % (1 << field.bits)
         if "counter" in fields:
             values["counter"] %= 1 << fields["counter"].bits

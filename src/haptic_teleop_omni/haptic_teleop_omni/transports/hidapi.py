@@ -7,6 +7,7 @@ FireWire, and the Touch with a serial or network port speaks another protocol: h
 from __future__ import annotations
 
 import importlib
+from collections.abc import Callable
 from typing import Any
 
 from haptic_teleop_control.device import DeviceError
@@ -21,7 +22,8 @@ USB interface away from the kernel, while `hidraw` uses the kernel's own HID dri
 class HidapiTransport:
     """A HID device by vendor and product number, and by serial number where there are several ("": any).
 
-    numbered: whether its output reports carry a number; where not, hidapi wants a 0 in front.
+    numbered: whether its output reports carry a number; where not, hidapi wants a 0 in front. identity: both numbers and
+    the serial number of the device that was opened, or its product's name where it has none.
     """
 
     emulated = False
@@ -29,6 +31,7 @@ class HidapiTransport:
     def __init__(self, vendor: int, product: int, serial: str = "", numbered: bool = False) -> None:
         self._vendor, self._product, self._serial, self._numbered = vendor, product, serial, numbered
         self._device: Any = None
+        self.identity = ""
 
     def open(self) -> None:
         """Raises ConfigurationError without the library, DeviceError when the device cannot be opened."""
@@ -42,6 +45,8 @@ class HidapiTransport:
                 "reaches only the Touch with USB HID, not the thesis' Phantom Omni: that is a FireWire device"
             ) from refusal
         self._device = device
+        own = _text(device.get_serial_number_string) or _text(device.get_product_string)
+        self.identity = f"{self._vendor:04x}:{self._product:04x}" + (f":{own}" if own else "")
 
     def read(self, timeout: float) -> bytes | None:
         """See OmniTransport; hidapi waits in whole milliseconds."""
@@ -74,6 +79,13 @@ class HidapiTransport:
         if self._device is None:
             raise DeviceError("the HID device is not open")
         return self._device
+
+
+def _text(ask: Callable[[], str | None]) -> str:
+    try:
+        return " ".join((ask() or "").split())
+    except (OSError, ValueError):  # a device need not have it
+        return ""
 
 
 def _library() -> Any:

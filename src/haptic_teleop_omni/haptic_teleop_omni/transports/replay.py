@@ -10,6 +10,7 @@ class ReplayTransport:
     """What is written goes nowhere."""
 
     emulated = True
+    identity = ""
 
     def __init__(self, session: Session, clock: Clock) -> None:
         self._session, self._clock = session, clock

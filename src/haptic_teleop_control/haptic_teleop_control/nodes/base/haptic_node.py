@@ -1,5 +1,5 @@
 """What all nodes of this project share: parameters from a table, a fault latch with `~/reset`, diagnostics
-at 1 Hz.
+at 1 Hz and at every fault that latches.
 
 A subclass states `NAME`, `NAMESPACE`, `SUMMARY`, `TOPICS` and `TABLE`; `run.run_node` and `composed` need
 no more to print its help, check its parameters and run it.
@@ -59,6 +59,7 @@ class HapticNode(Node):
         self.faults = FaultLatch({**self.FAULTS, **TIME_FAULTS} if simulated else self.FAULTS)
         self._diagnostics = self.create_publisher(DiagnosticArray, "/diagnostics", 10)
         steady_timer(self, 1.0, self._report)
+        self._rates: dict[str, str] = {}
         if self.FAULTS:
             self.create_service(Trigger, "~/reset", self._reset)
 
@@ -113,6 +114,8 @@ class HapticNode(Node):
             self.get_logger().error(
                 f"FAULT {self.faults.describe(name, detail)} Output is zero until {service}"
             )
+            # What answers to it elsewhere must not wait for the next second.
+            self._publish_diagnostics()
         elif now - self._last_log.get(name, 0.0) > LOG_INTERVAL:
             count = self.faults.counts[name]
             self.get_logger().warning(f"{self.faults.describe(name, detail)} Counted {count} times so far")
@@ -128,6 +131,7 @@ class HapticNode(Node):
         """Adds a rate (events per second of `counter`) to the diagnostics."""
         self._counters[name] = counter
         self._last_counts[name] = counter()
+        self._rates[f"{name} (Hz)"] = "0.0"
 
     def _reset(self, request: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
         released = self.faults.reset()
@@ -141,12 +145,14 @@ class HapticNode(Node):
     def _report(self) -> None:
         now = time.monotonic()
         elapsed, self._last_report = now - self._last_report, now
-        values: dict[str, Any] = {"state": self.state()}
         for name, counter in self._counters.items():
             count = counter()
-            values[f"{name} (Hz)"] = f"{(count - self._last_counts[name]) / elapsed:.1f}"
+            self._rates[f"{name} (Hz)"] = f"{(count - self._last_counts[name]) / elapsed:.1f}"
             self._last_counts[name] = count
-        values.update(self.measurements())
+        self._publish_diagnostics()
+
+    def _publish_diagnostics(self) -> None:
+        values: dict[str, Any] = {"state": self.state(), **self._rates, **self.measurements()}
         values.update({f"fault {name}": count for name, count in self.faults.counts.items()})
         latched = self.faults.latched
         status = DiagnosticStatus(
