@@ -204,7 +204,7 @@ class ForceController(HapticNode):
         self._tick = tick
         if repeated:
             for robot in self._robots.values():
-                if robot.answered == tick.stamp and robot.input.topic in tick.states:
+                if robot.answered:
                     robot.out.resend()
             for way in self._ways:
                 if way.sent:

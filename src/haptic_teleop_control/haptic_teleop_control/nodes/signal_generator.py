@@ -65,13 +65,11 @@ class SignalGeneratorNode(HapticNode):
         self._started, self._sample = self.time.now(), 0
 
     def on_tick(self, tick: Tick, repeated: bool) -> None:
-        if self.full_name not in tick.due:
-            if repeated and self._out.sent:
-                self._out.resend()  # somebody may wait for it
-            return
-        if tick.stamp == self._sampled:
+        if repeated and self._out.sent:
             self._out.resend()
-        else:
+        if self.full_name not in tick.due:
+            return
+        if tick.stamp != self._sampled:
             self._sampled = tick.stamp
             if self._sample is None or self._started is None:
                 self._command.fill(0.0)

@@ -291,7 +291,9 @@ class Coordinator:
         if self._lived - self._asked < REPEAT:
             return []
         self._asked = self._lived
-        return [self.status()]
+        self.repeats += 1
+        # Said again, what was said last makes the middleware deliver what is missing before it.
+        return [self.status(), *([self._tick] if self._tick is not None else [])]
 
     def _halt(self, reason: str) -> None:
         self.state, self.reason = HALTED, reason

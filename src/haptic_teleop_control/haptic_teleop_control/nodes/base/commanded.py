@@ -123,11 +123,12 @@ class CommandedNode(HapticNode):
         return stamp == self.sampled
 
     def on_tick(self, tick: Tick, repeated: bool) -> None:
+        if repeated and self.states.sent:
+            self.states.resend()
         if self.full_name not in tick.due:
             return
         if tick.stamp == self.sampled:
             if self._awaiting:
-                self.states.resend()
                 self.time.waiting("answer")
             else:
                 self.time.done(silent=self.silent)
