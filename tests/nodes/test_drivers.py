@@ -148,7 +148,8 @@ def test_at_the_end_nothing_flows_and_the_device_is_released(graph, robot):
 
 
 class Held:
-    """A device that blocks in one call of its driver until the test releases it, and a clock that the test moves."""
+    """A device that blocks in one call of its driver until the test releases it, and a clock that the test
+    moves."""
 
     def __init__(self, setting, call, monkeypatch):
         self.entered, self.released, self.clock = threading.Event(), threading.Event(), VirtualClock()
@@ -195,7 +196,8 @@ def test_a_device_that_holds_its_thread_is_an_error_and_stays_one_after_it_has_c
         counted = setting.node.faults.counts["device_hangs"]
         assert graph.call(f"/{robot}/{robot}_driver/reset").success
         held.clock.advance(0.2)
-        graph.until(lambda: setting.node.faults.latched == "device_hangs", what="a reset does not bring it back")
+        # A reset does not bring it back.
+        graph.until(lambda: setting.node.faults.latched == "device_hangs")
         assert setting.node.faults.counts["device_hangs"] == counted + 1
     finally:
         held.released.set()

@@ -32,8 +32,8 @@ UNSHAPED = {
     "stage1.current_limit": 0.94,
     "stage2.current_limit": 1.2,
 }
-"""Parameters of `sfj_driver` with which a command flows at once, up to the motors' maximum, as in the simulated
-plant: for tests of something else."""
+"""Parameters of `sfj_driver` with which a command flows at once, up to the motors' maximum, as in the
+simulated plant: for tests of something else."""
 
 
 @dataclass
@@ -70,9 +70,7 @@ class SfjRig:
     """parameters: of `sfj_driver`, with __ for dots, UNSHAPED where they say nothing else. plant: what is
     behind the board. electronics: its converters and scales, those of the robot where it is None."""
 
-    def __init__(
-        self, plant: Any = None, electronics: Electronics | None = None, **parameters: Any
-    ) -> None:
+    def __init__(self, plant: Any = None, electronics: Electronics | None = None, **parameters: Any) -> None:
         values = UNSHAPED | {name.replace("__", "."): value for name, value in parameters.items()}
         self.settings = SfjDriverSettings.from_parameters(values)
         self.clock = VirtualClock()

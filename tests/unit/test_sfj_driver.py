@@ -9,7 +9,6 @@ from device_rigs import SfjRig, StillRobot
 from haptic_teleop_2dsfj.board_settings import BoardSettings
 from haptic_teleop_2dsfj.build import make_driver
 from haptic_teleop_2dsfj.emulated_electronics import Electronics
-from haptic_teleop_2dsfj.limit_switches import LimitSwitches
 from haptic_teleop_2dsfj.settings import SfjDriverSettings
 from haptic_teleop_2dsfj.stage_settings import StageSettings
 from haptic_teleop_control.device import DeviceError, ReadResult, Reporter
@@ -133,77 +132,6 @@ def test_the_slew_limit_holds_for_every_sample():
     assert max(currents) == pytest.approx(20 * 10.0 / 500.0 + 8 * 10.0 / 500.0, abs=0.05)
 
 
-RAMP, CAREFUL = 0.2, 0.1  # s; A, where the thesis (3.1.1) begins to ask for care
-
-
-def test_as_shipped_no_sample_changes_the_current_by_more_than_the_thesis_calls_careful():
-    defaults = SfjDriverSettings().stages
-    rig = SfjRig(stage1__current_slew=defaults[0].current_slew, stage2__current_slew=defaults[1].current_slew)
-    for sample in range(200):  # to and fro at every sample, then at every tenth
-        sign = (-1.0) ** (sample if sample < 100 else sample // 10)
-        rig.cycle((sign * 50.0, sign * 50.0))
-    currents = np.abs(np.diff([(0.0, 0.0), *rig.plant.given], axis=0))
-    assert currents.max() <= CAREFUL + STEP
-    assert currents.max() > CAREFUL - STEP, "and it may change by so much"
-    assert np.abs(rig.plant.given[:100]).max() <= CAREFUL + STEP
-
-
-def ramp(rig: SfjRig, samples: int) -> np.ndarray:
-    """Current of stage 1 in each sample from now on, with PUSH."""
-    begun = len(rig.plant.given)
-    rig.run(samples, PUSH)
-    return np.array([given[0] for given in rig.plant.given[begun:]])
-
-
-def follows_the_ramp(currents: np.ndarray) -> bool:
-    whole = PUSH[0] / 8.925
-    expected = whole * np.minimum(1.0, np.arange(len(currents)) * 0.002 / RAMP)
-    return bool(np.abs(currents - expected).max() <= STEP) and currents[-1] > whole - STEP
-
-
-@pytest.mark.parametrize("fault", ["watchdog_expired", "limit_switch", "board_error", "stale_command"])
-def test_after_a_fault_and_its_reset_the_effort_ramps_in_from_zero(fault):
-    rig = SfjRig(ramp_time=RAMP)
-    rig.run(150, PUSH)
-    if fault == "watchdog_expired":
-        rig.clock.advance(0.1)
-    elif fault == "limit_switch":
-        rig.hil.stuck[1] = 0  # the other way is free
-    elif fault == "board_error":
-        rig.hil.unplug()
-    else:
-        rig.latch.count(fault)
-    rig.run(3, PUSH)
-    assert rig.latch.latched == fault
-    if fault == "board_error":
-        rig.hil.plug()
-    rig.latch.reset()
-    rig.driver.reset()
-    rig.cycle(PUSH)
-    assert follows_the_ramp(np.array([0.0, *ramp(rig, 130)]))
-    assert rig.latch.latched is None
-
-
-def test_a_fault_that_is_reset_before_the_next_sample_ramps_in_as_well():
-    rig = SfjRig(ramp_time=RAMP)
-    rig.run(150, PUSH)
-    rig.latch.count("stale_command")
-    rig.latch.reset()
-    rig.driver.reset()
-    rig.cycle(PUSH)
-    assert follows_the_ramp(np.array([0.0, *ramp(rig, 130)]))
-
-
-def test_as_shipped_the_first_command_ramps_in_and_a_late_loop_does_not_make_it_longer():
-    assert SfjDriverSettings().ramp_time == RAMP
-    rig = SfjRig(ramp_time=RAMP, board__watchdog=0.2)
-    rig.run(5)
-    rig.cycle(PUSH)
-    rig.clock.advance(0.1)
-    currents = ramp(rig, 80)
-    assert currents.max() == pytest.approx(PUSH[0] / 8.925, abs=STEP)
-
-
 def test_i2t_trips_when_its_time_at_the_limit_is_over_and_not_before():
     rig = SfjRig(stage1__i2t__time=0.2, stage1__i2t__continuous=0.3, supervisor__frozen_time=10.0)
     rig.run(99, (50.0, 0.0))
@@ -233,113 +161,6 @@ def test_the_continuous_current_flows_for_ever():
     rig = SfjRig(stage1__i2t__time=0.05, stage1__i2t__continuous=0.3)
     rig.run(2000, (0.3 * 8.925, 0.0))
     assert rig.latch.latched is None
-
-
-# Limit switches.
-
-
-@pytest.mark.parametrize(
-    ("switch", "name", "towards"),
-    [(0, "STAGE 1: MAX", (2.0, 0)), (1, "STAGE 1: MIN", (-2.0, 0)),
-     (2, "STAGE 2: MAX", (0, 0.4)), (3, "STAGE 2: MIN", (0, -0.4))],
-)  # fmt: skip
-def test_a_limit_switch_stops_at_once_says_which_and_lets_the_arm_only_away(switch, name, towards):
-    rig = SfjRig()
-    rig.run(3, towards)
-    rig.hil.stuck[switch] = 0
-    rig.cycle(towards)
-    assert rig.latch.latched == "limit_switch"
-    assert f"{name} limit switch hit" in rig.latch.sentence
-    assert off(rig)
-    rig.run(5, towards)
-    assert off(rig), "latched"
-    rig.latch.reset()
-    rig.driver.reset()
-    rig.run(3, towards)
-    assert rig.plant.given[-1] == (0.0, 0.0), "still pressed: towards the stop is vetoed"
-    rig.run(3, tuple(-value for value in towards))
-    assert any(rig.plant.given[-1]), "away from it is allowed"
-    assert rig.latch.latched is None
-
-
-def test_an_arm_at_the_end_of_its_range_presses_its_switch():
-    plant = StillRobot()
-    rig = SfjRig(plant)
-    rig.cycle()
-    plant.angles[:2] = 1.4
-    rig.cycle()
-    plant.angles[:2] = 1.5
-    rig.run(2)
-    assert rig.driver.switches.hits == [1, 0, 0, 0]
-
-
-def test_a_bouncing_switch_is_one_hit():
-    switches = LimitSwitches(debounce=10)
-    switches.start([1, 1, 1, 1])
-    levels = [0, 1, 0, 1, 1, 1, 0, 1, 1, 0] + [1] * 9 + [0] + [1] * 10
-    reports = [switches.step([level, 1, 1, 1]) for level in levels]
-    assert [report for report in reports if report] == [("limit_switch", "STAGE 1: MAX limit switch hit")]
-    assert not switches.pressed[0]
-    assert switches.step([0, 1, 1, 1]), "released for its time, the next one counts"
-
-
-def test_a_chattering_switch_never_lets_current_flow_towards_it():
-    rig = SfjRig()
-    rig.hil.stuck[0] = 0
-    rig.cycle()
-    rig.latch.reset()
-    for sample in range(40):
-        rig.hil.stuck[0] = sample % 2
-        rig.cycle((2.0, 0.0))
-    assert not np.any([given[0] for given in rig.plant.given])
-
-
-def test_both_ends_pressed_at_the_start_is_broken_wiring():
-    rig = SfjRig()
-    rig.driver.close()
-    rig.hil.stuck |= {2: 0, 3: 0}
-    rig.driver.open()
-    assert rig.latch.latched == "limit_switch_stuck"
-    rig.run(3, PUSH)
-    assert off(rig)
-
-
-def test_both_ends_pressed_while_it_runs_is_broken_wiring_too():
-    rig = SfjRig()
-    rig.run(3, PUSH)
-    rig.hil.stuck[0] = 0
-    rig.cycle(PUSH)
-    assert rig.latch.latched == "limit_switch"
-    rig.latch.reset()
-    rig.driver.reset()
-    rig.hil.stuck[1] = 0
-    rig.cycle((-2.0, 0.0))
-    assert rig.latch.latched == "limit_switch_stuck"
-    rig.latch.reset()
-    rig.driver.reset()
-    assert rig.latch.latched == "limit_switch_stuck", "a reset does not mend a cable"
-    rig.run(3, (2.0, 0.0))
-    assert off(rig)
-
-
-@pytest.mark.parametrize(("switch", "away"), [(0, -1.0), (1, 1.0)])
-def test_a_switch_that_stays_pressed_when_its_arm_has_left_is_stuck(switch, away):
-    plant = StillRobot()
-    rig = SfjRig(plant)
-    rig.hil.stuck[switch] = 0
-    rig.cycle()
-    rig.latch.reset()
-    rig.driver.reset()
-    for angle in np.arange(0.0, 0.34, 0.02):
-        plant.angles[:2] = away * angle
-        rig.cycle((2.0 * away, 0.0))
-    assert rig.latch.latched is None
-    plant.angles[:2] = away * 0.36
-    rig.cycle((2.0 * away, 0.0))
-    rig.cycle((2.0 * away, 0.0))
-    assert rig.latch.latched == "limit_switch_stuck"
-    assert f"STAGE 1: {'MAX' if switch == 0 else 'MIN'}" in rig.latch.sentence
-    assert off(rig)
 
 
 # The board.
@@ -527,7 +348,8 @@ def test_a_drive_that_presses_against_a_wall_with_all_its_current_is_not_taken_f
         rig.cycle((0.0, 1.0))
     rig.run(1000, (0.0, 1.0))
     assert rig.latch.latched is None
-    plant.angles[2:] = [0.0, 0.11]  # bent against its current: the drive has turned, and its encoder is silent
+    # Bent against its current: the drive has turned, and its encoder is silent.
+    plant.angles[2:] = [0.0, 0.11]
     rig.driver.encoders.reset()
     rig.run(140, (0.0, 1.0))
     assert rig.latch.latched == "encoder_frozen"

@@ -38,7 +38,9 @@ def test_a_card_that_does_not_overwrite_is_used_all_the_same_and_that_is_said():
     assert rig.latch.latched is None
     assert any(rig.plant.given[-1])
     said = f"{rig.driver.describe()} {rig.driver.measurements()['samples']}"
-    assert said.count("the card does not overwrite: task_set_buffer_overflow_mode") == said.count("-1079") == 2
+    assert (
+        said.count("the card does not overwrite: task_set_buffer_overflow_mode") == said.count("-1079") == 2
+    )
     assert "newest" in SfjRig().driver.describe()
 
 

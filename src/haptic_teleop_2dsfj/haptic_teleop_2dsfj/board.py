@@ -28,21 +28,22 @@ from haptic_teleop_control.clocks import Clock, SteadyClock
 from haptic_teleop_control.device import DeviceError
 
 READ_FORMAT = struct.Struct("<4i2d4bIq")
-"""A sample as captured: counts, volts of the senses, levels of the switches, periods since the last, and when it was
-read, ns of the steady clock."""
+"""A sample as captured: counts, volts of the senses, levels of the switches, periods since the last, and when
+it was read, ns of the steady clock."""
 WRITE_FORMAT = struct.Struct("<2d3b")
 """An output as captured: volts of the current commands, levels of the enable lines."""
 
 QUEUE_TIME = 1.0
-"""s of samples that a card keeps which does not overwrite them: a reader that comes later has lost the board."""
+"""s of samples that a card keeps which does not overwrite them: a reader that comes later has lost the
+board."""
 
 
 class Board:
     """counts (4,) int32, sense_volts (2,) float64, switch_levels (4,) int8 and `periods` after each `read`;
     lag: s, once the samples have been found not to keep step with the steady clock, otherwise None.
 
-    make_hil: makes the `HIL`, called by `open`. on_read, on_write: take the packets' bytes, for captures. clock: the
-    steady one where it is None. sampling: how the card hands out samples, in words.
+    make_hil: makes the `HIL`, called by `open`. on_read, on_write: take the packets' bytes, for captures.
+    clock: the steady one where it is None. sampling: how the card hands out samples, in words.
     Every method raises DeviceError when the board refuses.
     """
 
@@ -183,8 +184,8 @@ class Board:
         # A board may refuse this when nothing had expired; one that stays locked refuses the next output.
         with suppress(DeviceError):
             self._call("watchdog_clear")
-        # What a board holds after that nobody has stated: perhaps what flowed before it expired. So zero comes
-        # first, before its lines get a direction and a level.
+        # What a board holds after that nobody has stated: perhaps what flowed before it expired. So zero
+        # comes first, before its lines get a direction and a level.
         self._call("write_analog", self._outputs, 2, self._zero)
 
     def _create_task(self) -> None:
@@ -194,13 +195,14 @@ class Board:
         except DeviceError as refusal:
             if not refusal.code:  # not the card's answer
                 raise
-            # As cards do by themselves, this one then ends its task when its buffer is full. So the buffer becomes
-            # a queue, of which the reader takes all that has come.
+            # As cards do by themselves, this one then ends its task when its buffer is full. So the buffer
+            # becomes a queue, of which the reader takes all that has come.
             with suppress(DeviceError):
                 self._call("task_delete", self._task)
             self._task = None
             self._task = self._reader(max(self.settings.buffer, math.ceil(QUEUE_TIME * self.settings.rate)))
-            self._queues, self.sampling = True, f"from a queue, because the card does not overwrite: {refusal}"
+            self._queues = True
+            self.sampling = f"from a queue, because the card does not overwrite: {refusal}"
         else:
             self._queues, self.sampling = False, "the newest sample"
 

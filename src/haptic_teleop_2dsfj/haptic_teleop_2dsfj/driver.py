@@ -74,9 +74,7 @@ class SfjDriver:
         self.limiters = [
             CurrentLimiter(i, stage, self.switches, dt, settings.ramp_time) for i, stage in enumerate(stages)
         ]
-        self._supervisors = [
-            StageSupervisor(settings.supervisor, stage, dt) for stage in stages
-        ]
+        self._supervisors = [StageSupervisor(settings.supervisor, stage, dt) for stage in stages]
         self._step, self._highest = settings.board.output_step, settings.board.highest_volts
         self.position: Array = np.zeros(4)
         self.velocity: Array = np.zeros(4)

@@ -1,7 +1,8 @@
-"""What hangs on the emulated board, in physical terms: lines of an encoder, turns of a gear, volts and amperes.
+"""What hangs on the emulated board, in physical terms: lines of an encoder, turns of a gear, volts and
+amperes.
 
-Everything is stated here once more, from the sources and not from the driver's settings or the table of the robots'
-facts: with the driver's own numbers a wrong scale of the driver would cancel out.
+Everything is stated here once more, from the sources and not from the driver's settings or the table of the
+robots' facts: with the driver's own numbers a wrong scale of the driver would cancel out.
 """
 
 from __future__ import annotations
@@ -12,8 +13,8 @@ from dataclasses import dataclass
 
 @dataclass(frozen=True)
 class Electronics:
-    """A Q8 with the AMPAQ and the encoders of the 2DSFJ. Sources: thesis 2.4 (gears), Quanser's example for the
-    sibling robot (encoder lines, amplifier), the Q8's manual (bits)."""
+    """A Q8 with the AMPAQ and the encoders of the 2DSFJ. Sources: thesis 2.4 (gears), Quanser's example for
+    the sibling robot (encoder lines, amplifier), the Q8's manual (bits)."""
 
     encoder_lines: int = 1024
     """Per turn of an encoder; the counter counts both edges of both its signals."""

@@ -55,8 +55,8 @@ class EmulatedHil:
     stuck: level of a switch (0 to 3) whatever the arm does, or no entry; lose(n): samples get lost and no
     overflow is counted; stretch: of the period, where its clock is wrong. clock: the one asked for.
 
-    Of `settings` it takes the channels: each line is plugged in where the driver looks for it. All scales are those of
-    `electronics`, and the ranges those that the calls set."""
+    Of `settings` it takes the channels: each line is plugged in where the driver looks for it. All scales are
+    those of `electronics`, and the ranges those that the calls set."""
 
     def __init__(
         self,
@@ -226,8 +226,8 @@ class EmulatedHil:
     def task_read(
         self, task: Mapping[str, list[int]], samples: int, analog: Any, encoder: Any, digital: Any, other: Any
     ) -> int:
-        """Waits for the next sample. A late reader gets the newest one, the others are overflows; where nothing is
-        overwritten he gets the oldest, until the buffer is full, which ends the task."""
+        """Waits for the next sample. A late reader gets the newest one, the others are overflows; where
+        nothing is overwritten he gets the oldest, until the buffer is full, which ends the task."""
         self._enter("task_read")
         self._types(
             analog=(analog, np.float64, 2), encoder=(encoder, np.int32, 4), digital=(digital, np.int8, 4)
@@ -368,7 +368,7 @@ class EmulatedHil:
     def _range(minima: Any, maxima: Any) -> float:
         full = float(maxima[0])
         if full not in RANGES or np.any(maxima != full) or np.any(minima != -full):
-            raise EmulatedError(BAD_ARGUMENT, f"the ranges are {' and '.join(f'±{volts:g}' for volts in RANGES)} V")
+            raise EmulatedError(BAD_ARGUMENT, f"its ranges are ±{RANGES[0]:g} and ±{RANGES[1]:g} V")
         return full
 
     @staticmethod

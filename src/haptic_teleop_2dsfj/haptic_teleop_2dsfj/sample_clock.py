@@ -1,12 +1,12 @@
 """Whether a board's samples keep step with the computer's steady clock.
 
-The board says how many samples have passed, the steady clock for how long. A reader comes late by chance but never
-early, so that the least lateness of many samples
+The board says how many samples have passed, the steady clock for how long. A reader comes late by chance but
+never early, so that the least lateness of many samples
 
     lateness = (moment - first moment) - samples dt
 
-stays where it is. It steps by whole periods when samples get lost without a word, and grows or falls for ever when
-the board samples at another rate than it was asked for.
+stays where it is. It steps by whole periods when samples get lost without a word, and grows or falls for ever
+when the board samples at another rate than it was asked for.
 """
 
 from __future__ import annotations
@@ -26,12 +26,13 @@ SUSPICIOUS = 0.5
 """Of a period, by which a window may differ."""
 
 TOLERANCE = 1e-3
-"""Relative error of the board's rate that is followed: ten times what the worst quartz makes of both clocks."""
+"""Relative error of the board's rate that is followed: ten times what the worst quartz makes of both
+clocks."""
 
 
 class SampleClock:
-    """dt: s between two samples. lag: s by which the samples came to lag behind the steady clock (negative: run
-    ahead of it), of the last window."""
+    """dt: s between two samples. lag: s by which the samples came to lag behind the steady clock (negative:
+    run ahead of it), of the last window."""
 
     def __init__(self, dt: float) -> None:
         self._dt = dt * 1e9
@@ -47,8 +48,8 @@ class SampleClock:
         self.lag = 0.0
 
     def step(self, moment: int, periods: int) -> float | None:
-        """A sample was read at `moment`, ns of the steady clock, `periods` after the last one. Returns `lag` once
-        the samples have surely lost step, and begins anew; None otherwise."""
+        """A sample was read at `moment`, ns of the steady clock, `periods` after the last one. Returns `lag`
+        once the samples have surely lost step, and begins anew; None otherwise."""
         if self._first is None:
             self._first = moment
         else:

@@ -9,9 +9,9 @@ from haptic_teleop_control.quantities import check_quantities, quantity
 from haptic_teleop_control.robots import SFJ_STAGES
 
 CURRENT_SLEW = 50.0
-"""A/s. At 500 Hz one sample changes the current by 0.1 A at most, which is where the thesis (3.1.1) begins to ask
-for care. Zero to 0.5 A takes 10 ms: a tenth of the period of the fastest mode (5.4 Hz), so that a force loop does
-not notice; a command that jumps to and fro at every sample is cut to that tenth of an ampere."""
+"""A/s. At 500 Hz one sample changes the current by 0.1 A at most, which is where the thesis (3.1.1) begins to
+ask for care. Zero to 0.5 A takes 10 ms: a tenth of the period of the fastest mode (5.4 Hz), so that a force
+loop does not notice; a command that jumps to and fro at every sample is cut to that tenth of an ampere."""
 
 
 @dataclass(frozen=True)
@@ -20,7 +20,9 @@ class StageSettings:
 
     torque_constant: float = quantity(1.0, "N·m/A", "nominal effort per current, of the messages", above=0.0)
     stiffness: float = quantity(1.0, "N·m/rad", "nominal stiffness, for the effort of the arm", above=0.0)
-    current_limit: float = quantity(0.5, "A", "largest current; default: recommended, most: the motor's maximum", above=0.0)
+    current_limit: float = quantity(
+        0.5, "A", "largest current; default: recommended, most: the motor's maximum", above=0.0
+    )
     continuous_current: float = quantity(
         0.5, "A", "recommended current, which may flow for ever", name="i2t.continuous", above=0.0
     )

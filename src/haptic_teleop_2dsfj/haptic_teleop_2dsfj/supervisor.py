@@ -9,8 +9,8 @@ from haptic_teleop_2dsfj.stage_settings import StageSettings
 from haptic_teleop_control.quantities import check_quantities, quantity
 
 HELD_SHARE = 0.5
-"""Of the motor's torque, that the joint must carry to explain a drive that stands still: friction may carry the
-rest."""
+"""Of the motor's torque, that the joint must carry to explain a drive that stands still: friction may carry
+the rest."""
 
 FAULTS = {
     "board_error": "the HIL board refused a call; check its cable, its power and who else uses it",
@@ -27,8 +27,8 @@ FAULTS = {
     "amplifier": "the measured current does not follow the commanded one; check power, emergency stop and "
     "cable of the amplifier",
     "non_finite_measurement": "the board delivered a value that is no finite number; check its configuration",
-    "sample_clock": "the board's samples do not keep step with the computer's steady clock: it samples at another "
-    "rate than was asked for, or loses samples without counting them; check rate and board.clock",
+    "sample_clock": "the board's samples do not keep step with the computer's steady clock: it samples at "
+    "another rate than was asked for, or loses samples without counting them; check rate and board.clock",
     "late": "the loop missed many samples in a row; lower the load of the machine or raise realtime_priority",
 }
 """Faults of the driver, with the sentence for the log."""
@@ -102,7 +102,7 @@ class StageSupervisor:
         return None
 
     def _held(self, commanded: float, deflection: float) -> bool:
-        # An arm that presses holds its drive still, but then the joint is bent the way the current pushes. A drive
-        # that turns unseen bends it the other way, by the encoders.
+        # An arm that presses holds its drive still, but then the joint is bent the way the current pushes. A
+        # drive that turns unseen bends it the other way, by the encoders.
         torque = math.copysign(self._stage.stiffness * deflection, deflection * commanded)
         return torque >= HELD_SHARE * self._stage.torque_constant * abs(commanded)

@@ -160,8 +160,8 @@ class Acquisition:
         return self.effort
 
     def abort(self, sentence: str) -> bool:
-        """End it for good, for what `sentence` says; False where it had ended already. Every further answer is
-        zero: to go on in mid-signal would be a step to full effort."""
+        """End it for good, for what `sentence` says; False where it had ended already. Every further answer
+        is zero: to go on in mid-signal would be a step to full effort."""
         if self.phase in (FINISHED, ABORTED):
             return False
         self.phase, self.sentence, self.reference = ABORTED, sentence, 0.0

@@ -1,7 +1,7 @@
 """Whether the thread that owns a device comes back from it.
 
-A driver reports what its device refuses. A device that neither answers nor refuses holds the driver's only thread,
-which then can report nothing: somebody else has to look.
+A driver reports what its device refuses. A device that neither answers nor refuses holds the driver's only
+thread, which then can report nothing: somebody else has to look.
 """
 
 from __future__ import annotations
@@ -12,12 +12,18 @@ from haptic_teleop_control.parameters import Parameter
 DEVICE_HANGS = "device_hangs"
 
 DEVICE_FAULTS = {
-    DEVICE_HANGS: "the device does not come back from a call; check its cable, its power and who else uses it, then reset"
+    DEVICE_HANGS: "the device does not come back from a call; check its cable, its power and who else uses "
+    "it, then reset"
 }
 """Faults of any device, with the sentence for the log."""
 
 DEVICE_TIMEOUT = Parameter(
-    "device_timeout", 0.5, "s", 0.05, 10.0, meaning="for which one call of the device may last, unless it opens it anew"
+    "device_timeout",
+    0.5,
+    "s",
+    0.05,
+    10.0,
+    meaning="for which one call of the device may last, unless it opens it anew",
 )
 
 LOOK_PERIOD = 0.1
@@ -28,8 +34,8 @@ OPENING_TIME = 10.0
 
 
 class DeviceWatch:
-    """`enter` and `leave` are called by the thread that owns the device, `look` by another every LOOK_PERIOD. Time
-    counts only while somebody looks: a machine that stands still is no device that hangs."""
+    """`enter` and `leave` are called by the thread that owns the device, `look` by another every LOOK_PERIOD.
+    Time counts only while somebody looks: a machine that stands still is no device that hangs."""
 
     def __init__(self, clock: Clock, timeout: float) -> None:
         self.clock, self._timeout = clock, timeout
@@ -47,8 +53,8 @@ class DeviceWatch:
         self._inside = None
 
     def look(self) -> tuple[str, float] | None:
-        """The call that the thread has not come back from in time, and for how long it is away, s; None while all
-        is well."""
+        """The call that the thread has not come back from in time, and for how long it is away, s; None while
+        all is well."""
         inside, now, before = self._inside, self.clock.now(), self._looked
         self._looked = now
         if inside is None or inside is not self._seen:

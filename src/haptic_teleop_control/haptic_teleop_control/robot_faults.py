@@ -1,7 +1,7 @@
 """What a robot's nodes say about their faults, followed over time: a fault that has come and gone counts too.
 
-A robot that is in a fault gives no effort, and after its reset it gives whatever is asked for then. Diagnostics
-come once a second, so a fault may be reset between two of them: its counter tells.
+A robot that is in a fault gives no effort, and after its reset it gives whatever is asked for then.
+Diagnostics come once a second, so a fault may be reset between two of them: its counter tells.
 """
 
 from __future__ import annotations
@@ -20,8 +20,9 @@ class RobotFaults:
         self._counted: dict[str, dict[str, int]] = {}
 
     def step(self, node: str, sentence: str | None, values: Mapping[str, str]) -> str | None:
-        """Takes one status: the node's full name, the sentence of its latched fault (None: it has none) and its
-        values. Returns what happened to the robot, in words; None for nothing, and for a node elsewhere."""
+        """Takes one status: the node's full name, the sentence of its latched fault (None: it has none) and
+        its values. Returns what happened to the robot, in words; None for nothing, and for a node
+        elsewhere."""
         if self._place not in node:
             return None
         counts = {key.removeprefix(COUNTER): _whole(values[key]) for key in values if key.startswith(COUNTER)}

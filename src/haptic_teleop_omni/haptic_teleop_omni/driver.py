@@ -172,8 +172,8 @@ class OmniDriver:
         what = f"{self.transport.describe()}, layout {self.layout.name} ({self.layout.source})"
         if not self.may_drive:
             return (
-                f"{what}: NOT CONFIRMED for this device, so torques are refused and nothing is sent. Once angles "
-                f"and signs agree (docs/drivers.md), set {self._remedy}. "
+                f"{what}: NOT CONFIRMED for this device, so torques are refused and nothing is sent. Once "
+                f"angles and signs agree (docs/drivers.md), set {self._remedy}. "
                 f"Calibration: {self.calibration.advice}"
             )
         return f"{what}, at most {self.settings.limits.peak:g} N·m. Calibration: {self.calibration.advice}"
@@ -207,7 +207,8 @@ class OmniDriver:
         fits = stated == self.layout.confirmation(self.transport.identity)
         self.may_drive = self.transport.emulated or fits
         if stated and not self.may_drive:
-            self._reporter.fault("layout_not_confirmed", f'it is "{stated}", this device needs {self._remedy}')
+            detail = f'it is "{stated}", this device needs {self._remedy}'
+            self._reporter.fault("layout_not_confirmed", detail)
 
     def _take(self, report: bytes) -> bool:
         """One report; False for one that cannot be used."""

@@ -89,8 +89,8 @@ class ReportLayout:
     source: str
 
     def confirmation(self, device: str) -> str:
-        """What somebody has to type who has seen this layout agree with `device`; another after any change to the
-        reports."""
+        """What somebody has to type who has seen this layout agree with `device`; another after any change to
+        the reports."""
         reports = [(r.length, r.report_id, r.checksum, sorted(r.fields.items()), r.constants)
                    for r in (self.input, self.output)]  # fmt: skip
         digest = hashlib.sha256(repr(reports).encode()).hexdigest()[:8]
@@ -125,8 +125,8 @@ def parse_layout(content: Any, source: str) -> ReportLayout:
     """The layout that a YAML file's content describes. Raises ConfigurationError as `load_layout`."""
     if isinstance(content, Mapping) and "verified" in content:
         raise ConfigurationError(
-            f"{source}: verified is no longer looked at; delete it, and confirm the layout for your own device with "
-            "the driver's parameter layout_confirmed_for, which the driver's first line spells out."
+            f"{source}: verified is no longer looked at; delete it, and confirm the layout for your own "
+            "device with the parameter layout_confirmed_for, which the driver's first line spells out."
         )
     top = _mapping(content, source, "the file", ("name", "input", "output"))
     directions = {}

@@ -29,8 +29,8 @@ FAULTS = {
     "frozen_counter": "the device repeats the same report, or sends old ones; switch it off and on",
     "counter_restart": "the device began to count its reports anew, so its angles may have changed; reset, "
     "then calibrate it again",
-    "layout_not_confirmed": "layout_confirmed_for names another device or another layout, so no torque is sent; compare "
-    "both, then correct it or leave it empty",
+    "layout_not_confirmed": "layout_confirmed_for names another device or another layout, so no torque is "
+    "sent; compare both, then correct it or leave it empty",
     "over_speed": "an axis moved faster than a hand can; check the encoders and the layout's scale, reset, "
     "then calibrate it again",
 }
@@ -44,7 +44,7 @@ class OmniDriverSettings:
     limits: TorqueLimits = field(default_factory=TorqueLimits)
     compensation: CompensationSettings = field(default_factory=CompensationSettings)
     layout_confirmed_for: str = quantity(
-        "", "", "the device and the layout that somebody has seen agree, as the driver's first line spells it; hardware only"
+        "", "", "device and layout that somebody has seen agree, as the driver's first line spells it"
     )
     rate: float = quantity(
         OMNI_RATE_HZ, "Hz", "reports per second of the device", minimum=10.0, maximum=2000.0

@@ -33,8 +33,8 @@ class AcquisitionNode(HapticNode):
     FAULTS: ClassVar = {
         "limit": "a limit was exceeded and the experiment was aborted",
         "state": "a state had wrong joints or values that are no numbers; look at its publisher",
-        "robot_fault": "the robot had a fault of its own and the experiment was aborted; see to that, reset the "
-        "robot, then begin a new experiment",
+        "robot_fault": "the robot had a fault of its own and the experiment was aborted; see to that, reset "
+        "the robot, then begin a new experiment",
         "stale_state": "the states stopped and came back, and the experiment was aborted; look whether the "
         "robot's driver was started anew",
     }

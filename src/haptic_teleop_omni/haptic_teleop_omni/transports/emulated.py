@@ -30,8 +30,8 @@ NOTICED, BROUGHT = 0.5, 1.0
 """Seconds until the operator sees the inkwell's light, and until the stylus is back in it."""
 
 RADIANS_PER_COUNT = 4.1e-4
-"""Of each encoder: 0.055 mm at the end of a link of 0.135 m, as the data sheet has it. Stated here and not read from the
-layout: with the layout's scale a wrong one would cancel out."""
+"""Of each encoder: 0.055 mm at the end of a link of 0.135 m, as the data sheet has it. Stated here and not
+read from the layout: with the layout's scale a wrong one would cancel out."""
 
 NEWTON_METRES_PER_STEP = 2.5e-4
 """Of each torque; no source states it. Of this device it is so."""

@@ -22,8 +22,8 @@ USB interface away from the kernel, while `hidraw` uses the kernel's own HID dri
 class HidapiTransport:
     """A HID device by vendor and product number, and by serial number where there are several ("": any).
 
-    numbered: whether its output reports carry a number; where not, hidapi wants a 0 in front. identity: both numbers and
-    the serial number of the device that was opened, or its product's name where it has none.
+    numbered: whether its output reports carry a number; where not, hidapi wants a 0 in front. identity: both
+    numbers and the serial number of the device that was opened, or its product's name where it has none.
     """
 
     emulated = False

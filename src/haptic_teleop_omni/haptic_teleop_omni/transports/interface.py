@@ -6,8 +6,8 @@ from typing import Protocol
 
 
 class OmniTransport(Protocol):
-    """emulated: whether nobody's hand is at the other end. identity: which device it is, once it is open; "" for none
-    that could be mistaken. Every call but `close` may raise DeviceError."""
+    """emulated: whether nobody's hand is at the other end. identity: which device it is, once it is open; ""
+    for none that could be mistaken. Every call but `close` may raise DeviceError."""
 
     emulated: bool
     identity: str
