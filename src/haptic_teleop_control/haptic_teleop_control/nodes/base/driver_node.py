@@ -135,6 +135,7 @@ class DriverNode(CommandedNode):
         reopened = None if self.session is None else self.session.take_reset()
         if reopened is not None:
             self.faults.reset()
+            self.announce()
             self._reset_device(reopened)
         result = self.driver.read()
         if result is ReadResult.END:

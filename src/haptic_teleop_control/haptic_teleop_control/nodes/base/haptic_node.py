@@ -1,5 +1,5 @@
 """What all nodes of this project share: parameters from a table, a fault latch with `~/reset`, diagnostics
-at 1 Hz.
+at 1 Hz, and at once when a fault latches or is reset.
 
 A subclass states `NAME`, `NAMESPACE`, `SUMMARY`, `TOPICS` and `TABLE`; `run.run_node` and `composed` need
 no more to print its help, check its parameters and run it.
@@ -8,6 +8,7 @@ no more to print its help, check its parameters and run it.
 from __future__ import annotations
 
 import time
+from collections import deque
 from collections.abc import Callable, Mapping
 from typing import Any, ClassVar
 
@@ -42,10 +43,12 @@ class HapticNode(Node):
         self._last_log: dict[str, float] = {}
         self._counters: dict[str, Callable[[], int]] = {}
         self._last_counts: dict[str, int] = {}
+        self._rates: dict[str, str] = {}
+        self._unsaid: deque[str] = deque()  # sentences of latched faults that are not yet published
         self._last_report = time.monotonic()
         self.values = declare_parameters(self, self.TABLE)
         self._diagnostics = self.create_publisher(DiagnosticArray, "/diagnostics", 10)
-        self.create_timer(1.0, self._report)
+        self._report_timer = self.create_timer(1.0, self._report)
         if self.FAULTS:
             self.create_service(Trigger, "~/reset", self._reset)
 
@@ -75,10 +78,13 @@ class HapticNode(Node):
     # What subclasses use.
 
     def fault(self, name: str, detail: str) -> None:
-        """Counts a fault; logs the one that latches, and repetitions at most once a second."""
+        """Counts a fault; logs and publishes the one that latches, and logs repetitions at most once a
+        second. From any thread."""
         latches = self.faults.count(name, detail)
         now = time.monotonic()
         if latches:
+            self._unsaid.append(self.faults.describe(name, detail))
+            self.announce()
             service = f"{self.get_fully_qualified_name()}/reset"
             self.get_logger().error(
                 f"FAULT {self.faults.describe(name, detail)} Output is zero until {service}"
@@ -90,6 +96,13 @@ class HapticNode(Node):
             return
         self._last_log[name] = now
 
+    def announce(self) -> None:
+        """Has the executor publish at its next turn what has latched or was released. From any thread: the
+        loop that found the fault neither builds the message nor waits for it."""
+        executor = self.executor
+        if executor is not None:
+            executor.create_task(self._announce)
+
     def fail(self, failure: BaseException) -> None:
         """An error of the program in a thread of this node: the process ends, safely, with this error."""
         self.failure = failure
@@ -98,6 +111,7 @@ class HapticNode(Node):
         """Adds a rate (events per second of `counter`) to the diagnostics."""
         self._counters[name] = counter
         self._last_counts[name] = counter()
+        self._rates[f"{name} (Hz)"] = "0.0"
 
     def _reset(self, request: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
         released = self.faults.reset()
@@ -106,23 +120,35 @@ class HapticNode(Node):
         response.success = True
         response.message = f"{released} reset" if released else "no fault was latched"
         self.get_logger().info(response.message)
+        self._announce()
         return response
+
+    def _announce(self) -> None:
+        """Publishes every fault that has latched since, also one that was reset meanwhile, so that nobody
+        misses it; then that none is latched, if so."""
+        while self._unsaid:
+            self._publish_status(DiagnosticStatus.ERROR, self._unsaid.popleft())
+        if not self.faults.latched:
+            self._publish_status(DiagnosticStatus.OK, self.state())
 
     def _report(self) -> None:
         now = time.monotonic()
         elapsed, self._last_report = now - self._last_report, now
-        values: dict[str, Any] = {"state": self.state()}
         for name, counter in self._counters.items():
             count = counter()
-            values[f"{name} (Hz)"] = f"{(count - self._last_counts[name]) / elapsed:.1f}"
+            self._rates[f"{name} (Hz)"] = f"{(count - self._last_counts[name]) / elapsed:.1f}"
             self._last_counts[name] = count
-        values.update(self.measurements())
+        latched = self.faults.sentence
+        level = DiagnosticStatus.ERROR if latched else DiagnosticStatus.OK
+        self._publish_status(level, latched or self.state())
+
+    def _publish_status(self, level: bytes, sentence: str) -> None:
+        values: dict[str, Any] = {"state": self.state(), **self._rates, **self.measurements()}
         values.update({f"fault {name}": count for name, count in self.faults.counts.items()})
-        latched = self.faults.latched
         status = DiagnosticStatus(
-            level=DiagnosticStatus.ERROR if latched else DiagnosticStatus.OK,
+            level=level,
             name=self.get_fully_qualified_name(),
-            message=self.faults.sentence or self.state(),
+            message=sentence,
             hardware_id="haptic_teleop",
             values=[KeyValue(key=key, value=str(value)) for key, value in values.items()],
         )
