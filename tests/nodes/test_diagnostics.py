@@ -41,7 +41,7 @@ def in_a_thread(work) -> None:
     thread.join()
 
 
-def test_a_fault_of_a_robot_s_own_thread_reaches_the_controller_without_the_timer_and_so_does_its_reset(graph):
+def test_a_fault_of_a_robot_s_own_thread_reaches_the_controller_without_the_timer_and_its_reset_too(graph):
     plant = graph.start(SfjSim, timeout=0.2)
     controller = graph.start(ForceController, auto_engage=False)
     heard = Heard(graph, plant)

@@ -13,12 +13,19 @@ NON_FINITE_COMMAND = "non_finite_command"
 STALE_COMMAND = "stale_command"
 MISSING_COMMAND = "missing_command"
 MALFORMED_COMMAND = "malformed_command"
+SECOND_SENDER = "second_sender"
+
+SECOND_SENDER_SENTENCE = (
+    "two publishers send on one topic, and only the first is heard; stop one of them, or give it another "
+    "ROS_DOMAIN_ID"
+)
 
 COMMAND_FAULTS: dict[str, str] = {
     NON_FINITE_COMMAND: "a command held a value that is not a finite number; look at its publisher",
     STALE_COMMAND: "the last command is too old; look whether its publisher still runs and keeps its rate",
     MISSING_COMMAND: "no command has arrived yet; start the node that publishes it",
     MALFORMED_COMMAND: "a command had the wrong number of values or wrong joint names; look at its publisher",
+    SECOND_SENDER: SECOND_SENDER_SENTENCE,
 }
 """Faults of a received command, with the sentence for the log."""
 

@@ -7,6 +7,7 @@ from typing import Any, ClassVar
 from rclpy.context import Context
 
 from haptic_teleop_control.acquisition import ABORTED, ACQUISITION_PARAMETERS, Acquisition
+from haptic_teleop_control.faults import SECOND_SENDER, SECOND_SENDER_SENTENCE
 from haptic_teleop_control.node_tables import REALTIME_PRIORITY
 from haptic_teleop_control.nodes.base.haptic_node import HapticNode
 from haptic_teleop_control.nodes.base.run import run_node
@@ -26,6 +27,7 @@ class AcquisitionNode(HapticNode):
     FAULTS: ClassVar = {
         "limit": "a limit was exceeded and the experiment was aborted",
         "state": "a state had wrong joints or values that are no numbers; look at its publisher",
+        SECOND_SENDER: SECOND_SENDER_SENTENCE,
     }
     TABLE = ParameterTable("acquisition", [*ACQUISITION_PARAMETERS, REALTIME_PRIORITY])
 
@@ -45,9 +47,12 @@ class AcquisitionNode(HapticNode):
         fields = ("position", "velocity")
         self._in = JointStateReceiver(
             self, f"{robot}/joint_states", experiment.joints, fields,
-            self._on_state, self._on_problem, self._newer,
+            self._on_state, self._on_problem, self._newer, listening=False,
         )  # fmt: skip
         self.count_rate("states", lambda: self._in.count)
+
+    def start(self) -> None:
+        self._in.listen()  # not before: another graph's states are not for this one to answer
 
     def _newer(self, stamp: int, received: int) -> bool:
         return stamp > self._last
@@ -69,10 +74,14 @@ class AcquisitionNode(HapticNode):
             self.fault("limit", experiment.sentence)
 
     def _on_problem(self, kind: str, detail: str, stamp: int) -> None:
+        if kind == SECOND_SENDER:  # the state at hand is good, and is answered: with zero from now on
+            self.fault(kind, detail)
+            return
         self.fault("state", detail)
         self._out.send_zero(stamp)
 
     def on_reset(self) -> None:
+        self._in.forget()
         self._experiment.reset()
         self._first = None
 
@@ -80,7 +89,8 @@ class AcquisitionNode(HapticNode):
         return self._experiment.phase
 
     def shutdown_safely(self) -> None:
-        self._out.send_zero(self._last)
+        if self._out.sent:
+            self._out.send_zero(self._last)
 
 
 NODE = AcquisitionNode

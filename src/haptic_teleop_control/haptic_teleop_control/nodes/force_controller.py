@@ -26,6 +26,9 @@ from haptic_teleop_control.nodes.base.haptic_node import HapticNode
 from haptic_teleop_control.nodes.base.run import run_node
 from haptic_teleop_control.nodes.streams.joint_states import (
     FIELDS,
+    NON_FINITE,
+    SECOND_SENDER,
+    WRONG_JOINTS,
     JointStatePublisher,
     JointStateReceiver,
     stamp_at,
@@ -41,6 +44,8 @@ JOINTS = {"omni": (OMNI_JOINTS, OMNI_JOINTS), "sfj": (SFJ_JOINTS, SFJ_MOTOR_JOIN
 
 LATCHED = QoSProfile(depth=10, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 """Several states may be entered in one cycle, and a recording shall hold all of them."""
+
+PROBLEMS = {NON_FINITE: NON_FINITE_STATE, WRONG_JOINTS: MALFORMED_STATE}
 
 ROLE_KEYS = ("master", "slave", "master_rate", "slave_rate")
 WAY_FIELDS = ("velocity", "effort")
@@ -58,6 +63,7 @@ class _Robot:
         self.input = JointStateReceiver(
             node, f"{name}/joint_states", states, FIELDS,
             partial(node.on_state, self), partial(node.on_problem, self), partial(node.follows, self),
+            silence=node.values["timeout"], listening=False,
         )  # fmt: skip
         value = self.input.value
         self.views = (value["position"], value["velocity"], value["effort"])
@@ -73,6 +79,7 @@ class _Way:
         self.input = JointStateReceiver(
             node, f"link/teleoperation/{name}", STAGES, WAY_FIELDS,
             partial(node.on_heard, self), partial(node.on_problem, None), partial(node.follows, self),
+            silence=node.values["timeout"], listening=False,
         )  # fmt: skip
 
     def send(self, stamp: int, torque: Any, velocity: Any) -> None:
@@ -107,6 +114,7 @@ class ForceController(HapticNode):
         super().__init__(context, **node_options)
         self.dropped = 0
         self._warned = False
+        self._begun = False
         self._state_out = self.create_publisher(String, "~/state", LATCHED)
         self._coupling = self._couple(self.values)
         self._timeout_ns = round(self.values["timeout"] * 1e9)
@@ -121,6 +129,18 @@ class ForceController(HapticNode):
         for name, robot in self._robots.items():
             self.count_rate(f"{name} states", lambda robot=robot: robot.input.count)
         self.count_rate("references", lambda: self._reference.count if self._reference else 0)
+
+    def start(self) -> None:
+        """Hears and answers from now on: what comes earlier is another graph's, and answering it would make
+        two controllers of one robot."""
+        self._begun = True
+        for receiver in self._receivers():
+            receiver.listen()
+
+    def _receivers(self) -> list[JointStateReceiver]:
+        assert self._reference is not None
+        sources = (*self._robots.values(), *self._ways)
+        return [*(source.input for source in sources), self._reference]
 
     def _couple(self, values: Mapping[str, Any]) -> Coupling:
         check_roles(values)
@@ -147,8 +167,9 @@ class ForceController(HapticNode):
         if self._reference is not None:
             self._reference.destroy(self)
         self._reference = JointStateReceiver(
-            self, "reference", joints, (field,), self._on_reference, self._on_bad_reference
-        )
+            self, "reference", joints, (field,), self._on_reference, self._on_bad_reference,
+            silence=self.values["timeout"], listening=self._begun,
+        )  # fmt: skip
         coupling.reference = self._reference.value[field]
 
     # One sample.
@@ -178,7 +199,11 @@ class ForceController(HapticNode):
         self._coupling.on_reference(monotonic_ns())
 
     def _on_bad_reference(self, kind: str, detail: str, stamp: int) -> None:
-        name = NON_FINITE_STATE if kind == "non_finite" else MALFORMED_STATE
+        if kind == SECOND_SENDER:
+            if self._coupling.from_reference:
+                self._coupling.fault(monotonic_ns(), kind, detail)
+            return
+        name = PROBLEMS[kind]
         self._coupling.on_bad_reference(monotonic_ns(), name, detail)
 
     def _on_diagnostics(self, message: DiagnosticArray) -> None:
@@ -202,7 +227,10 @@ class ForceController(HapticNode):
         return True
 
     def on_problem(self, robot: _Robot | None, kind: str, detail: str, stamp: int) -> None:
-        name = NON_FINITE_STATE if kind == "non_finite" else MALFORMED_STATE
+        if kind == SECOND_SENDER:  # the sample at hand is good, and is answered: with zero, or what fades
+            self._coupling.fault(monotonic_ns(), kind, detail)
+            return
+        name = PROBLEMS[kind]
         self._coupling.fault(monotonic_ns(), name, detail, robot is self._slave)
         if robot is not None:
             robot.out.send_zero(stamp)
@@ -233,6 +261,8 @@ class ForceController(HapticNode):
         return response
 
     def on_reset(self) -> None:
+        for receiver in self._receivers():
+            receiver.forget()
         self._coupling.reset(monotonic_ns())
 
     def apply_parameters(self, values: Mapping[str, Any]) -> None:
@@ -291,7 +321,8 @@ class ForceController(HapticNode):
 
     def shutdown_safely(self) -> None:
         for robot in self._robots.values():
-            robot.out.send_zero(robot.last_stamp)
+            if robot.out.sent:
+                robot.out.send_zero(robot.last_stamp)
 
 
 def check_roles(values: Mapping[str, Any]) -> None:

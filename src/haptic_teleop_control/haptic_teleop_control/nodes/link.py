@@ -7,10 +7,11 @@ import heapq
 import threading
 from functools import partial
 from time import monotonic_ns
-from typing import Any
+from typing import Any, ClassVar
 
 from rclpy.context import Context
 
+from haptic_teleop_control.faults import SECOND_SENDER, SECOND_SENDER_SENTENCE
 from haptic_teleop_control.node_tables import LINK
 from haptic_teleop_control.nodes.base.haptic_node import HapticNode
 from haptic_teleop_control.nodes.base.run import run_node
@@ -30,8 +31,10 @@ class LinkEmulator(HapticNode):
     TOPICS = (
         "subscribes teleoperation/master, teleoperation/slave            what the controller's sides send",
         "publishes  link/teleoperation/master, link/teleoperation/slave  the same, as it arrives",
+        "service    ~/reset       std_srvs/Trigger: leave a latched fault, in which nothing is delivered",
         "publishes  /diagnostics  packets sent, lost, repeated and delivered, worst lateness of a delivery",
     )
+    FAULTS: ClassVar = {SECOND_SENDER: SECOND_SENDER_SENTENCE}
     TABLE = LINK
 
     def __init__(self, context: Context | None = None, **node_options: Any) -> None:
@@ -42,7 +45,11 @@ class LinkEmulator(HapticNode):
         self._in: list[JointStateReceiver] = []
         for number, way in enumerate(WAYS):
             take = partial(self._take, number)
-            self._in.append(JointStateReceiver(self, f"teleoperation/{way}", STAGES, FIELDS, take))
+            self._in.append(
+                JointStateReceiver(
+                    self, f"teleoperation/{way}", STAGES, FIELDS, take, self._on_problem, listening=False
+                )
+            )
         # due ns, order of arrival here, way, stamp, values of FIELDS
         self._under_way: list[tuple[int, int, int, int, list[list[float]]]] = []
         self._changed = threading.Condition()
@@ -55,8 +62,20 @@ class LinkEmulator(HapticNode):
 
     def start(self) -> None:
         self._thread.start()
+        for source in self._in:
+            source.listen()
+
+    def on_reset(self) -> None:
+        for source in self._in:
+            source.forget()
+
+    def _on_problem(self, kind: str, detail: str, stamp: int) -> None:
+        if kind == SECOND_SENDER:
+            self.fault(SECOND_SENDER, detail)
 
     def _take(self, number: int) -> None:
+        if self.faults.latched:
+            return
         source = self._in[number]
         arrivals = self._channels[number].transmit(source.received * 1e-9)
         values = [source.value[field].tolist() for field in FIELDS]

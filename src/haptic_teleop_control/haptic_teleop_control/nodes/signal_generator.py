@@ -92,7 +92,8 @@ class SignalGeneratorNode(HapticNode):
 
     def shutdown_safely(self) -> None:
         self._thread.stop()
-        self._out.send_zero(stamp_now())
+        if self._out.sent:
+            self._out.send_zero(stamp_now())
 
 
 NODE = SignalGeneratorNode

@@ -14,10 +14,18 @@ import numpy as np
 from numpy.typing import NDArray
 from rclpy.context import Context
 
-from haptic_teleop_control.faults import COMMAND_FAULTS, MALFORMED_COMMAND, NON_FINITE_COMMAND, STALE_COMMAND
+from haptic_teleop_control.faults import (
+    COMMAND_FAULTS,
+    MALFORMED_COMMAND,
+    NON_FINITE_COMMAND,
+    SECOND_SENDER,
+    STALE_COMMAND,
+)
 from haptic_teleop_control.nodes.base.haptic_node import HapticNode
 from haptic_teleop_control.nodes.streams.joint_states import (
     FIELDS,
+    NON_FINITE,
+    WRONG_JOINTS,
     JointStatePublisher,
     JointStateReceiver,
     stamp_at,
@@ -25,6 +33,9 @@ from haptic_teleop_control.nodes.streams.joint_states import (
 from haptic_teleop_control.nodes.streams.latency import LatencyMeter
 
 Array = NDArray[np.float64]
+
+PROBLEMS = {NON_FINITE: NON_FINITE_COMMAND, WRONG_JOINTS: MALFORMED_COMMAND}
+"""Kind of a problem -> the fault that it is, where the two names differ."""
 
 START_PATIENCE = 0.2
 """Seconds for which late commands are only dropped as long as nothing has been driven yet."""
@@ -36,7 +47,8 @@ class CommandedNode(HapticNode):
     JOINTS: ClassVar[Sequence[str]]
     COMMAND_JOINTS: ClassVar[Sequence[str]]
     FAULTS: ClassVar = {
-        name: COMMAND_FAULTS[name] for name in (NON_FINITE_COMMAND, MALFORMED_COMMAND, STALE_COMMAND)
+        name: COMMAND_FAULTS[name]
+        for name in (NON_FINITE_COMMAND, MALFORMED_COMMAND, STALE_COMMAND, SECOND_SENDER)
     }
 
     def __init__(self, context: Context | None = None, **node_options: Any) -> None:
@@ -50,7 +62,7 @@ class CommandedNode(HapticNode):
         self._position, self._velocity, self._effort = (self.states.view[field] for field in FIELDS)
         self.commands = JointStateReceiver(
             self, "effort_command", self.COMMAND_JOINTS, ("effort",),
-            self.on_command, self._command_problem, self._accept,
+            self.on_command, self._command_problem, self._accept, silence=self.values["timeout"],
         )  # fmt: skip
         self._command = self.commands.value["effort"]
         self._last_stamp = 0
@@ -106,7 +118,7 @@ class CommandedNode(HapticNode):
 
     def _command_problem(self, kind: str, detail: str, stamp: int) -> None:
         self._driven = False
-        self.fault(NON_FINITE_COMMAND if kind == "non_finite" else MALFORMED_COMMAND, detail)
+        self.fault(PROBLEMS.get(kind, kind), detail)
 
     def on_reset(self) -> None:
         self._driven = False

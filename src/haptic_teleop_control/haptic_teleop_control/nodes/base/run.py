@@ -20,6 +20,7 @@ from haptic_teleop_control.nodes.base.ros_arguments import RosArguments, parse_r
 from haptic_teleop_control.nodes.launching.arming import ArmedStart
 from haptic_teleop_control.nodes.launching.parent import OPTION, ParentChannel
 from haptic_teleop_control.nodes.launching.stopping import StopRequests, stop_requests
+from haptic_teleop_control.nodes.streams.senders import SENDERS_TOLD, UNTOLD
 from haptic_teleop_control.nodes.timing.deadline import request_realtime
 from haptic_teleop_control.parameter_files import load_parameter_file
 
@@ -118,6 +119,8 @@ def spin(
     gc.freeze()
     if realtime_priority:  # not earlier: loading and collecting would keep other real-time processes waiting
         request_realtime(realtime_priority)
+    if not SENDERS_TOLD:
+        nodes[0].get_logger().warning(UNTOLD)
     failed = None
     try:
         while not may_start():
