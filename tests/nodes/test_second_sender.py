@@ -4,7 +4,9 @@ from collections.abc import Callable
 
 import pytest
 from rclpy.node import Node
+from rclpy.parameter import Parameter
 from ros_graph import Graph, PatientController, Sink, Source, stamp_of
+from sensor_msgs.msg import JointState
 
 from haptic_teleop_2dsfj.nodes.sfj_driver import SfjDriverNode
 from haptic_teleop_control.nodes.acquisition import AcquisitionNode
@@ -12,8 +14,8 @@ from haptic_teleop_control.nodes.base import run
 from haptic_teleop_control.nodes.base.haptic_node import HapticNode
 from haptic_teleop_control.nodes.link import LinkEmulator
 from haptic_teleop_control.nodes.recording.recorded_topic import RecordedTopic
-from haptic_teleop_control.nodes.streams import joint_states
-from haptic_teleop_control.nodes.streams.joint_states import JointStateReceiver
+from haptic_teleop_control.nodes.signal_generator import SignalGeneratorNode
+from haptic_teleop_control.nodes.streams.joint_states import STREAM_QOS, JointStateReceiver
 from haptic_teleop_control.robots import OMNI_JOINTS, SFJ_JOINTS, SFJ_MOTOR_JOINTS, STAGES
 from haptic_teleop_omni.nodes.omni_driver import OmniDriverNode
 from haptic_teleop_sim.nodes.omni_sim import OmniSim
@@ -23,6 +25,27 @@ SFJ_REST = {"position": [0.0] * 4, "velocity": [0.0] * 4, "effort": [0.0] * 4}
 OMNI_REST = {"position": [0.0] * 3, "velocity": [0.0] * 3, "effort": [0.0] * 3}
 PUSH = {"sfj": [0.1, 0.02], "omni": [0.0, 0.0, 0.01]}
 MOTORS = {"sfj": SFJ_MOTOR_JOINTS, "omni": OMNI_JOINTS}
+PACKET = {"velocity": [0.0] * 2, "effort": [0.0] * 2}
+GOOD = {
+    "/sfj/joint_states": (SFJ_JOINTS, SFJ_REST),
+    "/omni/joint_states": (OMNI_JOINTS, OMNI_REST),
+    "/reference": (["omni_y", "omni_z"], {"position": [0.0, 0.0]}),
+    "/teleoperation/master": (STAGES, PACKET),
+    "/teleoperation/slave": (STAGES, PACKET),
+    "/link/teleoperation/master": (STAGES, PACKET),
+    "/link/teleoperation/slave": (STAGES, PACKET),
+}
+"""Topic -> joints and fields of a good sample."""
+
+EXPERIMENT = {
+    "joint": "stage2",
+    "signal.enabled": True,
+    "signal.delay": 0.0,
+    "signal.duration": 60.0,
+    "signal.step.enabled": True,
+    "signal.step.amplitude": 0.05,
+}
+
 BOTH = ("/probe", "/intruder")
 
 
@@ -34,7 +57,7 @@ class Intruder(Source):
         graph.probe.destroy_publisher(self.publisher)
         self.node = graph._add(Node(name, context=graph.context))
         self.publisher = self.node.create_publisher(
-            joint_states.JointState, topic, joint_states.STREAM_QOS
+            JointState, topic, STREAM_QOS
         )
         graph.until(self.connected, what="discovery of the intruder")
 
@@ -123,6 +146,7 @@ def test_a_late_second_sender_of_commands_latches_a_fault_with_both_names_and_ne
 
 def test_a_publisher_that_is_made_anew_at_once_is_taken_without_a_fault(graph):
     setting = Commanded(graph, SfjSim, "sfj")
+    setting.node.commands._sender._silence = 10**18  # ns: the graph alone says that the first is gone
     graph.until(lambda: setting.answer(setting.command) or setting.in_force())
     successor = Source(graph, "/sfj/effort_command", SFJ_MOTOR_JOINTS)
     graph.until(successor.connected)
@@ -206,15 +230,14 @@ def test_a_second_signal_generator_is_a_fault_where_the_reference_commands_and_n
 def test_the_link_delivers_nothing_while_two_send_into_it(graph):
     link = graph.start(LinkEmulator, delay=0.0)
     out = Sink(graph, "/link/teleoperation/master")
-    packet = {"velocity": [0.0] * 2, "effort": [0.0] * 2}
     source = Source(graph, "/teleoperation/master", STAGES)
     graph.until(lambda: source.connected() and out.connected())
-    graph.until(lambda: source.send(**packet) and out.messages, what="a packet")
+    graph.until(lambda: source.send(**PACKET) and out.messages, what="a packet")
     intruder = Intruder(graph, "/teleoperation/master", STAGES)
 
     def both() -> object:
-        intruder.send(**packet)
-        source.send(**packet)
+        intruder.send(**PACKET)
+        source.send(**PACKET)
         graph.run(0.01)
         return link.faults.latched
 
@@ -228,14 +251,11 @@ def test_the_link_delivers_nothing_while_two_send_into_it(graph):
     assert len(out.messages) == delivered
     intruder.leave()
     assert graph.call("/link/reset").success
-    graph.until(lambda: source.send(**packet) and len(out.messages) > delivered)
+    graph.until(lambda: source.send(**PACKET) and len(out.messages) > delivered)
 
 
 def test_an_experiment_whose_robot_has_two_senders_of_states_goes_to_zero(graph):
-    node = graph.start(
-        AcquisitionNode, joint="stage2", signal__enabled=True, signal__delay=0.0, signal__duration=60.0,
-        signal__step__enabled=True, signal__step__amplitude=0.05,
-    )  # fmt: skip
+    node = graph.start(AcquisitionNode, **EXPERIMENT)
     states, effort = Source(graph, "/sfj/joint_states", SFJ_JOINTS), Sink(graph, "/sfj/effort_command")
     graph.until(lambda: states.connected() and effort.connected())
 
@@ -250,13 +270,37 @@ def test_an_experiment_whose_robot_has_two_senders_of_states_goes_to_zero(graph)
     assert answer() == [0.0, 0.0]
 
 
+@pytest.mark.parametrize(
+    ("node", "parameters"),
+    [(PatientController, {}), (PatientController, {"link": True}), (AcquisitionNode, EXPERIMENT),
+     (SignalGeneratorNode, {}), (LinkEmulator, {})],
+)  # fmt: skip
+def test_a_node_that_was_not_started_answers_nobody_not_even_when_it_ends(graph, node, parameters):
+    """While a scenario waits for its start, another one may run in its domain."""
+    given = [Parameter(name, value=value) for name, value in parameters.items()]
+    waiting = graph._add(node(context=graph.context, parameter_overrides=given))
+    own = [end.topic_name for end in waiting.publishers if end.msg_type is JointState]
+    sinks = [Sink(graph, topic) for topic in own]
+    heard = [end.topic_name for end in waiting.subscriptions if end.msg_type is JointState]
+    sources = {topic: Source(graph, topic, GOOD[topic][0]) for topic in heard}
+    graph.until(lambda: all(end.connected() for end in (*sinks, *sources.values())), what="discovery")
+    for _ in range(5):
+        for topic, source in sources.items():
+            source.send(**GOOD[topic][1])
+        graph.run(0.01)
+    waiting.shutdown_safely()
+    graph.run(0.1)
+    assert own
+    assert not any(sink.messages for sink in sinks)
+
+
 def test_an_rclpy_that_does_not_tell_senders_takes_all_samples_and_says_so_once(graph, monkeypatch):
     """As 7.1 of Jazzy: its info lacks the sender."""
     taken: list[int] = []
     receiver = JointStateReceiver(
         graph.probe, "/a", ["j"], ["position"], lambda: taken.append(receiver.stamp), silence=10.0
     )
-    message = joint_states.JointState(name=["j"], position=[0.0])
+    message = JointState(name=["j"], position=[0.0])
     for _ in range(3):
         receiver._receive(message, {"publication_sequence_number": 1})
     assert len(taken) == 3

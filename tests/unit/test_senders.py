@@ -2,7 +2,7 @@
 
 import pytest
 
-from haptic_teleop_control.senders import LOOK_AGAIN, SenderGuard
+from haptic_teleop_control.senders import LOOK_AGAIN, NAMELESS, SenderGuard
 
 A, B = b"aaaa", b"bbbb"
 SILENCE = 100
@@ -110,7 +110,11 @@ def test_two_nodes_of_one_name_are_told_apart_and_one_without_a_name_is_said_to_
         for sender in (A, B, A):
             stream.send(sender)
     assert "another of this name" in same.reports[0] and B.hex() in same.reports[0]
-    assert "does not name" in unknown.reports[0]
+    assert unknown.reports[0] == f"/force_controller and {NAMELESS}"
+    unknown.listed[B] = "/intruder"
+    unknown.send(B)
+    unknown.send(A, after=LOOK_AGAIN)
+    assert unknown.reports[1] == "/force_controller and /intruder", "the graph learns a name later"
 
 
 def test_what_was_heard_before_a_reset_is_no_turn_after_it():

@@ -13,6 +13,8 @@ from collections.abc import Callable, Mapping
 LOOK_AGAIN = 20_000_000
 """ns between two looks at the graph on account of one topic."""
 
+NAMELESS = "a node whose name is not known"
+
 REMEMBERED = 8
 """Senders that were replaced and would be noticed if they came back."""
 
@@ -21,8 +23,9 @@ class SenderGuard:
     """Admits one sender's samples; reports when two send.
 
     silence: ns without a sample after which the sender counts as gone, so that another may take its place.
-    publishers: id -> node name of the topic's publishers, as the graph knows them now; called only when a
-    sample does not come from the sender. report: called with a text that names both, once a turn.
+    publishers: id -> node name of the topic's publishers, as the graph knows them now, empty for a name that
+    it does not know; called only when a sample does not come from the sender. report: called with a text that
+    names both, once a turn.
 
     sole: the sender, while nobody else is heard; a sample of it needs no `admit`, only `heard` set (ns).
     refused: samples of other senders that were left out.
@@ -65,7 +68,7 @@ class SenderGuard:
         """
         if sender == self._sender:
             self.sole, self.heard = sender, now
-            self._report(self._both(sender, self._other))
+            self._report(self._both(sender, self._other, now))
             return True
         if self._sender is None:
             self._replace(sender, now)
@@ -73,7 +76,7 @@ class SenderGuard:
         returned = sender in self._former
         gone = now - self.heard > self._silence or (not returned and self._unlisted(sender, now))
         if returned:  # it was not gone after all, only slow or stopped
-            self._report(self._both(self._sender, sender))
+            self._report(self._both(self._sender, sender, now))
         if gone:
             self._replace(sender, now)
             return True
@@ -101,14 +104,16 @@ class SenderGuard:
         listed = self._publishers()
         return successor in listed and self._sender not in listed
 
-    def _both(self, first: bytes, second: bytes) -> str:
-        if self._named != (first, second):  # a look at the graph for each pair, not for each sample
+    def _both(self, first: bytes, second: bytes, now: int) -> str:
+        # A look at the graph for each pair, not for each sample; it may learn the names a little later.
+        if self._named != (first, second) or (NAMELESS in self._text and now >= self._next_look):
+            self._next_look = now + LOOK_AGAIN
             self._named, self._text = (first, second), _names(self._publishers(), first, second)
         return self._text
 
 
 def _names(listed: Mapping[bytes, str], first: bytes, second: bytes) -> str:
-    names = [listed.get(sender, "a publisher that the graph does not name") for sender in (first, second)]
-    if names[0] == names[1]:
+    names = [listed.get(sender) or NAMELESS for sender in (first, second)]
+    if names[0] == names[1] != NAMELESS:
         return f"{names[0]} ({first.hex()}) and another of this name ({second.hex()})"
     return f"{names[0]} and {names[1]}"

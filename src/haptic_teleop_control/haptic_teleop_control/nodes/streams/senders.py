@@ -11,6 +11,8 @@ import rclpy.subscription
 from rclpy.node import Node
 from rclpy.topic_endpoint_info import TopicEndpointInfo
 
+from haptic_teleop_control.senders import NAMELESS
+
 SENDERS_TOLD = "publisher_gid" in getattr(
     getattr(rclpy.subscription, "MessageInfo", None), "__annotations__", ()
 )
@@ -20,6 +22,9 @@ UNTOLD = (
     "this rclpy does not tell who sent a message, so a second sender on a topic is only a warning in the "
     "diagnostics and not a fault; ROS 2 Kilted or later tells it"
 )
+
+UNKNOWN_NAME = "_NODE_NAME_UNKNOWN_"
+"""What the middleware calls a node whose publishers it has found, and whose name it has not been told yet."""
 
 Info = Mapping[str, Any]
 
@@ -41,12 +46,14 @@ def with_info(receive: Callable[[Any, Info], None]) -> Callable[..., None]:
 
 
 def full_name(end: TopicEndpointInfo) -> str:
-    """The name of the endpoint's node with its namespace."""
+    """The name of the endpoint's node with its namespace; empty as long as the graph does not know it."""
+    if end.node_name == UNKNOWN_NAME:
+        return ""
     return f"{end.node_namespace.rstrip('/')}/{end.node_name}"
 
 
 def publishers(node: Node, topic: str) -> dict[bytes, str]:
-    """Id -> full node name of every publisher of `topic` (absolute) that the graph lists."""
+    """Id -> full node name, or empty, of every publisher of `topic` (absolute) that the graph lists."""
     return {bytes(end.endpoint_gid): full_name(end) for end in node.get_publishers_info_by_topic(topic)}
 
 
@@ -61,7 +68,8 @@ def crowded(node: Node, kind: type) -> list[str]:
             names = Counter(full_name(end) for end in ends)
             if names.total() > 1:
                 several = ", ".join(
-                    name if count == 1 else f"{count} times {name}" for name, count in sorted(names.items())
+                    (name or NAMELESS) + (f" ({count} times)" if count > 1 else "")
+                    for name, count in sorted(names.items())
                 )
                 found.append(
                     f"{topic} has several publishers: {several}; stop all but one (a process that was killed "
