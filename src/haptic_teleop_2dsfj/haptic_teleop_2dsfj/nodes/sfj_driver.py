@@ -13,6 +13,7 @@ from haptic_teleop_control.nodes.base.driver_node import DriverNode
 from haptic_teleop_control.nodes.base.run import run_node
 from haptic_teleop_control.nodes.streams.joint_states import stamp_now
 from haptic_teleop_control.robots import SFJ_JOINTS, SFJ_MOTOR_JOINTS
+from haptic_teleop_control.warning_list import DEADLINE_SHARE
 
 
 class SfjDriverNode(DriverNode):
@@ -32,7 +33,14 @@ class SfjDriverNode(DriverNode):
     TABLE = TABLE
 
     def make_driver(self, reporter: Reporter) -> Driver:
-        return make_driver(self.values, reporter, self._packet, self.session, source=self.NAME)
+        driver = make_driver(self.values, reporter, self._packet, self.session, source=self.NAME)
+        self.warnings.watch(
+            lambda: driver.missed,
+            "samples of the board were missed",
+            lambda: driver.missed + self.cycles,
+            DEADLINE_SHARE,
+        )
+        return driver
 
     def _packet(self, channel: str, data: bytes) -> None:
         if self.capture is not None:

@@ -38,6 +38,7 @@ from haptic_teleop_control.teleoperation.coupling import Coupling
 from haptic_teleop_control.teleoperation.faults import FAULTS, MALFORMED_STATE, NON_FINITE_STATE, TIME_JUMP
 from haptic_teleop_control.teleoperation.machine import State
 from haptic_teleop_control.teleoperation.sides import REFERENCES
+from haptic_teleop_control.warning_list import DEADLINE_SHARE
 
 JOINTS = {"omni": (OMNI_JOINTS, OMNI_JOINTS), "sfj": (SFJ_JOINTS, SFJ_MOTOR_JOINTS)}
 """Robot -> joints of its states, joints of its commands."""
@@ -128,6 +129,12 @@ class ForceController(HapticNode):
         self._publish_state(State.OFF)
         for name, robot in self._robots.items():
             self.count_rate(f"{name} states", lambda robot=robot: robot.input.count)
+        self.warnings.watch(
+            lambda: self.dropped,
+            "states came late or repeatedly and were dropped",
+            lambda: self.dropped + sum(robot.input.count for robot in self._robots.values()),
+            DEADLINE_SHARE,
+        )
         self.count_rate("references", lambda: self._reference.count if self._reference else 0)
 
     def start(self) -> None:
@@ -294,16 +301,20 @@ class ForceController(HapticNode):
         energies, allowed = self._coupling.energies, -self._coupling.passivity.epsilon
         lowest = {"the master's port": energies.lowest_master, "the link": energies.lowest_link}
         active = [name for name, values in lowest.items() if values.min() < allowed]
+        sentence = (
+            f"{' and '.join(active)} gave away more than {-allowed:g} J: hold the master firmly, lower the "
+            "feedback gain, or set passivity.controller"
+        )
         if active and not self._warned:
-            self.get_logger().warning(
-                f"{' and '.join(active)} gave away more than {-allowed:g} J: hold the master firmly, lower "
-                "the feedback gain, or set passivity.controller"
-            )
+            self.get_logger().warning(sentence)
+        self.warnings.state("energy", sentence if active else "")
         self._warned = bool(active)
 
     def measurements(self) -> dict[str, Any]:
         self._warn_of_energy()
         coupling, energies = self._coupling, self._coupling.energies
+        failed = ", ".join(coupling.robot_faults)
+        self.warnings.state("robots", f"in a fault of its own: {failed}" if failed else "")
         values = {
             "roles": f"master {coupling.roles[0]}, slave {coupling.roles[1]}",
             "saturated samples": coupling.saturations,

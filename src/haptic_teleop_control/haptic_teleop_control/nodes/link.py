@@ -55,9 +55,12 @@ class LinkEmulator(HapticNode):
         self._changed = threading.Condition()
         self._order = 0
         self._stopped = False
-        self.delivered = 0
+        self.delivered = self.refused = 0
         self.worst_lateness = 0.0
         self._thread = threading.Thread(target=self._run, name=self.NAME, daemon=True)
+        self.warnings.watch(
+            lambda: self.refused, "packets had wrong joints or values that are no numbers: not delivered"
+        )
         self.count_rate("packets delivered", lambda: self.delivered)
 
     def start(self) -> None:
@@ -72,6 +75,8 @@ class LinkEmulator(HapticNode):
     def _on_problem(self, kind: str, detail: str, stamp: int) -> None:
         if kind == SECOND_SENDER:
             self.fault(SECOND_SENDER, detail)
+        else:
+            self.refused += 1
 
     def _take(self, number: int) -> None:
         if self.faults.latched:

@@ -28,6 +28,7 @@ from haptic_teleop_control.nodes.recording.parameter_collector import ParameterC
 from haptic_teleop_control.nodes.recording.recorded_topic import RecordedTopic
 from haptic_teleop_control.nodes.recording.table import KNOWN_TYPES, TABLE, experiment_description
 from haptic_teleop_control.nodes.recording.verdict import print_verdict
+from haptic_teleop_control.recording.free_space import FreeSpace
 from haptic_teleop_control.recording.verify import verify_recording
 from haptic_teleop_control.recording.writer import RecordingWriter
 
@@ -82,6 +83,10 @@ class Recorder(HapticNode):
             RecordedTopic(self._input, name, KNOWN_TYPES.get(name), values["depth"], self._receive)
             for name in dict.fromkeys(self.resolve_topic_name(name) for name in values["topics"])
         ]
+        self._space = FreeSpace(values["minimum_free_space"])
+        self.warnings.watch(
+            lambda: sum(topic.missed for topic in self._topics), "messages were lost on the way here"
+        )
         self.create_timer(FOLLOW_PERIOD, self._follow)
         self._follow()
         self.get_logger().info(f"recording to {self.writer.path}")
@@ -205,6 +210,7 @@ class Recorder(HapticNode):
                 "free space or lower minimum_free_space"
             )
             self.stop = True
+        self.warnings.state("disk", self._space.warning(now, free))
         if now >= self._deadline:
             self.stop = True
         if sys.stderr.isatty():
@@ -233,6 +239,7 @@ class Recorder(HapticNode):
 
     def _problem(self, sentence: str) -> None:
         self.problems.append(sentence)
+        self.warnings.state("problem", sentence)
         self.get_logger().error(sentence)
 
 

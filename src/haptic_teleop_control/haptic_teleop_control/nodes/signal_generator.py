@@ -49,6 +49,7 @@ class SignalGeneratorNode(HapticNode):
         self._thread = DeadlineThread(
             1.0 / self.values["rate"], self._cycle, self.NAME, self.fail, phase=PHASE
         )
+        self.watch_periods(self._thread)
         self.count_rate("references", lambda: self._out.sent)
 
     def start(self) -> None:

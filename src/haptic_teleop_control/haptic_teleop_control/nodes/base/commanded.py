@@ -31,6 +31,7 @@ from haptic_teleop_control.nodes.streams.joint_states import (
     stamp_at,
 )
 from haptic_teleop_control.nodes.streams.latency import LatencyMeter
+from haptic_teleop_control.warning_list import DEADLINE_SHARE
 
 Array = NDArray[np.float64]
 
@@ -66,6 +67,12 @@ class CommandedNode(HapticNode):
         )  # fmt: skip
         self._command = self.commands.value["effort"]
         self._last_stamp = 0
+        self.warnings.watch(
+            lambda: self.dropped,
+            "commands came late or out of order and were dropped",
+            lambda: self.dropped + self.commands.count,
+            DEADLINE_SHARE,
+        )
         self.count_rate("states", lambda: self.states.sent)
         self.count_rate("commands", lambda: self.commands.count)
 

@@ -24,6 +24,7 @@ from haptic_teleop_control.nodes.streams.joint_states import stamp_now
 from haptic_teleop_control.nodes.timing.deadline import request_realtime
 from haptic_teleop_control.raw_capture import COMMAND, RESET, RawCapture, read_capture
 from haptic_teleop_control.replay import Session
+from haptic_teleop_control.warning_list import DEADLINE_SHARE, REALTIME_REFUSED
 
 LOST_POLL = 0.1
 """Seconds between two looks for a reset while the device is lost."""
@@ -72,6 +73,12 @@ class DriverNode(CommandedNode):
                 )
             self.session = Session(read_capture(self.values["replay.file"], self.ROBOT))
         self.driver: Driver = self.make_driver(Reporter(self.fault, lambda: self.faults.latched))
+        self.warnings.watch(
+            lambda: self.unanswered, "states had no answer in time", lambda: self.cycles, DEADLINE_SHARE
+        )
+        self.warnings.watch(
+            lambda: self.capture.dropped if self.capture else 0, "packets are missing in the capture"
+        )
         self._thread = threading.Thread(target=self._run, name=self.NAME, daemon=True)
 
     def make_driver(self, reporter: Reporter) -> Driver:
@@ -111,7 +118,9 @@ class DriverNode(CommandedNode):
 
     def _run(self) -> None:
         if self.values["realtime_priority"]:
-            request_realtime(self.values["realtime_priority"], [threading.get_native_id()])
+            thread = [threading.get_native_id()]
+            if not request_realtime(self.values["realtime_priority"], thread):
+                self.warnings.state("real time", REALTIME_REFUSED)
         try:
             while not self._stop.is_set():
                 if self._wants_reset.is_set():
@@ -187,6 +196,7 @@ class DriverNode(CommandedNode):
             values["packets not captured"] = self.capture.dropped
             if self.capture.failure is not None:
                 values["capture failed"] = str(self.capture.failure)
+                self.warnings.state("capture", f"the capture failed: {self.capture.failure}")
         return values
 
     def shutdown_safely(self) -> None:

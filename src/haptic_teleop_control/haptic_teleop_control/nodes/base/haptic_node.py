@@ -10,16 +10,22 @@ from __future__ import annotations
 import time
 from collections import deque
 from collections.abc import Callable, Mapping
-from typing import Any, ClassVar
+from typing import TYPE_CHECKING, Any, ClassVar
 
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 from rclpy.context import Context
 from rclpy.node import Node
+from sensor_msgs.msg import JointState
 from std_srvs.srv import Trigger
 
 from haptic_teleop_control.faults import FaultLatch
 from haptic_teleop_control.nodes.base.parameters import declare_parameters
+from haptic_teleop_control.nodes.streams.senders import crowded
 from haptic_teleop_control.parameters import ParameterTable
+from haptic_teleop_control.warning_list import DEADLINE_SHARE, Warnings
+
+if TYPE_CHECKING:
+    from haptic_teleop_control.nodes.timing.deadline import DeadlineThread
 
 LOG_INTERVAL = 1.0
 """Seconds between two log lines of one kind of fault."""
@@ -40,6 +46,11 @@ class HapticNode(Node):
         super().__init__(self.NAME, context=context, **options)
         self.failure: BaseException | None = None
         self.faults = FaultLatch(self.FAULTS)
+        self.warnings = Warnings()
+        for name in self.FAULTS:
+            self.warnings.watch(
+                lambda name=name: self.faults.counts[name], f"x {name}, reset since"
+            )
         self._last_log: dict[str, float] = {}
         self._counters: dict[str, Callable[[], int]] = {}
         self._last_counts: dict[str, int] = {}
@@ -113,6 +124,15 @@ class HapticNode(Node):
         self._last_counts[name] = counter()
         self._rates[f"{name} (Hz)"] = "0.0"
 
+    def watch_periods(self, thread: DeadlineThread) -> None:
+        """Warns when a thread skips more than DEADLINE_SHARE of its periods."""
+        self.warnings.watch(
+            lambda: thread.overruns,
+            "periods were skipped: the machine is too busy; stop other programs, or set realtime_priority",
+            lambda: thread.cycles + thread.overruns,
+            DEADLINE_SHARE,
+        )
+
     def _reset(self, request: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
         released = self.faults.reset()
         self.on_reset()
@@ -127,9 +147,9 @@ class HapticNode(Node):
         """Publishes every fault that has latched since, also one that was reset meanwhile, so that nobody
         misses it; then that none is latched, if so."""
         while self._unsaid:
-            self._publish_status(DiagnosticStatus.ERROR, self._unsaid.popleft())
+            self._publish_status(DiagnosticStatus.ERROR, self._unsaid.popleft(), self._status_values())
         if not self.faults.latched:
-            self._publish_status(DiagnosticStatus.OK, self.state())
+            self._publish_status(DiagnosticStatus.OK, self.state(), self._status_values())
 
     def _report(self) -> None:
         now = time.monotonic()
@@ -138,13 +158,21 @@ class HapticNode(Node):
             count = counter()
             self._rates[f"{name} (Hz)"] = f"{(count - self._last_counts[name]) / elapsed:.1f}"
             self._last_counts[name] = count
-        latched = self.faults.sentence
-        level = DiagnosticStatus.ERROR if latched else DiagnosticStatus.OK
-        self._publish_status(level, latched or self.state())
+        values = self._status_values()  # before the warnings: looking may find something to warn of
+        warnings = [*self.warnings.take(), *crowded(self, JointState)]
+        level, sentence = DiagnosticStatus.OK, self.state()
+        if latched := self.faults.sentence:
+            level, sentence = DiagnosticStatus.ERROR, latched
+        elif warnings:
+            level, sentence = DiagnosticStatus.WARN, "; ".join(warnings)
+        self._publish_status(level, sentence, values)
 
-    def _publish_status(self, level: bytes, sentence: str) -> None:
+    def _status_values(self) -> dict[str, Any]:
         values: dict[str, Any] = {"state": self.state(), **self._rates, **self.measurements()}
         values.update({f"fault {name}": count for name, count in self.faults.counts.items()})
+        return values
+
+    def _publish_status(self, level: bytes, sentence: str, values: dict[str, Any]) -> None:
         status = DiagnosticStatus(
             level=level,
             name=self.get_fully_qualified_name(),
