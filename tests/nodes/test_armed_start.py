@@ -21,7 +21,14 @@ from sensor_msgs.msg import JointState
 from haptic_teleop_control.nodes.base.registry import node_names
 from haptic_teleop_control.nodes.launching import starter as starter_module
 from haptic_teleop_control.nodes.launching.children import Child
-from haptic_teleop_control.nodes.launching.connections import IN, OUT, endpoints, merged, unconnected
+from haptic_teleop_control.nodes.launching.connections import (
+    IN,
+    OUT,
+    endpoints,
+    merged,
+    strangers,
+    unconnected,
+)
 from haptic_teleop_control.nodes.launching.starter import Starter
 from haptic_teleop_control.nodes.launching.stopping import StopRequests, stop_requests
 from haptic_teleop_control.nodes.recording.parameter_collector import PATIENCE, ParameterCollector
@@ -71,6 +78,21 @@ def test_a_publisher_is_unconnected_until_every_expected_subscription_has_met_it
     finally:
         other.destroy_node()
         context.try_shutdown()
+
+
+def test_our_own_publishers_are_no_strangers_not_even_before_their_names_are_known(graph, monkeypatch):
+    graph.probe.create_publisher(JointState, "/a", STREAM_QOS)
+    ours = endpoints([graph.probe])
+    seen = graph.until(lambda: graph.probe.get_publishers_info_by_topic("/a"))
+    assert strangers(graph.probe, ours) == {}
+    monkeypatch.setattr(type(graph.probe), "get_publishers_info_by_topic", lambda self, topic: seen)
+    seen[0].node_name = "_NODE_NAME_UNKNOWN_"
+    assert strangers(graph.probe, ours) == {}
+    seen *= 2
+    assert strangers(graph.probe, ours) == {"/a": ["a node whose name is not known"]}
+    for end in seen:
+        end.node_name = "probe"
+    assert strangers(graph.probe, ours) == {"/a": ["another /probe"]}
 
 
 @pytest.mark.parametrize("attempt", range(3))

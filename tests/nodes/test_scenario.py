@@ -194,6 +194,33 @@ def test_a_second_controller_in_the_same_domain_is_refused_before_anything_moves
     assert not (tmp_path / "bag").exists()
 
 
+@pytest.mark.parametrize("mode", [[], ["--processes"]])
+def test_a_second_run_in_the_same_domain_is_refused_and_does_not_disturb_the_first(file, tmp_path, mode):
+    """The nodes of both have the same names; while the second waits for its start it may answer nobody."""
+    bag = tmp_path / "bag"
+    first = start("scenario", str(file), "--duration", "0", "--record", str(bag))
+    second = None
+    try:
+        until(lambda: sum(path.stat().st_size for path in bag.glob("*.mcap")) > 300_000, 60.0)
+        second = start("scenario", str(file), *mode)
+        _, refusal = second.communicate(timeout=60)
+        first.send_signal(signal.SIGINT)
+        _, errors = first.communicate(timeout=30)
+    finally:
+        for process in filter(None, (first, second)):
+            process.kill()
+    assert second.returncode == 2, refusal
+    assert "is also published by another /" in refusal.splitlines()[-1]
+    assert "ROS_DOMAIN_ID" in refusal.splitlines()[-1]
+    assert "second_sender" not in errors
+    recording = read_recording(bag)
+    assert recording.complete
+    for topic in ("/sfj/effort_command", "/omni/effort_command"):
+        stamps = recording.topics[topic].stamp
+        # The last zero bears the stamp of the last state, which was answered already.
+        assert len(stamps) - len(set(stamps)) <= 1, f"{topic}: several answers to one state"
+
+
 @pytest.mark.parametrize(
     ("file", "robot"), [("scenario1_sim", "sfj"), ("scenario2_real", "omni"), ("acquire_omni_y", "omni")]
 )

@@ -166,7 +166,7 @@ def test_in_simulated_mode_roles_are_swapped_there_and_back_while_the_command_is
     before = setting.controller._reference
     assert setting.call("swap").success and setting.controller.faults.latched is None
     for joints in (["omni_y", "omni_z"], ["stage1_arm", "stage2_arm"]):  # taken before, seen after
-        before._receive(JointState(name=joints, position=[0.0, 0.0], effort=[0.0, 0.0]))
+        before._receive(JointState(name=joints, position=[0.0, 0.0], effort=[0.0, 0.0]), {})
     assert setting.controller._coupling.streams.reference.at is None
     received = setting.controller._coupling.streams.reference
     graph.until(lambda: reference.send(position=[0.0, 0.0]) and received.at, what="the right command")

@@ -127,3 +127,11 @@ def test_a_quanser_package_that_cannot_be_loaded_is_no_traceback(monkeypatch, tm
     monkeypatch.delitem(sys.modules, "quanser", raising=False)
     monkeypatch.syspath_prepend(str(tmp_path))
     assert sfj.checks()[0].level == ABSENT
+
+
+@pytest.mark.parametrize(
+    ("version", "told"), [("7.1.3", False), ("9.1.0", False), ("9.1.1", True), ("10.0", True)]
+)
+def test_an_rclpy_that_does_not_tell_senders_is_named_with_what_that_costs(monkeypatch, version, told):
+    monkeypatch.setattr(doctor.metadata, "version", lambda name: version)
+    assert ("second sender" in doctor._senders()) is not told

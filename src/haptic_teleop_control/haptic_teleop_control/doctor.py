@@ -11,11 +11,13 @@ import importlib
 import importlib.util
 import os
 import platform
+import re
 import resource
 import shutil
 import sys
 import threading
 import time
+from importlib import metadata
 from pathlib import Path
 
 from haptic_teleop_control.command_line import run_command
@@ -24,6 +26,8 @@ from haptic_teleop_control.health import ABSENT, BAD, OK, Check
 
 MESSAGES = ("sensor_msgs", "std_srvs", "diagnostic_msgs")
 LOOP_TIME = 0.5  # s, for the measurement of the loop
+SENDERS_TOLD = (9, 1, 1)
+"""From this version on, rclpy tells who sent a message."""
 LATE = 0.02  # s, the board's watchdog
 
 
@@ -85,7 +89,21 @@ def _ros() -> list[Check]:
         return [
             Check("ROS 2", BAD, f"{where}, without {', '.join(missing)}", "install these message packages")
         ]
-    return [Check("ROS 2", OK, where)]
+    return [Check("ROS 2", OK, f"{where}{_senders()}")]
+
+
+def _senders() -> str:
+    """What this rclpy cannot do, in words."""
+    try:
+        found = metadata.version("rclpy")
+    except metadata.PackageNotFoundError:
+        return ""
+    if tuple(int(part) for part in re.findall(r"\d+", found)[:3]) >= SENDERS_TOLD:
+        return ""
+    return (
+        f"; rclpy {found} does not tell who sent a message: a second sender on a topic is only a warning in "
+        "the diagnostics and not a fault (ROS 2 Kilted tells it)"
+    )
 
 
 def _discovery() -> Check:

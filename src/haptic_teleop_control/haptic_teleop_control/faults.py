@@ -15,6 +15,12 @@ MISSING_COMMAND = "missing_command"
 MALFORMED_COMMAND = "malformed_command"
 FUTURE_COMMAND = "future_command"
 CONTRADICTORY_COMMAND = "contradictory_command"
+SECOND_SENDER = "second_sender"
+
+SECOND_SENDER_SENTENCE = (
+    "two publishers send on one topic, and only the first is heard; stop one of them, or give it another "
+    "ROS_DOMAIN_ID"
+)
 
 COMMAND_FAULTS: dict[str, str] = {
     NON_FINITE_COMMAND: "a command held a value that is not a finite number; look at its publisher",
@@ -23,6 +29,7 @@ COMMAND_FAULTS: dict[str, str] = {
     MALFORMED_COMMAND: "a command had the wrong number of values or wrong joint names; look at its publisher",
     FUTURE_COMMAND: "a command answers a state that there has not been yet; look at its publisher's stamps",
     CONTRADICTORY_COMMAND: "one state was answered twice with different values; look for a second publisher",
+    SECOND_SENDER: SECOND_SENDER_SENTENCE,
 }
 """Faults of a received command, with the sentence for the log."""
 

@@ -11,6 +11,7 @@ from haptic_teleop_control.device import Driver, Reporter
 from haptic_teleop_control.nodes.base.driver_node import DriverNode
 from haptic_teleop_control.nodes.base.run import run_node
 from haptic_teleop_control.robots import SFJ_JOINTS, SFJ_MOTOR_JOINTS
+from haptic_teleop_control.warning_list import DEADLINE_SHARE
 
 
 class SfjDriverNode(DriverNode):
@@ -30,7 +31,14 @@ class SfjDriverNode(DriverNode):
     TABLE = TABLE
 
     def make_driver(self, reporter: Reporter) -> Driver:
-        return make_driver(self.values, reporter, self._packet, self.session, self.clock, self.NAME)
+        driver = make_driver(self.values, reporter, self._packet, self.session, self.clock, self.NAME)
+        self.warnings.watch(
+            lambda: driver.missed,
+            "samples of the board were missed",
+            lambda: driver.missed + self.cycles,
+            DEADLINE_SHARE,
+        )
+        return driver
 
     def _packet(self, channel: str, data: bytes) -> None:
         if self.capture is not None:

@@ -8,6 +8,7 @@ from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 from rclpy.context import Context
 
 from haptic_teleop_control.acquisition import ABORTED, ACQUISITION_PARAMETERS, Acquisition
+from haptic_teleop_control.faults import SECOND_SENDER, SECOND_SENDER_SENTENCE
 from haptic_teleop_control.node_tables import NODE_PARAMETERS
 from haptic_teleop_control.nodes.base.haptic_node import HapticNode
 from haptic_teleop_control.nodes.base.run import run_node
@@ -37,6 +38,7 @@ class AcquisitionNode(HapticNode):
         "the robot, then begin a new experiment",
         "stale_state": "the states stopped and came back, and the experiment was aborted; look whether the "
         "robot's driver was started anew",
+        SECOND_SENDER: SECOND_SENDER_SENTENCE,
     }
     TABLE = ParameterTable("acquisition", [*ACQUISITION_PARAMETERS, *NODE_PARAMETERS])
 
@@ -58,11 +60,12 @@ class AcquisitionNode(HapticNode):
         fields = ("position", "velocity")
         self._in = JointStateReceiver(
             self, f"{robot}/joint_states", experiment.joints, fields,
-            self._on_state, self._on_problem, self._newer,
+            self._on_state, self._on_problem, self._newer, listening=False,
         )  # fmt: skip
         self.count_rate("states", lambda: self._in.count)
 
     def start(self) -> None:
+        self._in.listen()  # not before: another graph's states are not for this one to answer
         self.take_part(ANSWERER, topics=(self._in.topic,))
 
     def on_tick(self, tick: Tick, repeated: bool) -> None:
@@ -102,6 +105,10 @@ class AcquisitionNode(HapticNode):
             self.fault("limit", experiment.sentence)
 
     def _on_problem(self, kind: str, detail: str, stamp: int) -> None:
+        if kind == SECOND_SENDER:  # the state at hand is good, and is answered: with zero from now on
+            self._experiment.abort(detail)
+            self.fault(kind, detail)
+            return
         self._experiment.abort(detail)
         self.fault("state", detail)
         self._out.send_zero(stamp)
@@ -121,11 +128,14 @@ class AcquisitionNode(HapticNode):
                 self._out.send_zero(self._last)
             self.fault(fault, detail)
 
+    def on_reset(self) -> None:
+        self._in.forget()
+
     def state(self) -> str:
         return self._experiment.phase
 
     def shutdown_safely(self) -> None:
-        if not self.time.simulated:  # there the robot moves by an answer only
+        if not self.time.simulated and self._out.sent:  # simulated, the robot moves by an answer only
             self._out.send_zero(self.time.stamp())
         self.time.close()
 

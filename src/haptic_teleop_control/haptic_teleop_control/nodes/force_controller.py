@@ -25,6 +25,9 @@ from haptic_teleop_control.nodes.base.haptic_node import HapticNode
 from haptic_teleop_control.nodes.base.run import run_node
 from haptic_teleop_control.nodes.streams.joint_states import (
     FIELDS,
+    NON_FINITE,
+    SECOND_SENDER,
+    WRONG_JOINTS,
     JointStatePublisher,
     JointStateReceiver,
 )
@@ -35,12 +38,15 @@ from haptic_teleop_control.teleoperation.coupling import Coupling
 from haptic_teleop_control.teleoperation.faults import FAULTS, MALFORMED_STATE, NON_FINITE_STATE, TIME_JUMP
 from haptic_teleop_control.teleoperation.machine import State
 from haptic_teleop_control.teleoperation.sides import REFERENCES
+from haptic_teleop_control.warning_list import DEADLINE_SHARE
 
 JOINTS = {"omni": (OMNI_JOINTS, OMNI_JOINTS), "sfj": (SFJ_JOINTS, SFJ_MOTOR_JOINTS)}
 """Robot -> joints of its states, joints of its commands."""
 
 LATCHED = QoSProfile(depth=10, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 """Several states may be entered in one cycle, and a recording shall hold all of them."""
+
+PROBLEMS = {NON_FINITE: NON_FINITE_STATE, WRONG_JOINTS: MALFORMED_STATE}
 
 ROLE_KEYS = ("master", "slave", "master_rate", "slave_rate")
 WAY_FIELDS = ("velocity", "effort")
@@ -58,6 +64,7 @@ class _Robot:
         self.input = JointStateReceiver(
             node, f"{name}/joint_states", states, FIELDS,
             partial(node.on_state, self), partial(node.on_problem, self), partial(node.follows, self),
+            silence=node.values["timeout"], listening=False,
         )  # fmt: skip
         value = self.input.value
         self.views = (value["position"], value["velocity"], value["effort"])
@@ -75,6 +82,7 @@ class _Way:
         self.input = JointStateReceiver(
             node, f"link/teleoperation/{name}", STAGES, WAY_FIELDS,
             partial(node.on_heard, self), partial(node.on_problem, None), partial(node.follows, self),
+            silence=node.values["timeout"], listening=False,
         )  # fmt: skip
 
     def send(self, stamp: int, torque: Any, velocity: Any) -> None:
@@ -117,6 +125,7 @@ class ForceController(HapticNode):
         self._warned = False
         self._tick: Tick | None = None
         self._reference_seen = 0
+        self._begun = False
         self._state_out = self.create_publisher(String, "~/state", LATCHED)
         self._coupling = self._couple(self.values)
         self._timeout_ns = round(self.values["timeout"] * 1e9)
@@ -130,7 +139,27 @@ class ForceController(HapticNode):
         self._publish_state(State.OFF)
         for name, robot in self._robots.items():
             self.count_rate(f"{name} states", lambda robot=robot: robot.input.count)
+        self.warnings.watch(
+            lambda: self.dropped,
+            "states came late or repeatedly and were dropped",
+            lambda: self.dropped + sum(robot.input.count for robot in self._robots.values()),
+            DEADLINE_SHARE,
+        )
         self.count_rate("references", lambda: self._reference.count if self._reference else 0)
+
+    def start(self) -> None:
+        """Hears and answers from now on: what comes earlier is another graph's, and answering it would make
+        two controllers of one robot."""
+        self._begun = True
+        for receiver in self._receivers():
+            receiver.listen()
+        states = tuple(robot.input.topic for robot in (self._master, self._slave))
+        self.take_part(ANSWERER, topics=states, linked=bool(self._ways))
+
+    def _receivers(self) -> list[JointStateReceiver]:
+        assert self._reference is not None
+        sources = (*self._robots.values(), *self._ways)
+        return [*(source.input for source in sources), self._reference]
 
     def _couple(self, values: Mapping[str, Any]) -> Coupling:
         check_roles(values)
@@ -157,8 +186,9 @@ class ForceController(HapticNode):
         if self._reference is not None:
             self._reference.destroy(self)
         self._reference = JointStateReceiver(
-            self, "reference", joints, (field,), self._on_reference, self._on_bad_reference
-        )
+            self, "reference", joints, (field,), self._on_reference, self._on_bad_reference,
+            silence=self.values["timeout"], listening=self._begun,
+        )  # fmt: skip
         coupling.reference = self._reference.value[field]
 
     # One sample.
@@ -281,7 +311,11 @@ class ForceController(HapticNode):
             self._coupling.on_reference(self.time.now())
 
     def _on_bad_reference(self, kind: str, detail: str, stamp: int) -> None:
-        name = NON_FINITE_STATE if kind == "non_finite" else MALFORMED_STATE
+        if kind == SECOND_SENDER:
+            if self._coupling.from_reference:
+                self._coupling.fault(self.time.now(), kind, detail)
+            return
+        name = PROBLEMS[kind]
         self._coupling.on_bad_reference(self.time.now(), name, detail)
         self._reference_seen = max(self._reference_seen, stamp)
         self._advance()
@@ -320,7 +354,10 @@ class ForceController(HapticNode):
         return False
 
     def on_problem(self, robot: _Robot | None, kind: str, detail: str, stamp: int) -> None:
-        name = NON_FINITE_STATE if kind == "non_finite" else MALFORMED_STATE
+        if kind == SECOND_SENDER:  # the sample at hand is good, and is answered: with zero, or what fades
+            self._coupling.fault(self.time.now(), kind, detail)
+            return
+        name = PROBLEMS[kind]
         self._coupling.fault(self.time.now(), name, detail, robot is self._slave)
         if robot is not None:
             robot.seen = robot.answered = robot.last_stamp = stamp
@@ -354,6 +391,8 @@ class ForceController(HapticNode):
         return response
 
     def on_reset(self) -> None:
+        for receiver in self._receivers():
+            receiver.forget()
         self._coupling.reset(self.time.now())
 
     def apply_parameters(self, values: Mapping[str, Any]) -> None:
@@ -385,16 +424,20 @@ class ForceController(HapticNode):
         energies, allowed = self._coupling.energies, -self._coupling.passivity.epsilon
         lowest = {"the master's port": energies.lowest_master, "the link": energies.lowest_link}
         active = [name for name, values in lowest.items() if values.min() < allowed]
+        sentence = (
+            f"{' and '.join(active)} gave away more than {-allowed:g} J: hold the master firmly, lower the "
+            "feedback gain, or set passivity.controller"
+        )
         if active and not self._warned:
-            self.get_logger().warning(
-                f"{' and '.join(active)} gave away more than {-allowed:g} J: hold the master firmly, lower "
-                "the feedback gain, or set passivity.controller"
-            )
+            self.get_logger().warning(sentence)
+        self.warnings.state("energy", sentence if active else "")
         self._warned = bool(active)
 
     def measurements(self) -> dict[str, Any]:
         self._warn_of_energy()
         coupling, energies = self._coupling, self._coupling.energies
+        failed = ", ".join(coupling.robot_faults)
+        self.warnings.state("robots", f"in a fault of its own: {failed}" if failed else "")
         values = {
             "roles": f"master {coupling.roles[0]}, slave {coupling.roles[1]}",
             "saturated samples": coupling.saturations,
@@ -410,14 +453,11 @@ class ForceController(HapticNode):
             values["round trip (ms)"] = f"{1e3 * coupling.round_trip:.2f}"
         return values
 
-    def start(self) -> None:
-        states = tuple(robot.input.topic for robot in (self._master, self._slave))
-        self.take_part(ANSWERER, topics=states, linked=bool(self._ways))
-
     def shutdown_safely(self) -> None:
         if not self.time.simulated:  # there a robot moves by an answer only, and every state has had its own
             for robot in self._robots.values():
-                robot.out.send_zero(self.time.stamp())
+                if robot.out.sent:
+                    robot.out.send_zero(self.time.stamp())
         self.time.close()
 
 

@@ -7,10 +7,11 @@ import heapq
 import threading
 from functools import partial
 from time import monotonic_ns
-from typing import Any
+from typing import Any, ClassVar
 
 from rclpy.context import Context
 
+from haptic_teleop_control.faults import SECOND_SENDER, SECOND_SENDER_SENTENCE
 from haptic_teleop_control.node_tables import LINK
 from haptic_teleop_control.nodes.base.haptic_node import HapticNode
 from haptic_teleop_control.nodes.base.run import run_node
@@ -34,8 +35,10 @@ class LinkEmulator(HapticNode):
     TOPICS = (
         "subscribes teleoperation/master, teleoperation/slave            what the controller's sides send",
         "publishes  link/teleoperation/master, link/teleoperation/slave  the same, as it arrives",
+        "service    ~/reset       std_srvs/Trigger: leave a latched fault, in which nothing is delivered",
         "publishes  /diagnostics  packets sent, lost, repeated and delivered, worst lateness of a delivery",
     )
+    FAULTS: ClassVar = {SECOND_SENDER: SECOND_SENDER_SENTENCE}
     TABLE = LINK
 
     def __init__(self, context: Context | None = None, **node_options: Any) -> None:
@@ -46,7 +49,11 @@ class LinkEmulator(HapticNode):
         self._in: list[JointStateReceiver] = []
         for number, way in enumerate(WAYS):
             take = partial(self._take, number)
-            self._in.append(JointStateReceiver(self, f"teleoperation/{way}", STAGES, FIELDS, take))
+            self._in.append(
+                JointStateReceiver(
+                    self, f"teleoperation/{way}", STAGES, FIELDS, take, self._on_problem, listening=False
+                )
+            )
         self._topics = [source.topic for source in self._in]
         self._taken: list[tuple[int, list[int]] | None] = [None] * len(WAYS)  # stamp and arrivals of the last
         self._packets: dict[tuple[int, int], list[Any]] = {}  # way and stamp -> copies to come, values
@@ -55,16 +62,31 @@ class LinkEmulator(HapticNode):
         self._changed = threading.Condition()
         self._order = 0
         self._stopped = False
-        self.delivered = 0
+        self.delivered = self.refused = 0
         self.worst_lateness = 0.0
         self._thread = threading.Thread(target=self._run, name=self.NAME, daemon=True)
+        self.warnings.watch(
+            lambda: self.refused, "packets had wrong joints or values that are no numbers: not delivered"
+        )
         self.count_rate("packets delivered", lambda: self.delivered)
 
     def start(self) -> None:
+        for source in self._in:
+            source.listen()
         if self.time.simulated:
             self.take_part(LINK_MEMBER, topics=tuple(source.topic for source in self._in))
         else:
             self._thread.start()
+
+    def on_reset(self) -> None:
+        for source in self._in:
+            source.forget()
+
+    def _on_problem(self, kind: str, detail: str, stamp: int) -> None:
+        if kind == SECOND_SENDER:
+            self.fault(SECOND_SENDER, detail)
+        else:
+            self.refused += 1
 
     # Simulated time: what arrives when is told to the coordinator, who says when it is handed over.
 
@@ -92,7 +114,7 @@ class LinkEmulator(HapticNode):
         source = self._in[number]
         last = self._taken[number]
         if last is None or source.stamp > last[0]:
-            arrivals = self._channels[number].transmit(seconds(source.stamp))
+            arrivals = [] if self.faults.latched else self._channels[number].transmit(seconds(source.stamp))
             last = self._taken[number] = (source.stamp, [ORIGIN + round(at * 1e9) for at in arrivals])
             if arrivals:
                 values = [source.value[field].copy() for field in FIELDS]
@@ -106,10 +128,12 @@ class LinkEmulator(HapticNode):
     # Real time.
 
     def _take(self, number: int) -> None:
-        source = self._in[number]
         if self.time.simulated:
             self._take_simulated(number)
             return
+        if self.faults.latched:
+            return
+        source = self._in[number]
         arrivals = self._channels[number].transmit(source.received * 1e-9)
         values = [source.value[field].tolist() for field in FIELDS]
         with self._changed:

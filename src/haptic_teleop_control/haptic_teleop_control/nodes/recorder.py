@@ -34,6 +34,7 @@ from haptic_teleop_control.nodes.recording.table import (
 )
 from haptic_teleop_control.nodes.recording.verdict import print_verdict
 from haptic_teleop_control.nodes.timing.time_base import SimulatedTime, steady_timer
+from haptic_teleop_control.recording.free_space import FreeSpace
 from haptic_teleop_control.recording.joint_state_cdr import header_stamp
 from haptic_teleop_control.recording.verify import verify_recording
 from haptic_teleop_control.recording.writer import RecordingWriter
@@ -97,6 +98,10 @@ class Recorder(HapticNode):
             )
             for name in dict.fromkeys(self.resolve_topic_name(name) for name in values["topics"])
         ]
+        self._space = FreeSpace(values["minimum_free_space"])
+        self.warnings.watch(
+            lambda: sum(topic.missed for topic in self._topics), "messages were lost on the way here"
+        )
         steady_timer(self, FOLLOW_PERIOD, self._follow)
         self._follow()
         self.get_logger().info(f"recording to {self.writer.path}")
@@ -246,6 +251,7 @@ class Recorder(HapticNode):
                 "free space or lower minimum_free_space"
             )
             self.stop = True
+        self.warnings.state("disk", self._space.warning(now, free))
         if now >= self._deadline:
             self.stop = True
         if sys.stderr.isatty():
@@ -274,6 +280,7 @@ class Recorder(HapticNode):
 
     def _problem(self, sentence: str) -> None:
         self.problems.append(sentence)
+        self.warnings.state("problem", sentence)
         self.get_logger().error(sentence)
 
 

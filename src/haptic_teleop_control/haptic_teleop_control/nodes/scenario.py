@@ -142,10 +142,11 @@ def run(scenario: Scenario) -> int:
     """Runs it to its end; exit status 0, or that of the first process that failed, or 1 for a fault."""
     children: list[Child] = []
     faults: dict[str, str] = {}
+    warnings: dict[str, tuple[int, str]] = {}
     with stop_requests() as stop:
         try:
             children = start_children(scenario)
-            faults = _watch(scenario, children, stop)
+            faults = _watch(scenario, children, stop, warnings)
         finally:
             # In order: outputs to zero, then the recording's end.
             control = [child for child in children if child.name != Recorder.NAME]
@@ -156,6 +157,9 @@ def run(scenario: Scenario) -> int:
                 if recorder.status is None and not scenario.simulated:
                     time.sleep(LAST_COMMANDS)
                 statuses[recorder.name] = recorder.stop()
+    for node, (count, sentence) in warnings.items():
+        times = f", and {count - 1} more before" if count > 1 else ""
+        print(f"warning from {node}: {sentence}{times}", file=sys.stderr)
     for node, sentence in faults.items():
         print(f"fault in {node}: {sentence}", file=sys.stderr)
     for name, status in statuses.items():
@@ -164,8 +168,15 @@ def run(scenario: Scenario) -> int:
     return next((status for status in statuses.values() if status), 1 if faults else 0)
 
 
-def _watch(scenario: Scenario, children: Sequence[Child], stop: threading.Event) -> dict[str, str]:
+def _watch(
+    scenario: Scenario,
+    children: Sequence[Child],
+    stop: threading.Event,
+    warnings: dict[str, tuple[int, str]],
+) -> dict[str, str]:
+    """The faults; `warnings` is filled."""
     with Watcher(scenario.watched, scenario.simulated) as watcher, ProgressLine() as progress:
+        watcher.warnings = warnings
         starter = Starter(children, watcher.node)
         while not stop.is_set() and all(child.status is None for child in children):
             watcher.look(LOOK_INTERVAL if starter.done else START_INTERVAL)

@@ -51,6 +51,7 @@ class SignalGeneratorNode(HapticNode):
         self._thread = DeadlineThread(
             1.0 / self.values["rate"], self._cycle, self.NAME, self.fail, phase=PHASE
         )
+        self.watch_periods(self._thread)
         self.count_rate("references", lambda: self._out.sent)
 
     def start(self) -> None:
@@ -115,7 +116,7 @@ class SignalGeneratorNode(HapticNode):
 
     def shutdown_safely(self) -> None:
         self._thread.stop()
-        if not self.time.simulated:
+        if not self.time.simulated and self._out.sent:
             self._out.send_zero(self.time.stamp())
         self.time.close()
 

@@ -1,5 +1,7 @@
 """The faults of the teleoperation, with the sentences for the log."""
 
+from haptic_teleop_control.faults import SECOND_SENDER, SECOND_SENDER_SENTENCE
+
 NON_FINITE_STATE, MALFORMED_STATE, TIME_JUMP = "non_finite_state", "malformed_state", "time_jump"
 STALE_REFERENCE, STALE_MASTER, STALE_SLAVE = "stale_reference", "stale_master", "stale_slave"
 STALE_LINK, SLOW_LINK, ROBOT_FAULT = "stale_link", "slow_link", "robot_fault"
@@ -14,4 +16,5 @@ FAULTS: dict[str, str] = {
     STALE_LINK: "nothing comes over the link any more; look at the network between master and slave",
     SLOW_LINK: "the link takes longer than maximum_round_trip; look at the network, or couple without it",
     ROBOT_FAULT: "a robot stands still with a fault of its own; see to that first, then reset that node",
+    SECOND_SENDER: SECOND_SENDER_SENTENCE,
 }

@@ -8,6 +8,7 @@ from haptic_teleop_control.device import Driver, Reporter
 from haptic_teleop_control.nodes.base.driver_node import DriverNode
 from haptic_teleop_control.nodes.base.run import run_node
 from haptic_teleop_control.robots import OMNI_JOINTS
+from haptic_teleop_control.warning_list import DEADLINE_SHARE
 from haptic_teleop_omni.build import ALL_FAULTS, make_driver
 from haptic_teleop_omni.settings import TABLE
 
@@ -29,7 +30,17 @@ class OmniDriverNode(DriverNode):
     TABLE = TABLE
 
     def make_driver(self, reporter: Reporter) -> Driver:
-        return make_driver(self.values, reporter, self._packet, self.session, self.clock, self.NAME)
+        driver = make_driver(self.values, reporter, self._packet, self.session, self.clock, self.NAME)
+        counter = driver.counter
+        if counter is not None:
+            self.warnings.watch(
+                lambda: counter.lost,
+                "reports of the device were lost",
+                lambda: counter.lost + self.cycles,
+                DEADLINE_SHARE,
+            )
+        self.warnings.watch(lambda: driver.malformed, "reports of the device were malformed")
+        return driver
 
     def _packet(self, channel: str, data: bytes) -> None:
         if self.capture is not None:

@@ -20,19 +20,26 @@ from haptic_teleop_control.faults import (
     FUTURE_COMMAND,
     MALFORMED_COMMAND,
     NON_FINITE_COMMAND,
+    SECOND_SENDER,
     STALE_COMMAND,
 )
 from haptic_teleop_control.nodes.base.haptic_node import HapticNode
 from haptic_teleop_control.nodes.streams.joint_states import (
     FIELDS,
+    NON_FINITE,
+    WRONG_JOINTS,
     JointStatePublisher,
     JointStateReceiver,
 )
 from haptic_teleop_control.nodes.streams.latency import LatencyMeter
 from haptic_teleop_control.simulated_time.messages import Tick
 from haptic_teleop_control.simulated_time.stamps import seconds
+from haptic_teleop_control.warning_list import DEADLINE_SHARE
 
 Array = NDArray[np.float64]
+
+PROBLEMS = {NON_FINITE: NON_FINITE_COMMAND, WRONG_JOINTS: MALFORMED_COMMAND}
+"""Kind of a problem -> the fault that it is, where the two names differ."""
 
 START_PATIENCE = 0.2
 """Seconds for which late commands are only dropped as long as nothing has been driven yet."""
@@ -47,6 +54,7 @@ class CommandedNode(HapticNode):
         name: COMMAND_FAULTS[name]
         for name in (
             NON_FINITE_COMMAND, MALFORMED_COMMAND, STALE_COMMAND, FUTURE_COMMAND, CONTRADICTORY_COMMAND,
+            SECOND_SENDER,
         )
     }
 
@@ -61,7 +69,7 @@ class CommandedNode(HapticNode):
         self._position, self._velocity, self._effort = (self.states.view[field] for field in FIELDS)
         self.commands = JointStateReceiver(
             self, "effort_command", self.COMMAND_JOINTS, ("effort",),
-            self.on_command, self._command_problem, self._accept,
+            self.on_command, self._command_problem, self._accept, silence=self.values["timeout"],
         )  # fmt: skip
         self._command = self.commands.value["effort"]
         self._last_stamp = 0
@@ -69,6 +77,12 @@ class CommandedNode(HapticNode):
         self._awaiting = False  # whether its answer is still to come
         self._used = np.zeros(len(self.COMMAND_JOINTS))
         self.silent = False  # whether there is no state to publish at the next tick
+        self.warnings.watch(
+            lambda: self.dropped,
+            "commands came late or out of order and were dropped",
+            lambda: self.dropped + self.commands.count,
+            DEADLINE_SHARE,
+        )
         self.count_rate("states", lambda: self.states.sent)
         self.count_rate("commands", lambda: self.commands.count)
 
@@ -179,7 +193,7 @@ class CommandedNode(HapticNode):
 
     def _command_problem(self, kind: str, detail: str, stamp: int) -> None:
         self._driven = False
-        self.fault(NON_FINITE_COMMAND if kind == "non_finite" else MALFORMED_COMMAND, detail)
+        self.fault(PROBLEMS.get(kind, kind), detail)
         if self.time.simulated and self._awaiting and stamp == self.sampled:
             self._act(None)  # it is an answer, though none that can be used
 

@@ -37,6 +37,7 @@ from haptic_teleop_control.raw_capture import COMMAND, RESET, RawCapture, read_c
 from haptic_teleop_control.replay import Session
 from haptic_teleop_control.simulated_time.messages import PLANT
 from haptic_teleop_control.teleoperation.agreement import VIRTUAL_DEVICES, hardware_refusal
+from haptic_teleop_control.warning_list import DEADLINE_SHARE, REALTIME_REFUSED
 
 Array = NDArray[np.float64]
 
@@ -96,6 +97,12 @@ class DriverNode(CommandedNode):
         self._hangs = ""
         if self.session is None and not self.time.simulated:  # whose pauses are not the device's
             steady_timer(self, LOOK_PERIOD, self._look)
+        self.warnings.watch(
+            lambda: self.unanswered, "states had no answer in time", lambda: self.cycles, DEADLINE_SHARE
+        )
+        self.warnings.watch(
+            lambda: self.capture.dropped if self.capture else 0, "packets are missing in the capture"
+        )
         self._thread = threading.Thread(target=self._run, name=self.NAME, daemon=True)
 
     def make_driver(self, reporter: Reporter) -> Driver:
@@ -170,7 +177,9 @@ class DriverNode(CommandedNode):
 
     def _run(self) -> None:
         if self.values["realtime_priority"]:
-            request_realtime(self.values["realtime_priority"], [threading.get_native_id()])
+            thread = [threading.get_native_id()]
+            if not request_realtime(self.values["realtime_priority"], thread):
+                self.warnings.state("real time", REALTIME_REFUSED)
         try:
             while not self._stop.is_set():
                 if self._wants_reset.is_set():
@@ -198,6 +207,7 @@ class DriverNode(CommandedNode):
         reopened = None if self.session is None else self.session.take_reset()
         if reopened is not None:
             self.faults.reset()
+            self.announce()
             self._reset_device(reopened)
         self.watch.enter("read")
         result = self.driver.read()
@@ -267,6 +277,7 @@ class DriverNode(CommandedNode):
             values["packets not captured"] = self.capture.dropped
             if self.capture.failure is not None:
                 values["capture failed"] = str(self.capture.failure)
+                self.warnings.state("capture", f"the capture failed: {self.capture.failure}")
         return values
 
     def shutdown_safely(self) -> None:

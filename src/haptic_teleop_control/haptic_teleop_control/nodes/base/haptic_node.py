@@ -1,5 +1,5 @@
 """What all nodes of this project share: parameters from a table, a fault latch with `~/reset`, diagnostics
-at 1 Hz and at every fault that latches.
+at 1 Hz, and at once when a fault latches or is reset.
 
 A subclass states `NAME`, `NAMESPACE`, `SUMMARY`, `TOPICS` and `TABLE`; `run.run_node` and `composed` need
 no more to print its help, check its parameters and run it.
@@ -8,16 +8,19 @@ no more to print its help, check its parameters and run it.
 from __future__ import annotations
 
 import time
+from collections import deque
 from collections.abc import Callable, Mapping
-from typing import Any, ClassVar
+from typing import TYPE_CHECKING, Any, ClassVar
 
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 from rclpy.context import Context
 from rclpy.node import Node
+from sensor_msgs.msg import JointState
 from std_srvs.srv import Trigger
 
 from haptic_teleop_control.faults import FaultLatch
 from haptic_teleop_control.nodes.base.parameters import declare_parameters
+from haptic_teleop_control.nodes.streams.senders import crowded
 from haptic_teleop_control.nodes.timing.time_base import (
     SIMULATED_TIME,
     TIME_FAULTS,
@@ -28,6 +31,10 @@ from haptic_teleop_control.nodes.timing.time_base import (
 )
 from haptic_teleop_control.parameters import ParameterTable
 from haptic_teleop_control.simulated_time.messages import Member, Status, Tick
+from haptic_teleop_control.warning_list import DEADLINE_SHARE, Warnings
+
+if TYPE_CHECKING:
+    from haptic_teleop_control.nodes.timing.deadline import DeadlineThread
 
 LOG_INTERVAL = 1.0
 """Seconds between two log lines of one kind of fault."""
@@ -52,14 +59,20 @@ class HapticNode(Node):
         self._last_log: dict[str, float] = {}
         self._counters: dict[str, Callable[[], int]] = {}
         self._last_counts: dict[str, int] = {}
+        self._rates: dict[str, str] = {}
+        self._unsaid: deque[str] = deque()  # sentences of latched faults that are not yet published
         self._last_report = time.monotonic()
         self.values = declare_parameters(self, self.TABLE)
         simulated = bool(self.values.get("use_sim_time")) and self.MAY_BE_SIMULATED
         self.time: TimeBase = SimulatedTime(self) if simulated else WallTime()
         self.faults = FaultLatch({**self.FAULTS, **TIME_FAULTS} if simulated else self.FAULTS)
         self._diagnostics = self.create_publisher(DiagnosticArray, "/diagnostics", 10)
-        steady_timer(self, 1.0, self._report)
-        self._rates: dict[str, str] = {}
+        self.warnings = Warnings()
+        for name in self.FAULTS:
+            self.warnings.watch(
+                lambda name=name: self.faults.counts[name], f"x {name}, reset since"
+            )
+        self._report_timer = steady_timer(self, 1.0, self._report)
         if self.FAULTS:
             self.create_service(Trigger, "~/reset", self._reset)
 
@@ -106,22 +119,30 @@ class HapticNode(Node):
             self.time.take_part(member, self.on_tick, self.on_time_fault, self.on_time_status)
 
     def fault(self, name: str, detail: str) -> None:
-        """Counts a fault; logs the one that latches, and repetitions at most once a second."""
+        """Counts a fault; logs and publishes the one that latches, and logs repetitions at most once a
+        second. From any thread."""
         latches = self.faults.count(name, detail)
         now = time.monotonic()
         if latches:
+            self._unsaid.append(self.faults.describe(name, detail))
+            self.announce()
             service = f"{self.get_fully_qualified_name()}/reset"
             self.get_logger().error(
                 f"FAULT {self.faults.describe(name, detail)} Output is zero until {service}"
             )
-            # What answers to it elsewhere must not wait for the next second.
-            self._publish_diagnostics()
         elif now - self._last_log.get(name, 0.0) > LOG_INTERVAL:
             count = self.faults.counts[name]
             self.get_logger().warning(f"{self.faults.describe(name, detail)} Counted {count} times so far")
         else:
             return
         self._last_log[name] = now
+
+    def announce(self) -> None:
+        """Has the executor publish at its next turn what has latched or was released. From any thread: the
+        loop that found the fault neither builds the message nor waits for it."""
+        executor = self.executor
+        if executor is not None:
+            executor.create_task(self._announce)
 
     def fail(self, failure: BaseException) -> None:
         """An error of the program in a thread of this node: the process ends, safely, with this error."""
@@ -133,6 +154,15 @@ class HapticNode(Node):
         self._last_counts[name] = counter()
         self._rates[f"{name} (Hz)"] = "0.0"
 
+    def watch_periods(self, thread: DeadlineThread) -> None:
+        """Warns when a thread skips more than DEADLINE_SHARE of its periods."""
+        self.warnings.watch(
+            lambda: thread.overruns,
+            "periods were skipped: the machine is too busy; stop other programs, or set realtime_priority",
+            lambda: thread.cycles + thread.overruns,
+            DEADLINE_SHARE,
+        )
+
     def _reset(self, request: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
         released = self.faults.reset()
         self.on_reset()
@@ -140,7 +170,16 @@ class HapticNode(Node):
         response.success = True
         response.message = f"{released} reset" if released else "no fault was latched"
         self.get_logger().info(response.message)
+        self._announce()
         return response
+
+    def _announce(self) -> None:
+        """Publishes every fault that has latched since, also one that was reset meanwhile, so that nobody
+        misses it; then that none is latched, if so."""
+        while self._unsaid:
+            self._publish_status(DiagnosticStatus.ERROR, self._unsaid.popleft(), self._status_values())
+        if not self.faults.latched:
+            self._publish_status(DiagnosticStatus.OK, self.state(), self._status_values())
 
     def _report(self) -> None:
         now = time.monotonic()
@@ -149,16 +188,25 @@ class HapticNode(Node):
             count = counter()
             self._rates[f"{name} (Hz)"] = f"{(count - self._last_counts[name]) / elapsed:.1f}"
             self._last_counts[name] = count
-        self._publish_diagnostics()
+        values = self._status_values()  # before the warnings: looking may find something to warn of
+        warnings = [*self.warnings.take(), *crowded(self, JointState)]
+        level, sentence = DiagnosticStatus.OK, self.state()
+        if latched := self.faults.sentence:
+            level, sentence = DiagnosticStatus.ERROR, latched
+        elif warnings:
+            level, sentence = DiagnosticStatus.WARN, "; ".join(warnings)
+        self._publish_status(level, sentence, values)
 
-    def _publish_diagnostics(self) -> None:
+    def _status_values(self) -> dict[str, Any]:
         values: dict[str, Any] = {"state": self.state(), **self._rates, **self.measurements()}
         values.update({f"fault {name}": count for name, count in self.faults.counts.items()})
-        latched = self.faults.latched
+        return values
+
+    def _publish_status(self, level: bytes, sentence: str, values: dict[str, Any]) -> None:
         status = DiagnosticStatus(
-            level=DiagnosticStatus.ERROR if latched else DiagnosticStatus.OK,
+            level=level,
             name=self.get_fully_qualified_name(),
-            message=self.faults.sentence or self.state(),
+            message=sentence,
             hardware_id="haptic_teleop",
             values=[KeyValue(key=key, value=str(value)) for key, value in values.items()],
         )

@@ -20,8 +20,10 @@ from haptic_teleop_control.nodes.base.ros_arguments import RosArguments, parse_r
 from haptic_teleop_control.nodes.launching.arming import ArmedStart
 from haptic_teleop_control.nodes.launching.parent import OPTION, ParentChannel
 from haptic_teleop_control.nodes.launching.stopping import StopRequests, stop_requests
+from haptic_teleop_control.nodes.streams.senders import SENDERS_TOLD, UNTOLD
 from haptic_teleop_control.nodes.timing.deadline import request_realtime
 from haptic_teleop_control.parameter_files import load_parameter_file
+from haptic_teleop_control.warning_list import REALTIME_REFUSED
 
 POLL = 0.05
 """Seconds after which the loop looks whether it has been asked to end; a signal does not wake the
@@ -116,8 +118,12 @@ def spin(
         executor.add_node(node)
     gc.collect()
     gc.freeze()
-    if realtime_priority:  # not earlier: loading and collecting would keep other real-time processes waiting
-        request_realtime(realtime_priority)
+    # Not earlier: loading and collecting would keep other real-time processes waiting.
+    if realtime_priority and not request_realtime(realtime_priority):
+        for node in nodes:
+            node.warnings.state("real time", REALTIME_REFUSED)
+    if not SENDERS_TOLD:
+        nodes[0].get_logger().warning(UNTOLD)
     failed = None
     try:
         while not may_start():

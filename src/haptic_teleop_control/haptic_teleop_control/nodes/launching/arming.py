@@ -1,7 +1,7 @@
 """A start that waits: nodes exist, have compiled and know each other before the first sample is published.
 
     process: {"ready": its endpoints}     parent, when all are ready: {"expect": everybody's endpoints}
-    process: {"waiting": [topics]} ...    until it is empty
+    process: {"waiting": [topics], "strangers": {topic: [nodes]}} ...    until it waits for none
     parent, when nobody waits: {"start": true}      process: {"started": true}, and runs
 
 Without it the first seconds of an experiment are lost to whoever is discovered late: the middleware repeats a
@@ -13,10 +13,11 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
+from typing import Any
 
 from rclpy.node import Node
 
-from haptic_teleop_control.nodes.launching.connections import Endpoints, endpoints, unconnected
+from haptic_teleop_control.nodes.launching.connections import Endpoints, endpoints, strangers, unconnected
 from haptic_teleop_control.nodes.launching.parent import ParentChannel
 
 LOOK_INTERVAL = 0.1
@@ -30,7 +31,7 @@ class ArmedStart:
         self._link = link
         self._nodes: Callable[[], Iterable[Node]] = list
         self._expected: Endpoints | None = None
-        self._waiting: list[str] | None = None
+        self._seen: dict[str, Any] = {}
         self._next_look = 0.0
 
     @contextmanager
@@ -77,10 +78,14 @@ class ArmedStart:
                 return True
         if self._expected is not None and time.monotonic() >= self._next_look:
             self._next_look = time.monotonic() + LOOK_INTERVAL
-            waiting = unconnected(self._nodes(), self._expected)
-            if waiting != self._waiting:
-                self._waiting = waiting
-                self._link.send(waiting=waiting)
+            nodes = list(self._nodes())
+            seen = {
+                "waiting": unconnected(nodes, self._expected),
+                "strangers": strangers(nodes[0], self._expected),
+            }
+            if seen != self._seen:
+                self._seen = seen
+                self._link.send(**seen)
         return False
 
     def begin(self) -> bool:

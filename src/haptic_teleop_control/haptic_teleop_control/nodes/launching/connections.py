@@ -6,11 +6,15 @@ matched it, too: only then does a sample arrive.
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Iterable, Mapping
 
 from rclpy.node import Node
 from rclpy.qos import QoSCompatibility, QoSProfile, qos_check_compatible
 from rclpy.topic_endpoint_info import TopicEndpointInfo
+
+from haptic_teleop_control.nodes.streams.senders import full_name
+from haptic_teleop_control.senders import NAMELESS
 
 OUT, IN = "publishers", "subscriptions"
 Endpoints = dict[str, dict[str, list[str]]]
@@ -67,24 +71,26 @@ def unconnected(nodes: Iterable[Node], expected: Mapping[str, Mapping[str, list[
 
 def strangers(node: Node, ours: Mapping[str, Mapping[str, list[str]]]) -> dict[str, list[str]]:
     """Topic of joint states that we publish -> nodes that are not ours and publish on it, too, as `node` sees
-    it. Two commands, or two plants, on one topic are never meant."""
+    it; also those of the same name as ours, as a second run of the same file has them. Two commands, or two
+    plants, on one topic are never meant."""
     found = {}
     for topic, names in ours[OUT].items():
         ends = node.get_publishers_info_by_topic(topic)
-        others = {_name(end) for end in ends if end.topic_type == JOINT_STATE} - set(names)
+        seen = Counter(full_name(end) for end in ends if end.topic_type == JOINT_STATE)
+        others, ours_unseen = seen - Counter(names), Counter(names) - seen
+        if others[""] <= ours_unseen.total():  # ours, whose names are not known yet
+            del others[""]
         if others:
-            found[topic] = sorted(others)
+            found[topic] = [
+                f"another {name}" if name in names else name or NAMELESS for name in sorted(others)
+            ]
     return found
-
-
-def _name(end: TopicEndpointInfo) -> str:
-    return f"{end.node_namespace.rstrip('/')}/{end.node_name}"
 
 
 def _met(
     expected: list[str], seen: list[TopicEndpointInfo], matched: int, own: QoSProfile, publishing: bool
 ) -> bool:
-    if not {_name(end) for end in seen}.issuperset(expected):
+    if not {full_name(end) for end in seen}.issuperset(expected):
         return False
     compatible = 0
     for end in seen:

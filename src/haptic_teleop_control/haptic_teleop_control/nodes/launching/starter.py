@@ -39,6 +39,7 @@ class Starter:
         self._children, self._watching = list(children), watching
         self._ready: dict[str, Endpoints] = {}
         self._waiting: dict[str, list[str]] = {}
+        self._strangers: dict[str, dict[str, list[str]]] = {}
         self._started: set[str] = set()
         self._told: set[str] = set()
         self._compiling = False
@@ -98,6 +99,7 @@ class Starter:
             self._ready[name] = message["ready"]
         if "waiting" in message:
             self._waiting[name] = message["waiting"]
+            self._strangers[name] = message["strangers"]
         if "started" in message:
             self._started.add(name)
 
@@ -108,10 +110,13 @@ class Starter:
             child.link.send(expect=self._expected)
 
     def _refuse_strangers(self, ours: Endpoints) -> None:
-        for topic, names in strangers(self._watching, ours).items():
+        # Whoever sees one is right: discovery may be late in this process and not in another.
+        self._strangers[""] = strangers(self._watching, ours)
+        for topic, names in sorted(pair for seen in self._strangers.values() for pair in seen.items()):
             others = ", ".join(names)
             raise ConfigurationError(
-                f"{topic} is also published by {others}: stop that, or choose another ROS_DOMAIN_ID."
+                f"{topic} is also published by {others}: stop that, or choose another ROS_DOMAIN_ID. "
+                "What was killed is listed for some 20 s more."
             )
 
     def _tell(self, child: Child) -> None:

@@ -36,7 +36,8 @@ class Watcher:
     """An rclpy node that knows the latest state of a robot ("sfj" or "omni") and every fault reported; a
     context manager.
 
-    faults: node -> the sentence it reported last, also after a reset. node: the node, within the context.
+    faults: node -> the sentence it reported last, also after a reset. warnings: node -> how many warnings it
+    reported that were no faults, and the last one. node: the node, within the context.
     Time counts from `begin`, or is the simulated one. time: what its coordinator said last.
     """
 
@@ -44,6 +45,7 @@ class Watcher:
         self._topic = f"/{robot}/joint_states"
         self._joints = SFJ_JOINTS if robot == "sfj" else OMNI_JOINTS
         self.faults: dict[str, str] = {}
+        self.warnings: dict[str, tuple[int, str]] = {}
         self._in_fault: dict[str, None] = {}
         self._begun: float | None = None
         self.simulated = simulated
@@ -138,6 +140,9 @@ class Watcher:
                 self._in_fault[status.name] = None
             else:
                 self._in_fault.pop(status.name, None)
+            if status.level == DiagnosticStatus.WARN:
+                count = self.warnings.get(status.name, (0, ""))[0]
+                self.warnings[status.name] = (count + 1, status.message)
 
 
 class ProgressLine:

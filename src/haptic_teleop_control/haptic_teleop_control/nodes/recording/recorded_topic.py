@@ -113,9 +113,10 @@ class RecordedTopic:
 
     def _count_missed(self, info: dict[str, Any]) -> None:
         number = info.get("publication_sequence_number")
-        if number is None:  # a middleware that does not count
-            return
-        publisher = info["publisher_gid"]["data"]
+        sender = info.get("publisher_gid")
+        if number is None or (sender is None and self.publishers > 1):
+            return  # a middleware that does not count, or an rclpy (7.1) that does not say who has counted
+        publisher = b"" if sender is None else sender["data"]
         last = self._sequence.get(publisher)
         if last is not None and number > last + 1:
             self.missed += number - last - 1

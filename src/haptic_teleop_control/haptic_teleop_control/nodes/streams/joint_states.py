@@ -7,19 +7,29 @@ time every one.
 from __future__ import annotations
 
 from array import array
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from math import inf, isfinite
+from typing import Any
 
 import numpy as np
 from rclpy.node import Node
 from sensor_msgs.msg import JointState
 
+from haptic_teleop_control.nodes.streams.senders import publishers, with_info
 from haptic_teleop_control.nodes.timing.time_base import LATEST_QOS, TimeBase, WallTime
+from haptic_teleop_control.senders import SenderGuard
 
 STREAM_QOS = LATEST_QOS
 
 FIELDS = ("position", "velocity", "effort")
 NANOSECONDS = 1_000_000_000
+
+SENDER_SILENCE = 0.1
+"""Seconds without a sample after which another publisher may take the sender's place, where nothing says
+how long the topic may be silent."""
+
+NON_FINITE, WRONG_JOINTS, SECOND_SENDER = "non_finite", "joints", "second_sender"
+"""What may be wrong with a stream: kinds for `on_problem`."""
 
 _WALL = WallTime()
 stamp_now, stamp_at = _WALL.stamp, _WALL.stamp_at
@@ -82,10 +92,15 @@ class JointStateReceiver:
 
     Every message must name exactly `joints`, in any order, and hold one finite number per joint in each of
     `fields`; then `value[field]` (joints,), `stamp` (ns, from the header) and `received` (ns, by the node's
-    time) are updated and `on_sample()` is called. Otherwise nothing is updated and `on_problem(kind, detail,
-    stamp)` is called, with kind "joints" (wrong names or lengths) or "non_finite". A good sample that
+    time) are updated and `on_sample()` is called. Otherwise nothing is updated and `on_problem(kind,
+    detail, stamp)` is called, with kind WRONG_JOINTS (wrong names or lengths) or NON_FINITE. A good sample that
     `accept(stamp, received)` refuses is left out without a word. `count` is the number of samples taken,
     `fresh` whether there was one since the start or `forget`.
+
+    Samples are taken from one publisher only (`SenderGuard`). When another one sends, too, its samples are
+    left out, `on_problem` is called with SECOND_SENDER and both names, and the first one's samples go on to
+    be taken; `silence` (s) without any lets another take its place. Not `listening`, it takes nothing until
+    `listen`.
     """
 
     def __init__(
@@ -97,6 +112,8 @@ class JointStateReceiver:
         on_sample: Callable[[], None] | None = None,
         on_problem: Callable[[str, str, int], None] | None = None,
         accept: Callable[[int, int], bool] | None = None,
+        silence: float = SENDER_SILENCE,
+        listening: bool = True,
     ) -> None:
         self.joints = tuple(joints)
         self.stamp = 0
@@ -113,35 +130,52 @@ class JointStateReceiver:
         self._on_sample = on_sample
         self._on_problem = on_problem or (lambda kind, detail, stamp: None)
         self._accept = accept
-        self._destroyed = False
-        self._now = time_base(node).now
-        self._subscription = node.create_subscription(
-            JointState, topic, self._receive, time_base(node).qos
-        )
+        self._listening = listening
+        callback = with_info(self._receive)
+        self._subscription = node.create_subscription(JointState, topic, callback, time_base(node).qos)
         self.topic = self._subscription.topic_name
+        self._now = time_base(node).now
+        self._sender = SenderGuard(round(silence * 1e9), lambda: publishers(node, self.topic), self._clash)
 
     @property
     def publishers(self) -> int:
         return self._subscription.get_publisher_count()
+
+    @property
+    def refused(self) -> int:
+        """Samples of a second sender that were left out."""
+        return self._sender.refused
+
+    def listen(self) -> None:
+        """Take samples from now on."""
+        self._listening = True
 
     def age(self, now: int) -> float:
         """Seconds since the last good sample arrived, by the node's time; infinite before the first."""
         return (now - self.received) * 1e-9 if self.fresh else inf
 
     def forget(self) -> None:
-        """Wait for the next sample as if none had been received."""
+        """Wait for the next sample as if none had been received, and none of a second sender."""
         self.fresh = False
         self.stamp = 0
+        self._sender.forget()
 
     def destroy(self, node: Node) -> None:
         """Receive nothing any more, not even what the executor has taken already."""
-        self._destroyed = True
+        self._listening = False
         node.destroy_subscription(self._subscription)
 
-    def _receive(self, message: JointState) -> None:
-        if self._destroyed:
+    def _receive(self, message: JointState, info: Mapping[str, Any]) -> None:
+        if not self._listening:
             return
         received = self._now()
+        told = info.get("publisher_gid")
+        if told is not None:
+            sender, identity = self._sender, told["data"]
+            if identity == sender.sole:
+                sender.heard = received
+            elif not sender.admit(identity, received):
+                return
         stamp = stamp_of(message)
         if message.name != self._names and not self._learn_order(message.name, stamp):
             return
@@ -151,11 +185,11 @@ class JointStateReceiver:
             if len(values) != self._size:
                 found = f"{len(values)} values" if len(values) else "nothing"
                 self._on_problem(
-                    "joints", f"{self.topic}: {field} holds {found} for {self._size} joints", stamp
+                    WRONG_JOINTS, f"{self.topic}: {field} holds {found} for {self._size} joints", stamp
                 )
                 return
             if not isfinite(sum(values)):
-                self._on_problem("non_finite", f"{self.topic}: {field} is {list(values)}", stamp)
+                self._on_problem(NON_FINITE, f"{self.topic}: {field} is {list(values)}", stamp)
                 return
             samples.append((memory, values))
         if self._accept is not None and not self._accept(stamp, received):
@@ -169,10 +203,13 @@ class JointStateReceiver:
         if self._on_sample is not None:
             self._on_sample()
 
+    def _clash(self, both: str) -> None:
+        self._on_problem(SECOND_SENDER, f"{self.topic}: {both}", self.stamp)
+
     def _learn_order(self, names: Sequence[str], stamp: int) -> bool:
         if len(names) != self._size or set(names) != set(self.joints):
             self._on_problem(
-                "joints", f"{self.topic}: names {list(names)}, expected {list(self.joints)}", stamp
+                WRONG_JOINTS, f"{self.topic}: names {list(names)}, expected {list(self.joints)}", stamp
             )
             return False
         self._names = list(names)
