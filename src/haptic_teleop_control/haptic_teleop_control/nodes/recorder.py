@@ -167,8 +167,8 @@ class Recorder(HapticNode):
 
     def _acknowledge(self) -> None:
         """Tells the coordinator of simulated time what is kept, so that it does not run ahead."""
-        if isinstance(self.time, SimulatedTime) and self.time.participant is not None and self._kept:
-            self._acknowledged = max(self._kept.values())
+        if isinstance(self.time, SimulatedTime) and self.time.participant is not None:
+            self._acknowledged = max(self._kept.values(), default=0)
             self.time.participant.recorded(self._kept)
 
     def shutdown_safely(self) -> None:

@@ -36,6 +36,9 @@ HEARTBEAT = 0.2
 """s between two statuses at most."""
 LONGEST_STEP = 0.1
 """s counted at most between two calls: what is longer, we stood still ourselves."""
+RECORDER_LIVENESS = 15.0
+"""s of silence that a recorder is granted at least: a busy disk may hold it for seconds, and it then loses
+nothing."""
 LEAD = 1_000_000_000
 """ns that time may be ahead of what a recorder has kept."""
 
@@ -236,7 +239,7 @@ class Coordinator:
             name for name in self._owed_by() if self._lived - self._heard.get(name, 0.0) > self._liveness
         }
         if silent:
-            self._halt("; ".join(self._accusation(name) for name in sorted(silent)))
+            self._halt("; ".join(self._accusation(name, self._liveness) for name in sorted(silent)))
 
     def _owed_by(self) -> set[str]:
         """Who keeps time from going on, as far as one knows: what waits for an answer owes nothing itself."""
@@ -249,7 +252,7 @@ class Coordinator:
                 owed |= {m.name for m in self.members.values() if topic in m.topics and m.kind == ANSWERER}
         return owed
 
-    def _accusation(self, name: str) -> str:
+    def _accusation(self, name: str, silence: float) -> str:
         member = self.members[name]
         when = f"of {seconds(self.stamp):.4f} s"
         what = {
@@ -259,7 +262,7 @@ class Coordinator:
             LINK: f"word of the packets {when}",
             RECORDER: f"word that it has kept what was published up to {when[3:]}",
         }[member.kind]
-        return f"{name} owes {what} and has been silent for {self._liveness:g} s"
+        return f"{name} owes {what} and has been silent for {silence:g} s"
 
     def _states(self) -> tuple[str, ...]:
         return self._tick.states if self._tick is not None else ()
@@ -285,8 +288,9 @@ class Coordinator:
     def _await_recorders(self, late: list[str]) -> list[Tick | Status]:
         """They answer a status with what they have kept."""
         for name in late:
-            if self._lived - self._heard.get(name, 0.0) > self._liveness:
-                self._halt(self._accusation(name))
+            patience = max(RECORDER_LIVENESS, self._liveness)
+            if self._lived - self._heard.get(name, 0.0) > patience:
+                self._halt(self._accusation(name, patience))
                 return []
         if self._lived - self._asked < REPEAT:
             return []

@@ -93,8 +93,8 @@ class JointStateReceiver:
     Every message must name exactly `joints`, in any order, and hold one finite number per joint in each of
     `fields`; then `value[field]` (joints,), `stamp` (ns, from the header) and `received` (ns, by the node's
     time) are updated and `on_sample()` is called. Otherwise nothing is updated and `on_problem(kind,
-    detail, stamp)` is called, with kind WRONG_JOINTS (wrong names or lengths) or NON_FINITE. A good sample that
-    `accept(stamp, received)` refuses is left out without a word. `count` is the number of samples taken,
+    detail, stamp)` is called, with kind WRONG_JOINTS (wrong names or lengths) or NON_FINITE. A good sample
+    that `accept(stamp, received)` refuses is left out without a word. `count` is the number of samples taken,
     `fresh` whether there was one since the start or `forget`.
 
     Samples are taken from one publisher only (`SenderGuard`). When another one sends, too, its samples are
