@@ -23,7 +23,8 @@ from haptic_teleop_control.acquisition import ABORTED, TABLE, Acquisition
 from haptic_teleop_control.command_line import run_command
 from haptic_teleop_control.errors import ConfigurationError
 from haptic_teleop_control.node_tables import REALTIME_PRIORITY, SCENARIO
-from haptic_teleop_control.parameters import ParameterTable, load_parameter_file, parameters_for
+from haptic_teleop_control.parameter_files import load_parameter_file, parameters_for
+from haptic_teleop_control.parameters import ParameterTable
 from haptic_teleop_control.recording import JointStateSeries, write_recording
 from haptic_teleop_sim.experiments import SteppedRobot, run_closed_loop
 from haptic_teleop_sim.hardware import OMNI_PARAMETERS, SFJ_PARAMETERS, OmniRobot, SfjRobot

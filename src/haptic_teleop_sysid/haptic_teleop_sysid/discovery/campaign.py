@@ -17,7 +17,7 @@ import yaml
 from numpy.typing import NDArray
 
 from haptic_teleop_control.acquisition import Acquisition
-from haptic_teleop_control.parameters import load_parameter_file, parameters_for
+from haptic_teleop_control.parameter_files import load_parameter_file, parameters_for
 from haptic_teleop_control.recording import bag_problems, read_recording, write_recording
 from haptic_teleop_control.robots import SFJ_RATE_HZ, STAGES
 from haptic_teleop_sim.lockstep import simulate_scenario
