@@ -19,8 +19,11 @@ demo: setup  ## scenario 1 in simulation as real ROS 2 nodes: recorded, verified
 discover: setup  ## a robot with concealed physics: record, diagnose, open the label, simulate again (SEED=n)
 	@$(BIN)/haptic-teleop discover --seed $(or $(SEED),1) $(ARGS)
 
-test: setup  ## the whole test suite
-	@$(BIN)/python -m pytest $(ARGS)
+# All tests: on all cores. Some, named by ARGS: in one process, which begins sooner and prints as it goes.
+ALL_TESTS := -n auto --maxprocesses 8 --dist loadgroup --no-loadscope-reorder --durations 25
+
+test: setup  ## the whole test suite, or what ARGS name
+	@$(BIN)/python -m pytest $(or $(ARGS),$(ALL_TESTS))
 
 bench: setup  ## measure what the project promises about speed
 	@$(BIN)/python tests/benchmarks/run.py $(ARGS)

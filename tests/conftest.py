@@ -1,4 +1,5 @@
-"""What all tests share: where the recordings lie, and a ROS 2 graph of their own."""
+"""What all tests share: where the recordings lie, a ROS 2 graph of their own, and how they run beside each
+other on several cores."""
 
 import fcntl
 import os
@@ -15,6 +16,16 @@ os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
 REPOSITORY = Path(__file__).resolve().parents[1]
 
+WORKER = os.environ.get("PYTEST_XDIST_WORKER", "")
+"""Name of this process among those of pytest-xdist; empty where one process runs all tests."""
+
+OF_THIS_RUN = REPOSITORY / ".pytest_cache"
+
+if WORKER:
+    # Two processes that save machine code of one function for different arguments at once can mix them up:
+    # numba's index of a function knows no lock. So each keeps its own; the programs that it starts, too.
+    os.environ["NUMBA_CACHE_DIR"] = str(OF_THIS_RUN / "numba" / WORKER)
+
 # The same examples on every run: a failure here must be the change's and not the day's.
 hypothesis.settings.register_profile("repeatable", derandomize=True, deadline=None, max_examples=50)
 hypothesis.settings.load_profile("repeatable")
@@ -25,11 +36,35 @@ DOMAINS = range(1, 102)
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    """A test's folder says what kind it is."""
+    """A test's folder says what kind it is. Of several processes each takes whole files, so that what a
+    file's tests share is made once; those that need the machine to themselves come last, all in one
+    process."""
     for item in items:
         for kind in ("nodes", "end_to_end"):
             if item.path.is_relative_to(REPOSITORY / "tests" / kind):
                 item.add_marker(kind)
+    if WORKER:
+        for item in items:
+            item.add_marker(pytest.mark.xdist_group("alone" if _alone(item) else item.path.name))
+        items.sort(key=lambda item: (_alone(item), not item.get_closest_marker("end_to_end")))
+
+
+def _alone(item: pytest.Item) -> bool:
+    """Whether the test starts nodes that keep time by the clock: other work on the cores would delay them."""
+    in_graph = any(item.get_closest_marker(kind) for kind in ("nodes", "end_to_end"))
+    return in_graph and item.get_closest_marker("no_graph") is None
+
+
+@pytest.hookimpl(wrapper=True, tryfirst=True)
+def pytest_runtest_protocol(item: pytest.Item) -> Iterator[None]:
+    """While a test runs that needs the machine to itself, the other processes of this run wait. (Outermost,
+    so that waiting does not count towards the test's timeout.)"""
+    if not WORKER:
+        return (yield)
+    OF_THIS_RUN.mkdir(exist_ok=True)
+    with (OF_THIS_RUN / "alone.lock").open("w") as file:
+        fcntl.flock(file, fcntl.LOCK_EX if _alone(item) else fcntl.LOCK_SH)
+        return (yield)
 
 
 @pytest.fixture(scope="session")

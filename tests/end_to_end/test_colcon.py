@@ -11,6 +11,8 @@ import pytest
 from haptic_teleop_control import front_door
 
 BIN = Path(sys.executable).parent
+pytestmark = pytest.mark.no_graph
+
 PACKAGES = sorted(front_door.PACKAGES)
 
 

@@ -17,6 +17,8 @@ from haptic_teleop_sim.model import Effect, Model, load_model
 from haptic_teleop_sysid import compare, diagnose
 from haptic_teleop_sysid.diagnosis.decide import LEAST_GAIN, LEAST_HELD_OUT
 
+pytestmark = pytest.mark.no_graph
+
 DT = 0.002
 START = 1_760_000_000_000_000_000
 SFJ_JOINTS = ("stage1_motor", "stage1_arm", "stage2_motor", "stage2_arm")

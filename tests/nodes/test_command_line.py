@@ -57,6 +57,8 @@ def test_an_unknown_key_in_a_parameter_file_is_refused_by_file_and_key(name, sec
     [
         (["--ros-args", "-p", "timeout:=.nan"], "timeout"),
         (["--ros-args", "-p", "timeout:=5.0"], "timeout"),
+        (["--ros-args", "-p", "timeout:=[1"], "timeout:=[1"),
+        (["--ros-args", "-p", "timeout:="], "timeout"),
         (["--ros-args", "-p", "master:=falcon"], "master"),
         (["--ros-args", "-p", "stage1.kp:=much"], "stage1.kp"),
         (["--ros-args", "-p", "tiemout:=0.1"], "timeout"),
@@ -101,7 +103,7 @@ def start(*arguments: str) -> subprocess.Popen:
 
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
 def test_a_controller_that_is_told_to_end_sends_zero_first_and_exits_with_0(graph, number):
-    process = start("force_controller", "--ros-args", "-p", "ramp_time:=0.0", "-p", "timeout:=0.2")
+    process = start("force_controller", "--ros-args", "-p", "ramp_time:=0.0", "-p", "timeout:=2e-1")
     try:
         slave = Source(graph, "/sfj/joint_states", SFJ_JOINTS)
         reference = Source(graph, "/reference", ["omni_y", "omni_z"])

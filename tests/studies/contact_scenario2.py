@@ -19,7 +19,7 @@ from pathlib import Path
 
 import numpy as np
 
-from haptic_teleop_control.parameters import load_parameter_file
+from haptic_teleop_control.parameter_files import load_parameter_file
 from haptic_teleop_sim.default_models import omni_axis_model
 from haptic_teleop_sim.lockstep import run_scenario
 from haptic_teleop_sim.scenario_parameters import check_scenario

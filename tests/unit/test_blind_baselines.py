@@ -4,7 +4,8 @@ import numpy as np
 from test_blind import BA, BM, JA, JM, KT, K
 
 from haptic_teleop_sysid.blind import command
-from haptic_teleop_sysid.blind.baselines import Motion, sparse_regression
+from haptic_teleop_sysid.blind.baselines import sparse_regression
+from haptic_teleop_sysid.blind.motion import Motion
 
 
 def test_pysindy_keeps_the_friction_that_moves_a_robot_and_nothing_beside_a_linear_one() -> None:

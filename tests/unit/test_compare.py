@@ -1,8 +1,11 @@
 """`compare` from the command line: its numbers, its files, its refusals, and what it says of real
 recordings."""
 
+import contextlib
+import io
 import json
 import re
+import shutil
 from dataclasses import replace
 from pathlib import Path
 
@@ -18,20 +21,31 @@ TRUE_MODEL = Model("sfj", "stage1", "flexible_joint", TRUTH, fixed=("stiffness",
 MODELS = Path(__file__).resolve().parents[1] / "data"
 
 
-@pytest.fixture
-def bag(tmp_path):
+@pytest.fixture(scope="module")
+def bag(tmp_path_factory):
     current = excitation(2500)
     made = joint_recording(current, response(current))
-    return str(write_recording(tmp_path / "recordings <i>", made.topics, made.parameters, made.experiment))
+    folder = tmp_path_factory.mktemp("bag")
+    return str(write_recording(folder / "recordings <i>", made.topics, made.parameters, made.experiment))
 
 
-@pytest.fixture
-def models(tmp_path):
+@pytest.fixture(scope="module")
+def models(tmp_path_factory):
     """A right and a wrong model file."""
-    right, wrong = tmp_path / "right.yaml", tmp_path / "wrong.yaml"
+    folder = tmp_path_factory.mktemp("models")
+    right, wrong = folder / "right.yaml", folder / "wrong.yaml"
     TRUE_MODEL.save(right)
     replace(TRUE_MODEL, parameters={**TRUTH, "motor_inertia": 0.2}).save(wrong)
     return [str(right), str(wrong)]
+
+
+@pytest.fixture(scope="module")
+def compared(tmp_path_factory, bag, models):
+    """Where a comparison of both models lies, and what it printed."""
+    output, printed = tmp_path_factory.mktemp("compared") / "out", io.StringIO()
+    with contextlib.redirect_stdout(printed):
+        assert run("--model", *models, "--bag", bag, "--output", output) == 0
+    return output, printed.getvalue()
 
 
 def run(*arguments):
@@ -42,9 +56,8 @@ def result(output):
     return json.loads((Path(output) / "compare.json").read_text())
 
 
-def test_models_are_told_apart_under_the_names_given(tmp_path, bag, models, capsys):
-    output = tmp_path / "out"
-    assert run("--model", *models, "--bag", bag, "--output", output) == 0
+def test_models_are_told_apart_under_the_names_given(compared, bag, models):
+    output, table = compared
     fits = result(output)["fits"]
     assert set(fits) == set(models)
     assert set(fits[models[0]]) == {bag}
@@ -53,7 +66,6 @@ def test_models_are_told_apart_under_the_names_given(tmp_path, bag, models, caps
     assert set(fits[models[1]][bag]) == {
         f"stage1_{side}.{what}" for side in ("motor", "arm") for what in ("position", "velocity")
     }
-    table = capsys.readouterr().out
     assert "100.0" in table
     assert "report:" in table
     # Of 80 columns and a long path, and still each column says what it is.
@@ -61,9 +73,8 @@ def test_models_are_told_apart_under_the_names_given(tmp_path, bag, models, caps
     assert table.count("position") == table.count("velocity") == 2
 
 
-def test_the_report_shows_a_picture_and_escapes_names(tmp_path, bag, models):
-    output = tmp_path / "out"
-    assert run("--model", *models, "--bag", bag, "--output", output) == 0
+def test_the_report_shows_a_picture_and_escapes_names(compared, models):
+    output, _ = compared
     page = (output / "report.html").read_text()
     assert page.count("<svg") == 1 + len(models)  # the responses, and the residuals of each model
     assert "recordings &lt;i&gt;" in page
@@ -100,15 +111,15 @@ def test_models_of_one_bag_share_the_windows_of_the_first(tmp_path, bag, models)
     assert len(result(output)["windows"]) == 1
 
 
-def test_an_earlier_result_is_kept_unless_overwriting_is_asked_for(tmp_path, bag, models, capsys):
-    output = tmp_path / "out"
+def test_an_earlier_result_is_kept_unless_overwriting_is_asked_for(tmp_path, compared, bag, models, capsys):
+    output = shutil.copytree(compared[0], tmp_path / "out")
     arguments = ("--model", models[0], "--bag", bag, "--output", output)
-    assert run(*arguments) == 0
     before = (output / "compare.json").read_text()
     assert run(*arguments) == 2
     assert "--overwrite" in capsys.readouterr().err
     assert (output / "compare.json").read_text() == before
     assert run(*arguments, "--overwrite") == 0
+    assert set(result(output)["fits"]) == {models[0]}
 
 
 @pytest.mark.parametrize(

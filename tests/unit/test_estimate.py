@@ -12,11 +12,11 @@ from haptic_teleop_control.recording import read_recording
 from haptic_teleop_sim.model import Effect, load_model
 from haptic_teleop_sysid.dataset import load_dataset
 from haptic_teleop_sysid.estimation.records import records_from
-from haptic_teleop_sysid.estimation.scores import score_covariance
 from haptic_teleop_sysid.estimation.strategies import estimate
 from haptic_teleop_sysid.estimation_report import misled_sentence
 from haptic_teleop_sysid.fit import simulated_fit
 from haptic_teleop_sysid.parameter_table import parameter_rows
+from haptic_teleop_sysid.scores import score_covariance
 
 
 def relative_errors(found, truth):

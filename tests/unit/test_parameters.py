@@ -7,13 +7,8 @@ import math
 import pytest
 
 from haptic_teleop_control.errors import ConfigurationError
-from haptic_teleop_control.parameters import (
-    Parameter,
-    ParameterTable,
-    check_parameter_file,
-    load_parameter_file,
-    parameters_for,
-)
+from haptic_teleop_control.parameter_files import check_parameter_file, load_parameter_file, parameters_for
+from haptic_teleop_control.parameters import Parameter, ParameterTable
 
 TABLE = ParameterTable(
     "force_controller",

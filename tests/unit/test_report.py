@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from haptic_teleop_control.errors import ConfigurationError
-from haptic_teleop_sysid.report import Page, Panel, Series, inline_svg, stacked_panels
+from haptic_teleop_sysid.report import Page, Panel, Series, inline_svg, save_png, stacked_panels
 from haptic_teleop_sysid.report.output import claim_output_directory, numbered_output_directory
 from haptic_teleop_sysid.report.pictures import thinned
 
@@ -52,6 +52,23 @@ def test_pictures_bear_no_fixed_ink_so_that_they_are_legible_in_the_dark():
     assert "var(--s1)" in svg
     assert "var(--ink)" in svg
     assert "#1c2431" not in svg
+
+
+def test_page_and_file_show_a_picture_in_the_one_layout_that_keeps_its_labels_inside(tmp_path, monkeypatch):
+    figure = picture()
+    layouts = []
+    execute = type(figure.get_layout_engine()).execute
+    monkeypatch.setattr(
+        type(figure.get_layout_engine()), "execute", lambda *given: layouts.append(execute(*given))
+    )
+    before = figure.axes[0].get_position().bounds
+    inline_svg(figure, "a")
+    laid_out = figure.axes[0].get_position().bounds
+    save_png(figure, tmp_path / "a.png")
+    assert len(layouts) == 1
+    assert figure.axes[0].get_position().bounds == laid_out != before
+    box = figure.get_tightbbox()  # inches
+    assert box.x0 >= 0.0 and box.y0 >= 0.0 and box.x1 <= 10.0 and box.y1 <= figure.get_figheight()
 
 
 def test_thinning_keeps_the_extremes_and_the_ends():

@@ -15,15 +15,13 @@ import difflib
 import re
 from collections.abc import Container, Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import yaml
 
 from haptic_teleop_control.errors import ConfigurationError
+from haptic_teleop_control.parameters import ParameterTable
 from haptic_teleop_control.strict_yaml import parse_yaml, yaml_problem
-
-if TYPE_CHECKING:
-    from haptic_teleop_control.parameters import ParameterTable
 
 _SECTION = "ros__parameters"
 

@@ -13,9 +13,6 @@ from dataclasses import dataclass
 from typing import Any
 
 from haptic_teleop_control.errors import ConfigurationError
-from haptic_teleop_control.parameter_files import check_parameter_file, load_parameter_file, parameters_for
-
-__all__ = ["Parameter", "ParameterTable", "check_parameter_file", "load_parameter_file", "parameters_for"]
 
 _TYPE_NAMES = {
     bool: "true or false",

@@ -16,7 +16,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from haptic_teleop_control.node_tables import without_node_parameters
-from haptic_teleop_control.parameters import ParameterTable, load_parameter_file, parameters_for
+from haptic_teleop_control.parameter_files import load_parameter_file, parameters_for
+from haptic_teleop_control.parameters import ParameterTable
 
 from .hardware import OMNI_PARAMETERS, SFJ_PARAMETERS, OmniRobot, OmniSettings, SfjRobot, SfjSettings
 from .joint_hardware import JointHardware

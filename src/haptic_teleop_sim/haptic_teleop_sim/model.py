@@ -14,7 +14,7 @@ from typing import Any
 import yaml
 
 from haptic_teleop_control.errors import ModelError
-from haptic_teleop_control.strict_yaml import parse_yaml, yaml_problem
+from haptic_teleop_control.strict_yaml import dump_yaml, parse_yaml, yaml_problem
 
 from .effects import EffectEntry, effect_entry, locations
 
@@ -159,7 +159,7 @@ class Model:
 
     def save(self, path: str | Path) -> None:
         """Write the model file."""
-        text = yaml.safe_dump(self.to_mapping(), sort_keys=False, default_flow_style=None)
+        text = dump_yaml(self.to_mapping(), default_flow_style=None)
         Path(path).write_text(text, encoding="utf-8")
 
 

@@ -14,7 +14,7 @@ from dataclasses import dataclass, field
 from haptic_teleop_control.errors import ModelError
 
 from .model import Effect, Model
-from .mujoco_model import GRAVITY, Attributes, inertial, number, tag
+from .mujoco_xml import GRAVITY, Attributes, inertial, number, tag
 
 #: Impedance of joint limits: the smaller, the nearer a limit is to a spring that adds to other torques.
 _IMPEDANCE = 0.02

@@ -3,16 +3,10 @@ spring between them."""
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping
-from typing import TYPE_CHECKING
 
-if TYPE_CHECKING:
-    from .mujoco_effects import StageWords
-
-GRAVITY = 9.81
-
-Attributes = dict[str, str]
+from .mujoco_effects import StageWords
+from .mujoco_xml import GRAVITY, inertial, tag, xml_words
 
 
 def mjcf(stages: Mapping[str, StageWords], timestep: float) -> str:
@@ -36,26 +30,3 @@ def mjcf(stages: Mapping[str, StageWords], timestep: float) -> str:
         'solreffriction="0.001 1" solimpfriction="0.99 0.999 0.001"/></default>'
         f"<worldbody>{bodies}</worldbody><tendon>{tendons}</tendon><actuator>{actuators}</actuator></mujoco>"
     )
-
-
-def inertial(about_axis: float, mass: float = 1.0, length: float = 0.0, angle: float = 0.0) -> str:
-    """An element with moment of inertia `about_axis`, kg·m², whose `mass`, kg, hangs at `length`, m, off the
-    axis, `angle`, rad, from straight down."""
-    own = number(about_axis - mass * length**2)
-    place = f"{number(-length * math.sin(angle))} 0 {number(-length * math.cos(angle))}"
-    return tag("inertial", {"pos": place, "mass": number(mass), "diaginertia": f"{own} {own} {own}"})
-
-
-def tag(name: str, attributes: Attributes) -> str:
-    """An element without content."""
-    return f"<{name} {xml_words(attributes)}/>"
-
-
-def xml_words(attributes: Attributes) -> str:
-    """Attributes as they stand in an element."""
-    return " ".join(f'{name}="{value}"' for name, value in attributes.items())
-
-
-def number(value: float) -> str:
-    """A number with twelve digits."""
-    return f"{value:.12g}"

@@ -16,7 +16,8 @@ from haptic_teleop_control.node_tables import (
     SCENARIO,
     SIGNAL_GENERATOR,
 )
-from haptic_teleop_control.parameters import ParameterTable, load_parameter_file, parameters_for
+from haptic_teleop_control.parameter_files import load_parameter_file, parameters_for
+from haptic_teleop_control.parameters import ParameterTable
 from haptic_teleop_control.teleoperation.agreement import ROBOTS
 
 from .hardware import OMNI_PARAMETERS, SFJ_PARAMETERS

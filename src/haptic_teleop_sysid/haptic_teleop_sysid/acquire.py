@@ -16,15 +16,16 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import yaml
 from rich.console import Console
 
 from haptic_teleop_control.acquisition import ABORTED, TABLE, Acquisition
 from haptic_teleop_control.command_line import run_command
 from haptic_teleop_control.errors import ConfigurationError
 from haptic_teleop_control.node_tables import NODE_PARAMETERS, SCENARIO, without_node_parameters
-from haptic_teleop_control.parameters import ParameterTable, load_parameter_file, parameters_for
+from haptic_teleop_control.parameter_files import load_parameter_file, parameters_for
+from haptic_teleop_control.parameters import ParameterTable
 from haptic_teleop_control.recording import JointStateSeries, write_recording
+from haptic_teleop_control.strict_yaml import dump_yaml, parse_yaml
 from haptic_teleop_sim.experiments import SteppedRobot, run_closed_loop
 from haptic_teleop_sim.hardware import OMNI_PARAMETERS, SFJ_PARAMETERS, OmniRobot, SfjRobot
 from haptic_teleop_sim.mujoco_robot import MujocoRobot
@@ -118,7 +119,7 @@ def _graph(
     duration = experiment.end + AFTERWARDS
     if not parameters_for(sections, "acquisition").get("use_sim_time", False):
         duration += START_SECONDS
-    content = yaml.safe_load(path.read_text(encoding="utf-8"))
+    content = parse_yaml(path.read_text(encoding="utf-8"))
     stated = [section for section in content if section.rstrip("/").rsplit("/", 1)[-1] == "acquisition"]
     if all(content[s]["ros__parameters"].get("allow", False) == experiment.values["allow"] for s in stated):
         return run_scenario(path, output, duration)
@@ -126,7 +127,7 @@ def _graph(
         content[section]["ros__parameters"]["allow"] = experiment.values["allow"]
     # In the same folder, so that model files that it names are still found.
     with tempfile.NamedTemporaryFile("w", dir=path.parent, prefix=f"{path.stem}-", suffix=".yaml") as copy:
-        yaml.safe_dump(content, copy, sort_keys=False)
+        copy.write(dump_yaml(content))
         copy.flush()
         return run_scenario(Path(copy.name), output, duration)
 

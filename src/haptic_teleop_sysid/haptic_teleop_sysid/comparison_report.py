@@ -2,20 +2,16 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 import numpy as np
 from matplotlib.figure import Figure
 from rich.table import Table
 from rich.text import Text
 
+from haptic_teleop_sysid.comparison import Comparison
 from haptic_teleop_sysid.report import Page, Panel, Section, Series, stacked_panels
 from haptic_teleop_sysid.residual_picture import residual_picture
 from haptic_teleop_sysid.residuals import UNDER_FEEDBACK
 from haptic_teleop_sysid.windows import closed_loop
-
-if TYPE_CHECKING:
-    from haptic_teleop_sysid.compare import Comparison
 
 
 def percent_text(value: float) -> str:

@@ -18,8 +18,8 @@ from numpy.typing import NDArray
 from haptic_teleop_sim.kernel import INITIAL, Packed, pack, predict
 from haptic_teleop_sim.model import Model
 from haptic_teleop_sysid.dataset import DataSet
-from haptic_teleop_sysid.estimation.scores import score_covariance
 from haptic_teleop_sysid.initial_state import bounded
+from haptic_teleop_sysid.scores import score_covariance
 
 Array = NDArray[np.float64]
 LOGARITHMIC = ("stiffness", "motor_inertia", "arm_inertia", "torque_constant")

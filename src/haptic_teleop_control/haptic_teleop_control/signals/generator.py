@@ -94,6 +94,8 @@ class SignalGenerator:
 
         Returns the path. Raises ConfigurationError for another suffix or a place that cannot be written.
         """
-        from haptic_teleop_control.signals.preview import draw  # matplotlib takes long to import
+        from haptic_teleop_control.signals import preview  # matplotlib takes long to import
 
-        return draw(self, Path(path), span)
+        times = preview.times_to_draw(self.end, self.rate, span)
+        label = f"{self.kind} / {self.unit}"
+        return preview.draw(Path(path), times, self.series(times), self.settings, label)

@@ -7,7 +7,7 @@ parameters (and those of one effect) are fitted to both encoders by least square
 from __future__ import annotations
 
 from collections import OrderedDict
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from numba import njit
@@ -15,8 +15,7 @@ from numpy.typing import NDArray
 from scipy.optimize import least_squares
 from scipy.signal import butter, filtfilt
 
-if TYPE_CHECKING:
-    from haptic_teleop_sysid.blind.baselines import Motion
+from haptic_teleop_sysid.blind.motion import Motion
 
 Array = NDArray[np.float64]
 CANDIDATES: tuple[tuple[str, int, float], ...] = (

@@ -13,15 +13,15 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import yaml
 from numpy.typing import NDArray
 
 from haptic_teleop_control.acquisition import Acquisition
 from haptic_teleop_control.node_tables import SCENARIO as SCENARIO_TABLE
 from haptic_teleop_control.node_tables import without_node_parameters
-from haptic_teleop_control.parameters import load_parameter_file, parameters_for
+from haptic_teleop_control.parameter_files import load_parameter_file, parameters_for
 from haptic_teleop_control.recording import bag_problems, read_recording, write_recording
 from haptic_teleop_control.robots import SFJ_RATE_HZ, STAGES
+from haptic_teleop_control.strict_yaml import dump_yaml, parse_yaml
 from haptic_teleop_sim.lockstep import simulate_scenario
 from haptic_teleop_sim.model import Model
 from haptic_teleop_sim.scenario_parameters import check_scenario
@@ -51,7 +51,7 @@ def acquisition_content(stage: str, which: str, seconds: float) -> Content:
 
     which: a key of ACQUISITIONS; seconds: length of the signal.
     """
-    content = yaml.safe_load(find_scenario(f"acquire_sfj_{stage}.yaml").read_text(encoding="utf-8"))
+    content = parse_yaml(find_scenario(f"acquire_sfj_{stage}.yaml").read_text(encoding="utf-8"))
     amplitude, band, phases = ACQUISITIONS[which]
     own = content["acquisition"]["ros__parameters"]
     sines = own["signal"]["multisine"]
@@ -73,7 +73,7 @@ def scenario_content() -> Content:
     Commands and states may be as old as in the acquisitions: a chain of minutes on a machine that has other
     work should not end because some node had to wait.
     """
-    content = yaml.safe_load(find_scenario(SCENARIO).read_text(encoding="utf-8"))
+    content = parse_yaml(find_scenario(SCENARIO).read_text(encoding="utf-8"))
     for node in ("sfj_sim", "omni_sim", "force_controller"):
         content[node]["ros__parameters"]["timeout"] = PATIENCE
     return content
@@ -109,7 +109,7 @@ def write_files(folder: Path, contents: Mapping[str, Content], models: Mapping[s
     for name, model in models.items():
         model.save(folder / f"{name}.yaml")
     for name, content in contents.items():
-        text = yaml.safe_dump(content, sort_keys=False)
+        text = dump_yaml(content)
         (folder / f"{name}.yaml").write_text(text, encoding="utf-8")
 
 
@@ -169,6 +169,6 @@ def holes(recording: Path) -> int:
 
 def _disturbance(stage: str) -> Content:
     """The random torque of the project's acquisition of that stage."""
-    content = yaml.safe_load(find_scenario(f"acquire_sfj_{stage}.yaml").read_text(encoding="utf-8"))
+    content = parse_yaml(find_scenario(f"acquire_sfj_{stage}.yaml").read_text(encoding="utf-8"))
     own = content["sfj_sim"]["ros__parameters"].get(stage, {})
     return {key: value for key, value in own.items() if key == "disturbance"}

@@ -20,12 +20,12 @@ from scipy.stats import norm
 from haptic_teleop_control.errors import ModelError
 from haptic_teleop_sim.kernel import Packed, pack
 from haptic_teleop_sim.model import STRUCTURES
+from haptic_teleop_sysid.scores import score_covariance
 
 from .gauss_newton import Fit, whiten
 from .likelihood import channels, innovations, settling
 from .noise import NoiseModel, observer_gain
 from .records import Record
-from .scores import score_covariance
 
 FloatArray = NDArray[np.float64]
 

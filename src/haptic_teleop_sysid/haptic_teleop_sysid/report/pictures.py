@@ -155,6 +155,7 @@ def histogram(values: Sequence[tuple[str, NDArray[np.float64]]], x_label: str, l
 def save_png(figure: Figure, path: str | Path, dpi: int = 130) -> Path:
     """Write the figure as a PNG on white and return the path."""
     with matplotlib.rc_context(STYLE):
+        _lay_out(figure)
         figure.savefig(path, dpi=dpi, facecolor="white")
     return Path(path)
 
@@ -165,6 +166,7 @@ def inline_svg(figure: Figure, prefix: str, description: str = "") -> str:
     """
     buffer = io.StringIO()
     with matplotlib.rc_context(STYLE):
+        _lay_out(figure)
         figure.savefig(buffer, format="svg", transparent=True, metadata={"Date": None, "Creator": None})
     svg = buffer.getvalue()
     svg = svg[svg.index("<svg") :]
@@ -177,3 +179,11 @@ def inline_svg(figure: Figure, prefix: str, description: str = "") -> str:
     svg = re.sub(r'(<svg[^>]*?)\swidth="[^"]*"', r"\1", svg, count=1)
     svg = re.sub(r'(<svg[^>]*?)\sheight="[^"]*"', r"\1", svg, count=1)
     return svg.replace("<svg", f'<svg role="img" aria-label="{html.escape(description, quote=True)}"', 1)
+
+
+def _lay_out(figure: Figure) -> None:
+    # Once for page and file together: it takes as long as drawing.
+    engine = figure.get_layout_engine()
+    if engine is not None:
+        engine.execute(figure)
+        figure.set_layout_engine("none")

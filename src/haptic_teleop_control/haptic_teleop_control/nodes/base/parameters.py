@@ -1,8 +1,8 @@
 """A node's parameters: declared from its table, changed only through it, read from the command line.
 
 rclpy would take a misspelt key in a parameter file without a word and refuse `10` where `10.0` is meant. So
-the files and `-p` values of `--ros-args` are read here, checked against the table, and handed to the node
-as overrides.
+the files and `-p` values of `--ros-args` are read here alone, checked against the table, and handed to the
+node as overrides.
 """
 
 from __future__ import annotations
@@ -12,7 +12,6 @@ from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import Any
 
-import yaml
 from rcl_interfaces.msg import FloatingPointRange, IntegerRange, ParameterDescriptor, SetParametersResult
 from rclpy.node import Node
 from rclpy.parameter import Parameter as RosParameter
@@ -23,8 +22,11 @@ from haptic_teleop_control.nodes.base.ros_arguments import RosArguments
 from haptic_teleop_control.parameter_files import is_wildcard, load_parameter_file, parameters_for
 from haptic_teleop_control.parameters import Parameter, ParameterTable
 
-ROS_OWN = ("start_type_description_service", "qos_overrides")
-"""Parameters that every ROS node has; never checked against a table."""
+ROS_OWN = {
+    "start_type_description_service": Parameter("start_type_description_service", True),
+    "qos_overrides": None,
+}
+"""First parts of parameters that every ROS node has; in no node's table. None: rclpy checks it."""
 
 FILE_KEYS = ("model", "file")
 """Last parts of names of parameters that name a file, relative to the parameter file that states it."""
@@ -92,18 +94,12 @@ def overrides(
             for name, values in load_parameter_file(file).items()
         }
         values = _check_stated(table, _section_values(sections, full_name), str(file))
-        stated.update({key: _resolve(table[key], value, Path(file).parent) for key, value in values.items()})
-    for target, key, text in arguments.parameters:
-        if target not in (None, full_name.rsplit("/", 1)[-1]) or (target is None and key in elsewhere):
-            continue
-        try:
-            value = yaml.safe_load(text)
-        except yaml.YAMLError as problem:
-            raise ConfigurationError(
-                f"--ros-args -p {key}:={text}: is not a YAML value; quote it."
-            ) from problem
-        stated.update(_check_stated(table, {key: value}, "--ros-args"))
-    checked = table.check(stated, ", ".join(arguments.parameter_files) or "--ros-args")
+        stated.update({key: _resolve(key, value, Path(file).parent) for key, value in values.items()})
+    for target, key, value in arguments.parameters:
+        if _means(target, full_name) and not (target is None and key in elsewhere):
+            stated.update(_check_stated(table, {key: value}, "--ros-args"))
+    own = {key: value for key, value in stated.items() if not _is_ros_own(key)}
+    checked = stated | table.check(own, ", ".join(arguments.parameter_files) or "--ros-args")
     return [RosParameter(key, value=checked[key]) for key in stated]
 
 
@@ -112,12 +108,17 @@ def _with_brought(table: ParameterTable, full_name: str, arguments: RosArguments
     stated: dict[str, Any] = {}
     for file in arguments.parameter_files:
         stated.update(_section_values(load_parameter_file(file), full_name))
-    for target, key, text in arguments.parameters:
-        if target in (None, full_name.rsplit("/", 1)[-1]):
-            stated[key] = text
+    for target, key, value in arguments.parameters:
+        if _means(target, full_name):
+            stated[key] = value
     plugins = {entry.name for entry in table if entry.plugin}
     named = {key: value for key, value in stated.items() if key in plugins}
     return table.for_values(named, ", ".join(arguments.parameter_files) or "--ros-args")
+
+
+def _means(target: str | None, full_name: str) -> bool:
+    """Whether the node named in `-p node:key:=value` is this one."""
+    return target in (None, full_name.rsplit("/", 1)[-1], full_name.lstrip("/"))
 
 
 def _section_values(sections: Mapping[str, Mapping[str, Any]], full_name: str) -> dict[str, Any]:
@@ -145,12 +146,16 @@ def _speaks_to_others(key: str, table: ParameterTable) -> bool:
 def _check_stated(table: ParameterTable, stated: Mapping[str, Any], source: str) -> dict[str, Any]:
     own = {key: value for key, value in stated.items() if not _is_ros_own(key)}
     required = {entry.name: entry.default for entry in table if entry.required}
-    checked = table.check({**required, **own}, source)
-    return {key: checked[key] for key in own}
+    checked = stated | table.check({**required, **own}, source)
+    for key in stated.keys() - own.keys():
+        entry = ROS_OWN[key.split(".", 1)[0]]
+        if entry is not None and (problem := entry.problem(checked[key])):
+            raise ConfigurationError(f"{source}: node {table.node_name}: parameter {key} {problem}.")
+    return {key: checked[key] for key in stated}
 
 
-def _resolve(entry: Parameter, value: Any, directory: Path) -> Any:
-    if not value or entry.name.rsplit(".", 1)[-1] not in FILE_KEYS:
+def _resolve(name: str, value: Any, directory: Path) -> Any:
+    if not value or name.rsplit(".", 1)[-1] not in FILE_KEYS:
         return value
     beside = (directory / value).resolve()
     return value if Path(value).is_file() and not beside.is_file() else str(beside)

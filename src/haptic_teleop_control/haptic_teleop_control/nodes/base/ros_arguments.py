@@ -1,27 +1,34 @@
 """What `--ros-args` says about a node's name and parameters, read without ROS.
 
-rcl reads the same arguments once more for remappings and log levels; nothing here replaces that.
+rcl reads the same arguments once more for remappings and log levels, but not the parameters: its YAML is
+another one, which refuses [1, 2.0] and takes 1_000 for text. What is read here is handed to the node itself.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
+from typing import Any
+
+import yaml
 
 from haptic_teleop_control.errors import ConfigurationError
+from haptic_teleop_control.strict_yaml import parse_value
 
 _WITH_VALUE = ("--log-level", "--log-config-file", "--log-file-name", "-e", "--enclave")
 
 
 @dataclass
 class RosArguments:
-    """parameter_files: in order of precedence, the last wins. parameters: (node or None, key, value as YAML
-    text). remaps: (node or None, from, to). other: arguments that are not ROS arguments."""
+    """parameter_files: in order of precedence, the last wins. parameters: (node or None, key, value).
+    remaps: (node or None, from, to). other: arguments that are not ROS arguments. for_rcl: all arguments but
+    the parameters."""
 
     parameter_files: list[str] = field(default_factory=list)
-    parameters: list[tuple[str | None, str, str]] = field(default_factory=list)
+    parameters: list[tuple[str | None, str, Any]] = field(default_factory=list)
     remaps: list[tuple[str | None, str, str]] = field(default_factory=list)
     other: list[str] = field(default_factory=list)
+    for_rcl: list[str] = field(default_factory=list)
 
     def full_name(self, name: str, namespace: str) -> str:
         """The node's full name after `-r __node:=` and `-r __ns:=`, such as `/sfj/sfj_sim`."""
@@ -36,7 +43,8 @@ class RosArguments:
 
 
 def parse_ros_arguments(argv: Sequence[str]) -> RosArguments:
-    """Raises ConfigurationError for an option without its value or a rule that is not `old:=new`."""
+    """Raises ConfigurationError for an option without its value, a rule that is not `old:=new`, and a
+    parameter's value that is not YAML."""
     found = RosArguments()
     arguments = iter(argv)
     inside = False
@@ -49,12 +57,16 @@ def parse_ros_arguments(argv: Sequence[str]) -> RosArguments:
             inside = False
         elif argument == "--params-file":
             found.parameter_files.append(_value(arguments, argument))
+            continue
         elif argument in ("-p", "--param"):
-            found.parameters.append(_rule(_value(arguments, argument), argument))
-        elif argument in ("-r", "--remap"):
-            found.remaps.append(_rule(_value(arguments, argument), argument))
+            found.parameters.append(_parameter(_value(arguments, argument), argument))
+            continue
+        found.for_rcl.append(argument)
+        if argument in ("-r", "--remap"):
+            found.for_rcl.append(_value(arguments, argument))
+            found.remaps.append(_rule(found.for_rcl[-1], argument))
         elif argument in _WITH_VALUE:
-            _value(arguments, argument)
+            found.for_rcl.append(_value(arguments, argument))
     return found
 
 
@@ -63,6 +75,16 @@ def _value(arguments, option: str) -> str:
     if value is None:
         raise ConfigurationError(f"--ros-args {option}: its value is missing; write it after the option.")
     return value
+
+
+def _parameter(text: str, option: str) -> tuple[str | None, str, Any]:
+    node, key, value = _rule(text, option)
+    try:
+        return node, key, parse_value(value)
+    except yaml.YAMLError as problem:
+        raise ConfigurationError(
+            f"--ros-args {option} {text}: what follows := is no value in YAML; quote it."
+        ) from problem
 
 
 def _rule(text: str, option: str) -> tuple[str | None, str, str]:

@@ -92,9 +92,10 @@ def make_executor(context: rclpy.Context | None = None) -> rclpy.executors.Execu
 
 
 def read_arguments(argv: Sequence[str]) -> tuple[list[str], RosArguments, ArmedStart | None]:
-    """The arguments for rclpy, what they say, and the start to wait for if `parent.OPTION` is among them.
+    """The arguments for rclpy, all but the parameters; what they say; and the start to wait for if
+    `parent.OPTION` is among them.
 
-    Raises ConfigurationError, also for a parameter file: rcl's own words for it name no remedy.
+    Raises ConfigurationError, also for a parameter file.
     """
     rest = [argument for argument in argv if argument != OPTION]
     arguments = parse_ros_arguments(rest)
@@ -102,7 +103,8 @@ def read_arguments(argv: Sequence[str]) -> tuple[list[str], RosArguments, ArmedS
         raise ConfigurationError(f"{arguments.other[0]} is not an argument of a node; see --help.")
     for file in arguments.parameter_files:
         load_parameter_file(file)
-    return rest, arguments, ArmedStart(ParentChannel.to_parent()) if len(rest) < len(argv) else None
+    armed = ArmedStart(ParentChannel.to_parent()) if len(rest) < len(argv) else None
+    return arguments.for_rcl, arguments, armed
 
 
 def spin(
