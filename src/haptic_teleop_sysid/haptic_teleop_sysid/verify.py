@@ -7,6 +7,7 @@ from __future__ import annotations
 import argparse
 import math
 import time
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -22,6 +23,7 @@ from haptic_teleop_sysid.verification.overlay_report import overlay_all
 from haptic_teleop_sysid.verification.page import key_figures, verification_page
 from haptic_teleop_sysid.verification.pictures import stage_picture
 from haptic_teleop_sysid.verification.run import Run, agreement, examine
+from haptic_teleop_sysid.verification.simulation import TRUST_OPTION
 from haptic_teleop_sysid.verification.verdicts import verdicts
 
 OVERRIDES = {
@@ -34,6 +36,15 @@ OVERRIDES = {
 RESULT = "verify.json"
 
 
+@dataclass(frozen=True)
+class Verification:
+    """What a verification found. not_simulated: by a run's name, why no simulation was laid over it, as the
+    end of a sentence about it."""
+
+    runs: list[Run]
+    not_simulated: dict[str, str]
+
+
 def verify(
     bags: list[str],
     output: Path,
@@ -41,13 +52,15 @@ def verify(
     overrides: dict[str, dict[str, float]] | None = None,
     simulate: bool = True,
     scenario: str | None = None,
-) -> list[Run]:
+    trust_code: bool = False,
+) -> Verification:
     """Examine `bags`, simulate what they recorded, write verify.json, report.html and pictures into the
-    directory `output`; return the runs.
+    directory `output`; return what was found.
 
     simulate: whether a simulation is laid over each recording that says enough about itself. scenario: a
     scenario file whose plants are simulated instead of those that the recordings name; then all of them must
-    say enough.
+    say enough. trust_code: whether a force law of somebody's own is imported, and so executed, because a
+    recording names it.
     Raises RecordingError and MismatchError, naming the bag, for what cannot be read or is no recording of a
     scenario, ConfigurationError or ModelError for a scenario or model file that cannot be used.
     """
@@ -58,7 +71,7 @@ def verify(
         raise MismatchError(f"{', '.join(bags)} are not all of one scenario: verify them in two reports.")
     labels = short_names(bags)
     named = dict(zip(labels, recordings, strict=True))
-    overlays = overlay_all(named if simulate else {}, scenario, remove_delay)
+    overlays = overlay_all(named if simulate else {}, scenario, remove_delay, trust_code)
     agreements = {label: agreement(runs[0], run) for run, label in zip(runs[1:], labels[1:], strict=True)}
     stages = dict.fromkeys(stage for one in runs for stage in one.stages)
     pictures = {stage: stage_picture(runs, stage, labels, remove_delay) for stage in stages}
@@ -69,6 +82,11 @@ def verify(
             which = f"_{number}" if len(bags) > 1 else ""
             save_png(picture, output / f"simulation{which}_{group.replace(' ', '')}.png")
     verification_page(runs, labels, agreements, pictures, overlays).write(output / "report.html")
+    not_simulated = {
+        bag: overlays.reasons[label]
+        for bag, label in zip(bags, labels, strict=True)
+        if label in overlays.reasons
+    }
     content: dict[str, Any] = {
         "schema": 1,
         "scenario": runs[0].scenario,
@@ -79,17 +97,13 @@ def verify(
             for bag, label in zip(bags, labels, strict=True)
             if label in overlays.done
         },
-        "not_simulated": {
-            bag: overlays.reasons[label]
-            for bag, label in zip(bags, labels, strict=True)
-            if label in overlays.reasons
-        },
+        "not_simulated": not_simulated,
         "delay_removed": remove_delay,
         "runtime_s": time.perf_counter() - began,
         "version": tool_version(),
     }
     write_json(output / RESULT, content)
-    return runs
+    return Verification(runs, not_simulated)
 
 
 def short_names(bags: list[str]) -> list[str]:
@@ -118,20 +132,22 @@ def run(argv: list[str]) -> int:
                 overrides[stage][name] = value
     output = claim_output_directory(arguments.output, RESULT, arguments.overwrite)
     with Console(stderr=True).status("verifying"):
-        runs = verify(
+        found = verify(
             arguments.bag,
             output,
             arguments.remove_delay,
             overrides,
             simulate=not arguments.no_simulation,
             scenario=arguments.simulate,
+            trust_code=arguments.trust_recorded_code,
         )
-    print_summary(runs, output / "report.html")
+    print_summary(found, output / "report.html")
     return 0
 
 
-def print_summary(runs: list[Run], report: Path, figures_only: bool = False) -> None:
-    """Print each run's verdicts (or its key figures only) and where the report lies."""
+def print_summary(found: Verification, report: Path, figures_only: bool = False) -> None:
+    """Print each run's verdicts (or its key figures only), why one was not simulated, and where the report
+    lies."""
     console = Console(highlight=False)
     words = {
         "good": "[green]ok[/green]  ",
@@ -139,7 +155,7 @@ def print_summary(runs: list[Run], report: Path, figures_only: bool = False) -> 
         "bad": "[red]bad[/red] ",
         "plain": "    ",
     }
-    for one in runs:
+    for one in found.runs:
         console.print(one.name, markup=False, soft_wrap=True)
         if figures_only:
             for value, label, note in key_figures(one):
@@ -148,6 +164,10 @@ def print_summary(runs: list[Run], report: Path, figures_only: bool = False) -> 
         for status, text in verdicts(one):
             console.print(f"  {words[status]} ", end="")
             console.print(text, markup=False, soft_wrap=True)
+        if one.name in found.not_simulated:
+            console.print(
+                f"       no simulation: it {found.not_simulated[one.name]}.", markup=False, soft_wrap=True
+            )
     console.print(f"report: {report}", markup=False, soft_wrap=True)
 
 
@@ -176,6 +196,13 @@ def _parser() -> argparse.ArgumentParser:
     )
     simulation.add_argument(
         "--no-simulation", action="store_true", help="no simulation beside the recordings"
+    )
+    parser.add_argument(
+        TRUST_OPTION,
+        action="store_true",
+        help="import a force law that does not come with this project (law: module:Law) because a recording "
+        "names it: this EXECUTES that module's code, from what is installed or from the working directory. "
+        "Only for recordings and code that you trust; without it such a recording is not simulated",
     )
     parser.add_argument(
         "--overwrite", action="store_true", help="replace the results of an earlier run in DIR"
