@@ -237,9 +237,7 @@ def names_law(law, nested=False):
 
 
 @pytest.mark.parametrize("nested", [False, True])
-def test_code_that_a_recording_names_is_executed_only_when_it_is_said_to_be_trusted(
-    foreign, capsys, nested
-):
+def test_code_that_a_recording_names_is_executed_only_when_it_is_said_to_be_trusted(foreign, capsys, nested):
     one = names_law("somebodys_law:Law", nested)
     plain = recorded()
     bags = [
@@ -249,7 +247,8 @@ def test_code_that_a_recording_names_is_executed_only_when_it_is_said_to_be_trus
     assert verify.main([*bags, "--output", "out"]) == 0
     assert not (foreign / "executed").exists() and "somebodys_law" not in sys.modules
     result = json.loads((foreign / "out" / "verify.json").read_text())
-    for told in (result["not_simulated"][bags[0]], capsys.readouterr().out, Path("out/report.html").read_text()):
+    page = Path("out/report.html").read_text()
+    for told in (result["not_simulated"][bags[0]], capsys.readouterr().out, page):
         assert "somebodys_law:Law" in told and "--trust-recorded-code" in told
     assert set(result["simulation"]) == {bags[1]}, "the others are simulated"
     assert result["runs"][bags[0]]["stages"]["stage1"]["contacts"], "the rest of verify goes on"
@@ -273,7 +272,7 @@ def test_a_law_of_the_project_needs_no_trust_however_it_is_named(law):
     assert fit["stage 1"]["arm position"] == 100.0
 
 
-@pytest.mark.parametrize("law", ["haptic_teleop_control.plugins:load_object", "os:system", "haptic_teleop_x:L"])
+@pytest.mark.parametrize("law", ["haptic_teleop_control.plugins:load_object", "os:system", "haptic_law:L"])
 def test_what_only_looks_like_the_projects_is_not_trusted(law):
     with pytest.raises(UntrustedCode):
         simulate_recording(names_law(law), "bag")

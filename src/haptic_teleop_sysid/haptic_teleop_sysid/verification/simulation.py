@@ -61,7 +61,8 @@ def stated_nodes(recording: Recording, trust_code: bool = False) -> dict[str, di
 def _refuse_foreign_code(values: Mapping[str, Any], node: str) -> None:
     for entry in TABLES[node]:
         stated = values.get(entry.name)
-        if entry.plugin and isinstance(stated, str) and ":" in stated and not comes_with_the_project(stated):
+        named = entry.plugin and isinstance(stated, str) and ":" in stated
+        if named and not comes_with_the_project(str(stated)):
             raise UntrustedCode(
                 f"names {stated!r} as {entry.name} of its {node}, which does not come with this project; a "
                 f"simulation would execute that code: look at it, and add {TRUST_OPTION} if you trust it"
@@ -78,8 +79,8 @@ def can_be_simulated(recording: Recording, trust_code: bool = False) -> str | No
         return "does not say the parameters of its force_controller"
     missing = [plant for plant in PLANTS if plant not in stated]
     return (
-        f"was not made with {' and '.join(missing)}, so nothing says what plants to simulate; a scenario file "
-        "after --simulate says it"
+        f"was not made with {' and '.join(missing)}, so nothing says what plants to simulate; a scenario "
+        "file after --simulate does"
         if missing
         else None
     )
@@ -94,8 +95,8 @@ def simulate_recording(
     command is used beside them. The command is that of the signal generator where it commanded, otherwise
     the recorded one: what the operator did with the device. trust_code: whether a force law that does not
     come with the project may be imported because the recording names it.
-    Raises UntrustedCode naming such a law otherwise, MismatchError naming the recording when it does not say enough, ConfigurationError or ModelError
-    for a scenario file or a model file that cannot be used.
+    Raises UntrustedCode naming such a law otherwise, MismatchError naming the recording when it does not say
+    enough, ConfigurationError or ModelError for a scenario file or a model file that cannot be used.
     """
     try:
         stated = stated_nodes(recording, trust_code)
