@@ -11,6 +11,7 @@ import os
 import pwd
 import stat
 import sys
+from contextlib import suppress
 from pathlib import Path
 
 NUMBA = "NUMBA_CACHE_DIR"
@@ -42,10 +43,8 @@ def make_private(folder: Path) -> None:
     if not os.path.lexists(folder.parent):
         make_private(folder.parent)
     if not os.path.lexists(folder):
-        try:
+        with suppress(FileExistsError):  # another process was faster
             folder.mkdir(mode=0o700)
-        except FileExistsError:  # another process was faster
-            pass
 
 
 def untrusted(folder: Path) -> str | None:
