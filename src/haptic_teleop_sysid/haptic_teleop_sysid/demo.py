@@ -112,11 +112,13 @@ def run(argv: list[str]) -> int:
         print(f"the run lost its graph: {failure}", file=sys.stderr)
     elif status:
         print(f"the scenario ended with exit status {status}", file=sys.stderr)
-    return status or (1 if failure is not None else 0)
+    elif found.failed:
+        print("the run failed: see what is said first above", file=sys.stderr)
+    return status or (1 if failure is not None or found.failed else 0)
 
 
 def main(argv: list[str] | None = None) -> int:
-    """Entry point: exit status 0 when the graph ran to the end and the report was written."""
+    """Entry point: exit status 0 when the graph ran to the end without a fault and the report was written."""
     return run_command(run, argv)
 
 

@@ -24,7 +24,7 @@ from haptic_teleop_sysid.verification.page import key_figures, verification_page
 from haptic_teleop_sysid.verification.pictures import stage_picture
 from haptic_teleop_sysid.verification.run import Run, agreement, examine
 from haptic_teleop_sysid.verification.simulation import TRUST_OPTION
-from haptic_teleop_sysid.verification.verdicts import verdicts
+from haptic_teleop_sysid.verification.verdicts import failures, verdicts
 
 OVERRIDES = {
     "lambda": "λ of the force law, N·m·s/rad",
@@ -34,6 +34,12 @@ OVERRIDES = {
     "torque_constant": "nominal N·m/A of the recorded efforts",
 }
 RESULT = "verify.json"
+FAILED = 1
+STATUSES = """exit status:
+  0  the report is written, and no recording holds a failure
+  1  the report is written, and tells of one first: a fault that a node or the recorder reported, or a stage
+     that oscillates
+  2  bad arguments, or a file that cannot be used: there is no report"""
 
 
 @dataclass(frozen=True)
@@ -43,6 +49,11 @@ class Verification:
 
     runs: list[Run]
     not_simulated: dict[str, str]
+
+    @property
+    def failed(self) -> bool:
+        """Whether a run holds a fault, or a stage of one oscillates."""
+        return any(run.failed for run in self.runs)
 
 
 def verify(
@@ -90,6 +101,7 @@ def verify(
     content: dict[str, Any] = {
         "schema": 1,
         "scenario": runs[0].scenario,
+        "failed": any(run.failed for run in runs),
         "runs": {run.name: run.as_json() | {"verdicts": verdicts(run)} for run in runs},
         "agreement": {bag: agreements[label] for bag, label in zip(bags[1:], labels[1:], strict=True)},
         "simulation": {
@@ -142,12 +154,12 @@ def run(argv: list[str]) -> int:
             trust_code=arguments.trust_recorded_code,
         )
     print_summary(found, output / "report.html")
-    return 0
+    return FAILED if found.failed else 0
 
 
 def print_summary(found: Verification, report: Path, figures_only: bool = False) -> None:
-    """Print each run's verdicts (or its key figures only), why one was not simulated, and where the report
-    lies."""
+    """Print each run's verdicts (or its failures and key figures only), why one was not simulated, and where
+    the report lies."""
     console = Console(highlight=False)
     words = {
         "good": "[green]ok[/green]  ",
@@ -158,6 +170,9 @@ def print_summary(found: Verification, report: Path, figures_only: bool = False)
     for one in found.runs:
         console.print(one.name, markup=False, soft_wrap=True)
         if figures_only:
+            for status, text in failures(one):
+                console.print(f"  {words[status]} ", end="")
+                console.print(text, markup=False, soft_wrap=True)
             for value, label, note in key_figures(one):
                 console.print(f"  {label:28} {value:>14}   {note}", markup=False, soft_wrap=True)
             continue
@@ -172,12 +187,18 @@ def print_summary(found: Verification, report: Path, figures_only: bool = False)
 
 
 def main(argv: list[str] | None = None) -> int:
-    """Entry point: exit status 0 when a report was written, 2 for bad arguments or files."""
+    """Entry point: exit status 0 when a report was written, 1 when it tells of a fault or an oscillation, 2
+    for bad arguments or files."""
     return run_command(run, argv)
 
 
 def _parser() -> argparse.ArgumentParser:
-    parser = argparse.ArgumentParser(prog="haptic-teleop verify", description=__doc__)
+    parser = argparse.ArgumentParser(
+        prog="haptic-teleop verify",
+        description=__doc__,
+        epilog=STATUSES,
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+    )
     parser.add_argument(
         "bag", nargs="+", metavar="BAG", help="recordings of one scenario, laid over each other"
     )

@@ -20,12 +20,13 @@ LOG_TIME = 15  # offset of the log time in a message record
 class Batch:
     """``count`` messages of a topic. ``rows``: (which of them, their bytes as a matrix) by length;
     ``received`` (count,)
-    ns. Without rows they are only counted."""
+    ns. Without rows they are only counted. ``kind``: their type."""
 
     topic: str
     count: int
     rows: list[tuple[NDArray[np.intp], NDArray[np.uint8]]] | None = None
     received: NDArray[np.int64] = field(default_factory=lambda: np.zeros(0, np.int64))
+    kind: str = ""
 
 
 def mcap_batches(scan: McapScan, select: Callable[[str, str], bool]) -> Iterator[Batch]:
@@ -53,7 +54,7 @@ def mcap_batches(scan: McapScan, select: Callable[[str, str], bool]) -> Iterator
                         :, 0
                     ]
                     rows.append((which, records[:, MESSAGE_HEAD.size :]))
-                yield Batch(channel.topic, len(chosen), rows, received)
+                yield Batch(channel.topic, len(chosen), rows, received, kind)
 
 
 def decompress_messages(batch: Batch, budget: Budget) -> Batch:

@@ -105,7 +105,8 @@ def batches(
             found, damage, ended = _fetch(cursor, budget)
             if found:
                 received = np.array([time for time, _ in found], np.int64)
-                yield Batch(name, len(found), rows_of([data for _, data in found]), received), kind
+                rows = rows_of([data for _, data in found])
+                yield Batch(name, len(found), rows, received, kind), kind
             if ended:
                 break
         if damage:
