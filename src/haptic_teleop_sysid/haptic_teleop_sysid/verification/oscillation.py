@@ -189,7 +189,10 @@ def _steady_peak(values: Array, period: float) -> tuple[float, float] | None:
         return None
     at = lowest + int(np.argmax(power[lowest:]))
     total = float(power.sum())
-    if total <= 0.0 or power[at - _BINS : at + _BINS + 1].sum() < NARROW_SHARE * total:
+    # The lowest bin may be the slope of a peak below it, which a longer window sees.
+    if total <= 0.0 or power[at - 1] > power[at]:
+        return None
+    if power[at - _BINS : at + _BINS + 1].sum() < NARROW_SHARE * total:
         return None
     frequency = _between_bins(power, at) / (len(values) * period)
     half = len(values) // 2
