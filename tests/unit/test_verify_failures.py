@@ -104,6 +104,7 @@ def test_a_latched_fault_comes_first_on_page_terminal_and_in_json_and_ends_with_
     [
         ({"diagnostics": reports("/sfj/sfj_sim", 0, 2, 2)}, "/sfj/sfj_sim", "to the end of the recording"),
         ({"states": [(at(2.0), "fault")]}, "/force_controller", "does not say which"),
+        ({"states": [(at(2.0), "fault"), (at(11.0), "off")]}, "/force_controller", "to the end of"),
         (
             {"diagnostics": reports("/omni/omni_driver", 0, 0, 0, counts={1: 2, 2: 2})},
             "/omni/omni_driver",
@@ -115,6 +116,7 @@ def test_a_latched_fault_comes_first_on_page_terminal_and_in_json_and_ends_with_
     ids=[
         "a robot's node",
         "the state alone",
+        "a node that stops",
         "counted and reset in between",
         "the recorder",
         "another's node",

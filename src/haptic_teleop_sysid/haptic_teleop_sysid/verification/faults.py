@@ -48,9 +48,9 @@ class Fault:
         return asdict(self)
 
 
-def find_faults(recording: Recording, origin: int) -> list[Fault]:
+def find_faults(recording: Recording, origin: int, end: int) -> list[Fault]:
     """Return the faults in order of time, those that are only counted behind the others. origin: ns, the
-    run's time zero."""
+    run's time zero. end: ns; what is said later is said by nodes that stop."""
     by_node: dict[str, list[Status]] = {}
     for status in recording.diagnostics:
         by_node.setdefault(status.node, []).append(status)
@@ -67,7 +67,9 @@ def find_faults(recording: Recording, origin: int) -> list[Fault]:
     counted += [Fault("recorder", str(one)) for one in problems] if isinstance(problems, list) else []
     if not timed:
         counted += [Fault("lockstep", one) for one in _counted(recording.experiment)]
-    return [*sorted(timed, key=lambda one: one.start or 0.0), *counted]
+    last = _seconds(end, origin)
+    ended = [replace(one, end=None) if one.end is not None and one.end >= last else one for one in timed]
+    return [*sorted(ended, key=lambda one: one.start or 0.0), *counted]
 
 
 def _seconds(stamp: int, origin: int) -> float:

@@ -97,7 +97,7 @@ def examine(
         problems=list(recording.problems),
         experiment=dict(recording.experiment),
         scenario=2 if second else 1,
-        faults=find_faults(recording, int(clock.stamp[0])),
+        faults=find_faults(recording, int(clock.stamp[0]), int(clock.stamp[-1])),
         machine=read_machine(graph, recording.diagnostics),
         energies=port_energies(recording.topics, *(("sfj", "omni") if second else ("omni", "sfj"))),
     )
