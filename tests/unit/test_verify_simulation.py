@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import copy
 import json
+import sys
 from dataclasses import replace
 from pathlib import Path
 
@@ -14,10 +15,10 @@ from haptic_teleop_control.errors import ConfigurationError, MismatchError
 from haptic_teleop_control.recording import Recording, write_recording
 from haptic_teleop_sim.lockstep import load_scenario, run_scenario
 from haptic_teleop_sim.scenario_parameters import check_scenario
-from haptic_teleop_sysid import verify
+from haptic_teleop_sysid import demo, verify
 from haptic_teleop_sysid.verification.overlay import overlay
 from haptic_teleop_sysid.verification.overlay_report import overlay_all, overlay_pictures, overlay_table
-from haptic_teleop_sysid.verification.simulation import simulate_recording
+from haptic_teleop_sysid.verification.simulation import UntrustedCode, simulate_recording
 
 SECONDS = 3.0
 CONFIG = Path(__file__).resolve().parents[2] / "config"
@@ -208,3 +209,77 @@ def test_a_scenario_file_that_cannot_be_used_ends_with_status_2(tmp_path, argume
     one = recorded()
     bag = str(write_recording(tmp_path / "bag", one.topics, one.parameters, {}))
     assert verify.main([bag, "--output", str(tmp_path / "out"), *arguments]) == 2
+
+
+FOREIGN = """
+from pathlib import Path
+Path("executed").touch()
+from haptic_teleop_control.laws import AugmentedErrorLaw
+class Law(AugmentedErrorLaw): ...
+"""
+
+
+@pytest.fixture
+def foreign(tmp_path, monkeypatch):
+    """A folder to work in that holds the module which a recording names; it leaves a file when executed."""
+    (tmp_path / "somebodys_law.py").write_text(FOREIGN)
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr("sys.path", [*sys.path])
+    monkeypatch.delitem(sys.modules, "somebodys_law", raising=False)
+    return tmp_path
+
+
+def names_law(law, nested=False):
+    one = recorded()
+    values = one.parameters["/force_controller"]
+    values["law"] = {"ros__parameters": law} if nested else law
+    return one
+
+
+@pytest.mark.parametrize("nested", [False, True])
+def test_code_that_a_recording_names_is_executed_only_when_it_is_said_to_be_trusted(foreign, capsys, nested):
+    one = names_law("somebodys_law:Law", nested)
+    plain = recorded()
+    bags = [
+        str(write_recording(foreign / name, r.topics, r.parameters, {}))
+        for name, r in (("bag", one), ("plain", plain))
+    ]
+    assert verify.main([*bags, "--output", "out"]) == 0
+    assert not (foreign / "executed").exists() and "somebodys_law" not in sys.modules
+    result = json.loads((foreign / "out" / "verify.json").read_text())
+    page = Path("out/report.html").read_text()
+    for told in (result["not_simulated"][bags[0]], capsys.readouterr().out, page):
+        assert "somebodys_law:Law" in told and "--trust-recorded-code" in told
+    assert set(result["simulation"]) == {bags[1]}, "the others are simulated"
+    assert result["runs"][bags[0]]["stages"]["stage1"]["contacts"], "the rest of verify goes on"
+    assert verify.main([*bags, "--output", "trusted", "--trust-recorded-code"]) == 0
+    assert (foreign / "executed").exists()
+    result = json.loads((foreign / "trusted" / "verify.json").read_text())
+    assert result["simulation"][bags[0]]["fit_percent"]["stage 1"]["arm position"] == 100.0
+
+
+def test_a_scenario_file_for_the_plants_does_not_make_the_recordings_code_trusted(foreign):
+    with pytest.raises(UntrustedCode, match=r"bag names 'somebodys_law:Law'.*--trust-recorded-code"):
+        simulate_recording(names_law("somebodys_law:Law"), "bag", str(CONFIG / "scenario1_sim.yaml"))
+    assert not (foreign / "executed").exists()
+
+
+@pytest.mark.parametrize(
+    "law", ["augmented_error", "haptic_teleop_control.laws.augmented_error:AugmentedErrorLaw"]
+)
+def test_a_law_of_the_project_needs_no_trust_however_it_is_named(law):
+    _, fit = fits(names_law(law))
+    assert fit["stage 1"]["arm position"] == 100.0
+
+
+@pytest.mark.parametrize("law", ["haptic_teleop_control.plugins:load_object", "os:system", "haptic_law:L"])
+def test_what_only_looks_like_the_projects_is_not_trusted(law):
+    with pytest.raises(UntrustedCode):
+        simulate_recording(names_law(law), "bag")
+
+
+def test_processes_are_started_without_the_modules_of_the_working_directory(tmp_path, monkeypatch):
+    (tmp_path / "yaml.py").write_text("open('executed', 'w')\nraise SystemExit(3)\n")
+    monkeypatch.chdir(tmp_path)
+    assert demo.run_scenario(Path("absent.yaml"), tmp_path / "recording", 1.0) == 2
+    assert not (tmp_path / "executed").exists()

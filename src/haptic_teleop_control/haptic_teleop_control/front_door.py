@@ -15,6 +15,7 @@ from collections.abc import Callable, Sequence
 from haptic_teleop_control.command_line import run_command
 from haptic_teleop_control.completion import SHELLS, completion_script
 from haptic_teleop_control.errors import ConfigurationError
+from haptic_teleop_control.private_folder import refuse_untrusted_numba_cache
 
 PROGRAM = "haptic-teleop"
 PACKAGES = (
@@ -110,6 +111,7 @@ def start(name: str, arguments: Sequence[str]) -> int:
     # Matrices here have six rows: threads of the linear algebra library would only spin against each other
     # and the control loops (measured: 24 ms instead of 0.3 ms for an observer gain on two busy cores).
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+    refuse_untrusted_numba_cache()
     main_of_executable = load(name)
     # What asks for the process' own arguments (argparse for the program's name, rclpy.init) must see the
     # executable's.

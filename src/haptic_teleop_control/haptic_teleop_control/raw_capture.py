@@ -17,18 +17,19 @@ import json
 import queue
 import struct
 import threading
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, BinaryIO
 
 from mcap.exceptions import McapError
-from mcap.records import Channel, Message, Metadata
-from mcap.stream_reader import StreamReader
+from mcap.records import Channel, Chunk, McapRecord, Message, Metadata
+from mcap.stream_reader import StreamReader, breakup_chunk
 from mcap.writer import CompressionType, Writer
 
 from haptic_teleop_control.errors import RecordingError
+from haptic_teleop_control.recording.expansion import Budget, Damaged, expand_chunk
 
 READ, WRITE, COMMAND, RESET = "read", "write", "command", "reset"
 _METADATA = "haptic_teleop.capture"
@@ -107,12 +108,13 @@ class RawCapture:
 @dataclass(frozen=True)
 class Capture:
     """A capture read back. complete: False when its writer was killed or the file is damaged; what is whole
-    before that place is there then."""
+    before that place is there then. problem: what is known of the damage, or nothing."""
 
     robot: str
     parameters: dict[str, Any]
     packets: list[Packet]
     complete: bool
+    problem: str = ""
 
 
 def read_capture(path: str | Path, robot: str) -> Capture:
@@ -121,10 +123,10 @@ def read_capture(path: str | Path, robot: str) -> Capture:
     packets: list[Packet] = []
     channels: dict[int, str] = {}
     description: dict[str, str] | None = None
-    complete = True
+    complete, problem = True, ""
     try:
         with path.open("rb") as file:
-            for record in StreamReader(file, validate_crcs=True).records:
+            for record in _records(file, Budget(path.stat().st_size)):
                 if isinstance(record, Metadata) and record.name == _METADATA:
                     description = record.metadata
                 elif isinstance(record, Channel):
@@ -135,10 +137,13 @@ def read_capture(path: str | Path, robot: str) -> Capture:
         raise RecordingError(
             f"{path}: cannot be read ({refusal.strerror}); give a capture that a driver wrote."
         ) from refusal
+    except Damaged as damage:
+        complete, problem = False, str(damage)
     except (McapError, EOFError, ValueError, LookupError, OverflowError, MemoryError, struct.error):
         complete = False  # all of them mean bytes that make no sense
     if description is None or "robot" not in description:
-        raise RecordingError(f"{path}: is no capture of raw packets; give a file that a driver wrote.")
+        why = f" ({problem})" if problem else ""
+        raise RecordingError(f"{path}: is no capture of raw packets{why}; give a file that a driver wrote.")
     if description["robot"] != robot:
         raise RecordingError(
             f"{path}: is a capture of {description['robot']}; give one of {robot}, or use the other driver."
@@ -149,4 +154,23 @@ def read_capture(path: str | Path, robot: str) -> Capture:
         raise RecordingError(
             f"{path}: haptic_teleop.capture: its parameters cannot be read; give a file that is not damaged."
         ) from damage
-    return Capture(robot, parameters, packets, complete)
+    return Capture(robot, parameters, packets, complete, problem)
+
+
+def _records(file: BinaryIO, budget: Budget) -> Iterator[McapRecord]:
+    """The library's records, but it decompresses chunks without limit: so that is done here. Damaged where a
+    chunk expands to more than it may."""
+    number = 0
+    for record in StreamReader(file, validate_crcs=True, emit_chunks=True).records:
+        if not isinstance(record, Chunk):
+            yield record
+            continue
+        number += 1
+        if record.compression in ("zstd", "lz4"):
+            try:
+                size = record.uncompressed_size
+                record.data = expand_chunk(record.compression, record.data, size, budget)
+            except Damaged as damage:
+                raise Damaged(f"chunk {number}: {damage}") from None
+            record.compression = ""
+        yield from breakup_chunk(record, validate_crc=True)

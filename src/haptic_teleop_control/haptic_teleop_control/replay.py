@@ -125,7 +125,8 @@ def replay_command(
     capture = read_capture(Path(options.capture), robot)
     states = run(capture, capture.parameters)
     if not capture.complete:
-        print(f"{options.capture}: its end is missing or damaged; this is what is whole before that place")
+        why = f" ({capture.problem})" if capture.problem else ""
+        print(f"{options.capture}: its end is missing or damaged{why}; this is what is whole before it")
     seconds = (states.stamp[-1] - states.stamp[0]) * 1e-9 if len(states.stamp) else 0.0
     print(f"{len(states.stamp)} joint states, {seconds:.3f} s, from {len(capture.packets)} packets")
     for name, count in states.faults.items():

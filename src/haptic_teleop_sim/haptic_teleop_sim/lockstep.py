@@ -59,7 +59,13 @@ def record_scenario(
     """
     length = _duration(scenario, duration)
     result = simulate_scenario(scenario, length, seed)
-    experiment = {"kind": Path(scenario.source).stem, "note": scenario.note, "runner": "lockstep"}
+    experiment: dict[str, Any] = {
+        "kind": Path(scenario.source).stem, "note": scenario.note, "runner": "lockstep",
+    }  # fmt: skip
+    prefix = "fault "  # without nodes there are no diagnostics that could tell them
+    faults = {name.removeprefix(prefix): n for name, n in result.counts.items() if name.startswith(prefix)}
+    if faults:
+        experiment["faults"] = faults
     recorded = {node: dict(values) for node, values in scenario.recorded.items()}
     if seed is not None:
         for values in recorded.values():

@@ -7,6 +7,7 @@ from __future__ import annotations
 import argparse
 import math
 import time
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -22,7 +23,8 @@ from haptic_teleop_sysid.verification.overlay_report import overlay_all
 from haptic_teleop_sysid.verification.page import key_figures, verification_page
 from haptic_teleop_sysid.verification.pictures import stage_picture
 from haptic_teleop_sysid.verification.run import Run, agreement, examine
-from haptic_teleop_sysid.verification.verdicts import verdicts
+from haptic_teleop_sysid.verification.simulation import TRUST_OPTION
+from haptic_teleop_sysid.verification.verdicts import failures, verdicts
 
 OVERRIDES = {
     "lambda": "λ of the force law, N·m·s/rad",
@@ -32,6 +34,26 @@ OVERRIDES = {
     "torque_constant": "nominal N·m/A of the recorded efforts",
 }
 RESULT = "verify.json"
+FAILED = 1
+STATUSES = """exit status:
+  0  the report is written, and no recording holds a failure
+  1  the report is written, and tells of one first: a fault that a node or the recorder reported, or a stage
+     that oscillates
+  2  bad arguments, or a file that cannot be used: there is no report"""
+
+
+@dataclass(frozen=True)
+class Verification:
+    """What a verification found. not_simulated: by a run's name, why no simulation was laid over it, as the
+    end of a sentence about it."""
+
+    runs: list[Run]
+    not_simulated: dict[str, str]
+
+    @property
+    def failed(self) -> bool:
+        """Whether a run holds a fault, or a stage of one oscillates."""
+        return any(run.failed for run in self.runs)
 
 
 def verify(
@@ -41,13 +63,15 @@ def verify(
     overrides: dict[str, dict[str, float]] | None = None,
     simulate: bool = True,
     scenario: str | None = None,
-) -> list[Run]:
+    trust_code: bool = False,
+) -> Verification:
     """Examine `bags`, simulate what they recorded, write verify.json, report.html and pictures into the
-    directory `output`; return the runs.
+    directory `output`; return what was found.
 
     simulate: whether a simulation is laid over each recording that says enough about itself. scenario: a
     scenario file whose plants are simulated instead of those that the recordings name; then all of them must
-    say enough.
+    say enough. trust_code: whether a force law of somebody's own is imported, and so executed, because a
+    recording names it.
     Raises RecordingError and MismatchError, naming the bag, for what cannot be read or is no recording of a
     scenario, ConfigurationError or ModelError for a scenario or model file that cannot be used.
     """
@@ -58,7 +82,7 @@ def verify(
         raise MismatchError(f"{', '.join(bags)} are not all of one scenario: verify them in two reports.")
     labels = short_names(bags)
     named = dict(zip(labels, recordings, strict=True))
-    overlays = overlay_all(named if simulate else {}, scenario, remove_delay)
+    overlays = overlay_all(named if simulate else {}, scenario, remove_delay, trust_code)
     agreements = {label: agreement(runs[0], run) for run, label in zip(runs[1:], labels[1:], strict=True)}
     stages = dict.fromkeys(stage for one in runs for stage in one.stages)
     pictures = {stage: stage_picture(runs, stage, labels, remove_delay) for stage in stages}
@@ -69,9 +93,15 @@ def verify(
             which = f"_{number}" if len(bags) > 1 else ""
             save_png(picture, output / f"simulation{which}_{group.replace(' ', '')}.png")
     verification_page(runs, labels, agreements, pictures, overlays).write(output / "report.html")
+    not_simulated = {
+        bag: overlays.reasons[label]
+        for bag, label in zip(bags, labels, strict=True)
+        if label in overlays.reasons
+    }
     content: dict[str, Any] = {
         "schema": 1,
         "scenario": runs[0].scenario,
+        "failed": any(run.failed for run in runs),
         "runs": {run.name: run.as_json() | {"verdicts": verdicts(run)} for run in runs},
         "agreement": {bag: agreements[label] for bag, label in zip(bags[1:], labels[1:], strict=True)},
         "simulation": {
@@ -79,17 +109,13 @@ def verify(
             for bag, label in zip(bags, labels, strict=True)
             if label in overlays.done
         },
-        "not_simulated": {
-            bag: overlays.reasons[label]
-            for bag, label in zip(bags, labels, strict=True)
-            if label in overlays.reasons
-        },
+        "not_simulated": not_simulated,
         "delay_removed": remove_delay,
         "runtime_s": time.perf_counter() - began,
         "version": tool_version(),
     }
     write_json(output / RESULT, content)
-    return runs
+    return Verification(runs, not_simulated)
 
 
 def short_names(bags: list[str]) -> list[str]:
@@ -118,20 +144,22 @@ def run(argv: list[str]) -> int:
                 overrides[stage][name] = value
     output = claim_output_directory(arguments.output, RESULT, arguments.overwrite)
     with Console(stderr=True).status("verifying"):
-        runs = verify(
+        found = verify(
             arguments.bag,
             output,
             arguments.remove_delay,
             overrides,
             simulate=not arguments.no_simulation,
             scenario=arguments.simulate,
+            trust_code=arguments.trust_recorded_code,
         )
-    print_summary(runs, output / "report.html")
-    return 0
+    print_summary(found, output / "report.html")
+    return FAILED if found.failed else 0
 
 
-def print_summary(runs: list[Run], report: Path, figures_only: bool = False) -> None:
-    """Print each run's verdicts (or its key figures only) and where the report lies."""
+def print_summary(found: Verification, report: Path, figures_only: bool = False) -> None:
+    """Print each run's verdicts (or its failures and key figures only), why one was not simulated, and where
+    the report lies."""
     console = Console(highlight=False)
     words = {
         "good": "[green]ok[/green]  ",
@@ -139,25 +167,38 @@ def print_summary(runs: list[Run], report: Path, figures_only: bool = False) -> 
         "bad": "[red]bad[/red] ",
         "plain": "    ",
     }
-    for one in runs:
+    for one in found.runs:
         console.print(one.name, markup=False, soft_wrap=True)
         if figures_only:
+            for status, text in failures(one):
+                console.print(f"  {words[status]} ", end="")
+                console.print(text, markup=False, soft_wrap=True)
             for value, label, note in key_figures(one):
                 console.print(f"  {label:28} {value:>14}   {note}", markup=False, soft_wrap=True)
             continue
         for status, text in verdicts(one):
             console.print(f"  {words[status]} ", end="")
             console.print(text, markup=False, soft_wrap=True)
+        if one.name in found.not_simulated:
+            console.print(
+                f"       no simulation: it {found.not_simulated[one.name]}.", markup=False, soft_wrap=True
+            )
     console.print(f"report: {report}", markup=False, soft_wrap=True)
 
 
 def main(argv: list[str] | None = None) -> int:
-    """Entry point: exit status 0 when a report was written, 2 for bad arguments or files."""
+    """Entry point: exit status 0 when a report was written, 1 when it tells of a fault or an oscillation, 2
+    for bad arguments or files."""
     return run_command(run, argv)
 
 
 def _parser() -> argparse.ArgumentParser:
-    parser = argparse.ArgumentParser(prog="haptic-teleop verify", description=__doc__)
+    parser = argparse.ArgumentParser(
+        prog="haptic-teleop verify",
+        description=__doc__,
+        epilog=STATUSES,
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+    )
     parser.add_argument(
         "bag", nargs="+", metavar="BAG", help="recordings of one scenario, laid over each other"
     )
@@ -176,6 +217,13 @@ def _parser() -> argparse.ArgumentParser:
     )
     simulation.add_argument(
         "--no-simulation", action="store_true", help="no simulation beside the recordings"
+    )
+    parser.add_argument(
+        TRUST_OPTION,
+        action="store_true",
+        help="import a force law that does not come with this project (law: module:Law) because a recording "
+        "names it: this EXECUTES that module's code, from what is installed or from the working directory. "
+        "Only for recordings and code that you trust; without it such a recording is not simulated",
     )
     parser.add_argument(
         "--overwrite", action="store_true", help="replace the results of an earlier run in DIR"

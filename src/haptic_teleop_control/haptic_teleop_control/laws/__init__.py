@@ -20,6 +20,15 @@ LAWS: dict[str, type[ForceLaw]] = {
 """Force laws by the name that the controller's parameter `law` takes."""
 
 
+def comes_with_the_project(name: str) -> bool:
+    """Whether `name` is a law of LAWS, by its name there or by its own "module:object".
+
+    Decided without importing anything: what a recording or another file of somebody else's names may be
+    asked here before it is loaded.
+    """
+    return name in LAWS or name in {f"{law.__module__}:{law.__qualname__}" for law in LAWS.values()}
+
+
 def find_law(name: str) -> type[ForceLaw]:
     """The law of LAWS by its name, or one of the user's own by "module:object".
 
@@ -61,6 +70,7 @@ __all__ = [
     "MasterSettings",
     "MasterSide",
     "StageLaw",
+    "comes_with_the_project",
     "find_law",
     "parameters_of_own_law",
 ]

@@ -4,18 +4,20 @@ from __future__ import annotations
 
 import re
 from dataclasses import dataclass, field
-from io import BytesIO
 from pathlib import Path, PurePath
-from typing import Any, BinaryIO
+from tempfile import SpooledTemporaryFile
+from typing import Any, BinaryIO, cast
 
 import yaml
-import zstandard
 
 from haptic_teleop_control.errors import RecordingError
-from haptic_teleop_control.recording.mcap_records import MAGIC, Damaged
+from haptic_teleop_control.recording.expansion import Budget, expand_file
+from haptic_teleop_control.recording.mcap_records import MAGIC
 
 METADATA = "metadata.yaml"
 SQLITE_MAGIC = b"SQLite format 3\0"
+IN_MEMORY = 64 << 20
+"""Of a file that is compressed as a whole; what is more lies on the disk while it is read."""
 SUFFIXES = {"mcap": (".mcap", ".mcap.zstd"), "sqlite3": (".db3", ".db3.zstd")}
 
 
@@ -124,12 +126,16 @@ def _by_number(file: Path) -> list[Any]:
     return [int(part) if part.isdigit() else part for part in re.split(r"(\d+)", file.name)]
 
 
-def open_storage(file: Path) -> BinaryIO:
-    """An MCAP file opened for reading, decompressed if it is compressed as a whole."""
+def open_storage(file: Path, budget: Budget) -> BinaryIO:
+    """An MCAP file opened for reading, decompressed if it is compressed as a whole; Damaged when it cannot
+    be, TooLarge when it expands beyond `budget`."""
     if not file.name.endswith(".zstd"):
         return file.open("rb")
+    unpacked = cast(BinaryIO, SpooledTemporaryFile(IN_MEMORY))  # noqa: SIM115 - the caller closes it
     try:
         with file.open("rb") as packed:
-            return BytesIO(zstandard.ZstdDecompressor().stream_reader(packed).read())
-    except zstandard.ZstdError:
-        raise Damaged("it cannot be decompressed") from None
+            expand_file(packed, unpacked, budget)
+    except BaseException:
+        unpacked.close()
+        raise
+    return unpacked

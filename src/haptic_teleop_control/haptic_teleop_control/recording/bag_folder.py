@@ -12,7 +12,7 @@ import yaml
 from haptic_teleop_control.recording import sqlite_messages
 from haptic_teleop_control.recording.bag_files import METADATA, BagFiles, find_files, open_storage
 from haptic_teleop_control.recording.batches import Batch, decompress_messages, mcap_batches
-from haptic_teleop_control.recording.mcap_records import Damaged
+from haptic_teleop_control.recording.expansion import Budget, Damaged
 from haptic_teleop_control.recording.mcap_scan import McapScan
 
 SELF_DESCRIPTION = "haptic_teleop"
@@ -51,9 +51,10 @@ class Bag:
         """All messages, file by file; those of topics (name, type) not selected are only counted."""
         for file in self.files:
             try:
-                found = self._mcap(file, select) if self.storage == "mcap" else self._sqlite(file, select)
-                for batch in found:
-                    yield decompress_messages(batch) if self.per_message else batch
+                budget = Budget(file.stat().st_size)
+                messages = self._mcap if self.storage == "mcap" else self._sqlite
+                for batch in messages(file, select, budget):
+                    yield decompress_messages(batch, budget) if self.per_message else batch
             except Damaged as damage:
                 self.damage(f"{file}: {damage}")
             except OSError as error:
@@ -73,9 +74,9 @@ class Bag:
             if counts.get(name, 0) != number:
                 self.damage(f"{self.path}: {counts.get(name, 0)} of {number} messages are there on {name}")
 
-    def _mcap(self, file: Path, select: Callable[[str, str], bool]) -> Iterator[Batch]:
-        with open_storage(file) as stream:
-            scan = McapScan(stream)
+    def _mcap(self, file: Path, select: Callable[[str, str], bool], budget: Budget) -> Iterator[Batch]:
+        with open_storage(file, budget) as stream:
+            scan = McapScan(stream, budget)
             yield from mcap_batches(scan, select)
         self.take_from(file, scan)
 
@@ -92,11 +93,11 @@ class Bag:
         for problem in scan.problems:
             self.damage(f"{file}: {problem}")
 
-    def _sqlite(self, file: Path, select: Callable[[str, str], bool]) -> Iterator[Batch]:
+    def _sqlite(self, file: Path, select: Callable[[str, str], bool], budget: Budget) -> Iterator[Batch]:
         if missing := sqlite_messages.missing_bytes(file):
             self.damage(f"{file}: it is cut: {missing} bytes are missing at its end")
-        with sqlite_messages.opened(file) as connection:
-            for batch, kind in sqlite_messages.batches(connection, select):
+        with sqlite_messages.opened(file, budget) as connection:
+            for batch, kind in sqlite_messages.batches(connection, select, budget):
                 self.types[batch.topic] = kind
                 yield batch
 

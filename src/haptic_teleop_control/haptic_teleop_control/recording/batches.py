@@ -6,11 +6,11 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field, replace
 
 import numpy as np
-import zstandard
 from numpy.typing import NDArray
 
+from haptic_teleop_control.recording.expansion import Budget, Damaged, TooLarge, expand_message
 from haptic_teleop_control.recording.joint_state_cdr import rows_of
-from haptic_teleop_control.recording.mcap_records import MESSAGE_HEAD, Damaged
+from haptic_teleop_control.recording.mcap_records import MESSAGE_HEAD
 from haptic_teleop_control.recording.mcap_scan import McapScan
 
 LOG_TIME = 15  # offset of the log time in a message record
@@ -20,12 +20,13 @@ LOG_TIME = 15  # offset of the log time in a message record
 class Batch:
     """``count`` messages of a topic. ``rows``: (which of them, their bytes as a matrix) by length;
     ``received`` (count,)
-    ns. Without rows they are only counted."""
+    ns. Without rows they are only counted. ``kind``: their type."""
 
     topic: str
     count: int
     rows: list[tuple[NDArray[np.intp], NDArray[np.uint8]]] | None = None
     received: NDArray[np.int64] = field(default_factory=lambda: np.zeros(0, np.int64))
+    kind: str = ""
 
 
 def mcap_batches(scan: McapScan, select: Callable[[str, str], bool]) -> Iterator[Batch]:
@@ -53,20 +54,21 @@ def mcap_batches(scan: McapScan, select: Callable[[str, str], bool]) -> Iterator
                         :, 0
                     ]
                     rows.append((which, records[:, MESSAGE_HEAD.size :]))
-                yield Batch(channel.topic, len(chosen), rows, received)
+                yield Batch(channel.topic, len(chosen), rows, received, kind)
 
 
-def decompress_messages(batch: Batch) -> Batch:
+def decompress_messages(batch: Batch, budget: Budget) -> Batch:
     """The batch of a rosbag2 recording whose messages are compressed one by one (compression mode
-    "message")."""
+    "message"). Damaged, TooLarge as `expand_message`, naming the topic."""
     if batch.rows is None:
         return batch
-    unpack = zstandard.ZstdDecompressor()
     messages = [b""] * batch.count
     try:
         for which, matrix in batch.rows:
             for i, row in zip(which, matrix, strict=True):
-                messages[i] = unpack.stream_reader(row.tobytes()).read()
-    except zstandard.ZstdError:
-        raise Damaged(f"a message on {batch.topic} cannot be decompressed") from None
+                messages[i] = expand_message(row.tobytes(), budget)
+    except TooLarge as refusal:
+        raise TooLarge(f"a message on {batch.topic} {refusal}") from None
+    except Damaged as damage:
+        raise Damaged(f"a message on {batch.topic} is not taken: {damage}") from None
     return replace(batch, rows=rows_of(messages))

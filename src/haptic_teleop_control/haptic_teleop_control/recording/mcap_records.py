@@ -11,13 +11,13 @@ import zlib
 from io import BytesIO
 from typing import NamedTuple, TypeVar
 
-import lz4.frame
 import numpy as np
-import zstandard
 from mcap.data_stream import ReadDataStream
 from mcap.opcode import Opcode
 from mcap.records import Channel, ChunkIndex, Footer, Header, Metadata, Schema, Statistics
 from numpy.typing import NDArray
+
+from haptic_teleop_control.recording.expansion import MAX_CHUNK, Budget, Damaged, expand_chunk
 
 MAGIC = b"\x89MCAP0\r\n"
 RECORD_HEAD = struct.Struct("<BQ")  # opcode, length of what follows
@@ -26,13 +26,8 @@ _WALK = struct.Struct("<BQH")
 _CHUNK_HEAD = struct.Struct(
     "<QQQII"
 )  # start, end, size and checksum of the contents, length of the compression's name
-MAX_CHUNK = 1 << 30
 
 Parsed = TypeVar("Parsed", Channel, ChunkIndex, Footer, Header, Metadata, Schema, Statistics)
-
-
-class Damaged(Exception):
-    """A part of the file is not what it says; the message is the end of a sentence about it."""
 
 
 class Messages(NamedTuple):
@@ -123,22 +118,17 @@ def chunk_head(body: bytes) -> Chunk:
         (data_size,) = struct.unpack_from("<Q", body, _CHUNK_HEAD.size + length)
     except (struct.error, UnicodeDecodeError):
         raise Damaged("its head cannot be read") from None
-    if compression not in ("", "zstd", "lz4") or size > MAX_CHUNK:
+    if compression not in ("", "zstd", "lz4") or (not compression and size > MAX_CHUNK):
         raise Damaged("its head makes no sense")
     return Chunk(start, end, size, crc, compression, _CHUNK_HEAD.size + length + 8, data_size)
 
 
-def chunk_contents(chunk: Chunk, body: bytes) -> bytes:
-    """The decompressed records of a chunk; Damaged when they are not whole or fail the checksum."""
+def chunk_contents(chunk: Chunk, body: bytes, budget: Budget) -> bytes:
+    """The decompressed records of a chunk; Damaged when they are not whole, are more than they may be, or
+    fail the checksum; TooLarge when `budget`, that of the file, is used up."""
     stored = body[chunk.data_at : chunk.data_at + (chunk.data_size if chunk.compression else chunk.size)]
-    try:
-        if chunk.compression == "zstd":
-            # Asking for the size from the frame itself could ask for any amount of memory.
-            stored = zstandard.ZstdDecompressor().stream_reader(stored).read(chunk.size + 1)
-        elif chunk.compression == "lz4":
-            stored = lz4.frame.LZ4FrameDecompressor().decompress(stored, max_length=chunk.size + 1)
-    except (zstandard.ZstdError, RuntimeError, MemoryError) as error:
-        raise Damaged("it cannot be decompressed") from error
+    if chunk.compression:
+        stored = expand_chunk(chunk.compression, stored, chunk.size, budget)
     if len(stored) != chunk.size:
         raise Damaged("it is not whole")
     if chunk.crc and zlib.crc32(stored) != chunk.crc:

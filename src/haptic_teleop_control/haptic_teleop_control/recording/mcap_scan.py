@@ -13,10 +13,10 @@ from typing import BinaryIO
 from mcap.opcode import Opcode
 from mcap.records import Channel, Metadata, Schema
 
+from haptic_teleop_control.recording.expansion import Budget, Damaged, TooLarge
 from haptic_teleop_control.recording.mcap_records import (
     MAGIC,
     RECORD_HEAD,
-    Damaged,
     Messages,
     chunk_contents,
     chunk_head,
@@ -38,12 +38,14 @@ class McapScan:
     problems            sentences; empty exactly when the file is whole
     lost                (start, end) ns of the chunks that could not be read
 
+    budget: what the file's chunks may expand to; that of a file of this size when it is not given.
     Raises Damaged when the file is no MCAP file at all, OSError when it cannot be read.
     """
 
-    def __init__(self, file: BinaryIO) -> None:
+    def __init__(self, file: BinaryIO, budget: Budget | None = None) -> None:
         self.file = file
         self.size = file.seek(0, 2)
+        self.budget = Budget(self.size) if budget is None else budget
         self.schemas: dict[int, Schema] = {}
         self.channels: dict[int, Channel] = {}
         self.metadata: list[Metadata] = []
@@ -74,6 +76,7 @@ class McapScan:
         self._learn(summary.schemas, summary.channels)
         at: int | None = len(MAGIC)
         ended = False
+        refused = False
         while at is not None:
             head = self._read(at, RECORD_HEAD.size)
             self._reached = at
@@ -86,12 +89,18 @@ class McapScan:
             if opcode in (Opcode.MESSAGE, Opcode.SCHEMA, Opcode.CHANNEL):
                 messages, at = self._take_run(at, length)
             elif opcode == Opcode.CHUNK:
-                messages, at = self._take_chunk(at, length)
+                try:
+                    messages, at = self._take_chunk(at, length)
+                except TooLarge as refusal:
+                    self.problems.append(f"chunk {self._number} at byte {at} {refusal}; the rest is left out")
+                    refused, messages, at = True, None, None
             else:
                 messages, at = None, self._pass_over(at, opcode, length)
             if messages is not None and len(messages.channel):
                 self.count += len(messages.channel)
                 yield messages
+        if refused:
+            return
         if not ended and not summary.trusted:
             rest = self.size - self._reached
             self.problems.append(
@@ -164,7 +173,10 @@ class McapScan:
         if inner > length:
             body = self._read(at + 9, inner)
         try:
-            found = walk(chunk_contents(chunk, body))
+            found = walk(chunk_contents(chunk, body, self.budget))
+        except TooLarge:
+            self.lost.append((chunk.start, chunk.end))
+            raise
         except Damaged as damage:
             if not sound and not chunk.compression:
                 return self._take_cut_chunk(at, body[chunk.data_at : chunk.data_at + chunk.size], str(damage))

@@ -9,7 +9,8 @@ from dataclasses import dataclass, field
 from mcap.opcode import Opcode
 from mcap.records import Channel, ChunkIndex, Footer, Schema, Statistics
 
-from haptic_teleop_control.recording.mcap_records import MAGIC, RECORD_HEAD, Damaged, parse
+from haptic_teleop_control.recording.expansion import Damaged
+from haptic_teleop_control.recording.mcap_records import MAGIC, RECORD_HEAD, parse
 
 FOOTER_SIZE = RECORD_HEAD.size + 20
 

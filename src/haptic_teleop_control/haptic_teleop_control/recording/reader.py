@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter, defaultdict
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -14,7 +14,9 @@ from numpy.typing import NDArray
 from haptic_teleop_control.errors import RecordingError
 from haptic_teleop_control.recording.bag_folder import Bag, describe, open_bag
 from haptic_teleop_control.recording.joint_state_cdr import decode_groups
+from haptic_teleop_control.recording.said import Status, diagnostics_in, is_said, states_in
 from haptic_teleop_control.recording.series import JointStateSeries
+from haptic_teleop_control.recording.texts import STRING_TYPE
 
 JOINT_STATE = ("sensor_msgs/msg/JointState", "sensor_msgs/JointState")
 
@@ -28,11 +30,13 @@ class Recording:
     parameters_at_stop   the same at the end of the recording where that differs, else {}
     experiment  {"kind": ..., "note": ...}; {} when unknown
     reception   {"lost_on_the_way": {topic: messages that were published but did not reach the recorder}}, by
-    the publishers' own numbers; {} when the recorder did not tell
+    the publishers' own numbers, and "problems": sentences of the recorder; {} when the recorder did not tell
     complete    True when no message is known to be missing and nothing is damaged
     problems    sentences that say what is missing, damaged or odd
     counts      messages by topic, of all types;  types   message type by topic
     lost        (start, end) ns of received time for which messages are known to be lost
+    states      topic -> (received ns, text) for each std_msgs/String on a topic whose name ends with /state
+    diagnostics what the nodes reported on topics of diagnostic_msgs/DiagnosticArray, in order of time
     """
 
     path: Path
@@ -46,6 +50,8 @@ class Recording:
     counts: dict[str, int] = field(default_factory=dict)
     types: dict[str, str] = field(default_factory=dict)
     lost: list[tuple[int, int]] = field(default_factory=list)
+    states: dict[str, list[tuple[int, str]]] = field(default_factory=dict)
+    diagnostics: list[Status] = field(default_factory=list)
 
     def topic(self, name: str) -> JointStateSeries:
         """The series of one topic; RecordingError, naming those present, when there is none."""
@@ -58,17 +64,30 @@ def read_recording(path: str | Path, topics: Iterable[str] | None = None) -> Rec
     """Reads ``path``; only ``topics`` when given (all must be there).
 
     Damage does not raise: what is whole is returned, with ``complete`` False and the damage told in
-    ``problems``. Messages of other types are counted, not decoded. Raises RecordingError, one sentence with
+    ``problems``. ``states`` and ``diagnostics`` are read without ``topics`` only; messages of other types are
+    counted, not decoded. Raises RecordingError, one sentence with
     file and remedy, when there is no recording, nothing of it is readable, it holds no joint states, or a
     topic is not in it.
     """
     bag = open_bag(Path(path))
     wanted = None if topics is None else set(topics)
     gathered: defaultdict[str, _Gatherer] = defaultdict(_Gatherer)
+    said: defaultdict[str, list[tuple[int, bytes]]] = defaultdict(list)
     counts: Counter[str] = Counter()
-    for batch in bag.batches(lambda name, kind: kind in JOINT_STATE and (wanted is None or name in wanted)):
+
+    def select(name: str, kind: str) -> bool:
+        if kind in JOINT_STATE:
+            return wanted is None or name in wanted
+        return wanted is None and is_said(name, kind)
+
+    for batch in bag.batches(select):
         counts[batch.topic] += batch.count
-        if batch.rows is not None:
+        if batch.rows is not None and batch.kind not in JOINT_STATE:
+            for which, matrix in batch.rows:
+                said[batch.topic] += [
+                    (int(batch.received[i]), row.tobytes()) for i, row in zip(which, matrix, strict=True)
+                ]
+        elif batch.rows is not None:
             gathered[batch.topic].add(batch.rows, batch.received)
     bag.check_counts(counts)
     if not counts:
@@ -92,6 +111,7 @@ def read_recording(path: str | Path, topics: Iterable[str] | None = None) -> Rec
         bag.problems += [f"{path}: {name}: {problem}" for problem in one.problems]
         bag.whole &= len(one) == counts[name]
     description = describe(bag)
+    states, diagnostics = _what_was_said(said, bag)
     return Recording(
         Path(path),
         series,
@@ -101,7 +121,26 @@ def read_recording(path: str | Path, topics: Iterable[str] | None = None) -> Rec
         counts={name: counts[name] for name in sorted(bag.types)},
         types=dict(sorted(bag.types.items())),
         lost=bag.lost,
+        states=states,
+        diagnostics=diagnostics,
     )
+
+
+def _what_was_said(
+    said: Mapping[str, list[tuple[int, bytes]]], bag: Bag
+) -> tuple[dict[str, list[tuple[int, str]]], list[Status]]:
+    states: dict[str, list[tuple[int, str]]] = {}
+    diagnostics: list[Status] = []
+    for topic, messages in sorted(said.items()):
+        if bag.types.get(topic, "").replace("/msg/", "/") == STRING_TYPE.replace("/msg/", "/"):
+            states[topic], bad = states_in(messages)
+        else:
+            found, bad = diagnostics_in(messages)
+            diagnostics += found
+        if bad:
+            sentence = f"{bag.path}: {topic}: {bad} of {len(messages)} messages cannot be decoded"
+            bag.damage(sentence, lossy=False)
+    return states, sorted(diagnostics, key=lambda one: one.received)
 
 
 class _Gatherer:

@@ -7,14 +7,13 @@ import sys
 from collections.abc import Sequence
 from pathlib import Path
 
-import zstandard
-
 from haptic_teleop_control.command_line import run_command
 from haptic_teleop_control.errors import ConfigurationError
 from haptic_teleop_control.recording.bag_files import open_storage
 from haptic_teleop_control.recording.bag_folder import Bag, describe, open_bag
 from haptic_teleop_control.recording.bag_metadata import offered_qos
-from haptic_teleop_control.recording.mcap_records import MESSAGE_HEAD, Damaged, Messages
+from haptic_teleop_control.recording.expansion import Budget, Damaged, TooLarge, expand_message
+from haptic_teleop_control.recording.mcap_records import MESSAGE_HEAD, Messages
 from haptic_teleop_control.recording.mcap_scan import McapScan
 from haptic_teleop_control.recording.writer import RecordingWriter
 
@@ -39,8 +38,9 @@ def recover(bag: Bag, output: Path) -> tuple[dict[str, int], list[str]]:
     try:
         for file in bag.files:
             try:
-                with open_storage(file) as stream:
-                    scan = McapScan(stream)
+                budget = Budget(file.stat().st_size)
+                with open_storage(file, budget) as stream:
+                    scan = McapScan(stream, budget)
                     for messages in scan:
                         if writer is None:
                             writer = RecordingWriter(output)
@@ -122,5 +122,11 @@ def _copy(scan: McapScan, messages: Messages, writer: RecordingWriter, compresse
             writer.add_topic(channel.topic, kind, text, channel.metadata.get("topic_type_hash"), qos)
         message = data[offset + MESSAGE_HEAD.size : offset + size]
         if compressed:
-            message = zstandard.ZstdDecompressor().stream_reader(message).read()
+            try:
+                message = expand_message(bytes(message), scan.budget)
+            except TooLarge as refusal:
+                raise TooLarge(f"a message on {channel.topic} {refusal}") from None
+            except Damaged as damage:
+                scan.problems.append(f"a message on {channel.topic} is left out: {damage}")
+                continue
         writer.write(channel.topic, kind, received, message, published, sequence)

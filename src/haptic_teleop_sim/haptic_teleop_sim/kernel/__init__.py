@@ -1,7 +1,8 @@
 """The compiled core: see ``integrator.py`` (equations), ``codegen.py`` (effects), ``pack.py``, ``build.py``.
 """
 
-from .build import cache_directory, kernel, stepping
+from .build import kernel, stepping
+from .cache_folder import cache_directory
 from .pack import Packed, pack
 from .predict import INITIAL, Prediction, predict
 from .simulate import Trajectory, acting_torque, simulate

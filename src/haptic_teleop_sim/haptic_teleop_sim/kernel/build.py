@@ -1,8 +1,8 @@
 """Builds the compiled modules once per set of effects and keeps its compiled code on disk.
 
 The source of the effects and of the integrator is hashed; the joined module is written under that hash in the
-user's cache directory, where numba keeps the machine code beside it.  Changing an equation therefore never
-meets stale code.  ``HAPTIC_TELEOP_CACHE`` names another directory.
+user's cache directory (see ``cache_folder.py``), where numba keeps the machine code beside it.  Changing an
+equation therefore never meets stale code.
 """
 
 from __future__ import annotations
@@ -19,17 +19,12 @@ from pathlib import Path
 from types import ModuleType
 
 import numba
-import platformdirs
+
+from .cache_folder import cache_directory
 
 _PACKAGE = Path(__file__).resolve().parent.parent
 _MARK = "# <generated functions are inserted here>"
 _IMPORTS = "# <functions of the kernel are imported here>"
-
-
-def cache_directory() -> Path:
-    """Where kernels are kept: ``HAPTIC_TELEOP_CACHE`` or the user's cache directory."""
-    chosen = os.environ.get("HAPTIC_TELEOP_CACHE")
-    return Path(chosen) if chosen else Path(platformdirs.user_cache_dir("haptic_teleop")) / "kernels"
 
 
 #: Compiled functions of the control package that `stepping.py` calls; part of what decides whether it is
@@ -76,7 +71,6 @@ def _text(name: str) -> str:
 
 
 def _write_atomically(path: Path, text: str) -> None:
-    path.parent.mkdir(parents=True, exist_ok=True, mode=0o700)
     handle, temporary = tempfile.mkstemp(dir=path.parent, suffix=".tmp")
     with os.fdopen(handle, "w", encoding="utf-8") as file:
         file.write(text)
@@ -87,7 +81,8 @@ def _write_atomically(path: Path, text: str) -> None:
 def kernel() -> ModuleType:
     """The compiled kernel module; says so on standard error when it has to be compiled first."""
     # Compiled code of the stepping functions lies elsewhere: editing them must not make the kernel stale.
-    others = {_PACKAGE / "kernel" / _STEPPING, _PACKAGE / "kernel" / "build.py"}
+    beside = (_STEPPING, "build.py", "cache_folder.py")
+    others = {_PACKAGE / "kernel" / name for name in beside}
     own = {*(_PACKAGE / "effects").glob("*.py"), *(_PACKAGE / "kernel").glob("*.py")} - others
     name = f"haptic_teleop_kernel_{_fingerprint(*sorted(own))}"
     return _module(name, _kernel_source, "the plant kernels, once for this set of effects (some 20 s)")

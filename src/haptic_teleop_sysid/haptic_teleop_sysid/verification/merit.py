@@ -11,6 +11,7 @@ import numpy as np
 
 from haptic_teleop_control.robots import OMNI_JOINTS
 from haptic_teleop_sysid.verification.contact import Contact, contact_merit
+from haptic_teleop_sysid.verification.oscillation import Oscillation, find_oscillation
 from haptic_teleop_sysid.verification.phases import Phase, find_phases
 from haptic_teleop_sysid.verification.signals import StageRun
 
@@ -50,6 +51,7 @@ class StageMerit:
     current_limit: float
     share_at_limit_percent: float
     settings: dict[str, Any] = field(default_factory=dict)
+    oscillation: Oscillation | None = None
 
     @property
     def of_omni(self) -> bool:
@@ -107,6 +109,7 @@ def stage_merit(run: StageRun, by_hand: bool = False) -> StageMerit:
         current_limit=limit,
         share_at_limit_percent=100.0 * float(np.mean(np.abs(judged) >= 0.999 * limit)),
         settings=settings,
+        oscillation=find_oscillation(run, "N·m" if run.stage in OMNI_JOINTS else "A"),
     )
 
 

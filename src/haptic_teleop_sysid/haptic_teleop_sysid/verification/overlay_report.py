@@ -25,17 +25,21 @@ class Overlays:
     reasons: dict[str, str]
 
 
-def overlay_all(recordings: Mapping[str, Recording], scenario: str | None, remove_delay: bool) -> Overlays:
+def overlay_all(
+    recordings: Mapping[str, Recording], scenario: str | None, remove_delay: bool, trust_code: bool = False
+) -> Overlays:
     """Simulate each of `recordings` (label -> recording) and lay it over; errors as `simulate_recording`.
-    Without a `scenario` file those that cannot be simulated are left out, with the reason.
+    Without a `scenario` file those that cannot be simulated are left out, with the reason. trust_code: as for
+    `simulate_recording`.
     """
     done: dict[str, Overlay] = {}
     reasons: dict[str, str] = {}
     for label, recording in recordings.items():
         try:
-            reason = can_be_simulated(recording) if scenario is None else None
+            reason = can_be_simulated(recording, trust_code) if scenario is None else None
             if reason is None:
-                done[label] = overlay(recording, simulate_recording(recording, label, scenario), remove_delay)
+                simulated = simulate_recording(recording, label, scenario, trust_code)
+                done[label] = overlay(recording, simulated, remove_delay)
         except HapticTeleopError as error:
             if scenario is not None:  # somebody asked for it
                 raise

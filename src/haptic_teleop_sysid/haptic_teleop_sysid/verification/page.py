@@ -13,7 +13,7 @@ from haptic_teleop_sysid.verification.energy import EXPLANATION, energy_picture,
 from haptic_teleop_sysid.verification.overlay_report import Overlays, overlay_table
 from haptic_teleop_sysid.verification.pictures import latency_picture
 from haptic_teleop_sysid.verification.run import Run
-from haptic_teleop_sysid.verification.verdicts import verdicts
+from haptic_teleop_sysid.verification.verdicts import failures, verdicts
 
 KeyFigure = tuple[str, str, str]
 
@@ -76,9 +76,12 @@ def verification_page(
         TITLES[runs[0].scenario],
         ", ".join(run.name for run in runs) + (f" ({kind})" if kind else ""),
     )
-    for run, label in zip(runs, labels, strict=True):
-        prefix = f"{label}: " if len(runs) > 1 else ""
-        for status, text in verdicts(run):
+    named = [(run, f"{label}: " if len(runs) > 1 else "") for run, label in zip(runs, labels, strict=True)]
+    # What failed in any of them stands before all else.
+    sentences = [(run, prefix, failures(run)) for run, prefix in named]
+    sentences += [(run, prefix, verdicts(run)[len(failures(run)) :]) for run, prefix in named]
+    for _, prefix, found in sentences:
+        for status, text in found:
             page.verdict(status, prefix + text)
     for figure in key_figures(runs[0]):
         page.key_figure(*figure)
@@ -113,9 +116,7 @@ def _overlay_section(page: Page, overlays: Overlays) -> None:
         return
     section = page.section("Simulation and recording of the same scenario")
     for label, reason in overlays.reasons.items():
-        section.text(
-            f"{label} {reason}: no simulation beside it. A scenario file after --simulate gives them."
-        )
+        section.text(f"{label} {reason}. There is no simulation beside it.")
     for label, one in overlays.done.items():
         delay = "removed" if one.removed else "left in"
         section.text(

@@ -12,9 +12,12 @@ from haptic_teleop_control.recording import Recording
 from haptic_teleop_control.teleoperation.recorded_energy import PortEnergy, port_energies
 from haptic_teleop_sysid.fit import fit_percent
 from haptic_teleop_sysid.recorded_parameters import recorded_text
+from haptic_teleop_sysid.verification.faults import Fault, find_faults
+from haptic_teleop_sysid.verification.machine import Machine, read_machine
 from haptic_teleop_sysid.verification.merit import StageMerit, stage_merit
 from haptic_teleop_sysid.verification.settings import CONTROLLER
-from haptic_teleop_sysid.verification.signals import StageRun, read_stages
+from haptic_teleop_sysid.verification.signals import STATE_TOPIC, StageRun, read_stages
+from haptic_teleop_sysid.verification.slave_axes import STATE_TOPIC as OMNI_STATES
 from haptic_teleop_sysid.verification.slave_axes import read_axes
 from haptic_teleop_sysid.verification.timing import graph_health, latency_samples
 
@@ -39,12 +42,22 @@ class Run:
     torque on the environment, because it has no force sensor."""
     energies: dict[str, PortEnergy] = field(default_factory=dict)
     """Of the ports "master" and "slave", as far as the recording holds their robots."""
+    faults: list[Fault] = field(default_factory=list)
+    machine: Machine = field(default_factory=Machine)
+
+    @property
+    def failed(self) -> bool:
+        """Whether it holds a fault, or a stage oscillates."""
+        return bool(self.faults) or any(merit.oscillation is not None for merit in self.merits.values())
 
     def as_json(self) -> dict[str, Any]:
         """Return the figures as plain data."""
         return {
+            "failed": self.failed,
+            "faults": [fault.as_json() for fault in self.faults],
             "stages": {stage: merit.as_json() for stage, merit in self.merits.items()},
             "graph": self.graph,
+            "machine": self.machine.as_json(),
             "command_onset_s": self.onset,
             "complete": self.complete,
             "problems": self.problems,
@@ -67,6 +80,9 @@ def examine(
     stages = (read_axes if second else read_stages)(recording, name, overrides)
     by_hand = recorded_text(recording.parameters, "command_source", CONTROLLER) == "device"
     merits = {stage: stage_merit(run, by_hand) for stage, run in stages.items()}
+    graph = graph_health(recording)
+    topic = OMNI_STATES if second else STATE_TOPIC
+    clock = recording.topics[topic] if topic in recording.topics else next(iter(recording.topics.values()))
     begins = [
         start for merit in merits.values() for kind, start, _ in merit.phases if kind in ("free", "contact")
     ]
@@ -74,13 +90,15 @@ def examine(
         name=name,
         stages=stages,
         merits=merits,
-        graph=graph_health(recording),
+        graph=graph,
         latency=latency_samples(recording),
         onset=min(begins, default=0.0),
         complete=recording.complete,
         problems=list(recording.problems),
         experiment=dict(recording.experiment),
         scenario=2 if second else 1,
+        faults=find_faults(recording, int(clock.stamp[0]), int(clock.stamp[-1])),
+        machine=read_machine(graph, recording.diagnostics),
         energies=port_energies(recording.topics, *(("sfj", "omni") if second else ("omni", "sfj"))),
     )
 

@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 
 from haptic_teleop_control.errors import ConfigurationError, MismatchError, ModelError
+from haptic_teleop_control.laws import comes_with_the_project
 from haptic_teleop_control.recording import JointStateSeries, Recording
 from haptic_teleop_control.robots import STAGES
 from haptic_teleop_control.teleoperation.sides import REFERENCES
@@ -21,6 +22,11 @@ from haptic_teleop_sysid.verification.signals import MASTER_TOPIC, REFERENCE_TOP
 
 PLANTS = ("sfj_sim", "omni_sim")
 CONTROLLER, GENERATOR = "force_controller", "signal_generator"
+TRUST_OPTION = "--trust-recorded-code"
+
+
+class UntrustedCode(ConfigurationError):
+    """A recording names code that does not come with the project, and nobody said that it is trusted."""
 
 
 @dataclass(frozen=True)
@@ -33,47 +39,74 @@ class SimulatedRun:
     plants: str
 
 
-def stated_nodes(recording: Recording) -> dict[str, dict[str, Any]]:
+def stated_nodes(recording: Recording, trust_code: bool = False) -> dict[str, dict[str, Any]]:
     """Node's last name -> its parameters, dotted, of the nodes of a scenario that the recording describes;
-    what ROS itself adds is left out."""
+    what ROS itself adds is left out.
+
+    Raises UntrustedCode where one names code that does not come with the project, unless `trust_code`: to
+    know that code's parameters, it has to be imported, which executes it.
+    """
     found: dict[str, dict[str, Any]] = {}
     for node, values in recording.parameters.items():
         name = str(node).rstrip("/").rsplit("/", 1)[-1]
         if name in TABLES and isinstance(values, Mapping):
             flat = dict(flattened(values))
+            if not trust_code:
+                _refuse_foreign_code(flat, name)
             table = TABLES[name].for_values(flat, str(recording.path))
             found[name] = {key: value for key, value in flat.items() if key in table}
     return found
 
 
-def can_be_simulated(recording: Recording) -> str | None:
+def _refuse_foreign_code(values: Mapping[str, Any], node: str) -> None:
+    for entry in TABLES[node]:
+        stated = values.get(entry.name)
+        named = entry.plugin and isinstance(stated, str) and ":" in stated
+        if named and not comes_with_the_project(str(stated)):
+            raise UntrustedCode(
+                f"names {stated!r} as {entry.name} of its {node}, which does not come with this project; a "
+                f"simulation would execute that code: look at it, and add {TRUST_OPTION} if you trust it"
+            )
+
+
+def can_be_simulated(recording: Recording, trust_code: bool = False) -> str | None:
     """None when the recording says all that a simulation needs, else what is missing, as half a sentence."""
-    stated = stated_nodes(recording)
+    try:
+        stated = stated_nodes(recording, trust_code)
+    except UntrustedCode as refusal:
+        return str(refusal)
     if CONTROLLER not in stated:
         return "does not say the parameters of its force_controller"
     missing = [plant for plant in PLANTS if plant not in stated]
     return (
-        f"was not made with {' and '.join(missing)}, so nothing says what plants to simulate"
+        f"was not made with {' and '.join(missing)}, so nothing says what plants to simulate; a scenario "
+        "file after --simulate does"
         if missing
         else None
     )
 
 
-def simulate_recording(recording: Recording, name: str, scenario: str | None = None) -> SimulatedRun:
+def simulate_recording(
+    recording: Recording, name: str, scenario: str | None = None, trust_code: bool = False
+) -> SimulatedRun:
     """The scenario of `recording` in lockstep, as long as the recording.
 
     scenario: a scenario file whose plants are simulated; what the recording says of the controller and the
     command is used beside them. The command is that of the signal generator where it commanded, otherwise
-    the recorded one: what the operator did with the device.
-    Raises MismatchError naming the recording when it does not say enough, ConfigurationError or ModelError
-    for a scenario file or a model file that cannot be used.
+    the recorded one: what the operator did with the device. trust_code: whether a force law that does not
+    come with the project may be imported because the recording names it.
+    Raises UntrustedCode naming such a law otherwise, MismatchError naming the recording when it does not say
+    enough, ConfigurationError or ModelError for a scenario file or a model file that cannot be used.
     """
-    stated = stated_nodes(recording)
+    try:
+        stated = stated_nodes(recording, trust_code)
+    except UntrustedCode as refusal:
+        raise UntrustedCode(f"{name} {refusal}.") from refusal
     parameters = load_scenario(scenario) if scenario is not None else None
     if parameters is None:
-        lacking = can_be_simulated(recording)
+        lacking = can_be_simulated(recording, trust_code)
         if lacking is not None:
-            raise MismatchError(f"{name} {lacking}: give a scenario file with --simulate.")
+            raise MismatchError(f"{name} {lacking}.")
         nodes: dict[str, dict[str, Any]] = dict(stated)
     else:
         nodes = {node: dict(values) for node, values in parameters.nodes.items()}

@@ -7,7 +7,9 @@ from typing import Any
 
 from haptic_teleop_sysid.report.page import Status
 from haptic_teleop_sysid.verification.contact import HELD_SECONDS, Contact
+from haptic_teleop_sysid.verification.machine import LOST_SHARE
 from haptic_teleop_sysid.verification.merit import FreeMotion, StageMerit
+from haptic_teleop_sysid.verification.oscillation import Oscillation
 from haptic_teleop_sysid.verification.run import Run
 
 SPEED_PERCENT = 10.0
@@ -15,13 +17,13 @@ SPEED_PERCENT = 10.0
 TORQUE_SHARE = 0.05
 OVERSHOOT_PERCENT = 30.0
 """The impact of stage 1 on a stiff wall gives 20 to 27 %."""
-LOST_SHARE = 0.001
 RATE_SHARE = 0.01
 
 
 def verdicts(run: Run) -> list[tuple[Status, str]]:
-    """Return (status, sentence) for each thing worth saying about a run, most important first."""
-    found: list[tuple[Status, str]] = []
+    """Return (status, sentence) for each thing worth saying about a run, most important first: the failures
+    of `failures`, what the robots did, what the computer did."""
+    found = failures(run)
     for merit in run.merits.values():
         name = merit.title
         if not merit.free and not merit.contacts:
@@ -32,13 +34,37 @@ def verdicts(run: Run) -> list[tuple[Status, str]]:
         found += [_free(name, motion) for motion in merit.free]
         by = " an estimated" if merit.of_omni else ""
         found += [_contact(name, contact, by) for contact in merit.contacts]
-        if not merit.contacts:
+        if not merit.contacts and merit.oscillation is None:  # else nothing tells a wall from its swinging
             found.append(("fair", f"{name} met no wall."))
         found.append(_current(name, merit))
+    found += run.machine.lines()
     found += _graph(run)
     if not run.complete:
         found.append(("fair", "The recording is not complete: " + "; ".join(run.problems) + "."))
     return found
+
+
+def failures(run: Run) -> list[tuple[Status, str]]:
+    """Return (status, sentence) of what makes a run a failure: faults in the order in which they came, then
+    the stages that oscillate."""
+    found: list[tuple[Status, str]] = [("bad", f"Fault in {fault.in_words()}") for fault in run.faults]
+    for merit in run.merits.values():
+        if merit.oscillation is not None:
+            found.append(("bad", _oscillates(merit.title, merit.oscillation)))
+    return found
+
+
+def _oscillates(name: str, one: Oscillation) -> str:
+    what = {
+        "limits": f"its current jumps between its limits of ±{one.amplitude:.3g} {one.unit}",
+        "velocity": f"its velocity swings by ±{one.amplitude:.3g} {one.unit}",
+        "torque": f"its torque on the environment swings by ±{one.amplitude:.3g} {one.unit}",
+        "current": f"its current swings by ±{one.amplitude:.3g} {one.unit}",
+    }[one.kind]
+    return (
+        f"{name} oscillates: {what} at {one.frequency:.1f} Hz for {one.share_percent:.0f} % of the time, "
+        f"between {one.start:.2f} and {one.end:.2f} s, without being asked to: lower the gains."
+    )
 
 
 def _free(name: str, motion: FreeMotion) -> tuple[Status, str]:

@@ -48,7 +48,7 @@ class Child:
         option = [OPTION] if armed else []
         with theirs:
             self.process = subprocess.Popen(
-                [sys.executable, "-m", "haptic_teleop_control.front_door", name, *option, *arguments],
+                [sys.executable, "-P", "-m", "haptic_teleop_control.front_door", name, *option, *arguments],
                 stdin=theirs if armed else subprocess.DEVNULL,
                 stderr=subprocess.PIPE,
                 start_new_session=True,

@@ -1,0 +1,383 @@
+"""What makes a recording a failure is told first, in words and as data, and by the exit status."""
+
+import json
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from scenario_recordings import CONSTANT, START, Made, scenario
+
+from haptic_teleop_control.parameters import load_parameter_file
+from haptic_teleop_control.recording import Recording, RecordingWriter, read_recording, write_recording
+from haptic_teleop_control.recording.said import DIAGNOSTICS_TYPE, Status, encode_diagnostics
+from haptic_teleop_control.recording.texts import STRING_TYPE, encode_text
+from haptic_teleop_sim.lockstep import record_scenario, run_scenario
+from haptic_teleop_sim.scenario_parameters import check_scenario
+from haptic_teleop_sysid import demo, verify
+from haptic_teleop_sysid.demo import find_scenario
+from haptic_teleop_sysid.verification.run import examine
+from haptic_teleop_sysid.verification.verdicts import failures, verdicts
+
+SECOND = 1_000_000_000
+LIMIT = 0.94
+"""A, of stage 1."""
+STALE = "stale_slave: the slave's state stopped; look whether its driver still runs (0.061 s)."
+
+
+def at(seconds: float) -> int:
+    return START + round(seconds * SECOND)
+
+
+def reports(node: str, *levels: int, message: str = STALE, counts: dict[int, int] | None = None):
+    """A report of `node` each second from 0.5 s on."""
+    return [
+        (
+            at(0.5 + k),
+            [
+                Status(
+                    0, node, level, message if level else "engaged",
+                    {"fault stale_slave": str((counts or {}).get(k, 0)), "periods skipped": str(3 * k)},
+                )
+            ],
+        )
+        for k, level in enumerate(levels)
+    ]  # fmt: skip
+
+
+def bag(path, recording: Recording, diagnostics=(), states=(), reception=None) -> str:
+    """Writes the recording as a recorder does, with what nodes said."""
+    about = {"parameters": recording.parameters, "experiment": recording.experiment}
+    with RecordingWriter(path, **about) as writer:
+        for received, statuses in diagnostics:
+            writer.write("/diagnostics", DIAGNOSTICS_TYPE, received, encode_diagnostics(received, statuses))
+        for received, text in states:
+            writer.write("/force_controller/state", STRING_TYPE, received, encode_text(text))
+        writer.write_series(recording.topics)
+        if reception is not None:
+            writer.describe(reception=reception)
+    return str(path)
+
+
+def verified(path: str, folder, *arguments: str):
+    """Exit status, verify.json, and the texts of the page's verdicts in their order."""
+    status = verify.main([path, "--output", str(folder), "--no-simulation", *arguments])
+    return status, json.loads((folder / "verify.json").read_text()), (folder / "report.html").read_text()
+
+
+GOOD = {
+    "diagnostics": reports("/force_controller", 0, 0, 0),
+    "states": [(at(0.0), "off"), (at(0.1), "engaged")],
+}
+
+
+def test_a_run_without_a_fault_ends_with_0_and_says_so(tmp_path):
+    status, result, page = verified(bag(tmp_path / "bag", scenario(Made()), **GOOD), tmp_path / "out")
+    assert status == 0 and result["failed"] is False and "Fault in" not in page
+    (run,) = result["runs"].values()
+    assert run["faults"] == [] and not run["failed"]
+
+
+def test_a_latched_fault_comes_first_on_page_terminal_and_in_json_and_ends_with_1(tmp_path, capsys):
+    said = {
+        "diagnostics": reports("/force_controller", 0, 0, 0, 2, 2, 0, 0),
+        "states": [(at(0.1), "engaged"), (at(3.2), "fault"), (at(5.0), "off"), (at(5.1), "engaged")],
+    }
+    path = bag(tmp_path / "bag", scenario(Made()), **said)
+    status, result, page = verified(path, tmp_path / "out")
+    assert status == 1 and result["failed"] is True
+    (fault,) = result["runs"][path]["faults"]
+    assert fault["node"] == "/force_controller" and fault["sentence"] == STALE
+    assert (fault["start"], fault["end"]) == (pytest.approx(3.2), pytest.approx(5.0))
+    sentence = (
+        "Fault in /force_controller: stale_slave: the slave's state stopped; look whether its driver still "
+        "runs (0.061 s) (in fault from 3.20 s to 5.00 s)."
+    )
+    assert result["runs"][path]["verdicts"][0] == ["bad", sentence]
+    printed = capsys.readouterr().out.splitlines()
+    assert sentence in printed[1], "right below the recording's name"
+    first, then = page.index("Fault in /force_controller"), page.index("Stage 1 in free motion")
+    assert first < then
+
+
+@pytest.mark.parametrize(
+    ("said", "node", "words"),
+    [
+        ({"diagnostics": reports("/sfj/sfj_sim", 0, 2, 2)}, "/sfj/sfj_sim", "to the end of the recording"),
+        ({"states": [(at(2.0), "fault")]}, "/force_controller", "does not say which"),
+        ({"states": [(at(2.0), "fault"), (at(11.0), "off")]}, "/force_controller", "to the end of"),
+        (
+            {"diagnostics": reports("/omni/omni_driver", 0, 0, 0, counts={1: 2, 2: 2})},
+            "/omni/omni_driver",
+            "counted 2 times",
+        ),
+        ({"reception": {"problems": ["only 3 MB are free, so the recording is ended"]}}, "recorder", "3 MB"),
+        ({"diagnostics": reports("/somebodys_node", 0, 3, message="no data")}, "/somebodys_node", "no data"),
+    ],
+    ids=[
+        "a robot's node",
+        "the state alone",
+        "a node that stops",
+        "counted and reset in between",
+        "the recorder",
+        "another's node",
+    ],
+)
+def test_whoever_reports_a_fault_is_heard(tmp_path, said, node, words):
+    status, result, _ = verified(bag(tmp_path / "bag", scenario(Made()), **said), tmp_path / "out")
+    (run,) = result["runs"].values()
+    assert status == 1 and [fault["node"] for fault in run["faults"]] == [node]
+    assert words in run["verdicts"][0][1]
+
+
+def test_what_was_counted_before_the_recording_began_and_a_warning_are_no_faults_of_it(tmp_path):
+    said = {"diagnostics": reports("/force_controller", 0, 1, 0, message="warm", counts={0: 4, 1: 4, 2: 4})}
+    assert verified(bag(tmp_path / "bag", scenario(Made()), **said), tmp_path / "out")[0] == 0
+
+
+def test_faults_of_several_recordings_stand_before_everything_else_on_the_page(tmp_path):
+    good = bag(tmp_path / "good", scenario(Made()), **GOOD)
+    bad = bag(tmp_path / "bad", scenario(Made()), states=[(at(2.0), "fault")])
+    assert verify.main([good, bad, "--output", str(tmp_path / "out"), "--no-simulation"]) == 1
+    page = (tmp_path / "out" / "report.html").read_text()
+    assert page.index("bad: Fault in") < page.index("good: Stage 1")
+
+
+def test_diagnostics_that_cannot_be_decoded_are_told_and_the_rest_is_read(tmp_path):
+    path = bag(tmp_path / "bag", scenario(Made()), **GOOD)
+    with RecordingWriter(tmp_path / "broken") as writer:
+        writer.write("/diagnostics", DIAGNOSTICS_TYPE, at(1.0), b"\x00\x01\x00\x00\xff\xff\xff\xff")
+        writer.write(
+            "/diagnostics", DIAGNOSTICS_TYPE, at(2.0), encode_diagnostics(0, GOOD["diagnostics"][0][1])
+        )
+        writer.write_series(read_recording(path).topics)
+    recording = read_recording(tmp_path / "broken")
+    assert len(recording.diagnostics) == 1 and "1 of 2 messages cannot be decoded" in recording.problems[0]
+
+
+def test_the_demo_ends_with_1_where_a_node_had_a_fault(tmp_path, monkeypatch, capsys):
+    def run(scenario_file, directory, duration):
+        bag(directory, scenario(Made()), states=[(at(2.0), "fault"), (at(2.5), "off")])
+        return 0
+
+    monkeypatch.setattr(demo, "run_scenario", run)
+    assert demo.main(["--output", str(tmp_path / "demo"), "--duration", "10"]) == 1
+    assert "Fault in /force_controller" in capsys.readouterr().out
+
+
+def changed(**control):
+    """Scenario 1 as it is shipped, with other gains for both stages."""
+    sections = {node: dict(values) for node, values in load_parameter_file(find_scenario()).items()}
+    own = {f"{stage}.{key}": value for stage in ("stage1", "stage2") for key, value in control.items()}
+    sections["force_controller"] |= own
+    return check_scenario(sections, source="scenario1_sim.yaml", duration=20.0)
+
+
+def test_lockstep_stores_a_fault_so_that_verify_tells_it(tmp_path):
+    sections = {node: dict(values) for node, values in load_parameter_file(find_scenario()).items()}
+    sections["force_controller"]["timeout"] = 0.005
+    sections["signal_generator"]["rate"] = 100.0  # 10 ms between two references
+    parameters = check_scenario(sections, source="scenario1_sim.yaml", duration=6.0)
+    record_scenario(parameters, tmp_path / "bag")
+    status, result, _ = verified(str(tmp_path / "bag"), tmp_path / "out")
+    (run,) = result["runs"].values()
+    assert status == 1 and "stale_reference: the reference stopped" in run["verdicts"][0][1]
+
+
+# Oscillation. What is put in is a formula, or a loop whose gains are too high.
+
+
+def with_swing(signal: str, swing, recording: Recording | None = None) -> Recording:
+    """The recording with `swing`(time s) added to one signal of stage 1: velocity, torque or current."""
+    recording = recording or scenario(Made(contact=False, onset=0.5, release=9.5, amplitude=0.01))
+    states, command = recording.topics["/sfj/joint_states"], recording.topics["/sfj/effort_command"]
+    velocity, effort, commanded = states.velocity.copy(), states.effort.copy(), command.effort.copy()
+    if signal == "velocity":
+        velocity[:, 0] += swing(states.time())
+    elif signal == "torque":
+        effort[:, 1] += swing(states.time())
+    else:
+        commanded[:, 0] = CONSTANT["stage1"] * np.clip(swing(command.time()), -LIMIT, LIMIT)
+    topics = {
+        **recording.topics,
+        "/sfj/joint_states": replace(states, velocity=velocity, effort=effort),
+        "/sfj/effort_command": replace(command, effort=commanded),
+    }
+    return replace(recording, topics=topics)
+
+
+def sine(frequency, amplitude, start=3.0, end=8.0, decay=0.0):
+    def swing(time):
+        since = time - start
+        wave = amplitude * np.exp(-decay * since) * np.sin(2.0 * np.pi * frequency * since)
+        return np.where((time >= start) & (time < end), wave, 0.0)
+
+    return swing
+
+
+def oscillation_of(recording: Recording, stage: str = "stage1"):
+    return examine(recording, "made").merits[stage].oscillation
+
+
+@pytest.mark.parametrize(
+    ("signal", "frequency", "amplitude", "unit", "start"),
+    [
+        ("velocity", 12.3, 0.5, "rad/s", 3.0),
+        ("velocity", 3.1, 0.2, "rad/s", 3.0),
+        ("torque", 31.0, 0.06, "N·m", 3.0),
+        ("torque", 2.2, 0.3, "N·m", 0.5),
+        ("current", 60.0, 0.4, "A", 3.0),
+    ],
+)
+def test_a_sustained_swing_is_told_with_frequency_amplitude_and_share(
+    signal, frequency, amplitude, unit, start
+):
+    recording = with_swing(signal, sine(frequency, amplitude, start))
+    found = oscillation_of(recording)
+    assert found is not None and (found.kind, found.unit) == (signal, unit)
+    assert found.frequency == pytest.approx(frequency, rel=0.02)
+    assert found.amplitude == pytest.approx(amplitude, rel=0.1)
+    assert found.share_percent == pytest.approx(10.0 * (8.0 - start), abs=15.0)
+    assert found.start == pytest.approx(start, abs=0.8) and found.end == pytest.approx(8.0, abs=0.8)
+    run = examine(recording, "made")
+    assert run.merits["stage2"].oscillation is None
+    assert failures(run) == verdicts(run)[:1] and "Stage 1 oscillates" in failures(run)[0][1]
+
+
+@pytest.mark.parametrize("frequency", [1.6, 21.0, 125.0])
+@pytest.mark.parametrize("duty", [0.5, 0.7])
+def test_a_current_that_jumps_between_its_limits_is_told_at_any_frequency(frequency, duty):
+    def jumps(time):
+        phase = (time - 2.0) * frequency % 1.0
+        return np.where((time >= 2.0) & (time < 8.3), np.where(phase < duty, LIMIT, -LIMIT), 0.0)
+
+    found = oscillation_of(with_swing("current", jumps))
+    assert found is not None and found.kind == "limits"
+    assert found.frequency == pytest.approx(frequency, rel=0.05)
+    assert found.amplitude == pytest.approx(LIMIT) and found.share_percent == pytest.approx(63.0, abs=8.0)
+    run = examine(with_swing("current", jumps), "made")
+    sentence = failures(run)[0][1]
+    assert f"its current jumps between its limits of ±{LIMIT:g} A" in sentence
+    assert not any("Stage 1 met no wall" in text for _, text in verdicts(run))
+
+
+@pytest.mark.parametrize(
+    "swing",
+    [
+        sine(12.0, 0.5, end=10.0, decay=0.5),
+        sine(4.0, 0.8, end=10.0, decay=0.3),
+        sine(12.0, 0.5, start=3.0, end=3.5),
+        sine(12.0, 0.04),
+        lambda time: 0.2 * np.random.default_rng(1).normal(size=len(time)),
+    ],
+    ids=["dies away", "dies away slowly", "short", "small", "noise"],
+)
+@pytest.mark.parametrize("signal", ["velocity", "torque"])
+def test_what_dies_away_is_short_small_or_noise_is_no_oscillation(signal, swing):
+    scale = 1.0 if signal == "velocity" else 0.4
+    assert oscillation_of(with_swing(signal, lambda time: scale * swing(time))) is None
+
+
+@pytest.mark.parametrize("frequency", [0.4, 2.0, 7.0])
+@pytest.mark.parametrize("square", [False, True])
+def test_what_a_swinging_command_makes_is_no_oscillation(frequency, square):
+    """Answers with the command's frequency and three times it, as friction makes them."""
+    recording = scenario(Made(contact=False, onset=0.5, release=9.5))
+    reference = recording.topics["/reference"]
+
+    def wave(time):
+        tone = np.sin(2.0 * np.pi * frequency * (time - 0.5)) * (time > 0.5)
+        return np.sign(tone) if square else tone
+
+    position = np.repeat(0.06 * wave(reference.time())[:, None], 2, axis=1)
+    recording.topics["/reference"] = replace(reference, position=position)
+    answered = recording
+    for signal, size in (("velocity", 1.0), ("torque", 0.3), ("current", 3.0)):
+        answered = with_swing(
+            signal, lambda time, size=size: size * (wave(time) + 0.3 * wave(3.0 * time)), answered
+        )
+    assert oscillation_of(answered) is None
+
+
+def test_contact_that_rings_and_settles_and_bounces_are_no_oscillation():
+    for made in (Made(), Made(damping=0.05, frequency=25.0), Made(bounces=3)):
+        run = examine(scenario(made), "made")
+        assert [merit.oscillation for merit in run.merits.values()] == [None, None], made
+
+
+def test_a_loop_with_gains_that_are_too_high_fails_and_the_shipped_one_does_not(tmp_path):
+    good, bad = changed(), changed(kpm=40.0)
+    path = str(write_recording(tmp_path / "good", run_scenario(good, 20.0), dict(good.recorded), {}))
+    assert verified(path, tmp_path / "good_out")[0] == 0
+    topics = run_scenario(bad, 20.0)
+    path = str(write_recording(tmp_path / "bad", topics, dict(bad.recorded), {}))
+    status, result, _ = verified(path, tmp_path / "bad_out")
+    assert status == 1
+    run = result["runs"][path]
+    for stage, limit in (("stage1", 0.94), ("stage2", 1.2)):
+        found = run["stages"][stage]["oscillation"]
+        assert found["kind"] == "limits" and found["amplitude"] == pytest.approx(limit)
+        # Independently: how often the drive turns round. The command comes after 4 of the 20 s.
+        velocity = topics["/sfj/joint_states"].signal(f"{stage}_motor", "velocity")[3000:6500]
+        turned = np.count_nonzero(np.diff(np.sign(velocity - velocity.mean())))
+        assert found["frequency"] == pytest.approx(turned / 2.0 / 7.0, rel=0.05)
+        assert found["share_percent"] == pytest.approx(80.0, abs=3.0)
+    assert [text.split(":")[0] for _, text in run["verdicts"][:2]] == [
+        "Stage 1 oscillates",
+        "Stage 2 oscillates",
+    ]
+
+
+@pytest.mark.parametrize("frequency", [0.7, 3.0])
+def test_a_tone_as_command_of_a_sound_loop_is_no_failure(frequency):
+    sections = {node: dict(values) for node, values in load_parameter_file(find_scenario()).items()}
+    times = np.arange(0.0, 9.0, 0.05 / frequency)
+    tone = {
+        f"{stage}.{key}": value
+        for stage in ("stage1", "stage2")
+        for key, value in {
+            "enabled": True,
+            "delay": 1.0,
+            "steps.enabled": True,
+            "steps.times": times.round(6).tolist(),
+            "steps.levels": (0.06 * np.sin(2.0 * np.pi * frequency * times)).tolist(),
+        }.items()
+    }
+    sections["signal_generator"] = {"kind": "position", "rate": 500.0, **tone}
+    parameters = check_scenario(sections, source="tone")
+    recording = Recording(None, run_scenario(parameters, 12.0), dict(parameters.recorded))
+    run = examine(recording, "tone")
+    assert np.ptp(run.stages["stage1"].motor_velocity) > 0.1
+    assert failures(run) == []
+
+
+# The computer.
+
+
+def computer(recording: Recording) -> tuple[str, str]:
+    ((status, text),) = (
+        one for one in verdicts(examine(recording, "m")) if one[1].startswith("The computer")
+    )
+    return status, text
+
+
+def test_one_line_says_what_the_computer_did_to_the_rate():
+    assert computer(scenario(Made())) == (
+        "good", "The computer, not the robots: it kept the rate: no sample is missing."
+    )  # fmt: skip
+    lossy = replace(
+        scenario(Made(lost=tuple(range(700, 740)))), reception={"lost_on_the_way": {"/sfj/joint_states": 3}}
+    )
+    lossy.reception["lost_on_the_way"] |= dict.fromkeys(lossy.topics, 0) | {"/sfj/joint_states": 3}
+    skipped = [one for _, statuses in reports("/sfj/sfj_sim", 0, 0, 0) for one in statuses]
+    status, text = computer(replace(lossy, diagnostics=skipped))
+    total = sum(len(one) for one in scenario(Made()).topics.values())
+    assert status == "bad"
+    assert f"80 of {total} samples are missing" in text, "40 states, and the commands that would answer them"
+    assert "77 never taken because it was late, 3 lost on the way" in text and "skipped 6 periods" in text
+    assert examine(lossy, "m").as_json()["machine"]["missing"] == 80
+
+
+def test_help_tells_the_exit_status(capsys):
+    assert verify.main(["--help"]) == 0
+    told = " ".join(capsys.readouterr().out.split())
+    assert "1 the report is written, and tells of one first: a fault that a node or the recorder" in told
