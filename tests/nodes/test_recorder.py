@@ -190,4 +190,4 @@ def test_it_ends_cleanly_when_too_little_space_is_free(graph, start_recorder, tm
     assert recorder.process.returncode == 1
     assert "MB are free" in err
     assert "with errors" in out
-    assert (tmp_path / "a" / "metadata.yaml").is_file()
+    assert "MB are free" in (tmp_path / "a" / "metadata.yaml").read_text(), "for `verify`"

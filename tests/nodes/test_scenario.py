@@ -244,3 +244,12 @@ def test_the_shipped_scenario_is_that_of_the_thesis(repository):
     assert scenario.record == "somewhere"
     with pytest.raises(ConfigurationError):
         load_scenario(repository / "config" / "scenario1_sim.yaml", {"duration": -1.0})
+
+
+def test_its_processes_take_no_module_from_the_working_directory(tmp_path, monkeypatch):
+    (tmp_path / "yaml.py").write_text("open('executed', 'w')\nraise SystemExit(3)\n")
+    monkeypatch.chdir(tmp_path)
+    child = Child("signal_generator", ["--help"])
+    assert child.process.wait(30.0) == 0
+    child.relay()
+    assert not (tmp_path / "executed").exists()

@@ -131,7 +131,8 @@ class Recorder(HapticNode):
             if self._collector.latest != self._collector.parameters:
                 self.writer.describe(parameters_at_stop=self._with_own(self._collector.latest))
             lost = {topic.name: topic.missed for topic in self._topics if topic.name in self.received}
-            self.writer.describe(reception={"lost_on_the_way": lost, "problems": self.problems})
+            told = {"problems": self.problems} if self.problems else {}
+            self.writer.describe(reception={"lost_on_the_way": lost, **told})
         except RecordingError as refusal:
             self._problem(str(refusal))
         try:

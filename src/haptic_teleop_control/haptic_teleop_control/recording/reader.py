@@ -30,7 +30,7 @@ class Recording:
     parameters_at_stop   the same at the end of the recording where that differs, else {}
     experiment  {"kind": ..., "note": ...}; {} when unknown
     reception   {"lost_on_the_way": {topic: messages that were published but did not reach the recorder}}, by
-    the publishers' own numbers, and "problems": sentences of the recorder; {} when the recorder did not tell
+    the publishers' own numbers, and "problems": sentences of the recorder, if any; {} when it did not tell
     complete    True when no message is known to be missing and nothing is damaged
     problems    sentences that say what is missing, damaged or odd
     counts      messages by topic, of all types;  types   message type by topic
