@@ -18,16 +18,16 @@ ROBOTS = {
     "sfj": (SFJ_MOTOR_JOINTS, [2.0, 0.4], ("board.watchdog:=0.2",)),
     "omni": (OMNI_JOINTS, [0.0, 0.0, 0.1], ("silence:=0.2", "calibration.method:=start")),
 }
+REPORT = load_layout("emulator").output
 
 
 def is_off(robot: str, packet: bytes) -> bool:
     """Zero volts and disabling levels (1, 1, 0); idle torques and motors off."""
     if robot == "sfj":
         return WRITE_FORMAT.unpack(packet) == (0.0, 0.0, 1, 1, 0)
-    report = load_layout("emulator").output
-    values = ReportCodec(report).decode(packet)
+    values = ReportCodec(REPORT).decode(packet)
     assert values is not None
-    return all(values[name] == report.fields[name].idle for name in values)
+    return all(values[name] == REPORT.fields[name].idle for name in values)
 
 
 def heed_signals() -> None:
