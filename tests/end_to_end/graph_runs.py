@@ -15,12 +15,12 @@ from haptic_teleop_control.recording import read_recording
 
 FIELDS = ("position", "velocity", "effort")
 CONFIG = Path(__file__).parents[2] / "config"
+FRONT_DOOR = (sys.executable, "-m", "haptic_teleop_control.front_door")
 
 
 def scenario_command(file: str | Path, bag: Path, *options: str) -> list[str]:
     """The command line of a recorded scenario."""
-    front_door = (sys.executable, "-m", "haptic_teleop_control.front_door")
-    return [*front_door, "scenario", str(file), "--record", str(bag), *options]
+    return [*FRONT_DOOR, "scenario", str(file), "--record", str(bag), *options]
 
 
 def children_of(pid: int) -> list[int]:
@@ -41,11 +41,14 @@ def send(pids: list[int], number: signal.Signals) -> None:
             os.kill(pid, number)
 
 
-def stop_now_and_then(run: subprocess.Popen, luck: random.Random, freeze: float, begin: float) -> int:
-    """Stops processes until the run is over; how often."""
+def stop_now_and_then(
+    run: subprocess.Popen, luck: random.Random, freeze: float, begin: float, span: float = 6.0
+) -> int:
+    """Stops processes until the run is over; how often. freeze: s for which all are stopped, three times within
+    `span` s; 0: single ones for 0.07 to 1.5 s. begin: s before the first stop."""
     stops = 0
     time.sleep(begin)
-    moments = sorted(luck.uniform(0.0, 6.0) for _ in range(3)) if freeze else []
+    moments = sorted(luck.uniform(0.0, span) for _ in range(3)) if freeze else []
     began = time.monotonic()
     while run.poll() is None:
         if freeze:

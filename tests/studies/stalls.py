@@ -2,11 +2,12 @@
 
     python tests/studies/stalls.py --seeds 20                   # single processes stopped for 0.07 to 1.5 s
     python tests/studies/stalls.py --seeds 20 --freeze 0.3      # all of them together, three times each
+    python tests/studies/stalls.py --seeds 20 --freeze 0.3 --demo       # the same with the demonstration
 
 Every seed runs the scenario as processes (`--composed`: in one) with a recording, beside `--hogs` processes
 that burn the processor, and stops one process after another with SIGSTOP. The recording then has to hold the
-stamps and values of the lockstep runner, bit for bit, and no fault. Prints a line per seed; exit status 1
-where one fails.
+stamps and values of the lockstep runner, bit for bit, and no fault; of the demonstration the report has to
+be green. Prints a line per seed; exit status 1 where one fails.
 """
 
 from __future__ import annotations
@@ -22,7 +23,7 @@ from pathlib import Path
 from haptic_teleop_sim.lockstep import run_scenario
 
 sys.path.insert(0, str(Path(__file__).parents[1] / "end_to_end"))
-from graph_runs import CONFIG, differences, scenario_command, stop_now_and_then
+from graph_runs import CONFIG, FRONT_DOOR, differences, scenario_command, stop_now_and_then
 
 HOG = [sys.executable, "-c", "while True: pass"]
 
@@ -30,16 +31,21 @@ HOG = [sys.executable, "-c", "while True: pass"]
 def one_seed(seed: int, arguments: argparse.Namespace, expected: dict) -> tuple[bool, str]:
     luck = random.Random(seed)
     with tempfile.TemporaryDirectory() as folder:
-        bag = Path(folder, "bag")
+        bag = Path(folder, "demo", "recording") if arguments.demo else Path(folder, "bag")
         options = ["--duration", f"{arguments.duration:g}", "--real-time-factor", f"{arguments.factor:g}"]
         options += [] if arguments.composed else ["--processes"]
         command = scenario_command(arguments.scenario, bag, *options)
+        if arguments.demo:
+            duration = f"{arguments.duration:g}"
+            command = [*FRONT_DOOR, "demo", "--duration", duration, "--output", str(bag.parent)]
         hogs = [subprocess.Popen(HOG) for _ in range(arguments.hogs)]
         began = time.monotonic()
         try:
             pipes = {"stderr": subprocess.PIPE, "stdout": subprocess.DEVNULL}
             with subprocess.Popen(command, text=True, **pipes) as run:
-                stops = stop_now_and_then(run, luck, arguments.freeze, arguments.begin)
+                stops = stop_now_and_then(
+                    run, luck, arguments.freeze, arguments.begin, 18.0 if arguments.demo else 6.0
+                )
                 assert run.stderr is not None
                 said = run.stderr.read()
         finally:
@@ -63,6 +69,7 @@ def main() -> int:
     parser.add_argument("--freeze", type=float, default=0.0, help="s for which all are stopped, three times")
     parser.add_argument("--begin", type=float, default=4.0, help="s after the start of the first stop")
     parser.add_argument("--composed", action="store_true")
+    parser.add_argument("--demo", action="store_true", help="the demonstration, in its own time")
     arguments = parser.parse_args()
     expected = run_scenario(arguments.scenario, arguments.duration)
     expected = getattr(expected, "topics", expected)
