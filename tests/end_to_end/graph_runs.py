@@ -44,8 +44,8 @@ def send(pids: list[int], number: signal.Signals) -> None:
 def stop_now_and_then(
     run: subprocess.Popen, luck: random.Random, freeze: float, begin: float, span: float = 6.0
 ) -> int:
-    """Stops processes until the run is over; how often. freeze: s for which all are stopped, three times within
-    `span` s; 0: single ones for 0.07 to 1.5 s. begin: s before the first stop."""
+    """Stops processes until the run is over; how often. freeze: s for which all are stopped, three times
+    within `span` s; 0: single ones for 0.07 to 1.5 s. begin: s before the first stop."""
     stops = 0
     time.sleep(begin)
     moments = sorted(luck.uniform(0.0, span) for _ in range(3)) if freeze else []

@@ -204,13 +204,18 @@ def test_the_help_of_recover_tells_the_statuses(capsys):
 
 def test_the_writer_hands_over_a_chunk_at_least_every_second(tmp_path):
     one = series(100)
-    writer = RecordingWriter(tmp_path / "a")
+    steady = [7 * SECOND]
+    writer = RecordingWriter(tmp_path / "a", steady=lambda: steady[0])
     for i, (received, row) in enumerate(zip(one.received, encode(one), strict=True)):
         writer.write("/t", TYPE, int(received), row.tobytes())
         if i == 79:
             break
     assert len(read_recording(tmp_path / "a").topics["/t"]) == 60
-    writer.flush_older(int(one.received[79]) + SECOND)
+    steady[0] += SECOND - 1
+    writer.flush_older()
+    assert len(read_recording(tmp_path / "a").topics["/t"]) == 60
+    steady[0] += 1  # whatever a wall clock that was set back says
+    writer.flush_older()
     assert len(read_recording(tmp_path / "a").topics["/t"]) == 80
     writer.close()
 

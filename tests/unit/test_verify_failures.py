@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from scenario_recordings import CONSTANT, START, Made, scenario
 
-from haptic_teleop_control.parameters import load_parameter_file
+from haptic_teleop_control.parameter_files import load_parameter_file
 from haptic_teleop_control.recording import Recording, RecordingWriter, read_recording, write_recording
 from haptic_teleop_control.recording.said import DIAGNOSTICS_TYPE, Status, encode_diagnostics
 from haptic_teleop_control.recording.texts import STRING_TYPE, encode_text

@@ -1,4 +1,4 @@
-"""What the nodes of one scenario have to state alike: time, roles, rates, and the artificial command.
+"""What the nodes of one scenario have to state alike: time (`simulates`), roles, rates, artificial command.
 
 A node alone cannot see it: a controller at another rate than its robot filters and integrates wrongly, and a
 command of the wrong joints or kind is refused sample by sample. So it is looked at before anything starts.
@@ -24,7 +24,6 @@ def check_agreement(nodes: Mapping[str, Mapping[str, Any]], source: str) -> None
 
     Raises ConfigurationError naming `source`, node, key and remedy.
     """
-    simulates(nodes, source)
     control = nodes.get(CONTROLLER)
     if control is None:
         return
