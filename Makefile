@@ -19,8 +19,9 @@ demo: setup  ## scenario 1 in simulation as real ROS 2 nodes: recorded, verified
 discover: setup  ## a robot with concealed physics: record, diagnose, open the label, simulate again (SEED=n)
 	@$(BIN)/haptic-teleop discover --seed $(or $(SEED),1) $(ARGS)
 
-# All tests: on all cores. Some, named by ARGS: in one process, which begins sooner and prints as it goes.
-ALL_TESTS := -n auto --maxprocesses 8 --dist loadgroup --no-loadscope-reorder --durations 25
+# All tests: on all cores, file by file, because a file's tests share what takes long to make, and in the order
+# of tests/conftest.py. Some, named by ARGS: in one process, which begins sooner.
+ALL_TESTS := -n auto --maxprocesses 8 --dist loadfile --no-loadscope-reorder --durations 25
 
 test: setup  ## the whole test suite, or what ARGS name
 	@$(BIN)/python -m pytest $(or $(ARGS),$(ALL_TESTS))

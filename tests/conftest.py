@@ -36,16 +36,13 @@ DOMAINS = range(1, 102)
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    """A test's folder says what kind it is. Of several processes each takes whole files, so that what a
-    file's tests share is made once; those that need the machine to themselves come last, all in one
-    process."""
+    """A test's folder says what kind it is. Where several processes share the tests, those that need the
+    machine to themselves come last, when the others are through."""
     for item in items:
         for kind in ("nodes", "end_to_end"):
             if item.path.is_relative_to(REPOSITORY / "tests" / kind):
                 item.add_marker(kind)
     if WORKER:
-        for item in items:
-            item.add_marker(pytest.mark.xdist_group("alone" if _alone(item) else item.path.name))
         items.sort(key=lambda item: (_alone(item), not item.get_closest_marker("end_to_end")))
 
 
