@@ -301,6 +301,13 @@ def test_time_begins_when_all_have_joined_and_says_whom_it_waits_for():
     assert [tick.stamp for tick in ticks(coordinator.poll(0.01))] == [ORIGIN]
 
 
+def test_without_a_plant_time_does_not_begin_and_says_why():
+    answerer = Member("/controller", ANSWERER, topics=("/sfj/joint_states",))
+    coordinator = joined(Coordinator(["controller"], 0.0, duration=1.0), answerer)
+    coordinator.poll(0.0)
+    assert coordinator.state == HALTED and "put a plant" in coordinator.reason
+
+
 def test_what_joins_late_or_doubles_another_is_refused_with_the_reason():
     coordinator = open_loop()
     coordinator.poll(0.0)

@@ -183,6 +183,8 @@ class Coordinator:
                 return []
             self._schedule = Schedule(self.members.values(), self._duration)
             self.state = PAUSED if self._paused else RUNNING
+            if self._schedule.next_stamp is None:
+                self._halt("nobody takes part who publishes anything; put a plant among the nodes")
         if self.state in (OVER, HALTED):
             return []
         if self._busy:
