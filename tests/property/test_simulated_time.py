@@ -165,6 +165,8 @@ class ToyController(Toy):
     def on_tick(self, tick, repeated):
         self.tick = tick
         self.advance()
+        if repeated:
+            self.participant.done()
 
     def take(self, topic, stamp):
         if topic == "/reference":
@@ -299,6 +301,19 @@ def test_time_begins_when_all_have_joined_and_says_whom_it_waits_for():
     assert status.state == "waiting" and "recorder" in status.reason and "use_sim_time" in status.reason
     joined(coordinator, Member("/recorder", RECORDER, topics=("/sfj/joint_states",)))
     assert [tick.stamp for tick in ticks(coordinator.poll(0.01))] == [ORIGIN]
+
+
+def test_two_who_misunderstand_each_other_do_not_wait_for_ever():
+    answerer = Member("/controller", ANSWERER, topics=("/sfj/joint_states",))
+    coordinator = joined(Coordinator(["sfj_sim", "controller"], 0.0), PLANT_MEMBER, answerer)
+    wall = 0.0
+    while coordinator.state != HALTED:
+        wall += 0.01
+        assert wall < 60.0
+        coordinator.poll(wall)
+        coordinator.hear(Report("/sfj/sfj_sim", "waiting", 1, "answer"), wall)
+        coordinator.hear(Report("/controller", "done", 1), wall)
+    assert wall > 5.0 and "/sfj/sfj_sim waits for answer" in coordinator.reason
 
 
 def test_without_a_plant_time_does_not_begin_and_says_why():

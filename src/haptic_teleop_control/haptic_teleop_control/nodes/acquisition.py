@@ -72,8 +72,11 @@ class AcquisitionNode(HapticNode):
         if repeated and self._out.sent:
             self._out.resend()
             self._reference.resend()
-        if repeated and self._in.topic in tick.states and self._last != tick.stamp:
-            self.time.waiting(self._in.topic)
+        if repeated and self._in.topic in tick.states:
+            if self._last == tick.stamp:
+                self.time.done()
+            else:
+                self.time.waiting(self._in.topic)
 
     def on_time_fault(self, detail: str) -> None:
         super().on_time_fault(detail)

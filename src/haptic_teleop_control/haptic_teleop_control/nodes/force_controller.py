@@ -248,6 +248,7 @@ class ForceController(HapticNode):
         if tick is None or self.faults.latched == SIMULATED_TIME:
             return
         mine = [robot for robot in (self._master, self._slave) if robot.input.topic in tick.states]
+        news = False
         for robot in mine:
             if robot.answered == tick.stamp:
                 continue
@@ -258,15 +259,9 @@ class ForceController(HapticNode):
                 return
             self._deliver_packets(tick)
             self._answer_state(robot, tick.stamp)
-            repeated = True  # something was done
-            if robot is mine[-1]:
-                self._report_done()
-                return
-        if repeated and mine:
-            self._report_done()
-
-    def _report_done(self) -> None:
-        if self._ways:
+            news = True
+        # The plants report that they are done. We do where the link takes something of ours, and when asked.
+        if mine and (repeated or (news and self._ways)):
             self.time.done({way.out.topic: way.sent for way in self._ways})
 
     def _lacking(self, tick: Tick) -> str:

@@ -36,6 +36,9 @@ HEARTBEAT = 0.2
 """s between two statuses at most."""
 LONGEST_STEP = 0.1
 """s counted at most between two calls: what is longer, we stood still ourselves."""
+STUCK = 5
+"""Times the liveness that one tick may take although everybody is heard of: they then misunderstand each
+other, and waiting does not help."""
 RECORDER_LIVENESS = 15.0
 """s of silence that a recorder is granted at least: a busy disk may hold it for seconds, and it then loses
 nothing."""
@@ -75,7 +78,7 @@ class Coordinator:
         self._waits_for: dict[str, str] = {}  # name -> what it says it waits for
         self._heard: dict[str, float] = {}
         self._refused: dict[str, str] = {}
-        self._lived = self._asked = self._told = 0.0
+        self._lived = self._asked = self._granted = self._told = 0.0
         self._last_wall: float | None = None
         self._stepping = False
         self._news = False
@@ -224,7 +227,7 @@ class Coordinator:
 
     def _begin_waiting(self) -> None:
         self._waits_for.clear()
-        self._asked = self._lived
+        self._asked = self._granted = self._lived
         self._heard = dict.fromkeys(self.members, self._lived)
 
     def _ask_again(self) -> list[Tick | Status]:
@@ -240,7 +243,10 @@ class Coordinator:
         silent = {
             name for name in self._owed_by() if self._lived - self._heard.get(name, 0.0) > self._liveness
         }
-        if silent:
+        if not silent and self._lived - self._granted > STUCK * self._liveness:
+            waiting = [f"{name} waits for {what}" for name, what in self._waits_for.items()]
+            self._halt(f"the tick of {seconds(self.stamp):.4f} s does not end: {'; '.join(waiting)}")
+        elif silent:
             self._halt("; ".join(self._accusation(name, self._liveness) for name in sorted(silent)))
 
     def _owed_by(self) -> set[str]:
