@@ -143,7 +143,7 @@ TIME_COORDINATOR = ParameterTable(
         Parameter("paused", False, meaning="begin paused; ~/resume or ~/step lets time run"),
         Parameter(
             "liveness",
-            2.0,
+            5.0,
             "s",
             0.2,
             60.0,

@@ -14,7 +14,7 @@ from haptic_teleop_control.simulated_time.stamps import ORIGIN
 LONGEST_STEP = 0.1
 JOIN_INTERVAL = 0.1
 """s between two attempts to join."""
-COORDINATOR_LIVENESS = 5.0
+COORDINATOR_LIVENESS = 10.0
 """s without a word from the coordinator. Longer than its own patience with us: who names the culprit must
 come first, and a child of `scenario` that was killed is seen at once anyway."""
 
