@@ -57,6 +57,7 @@ class TimeCoordinator(HapticNode):
             paused=values["paused"],
         )
         self._told = ORIGIN - CLOCK_PERIOD
+        self._over = False
         self._clock = self.create_publisher(Clock, "/clock", 10)
         self._end = CoordinatorEnd(self, self._hear)
         for act in ("pause", "resume", "step"):
@@ -79,6 +80,9 @@ class TimeCoordinator(HapticNode):
         for message in coordinator.poll(time.monotonic()):
             if isinstance(message, Status):
                 self._tell_clock()
+                if message.state == OVER and not self._over:
+                    self._over = True
+                    self.announce()  # the figures of the whole run, which a recording is to hold
                 if message.state == HALTED and self.faults.latched is None:
                     self.fault(HALT, message.reason)
             elif message.stamp - self._told >= CLOCK_PERIOD:
