@@ -11,6 +11,7 @@ import pytest
 
 from haptic_teleop_control.recording import read_recording
 from haptic_teleop_sim.lockstep import run_scenario
+from haptic_teleop_sysid.verification.clock import read_clock
 
 sys.path.insert(0, str(Path(__file__).parent))
 from graph_runs import CONFIG, differences, scenario_command, stop_now_and_then
@@ -92,7 +93,11 @@ def test_a_machine_that_freezes_as_a_whole_makes_no_difference(tmp_path):
 
 
 def test_the_recording_says_that_time_was_simulated_and_how_fast_it_ran(tmp_path):
-    run(CONFIG / "scenario1_sim.yaml", tmp_path / "bag", 1.0)
+    run(CONFIG / "scenario1_sim.yaml", tmp_path / "bag", 0.3)
     recording = read_recording(tmp_path / "bag")
     assert recording.parameters["/force_controller"]["use_sim_time"] is True
     assert recording.parameters["/time_coordinator"]["real_time_factor"] == 0.0
+    *_, last = (one for one in recording.diagnostics if one.node == "/time_coordinator")
+    assert last.values["simulated time (s)"] == "0.300"  # of the whole run, however short it was
+    clock = read_clock(recording)
+    assert clock.kind == "simulated" and clock.wanted == 0.0 and clock.achieved > 0.0

@@ -24,6 +24,7 @@ from haptic_teleop_control.simulated_time.messages import (
     RECORDER,
     RUNNING,
     SOURCE,
+    WAITING,
     Delivery,
     Member,
     Report,
@@ -488,3 +489,18 @@ def test_what_is_no_message_is_none(text):
 @given(st.text())
 def test_any_text_is_a_message_or_none(text):
     assert decode(text) is None
+
+
+def test_a_coordinator_that_begins_anew_is_told_from_a_second_one():
+    faults = []
+    participant = Participant(PLANT_MEMBER, lambda report: None, lambda tick, repeated: None, faults.append)
+    participant.hear(Status("one", RUNNING, ORIGIN, ("/sfj/sfj_sim",)))
+    participant.hear(Status("one", OVER, ORIGIN, ("/sfj/sfj_sim",), "the coordinator was stopped"))
+    participant.hear(Status("two", WAITING, ORIGIN))
+    assert len(faults) == 1 and "start this node anew" in faults[0]
+
+
+def test_what_cannot_be_paused_yet_says_what_it_waits_for():
+    coordinator = Coordinator(["sfj_sim"])
+    for refused in (coordinator.pause(), coordinator.resume(), coordinator.step()):
+        assert refused is not None and "waiting for sfj_sim" in refused

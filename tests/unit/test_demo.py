@@ -19,20 +19,24 @@ from haptic_teleop_sysid import demo
 def pretend(monkeypatch):
     """Let the scenario leave a given recording (None: nothing) and end with a given status."""
 
+    factors = []
+
     def install(recording, status=0):
-        def run(scenario_file, directory, duration):
+        def run(scenario_file, directory, duration, factor):
             assert scenario_file.is_file()
+            factors.append(factor)
             if recording is not None:
                 write_recording(directory, recording.topics, recording.parameters, recording.experiment)
             return status
 
         monkeypatch.setattr(demo, "run_scenario", run)
+        return factors
 
     return install
 
 
-def start(tmp_path, duration="10"):
-    return demo.main(["--output", str(tmp_path / "demo"), "--duration", duration])
+def start(tmp_path, duration="10", *options):
+    return demo.main(["--output", str(tmp_path / "demo"), "--duration", duration, *options])
 
 
 def test_a_good_run_prints_five_figures_and_the_report(tmp_path, pretend, capsys):
@@ -99,6 +103,15 @@ def test_the_projects_scenario_is_found_and_an_absent_one_is_asked_for():
     assert demo.find_scenario().name == "scenario1_sim.yaml"
     with pytest.raises(ConfigurationError, match=r"nothing\.yaml.*--scenario"):
         demo.find_scenario("nothing.yaml")
+
+
+def test_the_real_time_factor_is_passed_on_and_otherwise_left_to_the_file(tmp_path, pretend):
+    factors = pretend(scenario(Made()))
+    assert start(tmp_path) == 0
+    assert start(tmp_path, "10", "--real-time-factor", "0") == 0
+    assert factors == [None, 0.0]
+    assert start(tmp_path, "10", "--real-time-factor", "-1") == 2
+    assert start(tmp_path, "10", "--real-time-factor", "nan") == 2
 
 
 @pytest.mark.parametrize("duration", ["0", "-1", "nan", "soon"])

@@ -155,7 +155,7 @@ def test_diagnostics_that_cannot_be_decoded_are_told_and_the_rest_is_read(tmp_pa
 
 
 def test_the_demo_ends_with_1_where_a_node_had_a_fault(tmp_path, monkeypatch, capsys):
-    def run(scenario_file, directory, duration):
+    def run(scenario_file, directory, duration, factor):
         bag(directory, scenario(Made()), states=[(at(2.0), "fault"), (at(2.5), "off")])
         return 0
 
@@ -375,6 +375,84 @@ def test_one_line_says_what_the_computer_did_to_the_rate():
     assert f"80 of {total} samples are missing" in text, "40 states, and the commands that would answer them"
     assert "77 never taken because it was late, 3 lost on the way" in text and "skipped 6 periods" in text
     assert examine(lossy, "m").as_json()["machine"]["missing"] == 80
+
+
+def of_simulated_time(recording: Recording, **told: str) -> Recording:
+    """The recording as if time had been simulated, at the end of which the coordinator says `told`."""
+    control = {**recording.parameters["/force_controller"], "use_sim_time": True}
+    topics = {name: replace(one, received=one.stamp) for name, one in recording.topics.items()}
+    said = {name.replace("_", " ").replace("real time", "real-time"): value for name, value in told.items()}
+    return replace(
+        recording,
+        topics=topics,
+        parameters={**recording.parameters, "/force_controller": control},
+        diagnostics=[
+            Status(at(1.0), "/time_coordinator", 0, "running", dict.fromkeys(said, "7.0")),
+            Status(at(9.0), "/time_coordinator", 0, "over", said),
+        ],
+    )
+
+
+def summary(recording: Recording, tmp_path, capsys) -> str:
+    """What the demo prints of it."""
+    run = examine(recording, "made")
+    verify.print_summary(verify.Verification([run], {}), tmp_path / "report.html", figures_only=True)
+    return capsys.readouterr().out
+
+
+def test_of_simulated_time_it_tells_how_fast_it_went_and_no_latency(tmp_path, capsys):
+    told = {"real_time_factor": "0.842", "real_time_factor_wanted": "1", "ticks_asked_for_again": "3"}
+    recording = of_simulated_time(scenario(Made()), **told)
+    run = examine(recording, "made")
+    (line,) = (one for one in verdicts(run) if one[1].startswith("Simulated time"))
+    assert line == (
+        "good",
+        "Simulated time: no sample is missing; real-time factor 0.84 achieved by the machine that ran it "
+        "(wanted: 1).",
+    )
+    assert not any("computer" in text or "0.00 ms" in text for _, text in verdicts(run))
+    printed = summary(recording, tmp_path, capsys)
+    assert "real-time factor" in printed and "0.84" in printed and "latency" not in printed
+    assert f"0 of {run.machine.expected} samples missing" in printed
+    path = bag(tmp_path / "bag", recording, [(one.received, [one]) for one in recording.diagnostics])
+    _, result, page = verified(path, tmp_path / "out")
+    clock = result["runs"][path]["machine"]["clock"]
+    assert clock == {"kind": "simulated", "achieved": 0.842, "wanted": 1.0, "repeats": 3}
+    assert {one["from_stamp"] for one in result["runs"][path]["graph"]["latency"]} == {None}
+    assert line[1] in page and "Loop latency of the slave" not in page
+
+
+def test_a_sample_that_simulated_time_lacks_is_bad_and_a_state_without_answer_too():
+    told = {"real_time_factor": "3.5", "real_time_factor_wanted": "0"}
+    lossy = of_simulated_time(scenario(Made(lost=(700,), unanswered=(800,))), **told)
+    found = verdicts(examine(lossy, "m"))
+    ((status, line),) = (one for one in found if one[1].startswith("Simulated time"))
+    assert status == "bad" and "samples are missing" in line and "(wanted: as fast as it goes)" in line
+    assert ("bad", "/sfj/effort_command answers /sfj/joint_states: 1 states unanswered.") in found
+
+
+def test_without_a_clock_there_is_neither_latency_nor_pace(tmp_path, capsys):
+    sections = {node: dict(values) for node, values in load_parameter_file(find_scenario()).items()}
+    record_scenario(check_scenario(sections, source="s", duration=6.0), tmp_path / "bag")
+    recording = read_recording(tmp_path / "bag")
+    lines = [text for _, text in verdicts(examine(recording, "m"))]
+    assert "Lockstep, without a clock: no sample is missing." in lines
+    assert not any(" ms " in text for text in lines)
+    assert "lockstep, without a clock; 0 of 21000 samples missing" in summary(recording, tmp_path, capsys)
+
+
+def test_what_the_emulated_network_loses_is_not_the_computers_doing():
+    recording = scenario(Made())
+    states = recording.topics["/sfj/joint_states"]
+    kept = np.delete(np.arange(len(states)), np.arange(500, 900, 7))
+    through = replace(
+        states, stamp=states.stamp[kept], received=states.received[kept], position=None,
+        velocity=states.velocity[kept], effort=states.effort[kept],
+    )  # fmt: skip
+    recording.topics["/link/teleoperation/slave"] = through
+    assert computer(recording)[0] == "good"
+    ((status, text),) = (one for one in verdicts(examine(recording, "m")) if one[1].startswith("/link/"))
+    assert status == "plain" and "58 samples missing" in text
 
 
 def test_help_tells_the_exit_status(capsys):

@@ -52,6 +52,15 @@ def test_a_recording_of_the_simulation_itself_fits_to_the_last_bit():
     assert result.command == "the signal generator's parameters"
 
 
+def test_a_recording_of_simulated_time_is_simulated_though_nodes_that_took_no_part_state_nothing():
+    recording = recorded()
+    for node, values in recording.parameters.items():
+        values["use_sim_time"] = True
+        assert node != "/link"
+    _, fit = fits(recording)
+    assert set(fit["stage 1"].values()) == {100.0}
+
+
 def test_a_delayed_recording_fits_only_when_the_delay_is_removed():
     recording = recorded(said={"delay": 0.5}, delay=0.7)
     left, fit = fits(recording)

@@ -23,7 +23,7 @@ EXECUTABLES: dict[str, tuple[str, str]] = {
     ),
     "operate": (
         "haptic_teleop_control.operate:main",
-        "engage, disengage, swap or reset the running teleoperation, or print its state",
+        "engage, disengage, swap, reset a running teleoperation; pause simulated time; print the state",
     ),
     "acquisition": (
         "haptic_teleop_control.nodes.acquisition:main",

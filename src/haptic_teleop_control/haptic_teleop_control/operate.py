@@ -1,5 +1,5 @@
-"""What the operator does to a running teleoperation, as a command: engage, disengage, swap, reset, state; and
-start and stop of the artificial command."""
+"""What the operator does to a running teleoperation, as a command: engage, disengage, swap, reset, state;
+start and stop of the artificial command; pause, resume and step of simulated time."""
 
 from __future__ import annotations
 
@@ -16,13 +16,27 @@ ACTS = {
     "reset": "leave a latched fault, through aligning",
     "start": "begin the signal generator's pattern",
     "stop": "end the pattern: its command goes to zero",
+    "pause": "stop simulated time before its next tick",
+    "resume": "let simulated time go on",
+    "step": "one tick of simulated time, while it is paused",
     "state": "print the state: off, devices_ready, aligning, engaged or fault",
 }
 
 CLIENT = "haptic_teleop_control.nodes.operator_client:call"
 """Loaded when it is needed, because it needs ROS 2."""
 
-GENERATOR = "/signal_generator"
+GENERATOR, COORDINATOR = "/signal_generator", "/time_coordinator"
+OTHERS = {
+    **dict.fromkeys(("start", "stop"), GENERATOR),
+    **dict.fromkeys(("pause", "resume", "step"), COORDINATOR),
+}
+"""What another node than the controller does."""
+
+NOT_THERE = "start a scenario with the same ROS_DOMAIN_ID first."
+NOT_SIMULATED = (
+    "time is not simulated here. Start a scenario with use_sim_time: true and the same ROS_DOMAIN_ID; real "
+    "robots are stopped with disengage."
+)
 
 
 def main(argv: Sequence[str] | None = None) -> int:
@@ -34,7 +48,8 @@ def _main(argv: list[str]) -> int:
     lines = [f"{act:<10} {meaning}" for act, meaning in ACTS.items()]
     parser = argparse.ArgumentParser(
         prog="operate",
-        description="Call a service of the running force controller.",
+        description="Call a service of the running force controller, of the signal generator, or of the "
+        "coordinator of simulated time.",
         epilog="\n".join(lines),
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
@@ -46,10 +61,11 @@ def _main(argv: list[str]) -> int:
         help="its name (default: /force_controller)",
     )
     parser.add_argument(
-        "--wait", type=float, default=10.0, metavar="S", help="for the controller to be found (default: 10 s)"
+        "--wait", type=float, default=10.0, metavar="S", help="for the node to be found (default: 10 s)"
     )
     options = parser.parse_args(argv)
-    node = GENERATOR if options.act in ("start", "stop") else options.controller
-    done, message = load_object(CLIENT, "CLIENT")(node, options.act, options.wait)
+    node = OTHERS.get(options.act, options.controller)
+    remedy = NOT_SIMULATED if node == COORDINATOR else NOT_THERE
+    done, message = load_object(CLIENT, "CLIENT")(node, options.act, options.wait, remedy)
     print(message)
     return 0 if done else 1

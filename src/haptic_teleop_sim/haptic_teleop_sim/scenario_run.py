@@ -133,7 +133,8 @@ def _prepare(
 
 
 def _check(control: Mapping[str, Any], nodes: Mapping[str, Mapping[str, Any]], source: str) -> None:
-    check_agreement(nodes, source)
+    # Without nodes there is no time of theirs on which they could disagree.
+    check_agreement({name: without_node_parameters(values) for name, values in nodes.items()}, source)
     if not control["auto_engage"]:
         raise ConfigurationError(
             f"{source}: force_controller: auto_engage is false, and without nodes nobody can call ~/engage; "

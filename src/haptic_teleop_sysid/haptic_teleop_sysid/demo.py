@@ -44,14 +44,16 @@ def find_scenario(name: str = SCENARIO) -> Path:
     )
 
 
-def run_scenario(scenario: Path, recording: Path, duration: float) -> int:
+def run_scenario(scenario: Path, recording: Path, duration: float, factor: float | None = None) -> int:
     """Run the scenario as a process of its own, its progress on our standard error; return its exit status.
 
+    duration: s of the experiment. factor: the real-time factor, 0 for as fast as it goes; None: the file's.
     A terminal's Ctrl-C reaches it too; it is then given time to stop the nodes and to close the recording.
     """
     command = [
         *(sys.executable, "-P", "-m", "haptic_teleop_control.front_door", "scenario", str(scenario)),
         *("--duration", f"{duration:g}", "--record", str(recording)),
+        *(() if factor is None else ("--real-time-factor", f"{factor:g}")),
     ]
     with subprocess.Popen(command) as process:
         try:
@@ -89,7 +91,7 @@ def run(argv: list[str]) -> int:
     recording = output / "recording"
     print(f"scenario 1 in simulation for {arguments.duration:g} s: {scenario}", file=sys.stderr, flush=True)
     try:
-        status = run_scenario(scenario, recording, arguments.duration)
+        status = run_scenario(scenario, recording, arguments.duration, arguments.real_time_factor)
     except KeyboardInterrupt:
         print(f"stopped; what was recorded lies in {recording}", file=sys.stderr)
         return INTERRUPTED
@@ -125,8 +127,12 @@ def main(argv: list[str] | None = None) -> int:
 def _parser() -> argparse.ArgumentParser:
     parser = argparse.ArgumentParser(prog="haptic-teleop demo", description=__doc__)
     parser.add_argument(
-        "--duration", type=_seconds, default=20.0, metavar="S", help="seconds of real time (default: 20)"
+        "--duration", type=_seconds, default=20.0, metavar="S", help="simulated seconds (default: 20)"
     )
+    parser.add_argument(
+        "--real-time-factor", type=_factor, metavar="F",
+        help="simulated seconds per second, at most; 0: as fast as it goes (default: as in the file)",
+    )  # fmt: skip
     parser.add_argument(
         "--output", default="output/demo", metavar="DIR",
         help="where recording and report go (default: output/demo; numbered when it exists)",
@@ -145,6 +151,16 @@ def _seconds(text: str) -> float:
     if not 1.0 <= seconds <= 3600.0:
         raise argparse.ArgumentTypeError(f"{text!r} is not a number of seconds from 1 to 3600")
     return seconds
+
+
+def _factor(text: str) -> float:
+    try:
+        factor = float(text)
+    except ValueError:
+        factor = -1.0
+    if not 0.0 <= factor <= 1000.0:
+        raise argparse.ArgumentTypeError(f"{text!r} is not a number from 0 to 1000")
+    return factor
 
 
 if __name__ == "__main__":

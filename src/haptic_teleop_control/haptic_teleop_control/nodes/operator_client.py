@@ -1,4 +1,4 @@
-"""One call of a service of the running controller, or a look at its state."""
+"""One call of a service of a running node, or a look at the controller's state."""
 
 from __future__ import annotations
 
@@ -17,9 +17,9 @@ SETTLE = 0.2
 LATCHED = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 
 
-def call(controller: str, act: str, wait: float) -> tuple[bool, str]:
-    """Whether `act` succeeded, and what the controller said. Raises ConfigurationError when the controller is
-    not there within `wait` s."""
+def call(called: str, act: str, wait: float, remedy: str) -> tuple[bool, str]:
+    """Whether `act` succeeded, and what the node `called` said. Raises ConfigurationError, which ends
+    with `remedy`, when it is not there within `wait` s."""
     rclpy.init(args=[])
     node = Node("operate", start_parameter_services=False)
     executor = SingleThreadedExecutor()
@@ -28,14 +28,14 @@ def call(controller: str, act: str, wait: float) -> tuple[bool, str]:
     try:
         if act == "state":
             seen: list[str] = []
-            node.create_subscription(String, f"{controller}/state", lambda m: seen.append(m.data), LATCHED)
+            node.create_subscription(String, f"{called}/state", lambda m: seen.append(m.data), LATCHED)
             while not seen and time.monotonic() < deadline:
                 executor.spin_once(timeout_sec=0.05)
             executor.spin_once(timeout_sec=SETTLE)  # the last of several that are kept for late comers
             if seen:
                 return True, seen[-1]
         else:
-            client = node.create_client(Trigger, f"{controller}/{act}")
+            client = node.create_client(Trigger, f"{called}/{act}")
             if client.wait_for_service(timeout_sec=wait):
                 future = client.call_async(Trigger.Request())
                 executor.spin_until_future_complete(future, timeout_sec=max(1.0, deadline - time.monotonic()))
@@ -46,6 +46,4 @@ def call(controller: str, act: str, wait: float) -> tuple[bool, str]:
         executor.shutdown()
         node.destroy_node()
         rclpy.try_shutdown()
-    raise ConfigurationError(
-        f"{controller} does not answer within {wait:g} s; start a scenario with the same ROS_DOMAIN_ID first."
-    )
+    raise ConfigurationError(f"{called} does not answer within {wait:g} s: {remedy}")

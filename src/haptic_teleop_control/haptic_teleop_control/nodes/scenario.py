@@ -192,7 +192,7 @@ def _watch(
                 watcher.begin()
             progress.show(watcher.line(scenario.duration))
             over = watcher.over(scenario.duration)
-            if watcher.blind and (over or watcher.waited > FIRST_STATE_LIMIT):
+            if watcher.blind and (over or (watcher.waited > FIRST_STATE_LIMIT and not watcher.paused)):
                 silent = f"no state of {scenario.watched} in {watcher.waited:.0f} s"
                 return {SCENARIO.node_name: f"{silent}; put its plant among the nodes"}
             if over:

@@ -16,7 +16,7 @@ from haptic_teleop_control.nodes.base.run import run_node
 from haptic_teleop_control.nodes.timing.exchange import CoordinatorEnd
 from haptic_teleop_control.nodes.timing.time_base import steady_timer
 from haptic_teleop_control.simulated_time.coordinator import Coordinator
-from haptic_teleop_control.simulated_time.messages import HALTED, OVER, Report, Status
+from haptic_teleop_control.simulated_time.messages import HALTED, OVER, WAITING, Report, Status
 from haptic_teleop_control.simulated_time.stamps import ORIGIN, seconds
 
 POLL = 0.005
@@ -26,6 +26,9 @@ CLOCK_PERIOD = 10_000_000
 """ns of simulated time between two messages on /clock."""
 
 HALT = "halted"
+
+SILENT = 1.0
+"""s that it waits for participants before it says so: those of a scenario join within that."""
 
 
 class TimeCoordinator(HapticNode):
@@ -40,6 +43,12 @@ class TimeCoordinator(HapticNode):
         "service    ~/pause                 std_srvs/Trigger: stop before the next tick",
         "service    ~/resume                std_srvs/Trigger: go on",
         "service    ~/step                  std_srvs/Trigger: one tick, while paused",
+    )
+    NOTES = (
+        "`haptic-teleop scenario FILE` starts it where the file says use_sim_time: true. By hand:",
+        "  haptic-teleop sfj_sim --ros-args -p use_sim_time:=true        (and so every node that takes part)",
+        '  haptic-teleop time_coordinator --ros-args -p participants:="[sfj_sim]"',
+        "Time begins when all are there. `haptic-teleop operate pause | step | resume` holds it.",
     )
     FAULTS: ClassVar = {HALT: "simulated time is halted; end the scenario and start it anew"}
     TABLE = TIME_COORDINATOR
@@ -57,6 +66,9 @@ class TimeCoordinator(HapticNode):
             paused=values["paused"],
         )
         self._told = ORIGIN - CLOCK_PERIOD
+        self._over = False
+        self._begun = 0.0  # s of the steady clock
+        self._awaited = ""  # what it has said that it waits for
         self._clock = self.create_publisher(Clock, "/clock", 10)
         self._end = CoordinatorEnd(self, self._hear)
         for act in ("pause", "resume", "step"):
@@ -65,6 +77,7 @@ class TimeCoordinator(HapticNode):
 
     def start(self) -> None:
         self._coordinator.armed = True
+        self._begun = time.monotonic()
 
     def _hear(self, report: Report) -> None:
         self._coordinator.hear(report, time.monotonic())
@@ -73,12 +86,25 @@ class TimeCoordinator(HapticNode):
     def _look(self) -> None:
         self._end.run()
         self._proceed()
+        self._tell_waiting()
+
+    def _tell_waiting(self) -> None:
+        """Whoever starts nodes by hand shall see what is lacking."""
+        status = self._coordinator.status()
+        missing = status.reason if status.state == WAITING else ""
+        if missing == self._awaited or time.monotonic() - self._begun < SILENT:
+            return
+        self._awaited = missing
+        self.get_logger().info(missing or f"all participants are there: time is {status.state}")
 
     def _proceed(self) -> None:
         coordinator = self._coordinator
         for message in coordinator.poll(time.monotonic()):
             if isinstance(message, Status):
                 self._tell_clock()
+                if message.state == OVER and not self._over:
+                    self._over = True
+                    self.announce()  # the figures of the whole run, which a recording is to hold
                 if message.state == HALTED and self.faults.latched is None:
                     self.fault(HALT, message.reason)
             elif message.stamp - self._told >= CLOCK_PERIOD:
@@ -94,10 +120,10 @@ class TimeCoordinator(HapticNode):
     def _service(self, act: str):
         def serve(request: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
             refusal = getattr(self._coordinator, act)()
+            self._proceed()  # first, so that it tells the time to which a step has come
             response.success = refusal is None
             done = f"{act}: done at {seconds(self._coordinator.stamp):.4f} s"
             response.message = f"{act}: refused: {refusal}" if refusal else done
-            self._proceed()
             return response
 
         return serve

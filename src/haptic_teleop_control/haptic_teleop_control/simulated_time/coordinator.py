@@ -89,21 +89,21 @@ class Coordinator:
     def pause(self) -> str | None:
         """Stops time before the next tick; None when done, else why not."""
         if self.state != RUNNING:
-            return f"time is {self.state}"
+            return self._in_words
         self.state = PAUSED
         self.pace.stop()
         return None
 
     def resume(self) -> str | None:
         if self.state != PAUSED:
-            return f"time is {self.state}, not paused"
+            return f"{self._in_words}, not paused"
         self.state = RUNNING
         return None
 
     def step(self) -> str | None:
         """One tick, while paused."""
         if self.state != PAUSED:
-            return f"time is {self.state}; pause it before a step"
+            return f"{self._in_words}; pause it before a step" if self.state == RUNNING else self._in_words
         if self._busy or self._stepping:
             return "the last step is not over yet"
         self._stepping = True
@@ -168,6 +168,11 @@ class Coordinator:
         return self.pace.wait(wall, seconds(following))
 
     # Within.
+
+    @property
+    def _in_words(self) -> str:
+        reason = self.reason or self._missing()
+        return f"time is {self.state}" + (f": {reason}" if reason else "")
 
     @property
     def _busy(self) -> bool:

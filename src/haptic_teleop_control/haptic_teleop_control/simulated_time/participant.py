@@ -51,7 +51,11 @@ class Participant:
         """Takes an announcement of the coordinator."""
         self._heard = self._lived
         if self._session and message.session != self._session:
-            self._fault("a second coordinator of simulated time announces ticks; stop one of the two")
+            self._fault(
+                "simulated time is over, and a coordinator begins it anew; start this node anew, too"
+                if self.state == OVER
+                else "a second coordinator of simulated time announces ticks; stop one of the two"
+            )
             return
         if isinstance(message, Status):
             self._take_status(message)
@@ -75,6 +79,11 @@ class Participant:
                 self._say(Report(self.member.name, "join", member=self.member))
         elif self._lived - self._heard > self._liveness and self.state != OVER:
             self._fault(f"the coordinator of simulated time has been silent for {self._liveness:g} s")
+
+    @property
+    def waited(self) -> float:
+        """s that it has been waiting to take part; 0 when it does."""
+        return 0.0 if self.joined or self._faulty else self._lived
 
     def done(self, stamps: Mapping[str, int] | None = None, silent: bool = False) -> None:
         """What the tick asked is done. stamps: of a linked answerer, way -> newest stamp sent. silent: of a

@@ -9,6 +9,7 @@ from matplotlib.figure import Figure
 
 from haptic_teleop_sysid.report import Page
 from haptic_teleop_sysid.verification import tables
+from haptic_teleop_sysid.verification.clock import LOCKSTEP, Clock
 from haptic_teleop_sysid.verification.energy import EXPLANATION, energy_picture, energy_table
 from haptic_teleop_sysid.verification.overlay_report import Overlays, overlay_table
 from haptic_teleop_sysid.verification.pictures import latency_picture
@@ -38,13 +39,13 @@ def key_figures(run: Run) -> list[KeyFigure]:
                 f"{contact.settled_torque:.3f} N·m", f"contact torque, {name}",
                 f"Td {contact.desired_torque:.3f} N·m, overshoot {contact.overshoot_percent:.1f} %",
             ))  # fmt: skip
-    lost = sum(health["lost"] for health in run.graph["topics"].values())
-    total = lost + sum(health["messages"] for health in run.graph["topics"].values())
-    ways = [health["lost_on_the_way"] for health in run.graph["topics"].values()]
-    losses = f"{lost} of {total} samples missing"
-    if None not in ways:
-        losses += f", {sum(ways)} lost on the way"
-    if run.graph["latency"]:
+    machine = run.machine
+    losses = f"{machine.missing} of {machine.expected} samples missing"
+    if machine.lost_on_the_way is not None:
+        losses += f", {machine.lost_on_the_way} lost on the way"
+    if not machine.clock.of_wall:
+        figures.append(_pace(machine.clock, losses))
+    elif run.graph["latency"]:
         stamp = run.graph["latency"][0]["from_stamp"]
         figures.append(
             (
@@ -56,6 +57,14 @@ def key_figures(run: Run) -> list[KeyFigure]:
     else:
         figures.append(("–", "loop latency", losses))
     return figures
+
+
+def _pace(clock: Clock, losses: str) -> KeyFigure:
+    if clock.kind == LOCKSTEP:
+        return "–", "real-time factor", f"lockstep, without a clock; {losses}"
+    value = "–" if clock.achieved is None else f"{clock.achieved:.2f}"
+    wanted = f"{clock.asked()}; " if clock.asked() else ""
+    return value, "real-time factor", f"simulated time; {wanted}{losses}"
 
 
 TITLES = {1: "Scenario 1: Omni as master, 2DSFJ as slave", 2: "Scenario 2: 2DSFJ as master, Omni as slave"}
@@ -148,6 +157,11 @@ def _graph_section(page: Page, runs: Sequence[Run], labels: Sequence[str]) -> No
         "have had. The recorder counts, by the publishers' own numbers, how many of them were published and "
         "lost on the way to it; the others were never taken, because the computer was late."
     )
+    if not all(run.machine.clock.of_wall for run in runs):
+        text += (
+            " In simulated time and in lockstep nothing is late: rates count simulated seconds, and an "
+            "answer takes none, so that there is no latency to tell."
+        )
     section = page.section("Graph: rates, missing samples, latency", text)
     section.table(*tables.topic_table(runs, labels)).table(*tables.latency_table(runs, labels))
     picture = latency_picture(runs, labels)

@@ -12,6 +12,7 @@ from haptic_teleop_control.recording import Recording
 from haptic_teleop_control.teleoperation.recorded_energy import PortEnergy, port_energies
 from haptic_teleop_sysid.fit import fit_percent
 from haptic_teleop_sysid.recorded_parameters import recorded_text
+from haptic_teleop_sysid.verification.clock import read_clock
 from haptic_teleop_sysid.verification.faults import Fault, find_faults
 from haptic_teleop_sysid.verification.machine import Machine, read_machine
 from haptic_teleop_sysid.verification.merit import StageMerit, stage_merit
@@ -80,7 +81,8 @@ def examine(
     stages = (read_axes if second else read_stages)(recording, name, overrides)
     by_hand = recorded_text(recording.parameters, "command_source", CONTROLLER) == "device"
     merits = {stage: stage_merit(run, by_hand) for stage, run in stages.items()}
-    graph = graph_health(recording)
+    own_time = read_clock(recording)
+    graph = graph_health(recording, own_time)
     topic = OMNI_STATES if second else STATE_TOPIC
     clock = recording.topics[topic] if topic in recording.topics else next(iter(recording.topics.values()))
     begins = [
@@ -91,14 +93,14 @@ def examine(
         stages=stages,
         merits=merits,
         graph=graph,
-        latency=latency_samples(recording),
+        latency=latency_samples(recording, own_time),
         onset=min(begins, default=0.0),
         complete=recording.complete,
         problems=list(recording.problems),
         experiment=dict(recording.experiment),
         scenario=2 if second else 1,
         faults=find_faults(recording, int(clock.stamp[0]), int(clock.stamp[-1])),
-        machine=read_machine(graph, recording.diagnostics),
+        machine=read_machine(graph, recording.diagnostics, own_time),
         energies=port_energies(recording.topics, *(("sfj", "omni") if second else ("omni", "sfj"))),
     )
 

@@ -120,5 +120,7 @@ def agreement_table(agreements: Mapping[str, Mapping[str, Mapping[str, float]]])
     return header, rows, ""
 
 
-def _three(values: Mapping[str, float]) -> str:
+def _three(values: Mapping[str, float] | None) -> str:
+    if values is None:
+        return "–"
     return " / ".join(f"{1e3 * values[key]:.2f}" for key in ("p50", "p99", "max"))

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from haptic_teleop_control.recording.quality import bag_problems
+from haptic_teleop_sysid.verification.clock import Clock
 from haptic_teleop_sysid.verification.signals import COMMAND_TOPIC, MASTER_TOPIC, STATE_TOPIC
 
 if TYPE_CHECKING:
@@ -24,16 +25,17 @@ class Latency:
 
     From a state's sampling time to the arrival of its answer at the recorder (`from_stamp`), and from the
     state's own arrival there to the answer's (`between_arrivals`); each as p50, p99, max. `unanswered` states
-    had no answer, `late_percent` of the answers took more than two periods.
+    had no answer, `late_percent` of the answers took more than two periods. These are None where time is not
+    the wall's: an answer takes none there.
     """
 
     state_topic: str
     command_topic: str
     answered: int
     unanswered: int
-    late_percent: float
-    from_stamp: dict[str, float]
-    between_arrivals: dict[str, float]
+    late_percent: float | None
+    from_stamp: dict[str, float] | None
+    between_arrivals: dict[str, float] | None
 
 
 def topic_health(series: JointStateSeries, topic: str, on_the_way: int | None = None) -> dict[str, Any]:
@@ -84,16 +86,16 @@ def answers(
     return from_stamp, between, int(asked - len(common))
 
 
-def graph_health(recording: Recording) -> dict[str, Any]:
+def graph_health(recording: Recording, clock: Clock) -> dict[str, Any]:
     """Return {"topics": {topic: figures}, "latency": [figures of each pair of state and command topic]} as
-    plain data.
+    plain data. clock: by what time it was made.
     """
     topics = {}
     counted = recording.reception.get("lost_on_the_way", {})
     for name, series in recording.topics.items():
         if len(series) > 2:
             topics[name] = topic_health(series, name, counted.get(name))
-    latency = []
+    latency, timed = [], clock.of_wall
     for state_topic, command_topic in PAIRS_OF_TOPICS:
         states, commands = recording.topics.get(state_topic), recording.topics.get(command_topic)
         if states is None or commands is None or not len(commands):
@@ -109,19 +111,19 @@ def graph_health(recording: Recording) -> dict[str, Any]:
                     command_topic,
                     answered=len(from_stamp),
                     unanswered=unanswered,
-                    late_percent=100.0 * float(np.mean(from_stamp > 2.0 * period)),
-                    from_stamp=_percentiles(from_stamp),
-                    between_arrivals=_percentiles(between),
+                    late_percent=100.0 * float(np.mean(from_stamp > 2.0 * period)) if timed else None,
+                    from_stamp=_percentiles(from_stamp) if timed else None,
+                    between_arrivals=_percentiles(between) if timed else None,
                 )
             )
         )
     return {"topics": topics, "latency": latency}
 
 
-def latency_samples(recording: Recording) -> NDArray[np.float64]:
+def latency_samples(recording: Recording, clock: Clock) -> NDArray[np.float64]:
     """Return the slave's loop latencies from stamp to arrival, (m,) in s; empty when they cannot be known."""
     states, commands = recording.topics.get(STATE_TOPIC), recording.topics.get(COMMAND_TOPIC)
-    if states is None or commands is None or not len(commands):
+    if not clock.of_wall or states is None or commands is None or not len(commands):
         return np.zeros(0)
     return answers(states, commands)[0]
 

@@ -7,7 +7,7 @@ from typing import Any
 
 from haptic_teleop_sysid.report.page import Status
 from haptic_teleop_sysid.verification.contact import HELD_SECONDS, Contact
-from haptic_teleop_sysid.verification.machine import LOST_SHARE
+from haptic_teleop_sysid.verification.machine import LINK, LOST_SHARE
 from haptic_teleop_sysid.verification.merit import FreeMotion, StageMerit
 from haptic_teleop_sysid.verification.oscillation import Oscillation
 from haptic_teleop_sysid.verification.run import Run
@@ -160,10 +160,16 @@ def _graph(run: Run) -> list[tuple[Status, str]]:
     for topic, health in run.graph["topics"].items():
         share = health["lost"] / max(1, health["messages"] + health["lost"])
         status: Status = "good" if share == 0.0 else ("fair" if share <= LOST_SHARE else "bad")
-        found.append((status, f"{topic}: {health['rate']:.1f} Hz achieved, {_missing(health, share)}."))
+        if topic.startswith(LINK) and health["lost"]:
+            status = "plain"
+        rate = "Hz achieved" if run.machine.clock.of_wall else "Hz, by its stamps"
+        found.append((status, f"{topic}: {health['rate']:.1f} {rate}, {_missing(health, share)}."))
     for entry in run.graph["latency"]:
         period = run.graph["topics"].get(entry["state_topic"], {}).get("period")
         stamp = entry["from_stamp"]
+        if stamp is None:
+            found.append(_answered(entry))
+            continue
         status = "good" if entry["late_percent"] <= 1.0 else "fair"
         late = (
             f"{entry['late_percent']:.2f} % later than two periods of {1e3 * period:.3g} ms" if period else ""
@@ -178,3 +184,11 @@ def _graph(run: Run) -> list[tuple[Status, str]]:
             f"{1e3 * stamp['max']:.2f} ms (most) after the state's stamp; {late}{missing}.",
         ))  # fmt: skip
     return found
+
+
+def _answered(entry: Mapping[str, Any]) -> tuple[Status, str]:
+    """Where an answer takes no time."""
+    pair = f"{entry['command_topic']} answers {entry['state_topic']}"
+    if entry["unanswered"]:
+        return "bad", f"{pair}: {entry['unanswered']} states unanswered."
+    return "good", f"{pair}: every state answered."

@@ -47,6 +47,7 @@ class HapticNode(Node):
     NAMESPACE: ClassVar[str] = ""
     SUMMARY: ClassVar[str]
     TOPICS: ClassVar[tuple[str, ...]] = ()
+    NOTES: ClassVar[tuple[str, ...]] = ()  # further lines of --help
     FAULTS: ClassVar[Mapping[str, str]] = {}
     TABLE: ClassVar[ParameterTable]
     MAY_BE_SIMULATED: ClassVar[bool] = True

@@ -19,6 +19,8 @@ def node_help(node_class: type[HapticNode]) -> str:
         f"node {namespace}/{node_class.NAME}",
         *(f"  {topic}" for topic in node_class.TOPICS),
         "",
+        *node_class.NOTES,
+        *([""] if node_class.NOTES else []),
         "parameters",
     ]
     for entry in node_class.TABLE:

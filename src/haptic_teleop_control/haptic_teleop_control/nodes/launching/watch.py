@@ -24,7 +24,7 @@ from sensor_msgs.msg import JointState
 from std_msgs.msg import String
 
 from haptic_teleop_control.robots import OMNI_JOINTS, SFJ_JOINTS, STAGES
-from haptic_teleop_control.simulated_time.messages import HALTED, OVER, STATUS_TOPIC, Status, decode
+from haptic_teleop_control.simulated_time.messages import HALTED, OVER, PAUSED, STATUS_TOPIC, Status, decode
 from haptic_teleop_control.simulated_time.stamps import seconds
 
 NEWEST_ONLY = QoSProfile(depth=1, reliability=ReliabilityPolicy.BEST_EFFORT)
@@ -100,6 +100,11 @@ class Watcher:
         there = () if self.time is None else self.time.members
         return self._state is None and not any(name.startswith(self._namespace) for name in there)
 
+    @property
+    def paused(self) -> bool:
+        """Whether somebody has stopped simulated time for a while."""
+        return self.time is not None and self.time.state == PAUSED
+
     def look(self, seconds: float) -> None:
         """Waits, then takes what is there."""
         time.sleep(seconds)
@@ -111,7 +116,7 @@ class Watcher:
         total = f" / {duration:.0f}" if duration > 0.0 else ""
         parts = [f"{self.elapsed:5.1f}{total} s"]
         if self._state is None:
-            waiting = self.time.reason if self.time is not None else ""
+            waiting = "paused" if self.paused else (self.time.reason if self.time is not None else "")
             return f"{parts[0]}   {waiting or f'waiting for {self._topic}'}"
         if self._joints == OMNI_JOINTS:
             values = zip(OMNI_JOINTS, self._state.position, self._state.effort, strict=True)
@@ -121,6 +126,8 @@ class Watcher:
             arm = SFJ_JOINTS.index(f"{stage}_arm")
             angle, torque = self._state.position[arm], self._state.effort[arm]
             parts.append(f"stage {index + 1}: {angle:+.3f} rad {torque:+.3f} N·m")
+        if self.paused:
+            parts.append("paused")
         if self._in_fault:
             parts.append(f"FAULT in {', '.join(self._in_fault)}")
         return "   ".join(parts)
