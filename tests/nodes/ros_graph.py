@@ -40,7 +40,7 @@ class HeldTime(WallTime):
 
     def sleep_until(self, moment: int) -> None:
         with self._changed:
-            while self._moment < moment and not self._released:
+            while self._moment < moment:
                 self.wait(self._changed, moment)
 
     def wait(self, changed: threading.Condition, moment: int | None) -> None:
@@ -49,17 +49,19 @@ class HeldTime(WallTime):
         self._asleep[thread] = (changed, moment)
         try:
             # After the entry: `advance` moves time first and then wakes whom it finds there.
-            if not self._released and (moment is None or self._moment < moment):
+            if moment is None or (self._moment < moment and not self._released):
                 changed.wait()
         finally:
             del self._asleep[thread]
+        if self._released and moment is not None:
+            self._moment = max(self._moment, moment)
 
     @property
     def settled(self) -> bool:
         """Whether all who sleep by this time do so now."""
         asleep = dict(self._asleep)
         due = any(moment is not None and moment <= self._moment for _, moment in asleep.values())
-        return not due and all(thread in asleep for thread in self._sleepers if thread.is_alive())
+        return not due and all(thread in asleep for thread in list(self._sleepers) if thread.is_alive())
 
     @property
     def next_waking(self) -> int | None:
@@ -75,7 +77,7 @@ class HeldTime(WallTime):
         self._wake()
 
     def release(self) -> None:
-        """Nobody sleeps any more: their node ends."""
+        """Nobody holds it any more: whoever sleeps wakes, and it is then. For nodes that end."""
         self._released = True
         self._wake()
 
@@ -237,3 +239,47 @@ class Sink:
 
     def connected(self) -> bool:
         return self.subscription.get_publisher_count() > 0
+
+
+class Commanded:
+    """A plant or driver that samples its robot as time goes by, which the test moves, and whose states the
+    test answers."""
+
+    def __init__(
+        self, graph: Graph, node: type[HapticNode], motors: Sequence[str], **parameters: object
+    ) -> None:
+        self.graph = graph
+        self.node = graph.start(node, **parameters)
+        self.states = Sink(graph, self.node.states.topic)
+        self.command = Source(graph, self.node.commands.topic, motors)
+        graph.until(lambda: self.command.connected() and self.states.connected(), what="discovery")
+        self.state()
+
+    def state(self) -> None:
+        """Time goes by until the next state, which arrives."""
+        sent = self.node.states.sent
+        self.graph.run_until(lambda: self.node.states.sent > sent, what="a state")
+        self.hear()
+
+    def hear(self) -> None:
+        """The state published last has arrived."""
+        stamp = stamp_of(self.node.states._message)
+        self.graph.until(lambda: self.states.messages and self.states.stamps[-1] == stamp)
+
+    def send(self, **fields: object) -> None:
+        """A command, which arrives: it is taken, dropped, or a fault. Unless told otherwise it answers the
+        last state."""
+        before = self._outcomes
+        self.command.send(**{"stamp": stamp_of(self.states.last), **fields})
+        self.graph.until(lambda: self._outcomes > before, what="the command arrives")
+
+    def answer(self, seconds: float, effort: Sequence[float]) -> None:
+        """Answers every state for so long, as a controller would."""
+        end = self.graph.wall.now() + round(seconds * 1e9)
+        while self.graph.wall.now() < end:
+            self.state()
+            self.send(effort=effort)
+
+    @property
+    def _outcomes(self) -> int:
+        return self.node.commands.count + self.node.dropped + self.node.faults.total

@@ -95,9 +95,9 @@ def test_our_own_publishers_are_no_strangers_not_even_before_their_names_are_kno
     assert strangers(graph.probe, ours) == {"/a": ["another /probe"]}
 
 
-@pytest.mark.parametrize("attempt", range(3))
-def test_the_first_message_after_a_common_start_is_recorded_and_none_before(graph, tmp_path, attempt):
-    """Repeated, because discovery takes another course every time."""
+@pytest.mark.parametrize("course", range(3))
+def test_the_first_message_after_a_common_start_is_recorded_and_none_before(graph, tmp_path, course):
+    """Several times, because discovery takes another course every time; each has to do."""
     publisher = graph.probe.create_publisher(JointState, "/sfj/joint_states", STREAM_QOS)
     options = {"output": tmp_path / "bag", "topics": "[/sfj/joint_states]"}
     given = [part for key, value in options.items() for part in ("-p", f"{key}:={value}")]
@@ -115,7 +115,7 @@ def test_the_first_message_after_a_common_start_is_recorded_and_none_before(grap
         graph.until(start, 30.0)
         for number in range(5):
             publisher.publish(JointState(name=["joint"], position=[float(number)]))
-        graph.run(0.2)
+        graph.listen(0.2)
     finally:
         status = recorder.stop()
     assert (status, starter.missing) == (0, [])
@@ -168,7 +168,7 @@ def test_a_node_that_answers_only_after_seconds_is_asked_again_until_its_paramet
     try:
         for _ in range(PATIENCE + 5):  # one poll each 0.1 s in the recorder: more than three seconds
             collector.poll()
-            graph.run(0.02)
+            graph.listen(0.02)
         assert "/busy" not in collector.parameters
         graph.executor.add_node(busy)
         graph.until(lambda: collector.poll() or "/busy" in collector.parameters, 20.0)

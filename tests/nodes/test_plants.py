@@ -5,7 +5,7 @@ import time
 from itertools import pairwise
 
 import pytest
-from ros_graph import Graph, Sink, Source, stamp_of
+from ros_graph import Commanded, Graph, Sink, stamp_of
 
 from haptic_teleop_control.nodes.timing.time_base import WallTime
 from haptic_teleop_control.robots import OMNI_JOINTS, SFJ_JOINTS, SFJ_MOTOR_JOINTS
@@ -15,47 +15,18 @@ from haptic_teleop_sim.nodes.sfj_sim import SfjSim
 PUSH = [2.0, 0.4]
 
 
-class Setting:
-    """The simulated 2DSFJ with a test that answers its states; time goes by as the test says."""
+class Setting(Commanded):
+    """The simulated 2DSFJ with a test that answers its states."""
 
     def __init__(self, graph: Graph, **parameters: object) -> None:
-        self.graph = graph
-        self.plant = graph.start(SfjSim, **parameters)
-        self.states = Sink(graph, "/sfj/joint_states")
-        self.command = Source(graph, "/sfj/effort_command", SFJ_MOTOR_JOINTS)
-        graph.until(lambda: self.command.connected() and self.states.connected(), what="discovery")
-        self.state()
+        super().__init__(graph, SfjSim, SFJ_MOTOR_JOINTS, **parameters)
 
-    def state(self) -> None:
-        """Time goes by until the next state, which arrives."""
-        sent = self.plant.states.sent
-        self.graph.run_until(lambda: self.plant.states.sent > sent, what="a state")
-        self.graph.until(lambda: self.states.messages and self.states.stamps[-1] == self.plant_stamp)
-
-    @property
-    def plant_stamp(self) -> int:
-        return stamp_of(self.plant.states._message)
-
-    def push(self, samples: int = 20, effort=PUSH) -> None:
-        """Answers every state, as a controller would."""
-        for _ in range(samples):
-            self.state()
-            self.send(effort=effort)
-
-    def send(self, **fields: object) -> None:
-        """A command, which arrives: it is taken, dropped, or a fault."""
-        before = self.outcomes
-        self.command.send(**{"stamp": stamp_of(self.states.last), "effort": PUSH, **fields})
-        self.graph.until(lambda: self.outcomes > before, what="the command arrives")
-
-    @property
-    def outcomes(self) -> int:
-        plant = self.plant
-        return plant.commands.count + plant.dropped + plant.faults.total
+    def push(self, seconds: float = 0.04) -> None:
+        self.answer(seconds, PUSH)
 
     def flows(self) -> bool:
         """Whether a current flows in the plant itself, apart from what is measured of it."""
-        return bool(self.plant.robot.flow.any())
+        return bool(self.node.robot.flow.any())
 
 
 def test_states_name_the_joints_and_their_stamps_are_those_of_the_deadlines(graph):
@@ -88,14 +59,14 @@ def test_before_the_first_command_nothing_flows_and_there_is_no_fault(graph):
     setting = Setting(graph)
     graph.run(0.3)
     assert not setting.flows()
-    assert setting.plant.faults.latched is None
+    assert setting.node.faults.latched is None
 
 
 def test_a_positive_command_turns_the_joints_counter_clockwise(graph):
     setting = Setting(graph)
-    setting.push(250)
+    setting.push(0.5)
     assert setting.flows()
-    assert setting.plant.faults.latched is None
+    assert setting.node.faults.latched is None
     assert min(setting.states.last.position) > 0.0
 
 
@@ -105,7 +76,7 @@ def test_a_command_that_is_not_finite_stops_the_current_until_reset(graph, value
     setting.push()
     assert setting.flows()
     setting.send(effort=[value, 0.0])
-    assert setting.plant.faults.latched == "non_finite_command"
+    assert setting.node.faults.latched == "non_finite_command"
     setting.push()
     assert not setting.flows(), "good commands after the fault must not drive it"
     assert graph.call("/sfj/sfj_sim/reset").success
@@ -118,8 +89,8 @@ def test_a_controller_that_falls_silent_stops_the_current_within_the_timeout(gra
     setting.push()
     assert setting.flows()
     silent = graph.wall.now()
-    graph.run_until(lambda: setting.plant.faults.latched)
-    assert setting.plant.faults.latched == "stale_command"
+    graph.run_until(lambda: setting.node.faults.latched)
+    assert setting.node.faults.latched == "stale_command"
     setting.state()
     assert not setting.flows()
     assert graph.wall.now() - silent <= 0.1e9 + 2 * 2e6, "ns: the timeout and two samples"
@@ -130,48 +101,48 @@ def test_a_stall_is_simulated_afterwards_with_no_current_and_is_a_fault(graph):
     counts."""
     setting = Setting(graph)
     setting.push()
-    cycles = setting.plant.thread.cycles
+    cycles = setting.node.thread.cycles
     graph.until(lambda: graph.wall.settled)
     graph.wall.advance(0.3)
-    graph.until(lambda: setting.plant.thread.cycles > cycles)
-    assert setting.plant.faults.latched == "stale_command"
-    assert setting.plant.thread.overruns == 149
+    graph.until(lambda: setting.node.thread.cycles > cycles)
+    assert setting.node.faults.latched == "stale_command"
+    assert setting.node.thread.overruns == 149
     assert not setting.flows()
-    assert setting.plant.lost_steps == 0
+    assert setting.node.lost_steps == 0
 
 
 @pytest.mark.parametrize("age", [0.3, -0.3, None])
 def test_a_command_that_answers_no_recent_state_is_stale(graph, age):
     setting = Setting(graph)
     setting.push()
-    setting.send(stamp=0 if age is None else graph.wall.stamp() - int(age * 1e9))
-    assert setting.plant.faults.latched == "stale_command"
+    setting.send(effort=PUSH, stamp=0 if age is None else graph.wall.stamp() - int(age * 1e9))
+    assert setting.node.faults.latched == "stale_command"
     setting.state()
     assert not setting.flows()
 
 
 def test_late_answers_while_the_graph_comes_up_drive_nothing_and_are_a_fault_only_if_they_go_on(graph):
     setting = Setting(graph)
-    setting.send(stamp=1)
-    assert setting.plant.dropped == 1
-    assert setting.plant.faults.latched is None
+    setting.send(effort=PUSH, stamp=1)
+    assert setting.node.dropped == 1
+    assert setting.node.faults.latched is None
     assert not setting.flows()
     graph.run(0.19)
-    setting.send(stamp=1)
-    assert setting.plant.faults.latched is None
+    setting.send(effort=PUSH, stamp=1)
+    assert setting.node.faults.latched is None
     graph.run(0.02)
-    setting.send(stamp=1)
-    assert setting.plant.faults.latched == "stale_command"
+    setting.send(effort=PUSH, stamp=1)
+    assert setting.node.faults.latched == "stale_command"
 
 
 def test_a_command_overtaken_by_a_newer_one_is_dropped(graph):
     setting = Setting(graph)
     stamp = stamp_of(setting.states.last)
-    setting.send(stamp=stamp)
+    setting.send(effort=PUSH, stamp=stamp)
     setting.send(stamp=stamp - 2_000_000, effort=[-2.0, -0.4])
-    assert setting.plant.dropped == 1
-    assert list(setting.plant.commands.value["effort"]) == PUSH
-    assert setting.plant.faults.latched is None
+    assert setting.node.dropped == 1
+    assert list(setting.node.commands.value["effort"]) == PUSH
+    assert setting.node.faults.latched is None
 
 
 @pytest.mark.parametrize(
@@ -179,23 +150,15 @@ def test_a_command_overtaken_by_a_newer_one_is_dropped(graph):
 )
 def test_wrong_joints_are_refused_by_name(graph, wrong):
     setting = Setting(graph)
-    setting.send(**wrong)
-    assert setting.plant.faults.latched == "malformed_command"
-    assert "/sfj/effort_command" in setting.plant.faults.sentence
+    setting.send(**{"effort": PUSH, **wrong})
+    assert setting.node.faults.latched == "malformed_command"
+    assert "/sfj/effort_command" in setting.node.faults.sentence
 
 
 def test_the_omni_moves_where_it_is_pushed(graph):
-    plant = graph.start(OmniSim, rate=500.0)
-    states = Sink(graph, "/omni/joint_states")
-    command = Source(graph, "/omni/effort_command", OMNI_JOINTS)
-    graph.until(lambda: command.connected() and states.connected())
-    before = graph.run_until(lambda: states.messages)[0].position[2]
-    for _ in range(150):
-        graph.run(0.002)
-        graph.until(lambda: states.stamps[-1] == stamp_of(plant.states._message))
-        count = plant.commands.count
-        command.send(stamp=stamp_of(states.last), effort=[0.0, 0.0, 0.1])
-        graph.until(lambda count=count: plant.commands.count > count)
-    assert plant.faults.latched is None
-    assert states.last.position[2] > before + 0.05
-    assert tuple(states.last.name) == OMNI_JOINTS
+    setting = Commanded(graph, OmniSim, OMNI_JOINTS, rate=500.0)
+    before = setting.states.last.position[2]
+    setting.answer(0.3, [0.0, 0.0, 0.1])
+    assert setting.node.faults.latched is None
+    assert setting.states.last.position[2] > before + 0.05
+    assert tuple(setting.states.last.name) == OMNI_JOINTS

@@ -42,8 +42,8 @@ LOG_INTERVAL = 1_000_000_000
 class HapticNode(Node):
     """An rclpy node with parameters (`self.values`), faults (`self.faults`), rates and an orderly end.
 
-    time: that of the experiment, the wall's or simulated. wall: that of the wall, for what serves the operator
-    in both; given by a test that holds it.
+    time: that of the experiment, the wall's or simulated. wall: that of the wall, for what serves the
+    operator in both; given by a test that holds it.
     """
 
     NAME: ClassVar[str]
