@@ -269,8 +269,12 @@ class Commanded:
     def send(self, **fields: object) -> None:
         """A command, which arrives: it is taken, dropped, or a fault. Unless told otherwise it answers the
         last state."""
+        self.send_by(self.command, **fields)
+
+    def send_by(self, sender: Source, **fields: object) -> None:
+        """The same from another sender, which may also be refused."""
         before = self._outcomes
-        self.command.send(**{"stamp": stamp_of(self.states.last), **fields})
+        sender.send(**{"stamp": stamp_of(self.states.last), **fields})
         self.graph.until(lambda: self._outcomes > before, what="the command arrives")
 
     def answer(self, seconds: float, effort: Sequence[float]) -> None:
@@ -282,4 +286,5 @@ class Commanded:
 
     @property
     def _outcomes(self) -> int:
-        return self.node.commands.count + self.node.dropped + self.node.faults.total
+        node = self.node
+        return node.commands.count + node.commands.refused + node.dropped + node.faults.total

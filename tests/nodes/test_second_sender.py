@@ -4,7 +4,7 @@ from collections.abc import Callable
 
 import pytest
 from rclpy.node import Node
-from ros_graph import Commanded, Graph, Sink, Source, stamp_of
+from ros_graph import Commanded, Graph, Sink, Source
 from sensor_msgs.msg import JointState
 
 from haptic_teleop_2dsfj.nodes.sfj_driver import SfjDriverNode
@@ -78,8 +78,7 @@ class Driven(Commanded):
         """Every sender answers the next state, in this order."""
         self.state()
         for sender in senders:
-            sender.send(stamp=stamp_of(self.states.last), effort=self.push)
-            self.graph.listen(0.002)
+            self.send_by(sender, effort=self.push)
 
     def until_in_force(self, sender: Source, what: str = "a command in force") -> None:
         self.graph.until(lambda: self.answered_by(sender) or self.in_force(), what=what)
@@ -122,7 +121,7 @@ def test_a_late_second_sender_of_commands_latches_a_fault_with_both_names_and_ne
 
     def both() -> object:
         setting.answered_by(setting.command)
-        intruder.send(stamp=stamp_of(setting.states.last), effort=wrong)
+        setting.send_by(intruder, effort=wrong)
         return setting.node.faults.latched
 
     graph.until(both, what="the fault")
