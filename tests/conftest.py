@@ -11,6 +11,9 @@ from pathlib import Path
 import hypothesis
 import pytest
 
+sys.path.insert(0, str(Path(__file__).parent))  # pytest's importlib mode leaves helpers beside tests unfound
+from stalls import Stalls
+
 # As the front door does: on busy cores, threads that wait for each other take for ever over small products.
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
@@ -47,9 +50,9 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
 
 
 def _alone(item: pytest.Item) -> bool:
-    """Whether the test starts nodes that keep time by the clock: other work on the cores would delay them."""
-    in_graph = any(item.get_closest_marker(kind) for kind in ("nodes", "end_to_end"))
-    return in_graph and item.get_closest_marker("no_graph") is None
+    """Whether the test is about nodes that go by the machine's clock: other work on the cores would delay
+    them."""
+    return item.get_closest_marker("wall_time") is not None
 
 
 @pytest.hookimpl(wrapper=True, tryfirst=True)
@@ -97,10 +100,18 @@ def ros_domain() -> Iterator[int]:
     pytest.fail(f"all {len(DOMAINS)} domains are in use")
 
 
+@pytest.fixture
+def stalls(tmp_path: Path) -> Iterator[Stalls]:
+    """How long the machine stands still during the test."""
+    with Stalls(tmp_path) as stalls:
+        yield stalls
+
+
 @pytest.fixture(autouse=True)
 def ros_isolation(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> None:
     """Tests with nodes see their own graph and nobody else's, and find the environment's ROS 2."""
-    if not any(request.node.get_closest_marker(kind) for kind in ("nodes", "end_to_end")):
+    marked = request.node.get_closest_marker
+    if marked("no_graph") or not (marked("nodes") or marked("end_to_end")):
         return
     monkeypatch.setenv("ROS_DOMAIN_ID", str(request.getfixturevalue("ros_domain")))
     monkeypatch.setenv("ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST")

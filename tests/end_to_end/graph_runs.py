@@ -7,11 +7,23 @@ import signal
 import subprocess
 import sys
 import time
+from collections.abc import Callable
 from pathlib import Path
+from types import TracebackType
+from typing import Self
 
 import numpy as np
+import rclpy
+from diagnostic_msgs.msg import DiagnosticArray
+from rclpy.context import Context
+from rclpy.executors import SingleThreadedExecutor
+from rclpy.node import Node
+from std_msgs.msg import String
+from std_srvs.srv import Trigger
 
 from haptic_teleop_control.recording import read_recording
+from haptic_teleop_control.simulated_time.messages import STATUS_TOPIC, Status, decode
+from haptic_teleop_control.simulated_time.stamps import seconds
 
 FIELDS = ("position", "velocity", "effort")
 CONFIG = Path(__file__).parents[2] / "config"
@@ -84,3 +96,53 @@ def differences(bag: Path, expected: dict) -> list[str]:
             if other is not None and other.size and not np.array_equal(one, other):
                 found.append(f"{name}: {field} differs by {np.max(np.abs(one - other)):.3g}")
     return found
+
+
+class Supervisor:
+    """Looks at a running scenario in simulated time and calls its services; a context manager.
+
+    time: s, as its coordinator said last. states: node -> what it does, by its diagnostics.
+    """
+
+    def __enter__(self) -> Self:
+        self.time, self.states = 0.0, {}
+        self._context = Context()
+        rclpy.init(context=self._context)
+        self._node = Node("supervisor", context=self._context)
+        self._executor = SingleThreadedExecutor(context=self._context)
+        self._executor.add_node(self._node)
+        self._node.create_subscription(String, STATUS_TOPIC, self._take_status, 10)
+        self._node.create_subscription(DiagnosticArray, "/diagnostics", self._take_state, 50)
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self._executor.shutdown()
+        self._node.destroy_node()
+        self._context.try_shutdown()
+
+    def until(self, condition: Callable[[], object], deadline: float = 120.0) -> None:
+        end = time.monotonic() + deadline
+        while not condition():
+            assert time.monotonic() < end, f"not in {deadline} s; at {self.time} s, {self.states}"
+            self._executor.spin_once(timeout_sec=0.05)
+
+    def call(self, service: str) -> str:
+        """Calls it, which succeeds; what it says."""
+        client = self._node.create_client(Trigger, service)
+        self.until(client.service_is_ready)
+        answer = client.call_async(Trigger.Request())
+        self.until(answer.done)
+        assert answer.result().success, answer.result().message
+        return answer.result().message
+
+    def _take_status(self, message: String) -> None:
+        status = decode(message.data)
+        if isinstance(status, Status):
+            self.time = seconds(status.stamp)
+
+    def _take_state(self, message: DiagnosticArray) -> None:
+        for status in message.status:
+            values = {entry.key: entry.value for entry in status.values}
+            self.states[status.name] = values.get("state", "")

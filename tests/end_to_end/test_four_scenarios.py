@@ -4,7 +4,6 @@ import shutil
 import signal
 import subprocess
 import sys
-import time
 from pathlib import Path
 
 import numpy as np
@@ -12,6 +11,9 @@ import pytest
 
 from haptic_teleop_control.recording import read_recording
 from haptic_teleop_sim.lockstep import load_scenario, simulate_scenario
+
+sys.path.insert(0, str(Path(__file__).parent))
+from graph_runs import Supervisor, scenario_command
 
 FRONT_DOOR = [sys.executable, "-m", "haptic_teleop_control.front_door"]
 ARMS, AXES = [1, 3], [1, 2]
@@ -57,47 +59,40 @@ def test_over_the_link_of_the_shipped_file_it_presses_and_stays_passive(reposito
     assert not result.counts
 
 
-def operate(act: str) -> subprocess.CompletedProcess:
+def operate(act: str) -> None:
     command = [*FRONT_DOOR, "operate", act, "--wait", "60"]
-    return subprocess.run(command, capture_output=True, text=True, timeout=90)
-
-
-def through_the_drivers(folder: Path, number: int, attempt: int) -> tuple[Path, str]:
-    """One run on emulated devices, engaged and begun as an operator would; recording, and what was said."""
-    bag = folder / f"bag{attempt}"
-    command = [*FRONT_DOOR, "scenario", str(folder / f"scenario{number}_real.yaml"), "--record", str(bag)]
-    process = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
-    try:
-        engaged = operate("engage")
-        deadline = time.monotonic() + 30.0
-        while engaged.returncode != 0 and time.monotonic() < deadline:  # before its calibration, not aligned
-            time.sleep(0.3)
-            engaged = operate("engage")
-        assert engaged.returncode == 0, engaged.stdout + engaged.stderr
-        assert operate("start").returncode == 0
-        time.sleep(4.0)
-        assert operate("disengage").returncode in (0, 1)
-    finally:
-        process.send_signal(signal.SIGINT)
-        _, errors = process.communicate(timeout=60)
-    return bag, errors
+    done = subprocess.run(command, capture_output=True, text=True, timeout=90)
+    assert done.returncode == 0, done.stdout + done.stderr
 
 
 @pytest.mark.timeout(300)
 @pytest.mark.parametrize("number", [1, 2])
 def test_through_the_drivers_it_waits_for_the_operator_then_moves_and_presses(tmp_path, repository, number):
-    """A machine that stands still for longer than a command may be old ends in a fault, as it must; the run
-    is then repeated."""
+    """On emulated devices in simulated time, which the operator pauses to act: it moves by what was told and
+    not by how fast this machine is."""
     for file in (repository / "config").glob("scenario*.yaml"):
         text = file.read_text(encoding="utf-8")
-        patient = text.replace("timeout: 0.05", "timeout: 0.2").replace("watchdog: 0.05", "watchdog: 0.2")
-        (tmp_path / file.name).write_text(patient, encoding="utf-8")
+        simulated = text.replace("    device: emulated ", "    use_sim_time: true\n    device: emulated ")
+        (tmp_path / file.name).write_text(simulated, encoding="utf-8")
     shutil.copytree(repository / "config" / "models", tmp_path / "models")
-    for attempt in range(3):
-        bag, errors = through_the_drivers(tmp_path, number, attempt)
-        if "fault in" not in errors:
-            break
-    assert "fault in" not in errors, errors
+    bag = tmp_path / "bag"
+    command = scenario_command(tmp_path / f"scenario{number}_real.yaml", bag, "--real-time-factor", "0")
+    process = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
+    try:
+        with Supervisor() as supervisor:
+            supervisor.until(lambda: supervisor.states.get("/force_controller") == "devices_ready: aligned")
+            supervisor.call("/time_coordinator/pause")
+            before = supervisor.time
+            for act in ("engage", "start"):
+                operate(act)
+            assert supervisor.time == before, "time stood still meanwhile"
+            supervisor.call("/time_coordinator/resume")
+            supervisor.until(lambda: supervisor.time > before + 4.0)
+            operate("disengage")
+    finally:
+        process.send_signal(signal.SIGINT)
+        _, errors = process.communicate(timeout=60)
+    assert process.returncode == 0, errors
     recording = read_recording(bag)
     topic, joints, surface, _, deep, _ = EXPECTED[number]
     states = recording.topics[topic]

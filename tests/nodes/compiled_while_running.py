@@ -52,13 +52,13 @@ def run(name: str) -> None:
     node = graph.start(Watched, **PARAMETERS.get(name, {}))
     taken = [sources[end.topic_name] for end in node.subscriptions if end.topic_name in sources]
     graph.until(lambda: all(source.connected() for source in taken))
-    for k in range(60):
+    for k in range(60):  # at 500 Hz
         for topic, source in sources.items():
             values = np.full(len(source.names), 1e-3 * k)
             fields = {"/reference": ("position",), "command": ("effort",), "states": FIELDS}
             chosen = next(names for end, names in fields.items() if topic.endswith(end))
             source.send(**dict.fromkeys(chosen, values))
-        graph.run(0.005)
+        graph.run(0.002)
     print(json.dumps([name, before, compiled()]), flush=True)
     graph.close()
 

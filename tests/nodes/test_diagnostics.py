@@ -36,7 +36,7 @@ class Heard:
 
         graph.probe.create_subscription(DiagnosticArray, "/diagnostics", take, 10)
         graph.until(lambda: node._diagnostics.get_subscription_count() > 0, what="discovery")
-        graph.run(0.1)
+        graph.listen()
         self.statuses.clear()
 
     @property
@@ -52,7 +52,7 @@ def in_a_thread(work) -> None:
 
 
 def test_a_fault_of_a_robot_s_own_thread_reaches_the_controller_without_the_timer_and_its_reset_too(graph):
-    plant = graph.start(SfjSim, timeout=0.2)
+    plant = graph.start(SfjSim)
     controller = graph.start(ForceController, auto_engage=False)
     heard = Heard(graph, plant)
     in_a_thread(lambda: plant.fault("stale_command", "from its thread"))
@@ -74,7 +74,7 @@ def test_a_fault_that_repeats_is_announced_once(graph):
 
     in_a_thread(repeat)
     graph.until(lambda: heard.statuses)
-    graph.run(0.2)
+    graph.listen(0.2)
     assert heard.levels == [DiagnosticStatus.ERROR]
     assert plant.faults.counts["stale_command"] == 200
 
@@ -138,7 +138,7 @@ def report(heard: Heard) -> DiagnosticStatus:
 @pytest.fixture
 def quiet(graph) -> Heard:
     """A signal generator that does not run, so that nothing but the test changes what it counts."""
-    node = graph._add(SignalGeneratorNode(context=graph.context))
+    node = graph.make(SignalGeneratorNode)
     heard = Heard(graph, node)
     report(heard)
     return heard

@@ -15,8 +15,8 @@ from haptic_teleop_omni.layout import load_layout
 
 FRONT_DOOR = (sys.executable, "-m", "haptic_teleop_control.front_door")
 ROBOTS = {
-    "sfj": (SFJ_MOTOR_JOINTS, [2.0, 0.4], ("board.watchdog:=0.2",)),
-    "omni": (OMNI_JOINTS, [0.0, 0.0, 0.1], ("silence:=0.2", "calibration.method:=start")),
+    "sfj": (SFJ_MOTOR_JOINTS, [2.0, 0.4], ()),
+    "omni": (OMNI_JOINTS, [0.0, 0.0, 0.1], ("calibration.method:=start",)),
 }
 REPORT = load_layout("emulator").output
 
@@ -36,23 +36,29 @@ def heed_signals() -> None:
         signal.signal(number, signal.SIG_DFL)
 
 
+@pytest.mark.wall_time
 @pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGHUP, signal.SIGQUIT])
 @pytest.mark.parametrize("robot", ROBOTS)
-def test_a_signal_ends_a_driver_with_zero_and_off_as_its_last_packet(graph: Graph, robot, number, tmp_path):
+def test_a_signal_ends_a_driver_with_zero_and_off_as_its_last_packet(
+    graph: Graph, robot, number, tmp_path, stalls
+):
     motors, effort, stated = ROBOTS[robot]
     file = tmp_path / "session.mcap"
     states = Sink(graph, f"/{robot}/joint_states")
     command = Source(graph, f"/{robot}/effort_command", motors)
-    rules = ("device:=emulated", "timeout:=0.2", f"capture:={file}", *stated)
+    rules = ("device:=emulated", f"capture:={file}", *stated)
     process = subprocess.Popen(
         [*FRONT_DOOR, f"{robot}_driver", "--ros-args", *(part for rule in rules for part in ("-p", rule))],
         preexec_fn=heed_signals,
     )
     try:
         graph.until(lambda: command.connected() and states.messages, what="discovery")
-        for _ in range(60):
+        answered = 0
+        while answered < 60:
+            seen = len(states.messages)
+            graph.until(lambda seen=seen: len(states.messages) > seen)
             command.send(stamp=stamp_of(states.last), effort=effort)
-            graph.run(0.004)
+            answered += 1
         process.send_signal(number)
         assert process.wait(20) == 0
     finally:
@@ -62,4 +68,5 @@ def test_a_signal_ends_a_driver_with_zero_and_off_as_its_last_packet(graph: Grap
     written = [packet.data for packet in capture.packets if packet.channel == WRITE]
     assert capture.complete
     assert is_off(robot, written[-1])
-    assert not all(is_off(robot, packet) for packet in written), "it had been driven"
+    driven = not all(is_off(robot, packet) for packet in written)
+    assert driven or stalls.excuse(0.05)

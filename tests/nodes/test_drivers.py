@@ -11,13 +11,11 @@ import time
 import numpy as np
 import pytest
 from diagnostic_msgs.msg import DiagnosticArray
-from ros_graph import Graph, Sink, Source, stamp_of
+from ros_graph import Commanded, Graph, HeldTime, Sink, Source, stamp_of
 
 from haptic_teleop_2dsfj.build import replay_capture as replay_sfj
 from haptic_teleop_2dsfj.nodes.sfj_driver import SfjDriverNode
 from haptic_teleop_2dsfj.replay_session import main as sfj_replay
-from haptic_teleop_control.clocks import VirtualClock
-from haptic_teleop_control.device_watch import DeviceWatch
 from haptic_teleop_control.errors import RecordingError
 from haptic_teleop_control.raw_capture import read_capture
 from haptic_teleop_control.recording import read_recording
@@ -26,45 +24,28 @@ from haptic_teleop_omni.build import replay_capture as replay_omni
 from haptic_teleop_omni.nodes.omni_driver import OmniDriverNode
 
 FRONT_DOOR = (sys.executable, "-m", "haptic_teleop_control.front_door")
-# A machine that runs other tests at the same time may pause any program for longer than 20 ms.
-PATIENT = {"device": "emulated", "timeout": 0.2}
-SFJ = {**PATIENT, "board__watchdog": 0.2}
-OMNI = {**PATIENT, "silence": 0.2, "calibration__method": "start", "emulated__docked_time": 0.0}
+SFJ = {"device": "emulated"}
+OMNI = {"device": "emulated", "calibration__method": "start", "emulated__docked_time": 0.0}
 ROBOTS = {
     "sfj": (SfjDriverNode, SFJ, SFJ_JOINTS, SFJ_MOTOR_JOINTS, [2.0, 0.4], replay_sfj),
     "omni": (OmniDriverNode, OMNI, OMNI_JOINTS, OMNI_JOINTS, [0.0, 0.0, 0.1], replay_omni),
 }
 
 
-class Setting:
+class Setting(Commanded):
     """A driver on its emulated device, with a test that answers its states."""
 
     def __init__(self, graph: Graph, robot: str, **parameters: object) -> None:
-        node, usual, joints, motors, self.push_with, _ = ROBOTS[robot]
-        self.graph = graph
-        self.states = Sink(graph, f"/{robot}/joint_states")
-        self.command = Source(graph, f"/{robot}/effort_command", motors)
-        self.node = graph.start(node, **{**usual, **parameters})
-        graph.until(lambda: self.command.connected() and self.states.messages, what="discovery")
+        node, usual, _, motors, self.push_with, _ = ROBOTS[robot]
+        super().__init__(graph, node, motors, **{**usual, **parameters})
 
     @property
     def device(self):
         driver = self.node.driver
         return driver.board._hil if self.node.ROBOT == "sfj" else driver.transport
 
-    def push(self, seconds: float = 0.15, effort=None) -> None:
-        answered = len(self.states.messages)
-        end = time.monotonic() + seconds
-        while time.monotonic() < end:
-            self.graph.executor.spin_once(timeout_sec=0.01)
-            if len(self.states.messages) > answered:
-                answered = len(self.states.messages)
-                self.send(effort)
-
-    def send(self, effort=None) -> None:
-        self.command.send(
-            stamp=stamp_of(self.states.last), effort=self.push_with if effort is None else effort
-        )
+    def push(self, seconds: float = 0.15) -> None:
+        self.answer(seconds, self.push_with)
 
     def flows(self) -> bool:
         return bool(self.device.volts.any() if self.node.ROBOT == "sfj" else self.device.torque.any())
@@ -73,12 +54,11 @@ class Setting:
 @pytest.mark.parametrize("robot", ROBOTS)
 def test_a_driver_publishes_what_the_simulated_plant_publishes(graph, robot):
     setting = Setting(graph, robot)
-    graph.until(lambda: len(setting.states.messages) > 50)
+    for _ in range(50):
+        setting.state()
     assert tuple(setting.states.last.name) == ROBOTS[robot][2]
-    gaps = np.diff(setting.states.stamps)
-    assert gaps.min() > 0
-    period = 2e6 if robot == "sfj" else 1e6
-    assert np.median(gaps) == pytest.approx(period, rel=0.3)
+    period = 2_000_000 if robot == "sfj" else 1_000_000
+    assert set(np.diff(setting.states.stamps)) == {period}
     assert not setting.flows()
 
 
@@ -88,9 +68,11 @@ def test_a_command_moves_it_and_silence_stops_it(graph, robot):
     setting.push(0.4)
     assert setting.flows()
     assert max(setting.states.last.position) > 0.01
-    graph.until(lambda: setting.node.faults.latched)
+    silent = graph.wall.now()
+    graph.run_until(lambda: setting.node.faults.latched)
     assert setting.node.faults.latched == "stale_command"
-    graph.run(0.05)
+    assert graph.wall.now() - silent <= round(setting.node.values["timeout"] * 1e9) + 2_000_000
+    setting.state()
     assert not setting.flows()
     assert graph.call(f"/{robot}/{robot}_driver/reset").success
     setting.push()
@@ -101,8 +83,7 @@ def test_a_command_moves_it_and_silence_stops_it(graph, robot):
 def test_a_command_that_is_not_finite_stops_it(graph, robot):
     setting = Setting(graph, robot)
     setting.push()
-    setting.send([math.nan, *setting.push_with[1:]])
-    graph.until(lambda: setting.node.faults.latched)
+    setting.send(effort=[math.nan, *setting.push_with[1:]])
     assert setting.node.faults.latched == "non_finite_command"
     setting.push()
     assert not setting.flows()
@@ -116,18 +97,19 @@ def test_an_unplugged_device_is_an_error_in_the_diagnostics_and_comes_back_with_
     setting.push()
     device = setting.device
     device.unplug()
+    graph.wall.advance(0.002)
     graph.until(lambda: setting.node.faults.latched == fault)
     graph.until(lambda: any(fault in s.message and s.level == b"\x02" for m in heard for s in m.status))
     values = {entry.key: entry.value for entry in heard[-1].status[0].values}
     assert values["device"] == "emulated"
     assert "states (Hz)" in values and f"fault {fault}" in values
-    graph.run(0.3)
-    states = len(setting.states.messages)
-    graph.run(0.1)
-    assert len(setting.states.messages) == states, "a lost device has no states"
+    states = setting.node.states.sent
+    graph.wall.advance(0.1)
+    graph.listen(0.2)
+    assert setting.node.states.sent == states, "a lost device has no states"
     device.plug()
     assert graph.call(f"/{robot}/{robot}_driver/reset").success
-    graph.until(lambda: len(setting.states.messages) > states + 20)
+    graph.run_until(lambda: setting.node.states.sent > states + 20)
     assert setting.node.faults.latched is None
 
 
@@ -137,6 +119,7 @@ def test_at_the_end_nothing_flows_and_the_device_is_released(graph, robot):
     setting.push()
     device = setting.device
     assert setting.flows()
+    graph.wall.release()
     setting.node.shutdown_safely()
     if robot == "sfj":
         assert not device.volts.any()
@@ -147,13 +130,27 @@ def test_at_the_end_nothing_flows_and_the_device_is_released(graph, robot):
         assert not device.motors_on
 
 
+@pytest.mark.parametrize("robot", ROBOTS)
+def test_a_driver_that_stood_still_stops_its_robot_and_stays_so(graph, robot):
+    """As the machine or SIGSTOP may hold it, for half a second, while its device goes on."""
+    setting = Setting(graph, robot)
+    setting.push()
+    assert setting.flows()
+    graph.until(lambda: graph.wall.settled)
+    graph.wall.advance(0.5)
+    setting.state()
+    setting.state()
+    assert setting.node.faults.latched is not None
+    assert not setting.flows()
+    setting.push()
+    assert not setting.flows()
+
+
 class Held:
-    """A device that blocks in one call of its driver until the test releases it, and a clock that the test
-    moves."""
+    """A device that blocks in one call of its driver until the test releases it."""
 
     def __init__(self, setting, call, monkeypatch):
-        self.entered, self.released, self.clock = threading.Event(), threading.Event(), VirtualClock()
-        setting.node.watch = DeviceWatch(self.clock, setting.node.values["device_timeout"])
+        self.entered, self.released = threading.Event(), threading.Event()
         ordinary = getattr(setting.node.driver, call)
 
         def block(*arguments):
@@ -163,6 +160,7 @@ class Held:
             return ordinary(*arguments)
 
         monkeypatch.setattr(setting.node.driver, call, block)
+        setting.graph.wall.advance(0.002)
         setting.graph.until(self.entered.is_set)
 
 
@@ -177,12 +175,12 @@ def test_a_device_that_holds_its_thread_is_an_error_and_stays_one_after_it_has_c
     setting.push()
     held = Held(setting, call, monkeypatch)
     try:
-        states = len(setting.states.messages)
-        graph.run(0.3)  # a long look at the machine's clock alone tells nothing
+        states = setting.node.states.sent
+        graph.listen(0.3)  # a long look at the machine's clock alone tells nothing
         assert setting.node.faults.counts["device_hangs"] == 0
-        graph.until(lambda: (held.clock.advance(0.02), setting.node.faults.counts["device_hangs"])[1])
-        assert len(setting.states.messages) <= states + 1
-        held.clock.advance(0.2)
+        graph.until(lambda: (graph.wall.advance(0.02), setting.node.faults.counts["device_hangs"])[1])
+        assert setting.node.states.sent <= states + 1
+        graph.wall.advance(0.2)
         setting.node._look()
         heard.clear()
         setting.node._report()
@@ -195,13 +193,13 @@ def test_a_device_that_holds_its_thread_is_an_error_and_stays_one_after_it_has_c
         assert setting.node.permitted() is None
         counted = setting.node.faults.counts["device_hangs"]
         assert graph.call(f"/{robot}/{robot}_driver/reset").success
-        held.clock.advance(0.2)
+        graph.wall.advance(0.2)
         # A reset does not bring it back.
         graph.until(lambda: setting.node.faults.latched == "device_hangs")
         assert setting.node.faults.counts["device_hangs"] == counted + 1
     finally:
         held.released.set()
-    graph.until(lambda: len(setting.states.messages) > states + 20)
+    graph.run_until(lambda: setting.node.states.sent > states + 20)
     graph.until(lambda: setting.node.state() == "fault")
     setting.push()
     assert setting.node.faults.latched == "device_hangs"
@@ -221,6 +219,7 @@ def test_an_error_of_the_program_leaves_the_amplifier_off(graph, monkeypatch):
         raise ZeroDivisionError
 
     monkeypatch.setattr(setting.node.driver.filter, "step", broken)
+    graph.wall.advance(0.002)
     graph.until(lambda: setting.node.failure is not None)
     assert isinstance(setting.node.failure, ZeroDivisionError)
     assert not device.volts.any()
@@ -232,11 +231,13 @@ def test_a_captured_session_replays_to_the_same_states_byte_for_byte(graph, robo
     file = tmp_path / "session.mcap"
     setting = Setting(graph, robot, capture=str(file))
     setting.push(0.3)
-    graph.until(lambda: setting.node.faults.latched)  # falls silent: a fault and its reset are replayed too
+    # Falls silent: a fault and its reset are replayed too.
+    graph.run_until(lambda: setting.node.faults.latched)
     graph.call(f"/{robot}/{robot}_driver/reset")
     setting.push(0.2)
+    graph.wall.release()
     setting.node.shutdown_safely()
-    graph.run(0.1)
+    setting.hear()
     capture = read_capture(file, robot)
     assert capture.complete
     states = ROBOTS[robot][5](capture, capture.parameters)
@@ -254,6 +255,7 @@ def test_the_replay_command_writes_a_recording_and_a_node_replays_it_as_well(gra
     file = tmp_path / "session.mcap"
     setting = Setting(graph, "sfj", capture=str(file))
     setting.push(0.3)
+    graph.wall.release()
     setting.node.shutdown_safely()
     assert sfj_replay([str(file), "--output", str(tmp_path / "bag")]) == 0
     assert "joint states" in capsys.readouterr().out
@@ -263,15 +265,21 @@ def test_the_replay_command_writes_a_recording_and_a_node_replays_it_as_well(gra
     from rclpy.parameter import Parameter
 
     overrides = [Parameter("device", value="replay"), Parameter("replay.file", value=str(file))]
-    node = SfjDriverNode(context=graph.context, namespace="again", parameter_overrides=overrides)
+    wall = HeldTime()
+    node = SfjDriverNode(context=graph.context, namespace="again", wall=wall, parameter_overrides=overrides)
     graph._add(node)
     graph.until(again.connected)
     node.start()
-    graph.until(lambda: not node._thread.is_alive())
-    graph.run(0.1)
-    replayed = {bytes(message.position) for message in again.messages}
-    assert len(again.messages) > 0.9 * len(topic)
-    assert replayed <= {row.tobytes() for row in topic.position}
+
+    def ended() -> bool:
+        if wall.settled and wall.next_waking is not None:
+            graph.until(lambda: len(again.messages) == node.states.sent)
+            wall.advance_to(wall.next_waking)
+        return not node._thread.is_alive()
+
+    graph.until(ended)
+    graph.until(lambda: len(again.messages) == node.states.sent)
+    assert [bytes(one.position) for one in again.messages] == [row.tobytes() for row in topic.position]
 
 
 def test_a_capture_of_the_other_robot_or_of_nothing_is_refused(tmp_path):
@@ -301,41 +309,46 @@ def test_sigint_ends_a_driver_with_0_and_a_sentence_refuses_a_board_that_is_not_
     assert "quanser.hardware" in done.stderr.splitlines()[-1]
 
 
-def test_a_frozen_driver_finds_its_board_at_zero_when_it_wakes_and_stays_stopped(graph):
+@pytest.mark.wall_time
+def test_a_frozen_driver_finds_its_board_at_zero_when_it_wakes_and_stays_stopped(graph, stalls):
     states, heard = Sink(graph, "/sfj/joint_states"), []
     graph.probe.create_subscription(DiagnosticArray, "/diagnostics", heard.append, 10)
 
-    def stopped() -> bool:
-        status = heard[-1].status[0]
-        expiries = next(int(entry.value) for entry in status.values if entry.key == "watchdog expiries")
-        return status.level == b"\x02" and expiries > 0
+    def fault() -> str:
+        """Of the driver, as it says itself."""
+        status = heard[-1].status[0] if heard else None
+        return status.message.split(":")[0] if status is not None and status.level == b"\x02" else ""
+
+    def expiries() -> int:
+        values = {entry.key: entry.value for entry in heard[-1].status[0].values}
+        return int(values["watchdog expiries"])
 
     command = Source(graph, "/sfj/effort_command", SFJ_MOTOR_JOINTS)
-    stated = ("device:=emulated", "timeout:=0.2", "board.watchdog:=0.1")
-    process = subprocess.Popen(
-        [*FRONT_DOOR, "sfj_driver", "--ros-args", *(part for rule in stated for part in ("-p", rule))]
-    )
+    process = subprocess.Popen([*FRONT_DOOR, "sfj_driver", "--ros-args", "-p", "device:=emulated"])
     try:
         graph.until(lambda: command.connected() and states.messages, what="discovery")
+        answered = [0]
 
-        def push(seconds: float) -> None:
-            end = time.monotonic() + seconds
-            while time.monotonic() < end:
+        def drive() -> bool:
+            """Answers each new state; whether the driver's current has come, or a fault."""
+            if len(states.messages) > answered[0]:
+                answered[0] = len(states.messages)
                 command.send(stamp=stamp_of(states.last), effort=[2.0, 0.4])
-                graph.run(0.004)
+            return states.last.effort[0] > 1.0 or bool(fault())
 
-        push(0.3)
-        assert states.last.effort[0] > 1.0
+        graph.until(drive, 20.0, what="a current")
+        driven = states.last.effort[0] > 1.0
         process.send_signal(signal.SIGSTOP)
         time.sleep(0.5)
         process.send_signal(signal.SIGCONT)
+        graph.until(lambda: heard.clear() or True)
+        graph.until(lambda: drive() and fault() and expiries(), what="the board has expired")
         count = len(states.messages)
-        graph.until(lambda: len(states.messages) > count + 20)
-        push(0.2)
+        graph.until(lambda: (drive(), len(states.messages) > count + 100)[1])
         assert abs(states.last.effort[0]) < 0.5, "what is left is the offset and noise of the current's sense"
-        graph.until(stopped)
-        # Whichever it notices first: that its last command is old, or that the board went to 0 V.
-        assert heard[-1].status[0].message.split(":")[0] in ("watchdog_expired", "stale_command")
+        assert driven or stalls.excuse(0.05)
+        if driven:  # whichever it notices first: that its last command is old, or that the board went to 0 V
+            assert fault() in ("watchdog_expired", "stale_command")
     finally:
         process.send_signal(signal.SIGINT)
         assert process.wait(20) == 0
@@ -343,13 +356,16 @@ def test_a_frozen_driver_finds_its_board_at_zero_when_it_wakes_and_stays_stopped
 
 SCENARIO = """
 /**:
-  ros__parameters: {device: emulated, timeout: 0.2, realtime_priority: 20}
+  ros__parameters: {device: emulated, use_sim_time: true}
 scenario:
-  ros__parameters: {nodes: [sfj_driver, omni_driver, force_controller, signal_generator], duration: 2.0}
+  ros__parameters:
+    nodes: [sfj_driver, omni_driver, force_controller, signal_generator]
+    duration: 2.0
+    real_time_factor: 0.0
 sfj_driver:
-  ros__parameters: {board: {watchdog: 0.2}, emulated: {file: plant.yaml}}
+  ros__parameters: {emulated: {file: plant.yaml}}
 omni_driver:
-  ros__parameters: {rate: 500.0, silence: 0.2, emulated: {file: plant.yaml, docked_time: 0.3}}
+  ros__parameters: {rate: 500.0, emulated: {file: plant.yaml, docked_time: 0.3}}
 force_controller:
   ros__parameters: {master_rate: 500.0}
 signal_generator:
@@ -375,8 +391,8 @@ def test_a_scenario_file_runs_the_drivers_by_one_parameter_and_moves_the_robot_b
     arm = recording.topic("/sfj/joint_states").signal("stage1_arm", "position")
     assert 0.25 < arm.max() < 0.35, "it met the wall that the plant's file describes"
     assert recording.parameters["/sfj/sfj_driver"]["device"] == "emulated"
-    assert not recording.topic("/sfj/effort_command").effort[-1].any()
-    assert len(recording.topic("/omni/joint_states")) > 500
+    assert len(arm) == 1000
+    assert len(recording.topic("/omni/joint_states")) > 800, "all but those before its calibration"
 
 
 @pytest.mark.parametrize("number", [1, 2])

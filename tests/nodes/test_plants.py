@@ -2,10 +2,12 @@
 
 import math
 import time
+from itertools import pairwise
 
 import pytest
-from ros_graph import Graph, Sink, Source, stamp_of
+from ros_graph import Commanded, Graph, Sink, stamp_of
 
+from haptic_teleop_control.nodes.timing.time_base import WallTime
 from haptic_teleop_control.robots import OMNI_JOINTS, SFJ_JOINTS, SFJ_MOTOR_JOINTS
 from haptic_teleop_sim.nodes.omni_sim import OmniSim
 from haptic_teleop_sim.nodes.sfj_sim import SfjSim
@@ -13,57 +15,58 @@ from haptic_teleop_sim.nodes.sfj_sim import SfjSim
 PUSH = [2.0, 0.4]
 
 
-class Setting:
+class Setting(Commanded):
     """The simulated 2DSFJ with a test that answers its states."""
 
     def __init__(self, graph: Graph, **parameters: object) -> None:
-        self.graph = graph
-        self.plant = graph.start(SfjSim, **{"timeout": 0.2, **parameters})
-        self.states = Sink(graph, "/sfj/joint_states")
-        self.command = Source(graph, "/sfj/effort_command", SFJ_MOTOR_JOINTS)
-        graph.until(lambda: self.command.connected() and self.states.messages, what="discovery")
+        super().__init__(graph, SfjSim, SFJ_MOTOR_JOINTS, **parameters)
 
-    def push(self, seconds: float = 0.1, effort=PUSH) -> None:
-        """Answers every state for a while, as a controller would."""
-        answered = len(self.states.messages)
-        end = time.monotonic() + seconds
-        while time.monotonic() < end:
-            self.graph.executor.spin_once(timeout_sec=0.01)
-            if len(self.states.messages) > answered:
-                answered = len(self.states.messages)
-                self.send(effort=effort)
-
-    def send(self, **fields: object) -> None:
-        self.command.send(**{"stamp": stamp_of(self.states.last), "effort": PUSH, **fields})
+    def push(self, seconds: float = 0.04) -> None:
+        self.answer(seconds, PUSH)
 
     def flows(self) -> bool:
         """Whether a current flows in the plant itself, apart from what is measured of it."""
-        return bool(self.plant.robot.flow.any())
+        return bool(self.node.robot.flow.any())
 
 
-def test_states_name_the_joints_and_their_stamps_advance_with_the_clock(graph):
-    states = Setting(graph, rate=200.0).states
-    first = len(states.messages)
-    graph.until(lambda: len(states.messages) >= first + 40)
-    gaps = [later - earlier for earlier, later in zip(states.stamps, states.stamps[1:], strict=False)]
-    assert tuple(states.last.name) == SFJ_JOINTS
+def test_states_name_the_joints_and_their_stamps_are_those_of_the_deadlines(graph):
+    setting = Setting(graph, rate=200.0)
+    for _ in range(40):
+        setting.state()
+    stamps = setting.states.stamps[-40:]
+    assert tuple(setting.states.last.name) == SFJ_JOINTS
+    assert {later - earlier for earlier, later in pairwise(stamps)} == {5_000_000}
+    assert stamps[-1] == graph.wall.stamp()
+
+
+def test_by_the_machine_s_clock_the_stamps_are_those_of_now_and_never_closer_than_the_clock_went(graph):
+    """Also on a machine that is late: then periods are skipped and counted."""
+    states = Sink(graph, "/sfj/joint_states")
+    before = time.monotonic_ns()
+    plant = graph.start(SfjSim, wall=WallTime(), rate=200.0)
+    graph.until(lambda: len(states.messages) >= 40)
+    assert plant.thread.stop()
+    elapsed = time.monotonic_ns() - before
+    sent = plant.thread.cycles + plant.thread.overruns
+    assert sent * 5e6 <= elapsed + 5e6, "not faster than its rate"
+    gaps = [later - earlier for earlier, later in pairwise(states.stamps)]
     assert min(gaps) > 0
-    assert 4.5e6 < sum(gaps) / len(gaps) < 6.5e6
-    assert abs(time.time_ns() - states.stamps[-1]) < 10**9
+    assert sum(gaps) <= elapsed
+    assert WallTime().stamp() - elapsed <= states.stamps[0] <= states.stamps[-1] <= WallTime().stamp()
 
 
 def test_before_the_first_command_nothing_flows_and_there_is_no_fault(graph):
     setting = Setting(graph)
     graph.run(0.3)
     assert not setting.flows()
-    assert setting.plant.faults.latched is None
+    assert setting.node.faults.latched is None
 
 
 def test_a_positive_command_turns_the_joints_counter_clockwise(graph):
     setting = Setting(graph)
     setting.push(0.5)
     assert setting.flows()
-    assert setting.plant.faults.latched is None
+    assert setting.node.faults.latched is None
     assert min(setting.states.last.position) > 0.0
 
 
@@ -73,8 +76,7 @@ def test_a_command_that_is_not_finite_stops_the_current_until_reset(graph, value
     setting.push()
     assert setting.flows()
     setting.send(effort=[value, 0.0])
-    graph.until(lambda: setting.plant.faults.latched)
-    assert setting.plant.faults.latched == "non_finite_command"
+    assert setting.node.faults.latched == "non_finite_command"
     setting.push()
     assert not setting.flows(), "good commands after the fault must not drive it"
     assert graph.call("/sfj/sfj_sim/reset").success
@@ -86,44 +88,61 @@ def test_a_controller_that_falls_silent_stops_the_current_within_the_timeout(gra
     setting = Setting(graph, timeout=0.1)
     setting.push()
     assert setting.flows()
-    silent = time.monotonic()
-    graph.until(lambda: setting.plant.faults.latched)
-    assert setting.plant.faults.latched == "stale_command"
-    graph.run(0.01)
+    silent = graph.wall.now()
+    graph.run_until(lambda: setting.node.faults.latched)
+    assert setting.node.faults.latched == "stale_command"
+    setting.state()
     assert not setting.flows()
-    assert time.monotonic() - silent < 0.1 + 0.2
+    assert graph.wall.now() - silent <= 0.1e9 + 2 * 2e6, "ns: the timeout and two samples"
+
+
+def test_a_stall_is_simulated_afterwards_with_no_current_and_is_a_fault(graph):
+    """As on a machine that stands still for longer than a command holds; what the robot does meanwhile
+    counts."""
+    setting = Setting(graph)
+    setting.push()
+    cycles = setting.node.thread.cycles
+    graph.until(lambda: graph.wall.settled)
+    graph.wall.advance(0.3)
+    graph.until(lambda: setting.node.thread.cycles > cycles)
+    assert setting.node.faults.latched == "stale_command"
+    assert setting.node.thread.overruns == 149
+    assert not setting.flows()
+    assert setting.node.lost_steps == 0
 
 
 @pytest.mark.parametrize("age", [0.3, -0.3, None])
 def test_a_command_that_answers_no_recent_state_is_stale(graph, age):
     setting = Setting(graph)
     setting.push()
-    setting.send(stamp=0 if age is None else time.time_ns() - int(age * 1e9))
-    graph.until(lambda: setting.plant.faults.latched)
-    assert setting.plant.faults.latched == "stale_command"
-    graph.run(0.02)
+    setting.send(effort=PUSH, stamp=0 if age is None else graph.wall.stamp() - int(age * 1e9))
+    assert setting.node.faults.latched == "stale_command"
+    setting.state()
     assert not setting.flows()
 
 
 def test_late_answers_while_the_graph_comes_up_drive_nothing_and_are_a_fault_only_if_they_go_on(graph):
     setting = Setting(graph)
-    setting.send(stamp=1)
-    graph.until(lambda: setting.plant.dropped == 1)
-    assert setting.plant.faults.latched is None
+    setting.send(effort=PUSH, stamp=1)
+    assert setting.node.dropped == 1
+    assert setting.node.faults.latched is None
     assert not setting.flows()
-    graph.run(0.25)
-    setting.send(stamp=1)
-    graph.until(lambda: setting.plant.faults.latched == "stale_command")
+    graph.run(0.19)
+    setting.send(effort=PUSH, stamp=1)
+    assert setting.node.faults.latched is None
+    graph.run(0.02)
+    setting.send(effort=PUSH, stamp=1)
+    assert setting.node.faults.latched == "stale_command"
 
 
 def test_a_command_overtaken_by_a_newer_one_is_dropped(graph):
     setting = Setting(graph)
     stamp = stamp_of(setting.states.last)
-    setting.command.send(stamp=stamp, effort=PUSH)
-    setting.command.send(stamp=stamp - 2_000_000, effort=[-2.0, -0.4])
-    graph.until(lambda: setting.plant.dropped == 1)
-    assert list(setting.plant.commands.value["effort"]) == PUSH
-    assert setting.plant.faults.latched is None
+    setting.send(effort=PUSH, stamp=stamp)
+    setting.send(stamp=stamp - 2_000_000, effort=[-2.0, -0.4])
+    assert setting.node.dropped == 1
+    assert list(setting.node.commands.value["effort"]) == PUSH
+    assert setting.node.faults.latched is None
 
 
 @pytest.mark.parametrize(
@@ -131,22 +150,15 @@ def test_a_command_overtaken_by_a_newer_one_is_dropped(graph):
 )
 def test_wrong_joints_are_refused_by_name(graph, wrong):
     setting = Setting(graph)
-    setting.send(**wrong)
-    graph.until(lambda: setting.plant.faults.latched)
-    assert setting.plant.faults.latched == "malformed_command"
-    assert "/sfj/effort_command" in setting.plant.faults.sentence
+    setting.send(**{"effort": PUSH, **wrong})
+    assert setting.node.faults.latched == "malformed_command"
+    assert "/sfj/effort_command" in setting.node.faults.sentence
 
 
 def test_the_omni_moves_where_it_is_pushed(graph):
-    plant = graph.start(OmniSim, timeout=0.2, rate=500.0)
-    states = Sink(graph, "/omni/joint_states")
-    command = Source(graph, "/omni/effort_command", OMNI_JOINTS)
-    graph.until(lambda: command.connected() and states.messages)
-    before = states.last.position[2]
-    end = time.monotonic() + 0.3
-    while time.monotonic() < end:
-        command.send(stamp=stamp_of(states.last), effort=[0.0, 0.0, 0.1])
-        graph.run(0.01)
-    assert plant.faults.latched is None
-    assert states.last.position[2] > before + 0.05
-    assert tuple(states.last.name) == OMNI_JOINTS
+    setting = Commanded(graph, OmniSim, OMNI_JOINTS, rate=500.0)
+    before = setting.states.last.position[2]
+    setting.answer(0.3, [0.0, 0.0, 0.1])
+    assert setting.node.faults.latched is None
+    assert setting.states.last.position[2] > before + 0.05
+    assert tuple(setting.states.last.name) == OMNI_JOINTS

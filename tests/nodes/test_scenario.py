@@ -7,6 +7,7 @@ import sys
 import time
 from pathlib import Path
 
+import numpy as np
 import pytest
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 from sensor_msgs.msg import JointState
@@ -20,17 +21,18 @@ from haptic_teleop_control.recording import read_recording
 from haptic_teleop_control.robots import OMNI_JOINTS
 
 FILE = """
+/**:
+  ros__parameters: {use_sim_time: true}
 scenario:
   ros__parameters: {nodes: [sfj_sim, omni_sim, force_controller, signal_generator], duration: 1.5}
 sfj_sim:
-  ros__parameters: {timeout: 0.2, realtime_priority: 20}
+  ros__parameters: {timeout: 0.05}
 omni_sim:
-  ros__parameters: {timeout: 0.2, rate: 500.0, realtime_priority: 20}
+  ros__parameters: {rate: 500.0}
 force_controller:
-  ros__parameters: {timeout: 0.2, master_rate: 500.0, realtime_priority: 20}
+  ros__parameters: {timeout: 0.05, master_rate: 500.0}
 signal_generator:
   ros__parameters:
-    realtime_priority: 20
     rate: 200.0
     stage1: {enabled: true, step: {enabled: true, amplitude: 0.05}}
 """
@@ -81,21 +83,45 @@ def test_a_scenario_moves_the_plant_and_ends_by_itself_with_0(file, mode):
     assert angles[-1] > 0.05, errors
 
 
-def test_a_recorded_scenario_holds_the_zero_output_of_the_end(file, tmp_path):
+def test_a_recorded_scenario_holds_every_sample_and_the_parameters(file, tmp_path):
     bag = tmp_path / "bag"
-    process = start("scenario", str(file), "--record", str(bag))
+    process = start("scenario", str(file), "--record", str(bag), "--real-time-factor", "0")
     _, errors = process.communicate(timeout=60)
     assert process.returncode == 0, errors
     recording = read_recording(bag)
     assert recording.complete
-    effort = recording.topics["/sfj/effort_command"].effort
-    assert abs(effort[:-5]).max() > 0.0
-    assert not effort[-1].any()
-    topics = recording.topics.values()
-    first = [topic.received[0] for topic in topics]
-    assert max(first) - min(first) < 50_000_000, "ns: nobody was late when it began"
+    assert abs(recording.topics["/sfj/effort_command"].effort).max() > 0.0
+    samples = {name: len(topic) for name, topic in recording.topics.items()}
+    assert samples == {
+        "/sfj/joint_states": 750, "/sfj/effort_command": 750, "/reference": 300,
+        "/omni/joint_states": 750, "/omni/effort_command": 750,
+    }  # fmt: skip
+    assert len({topic.received[0] for topic in recording.topics.values()}) == 1, "nobody was late"
     assert recording.experiment["kind"] == "scenario"
-    assert recording.parameters["/force_controller"]["timeout"] == 0.2
+    assert recording.parameters["/force_controller"]["timeout"] == 0.05
+
+
+@pytest.mark.wall_time
+@pytest.mark.parametrize("mode", [[], ["--processes"]])
+def test_by_the_wall_it_begins_together_moves_and_ends_with_zero(file, tmp_path, mode, stalls):
+    """A machine that stands still for longer than a command holds ends it by a fault, and by nothing else."""
+    file.write_text(FILE.replace("use_sim_time: true", "realtime_priority: 20"))
+    bag = tmp_path / "bag"
+    process = start("scenario", str(file), "--record", str(bag), *mode)
+    _, errors = process.communicate(timeout=60)
+    faults = [line for line in errors.splitlines() if line.startswith("fault in")]
+    assert process.returncode == (1 if faults else 0), errors
+    assert all("stale" in fault or "robot_fault" in fault for fault in faults)
+    assert not faults or stalls.excuse(0.05), errors
+    recording = read_recording(bag)
+    assert recording.complete
+    effort = recording.topics["/sfj/effort_command"].effort
+    assert not effort[-1].any()
+    first = [topic.received[0] for topic in recording.topics.values()]
+    assert max(first) - min(first) < 50_000_000 or stalls.excuse(0.05), "ns: nobody was late when it began"
+    if not faults:
+        assert abs(effort[:-5]).max() > 0.0
+        assert np.ptp(recording.topics["/sfj/joint_states"].signal("stage1_arm", "position")) > 0.05
 
 
 @pytest.mark.parametrize("moment", [0.0, 0.5, 1.5, 6.0])
@@ -155,7 +181,7 @@ def test_a_child_that_ignores_what_it_is_told_is_killed_in_the_end(monkeypatch):
     ("old", "new", "named"),
     [
         ("sfj_sim:\n", "sfj_smi:\n", "sfj_smi"),
-        ("{timeout: 0.2, real", "{tiemout: 0.2, real", "tiemout"),
+        ("sfj_sim:\n  ros__parameters: {timeout", "sfj_sim:\n  ros__parameters: {tiemout", "tiemout"),
         ("duration: 1.5", "duration: .nan", "duration"),
         ("duration: 1.5", "durations: 1.5", "durations"),
         ("nodes: [sfj_sim,", "nodes: [sfj_smi,", "sfj_smi"),
@@ -164,7 +190,7 @@ def test_a_child_that_ignores_what_it_is_told_is_killed_in_the_end(monkeypatch):
         ("[sfj_sim, omni_sim,", "[sfj_smi, omni_sim,", "nodes: sfj_smi is not a node; did you"),
         ("rate: 200.0", "rate: 200.0\n    joints: [omni_q, omni_z]", "set joints: ['omni_y', 'omni_z']"),
         ("rate: 200.0", "rate: 200.0\n    kind: effort", "set kind: position"),
-        ("timeout: 0.2, master_rate: 500.0", "timeout: 0.2, master_rate: 1000.0", "make them equal"),
+        ("master_rate: 500.0", "master_rate: 1000.0", "make them equal"),
     ],
 )
 def test_a_mistake_anywhere_in_the_file_is_one_sentence_before_anything_starts(file, capsys, old, new, named):

@@ -4,14 +4,14 @@ from collections.abc import Callable
 
 import pytest
 from rclpy.node import Node
-from rclpy.parameter import Parameter
-from ros_graph import Graph, PatientController, Sink, Source, stamp_of
+from ros_graph import Commanded, Graph, Sink, Source
 from sensor_msgs.msg import JointState
 
 from haptic_teleop_2dsfj.nodes.sfj_driver import SfjDriverNode
 from haptic_teleop_control.nodes.acquisition import AcquisitionNode
 from haptic_teleop_control.nodes.base import run
 from haptic_teleop_control.nodes.base.haptic_node import HapticNode
+from haptic_teleop_control.nodes.force_controller import ForceController
 from haptic_teleop_control.nodes.link import LinkEmulator
 from haptic_teleop_control.nodes.recording.recorded_topic import RecordedTopic
 from haptic_teleop_control.nodes.signal_generator import SignalGeneratorNode
@@ -67,39 +67,35 @@ class Intruder(Source):
         self.node.destroy_node()
 
 
-class Commanded:
-    """A plant or driver whose states the test answers."""
+class Driven(Commanded):
+    """A plant or driver whose states the test and others answer."""
 
     def __init__(self, graph: Graph, node: type[HapticNode], robot: str, **parameters: object) -> None:
-        self.graph, self.robot = graph, robot
-        self.states = Sink(graph, f"/{robot}/joint_states")
-        self.command = Source(graph, f"/{robot}/effort_command", MOTORS[robot])
-        self.node = graph.start(node, timeout=0.2, **parameters)
-        graph.until(lambda: self.command.connected() and self.states.messages, what="discovery")
+        super().__init__(graph, node, MOTORS[robot], **parameters)
+        self.push = PUSH[robot]
 
-    def answer(self, *senders: Source, effort=None) -> None:
-        """Every sender answers the newest state, in this order."""
-        seen = len(self.states.messages)
-        self.graph.until(lambda: len(self.states.messages) > seen, what="a state")
-        stamp = stamp_of(self.states.last)
+    def answered_by(self, *senders: Source) -> None:
+        """Every sender answers the next state, in this order."""
+        self.state()
         for sender in senders:
-            sender.send(stamp=stamp, effort=PUSH[self.robot] if effort is None else effort)
+            self.send_by(sender, effort=self.push)
+
+    def until_in_force(self, sender: Source, what: str = "a command in force") -> None:
+        self.graph.until(lambda: self.answered_by(sender) or self.in_force(), what=what)
 
     def in_force(self) -> bool:
         return self.node.permitted() is not None
 
 
-DRIVER = {"device": "emulated", "timeout": 0.2}
 COMMANDED = {
     "sfj_sim": (SfjSim, "sfj", {}),
     "omni_sim": (OmniSim, "omni", {"rate": 500.0}),
-    "sfj_driver": (SfjDriverNode, "sfj", {"device": "emulated", "board__watchdog": 0.2}),
+    "sfj_driver": (SfjDriverNode, "sfj", {"device": "emulated"}),
     "omni_driver": (
         OmniDriverNode,
         "omni",
         {
             "device": "emulated",
-            "silence": 0.2,
             "calibration__method": "start",
             "emulated__docked_time": 0.0,
         },
@@ -110,8 +106,8 @@ COMMANDED = {
 @pytest.mark.parametrize("name", COMMANDED)
 def test_a_late_second_sender_of_commands_latches_a_fault_with_both_names_and_never_drives(graph, name):
     node, robot, parameters = COMMANDED[name]
-    setting = Commanded(graph, node, robot, **parameters)
-    graph.until(lambda: setting.answer(setting.command) or setting.in_force(), what="a command in force")
+    setting = Driven(graph, node, robot, **parameters)
+    setting.until_in_force(setting.command)
     intruder = Intruder(graph, f"/{robot}/effort_command", MOTORS[robot])
     taken: list[list[float]] = []
     store = setting.node.commands._on_sample
@@ -124,8 +120,8 @@ def test_a_late_second_sender_of_commands_latches_a_fault_with_both_names_and_ne
     wrong = [0.05] * len(MOTORS[robot])
 
     def both() -> object:
-        setting.answer(setting.command)
-        intruder.send(stamp=stamp_of(setting.states.last), effort=wrong)
+        setting.answered_by(setting.command)
+        setting.send_by(intruder, effort=wrong)
         return setting.node.faults.latched
 
     graph.until(both, what="the fault")
@@ -140,20 +136,20 @@ def test_a_late_second_sender_of_commands_latches_a_fault_with_both_names_and_ne
     assert setting.node.faults.latched == "second_sender"
     intruder.leave()
     assert graph.call(f"{setting.node.get_fully_qualified_name()}/reset").success
-    graph.until(lambda: setting.answer(setting.command) or setting.in_force(), what="a command in force")
+    setting.until_in_force(setting.command)
     assert wrong not in taken
 
 
 def test_a_publisher_that_is_made_anew_at_once_is_taken_without_a_fault(graph):
-    setting = Commanded(graph, SfjSim, "sfj")
+    setting = Driven(graph, SfjSim, "sfj")
     setting.node.commands._sender._silence = 10**18  # ns: the graph alone says that the first is gone
-    graph.until(lambda: setting.answer(setting.command) or setting.in_force())
+    setting.until_in_force(setting.command)
     successor = Source(graph, "/sfj/effort_command", SFJ_MOTOR_JOINTS)
     graph.until(successor.connected)
-    setting.answer(setting.command)
+    setting.answered_by(setting.command)
     graph.probe.destroy_publisher(setting.command.publisher)
     count = setting.node.commands.count
-    graph.until(lambda: setting.answer(successor) or setting.node.commands.count > count + 3)
+    graph.until(lambda: setting.answered_by(successor) or setting.node.commands.count > count + 3)
     assert setting.node.faults.latched is None
     assert setting.in_force()
 
@@ -163,14 +159,15 @@ class Controlled:
 
     def __init__(self, graph: Graph, **parameters: object) -> None:
         self.graph = graph
-        usual = {"command_source": "device", "auto_engage": True, "ramp_time": 0.0, "timeout": 2.0}
-        self.node = graph.start(PatientController, **{**usual, **parameters})
+        usual = {"command_source": "device", "auto_engage": True, "ramp_time": 0.0}
+        self.node = graph.start(ForceController, **{**usual, **parameters})
         self.sfj = Source(graph, "/sfj/joint_states", SFJ_JOINTS)
         self.omni = Source(graph, "/omni/joint_states", OMNI_JOINTS)
         self.to_sfj = Sink(graph, "/sfj/effort_command")
         graph.until(lambda: self.sfj.connected() and self.omni.connected() and self.to_sfj.connected())
 
     def sample(self, *more: Callable[[], object]) -> list[float]:
+        self.graph.wall.advance(0.002)
         self.omni.send(**OMNI_REST)
         for send in more:
             send()
@@ -215,16 +212,15 @@ def test_a_second_signal_generator_is_a_fault_where_the_reference_commands_and_n
         def both(ends=(reference, intruder), received=received) -> bool:
             for end in ends:
                 end.send(position=[0.0, 0.0])
-            graph.run(0.01)
+            graph.run(0.002)
+            graph.listen(0.005)
             return received.refused > 5
 
         graph.until(both)
         assert setting.node.faults.latched == expected
         intruder.leave()
         graph.probe.destroy_publisher(reference.publisher)
-        graph.nodes.remove(setting.node)
-        graph.executor.remove_node(setting.node)
-        setting.node.destroy_node()
+        graph.end(setting.node)
 
 
 def test_the_link_delivers_nothing_while_two_send_into_it(graph):
@@ -238,16 +234,17 @@ def test_the_link_delivers_nothing_while_two_send_into_it(graph):
     def both() -> object:
         intruder.send(**PACKET)
         source.send(**PACKET)
-        graph.run(0.01)
+        graph.run(0.002)
+        graph.listen(0.005)
         return link.faults.latched
 
     graph.until(both)
     assert link.faults.latched == "second_sender"
     assert all(name in link.faults.detail for name in BOTH)
-    graph.run(0.1)
+    graph.listen()
     delivered = len(out.messages)
     both()
-    graph.run(0.1)
+    graph.listen()
     assert len(out.messages) == delivered
     intruder.leave()
     assert graph.call("/link/reset").success
@@ -272,13 +269,12 @@ def test_an_experiment_whose_robot_has_two_senders_of_states_goes_to_zero(graph)
 
 @pytest.mark.parametrize(
     ("node", "parameters"),
-    [(PatientController, {}), (PatientController, {"link": True}), (AcquisitionNode, EXPERIMENT),
+    [(ForceController, {}), (ForceController, {"link": True}), (AcquisitionNode, EXPERIMENT),
      (SignalGeneratorNode, {}), (LinkEmulator, {})],
 )  # fmt: skip
 def test_a_node_that_was_not_started_answers_nobody_not_even_when_it_ends(graph, node, parameters):
     """While a scenario waits for its start, another one may run in its domain."""
-    given = [Parameter(name, value=value) for name, value in parameters.items()]
-    waiting = graph._add(node(context=graph.context, parameter_overrides=given))
+    waiting = graph.make(node, **parameters)
     own = [end.topic_name for end in waiting.publishers if end.msg_type is JointState]
     sinks = [Sink(graph, topic) for topic in own]
     heard = [end.topic_name for end in waiting.subscriptions if end.msg_type is JointState]
@@ -287,9 +283,9 @@ def test_a_node_that_was_not_started_answers_nobody_not_even_when_it_ends(graph,
     for _ in range(5):
         for topic, source in sources.items():
             source.send(**GOOD[topic][1])
-        graph.run(0.01)
+        graph.listen(0.01)
     waiting.shutdown_safely()
-    graph.run(0.1)
+    graph.listen()
     assert own
     assert not any(sink.messages for sink in sinks)
 

@@ -27,17 +27,20 @@ def test_who_starts_it_is_told_when_it_ends(graph: Graph, duration, said):
 def test_it_is_zero_until_started_follows_a_change_at_once_and_refuses_a_bad_one(graph: Graph):
     node = graph.start(SignalGeneratorNode, autostart=False, **STEP)
     reference = Sink(graph, "/reference")
+    graph.until(reference.connected)
+    graph.run(0.02)
     graph.until(lambda: len(reference.messages) > 5, what="references")
     assert all(list(message.position) == [0.0, 0.0] for message in reference.messages)
     graph.call("/signal_generator/start")
-    graph.until(lambda: list(reference.last.position) == [0.05, 0.0], what="the step")
+    graph.run_until(lambda: list(reference.last.position) == [0.05, 0.0], what="the step")
     assert change(node, stage1__step__amplitude=0.07).successful
-    graph.until(lambda: list(reference.last.position) == [0.07, 0.0], what="the change")
+    graph.run_until(lambda: list(reference.last.position) == [0.07, 0.0], what="the change")
     for bad in (float("nan"), float("inf")):
         refused = change(node, stage1__step__amplitude=bad)
         assert not refused.successful
         assert "stage1.step.amplitude" in refused.reason
     graph.run(0.1)
+    graph.until(lambda: len(reference.messages) == node._out.sent)
     assert list(reference.last.position) == [0.07, 0.0]
     graph.call("/signal_generator/stop")
-    graph.until(lambda: list(reference.last.position) == [0.0, 0.0], what="zero")
+    graph.run_until(lambda: list(reference.last.position) == [0.0, 0.0], what="zero")

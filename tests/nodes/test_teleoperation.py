@@ -3,25 +3,24 @@
 import itertools
 import subprocess
 import sys
-import time
 
 import pytest
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 from rclpy.parameter import Parameter
 from rclpy.qos import DurabilityPolicy, QoSProfile
-from ros_graph import Graph, PatientController, Sink, Source
+from ros_graph import Graph, Sink, Source
 from sensor_msgs.msg import JointState
 from std_msgs.msg import String
 from std_srvs.srv import Trigger
 
+from haptic_teleop_control.nodes.force_controller import ForceController
 from haptic_teleop_control.nodes.link import LinkEmulator
 from haptic_teleop_control.robots import OMNI_JOINTS, SFJ_JOINTS
 
 SFJ_REST = {"position": [0.0] * 4, "velocity": [0.0] * 4, "effort": [0.0] * 4}
 OMNI_REST = {"position": [0.0] * 3, "velocity": [0.0] * 3, "effort": [0.0] * 3}
 LATCHED = QoSProfile(depth=10, durability=DurabilityPolicy.TRANSIENT_LOCAL)
-MANUAL = {"command_source": "device", "auto_engage": False, "ramp_time": 0.0, "timeout": 2.0}
-PROMPT = {"timeout": 0.2}
+MANUAL = {"command_source": "device", "auto_engage": False, "ramp_time": 0.0}
 
 
 class Setting:
@@ -29,7 +28,7 @@ class Setting:
 
     def __init__(self, graph: Graph, **parameters: object) -> None:
         self.graph = graph
-        self.controller = graph.start(PatientController, **{**MANUAL, **parameters})
+        self.controller = graph.start(ForceController, **{**MANUAL, **parameters})
         self.sfj = Source(graph, "/sfj/joint_states", SFJ_JOINTS)
         self.omni = Source(graph, "/omni/joint_states", OMNI_JOINTS)
         self.to_sfj, self.to_omni = Sink(graph, "/sfj/effort_command"), Sink(graph, "/omni/effort_command")
@@ -41,11 +40,18 @@ class Setting:
         graph.until(lambda: all(end.connected() for end in ends) and self.states, what="discovery")
 
     def sample(self, sfj=SFJ_REST, omni=OMNI_REST):
-        """The efforts that answer one sample of each robot: of the 2DSFJ, of the Omni."""
+        """The efforts that answer one sample of each robot: of the 2DSFJ, of the Omni. 2 ms later."""
+        self.pass_time()
+        return self.answers(omni, sfj)
+
+    def answers(self, omni, sfj):
         first, second = self.omni.send(**omni), self.sfj.send(**sfj)
         torque = self.graph.until(lambda: self.to_omni.answer_to(first), what="an answer to the Omni")
         effort = self.graph.until(lambda: self.to_sfj.answer_to(second), what="an answer to the 2DSFJ")
         return list(effort.effort), list(torque.effort)
+
+    def pass_time(self) -> None:
+        self.graph.wall.advance(0.002)
 
     def call(self, act: str, **samples: dict):
         """A service of the controller, with fresh samples of both robots before it."""
@@ -99,10 +105,9 @@ def test_disengaging_fades_and_stays(graph):
     full = setting.sample(omni=at(0.05))[0][0]
     assert graph.call("/force_controller/disengage").success
     fading = [setting.sample(omni=at(0.05))[0][0]]
-    end = time.monotonic() + 0.5
-    while time.monotonic() < end:
+    for _ in range(250):
         fading.append(setting.sample(omni=at(0.05))[0][0])
-    fading.append(setting.sample(omni=at(0.05))[0][0])
+    assert 0.0 < fading[240] < fading[120] < fading[0]
     assert 0.0 < fading[0] <= full
     assert all(later <= earlier for earlier, later in itertools.pairwise(fading))
     assert fading[-1] == 0.0
@@ -200,95 +205,82 @@ def test_one_role_alone_cannot_change(graph):
 
 
 def test_a_side_that_goes_silent_is_noticed_by_the_other(graph):
-    setting = Setting(graph, **PROMPT)
+    setting = Setting(graph)
     assert setting.call("engage").success
-    time.sleep(0.21)
+    graph.wall.advance(0.051)
     stamp = setting.sfj.send(**SFJ_REST)
     assert list(graph.until(lambda: setting.to_sfj.answer_to(stamp)).effort) == [0.0, 0.0]
     assert setting.controller.faults.latched == "stale_master"
 
 
 class Linked(Setting):
-    """With the node `link` between the two sides."""
+    """With the node `link` between the two sides, whose packets travel by the held time."""
 
     def __init__(self, graph: Graph, delay: float, **parameters: object) -> None:
         self.link = graph.start(LinkEmulator, delay=delay)
         super().__init__(graph, link=True, **parameters)
-        ways = self.controller._ways
-        graph.until(lambda: all(way.input.publishers and way.out.subscribers for way in ways))
+        self.ways = self.controller._ways
+        graph.until(lambda: all(way.input.publishers and way.out.subscribers for way in self.ways))
 
-    def run(self, seconds: float, omni=OMNI_REST) -> None:
-        end = time.monotonic() + seconds
-        while time.monotonic() < end:
-            self.sample(omni=omni)
+    def sample(self, **samples: dict):
+        """What was sent is in the link."""
+        efforts = super().sample(**samples)
+        taken = self.link._in
+        self.graph.until(lambda: all(i.count == w.out.sent for i, w in zip(taken, self.ways, strict=True)))
+        return efforts
 
-    def engage(self) -> bool:
-        """Engages; on a busy machine the sides may have been silent for too long while the call was made, or
-        the link be late, which is refused rightly, so a refusal is followed by another attempt."""
-        for _ in range(20):
-            answer = self.call("engage")
-            if answer.success:
-                return True
-            self.run(0.3)
-        raise AssertionError(answer.message)
+    def run(self, seconds: float, **samples: dict) -> None:
+        for _ in range(round(seconds / 0.002)):
+            self.sample(**samples)
 
-    def refused_for_its_round_trip(self) -> str:
-        """Why it is not engaged: the link's round trip, once no other reason stands before that. Leaves
-        nothing aligning, and no fault of a side that a busy machine silenced."""
-        for _ in range(20):
-            answer = self.call("engage")
-            assert not answer.success
-            self.call("reset")
-            self.call("disengage")
-            if "round trip" in answer.message:
-                return answer.message
-            self.run(0.3)
-        raise AssertionError(answer.message)
+    def pass_time(self) -> None:
+        """What is due arrives before the next sample."""
+        super().pass_time()
+        now, taken = self.graph.wall.now(), sum(source.count for source in self.link._in)
+        due = taken - sum(packet[0] > now for packet in list(self.link._under_way))
+        self.graph.until(lambda: sum(way.input.count for way in self.ways) == due)
 
 
 def test_what_goes_over_the_link_arrives_after_its_delay(graph):
-    # A delay that is long against what a busy machine adds: both ways once is told from twice or half of it.
-    delay = 0.2
+    delay = 0.05
     setting = Linked(graph, delay, maximum_round_trip=1.0)
-    setting.run(1.0)
+    setting.run(0.2)
     assert setting.state == "devices_ready"
     coupling = setting.controller._coupling
-    trips = []
-    while len(trips) < 40 and not (trips and trips[-1] < 8.0 / 3.0 * delay):
-        setting.run(0.1)
-        trips.append(coupling.round_trip)
-    assert 1.99 * delay < min(trips) < 8.0 / 3.0 * delay
-    assert setting.engage()
-    begun = time.monotonic()
-    while not setting.sample(omni=at(0.05))[0][0]:
-        assert time.monotonic() - begun < 5.0
-    assert time.monotonic() - begun >= delay
+    assert coupling.round_trip == pytest.approx(2 * delay, abs=1e-6)  # each way once, to the moment
+    assert setting.call("engage").success
+    later = [setting.sample(omni=at(0.05))[0][0] for _ in range(30)]
+    first = next(k for k, effort in enumerate(later) if effort)
+    assert first == 25, "samples of 2 ms"
     assert coupling.heard[0, 0] == pytest.approx(10.0 * 0.05)
 
 
 def test_a_link_that_takes_too_long_is_not_engaged(graph):
     setting = Linked(graph, 0.08, maximum_round_trip=0.12)
-    setting.run(0.4)
-    assert "more than 120.0 ms" in setting.refused_for_its_round_trip()
+    setting.run(0.2)
+    answer = setting.call("engage")
+    assert not answer.success and "more than 120.0 ms" in answer.message
     assert setting.sample(omni=at(0.05))[0] == [0.0, 0.0]
 
 
 def test_swapped_roles_bring_their_own_limit_of_the_round_trip(graph):
-    # Longer than either limit: what a busy machine adds changes nothing.
     setting = Linked(graph, 0.08)
-    setting.run(0.4)
-    assert "more than 100.0 ms" in setting.refused_for_its_round_trip()
+    setting.run(0.2)
+    assert "more than 100.0 ms" in setting.call("engage").message
+    assert setting.call("disengage").success
     assert setting.call("swap").success
-    setting.run(0.4)
-    assert "more than 25.0 ms" in setting.refused_for_its_round_trip()
+    setting.run(0.2)
+    assert "more than 25.0 ms" in setting.call("engage").message
 
 
 def test_a_link_that_goes_dead_is_a_fault(graph):
-    setting = Linked(graph, 0.001, **PROMPT)
-    setting.run(0.1)
-    assert setting.engage()
-    setting.link.shutdown_safely()
-    setting.run(0.3)
+    setting = Linked(graph, 0.002)
+    setting.run(0.02)
+    assert setting.call("engage").success
+    graph.end(setting.link)
+    for _ in range(26):  # of 2 ms: both robots go on
+        graph.wall.advance(0.002)
+        setting.answers(OMNI_REST, SFJ_REST)
     assert setting.controller.faults.latched == "stale_link"
 
 

@@ -6,7 +6,6 @@ from __future__ import annotations
 import heapq
 import threading
 from functools import partial
-from time import monotonic_ns
 from typing import Any, ClassVar
 
 from rclpy.context import Context
@@ -152,7 +151,7 @@ class LinkEmulator(HapticNode):
                     out.view[field][:] = content
                 out.send(stamp)
                 self.delivered += 1
-                self.worst_lateness = max(self.worst_lateness, (monotonic_ns() - due) * 1e-9)
+                self.worst_lateness = max(self.worst_lateness, (self.time.now() - due) * 1e-9)
         except Exception as failure:
             self.fail(failure)
 
@@ -160,12 +159,10 @@ class LinkEmulator(HapticNode):
         """The packet that is due, once it is; None at the end."""
         with self._changed:
             while not self._stopped:
-                wait = None
-                if self._under_way:
-                    wait = (self._under_way[0][0] - monotonic_ns()) * 1e-9
-                    if wait <= 0.0:
-                        return heapq.heappop(self._under_way)
-                self._changed.wait(wait)
+                due = self._under_way[0][0] if self._under_way else None
+                if due is not None and due <= self.wall.now():
+                    return heapq.heappop(self._under_way)
+                self.wall.wait(self._changed, due)
         return None
 
     def measurements(self) -> dict[str, Any]:

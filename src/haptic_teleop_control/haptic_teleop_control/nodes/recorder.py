@@ -71,13 +71,14 @@ class Recorder(HapticNode):
             experiment=self.experiment,
             compression=compression,
             durable=True,
+            steady=self.wall.now,
             numbered=values["existing"] == "number" or not values["output"],
         )
         self.stop = False
         self.armed: ArmedStart | None = None
         self.problems: list[str] = []
         self.received: dict[str, int] = {}
-        self.started = time.monotonic()
+        self.started = self._wall_seconds()
         self._deadline = self.started + (values["duration"] or float("inf"))
         self._next_log = self.started + LOG_PERIOD
         self._stored: dict[str, dict[str, Any]] = {}
@@ -121,11 +122,11 @@ class Recorder(HapticNode):
         """Asks for the parameters once more, closes, and verifies the recording; 0 if it is whole, else 1."""
         self._collector.ask_again()
         self.spin_once(executor)
-        until = time.monotonic() + self.values["parameter_wait"]
-        while self._collector.waiting and time.monotonic() < until:
+        until = self._wall_seconds() + self.values["parameter_wait"]
+        while self._collector.waiting and self._wall_seconds() < until:
             self.spin_once(executor)
             self._collector.poll()
-        elapsed = time.monotonic() - self.started
+        elapsed = self._wall_seconds() - self.started
         try:
             self._store_parameters()
             if self._collector.latest != self._collector.parameters:
@@ -183,15 +184,18 @@ class Recorder(HapticNode):
 
     def begin(self) -> None:
         self.take_part(RECORDER, topics=tuple(topic.name for topic in self._topics))
-        self.started = time.monotonic()
+        self.started = self._wall_seconds()
         self._deadline = self.started + (self.values["duration"] or float("inf"))
         self._next_log = self.started + LOG_PERIOD
+
+    def _wall_seconds(self) -> float:
+        return self.wall.now() * 1e-9
 
     def _now(self) -> float:
         """s, by which its duration counts."""
         if self.time.simulated:
             return self.started + seconds(max(self._kept.values(), default=ORIGIN))
-        return time.monotonic()
+        return self._wall_seconds()
 
     def _nodes(self) -> list[Node]:
         return [self, self._input]

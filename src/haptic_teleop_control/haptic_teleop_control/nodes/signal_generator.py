@@ -49,7 +49,7 @@ class SignalGeneratorNode(HapticNode):
         self._sample: int | None = None  # simulated time: samples so far since the signal began
         self._sampled = 0
         self._thread = DeadlineThread(
-            1.0 / self.values["rate"], self._cycle, self.NAME, self.fail, phase=PHASE
+            1.0 / self.values["rate"], self._cycle, self.NAME, self.fail, phase=PHASE, clock=self.wall
         )
         self.watch_periods(self._thread)
         self.count_rate("references", lambda: self._out.sent)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import time
 from collections.abc import Mapping
 from typing import Any, ClassVar
 
@@ -80,7 +79,7 @@ class TimeCoordinator(HapticNode):
         self._begun = time.monotonic()
 
     def _hear(self, report: Report) -> None:
-        self._coordinator.hear(report, time.monotonic())
+        self._coordinator.hear(report, self.wall.now() * 1e-9)
         self._proceed()
 
     def _look(self) -> None:
@@ -99,7 +98,7 @@ class TimeCoordinator(HapticNode):
 
     def _proceed(self) -> None:
         coordinator = self._coordinator
-        for message in coordinator.poll(time.monotonic()):
+        for message in coordinator.poll(self.wall.now() * 1e-9):
             if isinstance(message, Status):
                 self._tell_clock()
                 if message.state == OVER and not self._over:

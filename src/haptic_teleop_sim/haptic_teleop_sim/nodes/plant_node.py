@@ -49,7 +49,9 @@ class PlantNode(CommandedNode):
         self._zero = np.zeros(len(self.COMMAND_JOINTS))
         self._sensed = False
         self.lost_steps = 0
-        self.thread = DeadlineThread(1.0 / rate, self._cycle, self.NAME, self.fail, phase=self.PHASE)
+        self.thread = DeadlineThread(
+            1.0 / rate, self._cycle, self.NAME, self.fail, phase=self.PHASE, clock=self.wall
+        )
         self.watch_periods(self.thread)
         self.robot.step(self._zero)  # compiles now, not in the loop
         self.robot = self.make_robot(1.0 / rate)

@@ -6,7 +6,6 @@ The executor only stores commands; a thread of the subclass reads the device or 
 
 from __future__ import annotations
 
-import time
 from collections.abc import Sequence
 from typing import Any, ClassVar
 
@@ -41,8 +40,8 @@ Array = NDArray[np.float64]
 PROBLEMS = {NON_FINITE: NON_FINITE_COMMAND, WRONG_JOINTS: MALFORMED_COMMAND}
 """Kind of a problem -> the fault that it is, where the two names differ."""
 
-START_PATIENCE = 0.2
-"""Seconds for which late commands are only dropped as long as nothing has been driven yet."""
+START_PATIENCE = 200_000_000
+"""ns for which late commands are only dropped as long as nothing has been driven yet."""
 
 
 class CommandedNode(HapticNode):
@@ -63,7 +62,7 @@ class CommandedNode(HapticNode):
         self._timeout_ns = round(self.values["timeout"] * 1e9)
         self._driven = False  # whether a command has arrived and still holds
         self.dropped = 0
-        self._stale_since: float | None = None
+        self._stale_since: int | None = None
         self.latency = LatencyMeter()
         self.states = JointStatePublisher(self, "joint_states", self.JOINTS, FIELDS)
         self._position, self._velocity, self._effort = (self.states.view[field] for field in FIELDS)
@@ -180,7 +179,7 @@ class CommandedNode(HapticNode):
         super().on_time_fault(detail)
 
     def _refuse_stale(self, stamp: int, age: float) -> None:
-        now = time.monotonic()
+        now = self.time.now()
         if not self._driven:
             # While a graph comes up its first answers may be late; it is wrong only if that goes on.
             self._stale_since = self._stale_since or now

@@ -20,7 +20,7 @@ import numpy as np
 from numpy.typing import NDArray
 from rclpy.context import Context
 
-from haptic_teleop_control.clocks import SteadyClock, VirtualClock
+from haptic_teleop_control.clocks import Clock, VirtualClock
 from haptic_teleop_control.device import DeviceError, Driver, ReadResult, Reporter
 from haptic_teleop_control.device_watch import (
     DEVICE_FAULTS,
@@ -91,9 +91,9 @@ class DriverNode(CommandedNode):
         device = self.values["device"]
         if self.time.simulated and device not in VIRTUAL_DEVICES:
             raise ConfigurationError(hardware_refusal(self.NAME, device))
-        self.clock = VirtualClock() if self.time.simulated else SteadyClock()
+        self.clock: Clock = VirtualClock() if self.time.simulated else self.wall
         self.driver: Driver = self.make_driver(Reporter(self.fault, lambda: self.faults.latched))
-        self.watch = DeviceWatch(SteadyClock(), self.values["device_timeout"])
+        self.watch = DeviceWatch(self.wall, self.values["device_timeout"])
         self._hangs = ""
         if self.session is None and not self.time.simulated:  # whose pauses are not the device's
             steady_timer(self, LOOK_PERIOD, self._look)

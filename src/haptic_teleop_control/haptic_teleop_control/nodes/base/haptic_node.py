@@ -7,7 +7,6 @@ no more to print its help, check its parameters and run it.
 
 from __future__ import annotations
 
-import time
 from collections import deque
 from collections.abc import Callable, Mapping
 from typing import TYPE_CHECKING, Any, ClassVar
@@ -36,12 +35,16 @@ from haptic_teleop_control.warning_list import DEADLINE_SHARE, Warnings
 if TYPE_CHECKING:
     from haptic_teleop_control.nodes.timing.deadline import DeadlineThread
 
-LOG_INTERVAL = 1.0
-"""Seconds between two log lines of one kind of fault."""
+LOG_INTERVAL = 1_000_000_000
+"""ns between two log lines of one kind of fault."""
 
 
 class HapticNode(Node):
-    """An rclpy node with parameters (`self.values`), faults (`self.faults`), rates and an orderly end."""
+    """An rclpy node with parameters (`self.values`), faults (`self.faults`), rates and an orderly end.
+
+    time: that of the experiment, the wall's or simulated. wall: that of the wall, for what serves the
+    operator in both; given by a test that holds it.
+    """
 
     NAME: ClassVar[str]
     NAMESPACE: ClassVar[str] = ""
@@ -52,20 +55,23 @@ class HapticNode(Node):
     TABLE: ClassVar[ParameterTable]
     MAY_BE_SIMULATED: ClassVar[bool] = True
 
-    def __init__(self, context: Context | None = None, **node_options: Any) -> None:
+    def __init__(
+        self, context: Context | None = None, wall: WallTime | None = None, **node_options: Any
+    ) -> None:
         options = {"namespace": self.NAMESPACE, **node_options}
         super().__init__(self.NAME, context=context, **options)
         self.full_name = self.get_fully_qualified_name()
         self.failure: BaseException | None = None
-        self._last_log: dict[str, float] = {}
+        self.wall = wall or WallTime()
+        self._last_log: dict[str, int] = {}
         self._counters: dict[str, Callable[[], int]] = {}
         self._last_counts: dict[str, int] = {}
         self._rates: dict[str, str] = {}
         self._unsaid: deque[str] = deque()  # sentences of latched faults that are not yet published
-        self._last_report = time.monotonic()
+        self._last_report = self.wall.now()
         self.values = declare_parameters(self, self.TABLE)
         simulated = bool(self.values.get("use_sim_time")) and self.MAY_BE_SIMULATED
-        self.time: TimeBase = SimulatedTime(self) if simulated else WallTime()
+        self.time: TimeBase = SimulatedTime(self, self.wall) if simulated else self.wall
         self.faults = FaultLatch({**self.FAULTS, **TIME_FAULTS} if simulated else self.FAULTS)
         self._diagnostics = self.create_publisher(DiagnosticArray, "/diagnostics", 10)
         self.warnings = Warnings()
@@ -123,7 +129,7 @@ class HapticNode(Node):
         """Counts a fault; logs and publishes the one that latches, and logs repetitions at most once a
         second. From any thread."""
         latches = self.faults.count(name, detail)
-        now = time.monotonic()
+        now = self.wall.now()
         if latches:
             self._unsaid.append(self.faults.describe(name, detail))
             self.announce()
@@ -131,7 +137,7 @@ class HapticNode(Node):
             self.get_logger().error(
                 f"FAULT {self.faults.describe(name, detail)} Output is zero until {service}"
             )
-        elif now - self._last_log.get(name, 0.0) > LOG_INTERVAL:
+        elif now - self._last_log.get(name, 0) > LOG_INTERVAL:
             count = self.faults.counts[name]
             self.get_logger().warning(f"{self.faults.describe(name, detail)} Counted {count} times so far")
         else:
@@ -183,11 +189,12 @@ class HapticNode(Node):
             self._publish_status(DiagnosticStatus.OK, self.state(), self._status_values())
 
     def _report(self) -> None:
-        now = time.monotonic()
-        elapsed, self._last_report = now - self._last_report, now
+        now = self.wall.now()
+        elapsed, self._last_report = (now - self._last_report) * 1e-9, now
         for name, counter in self._counters.items():
             count = counter()
-            self._rates[f"{name} (Hz)"] = f"{(count - self._last_counts[name]) / elapsed:.1f}"
+            if elapsed > 0.0:
+                self._rates[f"{name} (Hz)"] = f"{(count - self._last_counts[name]) / elapsed:.1f}"
             self._last_counts[name] = count
         values = self._status_values()  # before the warnings: looking may find something to warn of
         warnings = [*self.warnings.take(), *crowded(self, JointState)]

@@ -13,12 +13,14 @@ from rclpy.node import Node
 from rclpy.qos import QoSCompatibility, QoSProfile, qos_check_compatible
 from rclpy.topic_endpoint_info import TopicEndpointInfo
 
+from haptic_teleop_control.nodes.launching.participants import own_participant, participant_of
 from haptic_teleop_control.nodes.streams.senders import full_name
 from haptic_teleop_control.senders import NAMELESS
 
-OUT, IN = "publishers", "subscriptions"
+OUT, IN, PARTICIPANTS = "publishers", "subscriptions", "participants"
 Endpoints = dict[str, dict[str, list[str]]]
-"""{"publishers": {topic: [full node name, ...]}, "subscriptions": {...}}"""
+"""{"publishers": {topic: [full node name, ...]}, "subscriptions": {...}, "participants": {id of a process:
+[names of its nodes]}}; an id is empty where the middleware tells none."""
 
 JOINT_STATE = "sensor_msgs/msg/JointState"
 SERVICE_TOPICS = ("/parameter_events", "/rosout")
@@ -27,8 +29,10 @@ SERVICE_TOPICS = ("/parameter_events", "/rosout")
 
 def endpoints(nodes: Iterable[Node]) -> Endpoints:
     """What `nodes` publish and subscribe to."""
-    found: Endpoints = {OUT: {}, IN: {}}
+    found: Endpoints = {OUT: {}, IN: {}, PARTICIPANTS: {}}
     for node in nodes:
+        names = found[PARTICIPANTS].setdefault(own_participant(node), [])
+        names.append(node.get_fully_qualified_name())
         for direction, ends in ((OUT, node.publishers), (IN, node.subscriptions)):
             for end in ends:
                 if end.topic_name not in SERVICE_TOPICS:
@@ -38,7 +42,7 @@ def endpoints(nodes: Iterable[Node]) -> Endpoints:
 
 def merged(several: Iterable[Endpoints]) -> Endpoints:
     """The endpoints of several processes in one."""
-    whole: Endpoints = {OUT: {}, IN: {}}
+    whole: Endpoints = {OUT: {}, IN: {}, PARTICIPANTS: {}}
     for one in several:
         for direction, topics in one.items():
             for topic, names in topics.items():
@@ -58,13 +62,15 @@ def unconnected(nodes: Iterable[Node], expected: Mapping[str, Mapping[str, list[
             topic = publisher.topic_name
             seen = node.get_subscriptions_info_by_topic(topic)
             count = publisher.get_subscription_count()
-            if not _met(expected[IN].get(topic, []), seen, count, publisher.qos_profile, True):
+            known = _by_ours(seen, expected)
+            if not _met(expected[IN].get(topic, []), known, seen, count, publisher.qos_profile, True):
                 missing.add(topic)
         for subscription in node.subscriptions:
             topic = subscription.topic_name
             seen = node.get_publishers_info_by_topic(topic)
             count = subscription.get_publisher_count()
-            if not _met(expected[OUT].get(topic, []), seen, count, subscription.qos_profile, False):
+            known = _by_ours(seen, expected)
+            if not _met(expected[OUT].get(topic, []), known, seen, count, subscription.qos_profile, False):
                 missing.add(topic)
     return sorted(missing - set(SERVICE_TOPICS))
 
@@ -75,11 +81,11 @@ def strangers(node: Node, ours: Mapping[str, Mapping[str, list[str]]]) -> dict[s
     plants, on one topic are never meant."""
     found = {}
     for topic, names in ours[OUT].items():
-        ends = node.get_publishers_info_by_topic(topic)
-        seen = Counter(full_name(end) for end in ends if end.topic_type == JOINT_STATE)
-        others, ours_unseen = seen - Counter(names), Counter(names) - seen
-        if others[""] <= ours_unseen.total():  # ours, whose names are not known yet
-            del others[""]
+        ends = [end for end in node.get_publishers_info_by_topic(topic) if end.topic_type == JOINT_STATE]
+        known = _by_ours(ends, ours)
+        others = Counter(full_name(end) for end in ends if end not in known)
+        if not _told(ours):
+            others = _others_by_name(ends, names)
         if others:
             found[topic] = [
                 f"another {name}" if name in names else name or NAMELESS for name in sorted(others)
@@ -87,10 +93,38 @@ def strangers(node: Node, ours: Mapping[str, Mapping[str, list[str]]]) -> dict[s
     return found
 
 
+def _told(ours: Mapping[str, Mapping[str, list[str]]]) -> bool:
+    """Whether the middleware tells by an id to which process an endpoint belongs."""
+    participants = ours.get(PARTICIPANTS, {})
+    return bool(participants) and "" not in participants
+
+
+def _by_ours(
+    ends: list[TopicEndpointInfo], ours: Mapping[str, Mapping[str, list[str]]]
+) -> list[TopicEndpointInfo]:
+    """Those that belong to our processes, or all where that is not told."""
+    if not _told(ours):
+        return ends
+    return [end for end in ends if participant_of(end) in ours[PARTICIPANTS]]
+
+
+def _others_by_name(ends: list[TopicEndpointInfo], names: list[str]) -> Counter[str]:
+    seen = Counter(full_name(end) for end in ends)
+    others, ours_unseen = seen - Counter(names), Counter(names) - seen
+    if others[""] <= ours_unseen.total():  # ours, whose names are not known yet
+        del others[""]
+    return others
+
+
 def _met(
-    expected: list[str], seen: list[TopicEndpointInfo], matched: int, own: QoSProfile, publishing: bool
+    expected: list[str],
+    known: list[TopicEndpointInfo],
+    seen: list[TopicEndpointInfo],
+    matched: int,
+    own: QoSProfile,
+    publishing: bool,
 ) -> bool:
-    if not {full_name(end) for end in seen}.issuperset(expected):
+    if not {full_name(end) for end in known}.issuperset(expected):
         return False
     compatible = 0
     for end in seen:

@@ -10,8 +10,9 @@ from __future__ import annotations
 import os
 import sys
 import threading
-import time
 from collections.abc import Callable
+
+from haptic_teleop_control.clocks import Clock, SteadyClock
 
 NANOSECONDS = 1_000_000_000
 
@@ -27,6 +28,8 @@ class DeadlineThread:
     of a machine share. Threads of commensurable rates with different phases then never wake at the same
     moment to wait for each other; without a phase the start decides, and they may collide in every cycle.
 
+    `clock`: by which the deadlines count; the steady one where it is None.
+
     Raises ValueError when `period` (s) is not positive.
     """
 
@@ -38,6 +41,7 @@ class DeadlineThread:
         on_failure: Callable[[BaseException], None] | None = None,
         realtime_priority: int = 0,
         phase: float | None = None,
+        clock: Clock | None = None,
     ) -> None:
         if not period > 0.0:
             raise ValueError(f"period is {period}; give a positive number of seconds")
@@ -48,6 +52,7 @@ class DeadlineThread:
         self._work = work
         self._on_failure = on_failure
         self._priority = realtime_priority
+        self._clock = clock or SteadyClock()
         self._phase_ns = None if phase is None else round(phase * self.period_ns)
         self._stop = threading.Event()
         self._thread = threading.Thread(target=self._run, name=name, daemon=True)
@@ -80,18 +85,17 @@ class DeadlineThread:
     def _loop(self) -> None:
         period = self.period_ns
         work, stopped = self._work, self._stop.is_set
-        monotonic, sleep = time.monotonic_ns, time.sleep
-        deadline = monotonic() + period
+        now, sleep_until = self._clock.now, self._clock.sleep_until
+        deadline = now() + period
         if self._phase_ns is not None:
             deadline -= (deadline - self._phase_ns) % period
         last = deadline - period
         while not stopped():
-            wait = deadline - monotonic()
-            if wait > 0:
-                sleep(wait * 1e-9)
+            if deadline > now():
+                sleep_until(deadline)
                 if stopped():
                     return
-            late = monotonic() - deadline
+            late = now() - deadline
             if late >= period:  # whole periods went by: go on with the latest one that is due
                 missed = late // period
                 self.overruns += missed

@@ -6,6 +6,7 @@ What serves the operator and the disk (diagnostics, flushing, liveness) runs on 
 
 from __future__ import annotations
 
+import threading
 import time
 from collections.abc import Callable, Mapping
 
@@ -60,8 +61,12 @@ def steady_timer(node: Node, period: float, work: Callable[[], None]) -> Timer:
 
 
 class WallTime:
-    """The steady clock for ages and watchdogs; stamps are wall time counted by it since the process started,
-    so that they never jump with the clock."""
+    """The steady clock for ages, watchdogs and deadlines; stamps are wall time counted by it since the
+    process started, so that they never jump with the clock.
+
+    Everything in a node that goes by the wall goes by this object, which a test may replace by one that it
+    holds.
+    """
 
     simulated = False
     qos = LATEST_QOS
@@ -76,7 +81,18 @@ class WallTime:
 
     def stamp(self) -> int:
         """The stamp of now, ns."""
-        return time.monotonic_ns() + _STEADY_TO_WALL
+        return self.stamp_at(self.now())
+
+    def sleep_until(self, moment: int) -> None:
+        """Returns at `moment` of `now`, ns, or at once when that is past."""
+        wait = moment - time.monotonic_ns()
+        if wait > 0:
+            time.sleep(wait * 1e-9)
+
+    def wait(self, changed: threading.Condition, moment: int | None) -> None:
+        """Waits for `changed`, which the caller holds, but not beyond `moment` of `now`, ns; may return
+        early."""
+        changed.wait(None if moment is None else max(0.0, (moment - self.now()) * 1e-9))
 
     def close(self) -> None:
         pass
@@ -91,8 +107,8 @@ class SimulatedTime:
     simulated = True
     qos = EVERY_QOS
 
-    def __init__(self, node: Node) -> None:
-        self._node = node
+    def __init__(self, node: Node, wall: WallTime) -> None:
+        self._node, self._wall = node, wall
         self._end: ParticipantEnd | None = None
         self.participant: Participant | None = None
         self._told = False
@@ -140,7 +156,7 @@ class SimulatedTime:
     def _poll(self) -> None:
         if self.participant is None:
             return
-        self.participant.poll(time.monotonic())
+        self.participant.poll(self._wall.now() * 1e-9)
         if self.participant.waited > SILENT and not self._told:
             self._told = True
             self._node.get_logger().info(UNCOORDINATED)
