@@ -76,7 +76,7 @@ class TimeCoordinator(HapticNode):
 
     def start(self) -> None:
         self._coordinator.armed = True
-        self._begun = time.monotonic()
+        self._begun = self.wall.now() * 1e-9
 
     def _hear(self, report: Report) -> None:
         self._coordinator.hear(report, self.wall.now() * 1e-9)
@@ -91,7 +91,7 @@ class TimeCoordinator(HapticNode):
         """Whoever starts nodes by hand shall see what is lacking."""
         status = self._coordinator.status()
         missing = status.reason if status.state == WAITING else ""
-        if missing == self._awaited or time.monotonic() - self._begun < SILENT:
+        if missing == self._awaited or self.wall.now() * 1e-9 - self._begun < SILENT:
             return
         self._awaited = missing
         self.get_logger().info(missing or f"all participants are there: time is {status.state}")
