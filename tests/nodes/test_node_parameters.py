@@ -12,6 +12,7 @@ from hypothesis import strategies as st
 from rclpy.context import Context
 
 from haptic_teleop_control.errors import ConfigurationError
+from haptic_teleop_control.node_tables import USE_SIM_TIME
 from haptic_teleop_control.nodes.base.haptic_node import HapticNode
 from haptic_teleop_control.nodes.base.parameters import overrides
 from haptic_teleop_control.nodes.base.ros_arguments import parse_ros_arguments
@@ -21,6 +22,7 @@ from haptic_teleop_control.parameters import Parameter, ParameterTable
 TABLE = ParameterTable(
     "plant",
     [
+        USE_SIM_TIME,
         Parameter("gain", 1.0, infinite=True),
         Parameter("part.count", 1),
         Parameter("model", ""),
