@@ -56,7 +56,7 @@ class TimeCoordinator(HapticNode):
             paused=values["paused"],
         )
         self._told = ORIGIN - CLOCK_PERIOD
-        self._clock = self.create_publisher(Clock, "/clock", 10)
+        self._clock_out = self.create_publisher(Clock, "/clock", 10)
         self._end = CoordinatorEnd(self, self._hear)
         for act in ("pause", "resume", "step"):
             self.create_service(Trigger, f"~/{act}", self._service(act))
@@ -88,7 +88,7 @@ class TimeCoordinator(HapticNode):
         self._told = stamp = self._coordinator.stamp
         message = Clock()
         message.clock.sec, message.clock.nanosec = divmod(stamp, 10**9)
-        self._clock.publish(message)
+        self._clock_out.publish(message)
 
     def _service(self, act: str):
         def serve(request: Trigger.Request, response: Trigger.Response) -> Trigger.Response:

@@ -103,6 +103,7 @@ class SimulatedTime:
         self._node, self._wall = node, wall
         self._end: ParticipantEnd | None = None
         self.participant: Participant | None = None
+        self._told = False
 
     def now(self) -> int:
         return ORIGIN if self.participant is None else self.participant.stamp
@@ -126,6 +127,11 @@ class SimulatedTime:
         self._end = ParticipantEnd(self._node, member, self.participant.hear)
         steady_timer(self._node, POLL, self._poll)
 
+    @property
+    def waits_for(self) -> str:
+        """What keeps time from beginning, in words; empty once it has begun."""
+        return "the start" if self.participant is None else self.participant.waits_for
+
     def done(self, stamps: Mapping[str, int] | None = None, silent: bool = False) -> None:
         if self.participant is not None:
             self.participant.done(stamps, silent)
@@ -147,6 +153,9 @@ class SimulatedTime:
     def _poll(self) -> None:
         if self.participant is not None:
             self.participant.poll(self._wall.now() * 1e-9)
+            if self.participant.unled and not self._told:
+                self._told = True
+                self._node.get_logger().warning(f"waiting for {self.participant.waits_for}")
 
 
 TimeBase = WallTime | SimulatedTime
