@@ -42,6 +42,8 @@ from haptic_teleop_control.teleoperation.agreement import check_agreement, simul
 FIRST_STATE_LIMIT = 30.0
 """Seconds from the start until the first state; a device may have to be calibrated."""
 
+REFUSED = 2
+"""Exit status of a process that refuses what it was given."""
 LOOK_INTERVAL = 0.1
 LAST_COMMANDS = 0.3
 """Seconds that the recorder goes on after the nodes have ended, so that their zero output is in the
@@ -165,7 +167,10 @@ def run(scenario: Scenario) -> int:
     for name, status in statuses.items():
         if status:
             print(f"{name} ended with exit status {status}", file=sys.stderr)
-    return next((status for status in statuses.values() if status), 1 if faults else 0)
+    failed = [status for status in statuses.values() if status]
+    if failed:
+        return failed[0] if failed[0] <= REFUSED else 1  # by a signal: it did not come about
+    return 1 if faults else 0
 
 
 def _watch(
@@ -196,6 +201,9 @@ def _watch(
                 silent = f"no state of {scenario.watched} in {watcher.waited:.0f} s"
                 return {SCENARIO.node_name: f"{silent}; put its plant among the nodes"}
             if over:
+                break
+            if lost := watcher.lost():
+                watcher.faults["/" + TIME_COORDINATOR.node_name] = lost
                 break
         return watcher.faults
 

@@ -68,7 +68,7 @@ class TimeCoordinator(HapticNode):
         self._over = False
         self._begun = 0.0  # s of the steady clock
         self._awaited = ""  # what it has said that it waits for
-        self._clock = self.create_publisher(Clock, "/clock", 10)
+        self._clock_out = self.create_publisher(Clock, "/clock", 10)
         self._end = CoordinatorEnd(self, self._hear)
         for act in ("pause", "resume", "step"):
             self.create_service(Trigger, f"~/{act}", self._service(act))
@@ -114,7 +114,7 @@ class TimeCoordinator(HapticNode):
         self._told = stamp = self._coordinator.stamp
         message = Clock()
         message.clock.sec, message.clock.nanosec = divmod(stamp, 10**9)
-        self._clock.publish(message)
+        self._clock_out.publish(message)
 
     def _service(self, act: str):
         def serve(request: Trigger.Request, response: Trigger.Response) -> Trigger.Response:

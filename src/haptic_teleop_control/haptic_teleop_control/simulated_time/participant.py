@@ -8,7 +8,16 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 
-from haptic_teleop_control.simulated_time.messages import HALTED, OVER, PAUSED, Member, Report, Status, Tick
+from haptic_teleop_control.simulated_time.messages import (
+    HALTED,
+    OVER,
+    PAUSED,
+    WAITING,
+    Member,
+    Report,
+    Status,
+    Tick,
+)
 from haptic_teleop_control.simulated_time.stamps import ORIGIN
 
 LONGEST_STEP = 0.1
@@ -17,6 +26,9 @@ JOIN_INTERVAL = 0.1
 COORDINATOR_LIVENESS = 10.0
 """s without a word from the coordinator. Longer than its own patience with us: who names the culprit must
 come first, and a child of `scenario` that was killed is seen at once anyway."""
+UNLED = "a coordinator of simulated time: start time_coordinator or a scenario, or set use_sim_time: false"
+UNLED_FOR = 2.0
+"""s without a coordinator, after which that is worth a word."""
 
 
 class Participant:
@@ -38,7 +50,7 @@ class Participant:
         self.stamp = ORIGIN
         self.tick: Tick | None = None
         self.joined = False
-        self.state = ""
+        self.state = self._reason = ""
         self._say, self._on_tick, self._on_fault, self._on_status = say, on_tick, on_fault, on_status
         self._liveness = liveness
         self._session = ""
@@ -81,9 +93,18 @@ class Participant:
             self._fault(f"the coordinator of simulated time has been silent for {self._liveness:g} s")
 
     @property
-    def waited(self) -> float:
-        """s that it has been waiting to take part; 0 when it does."""
-        return 0.0 if self.joined or self._faulty else self._lived
+    def waits_for(self) -> str:
+        """What keeps time from beginning, in words; empty once it has begun."""
+        if self._faulty:
+            return ""
+        if not self.joined:
+            return UNLED
+        return self._reason.removeprefix("waiting for ") if self.state == WAITING else ""
+
+    @property
+    def unled(self) -> bool:
+        """Whether it has been without a coordinator for UNLED_FOR seconds."""
+        return not self.joined and not self._faulty and self._lived - self._heard > UNLED_FOR
 
     def done(self, stamps: Mapping[str, int] | None = None, silent: bool = False) -> None:
         """What the tick asked is done. stamps: of a linked answerer, way -> newest stamp sent. silent: of a
@@ -117,7 +138,7 @@ class Participant:
             self._fault(f"the coordinator of simulated time refuses {self.member.name}: {refusal}")
         if self.member.name in status.members and not self.joined:
             self.joined, self._session = True, status.session
-        self.state = status.state
+        self.state, self._reason = status.state, status.reason
         if status.state == HALTED and self.joined:
             self._fault(f"simulated time is halted: {status.reason}")
         elif status.state in (PAUSED, OVER):

@@ -74,7 +74,8 @@ class CommandedNode(HapticNode):
         self._last_stamp = 0
         self.sampled = 0  # stamp of the state published last, in simulated time
         self._awaiting = False  # whether its answer is still to come
-        self._used = np.zeros(len(self.COMMAND_JOINTS))
+        self._answer = np.zeros(len(self.COMMAND_JOINTS))  # to the state of this stamp; 0: to none
+        self._answer_to = 0
         self.silent = False  # whether there is no state to publish at the next tick
         self.warnings.watch(
             lambda: self.dropped,
@@ -132,8 +133,9 @@ class CommandedNode(HapticNode):
             ahead = (stamp - self.sampled) * 1e-9
             self.fault(FUTURE_COMMAND, f"{self.commands.topic}: its stamp is {ahead:.4f} s ahead")
             return False
-        self.dropped += stamp < self.sampled
-        return stamp == self.sampled
+        known = stamp in (self.sampled, self._answer_to)
+        self.dropped += not known
+        return known
 
     def on_tick(self, tick: Tick, repeated: bool) -> None:
         if repeated and self.states.sent:
@@ -150,6 +152,7 @@ class CommandedNode(HapticNode):
         self._awaiting = self.states.topic in tick.states
         self.sample(tick.stamp)
         if not self._awaiting:
+            self._answer[:], self._answer_to = 0.0, tick.stamp
             self._act(None)
 
     def sample(self, stamp: int) -> None:
@@ -162,17 +165,18 @@ class CommandedNode(HapticNode):
 
     def _act(self, command: Array | None) -> None:
         self._awaiting = False
-        self._used[:] = 0.0 if command is None else command
         self.act(command)
         self.time.done(silent=self.silent)
 
     def _take_answer(self) -> None:
-        if self._awaiting:
+        stamp = self.commands.stamp
+        if self._awaiting and stamp == self.sampled:
+            self._answer[:], self._answer_to = self._command, stamp
             self._driven = True
             self._act(self.permitted())
-        elif not self.faults.latched and not np.array_equal(self._command, self._used):
+        elif stamp == self._answer_to and not np.array_equal(self._command, self._answer):
             self._driven = False
-            self.fault(CONTRADICTORY_COMMAND, f"{self.commands.topic}: at {seconds(self.sampled):.4f} s")
+            self.fault(CONTRADICTORY_COMMAND, f"{self.commands.topic}: at {seconds(stamp):.4f} s")
 
     def on_time_fault(self, detail: str) -> None:
         self._driven = False
@@ -194,6 +198,7 @@ class CommandedNode(HapticNode):
         self._driven = False
         self.fault(PROBLEMS.get(kind, kind), detail)
         if self.time.simulated and self._awaiting and stamp == self.sampled:
+            self._answer_to = 0
             self._act(None)  # it is an answer, though none that can be used
 
     def on_reset(self) -> None:

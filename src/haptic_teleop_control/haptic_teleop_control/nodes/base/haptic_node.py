@@ -186,7 +186,7 @@ class HapticNode(Node):
         while self._unsaid:
             self._publish_status(DiagnosticStatus.ERROR, self._unsaid.popleft(), self._status_values())
         if not self.faults.latched:
-            self._publish_status(DiagnosticStatus.OK, self.state(), self._status_values())
+            self._publish_status(DiagnosticStatus.OK, self._doing(), self._status_values())
 
     def _report(self) -> None:
         now = self.wall.now()
@@ -198,15 +198,20 @@ class HapticNode(Node):
             self._last_counts[name] = count
         values = self._status_values()  # before the warnings: looking may find something to warn of
         warnings = [*self.warnings.take(), *crowded(self, JointState)]
-        level, sentence = DiagnosticStatus.OK, self.state()
+        level, sentence = DiagnosticStatus.OK, self._doing()
         if latched := self.faults.sentence:
             level, sentence = DiagnosticStatus.ERROR, latched
         elif warnings:
             level, sentence = DiagnosticStatus.WARN, "; ".join(warnings)
         self._publish_status(level, sentence, values)
 
+    def _doing(self) -> str:
+        """`state`, or what simulated time waits for before it begins."""
+        waits_for = self.time.waits_for if isinstance(self.time, SimulatedTime) else ""
+        return f"waiting for {waits_for}" if waits_for else self.state()
+
     def _status_values(self) -> dict[str, Any]:
-        values: dict[str, Any] = {"state": self.state(), **self._rates, **self.measurements()}
+        values: dict[str, Any] = {"state": self._doing(), **self._rates, **self.measurements()}
         values.update({f"fault {name}": count for name, count in self.faults.counts.items()})
         return values
 

@@ -25,9 +25,12 @@ from std_msgs.msg import String
 
 from haptic_teleop_control.robots import OMNI_JOINTS, SFJ_JOINTS, STAGES
 from haptic_teleop_control.simulated_time.messages import HALTED, OVER, PAUSED, STATUS_TOPIC, Status, decode
+from haptic_teleop_control.simulated_time.participant import COORDINATOR_LIVENESS
 from haptic_teleop_control.simulated_time.stamps import seconds
 
 NEWEST_ONLY = QoSProfile(depth=1, reliability=ReliabilityPolicy.BEST_EFFORT)
+LONGEST_LOOK = 0.3
+"""s counted at most between two looks: what is longer, we stood still ourselves."""
 PLAIN_INTERVAL = 2.0
 """Seconds between two lines where standard error is no terminal."""
 
@@ -51,6 +54,7 @@ class Watcher:
         self._begun: float | None = None
         self.simulated = simulated
         self.time: Status | None = None
+        self._looked = self._untold = 0.0
         self._state: JointState | None = None
 
     def __enter__(self) -> Self:
@@ -73,7 +77,8 @@ class Watcher:
 
     def begin(self) -> None:
         """The nodes start now."""
-        self._begun = time.monotonic()
+        self._begun = self._looked = time.monotonic()
+        self._untold = 0.0
 
     @property
     def elapsed(self) -> float:
@@ -93,6 +98,16 @@ class Watcher:
             return self.time is not None and self.time.state in (OVER, HALTED)
         return duration > 0.0 and self.elapsed >= duration
 
+    def lost(self) -> str:
+        """What is wrong when nobody grants simulated time any more, in words; else empty. A law that does not
+        return holds its process, and with it a coordinator that lives there."""
+        if not self.simulated or self._begun is None or self._untold <= COORDINATOR_LIVENESS:
+            return ""
+        return (
+            f"the coordinator of simulated time has been silent for {COORDINATOR_LIVENESS:g} s: its process "
+            "stands still; look for a node in it that does not return (--processes gives each one its own)"
+        )
+
     @property
     def blind(self) -> bool:
         """Whether no state has been seen yet, nor a plant that takes part in simulated time: a short
@@ -108,6 +123,9 @@ class Watcher:
     def look(self, seconds: float) -> None:
         """Waits, then takes what is there."""
         time.sleep(seconds)
+        now = time.monotonic()
+        self._untold += min(now - self._looked, LONGEST_LOOK)
+        self._looked = now
         for _ in range(8):  # newest state, diagnostics of a few nodes, and rclpy's own
             self._executor.spin_once(timeout_sec=0.0)
 
@@ -139,7 +157,7 @@ class Watcher:
     def _take_status(self, message: String) -> None:
         status = decode(message.data)
         if isinstance(status, Status):
-            self.time = status
+            self.time, self._untold = status, 0.0
             if status.state == HALTED:
                 self.faults["/time_coordinator"] = f"simulated time is halted: {status.reason}"
 

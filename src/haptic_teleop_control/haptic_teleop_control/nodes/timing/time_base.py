@@ -44,14 +44,6 @@ POLL = 0.05
 SIMULATED_TIME = "simulated_time"
 TIME_FAULTS = {SIMULATED_TIME: "simulated time has ended or was refused; start the scenario anew"}
 
-SILENT = 2.0
-"""s that a node waits for the coordinator before it says so: in a scenario all join within that."""
-
-UNCOORDINATED = (
-    "use_sim_time is true, and no coordinator of simulated time is here yet: start haptic-teleop "
-    "time_coordinator, with this node among its participants"
-)
-
 _STEADY_TO_WALL = time.time_ns() - time.monotonic_ns()
 
 
@@ -135,6 +127,11 @@ class SimulatedTime:
         self._end = ParticipantEnd(self._node, member, self.participant.hear)
         steady_timer(self._node, POLL, self._poll)
 
+    @property
+    def waits_for(self) -> str:
+        """What keeps time from beginning, in words; empty once it has begun."""
+        return "the start" if self.participant is None else self.participant.waits_for
+
     def done(self, stamps: Mapping[str, int] | None = None, silent: bool = False) -> None:
         if self.participant is not None:
             self.participant.done(stamps, silent)
@@ -154,12 +151,11 @@ class SimulatedTime:
             self._end.say(report)
 
     def _poll(self) -> None:
-        if self.participant is None:
-            return
-        self.participant.poll(self._wall.now() * 1e-9)
-        if self.participant.waited > SILENT and not self._told:
-            self._told = True
-            self._node.get_logger().info(UNCOORDINATED)
+        if self.participant is not None:
+            self.participant.poll(self._wall.now() * 1e-9)
+            if self.participant.unled and not self._told:
+                self._told = True
+                self._node.get_logger().warning(f"waiting for {self.participant.waits_for}")
 
 
 TimeBase = WallTime | SimulatedTime

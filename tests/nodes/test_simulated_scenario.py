@@ -1,0 +1,129 @@
+"""Simulated time from the command `scenario`: one sentence for what cannot be, and an end with 1 that names
+who did not do his part."""
+
+import os
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import pytest
+
+from haptic_teleop_control.nodes.scenario import main
+
+FILE = """
+/**:
+  ros__parameters: {use_sim_time: true}
+scenario:
+  ros__parameters:
+    nodes: [sfj_sim, omni_sim, force_controller, signal_generator]
+    duration: 600.0
+    real_time_factor: 0.0
+omni_sim:
+  ros__parameters: {rate: 500.0}
+force_controller:
+  ros__parameters: {master_rate: 500.0, law: "hanging:Hanging"}
+signal_generator:
+  ros__parameters:
+    stage1: {enabled: true, step: {enabled: true, amplitude: 0.05}}
+"""
+
+LAW = """
+import time
+from haptic_teleop_control.laws import AugmentedErrorLaw
+
+class Hanging(AugmentedErrorLaw):
+    samples = 0
+
+    def step(self, *arguments):
+        self.samples += 1
+        if self.samples > 100:
+            time.sleep(600.0)
+        return super().step(*arguments)
+"""
+"""A law that does not return any more."""
+
+
+@pytest.fixture
+def file(tmp_path, monkeypatch) -> Path:
+    (tmp_path / "hanging.py").write_text(LAW)
+    path = tmp_path / "scenario.yaml"
+    path.write_text(FILE)
+    monkeypatch.chdir(tmp_path)
+    return path
+
+
+def usual(file: Path) -> Path:
+    """With the thesis' law, which returns."""
+    file.write_text(file.read_text().replace('law: "hanging:Hanging"', "law: augmented_error"))
+    return file
+
+
+def start(file: Path, *options: str) -> subprocess.Popen:
+    command = [sys.executable, "-m", "haptic_teleop_control.front_door", "scenario", str(file), *options]
+    return subprocess.Popen(command, stderr=subprocess.PIPE, text=True)
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "told"),
+    [
+        ("real_time_factor: 0.0", "real_time_factor: -1.0", "real_time_factor"),
+        ("real_time_factor: 0.0", "real_time_factor: .nan", "real_time_factor"),
+        ("real_time_factor: 0.0", "real_time_factor: .inf", "real_time_factor"),
+        ("{rate: 500.0}", "{rate: 500.0, use_sim_time: false}", "omni_sim does not; set use_sim_time alike"),
+        ("[sfj_sim,", "[sfj_driver,", "device hardware is hardware, whose time nobody can hold"),
+    ],
+)
+def test_what_cannot_be_in_a_file_is_one_sentence_and_status_2(file, capsys, old, new, told):
+    usual(file).write_text(file.read_text().replace(old, new))
+    assert main([str(file)]) == 2
+    error = capsys.readouterr().err.strip()
+    assert len(error.splitlines()) == 1
+    assert told in error and str(file) in error
+
+
+@pytest.mark.parametrize("factor", ["-1", "nan", "inf"])
+def test_a_real_time_factor_that_is_none_is_refused_on_the_command_line(file, capsys, factor):
+    assert main([str(usual(file)), f"--real-time-factor={factor}"]) == 2
+    error = capsys.readouterr().err.strip()
+    assert "real_time_factor" in error and len(error.splitlines()) == 1
+
+
+def test_a_controller_that_never_answers_ends_the_scenario_with_1_and_is_named(file):
+    process = start(file, "--processes")
+    _, errors = process.communicate(timeout=100)
+    assert process.returncode == 1, errors
+    last = [line for line in errors.splitlines() if line.startswith("fault in")]
+    assert any("/force_controller owes the answer to the state on" in line for line in last), errors
+
+
+def test_a_law_that_does_not_return_ends_a_scenario_of_one_process_too(file):
+    process = start(file)
+    _, errors = process.communicate(timeout=100)
+    assert process.returncode == 1, errors
+    assert "the coordinator of simulated time has been silent for 5 s" in errors
+    assert "a node in it that does not return" in errors
+
+
+def test_a_coordinator_that_is_killed_ends_the_scenario_with_1_and_is_named(file):
+    process = start(usual(file), "--processes")
+    try:
+        coordinator, end = None, time.monotonic() + 60.0
+        lines = []
+        while not any("stage 1:" in line for line in lines):
+            assert time.monotonic() < end
+            lines.append(process.stderr.readline())
+            assert lines[-1], "".join(lines)
+        children = Path(f"/proc/{process.pid}/task/{process.pid}/children").read_text().split()
+        for child in map(int, children):
+            if b"time_coordinator" in Path(f"/proc/{child}/cmdline").read_bytes().split(b"\0"):
+                coordinator = child
+        assert coordinator is not None
+        os.kill(coordinator, signal.SIGKILL)
+        _, errors = process.communicate(timeout=60)
+    finally:
+        process.kill()
+        process.wait()
+    assert process.returncode == 1, errors
+    assert "time_coordinator ended with exit status 137" in errors

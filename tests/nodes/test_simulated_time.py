@@ -1,0 +1,365 @@
+"""Simulated time where nodes meet it: whatever is wrong is a named refusal, or a fault with zero effort.
+
+The wall, by which liveness counts, is held by the test.
+"""
+
+import math
+import time
+
+import numpy as np
+import pytest
+from diagnostic_msgs.msg import DiagnosticArray
+from rclpy.context import Context
+from rclpy.parameter import Parameter
+from ros_graph import Graph
+
+from haptic_teleop_2dsfj.nodes.sfj_driver import SfjDriverNode
+from haptic_teleop_control.errors import ConfigurationError
+from haptic_teleop_control.front_door import load
+from haptic_teleop_control.node_tables import NODE_PARAMETERS
+from haptic_teleop_control.nodes.base.haptic_node import HapticNode
+from haptic_teleop_control.nodes.force_controller import ForceController
+from haptic_teleop_control.nodes.recorder import Recorder
+from haptic_teleop_control.nodes.streams.joint_states import FIELDS, JointStatePublisher, JointStateReceiver
+from haptic_teleop_control.nodes.time_coordinator import TimeCoordinator
+from haptic_teleop_control.nodes.timing import time_base
+from haptic_teleop_control.parameters import ParameterTable
+from haptic_teleop_control.robots import SFJ_JOINTS, SFJ_MOTOR_JOINTS
+from haptic_teleop_control.simulated_time.messages import ANSWERER, HALTED, PAUSED, RUNNING, Tick
+from haptic_teleop_control.simulated_time.stamps import ORIGIN, sample_stamp
+from haptic_teleop_omni.nodes.omni_driver import OmniDriverNode
+from haptic_teleop_sim.nodes.omni_sim import OmniSim
+from haptic_teleop_sim.nodes.sfj_sim import SfjSim
+
+PUSH = [2.0, 0.4]
+
+
+class Answerer(HapticNode):
+    """Answers the 2DSFJ's states with what `efforts` says: a list of (stamp after the state's, effort)."""
+
+    NAME = "answerer"
+    SUMMARY = "answers as a test says"
+    TABLE = ParameterTable("answerer", NODE_PARAMETERS)
+
+    def __init__(self, context: Context | None = None, **node_options) -> None:
+        super().__init__(context, **node_options)
+        self.efforts = [(0, PUSH)]
+        self.out = JointStatePublisher(self, "/sfj/effort_command", SFJ_MOTOR_JOINTS, ("effort",))
+        self.input = JointStateReceiver(self, "/sfj/joint_states", SFJ_JOINTS, FIELDS, self._on_state)
+
+    def start(self) -> None:
+        self.take_part(ANSWERER, topics=("/sfj/joint_states",))
+
+    def _on_state(self) -> None:
+        for later, effort in self.efforts:
+            self.say(self.input.stamp + later, effort)
+
+    def say(self, stamp: int, effort) -> None:
+        self.out.view["effort"][:] = effort
+        self.out.send(stamp)
+
+    def on_tick(self, tick: Tick, repeated: bool) -> None:
+        if repeated and self.out.sent and self.efforts:
+            self.out.resend()
+
+
+class Setting:
+    """A plant, who answers it, and who grants time; as fast as it goes."""
+
+    def __init__(self, graph: Graph, plant=SfjSim, answerer=Answerer, **coordinator: object) -> None:
+        self.graph = graph
+        self.plant = graph.start(plant, use_sim_time=True)
+        self.answerer = graph.start(answerer, use_sim_time=True)
+        names = [node.get_name() for node in (self.plant, self.answerer)]
+        given = {"participants": names, "real_time_factor": 0.0, **coordinator}
+        self.node = graph.start(TimeCoordinator, **given)
+        self.coordinator = self.node._coordinator
+        graph.until(lambda: self.plant.states.subscribers and self.plant.commands.publishers)
+
+    def until_tick(self, number: int) -> None:
+        self.let_live(lambda: self.coordinator.ticks >= number)
+
+    def let_live(self, condition) -> None:
+        """Until the condition holds, while the wall goes on by 10 ms at a time."""
+        self.graph.until(lambda: self.graph.wall.advance(0.01) or condition())
+
+    def flows(self) -> bool:
+        return bool(self.plant.robot.flow.any())
+
+
+@pytest.mark.parametrize("driver", [SfjDriverNode, OmniDriverNode])
+def test_a_driver_of_hardware_takes_no_simulated_time(graph, driver):
+    with pytest.raises(ConfigurationError, match="device hardware is hardware, whose time nobody can hold"):
+        graph.make(driver, device="hardware", use_sim_time=True)
+
+
+@pytest.mark.parametrize(("factor", "written"), [(-1.0, "-1.0"), (math.nan, ".nan"), (math.inf, ".inf")])
+def test_a_real_time_factor_that_is_none_is_refused_at_the_start_and_while_it_runs(
+    graph, factor, written, capsys
+):
+    assert load("time_coordinator")(["--ros-args", "-p", f"real_time_factor:={written}"]) == 2
+    assert "real_time_factor" in capsys.readouterr().err
+    setting = Setting(graph)
+    (result,) = setting.node.set_parameters([Parameter("real_time_factor", value=factor)])
+    assert not result.successful and "real_time_factor" in result.reason
+    assert setting.node.values["real_time_factor"] == setting.coordinator.pace.factor == 0.0
+
+
+def test_the_factor_may_change_while_it_runs(graph):
+    setting = Setting(graph)
+    (result,) = setting.node.set_parameters([Parameter("real_time_factor", value=2.0)])
+    assert result.successful and setting.coordinator.pace.factor == 2.0
+
+
+@pytest.mark.parametrize("node", [SfjSim, ForceController, TimeCoordinator])
+@pytest.mark.parametrize("begun", [True, False])
+def test_nobody_changes_between_the_wall_and_simulated_time_while_it_runs(graph, node, begun):
+    changed = graph.make(node, use_sim_time=begun) if node is not TimeCoordinator else graph.make(node)
+    before = changed.get_parameter("use_sim_time").value
+    (result,) = changed.set_parameters([Parameter("use_sim_time", value=not before)])
+    assert not result.successful and "use_sim_time" in result.reason
+    assert changed.get_parameter("use_sim_time").value is before
+
+
+def test_pause_holds_the_plant_a_step_moves_it_by_one_sample_and_a_step_while_running_is_refused(graph):
+    setting = Setting(graph)
+    setting.until_tick(20)
+    refused = graph.call("/time_coordinator/step")
+    assert not refused.success and "pause it before a step" in refused.message
+    assert graph.call("/time_coordinator/pause").success
+    setting.let_live(lambda: not setting.coordinator._busy)
+    assert setting.flows()
+
+    def seen() -> tuple:
+        plant = setting.plant
+        return setting.coordinator.stamp, plant.states.sent, plant.sampled, plant.robot.flow.tolist()
+
+    held = seen()
+    graph.wall.advance(3600.0)
+    graph.listen(0.2)
+    assert seen() == held and setting.coordinator.state == PAUSED
+    assert graph.call("/time_coordinator/step").success
+    setting.let_live(lambda: setting.coordinator.stamp > held[0] and not setting.coordinator._busy)
+    graph.listen(0.2)
+    assert seen()[:3] == (held[0] + 2_000_000, held[1] + 1, held[2] + 2_000_000)
+    assert graph.call("/time_coordinator/resume").success
+    setting.until_tick(100)
+    assert setting.coordinator.state == RUNNING
+    assert setting.plant.faults.latched is None
+
+
+def test_who_never_answers_halts_time_is_named_and_the_robot_has_no_effort(graph):
+    setting = Setting(graph, liveness=1.5)
+    setting.until_tick(20)
+    assert setting.flows()
+    setting.answerer.efforts = []
+    since = graph.wall.now()
+    setting.let_live(lambda: setting.coordinator.state == HALTED)
+    assert 1.0e9 < graph.wall.now() - since < 3.0e9, "ns of the wall: its liveness, and not much more"
+    owes = "/answerer owes the answer to the state on /sfj/joint_states"
+    assert owes in setting.coordinator.reason
+    setting.let_live(lambda: setting.plant.faults.latched)
+    assert setting.plant.faults.latched == "simulated_time" and owes in setting.plant.faults.sentence
+    assert setting.plant.permitted() is None
+    assert setting.node.faults.latched == "halted"
+
+
+def test_a_controller_that_does_not_answer_sends_zero_when_time_is_halted(graph, monkeypatch):
+    plants = [graph.start(SfjSim, use_sim_time=True), graph.start(OmniSim, use_sim_time=True, rate=500.0)]
+    rates = {"master_rate": 500.0, "command_source": "device"}
+    controller = graph.start(ForceController, use_sim_time=True, **rates)
+    names = ["sfj_sim", "omni_sim", "force_controller"]
+    node = graph.start(TimeCoordinator, participants=names, real_time_factor=0.0)
+    alive = lambda condition: graph.until(lambda: graph.wall.advance(0.01) or condition())  # noqa: E731
+    alive(lambda: node._coordinator.ticks > 50)
+    monkeypatch.setattr(controller, "_advance", lambda repeated=False: None)
+    alive(lambda: node._coordinator.state == HALTED)
+    assert "/force_controller owes the answer" in node._coordinator.reason
+    alive(lambda: all(plant.faults.latched and controller.faults.latched for plant in plants))
+    for robot in controller._robots.values():
+        assert robot.answered == robot.seen and not robot.effort.any()
+    assert all(plant.permitted() is None for plant in plants)
+
+
+@pytest.mark.parametrize(
+    ("efforts", "fault"),
+    [
+        ([(2_000_000, PUSH)], "future_command"),
+        ([(0, PUSH), (0, [-2.0, -0.4])], "contradictory_command"),
+        ([(0, [math.nan, 0.0])], "non_finite_command"),
+    ],
+)
+def test_an_answer_that_cannot_be_is_a_fault_and_nothing_flows_until_a_reset(graph, efforts, fault):
+    setting = Setting(graph)
+    setting.until_tick(20)
+    assert setting.flows()
+    setting.answerer.efforts = efforts
+    setting.let_live(lambda: setting.plant.faults.latched)
+    assert setting.plant.faults.latched == fault
+    setting.answerer.efforts = [(0, PUSH)]
+    setting.answerer.say(setting.plant.sampled, PUSH)  # of the state that waits, if it does
+    setting.until_tick(setting.coordinator.ticks + 5)
+    assert not setting.flows()
+    assert setting.coordinator.state == RUNNING
+    assert graph.call("/sfj/sfj_sim/reset").success
+    setting.until_tick(setting.coordinator.ticks + 5)
+    assert setting.flows()
+
+
+def test_an_answer_to_a_state_of_long_ago_is_dropped_and_the_right_one_taken(graph):
+    setting = Setting(graph)
+    setting.answerer.efforts = [(-4_000_000, [-2.0, -0.4]), (0, PUSH)]
+    setting.until_tick(20)
+    assert setting.plant.dropped >= 15
+    assert setting.plant.faults.latched is None
+    assert np.all(setting.plant.robot.flow > 0.0)
+
+
+class Elsewhere:
+    """A coordinator in another process, as far as the others can tell."""
+
+    def __init__(self, graph: Graph, *participants: str) -> None:
+        self.graph, self.context = graph, Context()
+        self.context.init()
+        given = {"participants": list(participants), "real_time_factor": 0.0}
+        overrides = [Parameter(name, value=value) for name, value in given.items()]
+        self.node = TimeCoordinator(context=self.context, wall=graph.wall, parameter_overrides=overrides)
+        self.executor = type(graph.executor)(context=self.context)
+        self.executor.add_node(self.node)
+        self.node.start()
+
+    def run(self, condition) -> None:
+        def turn() -> object:
+            self.graph.wall.advance(0.005)
+            self.executor.spin_once(timeout_sec=0.002)
+            return condition()
+
+        self.graph.until(turn)
+
+    def close(self) -> None:
+        self.executor.remove_node(self.node)
+        self.executor.shutdown()
+        self.node.destroy_node()
+        self.context.try_shutdown()
+
+
+@pytest.fixture
+def elsewhere(graph):
+    coordinator = Elsewhere(graph, "sfj_sim")
+    yield coordinator
+    coordinator.close()
+
+
+def test_a_coordinator_that_dies_is_a_fault_of_the_robot_that_says_so(graph, elsewhere):
+    plant = graph.start(SfjSim, use_sim_time=True)
+    elsewhere.run(lambda: elsewhere.node._coordinator.ticks > 20)
+    before = graph.wall.now()
+    graph.until(lambda: graph.wall.advance(0.01) or plant.faults.latched)
+    assert plant.faults.latched == "simulated_time"
+    assert "the coordinator of simulated time has been silent for 5 s" in plant.faults.sentence
+    assert graph.wall.now() - before > 4e9
+    assert plant.permitted() is None
+
+
+def test_two_coordinators_are_a_fault_that_says_so(graph, elsewhere):
+    plant = graph.start(SfjSim, use_sim_time=True)
+    elsewhere.run(lambda: elsewhere.node._coordinator.ticks > 20)
+    second = Elsewhere(graph, "nobody")
+    try:
+        both = lambda: second.executor.spin_once(timeout_sec=0.0) or plant.faults.latched  # noqa: E731
+        elsewhere.run(both)
+        assert "a second coordinator of simulated time" in plant.faults.sentence
+    finally:
+        second.close()
+
+
+def test_who_joins_late_is_refused_and_disturbs_nobody(graph):
+    setting = Setting(graph)
+    setting.until_tick(20)
+    late = graph.start(OmniSim, use_sim_time=True, rate=500.0)
+    setting.let_live(lambda: late.faults.latched)
+    assert "simulated time runs already" in late.faults.sentence
+    assert late.states.sent == 0
+    setting.until_tick(setting.coordinator.ticks + 20)
+    assert setting.coordinator.state == RUNNING and setting.plant.faults.latched is None
+
+
+def test_without_a_coordinator_a_node_says_what_it_waits_for(graph):
+    heard: list = []
+    graph.probe.create_subscription(DiagnosticArray, "/diagnostics", heard.append, 10)
+    plant = graph.start(SfjSim, use_sim_time=True)
+    said: list[str] = []
+    logger = plant.get_logger()
+    logger.warning = said.append
+    plant.get_logger = lambda: logger
+    graph.until(lambda: graph.wall.advance(0.1) or said, what="a line in the log")
+    for _ in range(50):
+        graph.wall.advance(0.1)
+        graph.listen(0.01)
+    assert len(said) == 1 and "waiting for a coordinator of simulated time" in said[0]
+    assert "use_sim_time: false" in said[0]
+    status = graph.until(lambda: heard and heard[-1].status[0], what="its diagnostics")
+    values = {entry.key: entry.value for entry in status.values}
+    assert values["state"] == said[0]
+    node = graph.start(TimeCoordinator, participants=["sfj_sim", "omni_sim"], real_time_factor=0.0)
+    graph.until(lambda: graph.wall.advance(0.01) or plant.time.participant.joined)
+    assert plant._doing() == "waiting for omni_sim: start it with use_sim_time: true"
+    graph.start(OmniSim, use_sim_time=True)
+    graph.until(lambda: graph.wall.advance(0.01) or node._coordinator.ticks > 3)
+    assert plant._doing() == plant.state()
+
+
+def test_diagnostics_go_on_without_ticks_and_with_the_wall_clock_set_back(graph, monkeypatch):
+    """Nobody's `/clock`, and a machine whose clock was set back by an hour meanwhile."""
+    heard: list = []
+    graph.probe.create_subscription(DiagnosticArray, "/diagnostics", heard.append, 10)
+    graph.start(SfjSim, use_sim_time=True)
+    by_the_wall = graph.start(ForceController, wall=time_base.WallTime())
+
+    def statuses(name: str) -> list[int]:
+        return [
+            m.header.stamp.sec * 10**9 + m.header.stamp.nanosec for m in heard if m.status[0].name == name
+        ]
+
+    graph.until(lambda: statuses("/force_controller") and statuses("/sfj/sfj_sim"))
+    now = time.time_ns()
+    monkeypatch.setattr(time, "time_ns", lambda: now - 3600 * 10**9)
+    monkeypatch.setattr(time, "time", lambda: now * 1e-9 - 3600.0)
+    counts = {name: len(statuses(name)) for name in ("/force_controller", "/sfj/sfj_sim")}
+    graph.until(lambda: all(len(statuses(name)) >= count + 2 for name, count in counts.items()))
+    stamps = statuses("/force_controller")
+    assert stamps == sorted(stamps)
+    assert by_the_wall.get_clock().clock_type is not None
+
+
+def test_a_recorder_flushes_and_ends_by_what_it_has_kept_whatever_the_wall_clock_says(
+    graph, tmp_path, monkeypatch
+):
+    setting = Setting(graph, duration=0.0, paused=True)
+    given = {"output": str(tmp_path / "bag"), "topics": ["/sfj/joint_states"], "duration": 0.5}
+    overrides = [Parameter(name, value=value) for name, value in {**given, "use_sim_time": True}.items()]
+    recorder = Recorder(context=graph.context, wall=graph.wall, parameter_overrides=overrides)
+    graph.executor.add_node(recorder)
+    now = time.time_ns()
+    monkeypatch.setattr(time, "time_ns", lambda: now - 3600 * 10**9)
+    try:
+        recorder.begin()
+        spin = lambda: recorder.spin_once(graph.executor)  # noqa: E731
+        setting.let_live(lambda: spin() or "/recorder" in setting.coordinator.members)
+        setting.coordinator.resume()
+        setting.let_live(lambda: spin() or recorder.received.get("/sfj/joint_states", 0) > 100)
+        setting.coordinator.pause()
+        graph.until(lambda: spin() or not setting.coordinator._busy)
+        flushed: list[int] = []
+        flush = recorder.writer.flush
+        monkeypatch.setattr(recorder.writer, "flush", lambda: (flush(), flushed.append(1)))
+        graph.wall.advance(1.1)
+        graph.until(lambda: spin() or flushed, what="a flush while time stands still")
+        assert not recorder.stop
+        setting.coordinator.resume()
+        setting.let_live(lambda: spin() or recorder.stop)
+        assert max(recorder._kept.values()) >= sample_stamp(250, 500.0) > ORIGIN
+    finally:
+        graph.executor.remove_node(recorder)
+        recorder.shutdown_safely()
+        recorder.destroy_node()
