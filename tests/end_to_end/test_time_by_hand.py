@@ -33,7 +33,8 @@ def until_it_says(process: subprocess.Popen, words: str) -> str:
 
 def operate(*arguments: str) -> tuple[int, str]:
     done = subprocess.run([*FRONT_DOOR, "operate", *arguments], capture_output=True, text=True, timeout=60)
-    return done.returncode, (done.stdout + done.stderr).strip()
+    errors = [line for line in done.stderr.splitlines() if line.startswith("error:")]  # others are DDS'
+    return done.returncode, "\n".join([*done.stdout.splitlines(), *errors])
 
 
 def moment(said: str) -> float:

@@ -124,6 +124,7 @@ class ForceController(HapticNode):
         self.dropped = 0
         self._warned = False
         self._tick: Tick | None = None
+        self._mine: list[_Robot] = []  # robots whose states of this tick are answered, in order
         self._reference_seen = 0
         self._begun = False
         self._state_out = self.create_publisher(String, "~/state", LATCHED)
@@ -190,6 +191,7 @@ class ForceController(HapticNode):
             silence=self.values["timeout"], listening=self._begun,
         )  # fmt: skip
         coupling.reference = self._reference.value[field]
+        self._order_states()
 
     # One sample.
 
@@ -232,6 +234,7 @@ class ForceController(HapticNode):
 
     def on_tick(self, tick: Tick, repeated: bool) -> None:
         self._tick = tick
+        self._order_states()
         if repeated:
             for robot in self._robots.values():
                 if robot.answered:
@@ -241,13 +244,17 @@ class ForceController(HapticNode):
                     way.out.resend()
         self._advance(repeated)
 
+    def _order_states(self) -> None:
+        states = () if self._tick is None else self._tick.states
+        self._mine = [robot for robot in (self._master, self._slave) if robot.input.topic in states]
+
     def _advance(self, repeated: bool = False) -> None:
         """Answers the states of this tick in the order of lockstep, the master first, as soon as what shall
         be known before is there."""
         tick = self._tick
         if tick is None or self.faults.latched == SIMULATED_TIME:
             return
-        mine = [robot for robot in (self._master, self._slave) if robot.input.topic in tick.states]
+        mine = self._mine
         news = False
         for robot in mine:
             if robot.answered == tick.stamp:
@@ -276,6 +283,8 @@ class ForceController(HapticNode):
         return ""
 
     def _deliver_packets(self, tick: Tick) -> None:
+        if not self._ways:
+            return
         ways = {way.out.topic: way for way in self._ways}
         for name, sent, arrival in tick.deliveries:
             way = ways.get(name)

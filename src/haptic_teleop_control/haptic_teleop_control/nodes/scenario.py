@@ -182,7 +182,7 @@ def _watch(
     """The faults; `warnings` is filled."""
     with Watcher(scenario.watched, scenario.simulated) as watcher, ProgressLine() as progress:
         watcher.warnings = warnings
-        starter = Starter(children, watcher.node)
+        starter = Starter(children, watcher.node, scenario.simulated)
         while not stop.is_set() and all(child.status is None for child in children):
             watcher.look(LOOK_INTERVAL if starter.done else START_INTERVAL)
             for child in children:

@@ -43,6 +43,8 @@ other, and waiting does not help."""
 RECORDER_LIVENESS = 15.0
 """s of silence that a recorder is granted at least: a busy disk may hold it for seconds, and it then loses
 nothing."""
+NEVER = 1 << 62
+"""ns, later than any stamp."""
 LEAD = 1_000_000_000
 """ns that time may be ahead of what a recorder has kept."""
 
@@ -76,6 +78,7 @@ class Coordinator:
         self._sent: dict[str, int] = {}  # way -> newest stamp sent into the link, taken out of it
         self._taken: dict[str, int] = {}
         self._kept: dict[str, dict[str, int]] = {}  # recorder -> topic -> newest stamp
+        self._kept_by_all = 0  # stamp up to which there is nothing to look for
         self._waits_for: dict[str, str] = {}  # name -> what it says it waits for
         self._heard: dict[str, float] = {}
         self._refused: dict[str, str] = {}
@@ -237,8 +240,10 @@ class Coordinator:
         self._heard = dict.fromkeys(self.members, self._lived)
 
     def _ask_again(self) -> list[Tick | Status]:
+        if self._lived - self._asked < REPEAT or self._tick is None:
+            return []
         self._judge()
-        if self.state == HALTED or self._lived - self._asked < REPEAT or self._tick is None:
+        if self.state == HALTED:
             return []
         self._asked = self._lived
         self.repeats += 1
@@ -282,21 +287,25 @@ class Coordinator:
         return self._tick.states if self._tick is not None else ()
 
     def _late_recorders(self, limit: int, all_of_it: bool) -> list[str]:
+        """Who has not kept what was published up to `limit`, or all of it."""
+        if limit <= self._kept_by_all and not all_of_it:
+            return []
         published = self._schedule.last_stamps()
         for member in self.members.values():
             if member.kind == PLANT and member.topic in published and member.topic in self._schedule.answered:
                 published[member.commands] = published[member.topic]
-        late = []
+        late: list[str] = []
+        lowest = NEVER
         for name, member in self.members.items():
             if member.kind != RECORDER:
                 continue
             kept = self._kept.get(name, {})
-            for topic in member.topics:
-                if topic in published:
-                    wanted = published[topic] if all_of_it else min(published[topic], limit)
-                    if kept.get(topic, ORIGIN - 1) < wanted:
-                        late.append(name)
-                        break
+            topics = [topic for topic in member.topics if topic in published]
+            both = [(kept.get(topic, ORIGIN - 1), published[topic]) for topic in topics]
+            if any(stamp < (newest if all_of_it else min(newest, limit)) for stamp, newest in both):
+                late.append(name)
+            lowest = min(lowest, min((stamp for stamp, _ in both), default=limit))
+        self._kept_by_all = lowest
         return late
 
     def _await_recorders(self, late: list[str]) -> list[Tick | Status]:
@@ -333,6 +342,7 @@ class Coordinator:
             return
         self._refused.pop(member.name, None)
         self.members[member.name] = member
+        self._kept_by_all = 0
         self._heard[member.name] = self._lived
 
     def _leave(self, member: Member) -> None:

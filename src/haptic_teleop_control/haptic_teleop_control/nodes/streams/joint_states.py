@@ -1,4 +1,7 @@
-"""Joint states in and out: message objects reused, every sample checked where it enters.
+"""Joint states in and out: as bytes where the layout is known, every sample checked where it enters.
+
+All messages of one sender have the same layout, so that stamp and numbers are read and written in place: what
+rclpy needs to make a message object of the bytes, and the reverse, is two thirds of a sample's way.
 
 The quality of service is that of the node's time: in real time only the latest sample counts, in simulated
 time every one.
@@ -13,10 +16,13 @@ from typing import Any
 
 import numpy as np
 from rclpy.node import Node
+from rclpy.serialization import deserialize_message
 from sensor_msgs.msg import JointState
 
 from haptic_teleop_control.nodes.streams.senders import publishers, with_info
 from haptic_teleop_control.nodes.timing.time_base import LATEST_QOS, TimeBase, WallTime
+from haptic_teleop_control.recording.cdr_layout import STAMP
+from haptic_teleop_control.recording.cdr_template import PUT_STAMP, Template, zeros
 from haptic_teleop_control.senders import SenderGuard
 
 STREAM_QOS = LATEST_QOS
@@ -47,22 +53,26 @@ def stamp_of(message: JointState) -> int:
 
 
 class JointStatePublisher:
-    """Publishes joint states of fixed joints from one message object; to be used by one thread at a time.
+    """Publishes joint states of fixed joints from one serialized message; to be used by one thread at a time.
 
     `fields` are those that the messages carry; `view[field]` is the message's own memory as a float64 array
     (joints,), to be filled in place before `send`.
     """
 
+    # The numbers lie at multiples of 8 after the 4 bytes of the encapsulation; so do they in this memory.
+    _PAD = 4
+
     def __init__(self, node: Node, topic: str, joints: Sequence[str], fields: Sequence[str]) -> None:
         self.joints = tuple(joints)
         self._publisher = node.create_publisher(JointState, topic, time_base(node).qos)
         self.topic = self._publisher.topic_name
-        self._message = JointState(name=list(joints))
-        self._stamp = self._message.header.stamp
-        self.view: dict[str, np.ndarray] = {}
-        for field in fields:
-            setattr(self._message, field, array("d", [0.0] * len(self.joints)))
-            self.view[field] = np.frombuffer(getattr(self._message, field))
+        message = zeros(self.joints, fields)
+        memory = bytearray(self._PAD) + message
+        self._message = memoryview(memory)[self._PAD :]
+        at, size = Template(message, fields).at, len(self.joints)
+        self.view = {
+            field: np.frombuffer(memory, float, size, self._PAD + at[field].start) for field in fields
+        }
         self._publish = self._publisher.publish
         self.sent = 0
 
@@ -72,13 +82,13 @@ class JointStatePublisher:
 
     def send(self, stamp: int) -> None:
         """Publishes what the views hold with `stamp` (ns)."""
-        self._stamp.sec, self._stamp.nanosec = divmod(stamp, NANOSECONDS)
-        self._publish(self._message)
+        PUT_STAMP(self._message, STAMP, *divmod(stamp, NANOSECONDS))
+        self._publish(bytes(self._message))
         self.sent += 1
 
     def resend(self) -> None:
         """Publishes what was sent last once more."""
-        self._publish(self._message)
+        self._publish(bytes(self._message))
 
     def send_zero(self, stamp: int) -> None:
         """Publishes zeros in all fields with `stamp` (ns)."""
@@ -125,6 +135,8 @@ class JointStateReceiver:
         # so the memory belongs to those, and NumPy has views of it.
         self._memory = [(field, array("d", [0.0] * self._size)) for field in fields]
         self.value = {field: np.frombuffer(memory) for field, memory in self._memory}
+        self._bytes = [(field, memoryview(memory).cast("B")) for field, memory in self._memory]
+        self._template: Template | None = None  # of the last good message, where its order is ours
         self._names = list(joints)  # as in the last good message
         self._order: list[int] | None = None  # None: the message's order is ours
         self._on_sample = on_sample
@@ -132,7 +144,9 @@ class JointStateReceiver:
         self._accept = accept
         self._listening = listening
         callback = with_info(self._receive)
-        self._subscription = node.create_subscription(JointState, topic, callback, time_base(node).qos)
+        self._subscription = node.create_subscription(
+            JointState, topic, callback, time_base(node).qos, raw=True
+        )
         self.topic = self._subscription.topic_name
         self._now = time_base(node).now
         self._sender = SenderGuard(round(silence * 1e9), lambda: publishers(node, self.topic), self._clash)
@@ -165,7 +179,7 @@ class JointStateReceiver:
         self._listening = False
         node.destroy_subscription(self._subscription)
 
-    def _receive(self, message: JointState, info: Mapping[str, Any]) -> None:
+    def _receive(self, message: bytes | JointState, info: Mapping[str, Any]) -> None:
         if not self._listening:
             return
         received = self._now()
@@ -176,6 +190,28 @@ class JointStateReceiver:
                 sender.heard = received
             elif not sender.admit(identity, received):
                 return
+        template = self._template
+        if template is None or not template.fits(message):
+            self._examine(message, received)
+            return
+        sec, nanosec, *values = template.read(message)
+        if not isfinite(sum(values)):
+            self._examine(message, received)
+            return
+        stamp = sec * NANOSECONDS + nanosec
+        if self._accept is not None and not self._accept(stamp, received):
+            return
+        at = template.at
+        for field, memory in self._bytes:
+            memory[:] = message[at[field]]
+        self._taken(stamp, received)
+
+    def _examine(self, data: bytes | JointState, received: int) -> None:
+        """A message of whatever layout; what is wrong with it is told."""
+        message = _decoded(data)
+        if message is None:
+            self._on_problem(WRONG_JOINTS, f"{self.topic}: bytes that are no joint state", 0)
+            return
         stamp = stamp_of(message)
         if message.name != self._names and not self._learn_order(message.name, stamp):
             return
@@ -196,6 +232,16 @@ class JointStateReceiver:
             return
         for memory, values in samples:
             memory[:] = values if self._order is None else array("d", [values[i] for i in self._order])
+        self._template = None if self._order is not None else self._learn(data)
+        self._taken(stamp, received)
+
+    def _learn(self, data: bytes | JointState) -> Template | None:
+        try:
+            return Template(data, list(self.value)) if isinstance(data, bytes) else None
+        except ValueError:  # a representation that we cannot read in place; the middleware can
+            return None
+
+    def _taken(self, stamp: int, received: int) -> None:
         self.stamp = stamp
         self.received = received
         self.count += 1
@@ -216,3 +262,13 @@ class JointStateReceiver:
         identity = tuple(names) == self.joints
         self._order = None if identity else [self._names.index(joint) for joint in self.joints]
         return True
+
+
+def _decoded(data: bytes | JointState) -> JointState | None:
+    """The message, or None for bytes that are none: what fails there is the middleware's own exception."""
+    if isinstance(data, JointState):
+        return data
+    try:
+        return deserialize_message(data, JointState)
+    except Exception:
+        return None

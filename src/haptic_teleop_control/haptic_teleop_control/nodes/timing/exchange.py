@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections import deque
 from collections.abc import Callable
+from typing import Any
 from weakref import WeakKeyDictionary
 
 from rclpy.context import Context
@@ -40,11 +41,11 @@ class _Process:
     def __init__(self) -> None:
         self.coordinator: Callable[[Report], None] | None = None
         self.participants: dict[str, Callable[[Tick | Status], None]] = {}
-        self._queue: deque[Callable[[], None]] = deque()
+        self._queue: deque[tuple[Callable[[Any], None], Any]] = deque()
         self._running = False
 
-    def call(self, action: Callable[[], None]) -> None:
-        self._queue.append(action)
+    def call(self, hear: Callable[[Any], None], message: Tick | Status | Report) -> None:
+        self._queue.append((hear, message))
         if not self._running:
             self.run()
 
@@ -55,7 +56,8 @@ class _Process:
             for _ in range(LONGEST_TURN):
                 if not self._queue:
                     break
-                self._queue.popleft()()
+                hear, message = self._queue.popleft()
+                hear(message)
         finally:
             self._running = False
 
@@ -82,7 +84,7 @@ class CoordinatorEnd:
         here = self._process.participants
         for name, hear in list(here.items()):
             if isinstance(message, Status) or name in members:
-                self._process.call(lambda hear=hear: hear(message))
+                self._process.call(hear, message)
         if isinstance(message, Status):
             self._status.publish(String(data=encode(message)))
         elif any(m.name not in here and m.kind != RECORDER for m in members.values()):
@@ -118,7 +120,7 @@ class ParticipantEnd:
         if coordinator is None:
             self._reports.publish(String(data=encode(report)))
         else:
-            self._process.call(lambda: coordinator(report))
+            self._process.call(coordinator, report)
 
     def close(self) -> None:
         self._process.participants.pop(self._name, None)
