@@ -25,13 +25,12 @@ from std_msgs.msg import String
 
 from haptic_teleop_control.robots import OMNI_JOINTS, SFJ_JOINTS, STAGES
 from haptic_teleop_control.simulated_time.messages import HALTED, OVER, STATUS_TOPIC, Status, decode
+from haptic_teleop_control.simulated_time.participant import COORDINATOR_LIVENESS
 from haptic_teleop_control.simulated_time.stamps import seconds
 
 NEWEST_ONLY = QoSProfile(depth=1, reliability=ReliabilityPolicy.BEST_EFFORT)
 LONGEST_LOOK = 0.3
 """s counted at most between two looks: what is longer, we stood still ourselves."""
-PATIENCE = 15.0
-"""s without a word from the coordinator of simulated time; its participants, who have less, come first."""
 PLAIN_INTERVAL = 2.0
 """Seconds between two lines where standard error is no terminal."""
 
@@ -101,10 +100,10 @@ class Watcher:
     def lost(self) -> str:
         """What is wrong when nobody grants simulated time any more, in words; else empty. A law that does not
         return holds its process, and with it a coordinator that lives there."""
-        if not self.simulated or self._begun is None or self._untold <= PATIENCE:
+        if not self.simulated or self._begun is None or self._untold <= COORDINATOR_LIVENESS:
             return ""
         return (
-            f"the coordinator of simulated time has been silent for {PATIENCE:g} s: its process "
+            f"the coordinator of simulated time has been silent for {COORDINATOR_LIVENESS:g} s: its process "
             "stands still; look for a node in it that does not return (--processes gives each one its own)"
         )
 
