@@ -26,6 +26,7 @@ from haptic_teleop_control.nodes.timing import time_base
 from haptic_teleop_control.parameters import ParameterTable
 from haptic_teleop_control.robots import SFJ_JOINTS, SFJ_MOTOR_JOINTS
 from haptic_teleop_control.simulated_time.messages import ANSWERER, HALTED, PAUSED, RUNNING, Tick
+from haptic_teleop_control.simulated_time.participant import COORDINATOR_LIVENESS
 from haptic_teleop_control.simulated_time.stamps import ORIGIN, sample_stamp
 from haptic_teleop_omni.nodes.omni_driver import OmniDriverNode
 from haptic_teleop_sim.nodes.omni_sim import OmniSim
@@ -256,8 +257,8 @@ def test_a_coordinator_that_dies_is_a_fault_of_the_robot_that_says_so(graph, els
     before = graph.wall.now()
     graph.until(lambda: graph.wall.advance(0.01) or plant.faults.latched)
     assert plant.faults.latched == "simulated_time"
-    assert "the coordinator of simulated time has been silent for 5 s" in plant.faults.sentence
-    assert graph.wall.now() - before > 4e9
+    assert "the coordinator of simulated time has been silent for" in plant.faults.sentence
+    assert graph.wall.now() - before > 0.9e9 * COORDINATOR_LIVENESS
     assert plant.permitted() is None
 
 
@@ -290,17 +291,17 @@ def test_without_a_coordinator_a_node_says_what_it_waits_for(graph):
     plant = graph.start(SfjSim, use_sim_time=True)
     said: list[str] = []
     logger = plant.get_logger()
-    logger.warning = said.append
+    logger.info = said.append
     plant.get_logger = lambda: logger
     graph.until(lambda: graph.wall.advance(0.1) or said, what="a line in the log")
     for _ in range(50):
         graph.wall.advance(0.1)
         graph.listen(0.01)
-    assert len(said) == 1 and "waiting for a coordinator of simulated time" in said[0]
-    assert "use_sim_time: false" in said[0]
+    assert len(said) == 1 and "no coordinator of simulated time" in said[0]
+    assert "time_coordinator" in said[0]
     status = graph.until(lambda: heard and heard[-1].status[0], what="its diagnostics")
     values = {entry.key: entry.value for entry in status.values}
-    assert values["state"] == said[0]
+    assert values["state"] == "waiting for a coordinator of simulated time"
     node = graph.start(TimeCoordinator, participants=["sfj_sim", "omni_sim"], real_time_factor=0.0)
     graph.until(lambda: graph.wall.advance(0.01) or plant.time.participant.joined)
     assert plant._doing() == "waiting for omni_sim: start it with use_sim_time: true"

@@ -26,9 +26,6 @@ JOIN_INTERVAL = 0.1
 COORDINATOR_LIVENESS = 10.0
 """s without a word from the coordinator. Longer than its own patience with us: who names the culprit must
 come first, and a child of `scenario` that was killed is seen at once anyway."""
-UNLED = "a coordinator of simulated time: start time_coordinator or a scenario, or set use_sim_time: false"
-UNLED_FOR = 2.0
-"""s without a coordinator, after which that is worth a word."""
 
 
 class Participant:
@@ -93,18 +90,18 @@ class Participant:
             self._fault(f"the coordinator of simulated time has been silent for {self._liveness:g} s")
 
     @property
+    def waited(self) -> float:
+        """s that it has been waiting to take part; 0 when it does."""
+        return 0.0 if self.joined or self._faulty else self._lived
+
+    @property
     def waits_for(self) -> str:
         """What keeps time from beginning, in words; empty once it has begun."""
         if self._faulty:
             return ""
         if not self.joined:
-            return UNLED
+            return "a coordinator of simulated time"
         return self._reason.removeprefix("waiting for ") if self.state == WAITING else ""
-
-    @property
-    def unled(self) -> bool:
-        """Whether it has been without a coordinator for UNLED_FOR seconds."""
-        return not self.joined and not self._faulty and self._lived - self._heard > UNLED_FOR
 
     def done(self, stamps: Mapping[str, int] | None = None, silent: bool = False) -> None:
         """What the tick asked is done. stamps: of a linked answerer, way -> newest stamp sent. silent: of a

@@ -44,6 +44,14 @@ POLL = 0.05
 SIMULATED_TIME = "simulated_time"
 TIME_FAULTS = {SIMULATED_TIME: "simulated time has ended or was refused; start the scenario anew"}
 
+SILENT = 2.0
+"""s that a node waits for the coordinator before it says so: in a scenario all join within that."""
+
+UNCOORDINATED = (
+    "use_sim_time is true, and no coordinator of simulated time is here yet: start haptic-teleop "
+    "time_coordinator, with this node among its participants"
+)
+
 _STEADY_TO_WALL = time.time_ns() - time.monotonic_ns()
 
 
@@ -151,11 +159,12 @@ class SimulatedTime:
             self._end.say(report)
 
     def _poll(self) -> None:
-        if self.participant is not None:
-            self.participant.poll(self._wall.now() * 1e-9)
-            if self.participant.unled and not self._told:
-                self._told = True
-                self._node.get_logger().warning(f"waiting for {self.participant.waits_for}")
+        if self.participant is None:
+            return
+        self.participant.poll(self._wall.now() * 1e-9)
+        if self.participant.waited > SILENT and not self._told:
+            self._told = True
+            self._node.get_logger().info(UNCOORDINATED)
 
 
 TimeBase = WallTime | SimulatedTime
