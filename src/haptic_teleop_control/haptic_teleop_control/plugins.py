@@ -21,7 +21,7 @@ def load_object(target: str, parameter: str) -> Any:
     Raises ConfigurationError naming `parameter` and the remedy.
     """
     module, separator, name = target.partition(":")
-    if not (module and separator and name):
+    if not (separator and name.isidentifier() and all(part.isidentifier() for part in module.split("."))):
         raise ConfigurationError(f"{parameter} is {target!r}; write module:object.")
     _reach_working_directory(module)
     try:

@@ -76,6 +76,7 @@ class Recorder(HapticNode):
         )
         self.stop = False
         self.armed: ArmedStart | None = None
+        self._parent: ArmedStart | None = None  # also after the start: it may have something to say at the end
         self.problems: list[str] = []
         self.received: dict[str, int] = {}
         self.started = self._wall_seconds()
@@ -115,11 +116,15 @@ class Recorder(HapticNode):
 
     def arm(self, armed: ArmedStart) -> None:
         """Waits from now on; to be called before the first message."""
-        self.armed = armed
+        self.armed = self._parent = armed
         armed.ready(self._nodes, self._endpoints())
 
     def finish(self, executor: Executor) -> int:
         """Asks for the parameters once more, closes, and verifies the recording; 0 if it is whole, else 1."""
+        if self._parent is not None:
+            for message in self._parent.link.receive():
+                if "problem" in message:
+                    self._problem(message["problem"])
         self._collector.ask_again()
         self.spin_once(executor)
         until = self._wall_seconds() + self.values["parameter_wait"]

@@ -32,6 +32,7 @@ from haptic_teleop_control.nodes.launching.starter import START_INTERVAL, Starte
 from haptic_teleop_control.nodes.launching.stopping import stop_requests
 from haptic_teleop_control.nodes.launching.watch import ProgressLine, Watcher
 from haptic_teleop_control.nodes.recorder import Recorder
+from haptic_teleop_control.nodes.timing.time_base import SIMULATED_TIME
 from haptic_teleop_control.parameter_files import (
     check_parameter_file,
     load_parameter_file,
@@ -45,6 +46,7 @@ FIRST_STATE_LIMIT = 30.0
 REFUSED = 2
 """Exit status of a process that refuses what it was given."""
 LOOK_INTERVAL = 0.1
+COORDINATOR = f"/{TIME_COORDINATOR.node_name}"
 LAST_COMMANDS = 0.3
 """Seconds that the recorder goes on after the nodes have ended, so that their zero output is in the
 recording."""
@@ -69,6 +71,8 @@ class Scenario:
 def load_scenario(path: str | Path, changes: dict[str, Any] | None = None) -> Scenario:
     """Reads and checks the file: every section, every key. Raises ConfigurationError naming file, key and
     remedy."""
+    if changes:
+        SCENARIO.check({"nodes": ["sfj_sim"], **changes}, "command line")
     sections = load_parameter_file(path)
     # What a wildcard says to the nodes is checked with them, below.
     own = parameters_for(sections, SCENARIO.node_name, SCENARIO)
@@ -149,6 +153,7 @@ def run(scenario: Scenario) -> int:
         try:
             children = start_children(scenario)
             faults = _watch(scenario, children, stop, warnings)
+            faults |= _ended_early(children)
         finally:
             # In order: outputs to zero, then the recording's end.
             control = [child for child in children if child.name != Recorder.NAME]
@@ -158,11 +163,13 @@ def run(scenario: Scenario) -> int:
             for recorder in children[len(control) :]:
                 if recorder.status is None and not scenario.simulated:
                     time.sleep(LAST_COMMANDS)
+                for node, sentence in _causes(faults).items():
+                    recorder.link.send(problem=f"{node}: {sentence}")
                 statuses[recorder.name] = recorder.stop()
     for node, (count, sentence) in warnings.items():
         times = f", and {count - 1} more before" if count > 1 else ""
         print(f"warning from {node}: {sentence}{times}", file=sys.stderr)
-    for node, sentence in faults.items():
+    for node, sentence in _causes(faults).items():
         print(f"fault in {node}: {sentence}", file=sys.stderr)
     for name, status in statuses.items():
         if status:
@@ -171,6 +178,29 @@ def run(scenario: Scenario) -> int:
     if failed:
         return failed[0] if failed[0] <= REFUSED else 1  # by a signal: it did not come about
     return 1 if faults else 0
+
+
+def _ended_early(children: Sequence[Child]) -> dict[str, str]:
+    """Processes that have ended although nobody had asked them to -> what that means. One that has refused
+    to start says so itself."""
+    faults = {}
+    for child in children:
+        if child.status is not None and child.status != REFUSED:
+            recorder = child.name == Recorder.NAME
+            remedy = "; `haptic-teleop recover` saves what it has written" if recorder else ""
+            faults[child.name] = (
+                f"its process ended before the experiment did (exit status {child.status}), and so all of it "
+                f"was ended{remedy}"
+            )
+    return faults
+
+
+def _causes(faults: dict[str, str]) -> dict[str, str]:
+    """Without what follows from simulated time having been halted."""
+    if COORDINATOR not in faults:
+        return faults
+    halted = f"{SIMULATED_TIME}:"
+    return {node: text for node, text in faults.items() if node == COORDINATOR or not text.startswith(halted)}
 
 
 def _watch(
@@ -203,7 +233,7 @@ def _watch(
             if over:
                 break
             if lost := watcher.lost():
-                watcher.faults["/" + TIME_COORDINATOR.node_name] = lost
+                watcher.faults[COORDINATOR] = lost
                 break
         return watcher.faults
 

@@ -83,6 +83,7 @@ class Coordinator:
         self._heard: dict[str, float] = {}
         self._refused: dict[str, str] = {}
         self._lived = self._asked = self._granted = self._told = 0.0
+        self._late_since: float | None = None  # since when a recorder is waited for
         self._last_wall: float | None = None
         self._stepping = False
         self._news = False
@@ -139,11 +140,11 @@ class Coordinator:
             self._kept[name] = dict(report.stamps)
         elif report.act == "taken" and member.kind == LINK:
             for way, stamp in report.stamps.items():
-                if stamp > self._taken.get(way, 0):
+                if way in member.topics and stamp > self._taken.get(way, 0):
                     self._taken[way] = stamp
                     self._schedule.under_way(way, stamp, report.arrivals)
         elif report.act == "left":
-            self._leave(member)
+            self._leave(member, report.what)
         elif self._tick is not None and report.number == self._tick.number:
             if report.act == "waiting":
                 self._waits_for[name] = report.what
@@ -162,13 +163,6 @@ class Coordinator:
             out.insert(0, self.status())  # whoever has just joined knows that before the tick that asks him
             self._news, self._told = False, self._lived
         return out
-
-    def waiting_time(self, wall: float) -> float | None:
-        """s of wall time until the pace allows the next tick; None where something else is waited for."""
-        following = self._schedule.next_stamp
-        if self.state != RUNNING or self._busy or following is None:
-            return None
-        return self.pace.wait(wall, seconds(following))
 
     # Within.
 
@@ -207,6 +201,7 @@ class Coordinator:
         late = self._late_recorders(ORIGIN - 1 if following is None else following - LEAD, following is None)
         if late:
             return self._await_recorders(late)
+        self._late_since = None
         if following is None:
             self.state = OVER
             self.stamp = ORIGIN + round(self._duration * 1e9)
@@ -294,6 +289,7 @@ class Coordinator:
         for member in self.members.values():
             if member.kind == PLANT and member.topic in published and member.topic in self._schedule.answered:
                 published[member.commands] = published[member.topic]
+        published |= self._sent  # what goes into the link
         late: list[str] = []
         lowest = NEVER
         for name, member in self.members.items():
@@ -310,8 +306,14 @@ class Coordinator:
 
     def _await_recorders(self, late: list[str]) -> list[Tick | Status]:
         """They answer a status with what they have kept."""
+        patience = max(RECORDER_LIVENESS, self._liveness)
+        if self._late_since is None:
+            self._late_since = self._lived
+        if self._lived - self._late_since > STUCK * patience:
+            kept = {name: self._kept.get(name, {}) for name in late}
+            self._halt(f"what was published up to {seconds(self.stamp):.4f} s is not recorded: {kept}")
+            return []
         for name in late:
-            patience = max(RECORDER_LIVENESS, self._liveness)
             if self._lived - self._heard.get(name, 0.0) > patience:
                 self._halt(self._accusation(name, patience))
                 return []
@@ -345,10 +347,10 @@ class Coordinator:
         self._kept_by_all = 0
         self._heard[member.name] = self._lived
 
-    def _leave(self, member: Member) -> None:
+    def _leave(self, member: Member, why: str) -> None:
         del self.members[member.name]
         if self.state in (RUNNING, PAUSED) and member.kind != RECORDER:
-            self._halt(f"{member.name} has ended")
+            self._halt(f"{member.name} {why or 'has ended'}")
         self._owing.discard(member.name)
 
     def _missing(self) -> str:

@@ -9,6 +9,7 @@ A repeated message is the same message: everything here may arrive twice.
 from __future__ import annotations
 
 import json
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any, NamedTuple
@@ -116,12 +117,23 @@ def decode(text: str) -> Tick | Status | Report | None:
         if kind == "tick":
             return _tick(content)
         if kind == "status":
-            return Status(**{**content, "members": tuple(content["members"])})
+            return _status(content)
         if kind == "report":
             return _report(content)
     except (ValueError, TypeError, KeyError, AttributeError):
         return None
     return None
+
+
+def _status(content: dict[str, Any]) -> Status:
+    return Status(
+        str(content["session"]),
+        str(content["state"]),
+        int(content["stamp"]),
+        tuple(str(name) for name in content["members"]),
+        str(content["reason"]),
+        {str(name): str(why) for name, why in content["refused"].items()},
+    )
 
 
 def _tick(content: dict[str, Any]) -> Tick:
@@ -137,9 +149,30 @@ def _tick(content: dict[str, Any]) -> Tick:
 
 
 def _report(content: dict[str, Any]) -> Report | None:
-    member = content.pop("member")
-    if member is not None:
-        member = Member(**{**member, "topics": tuple(member["topics"])})
-        if member.kind not in KINDS:
-            return None
-    return Report(**{**content, "arrivals": tuple(content["arrivals"]), "member": member})
+    member = content["member"]
+    return Report(
+        str(content["name"]),
+        str(content["act"]),
+        int(content["number"]),
+        str(content["what"]),
+        {str(topic): int(stamp) for topic, stamp in content["stamps"].items()},
+        tuple(int(arrival) for arrival in content["arrivals"]),
+        None if member is None else _member(member),
+        bool(content["silent"]),
+    )
+
+
+def _member(content: dict[str, Any]) -> Member:
+    rate, kind = float(content["rate"]), str(content["kind"])
+    if kind not in KINDS or not (0.0 < rate < math.inf if kind in (PLANT, SOURCE) else rate == 0.0):
+        raise ValueError
+    return Member(
+        str(content["name"]),
+        kind,
+        rate,
+        str(content["topic"]),
+        str(content["commands"]),
+        tuple(str(topic) for topic in content["topics"]),
+        bool(content["linked"]),
+        bool(content["silent"]),
+    )

@@ -63,7 +63,8 @@ class Participant:
             self._fault(
                 "simulated time is over, and a coordinator begins it anew; start this node anew, too"
                 if self.state == OVER
-                else "a second coordinator of simulated time announces ticks; stop one of the two"
+                else "another coordinator of simulated time announces ticks: stop one of the two or, if the "
+                "first was started anew, start all anew"
             )
             return
         if isinstance(message, Status):
@@ -145,4 +146,6 @@ class Participant:
     def _fault(self, detail: str) -> None:
         if not self._faulty:
             self._faulty = True
+            if self.joined and self.state != HALTED:
+                self._say(Report(self.member.name, "left", what=f"takes no part any more: {detail}"))
             self._on_fault(detail)

@@ -57,6 +57,7 @@ class PlantNode(CommandedNode):
         self.robot = self.make_robot(1.0 / rate)
 
     def start(self) -> None:
+        self.commands.listen()
         if self.time.simulated:
             rate, states, commands = self.values["rate"], self.states.topic, self.commands.topic
             self.take_part(PLANT, rate=rate, topic=states, commands=commands)

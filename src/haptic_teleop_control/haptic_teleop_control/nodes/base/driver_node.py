@@ -111,6 +111,7 @@ class DriverNode(CommandedNode):
 
     def start(self) -> None:
         stop_at_further_signals()
+        self.commands.listen()
         self._open_capture()
         try:
             self.driver.open()

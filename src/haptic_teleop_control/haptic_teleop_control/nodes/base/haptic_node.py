@@ -133,10 +133,8 @@ class HapticNode(Node):
         if latches:
             self._unsaid.append(self.faults.describe(name, detail))
             self.announce()
-            service = f"{self.get_fully_qualified_name()}/reset"
-            self.get_logger().error(
-                f"FAULT {self.faults.describe(name, detail)} Output is zero until {service}"
-            )
+            remedy = "" if name in TIME_FAULTS else f" Output is zero until {self.full_name}/reset"
+            self.get_logger().error(f"FAULT {self.faults.describe(name, detail)}{remedy}")
         elif now - self._last_log.get(name, 0) > LOG_INTERVAL:
             count = self.faults.counts[name]
             self.get_logger().warning(f"{self.faults.describe(name, detail)} Counted {count} times so far")

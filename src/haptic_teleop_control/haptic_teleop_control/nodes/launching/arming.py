@@ -28,7 +28,7 @@ class ArmedStart:
     """The side of a process that was started with `parent.OPTION`; call `poll` until it returns True."""
 
     def __init__(self, link: ParentChannel) -> None:
-        self._link = link
+        self.link = link
         self._nodes: Callable[[], Iterable[Node]] = list
         self._expected: Endpoints | None = None
         self._seen: dict[str, Any] = {}
@@ -45,7 +45,7 @@ class ArmedStart:
             def on_start(listener, _: event.Event) -> None:
                 if not listener.told:
                     listener.told = True
-                    self._link.send(compiling=True)
+                    self.link.send(compiling=True)
 
             def on_end(listener, _: event.Event) -> None:
                 pass
@@ -56,7 +56,7 @@ class ArmedStart:
     def ready(self, nodes: Callable[[], Iterable[Node]], announced: Endpoints | None = None) -> None:
         """The nodes exist. `announced`: what they will have, where that is more than they have now."""
         self._nodes = nodes
-        self._link.send(ready=endpoints(nodes()) if announced is None else announced)
+        self.link.send(ready=endpoints(nodes()) if announced is None else announced)
 
     @property
     def expecting(self) -> bool:
@@ -66,12 +66,12 @@ class ArmedStart:
     @property
     def abandoned(self) -> bool:
         """Whether the parent has gone."""
-        return self._link.closed
+        return self.link.closed
 
     def poll(self) -> bool:
         """Takes what the parent says and tells it what is missing; True once when the start is there, which
         is then to be confirmed."""
-        for message in self._link.receive():
+        for message in self.link.receive():
             if "expect" in message:
                 self._expected = message["expect"]
             if "start" in message:
@@ -85,7 +85,7 @@ class ArmedStart:
             }
             if seen != self._seen:
                 self._seen = seen
-                self._link.send(**seen)
+                self.link.send(**seen)
         return False
 
     def begin(self) -> bool:
@@ -97,4 +97,4 @@ class ArmedStart:
 
     def confirm(self) -> None:
         """Tells the parent that the start has been made; for a recorder, that others may follow."""
-        self._link.send(started=True)
+        self.link.send(started=True)

@@ -25,8 +25,8 @@ DISCOVERY_TIME = 3.5
 every three seconds, and a first announcement that gets lost is not repeated sooner."""
 
 CONNECT_LIMIT, SIMULATED_CONNECT_LIMIT = 15.0, 60.0
-"""Seconds that processes which are ready are given to find each other; then it goes on without. Simulated time
-can wait, and what a recorder had not met before the start would be missing in the recording."""
+"""Seconds that processes which are ready are given to find each other; then it goes on without. Simulated
+time can wait, and what a recorder had not met before the start would be missing in the recording."""
 
 
 class Starter:

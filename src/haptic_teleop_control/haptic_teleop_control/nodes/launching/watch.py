@@ -158,6 +158,8 @@ class Watcher:
         status = decode(message.data)
         if isinstance(status, Status):
             self.time, self._untold = status, 0.0
+            if status.state == OVER and status.reason:
+                self.faults["/time_coordinator"] = f"simulated time ended early: {status.reason}"
             if status.state == HALTED:
                 self.faults["/time_coordinator"] = f"simulated time is halted: {status.reason}"
 

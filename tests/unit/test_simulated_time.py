@@ -1,0 +1,309 @@
+"""Coordinator, participant, schedule and pace of simulated time, one question at a time."""
+
+from dataclasses import replace
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from haptic_teleop_control.errors import ConfigurationError
+from haptic_teleop_control.simulated_time.coordinator import Coordinator
+from haptic_teleop_control.simulated_time.messages import (
+    ANSWERER,
+    HALTED,
+    LINK,
+    OVER,
+    PAUSED,
+    PLANT,
+    RECORDER,
+    RUNNING,
+    SOURCE,
+    WAITING,
+    Delivery,
+    Member,
+    Report,
+    Status,
+    Tick,
+    decode,
+    encode,
+)
+from haptic_teleop_control.simulated_time.pace import Pace
+from haptic_teleop_control.simulated_time.participant import Participant
+from haptic_teleop_control.simulated_time.schedule import Schedule
+from haptic_teleop_control.simulated_time.stamps import ORIGIN, sample_stamp
+
+
+def joined(coordinator, *members, wall=0.0):
+    for member in members:
+        coordinator.hear(Report(member.name, "join", member=member), wall)
+    return coordinator
+
+
+PLANT_MEMBER = Member("/sfj/sfj_sim", PLANT, 500.0, "/sfj/joint_states", "/sfj/effort_command")
+
+
+def open_loop(**options):
+    return joined(Coordinator(["sfj_sim"], 0.0, **options), PLANT_MEMBER)
+
+
+def ticks(messages):
+    return [message for message in messages if isinstance(message, Tick)]
+
+
+def test_time_begins_when_all_have_joined_and_says_whom_it_waits_for():
+    coordinator = Coordinator(["sfj_sim", "recorder"], 0.0)
+    joined(coordinator, PLANT_MEMBER)
+    (status,) = coordinator.poll(0.0)
+    assert status.state == "waiting" and "recorder" in status.reason and "use_sim_time" in status.reason
+    joined(coordinator, Member("/recorder", RECORDER, topics=("/sfj/joint_states",)))
+    assert [tick.stamp for tick in ticks(coordinator.poll(0.01))] == [ORIGIN]
+
+
+def test_two_who_misunderstand_each_other_do_not_wait_for_ever():
+    answerer = Member("/controller", ANSWERER, topics=("/sfj/joint_states",))
+    coordinator = joined(Coordinator(["sfj_sim", "controller"], 0.0), PLANT_MEMBER, answerer)
+    wall = 0.0
+    while coordinator.state != HALTED:
+        wall += 0.01
+        assert wall < 60.0
+        coordinator.poll(wall)
+        coordinator.hear(Report("/sfj/sfj_sim", "waiting", 1, "answer"), wall)
+        coordinator.hear(Report("/controller", "done", 1), wall)
+    assert wall > 5.0 and "/sfj/sfj_sim waits for answer" in coordinator.reason
+
+
+def test_without_a_plant_time_does_not_begin_and_says_why():
+    answerer = Member("/controller", ANSWERER, topics=("/sfj/joint_states",))
+    coordinator = joined(Coordinator(["controller"], 0.0, duration=1.0), answerer)
+    coordinator.poll(0.0)
+    assert coordinator.state == HALTED and "put a plant" in coordinator.reason
+
+
+def test_what_joins_late_or_doubles_another_is_refused_with_the_reason():
+    coordinator = open_loop()
+    coordinator.poll(0.0)
+    joined(coordinator, Member("/omni/omni_sim", PLANT, 1000.0, "/omni/joint_states"))
+    assert "runs already" in coordinator.status().refused["/omni/omni_sim"]
+    waiting = joined(Coordinator(["sfj_sim", "x"]), PLANT_MEMBER, replace(PLANT_MEMBER, name="/mujoco_sim"))
+    assert "/sfj/joint_states" in waiting.status().refused["/mujoco_sim"]
+    waiting = joined(Coordinator(["sfj_sim", "x"]), PLANT_MEMBER, replace(PLANT_MEMBER, rate=100.0))
+    assert "another node of this name" in waiting.status().refused["/sfj/sfj_sim"]
+
+
+def test_a_refused_participant_has_a_fault():
+    faults = []
+    participant = Participant(PLANT_MEMBER, lambda report: None, lambda tick, repeated: None, faults.append)
+    participant.hear(Status("s", RUNNING, ORIGIN, (), "", {"/sfj/sfj_sim": "too late"}))
+    participant.hear(Status("s", RUNNING, ORIGIN, (), "", {"/sfj/sfj_sim": "too late"}))
+    assert len(faults) == 1 and "too late" in faults[0]
+
+
+def test_a_second_coordinator_is_a_fault():
+    faults = []
+    participant = Participant(PLANT_MEMBER, lambda report: None, lambda tick, repeated: None, faults.append)
+    participant.hear(Status("one", RUNNING, ORIGIN, ("/sfj/sfj_sim",)))
+    participant.hear(Tick("two", 1, ORIGIN, ("/sfj/sfj_sim",)))
+    assert "another coordinator" in faults[0]
+
+
+def test_pause_holds_time_a_step_is_one_tick_and_a_step_while_running_is_refused():
+    coordinator = open_loop()
+    assert len(ticks(coordinator.poll(0.0))) == 1
+    assert "pause it" in coordinator.step()
+    coordinator.hear(Report("/sfj/sfj_sim", "done", 1), 0.01)
+    assert coordinator.pause() is None
+    assert coordinator.pause() is not None
+    assert not ticks(coordinator.poll(0.02)) and coordinator.state == PAUSED
+    assert coordinator.step() is None
+    assert "not over" in coordinator.step()
+    (tick,) = ticks(coordinator.poll(0.03))
+    assert tick.stamp == ORIGIN + 2_000_000
+    coordinator.hear(Report("/sfj/sfj_sim", "done", 2), 0.04)
+    assert not ticks(coordinator.poll(0.05))
+    assert coordinator.resume() is None
+    assert len(ticks(coordinator.poll(0.06))) == 1
+    assert coordinator.resume() is not None
+
+
+def test_a_pause_accuses_nobody():
+    coordinator = open_loop()
+    coordinator.poll(0.0)
+    coordinator.hear(Report("/sfj/sfj_sim", "done", 1), 0.0)
+    coordinator.pause()
+    for k in range(1000):
+        coordinator.poll(0.05 * k)
+    assert coordinator.state == PAUSED
+
+
+def test_time_stays_within_a_second_of_what_a_recorder_has_kept_and_ends_only_when_it_has_all():
+    topics = ("/sfj/joint_states",)
+    coordinator = joined(
+        Coordinator(["sfj_sim"], 0.0, duration=3.0),
+        PLANT_MEMBER,
+        Member("/recorder", RECORDER, topics=topics),
+    )
+    wall = 0.0
+
+    def run_on():
+        nonlocal wall
+        for _ in range(5000):
+            wall += 1e-4
+            for tick in ticks(coordinator.poll(wall)):
+                coordinator.hear(Report("/sfj/sfj_sim", "done", tick.number), wall)
+
+    def keep(stamp):
+        coordinator.hear(Report("/recorder", "recorded", stamps={"/sfj/joint_states": stamp}), wall)
+
+    run_on()
+    assert coordinator.stamp <= ORIGIN + 1_000_000_000
+    keep(ORIGIN + 900_000_000)
+    run_on()
+    assert ORIGIN + 1_800_000_000 < coordinator.stamp <= ORIGIN + 1_900_000_000
+    keep(ORIGIN + 2_500_000_000)
+    run_on()
+    assert coordinator.stamp == sample_stamp(1499, 500.0) and coordinator.state == RUNNING
+    keep(sample_stamp(1499, 500.0))
+    run_on()
+    assert coordinator.state == OVER and coordinator.stamp == ORIGIN + 3_000_000_000
+
+
+def test_a_participant_that_ends_halts_time_but_a_recorder_may_go():
+    recorder = Member("/recorder", RECORDER, topics=("/sfj/joint_states",))
+    coordinator = joined(open_loop(), recorder)
+    coordinator.poll(0.0)
+    coordinator.hear(Report("/recorder", "left"), 0.0)
+    assert coordinator.state == RUNNING
+    coordinator.hear(Report("/sfj/sfj_sim", "left"), 0.0)
+    assert coordinator.state == HALTED and "/sfj/sfj_sim has ended" in coordinator.reason
+
+
+def test_a_plant_that_has_nothing_to_publish_is_not_waited_for_with_an_answer():
+    members = [
+        Member("/a", PLANT, 1000.0, "/one", silent=True),
+        Member("/b", PLANT, 1000.0, "/two"),
+        Member("/c", ANSWERER, topics=("/one", "/two")),
+    ]
+    schedule = Schedule(members)
+    first = schedule.grant()
+    assert set(first.due) == {"/a", "/b"} and first.states == ("/two",)
+    assert schedule.last_stamps() == {"/two": ORIGIN}
+    schedule.silence("/a", False)
+    assert schedule.grant().states == ("/one", "/two")
+
+
+def test_with_a_link_coinciding_states_go_singly_and_packets_come_in_order_of_arrival():
+    members = [
+        Member("/a", PLANT, 1000.0, "/one"),
+        Member("/b", PLANT, 500.0, "/two"),
+        Member("/c", ANSWERER, topics=("/one", "/two"), linked=True),
+        Member("/link", LINK, topics=("/to_b", "/to_a")),
+    ]
+    schedule = Schedule(members, 0.01)
+    assert schedule.grant().states == ("/one",)
+    schedule.under_way("/to_b", ORIGIN, [ORIGIN, ORIGIN + 1_500_000])  # at once, and a copy later
+    second = schedule.grant()
+    assert second.states == ("/two",) and second.deliveries == (Delivery("/to_b", ORIGIN, ORIGIN),)
+    schedule.under_way("/to_a", ORIGIN, [ORIGIN + 1_500_000])
+    third, fourth = schedule.grant(), schedule.grant()
+    assert (third.stamp, third.deliveries) == (ORIGIN + 1_000_000, ())
+    assert [delivery.way for delivery in fourth.deliveries] == ["/to_b", "/to_a"]
+
+
+@pytest.mark.parametrize("factor", [-1.0, float("nan"), float("inf")])
+def test_a_real_time_factor_that_is_none_is_refused(factor):
+    with pytest.raises(ConfigurationError, match="real_time_factor"):
+        Pace(factor)
+    with pytest.raises(ConfigurationError, match="real_time_factor"):
+        Coordinator([], factor)
+
+
+def test_time_never_runs_ahead_of_the_wall_and_what_is_late_stays_late():
+    pace = Pace(2.0)
+    assert pace.wait(10.0, 0.0) == 0.0
+    assert pace.wait(10.0, 0.5) == pytest.approx(0.25)
+    assert pace.wait(10.25, 0.5) == 0.0
+    assert pace.wait(11.25, 0.5) == 0.0  # a second late: only a little of that is made up
+    assert pace.wait(11.25, 1.0) > 0.2
+
+
+def test_the_factor_achieved_leaves_pauses_out():
+    pace = Pace(0.0)
+    pace.advanced(0.0, 0.0)
+    pace.advanced(1.0, 3.0)
+    pace.stop()
+    pace.advanced(100.0, 3.0)
+    pace.advanced(101.0, 4.0)
+    assert pace.achieved == pytest.approx(2.0)
+
+
+@pytest.mark.parametrize("text", ["", "nonsense", "[]", "{}", '{"type": "tick"}', '{"type": "report"}'])
+def test_what_is_no_message_is_none(text):
+    assert decode(text) is None
+
+
+@given(st.text())
+def test_any_text_is_a_message_or_none(text):
+    assert decode(text) is None
+
+
+def test_a_coordinator_that_begins_anew_is_told_from_a_second_one():
+    faults = []
+    participant = Participant(PLANT_MEMBER, lambda report: None, lambda tick, repeated: None, faults.append)
+    participant.hear(Status("one", RUNNING, ORIGIN, ("/sfj/sfj_sim",)))
+    participant.hear(Status("one", OVER, ORIGIN, ("/sfj/sfj_sim",), "the coordinator was stopped"))
+    participant.hear(Status("two", WAITING, ORIGIN))
+    assert len(faults) == 1 and "start this node anew" in faults[0]
+
+
+def test_what_cannot_be_paused_yet_says_what_it_waits_for():
+    coordinator = Coordinator(["sfj_sim"])
+    for refused in (coordinator.pause(), coordinator.resume(), coordinator.step()):
+        assert refused is not None and "waiting for sfj_sim" in refused
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        '{"type":"report","name":"/a","act":"recorded","number":0,"what":"","stamps":null,"arrivals":[],'
+        '"member":null,"silent":false}',
+        '{"type":"status","session":"s","state":"running","stamp":1,"members":[],"reason":"","refused":[]}',
+        encode(Report("/a", "join", member=Member("/a", PLANT, 0.0, "/t"))),
+        encode(Report("/a", "join", member=Member("/a", SOURCE, float("nan"), "/t"))),
+        encode(Report("/a", "join", member=Member("/a", "guest"))),
+    ],
+)
+def test_what_is_nearly_a_message_is_none(text):
+    assert decode(text) is None
+
+
+def test_a_packet_of_a_way_that_nobody_has_is_left_out():
+    coordinator = joined(open_loop(), Member("/link", LINK, topics=("/way",)))
+    coordinator.poll(0.0)
+    coordinator.hear(Report("/link", "taken", stamps={"/elsewhere": ORIGIN}, arrivals=(ORIGIN,)), 0.0)
+    assert coordinator.state == RUNNING
+
+
+def test_a_participant_in_a_fault_says_so_and_is_not_accused_of_silence():
+    said = []
+    participant = Participant(PLANT_MEMBER, said.append, lambda tick, repeated: None, lambda detail: None)
+    participant.hear(Status("one", RUNNING, ORIGIN, ("/sfj/sfj_sim",)))
+    for wall in range(200):
+        participant.poll(0.1 * wall)
+    assert said[-1].act == "left" and "silent" in said[-1].what
+    coordinator = open_loop()
+    coordinator.poll(0.0)
+    coordinator.hear(said[-1], 0.0)
+    assert coordinator.state == HALTED and "takes no part any more" in coordinator.reason
+
+
+def test_a_recorder_that_keeps_nothing_does_not_hold_time_for_ever():
+    recorder = Member("/recorder", RECORDER, topics=("/sfj/joint_states",))
+    coordinator = joined(Coordinator(["sfj_sim"], 0.0), PLANT_MEMBER, recorder)
+    wall = 0.0
+    while coordinator.state != HALTED:
+        wall += 0.01
+        assert wall < 300.0
+        for tick in ticks(coordinator.poll(wall)):
+            coordinator.hear(Report("/sfj/sfj_sim", "done", tick.number), wall)
+        coordinator.hear(Report("/recorder", "recorded", stamps={}), wall)
+    assert "not recorded" in coordinator.reason
