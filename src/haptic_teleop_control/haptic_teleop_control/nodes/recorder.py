@@ -76,7 +76,7 @@ class Recorder(HapticNode):
         )
         self.stop = False
         self.armed: ArmedStart | None = None
-        self._parent: ArmedStart | None = None  # also after the start: it may have something to say at the end
+        self._parent: ArmedStart | None = None  # heard again at the end
         self.problems: list[str] = []
         self.received: dict[str, int] = {}
         self.started = self._wall_seconds()
