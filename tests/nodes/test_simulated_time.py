@@ -269,7 +269,7 @@ def test_two_coordinators_are_a_fault_that_says_so(graph, elsewhere):
     try:
         both = lambda: second.executor.spin_once(timeout_sec=0.0) or plant.faults.latched  # noqa: E731
         elsewhere.run(both)
-        assert "a second coordinator of simulated time" in plant.faults.sentence
+        assert "coordinator of simulated time announces ticks" in plant.faults.sentence
     finally:
         second.close()
 
