@@ -197,7 +197,9 @@ def _watch(
                 return {SCENARIO.node_name: f"{silent}; put its plant among the nodes"}
             if over:
                 break
-        return watcher.faults
+    if watcher.time is not None:
+        print(watcher.pace, file=sys.stderr, flush=True)
+    return watcher.faults
 
 
 def _scenario(argv: Sequence[str]) -> int:
