@@ -45,7 +45,7 @@ FOLLOW_PERIOD = 0.1
 DRAIN_PERIOD = 0.005
 """Seconds between two looks for messages; the time of reception is the middleware's, not that of the look."""
 LOG_PERIOD = 10.0
-ACKNOWLEDGED = 200_000_000
+ACKNOWLEDGED = 20_000_000
 """ns of simulated time after which the coordinator is told again what is kept."""
 
 

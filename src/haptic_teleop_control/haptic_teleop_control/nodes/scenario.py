@@ -235,7 +235,9 @@ def _watch(
             if lost := watcher.lost():
                 watcher.faults[COORDINATOR] = lost
                 break
-        return watcher.faults
+    if watcher.time is not None:
+        print(watcher.pace, file=sys.stderr, flush=True)
+    return watcher.faults
 
 
 def _scenario(argv: Sequence[str]) -> int:

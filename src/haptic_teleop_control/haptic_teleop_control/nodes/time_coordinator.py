@@ -26,7 +26,7 @@ CLOCK_PERIOD = 10_000_000
 
 HALT = "halted"
 
-SILENT = 1.0
+SILENT = 3.0
 """s that it waits for participants before it says so: those of a scenario join within that."""
 
 

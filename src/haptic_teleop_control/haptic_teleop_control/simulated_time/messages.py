@@ -73,7 +73,8 @@ class Tick:
 @dataclass(frozen=True)
 class Status:
     """The coordinator's state, told when it changes and now and then. members: who has joined. reason: why
-    time is halted, or what is waited for. refused: name -> why it may not take part."""
+    time is halted, or what is waited for. refused: name -> why it may not take part. achieved: simulated
+    seconds per second so far."""
 
     session: str
     state: str
@@ -81,6 +82,7 @@ class Status:
     members: tuple[str, ...] = ()
     reason: str = ""
     refused: Mapping[str, str] = field(default_factory=dict)
+    achieved: float = 0.0
 
 
 @dataclass(frozen=True)
@@ -133,6 +135,7 @@ def _status(content: dict[str, Any]) -> Status:
         tuple(str(name) for name in content["members"]),
         str(content["reason"]),
         {str(name): str(why) for name, why in content["refused"].items()},
+        float(content["achieved"]),
     )
 
 

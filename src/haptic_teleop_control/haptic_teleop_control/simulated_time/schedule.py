@@ -86,6 +86,15 @@ class Schedule:
         """Topic of a plant or source -> stamp of its newest sample that is published."""
         return {s.member.topic: s.published for s in self._sampled if s.published >= ORIGIN}
 
+    @property
+    def samples_per_second(self) -> float:
+        """Of all topics together: what is published, its answers, and their way through a link."""
+        with_answer = 4.0 if self._singly else 2.0
+        answered = set(self.answered)
+        return sum(
+            s.member.rate * (with_answer if s.member.topic in answered else 1.0) for s in self._sampled
+        )
+
     def silence(self, name: str, silent: bool) -> None:
         """Whether the next sample of a plant is published."""
         for sampled in self._sampled:

@@ -92,6 +92,12 @@ class Watcher:
         """Seconds of the wall since `begin`; 0 before it."""
         return 0.0 if self._begun is None else time.monotonic() - self._begun
 
+    @property
+    def pace(self) -> str:
+        """How fast simulated time has gone, in words."""
+        achieved = 0.0 if self.time is None else self.time.achieved
+        return f"{self.elapsed:.1f} s of simulated time, real-time factor {achieved:.2f}"
+
     def over(self, duration: float) -> bool:
         """Whether the experiment has come to its end, and everything is recorded."""
         if self.simulated:

@@ -44,7 +44,7 @@ POLL = 0.05
 SIMULATED_TIME = "simulated_time"
 TIME_FAULTS = {SIMULATED_TIME: "simulated time has ended or was refused; start the scenario anew"}
 
-SILENT = 2.0
+SILENT = 3.0
 """s that a node waits for the coordinator before it says so: in a scenario all join within that."""
 
 UNCOORDINATED = (
