@@ -270,7 +270,8 @@ def test_what_cannot_be_paused_yet_says_what_it_waits_for():
     [
         '{"type":"report","name":"/a","act":"recorded","number":0,"what":"","stamps":null,"arrivals":[],'
         '"member":null,"silent":false}',
-        '{"type":"status","session":"s","state":"running","stamp":1,"members":[],"reason":"","refused":[],"achieved":1.0}',
+        '{"type":"status","session":"s","state":"running","stamp":1,"members":[],"reason":"","refused":[],'
+        '"achieved":1.0}',
         encode(Report("/a", "join", member=Member("/a", PLANT, 0.0, "/t"))),
         encode(Report("/a", "join", member=Member("/a", SOURCE, float("nan"), "/t"))),
         encode(Report("/a", "join", member=Member("/a", "guest"))),
