@@ -1,8 +1,9 @@
 """How much faster than real time scenario 1 runs when simulated time goes as fast as it can.
 
-The graph composed in one process and as a process for each node, with and without a recording, and the lockstep
-runner beside them; by turns in one run, so that the other work of the machine falls on all of them. What
-counts is simulated seconds per second from the first tick to the last, without the start of the processes.
+The graph composed in one process and as a process for each node, with and without a recording, and the
+lockstep runner beside them; by turns in one run, so that the other work of the machine falls on all of them.
+What counts is simulated seconds per second from the first tick to the last, without the start of the
+processes.
 
 Promise: composed, without a recording, at least 3 times real time on a machine that has two cores to itself.
 Where other work kept the processor from us, seconds of the processor count instead of those of the clock.

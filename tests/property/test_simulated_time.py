@@ -382,10 +382,10 @@ def test_time_stays_300_samples_from_what_a_recorder_has_kept_and_ends_only_when
         coordinator.hear(Report("/recorder", "recorded", stamps={"/sfj/joint_states": stamp}), wall)
 
     run_on()
-    assert ORIGIN + lead - 2_000_000 < coordinator.stamp <= ORIGIN + lead
+    assert coordinator.stamp == ORIGIN + lead - 2_000_000
     keep(ORIGIN + 900_000_000)
     run_on()
-    assert ORIGIN + 898_000_000 + lead < coordinator.stamp <= ORIGIN + 900_000_000 + lead
+    assert coordinator.stamp == ORIGIN + 900_000_000 + lead
     keep(ORIGIN + 2_900_000_000)
     run_on()
     assert coordinator.stamp == sample_stamp(1499, 500.0) and coordinator.state == RUNNING

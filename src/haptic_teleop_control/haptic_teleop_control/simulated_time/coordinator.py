@@ -207,7 +207,8 @@ class Coordinator:
         if self.state == PAUSED and not self._stepping:
             return []
         following = self._schedule.next_stamp
-        late = self._late_recorders(ORIGIN - 1 if following is None else following - self._lead, following is None)
+        limit = ORIGIN - 1 if following is None else following - self._lead
+        late = self._late_recorders(limit, following is None)
         if late:
             return self._await_recorders(late)
         if following is None:
