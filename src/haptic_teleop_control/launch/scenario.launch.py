@@ -3,7 +3,8 @@
     ros2 launch haptic_teleop_control scenario.launch.py file:=config/scenario1_sim.yaml
 
 The ROS wheels hold no `launch_ros`, so this file could not be run where the project is tested: it is only
-checked to compile. The nodes that it starts are those of `haptic-teleop scenario FILE --processes`.
+checked to compile. The nodes that it starts are those of `haptic-teleop scenario FILE --processes`; where
+the file says use_sim_time: true, the coordinator that grants them their time is one of them.
 """
 
 
@@ -19,16 +20,27 @@ def generate_launch_description():
 
         scenario = load_scenario(LaunchConfiguration("file").perform(context))
         packages = {name: package for package, entries in registries().items() for name in entries}
+        file = str(scenario.file.resolve())
+        parameters = {name: [file] for name in scenario.nodes}
+        if scenario.simulated:
+            parameters["time_coordinator"] = [
+                file,
+                {
+                    "participants": list(scenario.nodes),
+                    "real_time_factor": scenario.real_time_factor,
+                    "duration": scenario.duration,
+                },
+            ]
         # Neither name nor namespace is given: they are the nodes' own defaults.
         return [
             Node(
                 package=packages[name],
                 executable=name,
-                parameters=[str(scenario.file.resolve())],
+                parameters=stated,
                 output="screen",
                 sigterm_timeout="5",
             )
-            for name in scenario.nodes
+            for name, stated in parameters.items()
         ]
 
     return LaunchDescription(
