@@ -1,7 +1,7 @@
 """The experiments of one discovery: their parameter files, made from the project's, and how they are run.
 
 Two acquisitions, to estimate and to validate, in open loop with multisines of different amplitude and band,
-and scenario 1, force control with contact. Each runs as nodes in real time, or in lockstep.
+and scenario 1, force control with contact. Each runs as nodes in simulated time, or in lockstep.
 """
 
 from __future__ import annotations
@@ -40,8 +40,6 @@ SIGNALS = {"stage1": {"rms": 0.18, "f_max": 4.0}, "stage2": {"rms": 0.18, "f_max
 """A and Hz: lower bands than of the project's acquisitions, so that the stages travel some tenths of a radian
 as they do in scenario 1, with currents below the recommended 0.5 A."""
 SCENARIO_RUN = "scenario1"
-PATIENCE = 0.2
-"""s, the largest timeout that the nodes take."""
 LEAD_IN = 1.0
 """s at rest before a signal."""
 
@@ -68,15 +66,8 @@ def acquisition_content(stage: str, which: str, seconds: float) -> Content:
 
 
 def scenario_content() -> Content:
-    """The parameter file of scenario 1, its plant still `sfj_sim` with the built-in models.
-
-    Commands and states may be as old as in the acquisitions: a chain of minutes on a machine that has other
-    work should not end because some node had to wait.
-    """
-    content = parse_yaml(find_scenario(SCENARIO).read_text(encoding="utf-8"))
-    for node in ("sfj_sim", "omni_sim", "force_controller"):
-        content[node]["ros__parameters"]["timeout"] = PATIENCE
-    return content
+    """The parameter file of scenario 1, its plant still `sfj_sim` with the built-in models."""
+    return parse_yaml(find_scenario(SCENARIO).read_text(encoding="utf-8"))
 
 
 def with_plant(

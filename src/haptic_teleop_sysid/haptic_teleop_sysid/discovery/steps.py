@@ -3,7 +3,6 @@ recordings."""
 
 from __future__ import annotations
 
-import shutil
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -58,13 +57,8 @@ def record(
     scenario 1 into `recording`. Raises StepFailed."""
     how = "in lockstep" if settings.lockstep else "in the ROS 2 graph"
 
-    def attempt(what: str, run: Callable[[], int], target: Path) -> None:
+    def made(what: str, run: Callable[[], int], target: Path) -> None:
         status = run()
-        if status and not settings.lockstep:
-            # In real time a machine that is busy elsewhere may stop the nodes; that proves nothing.
-            steps.say(f"      ended with exit status {status}; once more")
-            shutil.rmtree(target, ignore_errors=True)
-            status = run()
         if status or not target.is_dir():
             raise StepFailed(f"{what} ended with exit status {status}")
 
@@ -72,8 +66,8 @@ def record(
         with steps.step(f"acquisition for {which}, {settings.seconds:g} s open loop, {how}, by {plant}"):
             file, target = folder / f"{which}.yaml", case / which
             run = partial(campaign.run_acquisition, file, target, settings.lockstep)
-            attempt(f"the acquisition for {which}", run, target)
+            made(f"the acquisition for {which}", run, target)
     with steps.step(f"scenario 1, force control with contact, {how}, by {plant}"):
         file = folder / f"{campaign.SCENARIO_RUN}.yaml"
         run = partial(campaign.run_scenario1, file, plant, recording, settings.lockstep)
-        attempt("scenario 1", run, recording)
+        made("scenario 1", run, recording)
