@@ -48,6 +48,9 @@ LATCHED = QoSProfile(depth=10, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 
 PROBLEMS = {NON_FINITE: NON_FINITE_STATE, WRONG_JOINTS: MALFORMED_STATE}
 
+LAST_REPEATS = 2
+"""Times that the last command, zero, is sent again: the middleware may lose one, and no other follows it."""
+
 ROLE_KEYS = ("master", "slave", "master_rate", "slave_rate")
 WAY_FIELDS = ("velocity", "effort")
 
@@ -462,6 +465,8 @@ class ForceController(HapticNode):
             for robot in self._robots.values():
                 if robot.out.sent:
                     robot.out.send_zero(self.time.stamp())
+                    for _ in range(LAST_REPEATS):
+                        robot.out.resend()
         self.time.close()
 
 
