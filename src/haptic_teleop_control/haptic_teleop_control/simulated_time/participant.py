@@ -72,11 +72,11 @@ class Participant:
             return
         if not self.joined or self._faulty:
             return
-        repeated = self.tick is not None and message.number <= self.tick.number
-        if repeated and self.tick is not None and message.number < self.tick.number:
+        last = 0 if self.tick is None else self.tick.number
+        if message.number < last:
             return  # overtaken on its way
         self.tick, self.stamp = message, message.stamp
-        self._on_tick(message, repeated)
+        self._on_tick(message, message.number == last)
 
     def poll(self, wall: float) -> None:
         """Joins, and looks whether the coordinator is there; to be called now and then."""

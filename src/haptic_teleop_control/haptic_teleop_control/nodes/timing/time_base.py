@@ -36,7 +36,7 @@ EVERY_QOS = QoSProfile(
     history=HistoryPolicy.KEEP_LAST,
     depth=4000,
 )
-"""In simulated time: nothing may be lost, and a recorder may be a second behind."""
+"""In simulated time: nothing may be lost, and a recorder may be some hundred samples behind."""
 
 POLL = 0.05
 """s between two looks at the coordinator."""
