@@ -1,8 +1,8 @@
 """Does anything in a simulated experiment depend on when its processes run? Stops them and compares.
 
     python tests/studies/stopped_processes.py --seeds 20  # single processes stopped for 0.07 to 1.5 s
-    python tests/studies/stopped_processes.py --seeds 20 --freeze 0.3  # all of them together, three times each
-    python tests/studies/stopped_processes.py --seeds 20 --freeze 0.3 --demo  # the same with the demonstration
+    python tests/studies/stopped_processes.py --seeds 20 --freeze 0.3  # all together, three times each
+    python tests/studies/stopped_processes.py --seeds 20 --freeze 0.3 --demo  # the demonstration
 
 Every seed runs the scenario as processes (`--composed`: in one) with a recording, beside `--hogs` processes
 that burn the processor, and stops one process after another with SIGSTOP. The recording then has to hold the
