@@ -22,7 +22,8 @@ class Explanation:
     parameters may lie between, beyond what the model without the effect gains so (see
     `held_out.reconciled`).  ``by_current``: how many of these nats (both kinds)
     the measured current gives; ``std``: uncertainty of a parameter that the current determined; ``beside``:
-    an effect of the recorded current alone, which the model, driven by the command, has no need of.
+    an effect of the recorded current alone, which the model, driven by the command, has no need of;
+    ``witnessed``: what speaks for it in words, where it was not likelihoods that found it.
     """
 
     fit: Fit
@@ -34,6 +35,7 @@ class Explanation:
     by_current: float = 0.0
     std: dict[str, float] = field(default_factory=dict)
     beside: Effect | None = None
+    witnessed: str | None = None
 
     @property
     def effect(self) -> Effect:

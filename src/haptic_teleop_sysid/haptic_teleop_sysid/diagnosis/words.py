@@ -48,9 +48,10 @@ def because(choice: Choice, fitted: Effect) -> str:
     numbers = ", ".join(
         told(fitted.entry.parameter(n), v) for n, v in fitted.parameters.items() if reported(n)
     )
-    text = (
-        f"{sentence[0].upper()}{sentence[1:]} ({numbers}): with it the recording is predicted better by "
-        f"{e.gain:.0f} nats, and recordings that were not used for the fit by {e.elsewhere:.0f}"
+    text = f"{sentence[0].upper()}{sentence[1:]} ({numbers}): " + (
+        e.witnessed
+        or f"with it the recording is predicted better by {e.gain:.0f} nats, and recordings that were not "
+        f"used for the fit by {e.elsewhere:.0f}"
     )
     if e.by_current > 0.0:
         text += f"; the measured current gives {e.by_current:.0f} of these nats"

@@ -1,0 +1,130 @@
+"""A recording in the band of its motion: angles, velocities, accelerations and input, filtered alike."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.signal import butter, sosfiltfilt, welch
+
+from haptic_teleop_sysid.estimation.records import Record
+
+FloatArray = NDArray[np.float64]
+
+#: Order of the low-pass filter, which runs forward and backward: the phase is zero.
+ORDER = 2
+#: Share of the velocity's power that lies below the band of the motion, and the cut-off relative to that.
+POWER, ABOVE = 0.95, 4.0
+#: Lowest and highest cut-off: cycles over the shortest recording, and share of the sampling rate.
+LEAST_CYCLES, MOST_OF_RATE = 5.0, 0.1
+#: s, length of the stretches whose spectra are averaged.
+SEGMENT = 8.0
+#: Samples kept per period of the cut-off.
+KEPT_PER_PERIOD = 10.0
+#: Samples per period of the cut-off in between, where torques are computed that are not smooth.
+FINE_PER_PERIOD = 60.0
+#: Periods of the cut-off at either end of a stretch that the filter's transient spoils.
+ENDS = 1.0
+
+
+@dataclass(frozen=True)
+class BandedMotion:
+    """One stretch of motion. All (n,), or (n, 2) for motor and arm (equal where the joint is rigid).
+
+    ``angle`` rad, ``velocity`` rad/s, ``acceleration`` rad/s^2, filtered once; ``input``: A or N·m, filtered
+    once, as it was at the times of the readings; ``exogenous`` rad/s^2; ``time`` s; ``dt``: s, of all these,
+    thinned to a rate at which a sign of the velocity is still a step; ``cutoff``: Hz; ``kept``: samples that
+    count, thinned to what the band carries.
+    """
+
+    angle: FloatArray
+    velocity: FloatArray
+    acceleration: FloatArray
+    input: FloatArray
+    exogenous: FloatArray
+    time: FloatArray
+    dt: float
+    cutoff: float
+    kept: NDArray[np.intp]
+
+    def filtered(self, values: FloatArray, times: int = 1) -> FloatArray:
+        """``values`` (n, ...) through the filter of the band ``times`` more, at the samples that count.
+
+        The input and what is linear in the angles, filtered already, go through it once more; a torque that
+        is not linear in them (the sign of a velocity) goes through it twice: then all have met the same."""
+        for _ in range(times):
+            values = low_passed(values, self.dt, self.cutoff)
+        return values[self.kept]
+
+
+def low_passed(values: FloatArray, dt: float, cutoff: float) -> FloatArray:
+    """``values`` (n, ...) through a Butterworth low pass of ``cutoff``, Hz, forward and backward."""
+    sections: Any = butter(ORDER, cutoff, fs=1.0 / dt, output="sos")
+    pad = min(len(values) - 1, round(3.0 / (cutoff * dt)))
+    return np.asarray(sosfiltfilt(sections, values, axis=0, padlen=pad), dtype=np.float64)
+
+
+def motion_band(records: Sequence[Record]) -> float:
+    """Cut-off, Hz, that leaves the motion and takes the noise: ABOVE times the frequency below which POWER of
+    the motor's velocity lies, over all recordings."""
+    slowest = 1.0 / max(r.dt for r in records)
+    shortest = min(len(r) * r.dt for r in records)
+    grid = np.linspace(0.0, 0.5 * slowest, 4096)
+    spectrum = np.zeros(len(grid))
+    for record in records:
+        speed = np.gradient(_bridged(record.measured[:, 0]), record.dt)
+        length = round(min(shortest, SEGMENT) / record.dt)
+        found: Any = welch(speed - np.mean(speed), 1.0 / record.dt, nperseg=length)
+        spectrum += np.interp(grid, *found) * len(record) * record.dt
+    total = np.cumsum(spectrum)
+    edge = float(grid[np.searchsorted(total, POWER * total[-1])])
+    return float(np.clip(ABOVE * edge, LEAST_CYCLES / shortest, MOST_OF_RATE * slowest))
+
+
+def banded(record: Record, rigid: bool, cutoff: float) -> BandedMotion:
+    """The record in the band; readings that are missing are bridged and do not count."""
+    measured = record.measured
+    arm = measured[:, 0] if rigid or not np.any(np.isfinite(measured[:, 1])) else measured[:, 1]
+    raw = np.column_stack([_bridged(measured[:, 0]), _bridged(arm)])
+    # Held from each sample to the next: at the sample itself it is the mean of before and after.
+    held = 0.5 * (record.input + np.append(record.input[:1], record.input[:-1]))
+    angle = low_passed(raw, record.dt, cutoff)
+    velocity = np.gradient(angle, record.dt, axis=0)
+    thin = slice(None, None, max(1, int(1.0 / (FINE_PER_PERIOD * cutoff * record.dt))))
+    dt = record.dt * (thin.step or 1)
+    time = (record.start + record.dt * np.arange(len(record)))[thin]
+    missing = ~np.isfinite(measured[:, 0]) | ~np.isfinite(arm)
+    return BandedMotion(
+        angle[thin],
+        velocity[thin],
+        np.gradient(velocity, record.dt, axis=0)[thin],
+        low_passed(held, record.dt, cutoff)[thin],
+        low_passed(record.exogenous, record.dt, cutoff)[thin],
+        time,
+        dt,
+        cutoff,
+        _counting(missing, thin, dt, cutoff),
+    )
+
+
+def _counting(missing: NDArray[np.bool_], thin: slice, dt: float, cutoff: float) -> NDArray[np.intp]:
+    """Samples of the thinned ones that count: not at the ends, and not where readings near by are missing."""
+    number = len(missing[thin])
+    end = min(round(ENDS / (cutoff * dt)), number // 10)
+    kept = np.arange(end, number - end, max(1, int(1.0 / (KEPT_PER_PERIOD * cutoff * dt))))
+    if np.any(missing):
+        reach = max(1, round(0.5 * (thin.step or 1) / (cutoff * dt)))
+        near = np.convolve(missing, np.ones(2 * reach + 1), "same")[thin] > 0.25 * reach
+        kept = kept[~near[kept]]
+    return kept
+
+
+def _bridged(values: FloatArray) -> FloatArray:
+    good = np.isfinite(values)
+    if np.all(good):
+        return values
+    places = np.arange(len(values))
+    return np.interp(places, places[good], values[good])

@@ -1,0 +1,140 @@
+"""When the second opinion is believed, and what it says as a result like any other."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from haptic_teleop_sim.model import Effect, Model
+from haptic_teleop_sysid.estimation.gauss_newton import Fit
+from haptic_teleop_sysid.estimation.records import Record
+from haptic_teleop_sysid.estimation.whole_fit import fit_whole
+
+from .decide import Choice
+from .explanation import Explanation
+from .inverse_dynamics.terms import Hypothesis, follows_from_motion
+from .reasons import Doubt
+from .search import SearchResult
+from .second_opinion import Errors, Opinion
+
+#: Factor by which the free run of the second opinion must err less, on both kinds of recordings, than that of
+#: a first one whose innovations are coloured, and of one whose are white.
+CLEARLY, FAR = 0.9, 0.7
+#: Least share of what a torque without a form explains in the same quantities.
+ADEQUATE = 0.5
+#: Relative error within which a size counts as known.
+_KNOWN = 0.5
+_LEVELS = 8
+
+
+def believed_instead(opinion: Opinion, first: tuple[float, float], coloured: bool) -> bool:
+    """Whether the second opinion is believed; ``first``: errors of the free runs with what the first one
+    found (see `second_opinion.Errors`), ``coloured``: whether its innovations show that its noise model does
+    not hold."""
+    if opinion.chosen is None:
+        return False
+    bound = CLEARLY if coloured else FAR
+    return all(own < bound * other for own, other in zip(opinion.chosen.errors, first, strict=True))
+
+
+def as_result(
+    opinion: Opinion, predicted: SearchResult, records: Sequence[Record], errors: Errors
+) -> tuple[SearchResult, Doubt | None]:
+    """The second opinion as a search's result, and the doubt where its name explains too little."""
+    assert opinion.chosen is not None
+    baseline = predicted.baseline
+    if errors(opinion.structure.model)[0] < errors(baseline.model)[0]:
+        baseline = _fit(opinion.structure.model, opinion.structure.std, predicted.baseline, records)
+    group = opinion.chosen.group
+    final = _fit(group.model, group.std, baseline, records)
+    adequacy = opinion.adequacy
+    choices = tuple(
+        _choice(opinion, final, len(group.model.effects) - len(group.effects) + i, adequacy)
+        for i in range(len(group.effects))
+    )
+    if adequacy < ADEQUATE:
+        search = opinion.witness.search
+        shapes = {n for h in group.hypotheses for latent in search.alike(h) for n in latent.quantities}
+        names = " and ".join(f"{e.effect} at {e.location}" for e in group.effects)
+        why = (
+            f"the nearest name, {names}, explains {100 * adequacy:.0f} % of what a torque without a form "
+            f"explains in the same quantities ({', '.join(sorted(shapes))})"
+        )
+        bare = replace(predicted, baseline=baseline, final=baseline, choices=(), last_round=(), nameless=None)
+        return bare, Doubt(choices[0], why, " and ".join(sorted(shapes)) or None)
+    return replace(
+        predicted, baseline=baseline, final=final, choices=choices, last_round=(), nameless=None
+    ), None
+
+
+def inadequate(result: SearchResult, opinion: Opinion) -> Doubt | None:
+    """The doubt about a name whose torque is far from what the same quantities explain without a form."""
+    for choice in result.choices:
+        effect = choice.chosen.effect
+        if choice.chosen.by_current > 0.0 or not follows_from_motion(effect.entry):
+            continue
+        hypothesis = Hypothesis.of(effect, result.baseline.model.place(effect.location))
+        adequacy = opinion.witness.search.adequacy((hypothesis,))
+        if adequacy < ADEQUATE:
+            why = (
+                f"{effect.effect} explains {100 * adequacy:.0f} % of what a torque without a form explains "
+                "in the same quantities"
+            )
+            return Doubt(choice, why)
+    return None
+
+
+def _fit(model: Model, std: dict[str, float], like: Fit, records: Sequence[Record]) -> Fit:
+    """The model as it is, with noise levels for its observer and the regression's standard errors."""
+    tuned = fit_whole(model, like.noise, records, free=(), iterations=_LEVELS)
+    names = tuple(n for n in model.free_parameters() if std.get(n, 0.0) > 0.0)
+    information = np.diag([1.0 / std[n] ** 2 for n in names])
+    return replace(tuned, free=names, information=information, gradient=np.zeros(len(names)), at_bound=())
+
+
+def _choice(opinion: Opinion, final: Fit, index: int, adequacy: float) -> Choice:
+    """One effect of the chosen group, with its share of what is believed, and what else it may be."""
+    chosen, effect = opinion.chosen, final.model.effects[index]
+    assert chosen is not None
+    own, others = 0.0, dict[tuple[str, str], tuple[Effect, float]]()
+    known = {(e.effect, e.location) for e in chosen.group.effects}
+    for heard, weight in opinion.rivals:
+        if any((e.effect, e.location) == (effect.effect, effect.location) for e in heard.group.effects):
+            own += weight
+            continue
+        for e in heard.group.effects:
+            if (e.effect, e.location) not in known:
+                before = others.get((e.effect, e.location), (e, 0.0))[1]
+                others[e.effect, e.location] = (e, before + weight)
+    cap = _size_known(effect, final, opinion) * min(1.0, adequacy / ADEQUATE)
+    told = (
+        f"of the torque that the motion asks for and the structure does not have, it explains "
+        f"{100 * chosen.group.explained:.0f} % on recordings that were not fitted"
+        if len(known) == 1
+        else f"together they explain {100 * chosen.group.explained:.0f} % of the torque that the motion asks "
+        "for and the structure does not have, on recordings that were not fitted"
+    )
+    told += f", and a free run errs by {100 * chosen.errors[1]:.1f} % of the motion there"
+    explanation = Explanation(final, chosen.gain, 0.0, True, index, witnessed=told)
+
+    def instead(other: Effect) -> Explanation:
+        effects = (*final.model.effects[:index], other, *final.model.effects[index + 1 :])
+        return replace(explanation, fit=replace(final, model=replace(final.model, effects=effects)))
+
+    rivals = sorted(others.values(), key=lambda o: -o[1])
+    return Choice(explanation, own * cap, tuple((instead(e), p) for e, p in rivals if p > 0.02))
+
+
+def _size_known(effect: Effect, final: Fit, opinion: Opinion) -> float:
+    """Chance that the sizes of the effect are right to within _KNOWN of themselves, of the surest one."""
+    std = opinion.chosen.group.std if opinion.chosen else {}
+    best = 0.0
+    for p in effect.entry.parameters:
+        error = std.get(f"{effect.location}.{effect.effect}.{p.name}")
+        if p.default is None and p.neutral is not None and error:
+            ratio = _KNOWN * abs(effect.values[p.name] - p.neutral) / error
+            best = max(best, math.erf(ratio / math.sqrt(2.0)))
+    return best

@@ -1,0 +1,168 @@
+"""The inverse dynamics' say on motions that were integrated here, step by step, by other equations."""
+
+import math
+
+import numpy as np
+import pytest
+from numba import njit
+
+from haptic_teleop_sim.model import Effect, Model
+from haptic_teleop_sysid.diagnosis.inverse_dynamics.motion import banded, motion_band
+from haptic_teleop_sysid.diagnosis.inverse_dynamics.terms import turning
+from haptic_teleop_sysid.diagnosis.inverse_dynamics.witness import witness
+from haptic_teleop_sysid.diagnosis.scales import recording_scales
+from haptic_teleop_sysid.estimation.records import Record
+
+DT, FINE = 0.002, 40
+
+
+@njit
+def swing(torque, inertia, damping, coulomb, weight, offset, detent):
+    """Angles (n,) of a pendulum with dry friction that sticks, at FINE steps a sample."""
+    q, v, h = 0.0, 0.0, DT / FINE
+    found = np.empty(len(torque))
+    for k in range(len(torque)):
+        found[k] = q
+        for _ in range(FINE):
+            drive = torque[k] - damping * v - weight * math.sin(q) + offset
+            drive -= detent * (q - 0.2) / 0.3 * math.exp(0.5 - 0.5 * ((q - 0.2) / 0.3) ** 2)
+            if v == 0.0 and abs(drive) <= coulomb:
+                continue
+            before = v
+            side = math.copysign(1.0, v) if v != 0.0 else math.copysign(1.0, drive)
+            v += h * (drive - side * coulomb) / inertia
+            if before * v < 0.0:
+                v = 0.0
+            q += h * v
+    return found
+
+
+@njit
+def two_masses(torque, stiffness, motor, arm, coulomb):
+    """Angles (n, 2) of two masses with a spring, dry friction on the second."""
+    state, h = np.zeros(4), DT / FINE
+    found = np.empty((len(torque), 2))
+    for k in range(len(torque)):
+        found[k, 0], found[k, 1] = state[0], state[1]
+        for _ in range(FINE):
+            spring = stiffness * (state[0] - state[1])
+            state[2] += h * (torque[k] - motor[1] * state[2] - spring) / motor[0]
+            drive, v = spring - arm[1] * state[3], state[3]
+            if v != 0.0 or abs(drive) > coulomb:
+                side = math.copysign(1.0, v) if v != 0.0 else math.copysign(1.0, drive)
+                state[3] += h * (drive - side * coulomb) / arm[0]
+                if v * state[3] < 0.0:
+                    state[3] = 0.0
+            state[0] += h * state[2]
+            state[1] += h * state[3]
+    return found
+
+
+def drive(seed: int, size: float, seconds: float = 20.0) -> np.ndarray:
+    """A sum of sines below 2 Hz, N·m."""
+    luck, t = np.random.default_rng(seed), DT * np.arange(round(seconds / DT))
+    waves = [np.sin(2 * np.pi * f * t + luck.uniform(0, 6.3)) for f in luck.uniform(0.1, 2.0, 8)]
+    return size * np.sum(waves, axis=0) / math.sqrt(8)
+
+
+def record(torque: np.ndarray, angles: np.ndarray, step: float = 1e-4) -> Record:
+    measured = np.full((len(torque), 2), np.nan)
+    measured[:, : angles.shape[1]] = step * np.round(angles / step)
+    return Record("made here", DT, torque, measured, np.zeros(len(torque)), (step, step))
+
+
+def pendulum(seed: int, **more: float) -> Record:
+    parts = {"coulomb": 0.0, "weight": 0.0, "offset": 0.0, "detent": 0.0} | more
+    torque = drive(seed, 2.0 + 0.5 * seed)
+    own = (parts["coulomb"], parts["weight"], parts["offset"], parts["detent"])
+    return record(torque, swing(torque, 0.14, 0.1, *own)[:, None])
+
+
+RIGID = Model(
+    "generic",
+    "j",
+    "rigid_body",
+    {"torque_constant": 1.0, "motor_inertia": 0.2, "motor_damping": 0.3},
+    fixed=("torque_constant",),
+)
+
+
+def asked(model: Model, here: Record, there: Record):
+    return witness(model, [here], [there], recording_scales(model, [here]))
+
+
+def named(group) -> dict[str, Effect]:
+    return {e.effect: e for e in group.effects}
+
+
+def test_gravity_and_dry_friction_are_found_together_with_the_parameters():
+    found = asked(RIGID, *(pendulum(s, coulomb=0.3, weight=2.0) for s in (0, 1)))
+    effects = named(found.best)
+    assert set(effects) == {"gravity", "coulomb_friction"}
+    assert effects["gravity"].parameters["torque"] == pytest.approx(2.0, rel=0.05)
+    assert effects["coulomb_friction"].parameters["torque"] == pytest.approx(0.3, rel=0.15)
+    assert found.best.model.parameters["motor_inertia"] == pytest.approx(0.14, rel=0.05)
+    assert found.best.explained > 0.8 * found.recoverable
+
+
+def test_nothing_is_found_where_nothing_is_missing():
+    found = asked(RIGID, *(pendulum(s) for s in (0, 1)))
+    assert not found.best.effects
+    assert found.best.model.parameters["motor_inertia"] == pytest.approx(0.14, rel=0.02)
+    assert found.best.model.parameters["motor_damping"] == pytest.approx(0.1, rel=0.1)
+
+
+def test_a_friction_that_differs_between_directions_is_told_by_both_sizes():
+    found = asked(RIGID, *(pendulum(s, coulomb=0.4, offset=0.1) for s in (0, 1)))
+    effect = found.best.effects[0]
+    assert effect.effect == "asymmetric_friction"
+    # Friction of 0.4 and a push of 0.1 forward: 0.3 against the one direction, 0.5 against the other.
+    assert effect.parameters["positive"] == pytest.approx(0.3, rel=0.1)
+    assert effect.parameters["negative"] == pytest.approx(0.5, rel=0.1)
+
+
+def test_a_torque_that_no_effect_describes_is_recoverable_and_not_explained():
+    hanging = RIGID.with_effects(Effect("gravity", "j_motor", {"torque": 4.0}))
+    found = asked(hanging, *(pendulum(s, detent=0.4, weight=4.0) for s in (0, 1)))
+    assert found.recoverable > 0.6
+    assert "motor angle" in found.shapeless[0].quantities
+    assert found.best.explained < 0.6 * found.recoverable
+
+
+def test_friction_at_the_arm_of_an_elastic_joint_is_found_there_with_stiffness_free_or_not():
+    def made(seed: int) -> Record:
+        torque = drive(seed, 2.0 + 0.5 * seed)
+        return record(torque, two_masses(torque, 40.0, (0.1, 1.0), (0.15, 0.02), 0.15), 2e-5)
+
+    recordings = made(0), made(1)
+    for fixed in (("torque_constant",), ("torque_constant", "stiffness")):
+        parameters = {"torque_constant": 1.0, "stiffness": 40.0, "motor_inertia": 0.12, "motor_damping": 0.8}
+        parameters |= {"arm_inertia": 0.12, "arm_damping": 0.05}
+        found = asked(Model("generic", "j", "flexible_joint", parameters, fixed=fixed), *recordings)
+        effect = found.best.effects[0]
+        assert (effect.effect, effect.location) == ("coulomb_friction", "j_arm")
+        assert effect.parameters["torque"] == pytest.approx(0.15, rel=0.2)
+        assert found.best.model.parameters["arm_inertia"] == pytest.approx(0.15, rel=0.1)
+        assert found.best.model.parameters["stiffness"] == pytest.approx(40.0, rel=0.2)
+
+
+def test_readings_that_are_missing_do_not_count():
+    whole = pendulum(0, coulomb=0.3)
+    measured = whole.measured.copy()
+    measured[3000:3400] = np.nan
+    holed = Record("holed", DT, whole.input, measured, whole.exogenous, whole.resolution)
+    cutoff = motion_band([whole])
+    full, part = (banded(r, True, cutoff) for r in (whole, holed))
+    lost = set(full.kept) - set(part.kept)
+    step = round(full.dt / DT)
+    assert lost and all(2900 < k * step < 3500 for k in lost)
+    found = asked(RIGID, holed, pendulum(1, coulomb=0.3))
+    assert found.best.effects[0].effect == "coulomb_friction"
+
+
+def test_the_memory_of_a_direction_turns_over_its_displacement():
+    position = np.concatenate([np.linspace(0.0, 1.0, 1001), np.linspace(1.0, 0.0, 1001)])
+    direction = turning(position, 0.1)
+    assert direction[1000] == pytest.approx(1.0, abs=1e-4)
+    # 0.1 rad after the reversal: from +1 towards -1 by 1 - 1/e.
+    assert direction[1101] == pytest.approx(-1.0 + 2.0 * math.exp(-1.0), abs=0.02)
