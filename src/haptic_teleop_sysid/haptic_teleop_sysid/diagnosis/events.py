@@ -15,6 +15,7 @@ from haptic_teleop_sysid.estimation.likelihood import (
     channels,
     covariance,
     innovations,
+    seen,
     settled,
     settling,
 )
@@ -166,10 +167,12 @@ def _near(k: int) -> slice:
 def _whitened(fit: Fit, record: Record) -> FloatArray:
     """Settled innovations (n, channels) in units of what they usually are."""
     packed = pack(fit.model)
-    e = settled(record, innovations(packed, fit.noise, record).innovation)
-    e = np.nan_to_num(e[:, list(channels(packed, record))])
-    least = np.sqrt(ROUNDING) * np.array(record.resolution)[list(channels(packed, record))]
-    return e / np.maximum(1.4826 * np.median(np.abs(e), axis=0), least)
+    used = channels(packed, record)
+    e = settled(record, innovations(packed, fit.noise, record).innovation)[:, used]
+    read = settled(record, seen(packed, record))[:, used] & np.isfinite(e)
+    usual = [np.median(np.abs(e[one, c])) if one.any() else 0.0 for c, one in enumerate(read.T)]
+    least = np.sqrt(ROUNDING) * np.array(record.resolution)[used]
+    return np.where(read, e, 0.0) / np.maximum(1.4826 * np.array(usual), least)
 
 
 def moment(before: Fit, after: Fit, records: Sequence[Record]) -> float | None:
