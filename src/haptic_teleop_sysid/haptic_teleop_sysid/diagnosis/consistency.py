@@ -33,6 +33,8 @@ _NEAR = 1.25
 _ANOTHER = 3.0
 #: Stretches that a coherence is averaged over, and the probability of the largest one by chance.
 _STRETCHES, _BY_CHANCE = 16, 1e-4
+#: Share of an input below which inverse dynamics explains nothing of it.
+_NOTHING = 0.2
 
 
 def terms(record: Record) -> tuple[FloatArray, FloatArray]:
@@ -102,18 +104,28 @@ def refuse_other_units(records: Sequence[Record]) -> None:
 
 
 def refuse_unrelated(record: Record, joint: str) -> None:
-    """Raise RecordingError for an input that has nothing in common with the motion at any frequency."""
+    """Raise RecordingError for an input that has nothing in common with the motion: at no frequency, and by
+    no torque that inertia, friction, a spring or gravity would take."""
     size = len(record) // (_STRETCHES // 2)
     motion = np.gradient(_known(record.measured[:, 0]))
     if np.std(motion) <= 0.0 or size < 32:
         return
     _, shared = coherence(record.input, motion, nperseg=size, noverlap=size // 2)
+    largest = float(np.max(shared[1:]))
     # Of unrelated signals with K independent stretches it exceeds c with probability (1 - c)^(K - 1).
     independent = _STRETCHES / 2 * 1.5
     by_chance = 1.0 - (_BY_CHANCE / len(shared)) ** (1.0 / (independent - 1.0))
-    if float(np.max(shared[1:])) < by_chance:
+    if largest >= by_chance:
+        return
+    drive, columns = terms(record)
+    angle = columns[:, 3]
+    columns = np.column_stack([columns, np.sin(angle), np.cos(angle)])
+    scale = np.maximum(np.sqrt(np.mean(columns**2, axis=0)), 1e-300)
+    left = drive - columns @ (np.linalg.lstsq(columns / scale, drive, rcond=1e-9)[0] / scale)
+    share = 1.0 - float(np.var(left) / max(float(np.var(drive)), 1e-300))
+    if share < _NOTHING:
         raise RecordingError(
-            f"{record.name}: the input has nothing in common with the motion of {joint} at any frequency "
-            f"(largest coherence {float(np.max(shared[1:])):.2f}): see whether it is what drives this joint, "
-            "and whether both have one clock."
+            f"{record.name}: the input has nothing in common with the motion of {joint}: at no frequency "
+            f"(largest coherence {largest:.2f}), and what such a motion takes explains {100.0 * share:.0f} % "
+            "of it. See whether it is what drives this joint, and whether both have one clock."
         )
