@@ -1,15 +1,21 @@
-"""What the search finds where nothing is hidden: recordings simulated from the fit, and what has to exceed
+"""What the diagnosis finds where nothing is hidden: recordings simulated from the fit, and what has to exceed
 them."""
 
 from dataclasses import replace
 
 import numpy as np
 import pytest
+from identification_plants import STAGE, stage_recording
 from test_diagnosis_parts import MODEL, explanation, fit_of, joint_record
 
+from haptic_teleop_control.errors import RecordingError
 from haptic_teleop_sim.kernel import pack
+from haptic_teleop_sim.model import Effect
+from haptic_teleop_sysid.dataset import load_dataset
+from haptic_teleop_sysid.diagnosis import diagnose as diagnosis
 from haptic_teleop_sysid.diagnosis.decide import Choice
-from haptic_teleop_sysid.diagnosis.null_records import disturbed_as, null_record
+from haptic_teleop_sysid.diagnosis.diagnose import sense_follows
+from haptic_teleop_sysid.diagnosis.null_records import disturbed_as, levels_of, null_dataset, null_record
 from haptic_teleop_sysid.diagnosis.nulls import Null, beyond_chance, nulls
 from haptic_teleop_sysid.diagnosis.scales import recording_scales
 from haptic_teleop_sysid.diagnosis.search import SearchResult
@@ -54,10 +60,72 @@ def test_readings_that_are_missing_are_missing_in_a_null_recording(fitted):
     assert np.array_equal(np.isnan(null.measured), np.isnan(holed.measured))
 
 
-def test_nothing_hidden_raises_no_alarm(fitted):
-    fit, record = fitted
-    result = SearchResult(fit, fit, (), (), recording_scales(MODEL, [record]))
-    (found,) = nulls(MODEL, result, [record], [joint_record(12, seconds=4.0)], 1, jobs=1)
+@pytest.fixture(scope="module")
+def stage():
+    """Two data sets of stage 1 whose current comes late, and the re-estimated structure."""
+    late = STAGE.with_effects(Effect("input_delay", "stage1_actuator", {"delay": 0.01}))
+    data = [
+        load_dataset(stage_recording(truth, seed=s, seconds=8.0), STAGE)
+        for s, truth in ((1, late), (2, STAGE))
+    ]
+    return data, fit_from_scratch(STAGE, diagnosis.records_of(data[1:]))
+
+
+def test_a_null_data_set_is_what_the_model_makes_of_the_same_command(stage):
+    (data, _), fit = stage
+    holed = replace(data, valid=np.ones(len(data), dtype=bool))
+    holed.valid[1500:1700] = False
+    null = null_dataset(fit, holed, levels_of(fit, holed), np.random.default_rng(1))
+    np.testing.assert_array_equal(null.commanded_input, data.commanded_input)
+    np.testing.assert_array_equal(null.valid, holed.valid)
+    made, given = (diagnosis.records_of([d]) for d in (null, holed))
+    assert [(r.start, len(r)) for r in made] == [(r.start, len(r)) for r in given]
+    assert not np.array_equal(made[0].measured, given[0].measured)
+    speed = np.gradient(null.motor_position, null.dt)[200:1400]
+    assert np.std(null.motor_velocity[200:1400] - speed) < 0.3 * np.std(speed)
+    # What the current differs by from its command says nothing of the actuator any more.
+    assert sense_follows([null]) == sense_follows([data])
+    left = null.input - null.commanded_input
+    assert np.std(left) == pytest.approx(np.std(data.input - data.commanded_input))
+    change = np.gradient(null.commanded_input)
+    assert abs(np.corrcoef(left, change)[0, 1]) < 0.1
+
+
+def test_a_model_that_runs_away_has_no_nulls(stage):
+    (data, _), fit = stage
+    pushed = replace(data, commanded_input=1e307 * np.sign(data.commanded_input))
+    with pytest.raises(RecordingError, match="leave --nulls out"):
+        null_dataset(fit, pushed, [fit.noise], np.random.default_rng(1))
+
+
+def test_nulls_go_through_the_diagnosis_itself(stage, monkeypatch):
+    """Through the same functions, with data sets in place of the recordings."""
+    (data, other), fit = stage
+    seen = []
+
+    def explain(model, estimation, validation, say):
+        seen.append((model, estimation, validation))
+        result = SearchResult(fit, fit, (), (), recording_scales(STAGE, diagnosis.records_of([other])))
+        records = [diagnosis.records_of(part) for part in (estimation, validation)]
+        course = diagnosis.Course.of(fit.model, [*estimation, *validation])
+        return diagnosis.Explained(*records, course, 1, result, result, False)
+
+    monkeypatch.setattr(diagnosis, "explain", explain)
+    diagnosis.diagnose(STAGE, [data], [other], null_count=0)
+    found = explain(STAGE, [data], [other], None)
+    chance = nulls(diagnosis.alarm, STAGE, found.result, [data], [other], 2, jobs=1)
+    assert len(chance) == 2
+    assert [len(e) for _, e, _ in seen] == [1, 1, 1, 1]
+    for _, estimation, validation in seen[2:]:
+        np.testing.assert_array_equal(estimation[0].commanded_input, data.commanded_input)
+        assert not np.array_equal(validation[0].motor_position, other.motor_position)
+
+
+def test_nothing_hidden_raises_no_alarm(stage):
+    (_, data), fit = stage
+    other = load_dataset(stage_recording(seed=3, seconds=6.0), STAGE)
+    result = SearchResult(fit, fit, (), (), recording_scales(STAGE, diagnosis.records_of([data])))
+    (found,) = nulls(diagnosis.alarm, STAGE, result, [data], [other], 1, jobs=1)
     assert not found.alarm
     assert found.score < 20.0
 

@@ -12,7 +12,7 @@ from haptic_teleop_sim.effects import EFFECTS
 from haptic_teleop_sim.model import Effect
 from haptic_teleop_sysid.diagnosis.candidates import candidates, plain_start
 from haptic_teleop_sysid.diagnosis.plain import LARGE, plain
-from haptic_teleop_sysid.diagnosis.scales import CONTACTS, recording_scales, within_reach
+from haptic_teleop_sysid.diagnosis.scales import recording_scales, within_reach
 from haptic_teleop_sysid.diagnosis.shadows import _at_rest, shadows, with_shadows
 from haptic_teleop_sysid.diagnosis.trials import polish, with_contact
 from haptic_teleop_sysid.estimation.gauss_newton import bounds
@@ -168,7 +168,9 @@ def test_the_contact_of_dry_friction_is_held_for_a_trial_and_free_at_the_end():
     assert name in freed.free
     assert freed.model.fixed == MODEL.fixed
     assert with_contact(freed) is freed
-    assert within_reach(MODEL)[name] == CONTACTS
+    scales = recording_scales(MODEL, [record])
+    assert within_reach(MODEL, scales)[name] == scales.contacts(0)
+    assert name not in within_reach(MODEL)
     ended = polish(freed, [record], {**within_reach(MODEL), name: (1e-5, 3e-5)})
     assert 1e-5 <= ended.model.parameter_values()[name] <= 3e-5
     assert np.isfinite(ended.log_likelihood)

@@ -15,7 +15,7 @@ from haptic_teleop_control.robots import STAGES
 from haptic_teleop_sim.model import Model
 
 Array = NDArray[np.float64]
-_STATES = {"sfj": "/sfj/joint_states", "omni": "/omni/joint_states"}
+STATES = {"sfj": "/sfj/joint_states", "omni": "/omni/joint_states"}
 _COMMANDS = {"sfj": "/sfj/effort_command", "omni": "/omni/effort_command"}
 
 
@@ -65,7 +65,7 @@ def channels_for(model: Model, recording: Recording, name: str) -> Channels:
 
 
 def _robot(model: Model, recording: Recording, name: str) -> Channels:
-    topic = _STATES[model.robot]
+    topic = STATES[model.robot]
     states = _topic(model, recording, name, topic)
     if model.robot == "sfj":
         motor_joint, arm_joint = f"{model.joint}_motor", f"{model.joint}_arm"

@@ -17,7 +17,9 @@ from haptic_teleop_control.errors import ConfigurationError
 from haptic_teleop_control.recording import read_recording
 from haptic_teleop_sim.model import Model, load_model
 from haptic_teleop_sysid.dataset import DataSet, load_dataset
+from haptic_teleop_sysid.diagnosis.cuts import refuse_too_long, with_cuts_told
 from haptic_teleop_sysid.diagnosis.diagnose import diagnose, records_of
+from haptic_teleop_sysid.diagnosis.next_experiment import write_acquire_file
 from haptic_teleop_sysid.diagnosis.page import diagnosis_page
 from haptic_teleop_sysid.diagnosis.plausible import refuse_implausible, with_contradictions
 from haptic_teleop_sysid.diagnosis.words import chance_sentence
@@ -34,11 +36,12 @@ def run(argv: list[str]) -> int:
     arguments = _parser().parse_args(argv)
     refuse_repeated([*arguments.estimation, *arguments.validation])
     model = replace(load_model(arguments.model), source=arguments.model)
+    refuse_too_long([*arguments.estimation, *arguments.validation], model)
     console, progress = Console(), Console(stderr=True)
     output = claim_output_directory(arguments.output, "diagnosis.json", arguments.overwrite)
     with progress.status("reading recordings") as status:
-        estimation = [_load(bag, model, arguments.allow_gaps) for bag in arguments.estimation]
-        validation = [_load(bag, model, arguments.allow_gaps) for bag in arguments.validation]
+        estimation = [_load(bag, model) for bag in arguments.estimation]
+        validation = [_load(bag, model) for bag in arguments.validation]
         result, verdict, proof, content = diagnose(
             model, estimation, validation, lambda text: status.update(text), arguments.nulls
         )
@@ -48,6 +51,7 @@ def run(argv: list[str]) -> int:
         replace(result.final.model, source=str(output / "augmented_model.yaml")).save(
             output / "augmented_model.yaml"
         )
+        write_acquire_file(output, model, content["next_experiment"])
         report = None
         if not arguments.no_report:
             data, records = [*estimation, *validation], records_of(estimation)
@@ -101,11 +105,11 @@ def _count(text: str) -> int:
     return int(text)
 
 
-def _load(bag: str, model: Model, allow_gaps: bool) -> DataSet:
+def _load(bag: str, model: Model) -> DataSet:
     recording = read_recording(bag)
-    dataset = load_dataset(recording, model, bag, allow_gaps)
+    dataset = load_dataset(recording, model, bag, allow_gaps=True)
     refuse_implausible(model, recording, dataset)
-    return with_contradictions(with_damage_told(dataset, recording))
+    return with_cuts_told(with_contradictions(with_damage_told(dataset, recording)))
 
 
 def main(argv: list[str] | None = None) -> int:
@@ -146,7 +150,9 @@ def _parser() -> argparse.ArgumentParser:
         "--overwrite", action="store_true", help="replace the results of an earlier run in DIR"
     )
     parser.add_argument(
-        "--allow-gaps", action="store_true", help="leave holes in a recording out instead of refusing it"
+        "--allow-gaps",
+        action="store_true",
+        help="of older command lines: recordings are always cut apart at their holes, and that is said",
     )
     return parser
 

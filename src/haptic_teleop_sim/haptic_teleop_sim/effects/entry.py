@@ -18,7 +18,8 @@ Kind = Literal["torque", "friction", "friction_factor", "inertia", "input", "out
 Place = Literal["motor", "arm", "joint", "actuator", "motor_encoder", "arm_encoder"]
 
 #: Displacement (rad) over which dry friction turns round when the motion does, unless a model says otherwise:
-#: so small that it counts as a sticking contact, large enough to integrate.
+#: so small that it counts as a sticking contact, large enough to integrate. Of a joint that moves by about a
+#: radian: a model in other units states its own, and diagnosis takes what fits the recording.
 STICTION_ANGLE = 2e-5
 
 
@@ -71,7 +72,7 @@ class EffectEntry:
 
     ``equation(s, p)`` is written once, with sympy symbols, and returns the torque that the effect adds (N·m,
     in the positive direction of its location; at the joint: added to the coupling torque that the motor
-    exerts on the arm), the factor on friction, the added inertia, or the encoder's reading.  ``p`` holds the
+    exerts on the arm), the factor on friction, the added inertia, or the encoder's reading. ``p`` holds the
     effect's parameters by name; ``s`` holds ``position``, ``velocity`` (of the location; at the joint motor
     minus arm), ``deflection`` (motor minus arm), ``stiffness`` (of the structure), ``time``, ``exogenous`` (a
     recorded signal, see ``exogenous``), ``state0`` and ``state1`` (own states), and the helpers of
@@ -80,6 +81,8 @@ class EffectEntry:
     a third number, the rate of own states (1/s). An ``input`` effect is a compiled function ``step(torque,
     time, dt, parameters, offset, states, state_offset)`` with ``states`` places for its memory, the last of
     them for the moment of what acts where it is ``spread`` unevenly over the sample (``actuator.py``).
+    ``spring(p)``: what the effect adds to the stiffness against the ground about angle zero, N·m/rad, which
+    an observer has to know.
 
     ``s.direction`` is a memory between -1 and 1 that follows the direction of motion of the location over a
     small displacement D, d direction = (dq - abs(dq) direction) / D (Dahl 1968), which the kernel integrates
@@ -105,6 +108,7 @@ class EffectEntry:
     step: Callable[..., float] | None = None
     states: int = 0
     spread: bool = False
+    spring: Callable[[dict[str, float]], float] | None = None
     memory: Literal["", "direction", "ratio", "displacement"] = ""
     rigid_body: bool = True
     nuisance: bool = False

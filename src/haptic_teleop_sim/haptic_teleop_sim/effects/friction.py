@@ -10,7 +10,6 @@ _SMOOTHING = EffectParameter(
     "velocity within which the sign of the velocity is smoothed, 1/beta of equation 22; "
     "0: friction that sticks",
     minimum=0.0,
-    maximum=10.0,
     default=0.0,
     neutral=None,
     scale="velocity",
@@ -23,8 +22,7 @@ _CONTACT = (
         "contact_angle",
         "rad",
         "displacement over which the contact gives before it slides",
-        minimum=1e-9,
-        maximum=0.1,
+        minimum=1e-12,
         default=STICTION_ANGLE,
         neutral=None,
         scale="one",

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+
 from .entry import EffectEntry, EffectParameter
 
 GRAVITY = EffectEntry(
@@ -31,6 +33,7 @@ GRAVITY = EffectEntry(
     sentence="gravity pulls at the centre of mass",
     equation=lambda s, p: -p.torque * s.sin(s.position + p.phase),
     rate=lambda p, ks: (abs(p["torque"]), 0.0),
+    spring=lambda p: p["torque"] * math.cos(p["phase"]),
 )
 
 SPRING_TO_GROUND = EffectEntry(
@@ -53,6 +56,7 @@ SPRING_TO_GROUND = EffectEntry(
     sentence="a spring, or a stiff cable, pulls towards one angle",
     equation=lambda s, p: -p.stiffness * (s.position - p.rest),
     rate=lambda p, ks: (abs(p["stiffness"]), 0.0),
+    spring=lambda p: p["stiffness"],
 )
 
 CONSTANT_TORQUE = EffectEntry(

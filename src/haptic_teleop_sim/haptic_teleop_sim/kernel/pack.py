@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -49,6 +50,16 @@ class Packed:
     memory: int
     index: dict[str, tuple[str, int]]
     velocity_states: tuple[int, ...]
+
+    @cached_property
+    def linear(self) -> tuple[float, ...]:
+        """What the linearisation about rest at angle zero is made of: ``base``, and the stiffness of motor
+        and arm against the ground, N·m/rad."""
+        ground = {"motor": 0.0, "arm": 0.0}
+        for e in self.model.effects:
+            if e.entry.spring is not None:
+                ground[self.model.place(e.location)] += e.entry.spring(e.values)
+        return (*(float(v) for v in self.base), *ground.values())
 
     def substeps(self, dt: float) -> int:
         """Runge-Kutta steps per sample: stable and accurate for the stiffest part of the model."""

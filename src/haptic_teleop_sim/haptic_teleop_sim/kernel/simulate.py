@@ -92,6 +92,7 @@ def simulate(
     initial_state: ArrayLike | None = None,
     *,
     external_torque: ArrayLike | None = None,
+    motor_torque: ArrayLike | None = None,
     exogenous: ArrayLike | None = None,
     t0: float = 0.0,
 ) -> Trajectory:
@@ -100,11 +101,14 @@ def simulate(
     ``input_`` (n,): current in A for sfj models, torque otherwise; ``dt`` > 0 in s; ``initial_state``: (4,)
     motor and arm angle, motor and arm velocity, or a full state; at rest at zero by default.
     ``external_torque`` (n,): torque of the environment on the arm (on the body, when rigid), N·m;
+    ``motor_torque`` (n,): one on the motor beside what the actuator makes of the input, N·m;
     ``exogenous`` (n,): the other stage's arm acceleration, rad/s^2, where an effect asks for it.  Classical
     Runge-Kutta, steps chosen by the model.
     """
     packed = model if isinstance(model, Packed) else pack(model)
     torque, moment = acting(packed, input_, dt, t0)
+    if motor_torque is not None:
+        torque = torque + np.asarray(motor_torque, dtype=np.float64)
     n = len(torque)
     outer = (
         np.zeros(n) if external_torque is None else np.ascontiguousarray(external_torque, dtype=np.float64)

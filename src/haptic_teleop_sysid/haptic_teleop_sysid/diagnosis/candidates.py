@@ -7,6 +7,7 @@ import math
 from collections.abc import Iterator, Sequence
 
 from haptic_teleop_sim.effects import EFFECTS, EffectEntry, EffectParameter, locations
+from haptic_teleop_sim.effects.entry import STICTION_ANGLE
 from haptic_teleop_sim.model import Effect, Model
 from haptic_teleop_sysid.estimation.records import Record
 
@@ -72,8 +73,20 @@ def starts(
             for p in entry.parameters
             if _wanted(p)
         ]
+        own = _own_contact(entry, scales, place)
         for combination in itertools.product(*options):
-            yield {n: _allowed(entry.parameter(n), v) for n, v in combination}
+            yield {n: _allowed(entry.parameter(n), v) for n, v in combination} | own
+
+
+def _own_contact(entry: EffectEntry, scales: Scales, place: str) -> dict[str, float]:
+    """The contact to begin with, where the default is none on such a recording."""
+    if entry.memory != "direction":
+        return {}
+    channel = 1 if place == "arm" else 0
+    least, most = scales.contacts(channel)
+    if least <= STICTION_ANGLE <= most:
+        return {}
+    return {"contact_angle": scales.contact_starts(channel)[1]}
 
 
 def plain_start(entry: EffectEntry, scales: Scales, place: str) -> list[dict[str, float]]:
@@ -136,12 +149,7 @@ def larger_starts(effect: Effect, scales: Scales) -> list[Effect]:
     return found
 
 
-#: Displacements (rad) over which dry friction may turn round: which of them is no finding, but a wrong one
-#: biases its torque and makes other forms of friction look better than the true one.
-CONTACT_ANGLES = (2e-6, 2e-5, 2e-4)
-
-
-def contacts(effect: Effect, known: float | None = None) -> list[Effect]:
+def contacts(effect: Effect, scales: Scales, known: float | None = None) -> list[Effect]:
     """The effect with the ``known`` contact, or every one that it may have; with and without what is optional
     in it (a stop that swallows the impact); itself where there is no such choice."""
     for p in effect.entry.parameters:
@@ -150,7 +158,8 @@ def contacts(effect: Effect, known: float | None = None) -> list[Effect]:
             return [effect, *(Effect(effect.effect, effect.location, parameters) for parameters in more)]
     if effect.entry.memory != "direction":
         return [effect]
-    own, angles = effect.parameters, CONTACT_ANGLES if known is None else (known,)
+    starts = scales.contact_starts(1 if effect.location.endswith("_arm") else 0)
+    own, angles = effect.parameters, starts if known is None else (known,)
     return [Effect(effect.effect, effect.location, {**own, "contact_angle": a}) for a in angles]
 
 
@@ -183,5 +192,9 @@ def _values(
 
 
 def shape_parameters(entry: EffectEntry) -> tuple[str, ...]:
-    """Parameters that a grid covers and that a linearisation leaves where they are."""
-    return tuple(p.name for p in entry.parameters if p.grid and p.neutral is None)
+    """Parameters that a grid (or `contacts`) covers and that a linearisation leaves where they are."""
+    return tuple(
+        p.name
+        for p in entry.parameters
+        if (p.grid and p.neutral is None) or (entry.memory == "direction" and p.name == "contact_angle")
+    )

@@ -13,8 +13,8 @@ from haptic_teleop_sysid.estimation.likelihood import settled
 from haptic_teleop_sysid.estimation.records import Record
 
 from .decide import Choice, significant
-from .experiment import suggest
 from .explanation import Explanation
+from .next_experiment import next_experiment
 from .nulls import Null
 from .proof import Proof, mean_percent
 from .reasons import Doubt, slipped
@@ -23,13 +23,11 @@ from .search import SearchResult
 from .stand import Stand
 from .verdict import Verdict
 from .whiteness import LAGS
-from .words import called, separating
 
 #: How many of the explanations that did not stand up are told.
 _MOST_TRIED = 10
-#: Probability that the better of two models would be told (one half says nothing) from which an experiment is
-#: suggested.
-_WORTH_RECORDING = 0.8
+#: Factor over the rms input torque from which what the observer adds is no disturbance: it has overflowed.
+_OVERFLOW = 1e3
 
 
 def contents(
@@ -78,12 +76,17 @@ def contents(
             "baseline": dict(zip(("estimation", "validation"), stand.before, strict=True)),
             "augmented": dict(zip(("estimation", "validation"), stand.after, strict=True)),
         },
-        "disturbance": {
-            "what": "rms torque that the observer adds at motor and arm, relative to the rms input torque",
-            "baseline": disturbance(result, result.baseline, records),
-            "augmented": disturbance(result, result.final, records),
-        },
     }
+    added = {
+        "baseline": disturbance(result, result.baseline, records),
+        "augmented": disturbance(result, result.final, records),
+    }
+    content["disturbance"] = {
+        "what": "rms torque that the observer adds at motor and arm, relative to the rms input torque",
+        **added,
+    }
+    if (overflow := overflows(added)) is not None:
+        content["disturbance"]["overflow"] = overflow
     content["tried"] = [
         {
             "effect": e.effect.effect,
@@ -114,6 +117,8 @@ def contents(
     apart = slipped([*estimation, *validation])
     if apart is not None and (result.choices or (doubt is not None and doubt.why != apart.why)):
         beside.append(apart.why)
+    if overflow is not None:
+        beside.append(overflow)
     if beside:
         content["beside"] = "; ".join(beside)
     if verdict.kind == "unknown" and verdict.remaining:
@@ -135,55 +140,23 @@ def _fallen(result: SearchResult) -> list[Explanation]:
     return [e for e in result.last_round if (e.effect.effect, e.effect.location) not in named]
 
 
-def disturbance(result: SearchResult, fit: Fit, records: Sequence[Record]) -> dict[str, float]:
+def disturbance(result: SearchResult, fit: Fit, records: Sequence[Record]) -> dict[str, float | None]:
     """Rms of the torques that the observer of a fit adds on the estimation recordings, relative to that of
-    the input torque, by equation."""
-    added = np.concatenate([settled(r, left_over(fit, r).torque) for r in records])
-    motor, arm = np.sqrt(np.mean(added**2, axis=0)) / result.scales.size["torque"]
+    the input torque, by equation; None where it has overflowed, or nearly so: no number stands for that."""
+    with np.errstate(over="ignore", invalid="ignore"):
+        added = np.concatenate([settled(r, left_over(fit, r).torque) for r in records])
+        found = np.sqrt(np.mean(added**2, axis=0)) / result.scales.size["torque"]
     model = fit.model
-    found = {model.location("motor"): float(motor)}
-    return found if model.rigid else found | {model.location("arm"): float(arm)}
+    places = [model.location("motor")] if model.rigid else [model.location("motor"), model.location("arm")]
+    return {p: float(v) if v < _OVERFLOW else None for p, v in zip(places, found, strict=False)}
 
 
-def next_experiment(result: SearchResult, verdict: Verdict, records: Sequence[Record]) -> dict[str, Any]:
-    """What to record next, as the contract has it."""
-    unsure = next((c for c in result.choices if c.ambiguous), None)
-    if unsure is not None:
-        rival = unsure.others[0][0]
-        names = (called(unsure.chosen.effect), called(rival.effect))
-        found = suggest(unsure.chosen.fit, rival.fit, names, records[0], result.scales)
-        text = separating([unsure.chosen.effect, rival.effect])
-        if found is None or found.expected_discrimination < _WORTH_RECORDING:
-            return {
-                "why": f"no excitation within the limits separates {names[0]} from {names[1]}: {text}",
-                "signal_generator": {},
-                "expected_discrimination": 0.5 if found is None else found.expected_discrimination,
-            }
-        return {
-            "why": f"{found.why}; also: {text}",
-            "signal_generator": found.signal_generator,
-            "expected_discrimination": found.expected_discrimination,
-        }
-    tried = [e for e in result.last_round if e.material]
-    if verdict.kind in ("no_mismatch", "unknown") and tried:
-        names = (called(tried[0].effect), "the structure found so far")
-        found = suggest(tried[0].fit, result.final, names, records[0], result.scales)
-        if found is not None:
-            return {
-                "why": found.why,
-                "signal_generator": found.signal_generator,
-                "expected_discrimination": found.expected_discrimination,
-            }
-    if verdict.kind == "unknown" and verdict.where:
-        place, condition = verdict.where[0]["equation"], verdict.where[0]["condition"]
-        return {
-            "why": f"what has no name sits at {place} and depends on {condition}: record twice alike but for "
-            "that, little of it once and much of it once",
-            "signal_generator": {},
-            "expected_discrimination": 0.5,
-        }
-    return {
-        "why": "nothing is left to separate; a recording of another day would show drift",
-        "signal_generator": {},
-        "expected_discrimination": 1.0,
-    }
+def overflows(added: dict[str, dict[str, float | None]]) -> str | None:
+    """A sentence on the observers that overflow, None where none does."""
+    found = [f"{name} at {place}" for name, one in added.items() for place, v in one.items() if v is None]
+    if not found:
+        return None
+    return (
+        f"the observer overflows: the torque that it adds has no size with the {' and the '.join(found)} "
+        "(the model cannot be held to the recording)"
+    )

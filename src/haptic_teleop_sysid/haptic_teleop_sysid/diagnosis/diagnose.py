@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -14,20 +14,21 @@ from haptic_teleop_sysid.dataset import DataSet
 from haptic_teleop_sysid.estimation.records import Record, records_from
 from haptic_teleop_sysid.estimation.whole_fit import fit_from_scratch
 
+from .consistency import refuse_other_units, refuse_unrelated
 from .contents import contents
 from .current import shown_by_current
+from .cuts import FEWEST_SAMPLES
 from .decide import Choice
 from .doubt import doubted
 from .nulls import Null, beyond_chance, nulls
-from .plausible import refuse_copies, refuse_idle
+from .plausible import refuse_copies, refuse_idle, refuse_kinematic, refuse_motionless
 from .proof import Course, Proof, mean_percent, prove
-from .reasons import off_the_mark, runs_away, slipped
-from .scales import within_reach
+from .reasons import Doubt, off_the_mark, runs_away, slipped
+from .scales import recording_scales, within_reach
 from .search import LEAST_PERCENT, POOR_FIT, SearchResult, search, search_by_simulation
+from .stand import Stand
 from .verdict import Verdict, decide_verdict
 
-#: Samples below which no recording can say anything about six parameters and their noise.
-FEWEST_SAMPLES = 500
 #: Difference (A or N·m, relative to the rms command) up to which the measured current counts as following.
 _FOLLOWS = 0.1
 #: Loss of the simulated fit on unseen recordings, percent, from which a finding is not believed.
@@ -45,12 +46,8 @@ def records_of(data: list[DataSet]) -> list[Record]:
                 f"{dataset.name} has {len(longest)} samples without a hole; a diagnosis needs at least "
                 f"{FEWEST_SAMPLES}: record for longer."
             )
-        for values, what in ((longest.input, "input"), (longest.measured[:, 0], "motor angle")):
-            if float(np.nanstd(values)) < 1e-9:
-                raise RecordingError(
-                    f"{dataset.name}: the {what} of {dataset.joint} does not change, so there is nothing to "
-                    "diagnose: record while this joint is driven, or give the model of the one that was."
-                )
+        refuse_motionless(longest, dataset.joint)
+        refuse_unrelated(longest, dataset.joint)
         records += [piece for piece in pieces if len(piece) >= FEWEST_SAMPLES]
     return records
 
@@ -80,23 +77,44 @@ def unharmful(result: SearchResult, percent: Callable[[Model], float]) -> Search
     return replace(result, choices=tuple(kept), final=final, last_round=())
 
 
-def diagnose(
-    model: Model,
-    estimation: list[DataSet],
-    validation: list[DataSet],
-    say=lambda text: None,
-    null_count: int = 0,
-) -> tuple[SearchResult, Verdict, Proof, dict[str, Any]]:
-    """Search, decide and prove; the last part is the content of diagnosis.json without run time and
-    version.  With ``null_count`` the search is repeated on that many simulated sets of recordings in which
-    nothing is hidden, and a finding has to exceed what it finds there.
-    """
+@dataclass(frozen=True)
+class Explained:
+    """What the search makes of recordings, before chance and doubt: the records of both kinds of recordings
+    (``learn``, ``judge``), ``course`` of all data sets, of which the first ``count`` are the estimation's;
+    ``result`` of the search by prediction, ``kept``: that without what harms, or what only the search by
+    simulation found (``freely``)."""
+
+    learn: list[Record]
+    judge: list[Record]
+    course: Course
+    count: int
+    result: SearchResult
+    kept: SearchResult
+    freely: bool
+
+    def unseen(self, candidate: Model) -> float:
+        """Simulated fit of a model on the validation recordings, percent."""
+        return float(np.mean(self.course.percent(candidate)[self.count :]))
+
+
+def explain(
+    model: Model, estimation: list[DataSet], validation: list[DataSet], say: Callable[[str], None]
+) -> Explained:
+    """Baseline and search, on recordings and on simulated ones alike."""
     learn, judge = records_of(estimation), records_of(validation)
     n, everything = len(estimation), [*estimation, *validation]
     refuse_copies(everything)
     refuse_idle(everything)
+    for dataset in everything:
+        refuse_kinematic(dataset)
+    refuse_other_units([*learn, *judge])
     say("re-estimating the given structure")
-    baseline = fit_from_scratch(model, learn, limits=within_reach(model))
+    baseline = fit_from_scratch(model, learn, limits=within_reach(model, recording_scales(model, learn)))
+    if not np.isfinite(baseline.log_likelihood):
+        raise RecordingError(
+            f"{model.source} predicts nothing of {estimation[0].name}, whatever its parameters: see whether "
+            "its inertias, and the units and signs of the recording, are what they should be."
+        )
     course = Course.of(baseline.model, everything)
     result = search(
         model,
@@ -114,36 +132,68 @@ def diagnose(
         return float(np.mean(fits[:n])), float(np.mean(fits[n:]))
 
     kept = unharmful(result, lambda candidate: float(np.mean(course.percent(candidate)[n:])))
-    found_freely = False
+    freely = False
     poor = min(percent(kept.final.model)) < POOR_FIT or (result.choices and not kept.choices)
     if poor and result.nameless is None:
         say("searching by free simulation")
         free = search_by_simulation(model, result.baseline, learn, judge, percent=percent, progress=say)
         gained = sum(percent(free.final.model)) - sum(percent(kept.final.model))
         if free.choices and (not kept.choices or gained > LEAST_PERCENT):
-            kept, found_freely = free, True
-    chance: list[Null] = []
-    dropped: tuple[Choice, ...] = ()
-    if null_count:
-        follows = sense_follows(estimation)
-        chance = nulls(model, result, learn, judge, null_count, sense_follows=follows, progress=say)
-        # What only a simulation found has no score in nats that chance could be held against.
-        believed = beyond_chance(kept, chance) if not found_freely else kept
-        dropped, kept = kept.choices[len(believed.choices) :], believed
-    say("doubting")
-    believed = beyond_chance(result, chance) if null_count else result
+            kept, freely = free, True
+    return Explained(learn, judge, course, n, result, kept, freely)
+
+
+def questioned(
+    found: Explained, believed: SearchResult, kept: SearchResult, data: list[DataSet]
+) -> tuple[SearchResult, Doubt | None, Stand]:
+    """What is left of the findings ``kept`` after the questions that likelihoods do not ask; ``believed``:
+    what the search by prediction found, so far as chance leaves it."""
     harmful = None if kept.choices else next(iter(believed.choices), None)
-    result, doubt, stand = doubted(
-        kept, learn, judge, lambda candidate: float(np.mean(course.percent(candidate)[n:]))
-    )
+    result, doubt, stand = doubted(kept, found.learn, found.judge, found.unseen)
     if harmful is not None and (doubt is None or doubt.choice is None):
         doubt = runs_away(harmful)
     if doubt is None and not result.choices:
-        doubt = off_the_mark(mean_percent(course.simulate(result.baseline.model)[n:])) or slipped(everything)
+        fits = found.course.simulate(result.baseline.model)[found.count :]
+        doubt = off_the_mark(mean_percent(fits)) or slipped(data)
+    return result, doubt, stand
+
+
+def alarm(model: Model, estimation: list[DataSet], validation: list[DataSet]) -> tuple[SearchResult, bool]:
+    """What the search finds, and whether the diagnosis would name or doubt anything: for `nulls`."""
+    found = explain(model, estimation, validation, lambda text: None)
+    result, doubt, _ = questioned(found, found.result, found.kept, [*estimation, *validation])
+    return found.result, bool(result.choices) or doubt is not None
+
+
+def diagnose(
+    model: Model,
+    estimation: list[DataSet],
+    validation: list[DataSet],
+    say=lambda text: None,
+    null_count: int = 0,
+) -> tuple[SearchResult, Verdict, Proof, dict[str, Any]]:
+    """Search, decide and prove; the last part is the content of diagnosis.json without run time and
+    version.  With ``null_count`` the same is done with that many simulated sets of recordings in which
+    nothing is hidden, and a finding has to exceed what is found there.
+    """
+    found = explain(model, estimation, validation, say)
+    chance: list[Null] = []
+    dropped: tuple[Choice, ...] = ()
+    believed, kept = found.result, found.kept
+    if null_count:
+        chance = nulls(alarm, model, found.result, estimation, validation, null_count, progress=say)
+        believed = beyond_chance(found.result, chance)
+        if not found.freely:  # what only a simulation found has no score that chance could be held against
+            kept = beyond_chance(found.kept, chance)
+            dropped = found.kept.choices[len(kept.choices) :]
+    say("doubting")
+    result, doubt, stand = questioned(found, believed, kept, [*estimation, *validation])
     say("deciding")
-    verdict = decide_verdict(result, learn, judge, doubt, stand.spread)
+    verdict = decide_verdict(result, found.learn, found.judge, doubt, stand.spread)
     say("simulating both models on all recordings")
-    proof = prove(result.baseline.model, result.final.model, course)
+    proof = prove(result.baseline.model, result.final.model, found.course)
     say("choosing the next experiment")
-    content = contents(result, verdict, proof, stand, doubt, (chance, dropped), estimation, validation, learn)
+    content = contents(
+        result, verdict, proof, stand, doubt, (chance, dropped), estimation, validation, found.learn
+    )
     return result, verdict, proof, content

@@ -10,11 +10,12 @@ from numpy.typing import NDArray
 from scipy.ndimage import median_filter
 
 from haptic_teleop_sim.kernel import pack
-from haptic_teleop_sysid.estimation.gauss_newton import Fit
+from haptic_teleop_sysid.estimation.gauss_newton import Fit, whiten
 from haptic_teleop_sysid.estimation.likelihood import (
     channels,
     covariance,
     innovations,
+    seen,
     settled,
     settling,
 )
@@ -166,10 +167,12 @@ def _near(k: int) -> slice:
 def _whitened(fit: Fit, record: Record) -> FloatArray:
     """Settled innovations (n, channels) in units of what they usually are."""
     packed = pack(fit.model)
-    e = settled(record, innovations(packed, fit.noise, record).innovation)
-    e = np.nan_to_num(e[:, list(channels(packed, record))])
-    least = np.sqrt(ROUNDING) * np.array(record.resolution)[list(channels(packed, record))]
-    return e / np.maximum(1.4826 * np.median(np.abs(e), axis=0), least)
+    used = channels(packed, record)
+    e = settled(record, innovations(packed, fit.noise, record).innovation)[:, used]
+    read = settled(record, seen(packed, record))[:, used] & np.isfinite(e)
+    usual = [np.median(np.abs(e[one, c])) if one.any() else 0.0 for c, one in enumerate(read.T)]
+    least = np.sqrt(ROUNDING) * np.array(record.resolution)[used]
+    return np.where(read, e, 0.0) / np.maximum(1.4826 * np.array(usual), least)
 
 
 def moment(before: Fit, after: Fit, records: Sequence[Record]) -> float | None:
@@ -190,9 +193,13 @@ def moment(before: Fit, after: Fit, records: Sequence[Record]) -> float | None:
 
 
 def _nats(fit: Fit, record: Record) -> FloatArray:
-    """Negative log-likelihood of each settled sample (n,), but for a constant."""
+    """Negative log-likelihood of each settled sample (n,), but for a constant; 0 where nothing was read."""
     packed = pack(fit.model)
     errors = innovations(packed, fit.noise, record).innovation
     spread = covariance(packed, record, errors)
-    e = settled(record, errors)[:, : len(spread)]
-    return 0.5 * np.einsum("ni,ij,nj->n", e, np.linalg.inv(spread), e) + 0.5 * np.linalg.slogdet(spread)[1]
+    whitened, _ = whiten(packed, record, errors, np.zeros((len(record), 2, 0)))
+    read = settled(record, seen(packed, record))[:, : len(spread)]
+    # One encoder alone by its own variance, both by their covariance.
+    size = read @ np.log(np.diag(spread))
+    size[read.all(axis=1)] = np.linalg.slogdet(spread)[1]
+    return 0.5 * np.sum(whitened.reshape(len(read), -1) ** 2, axis=1) + 0.5 * size

@@ -5,6 +5,8 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 
+import numpy as np
+
 from haptic_teleop_sim.model import Model
 from haptic_teleop_sysid.estimation.gauss_newton import Fit, Limits
 from haptic_teleop_sysid.estimation.records import Record, thinned_to
@@ -57,7 +59,7 @@ def explore(
     believed, which lie nearer the truth than fitted ones where those have swallowed a large effect.
     """
     say = progress or (lambda text: None)
-    limits = within_reach(lab)
+    limits = within_reach(lab, scales)
     fits, few = _tried(fit, lab, estimation, scales, limits, again, say)
     index = len(fit.model.effects)
 
@@ -122,6 +124,8 @@ def _tried(
     near = fit
     if few is not estimation:
         near = fit_whole(fit.model, fit.noise, few, free=fit.free, iterations=LAST_STEPS, limits=limits)
+        if not np.isfinite(near.log_likelihood):
+            near, few = fit, estimation
     chosen = shortlist(near, few, scales, limits, first and not fit.model.effects)
     fits: list[Fit] = []
     for noise, promising in zip((near.noise, quiet(near.noise)), chosen, strict=True):
@@ -130,7 +134,7 @@ def _tried(
         touched: dict[str, float] = {}
         for s in promising:
             say(f"fitting {s.effect.effect} at {s.effect.location}")
-            starts = contacts(s.effect, touched.get(s.effect.location))
+            starts = contacts(s.effect, scales, touched.get(s.effect.location))
             best = trial(near, lab, starts, larger_starts(s.effect, scales), few, noise, limits)
             trials += best
             if len(promised) < _MOST_PROMISED:

@@ -13,7 +13,7 @@ import numpy as np
 
 from haptic_teleop_sim.kernel import pack
 from haptic_teleop_sysid.estimation.gauss_newton import Fit
-from haptic_teleop_sysid.estimation.likelihood import covariance, innovations, settled
+from haptic_teleop_sysid.estimation.likelihood import FAILURES, covariance, innovations, settled
 from haptic_teleop_sysid.estimation.records import Record
 
 #: Nats below which two explanations are one set: the better one loses by chance in one case of eighteen.
@@ -28,7 +28,7 @@ def nats_apart(one: Fit, other: Fit, records: Sequence[Record]) -> float:
     for record in records:
         try:
             errors, others = (innovations(m, one.noise, record).innovation for m in (first, second))
-        except np.linalg.LinAlgError:  # no observer for this model with the other one's noise
+        except FAILURES:  # no observer for this model with the other one's noise
             return np.inf
         spread = covariance(first, record, errors)
         apart = settled(record, errors - others)[:, : len(spread)]

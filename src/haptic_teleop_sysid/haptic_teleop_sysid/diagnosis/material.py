@@ -10,7 +10,7 @@ import math
 
 from haptic_teleop_sim.model import Effect
 
-from .scales import CONTACTS, Scales
+from .scales import Scales
 
 #: A friction form is called by its own name when it departs from plain Coulomb friction by this much.
 _DISTINCT = 0.2
@@ -18,9 +18,7 @@ _DISTINCT = 0.2
 _SMALL_TORQUE = 0.0001
 #: Least delay as a share of the sample period: less is not told from how the samples were taken.
 _SHARE_OF_SAMPLE = 0.003
-#: Displacement (rad) from which a contact that gives before it slides bears its own name.
-_PRESLIDING = CONTACTS[1]
-#: ... and the share of the whole travel up to which it does.
+#: Share of the whole travel up to which a contact that gives before it slides bears its own name.
 _STILL = 0.3
 
 #: Least error of an encoder in its steps, which average out over many readings, and how much of its sine must
@@ -55,7 +53,8 @@ def material(effect: Effect, scales: Scales) -> bool:
     if name == "presliding_friction":
         gives = p["torque"] / p["stiffness"]
         # A contact that hardly ever slides is a spring.
-        return p["torque"] > _SMALL_TORQUE * torque and _PRESLIDING < gives < _STILL * scales.span(channel)
+        least, most = scales.contacts(channel)[1], _STILL * scales.span(channel)
+        return p["torque"] > _SMALL_TORQUE * torque and least < gives < most
     if name == "position_dependent_friction":
         # A sine of which less than a quarter was seen is a slope, not an order.
         return (

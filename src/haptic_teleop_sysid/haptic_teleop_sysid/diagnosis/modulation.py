@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 from haptic_teleop_sim.kernel import pack
 from haptic_teleop_sim.model import Effect, Model
 from haptic_teleop_sysid.estimation.gauss_newton import Fit, whiten
-from haptic_teleop_sysid.estimation.likelihood import channels, innovations, settling
+from haptic_teleop_sysid.estimation.likelihood import FAILURES, channels, innovations, settling
 from haptic_teleop_sysid.estimation.records import Record
 
 FloatArray = NDArray[np.float64]
@@ -47,15 +47,18 @@ class Modulation:
 
 def modulations(fit: Fit, effect: Effect, records: Sequence[Record]) -> dict[str, Modulation]:
     """How the size of a torque that ``fit`` found would change, by what with (in words); {} where it has no
-    size, or is no torque."""
+    size, is no torque, or where the arithmetic fails."""
     sizes = _sizes(fit.model, effect, fit.free)
     if effect.entry.kind not in ("torque", "friction") or not sizes or not np.isfinite(fit.log_likelihood):
         return {}
     packed = pack(fit.model)
     sums: dict[str, FloatArray] = {}
     for record in records:
-        run = innovations(packed, fit.noise, record, fit.free)
-        errors, slopes = whiten(packed, record, run.innovation, run.d_innovation)
+        try:
+            run = innovations(packed, fit.noise, record, fit.free)
+            errors, slopes = whiten(packed, record, run.innovation, run.d_innovation)
+        except FAILURES:
+            return {}
         length = np.sqrt(np.sum(slopes**2, axis=0))
         known = np.linalg.qr(slopes[:, length > 0.0] / length[length > 0.0])[0]
         whole = sum(size * slopes[:, fit.free.index(name)] for name, size in sizes.items())

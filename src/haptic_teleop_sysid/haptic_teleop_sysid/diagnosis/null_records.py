@@ -8,13 +8,18 @@ from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.signal import lfilter
 
+from haptic_teleop_control.errors import RecordingError
 from haptic_teleop_sim.kernel import pack, simulate
+from haptic_teleop_sysid.dataset import DataSet
 from haptic_teleop_sysid.estimation.gauss_newton import Fit
-from haptic_teleop_sysid.estimation.likelihood import channels, innovations, settled
-from haptic_teleop_sysid.estimation.noise import NoiseModel, observer
-from haptic_teleop_sysid.estimation.records import Record
+from haptic_teleop_sysid.estimation.likelihood import covariance, innovations
+from haptic_teleop_sysid.estimation.noise import NoiseModel
+from haptic_teleop_sysid.estimation.records import Record, records_from
 from haptic_teleop_sysid.estimation.whole_fit import fit_whole
+from haptic_teleop_sysid.motion import derivative, finite
+from haptic_teleop_sysid.velocity_series import velocity_series
 
 from .explanation import Explanation
 from .whiteness import colour
@@ -57,38 +62,86 @@ def disturbed_as(fit: Fit, record: Record) -> NoiseModel:
 
 def _power(fit: Fit, record: Record) -> NDArray[np.float64]:
     """Mean squares of the innovations, (2,); 0 for an encoder that is not there."""
-    errors = settled(record, innovations(pack(fit.model), fit.noise, record).innovation)
-    return np.mean(np.square(errors), axis=0)
+    packed = pack(fit.model)
+    found = np.zeros(2)
+    own = np.diag(covariance(packed, record, innovations(packed, fit.noise, record).innovation))
+    found[: len(own)] = own
+    return found
 
 
 def null_record(fit: Fit, noise: NoiseModel, record: Record, generator: np.random.Generator) -> Record:
     """A recording of the fitted model under the same command, disturbed as the noise model says."""
     packed, n = pack(fit.model), len(record)
+    level = np.array([noise.motor_torque, 0.0 if packed.rigid else noise.arm_torque])
+    decay = np.array(noise.decay(record.dt))
+    drawn = generator.standard_normal((n, 2)) * np.sqrt(1.0 - decay**2)
+    drawn[0] = generator.standard_normal(2)
+    coloured = [lfilter([1.0], [1.0, -d], drawn[:, c]) for c, d in enumerate(decay)]
+    disturbance = level * np.column_stack(coloured)
     path = simulate(
-        fit.model,
+        packed,
         record.input,
         record.dt,
         record.initial_state(),
+        motor_torque=disturbance[:, 0],
+        external_torque=disturbance[:, 1],
         exogenous=record.exogenous,
         t0=record.start,
     )
-    # The disturbances' answer is added: exact for a linear structure, and small.
-    transition, _, _ = observer(packed, noise, record.dt, channels(packed, record))
-    decay = np.array(noise.decay(record.dt))
-    level = np.array([noise.motor_torque, noise.arm_torque])
-    drawn = generator.standard_normal((n, 2)) * level * np.sqrt(1.0 - decay**2)
-    state, moved = np.zeros(6), np.empty((n, 2))
-    state[4:] = level * generator.standard_normal(2)
-    for k in range(n):
-        moved[k] = state[:2]
-        state = transition @ state
-        state[4:] += drawn[k]
-    if packed.rigid:
-        moved[:, 1] = moved[:, 0]
     steps = np.maximum(np.array(record.resolution), 1e-12)
     # What the readings scatter by beyond their steps.
     more = np.sqrt(np.maximum(np.array([noise.motor_angle, noise.arm_angle]) ** 2 - steps**2 / 12.0, 0.0))
-    read = np.column_stack([path.motor_position, path.arm_position]) + moved
+    read = np.column_stack([path.motor_position, path.arm_position])
     read += more * generator.standard_normal((n, 2))
     measured = np.where(np.isfinite(record.measured), np.rint(read / steps) * steps, np.nan)
     return replace(record, name=f"{record.name}, nothing hidden", measured=measured)
+
+
+def levels_of(fit: Fit, dataset: DataSet) -> list[NoiseModel]:
+    """The noise model of every piece of a data set (`records_from`), with levels as large as there."""
+    return [disturbed_as(fit, piece) for piece in records_from(dataset, commanded=True)]
+
+
+def null_dataset(
+    fit: Fit, dataset: DataSet, levels: Sequence[NoiseModel], generator: np.random.Generator
+) -> DataSet:
+    """A data set of the fitted model under the same command, piece by piece disturbed as its ``levels`` say.
+
+    A measured current follows its command but for what the recorded one differed by, in random order: the
+    noise of its sense without what the actuator may have had.  Raises RecordingError where the model runs
+    away.
+    """
+    own = {n: v.copy() for n, v in _motion(dataset).items()}
+    valid = np.zeros(len(dataset), dtype=np.bool_)
+    for piece, noise in zip(records_from(dataset, commanded=True), levels, strict=True):
+        first = round((piece.start - dataset.start) / dataset.dt)
+        here = slice(first, first + len(piece))
+        made = null_record(fit, noise, piece, generator)
+        if not np.all(np.isfinite(made.measured) == np.isfinite(piece.measured)):
+            raise RecordingError(
+                f"{dataset.name}: the re-estimated structure runs away when it is simulated under the "
+                "recorded command, so no recording with nothing hidden can be made: leave --nulls out."
+            )
+        valid[here] = dataset.valid[here] if len(dataset.valid) else True
+        for channel, side in enumerate(("motor", "arm")):
+            if f"{side}_position" in own:
+                angle = finite(made.measured[:, channel], None)
+                own[f"{side}_position"][here] = angle
+                own[f"{side}_velocity"][here] = _rate(dataset, angle)
+    sensed = dataset.input
+    if dataset.commanded_input is not None and dataset.input_source == "measured effort":
+        sensed = dataset.commanded_input + generator.permutation(dataset.input - dataset.commanded_input)
+    return replace(dataset, **own, input=sensed, valid=valid, problems=(), slips=())
+
+
+def _motion(dataset: DataSet) -> dict[str, NDArray[np.float64]]:
+    """Angles and rates (n,) of a data set by the names of its fields, without those it does not have."""
+    names = ("motor_position", "motor_velocity", "arm_position", "arm_velocity")
+    return {n: v for n in names if (v := getattr(dataset, n)) is not None}
+
+
+def _rate(dataset: DataSet, angle: NDArray[np.float64]) -> NDArray[np.float64]:
+    """The velocity (n,) that the recording's filter makes of an angle (n,), or that of a cubic."""
+    if dataset.velocity_filter is None:
+        return derivative(angle, 11, 1, dataset.dt)
+    return velocity_series(angle, dataset.dt, *dataset.velocity_filter)

@@ -1,7 +1,7 @@
-"""How much would recordings show in which nothing is hidden?  The same search on simulated ones.
+"""How much would recordings show in which nothing is hidden?  The same diagnosis of simulated ones.
 
 The re-estimated structure is driven by the recorded commands and disturbed as the recordings were: by torques
-of the fitted size and memory, and by the encoders' steps.  What the search then comes upon is chance (a
+of the fitted size and memory, and by the encoders' steps.  What the diagnosis then comes upon is chance (a
 parametric bootstrap, Efron and Tibshirani 1993, ch. 6), and a finding has to exceed it.
 """
 
@@ -15,16 +15,13 @@ import numpy as np
 from joblib import Parallel, delayed
 
 from haptic_teleop_sim.model import Model
+from haptic_teleop_sysid.dataset import DataSet
 from haptic_teleop_sysid.estimation.gauss_newton import Fit
 from haptic_teleop_sysid.estimation.noise import NoiseModel
-from haptic_teleop_sysid.estimation.records import Record
-from haptic_teleop_sysid.estimation.whole_fit import fit_from_scratch
 
 from .decide import significant
-from .doubt import doubted
-from .null_records import disturbed_as, null_record
-from .scales import within_reach
-from .search import SearchResult, search
+from .null_records import levels_of, null_dataset
+from .search import SearchResult
 
 
 @dataclass(frozen=True)
@@ -36,48 +33,51 @@ class Null:
     alarm: bool
 
 
+#: A diagnosis of (model, estimation, validation): what the search found, and whether that raises an alarm.
+Diagnosis = Callable[[Model, list[DataSet], list[DataSet]], tuple[SearchResult, bool]]
+
+
 def nulls(
+    diagnosis: Diagnosis,
     model: Model,
     result: SearchResult,
-    estimation: Sequence[Record],
-    validation: Sequence[Record],
+    estimation: Sequence[DataSet],
+    validation: Sequence[DataSet],
     count: int,
     *,
-    sense_follows: bool = False,
     seed: int = 1,
     jobs: int = -1,
     progress: Callable[[str], None] | None = None,
 ) -> list[Null]:
-    """The search on ``count`` simulated sets of recordings without any effect beyond the model's own; the
-    model is believed as it was given, so that its re-estimation is part of the chance.  ``jobs``: processes,
-    -1 for all cores."""
+    """A ``diagnosis`` of ``count`` simulated sets of recordings without any effect beyond the model's own;
+    the model is believed as it was given, so that its re-estimation is part of the chance.  ``jobs``:
+    processes, -1 for all cores."""
     if progress is not None:
         progress(f"the same search on {count} simulated sets of recordings with nothing hidden")
     fit = result.baseline
-    learn, judge = ([(disturbed_as(fit, r), r) for r in records] for records in (estimation, validation))
+    parts = [[(d, levels_of(fit, d)) for d in data] for data in (estimation, validation)]
     one = delayed(_null)
-    tasks = (one(model, fit, learn, judge, sense_follows, [seed, number]) for number in range(count))
+    tasks = (one(diagnosis, model, fit, *parts, [seed, number]) for number in range(count))
     found: Any = Parallel(n_jobs=jobs)(tasks)
     return list(found)
 
 
 def _null(
+    diagnosis: Diagnosis,
     model: Model,
     fit: Fit,
-    estimation: Sequence[tuple[NoiseModel, Record]],
-    validation: Sequence[tuple[NoiseModel, Record]],
-    sense_follows: bool,
+    estimation: Sequence[tuple[DataSet, Sequence[NoiseModel]]],
+    validation: Sequence[tuple[DataSet, Sequence[NoiseModel]]],
     seed: list[int],
 ) -> Null:
     generator = np.random.default_rng(seed)
-    learn = [null_record(fit, noise, r, generator) for noise, r in estimation]
-    judge = [null_record(fit, noise, r, generator) for noise, r in validation]
-    baseline = fit_from_scratch(model, learn, limits=within_reach(model))
-    result = search(model, baseline, learn, judge, sense_follows=sense_follows)
+    learn, judge = (
+        [null_dataset(fit, d, levels, generator) for d, levels in part] for part in (estimation, validation)
+    )
+    result, alarm = diagnosis(model, learn, judge)
     tried = [c.chosen for c in result.choices] or result.last_round
     score = max([0.0, *(e.score for e in tried if e.material and significant(e))])
-    kept, doubt, _ = doubted(result, learn, judge, lambda candidate: 100.0)
-    return Null(float(score), bool(kept.choices) or doubt is not None)
+    return Null(float(score), alarm)
 
 
 def beyond_chance(result: SearchResult, chance: Sequence[Null]) -> SearchResult:

@@ -141,7 +141,7 @@ def _findings(page: Page, verdict: Verdict, content: dict[str, Any]) -> None:
     section.text(f"Next experiment: {experiment['why']}.")
     if experiment["signal_generator"]:
         section.table(
-            ("signal generator", "setting"),
+            ("parameter of acquire", "setting"),
             sorted(experiment["signal_generator"].items()),
             f"expected to tell them apart with probability {experiment['expected_discrimination']:.2f}",
         )

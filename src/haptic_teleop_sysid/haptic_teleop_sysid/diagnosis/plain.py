@@ -18,7 +18,7 @@ from haptic_teleop_sysid.estimation.gauss_newton import Fit, Limits
 from haptic_teleop_sysid.estimation.records import Record
 from haptic_teleop_sysid.estimation.whole_fit import fit_whole, noise_starts
 
-from .candidates import CONTACT_ANGLES, candidates, contacts, plain_start
+from .candidates import candidates, contacts, plain_start
 from .scales import Scales
 
 #: Effects that may be so large that the structure and the noise make up for them.
@@ -59,8 +59,9 @@ def plain(
     found = []
     for name, location in places:
         progress(f"fitting {name} at {location} from nothing")
+        middle = scales.contact_starts(1 if location.endswith("_arm") else 0)[1]
         for parameters in plain_start(EFFECTS[name], scales, location.rpartition("_")[2]):
-            for start in contacts(Effect(name, location, parameters), CONTACT_ANGLES[1]):
+            for start in contacts(Effect(name, location, parameters), scales, middle):
                 wider = lab.with_effects(start)
                 found.append(fit_whole(wider, noise, records, iterations=_STEPS, limits=limits))
     return [f for f in found if np.isfinite(f.log_likelihood)]

@@ -13,6 +13,7 @@ from haptic_teleop_control.robots import SFJ_STAGES
 from haptic_teleop_sim.model import Model
 from haptic_teleop_sysid.channels import channels_for
 from haptic_teleop_sysid.dataset import DataSet
+from haptic_teleop_sysid.estimation.records import Record
 
 #: No joint of these robots turns so far, rad.
 _FURTHEST = 2.0 * np.pi
@@ -22,6 +23,10 @@ _GIVES = 10.0
 _ANOTHER_UNIT = 20.0
 #: Shares of the most driven and the most moved recording below which a joint is held, not driven.
 _HARDLY_DRIVEN, _HARDLY_MOVES = 0.05, 0.01
+#: Factor over the scatter of its readings from which a joint moves.
+_SCATTER = 1.5
+#: Share of the input that its angle or velocity explains, from which it is no force.
+_ALL_OF_IT = 0.9999
 
 
 def refuse_implausible(model: Model, recording: Recording, dataset: DataSet) -> None:
@@ -93,3 +98,38 @@ def with_contradictions(dataset: DataSet) -> DataSet:
         f"{command:.3g} {dataset.input_unit}): one of them may have another unit"
     )
     return replace(dataset, problems=(*dataset.problems, problem))
+
+
+def refuse_motionless(record: Record, joint: str) -> None:
+    """Raise RecordingError where nothing drives the joint, or its motor does not move by more than its
+    encoder's step, or than its readings scatter by."""
+    if not float(np.nanstd(record.input)) > 1e-9 * max(float(np.nanmax(np.abs(record.input))), 1e-300):
+        what = "input"
+    else:
+        angle = record.measured[np.isfinite(record.measured[:, 0]), 0]
+        # Third differences leave of a smooth motion what its readings scatter by (variance 20 times theirs).
+        scatter = float(np.std(np.diff(angle, 3))) / np.sqrt(20.0)
+        if float(np.std(angle)) > max(0.5 * record.resolution[0], _SCATTER * scatter):
+            return
+        what = "motor angle"
+    raise RecordingError(
+        f"{record.name}: the {what} of {joint} does not change, so there is nothing to diagnose: record "
+        "while this joint is driven, or give the model of the one that was."
+    )
+
+
+def refuse_kinematic(dataset: DataSet) -> None:
+    """Raise RecordingError where the input is the motion itself (a set-point, a velocity) and no force, or
+    where the joint follows its input as if it had no mass: of its inertia then nothing shows."""
+    good = dataset.valid if len(dataset.valid) else np.ones(len(dataset), dtype=np.bool_)
+    for what, values in (("angle", dataset.motor_position), ("velocity", dataset.motor_velocity)):
+        drive, motion = dataset.input[good], values[good]
+        alike = np.isfinite(drive) & np.isfinite(motion)
+        if np.std(drive[alike]) > 0.0 and np.std(motion[alike]) > 0.0:
+            share = float(np.corrcoef(drive[alike], motion[alike])[0, 1]) ** 2
+            if share > _ALL_OF_IT:
+                raise RecordingError(
+                    f"{dataset.name}: the input of {dataset.joint} is its {what} but for a factor "
+                    f"({100.0 * share:.4f} % of it), as if it were the motion itself, or drove a joint "
+                    "without mass: give the force, torque or current that drives the joint as the input."
+                )

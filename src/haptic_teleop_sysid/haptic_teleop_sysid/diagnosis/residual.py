@@ -12,10 +12,10 @@ from numpy.typing import NDArray
 
 from haptic_teleop_sim.kernel import pack
 from haptic_teleop_sysid.estimation.gauss_newton import Fit
-from haptic_teleop_sysid.estimation.likelihood import innovations, settled
+from haptic_teleop_sysid.estimation.likelihood import channels, innovations, settled
 from haptic_teleop_sysid.estimation.records import Record
 
-from .scales import velocity_of
+from .scales import bridged, velocity_of
 
 FloatArray = NDArray[np.float64]
 _BINS = 24
@@ -40,12 +40,13 @@ class Condition:
 @dataclass(frozen=True)
 class LeftOver:
     """Left-over torque of one recording: time (n,) s, torque (n, 2) N·m at motor and arm, and the quantities
-    that it may depend on, by name (n,).
+    that it may depend on, by name (n,); ``read`` (n,): where all encoders that take part were read.
     """
 
     time: FloatArray
     torque: FloatArray
     quantities: dict[str, FloatArray]
+    read: NDArray[np.bool_]
 
 
 UNITS = {
@@ -64,9 +65,9 @@ def left_over(fit: Fit, record: Record) -> LeftOver:
     """The torques that the observer of a fitted model adds to follow a recording."""
     packed = pack(fit.model)
     states = innovations(packed, fit.noise, record).states
-    q = np.nan_to_num(record.measured)
-    if packed.rigid or not np.any(np.isfinite(record.measured[:, 1])):
-        q = np.column_stack([q[:, 0], q[:, 0]])
+    used = [0, channels(packed, record)[-1]]
+    q = np.column_stack([bridged(record.measured[:, c]) for c in used])
+    read = np.isfinite(record.measured[:, used]).all(axis=1)
     vm, va = velocity_of(q[:, 0], record.dt), velocity_of(q[:, 1], record.dt)
     time = record.dt * np.arange(len(record), dtype=np.float64)
     quantities = {
@@ -82,7 +83,7 @@ def left_over(fit: Fit, record: Record) -> LeftOver:
             "deflection": q[:, 0] - q[:, 1],
             "rate of deflection": vm - va,
         }
-    return LeftOver(time, states[:, -2:], quantities)
+    return LeftOver(time, states[:, -2:], quantities, read)
 
 
 def conditions(
@@ -116,9 +117,10 @@ def conditions(
 def _pooled(
     parts: Sequence[LeftOver], records: Sequence[Record], name: str, channel: int
 ) -> tuple[FloatArray, FloatArray]:
+    read = np.concatenate([settled(r, p.read) for p, r in zip(parts, records, strict=True)])
     x = np.concatenate([settled(r, p.quantities[name]) for p, r in zip(parts, records, strict=True)])
     y = np.concatenate([settled(r, p.torque[:, channel]) for p, r in zip(parts, records, strict=True)])
-    return x, y
+    return x[read], y[read]
 
 
 def _condition(

@@ -11,6 +11,7 @@ from scipy.signal import savgol_filter
 from haptic_teleop_sim.effects import EFFECTS
 from haptic_teleop_sim.model import Model
 from haptic_teleop_sysid.estimation.records import Record
+from haptic_teleop_sysid.motion import finite
 
 
 @dataclass(frozen=True)
@@ -29,16 +30,32 @@ class Scales:
         """How far motor (0) or arm (1) moved, rad."""
         return self.highest[channel] - self.lowest[channel]
 
+    def contacts(self, channel: int) -> tuple[float, float]:
+        """Displacements, rad, within which the contact of dry friction at motor (0) or arm (1) gives: shares
+        of the travel (CONTACTS), and up to a step of the encoder, within which nothing shows."""
+        travel = self.span(channel) or self.span(0) or 1.0
+        step = self.resolution[channel] if self.span(channel) > 0.0 else 0.0
+        return CONTACTS[0] * travel, max(CONTACTS[1] * travel, step)
+
+    def contact_starts(self, channel: int) -> tuple[float, ...]:
+        """Displacements, rad, from which a contact is fitted (CONTACT_STARTS of the travel)."""
+        travel = self.contacts(channel)[0] / CONTACTS[0]
+        return tuple(share * travel for share in CONTACT_STARTS)
+
 
 #: Factor by which a machine may differ from what its owner believes.
 REACH = 8.0
-#: Displacements (rad) within which the contact of dry friction gives; from the larger one on it bears its own
-#: name, and the smaller is far below any encoder's step.
+#: Shares of the travel within which the contact of dry friction gives; from the larger one on it bears its
+#: own name, and the smaller is far below any encoder's step.
 CONTACTS = (1e-6, 1e-3)
+#: Shares of the travel over which dry friction may turn round: which of them is no finding, but a wrong one
+#: biases its torque and makes other forms of friction look better than the true one.
+CONTACT_STARTS = (2e-6, 2e-5, 2e-4)
 
 
-def within_reach(lab: Model) -> dict[str, tuple[float, float]]:
-    """Bounds of the structure's parameters around what the lab believes, and of contacts.
+def within_reach(lab: Model, scales: Scales | None = None) -> dict[str, tuple[float, float]]:
+    """Bounds of the structure's parameters around what the lab believes, and of contacts by the ``scales`` of
+    the recordings (none without them).
 
     Without them a joint whose effect is missing from the model can be fitted by a motor that does not answer
     its input at all, and a disturbance that happens to do the same.
@@ -47,20 +64,28 @@ def within_reach(lab: Model) -> dict[str, tuple[float, float]]:
     for name, value in lab.parameters.items():
         low = 0.0 if name.endswith("damping") else value / REACH
         limits[name] = (low, np.inf if name == "arm_damping" else REACH * value)
-    for place in ("motor", "arm"):
-        if place == "motor" or not lab.rigid:
-            for name, entry in EFFECTS.items():
-                if entry.memory == "direction":
-                    parameter = f"{lab.location(place)}.{name}.contact_angle"
-                    # A model that states another one is taken at its word.
-                    stated = lab.parameter_values().get(parameter, CONTACTS[0])
-                    limits[parameter] = (min(CONTACTS[0], stated), max(CONTACTS[1], stated))
+    for channel, place in enumerate(("motor",) if lab.rigid else ("motor", "arm")):
+        if scales is None:
+            break
+        least, most = scales.contacts(channel)
+        for name, entry in EFFECTS.items():
+            if entry.memory == "direction":
+                parameter = f"{lab.location(place)}.{name}.contact_angle"
+                # A model that states another one is taken at its word.
+                stated = lab.parameter_values().get(parameter, least)
+                limits[parameter] = (min(least, stated), max(most, stated))
     return {name: (low, high if high > low else np.inf) for name, (low, high) in limits.items()}
 
 
+def bridged(angle: np.ndarray) -> np.ndarray:
+    """The angle (n,), where a reading is missing on the straight line between its neighbours; zero where
+    there is none at all."""
+    return finite(angle, None) if np.any(np.isfinite(angle)) else np.zeros(len(angle))
+
+
 def velocity_of(angle: np.ndarray, dt: float) -> np.ndarray:
-    """Velocity (n,) by a local quadratic over some 30 ms, rad/s."""
-    q = np.nan_to_num(angle)
+    """Velocity (n,) by a local quadratic over some 30 ms, rad/s; missing readings are `bridged`."""
+    q = bridged(angle)
     length = min(max(5, 2 * int(0.015 / dt) + 1), (len(q) - 1) // 2 * 2 + 1)
     return np.asarray(savgol_filter(q, length, 2, deriv=1, delta=dt), dtype=float)
 

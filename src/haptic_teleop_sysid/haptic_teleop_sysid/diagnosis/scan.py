@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 
 from haptic_teleop_sim.effects import EFFECTS, EffectParameter, locations
 from haptic_teleop_sysid.estimation.gauss_newton import Fit
+from haptic_teleop_sysid.estimation.likelihood import FAILURES
 from haptic_teleop_sysid.estimation.records import Record, thinned_to
 
 from .answers import Answers
@@ -38,11 +39,15 @@ _RESOLVED = 0.25
 
 
 def scan(fit: Fit, records: Sequence[Record], scales: Scales) -> Scanned:
-    """The most promising values of every scanned parameter, by effect and place."""
+    """The most promising values of every scanned parameter, by effect and place; none where the arithmetic
+    fails."""
     # Of hundreds of orders three become starts.
     thin = thinned_to(records)
-    fine = Answers(fit, records)
-    quick = fine if thin is records else Answers(fit, thin)
+    try:
+        fine = Answers(fit, records)
+        quick = fine if thin is records else Answers(fit, thin)
+    except FAILURES:
+        return {}
     most = [np.inf if thin is records else _highest_order(thin, channel) for channel in (0, 1)]
     found: Scanned = {}
     for name, entry in EFFECTS.items():

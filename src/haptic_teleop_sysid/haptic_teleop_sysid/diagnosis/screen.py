@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from haptic_teleop_sim.kernel import Prediction, pack
 from haptic_teleop_sim.model import Effect
 from haptic_teleop_sysid.estimation.gauss_newton import OVERFLOW, Fit, bounds, gauss_newton_step, whiten
-from haptic_teleop_sysid.estimation.likelihood import innovations, log_likelihood
+from haptic_teleop_sysid.estimation.likelihood import FAILURES, innovations, log_likelihood
 from haptic_teleop_sysid.estimation.records import Record
 
 from .candidates import shape_parameters
@@ -37,19 +37,26 @@ class Screened:
 def screen(
     fit: Fit, records: Sequence[Record], effects: Iterable[Effect], progress: Callable[[], None] | None = None
 ) -> list[Screened]:
-    """Candidates by promised gain, best first; those whose best size has the wrong sign are left out."""
+    """Candidates by promised gain, best first; those whose best size has the wrong sign, or whose arithmetic
+    fails, are left out."""
     result = []
     packed = pack(fit.model)
     # The derivatives by the structure's parameters hardly change with a small effect: one run serves for all.
     structure = []
     for record in records:
-        prediction = innovations(packed, fit.noise, record, fit.free)
-        if not np.max(np.abs(prediction.d_innovation), initial=0.0) < OVERFLOW:
+        try:
+            prediction = innovations(packed, fit.noise, record, fit.free)
+            if not np.max(np.abs(prediction.d_innovation), initial=0.0) < OVERFLOW:
+                return []
+            slopes = whiten(packed, record, prediction.innovation, prediction.d_innovation)[1]
+        except FAILURES:
             return []
-        slopes = whiten(packed, record, prediction.innovation, prediction.d_innovation)[1]
         structure.append(_Structure(prediction, slopes, slopes.T @ slopes))
     for effect in effects:
-        found = _score(fit, records, effect, structure)
+        try:
+            found = _score(fit, records, effect, structure)
+        except FAILURES:
+            found = None
         if found is not None:
             result.append(found)
         if progress is not None:

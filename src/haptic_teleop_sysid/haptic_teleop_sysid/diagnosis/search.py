@@ -79,7 +79,9 @@ def search(
         if number == 0:
             baseline = fit
         if shown and not any(c.chosen.by_current > 0.0 for c in choices):
-            found = joined(fit, model, found, shown, estimation, validation, scales, within_reach(lab))
+            found = joined(
+                fit, model, found, shown, estimation, validation, scales, within_reach(lab, scales)
+            )
         found = with_twins(found)
         choice = pick(found, strongest)
         if choice is None:
@@ -90,7 +92,7 @@ def search(
         choices.append(choice)
         fit = choice.chosen.fit
         if len(choices) == 2 and all(c.chosen.by_current <= 0.0 for c in choices):
-            second = _alone(baseline, choice, estimation, validation, scales, within_reach(lab))
+            second = _alone(baseline, choice, estimation, validation, scales, within_reach(lab, scales))
             alone = pick(second, 0.0) if second else None
             if alone is not None and not alone.unnamed:
                 choices, fit = [alone], alone.chosen.fit
@@ -158,9 +160,11 @@ def search_by_simulation(
     helps on both and by ``LEAST_PERCENT`` in all.
     """
     noise = simulation_noise(predicted, estimation)
+    scales = recording_scales(predicted.model, estimation)
     progress("re-estimating the given structure, freely running")
-    fit = baseline = fit_parameters(model, noise, estimation, iterations=40, limits=within_reach(model))
-    scales = recording_scales(baseline.model, estimation)
+    fit = baseline = fit_parameters(
+        model, noise, estimation, iterations=40, limits=within_reach(model, scales)
+    )
     choices: list[Choice] = []
     found: list[Explanation] = []
     before = percent(baseline.model)

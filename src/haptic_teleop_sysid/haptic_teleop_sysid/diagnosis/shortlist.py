@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
+import numpy as np
+
 from haptic_teleop_sim.model import Effect
 from haptic_teleop_sysid.estimation.gauss_newton import Fit, Limits, fit_parameters
 from haptic_teleop_sysid.estimation.records import Record
@@ -34,6 +36,8 @@ def shortlist(
     ``first``: the first look, for which both are scanned.
     """
     still = fit_parameters(fit.model, quiet(fit.noise), records, iterations=12, limits=limits)
+    if not np.isfinite(still.log_likelihood):
+        still = fit
     scanned = scan(fit, records, scales)
     if first:
         scanned = both(scanned, scan(still, records, scales))

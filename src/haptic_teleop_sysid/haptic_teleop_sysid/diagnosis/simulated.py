@@ -40,7 +40,7 @@ def simulation_noise(fit: Fit, records: Sequence[Record]) -> NoiseModel:
         arm_torque=level,
         motor_time=_TIME,
         arm_time=_TIME,
-        reference=tuple(float(v) for v in packed.base),
+        reference=packed.linear,
     )
 
 
@@ -72,7 +72,11 @@ def explore_simulated(
         progress(f"fitting {s.effect.effect} at {s.effect.location}")
         fits = [
             fit_parameters(
-                m.with_effects(s.effect), fit.noise, estimation, iterations=15, limits=within_reach(lab)
+                m.with_effects(s.effect),
+                fit.noise,
+                estimation,
+                iterations=15,
+                limits=within_reach(lab, scales),
             )
             for m in (fit.model, lab)
         ]

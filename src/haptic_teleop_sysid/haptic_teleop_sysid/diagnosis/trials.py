@@ -106,9 +106,11 @@ def with_companion(fit: Fit, before: Model, records: Sequence[Record], limits: L
 
 
 def best_of_each(fits: Sequence[Fit], index: int) -> list[Fit]:
-    """The best fit of each effect at each place, best first."""
+    """The best fit of each effect at each place, best first; none that predicts nothing."""
     best: dict[tuple[str, str], Fit] = {}
     for f in fits:
+        if not np.isfinite(f.log_likelihood):
+            continue
         key = (f.model.effects[index].effect, f.model.effects[index].location)
         if key not in best or f.log_likelihood > best[key].log_likelihood:
             best[key] = f

@@ -5,10 +5,11 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
+from numpy.typing import NDArray
 
 from haptic_teleop_sim.kernel import pack
 from haptic_teleop_sysid.estimation.gauss_newton import Fit
-from haptic_teleop_sysid.estimation.likelihood import channels, innovations, settled
+from haptic_teleop_sysid.estimation.likelihood import channels, innovations, seen, settled
 from haptic_teleop_sysid.estimation.records import Record
 
 #: Lags of the portmanteau test; of white innovations it is 25 on average, and 53 once in a thousand.
@@ -21,17 +22,37 @@ ROUNDING = 1.2 / 12.0
 
 
 def colour(fit: Fit, records: Sequence[Record]) -> float:
-    """Largest portmanteau statistic of the motor's innovations over the recordings: n times the sum of
-    squared autocorrelations at the first LAGS lags, LAGS on average for white ones."""
+    """Largest portmanteau statistic (`ljung_box`) of the motor's innovations over the recordings."""
     found = []
     for record in records:
-        e = settled(record, innovations(pack(fit.model), fit.noise, record).innovation)[:, 0]
-        e = e[np.isfinite(e)] - np.mean(e[np.isfinite(e)])
-        power = float(e @ e)
-        if power <= 0.0 or len(e) <= 2 * LAGS:
-            continue
-        found.append(len(e) * sum((float(e[k:] @ e[:-k]) / power) ** 2 for k in range(1, LAGS + 1)))
+        packed = pack(fit.model)
+        e = settled(record, innovations(packed, fit.noise, record).innovation)[:, 0]
+        found.append(ljung_box(e, settled(record, seen(packed, record))[:, 0]))
     return max(found, default=0.0)
+
+
+def ljung_box(e: NDArray[np.float64], read: NDArray[np.bool_], lags: int = LAGS) -> float:
+    """Portmanteau statistic of innovations (n,) of which those of ``read`` (n,) count (Ljung and Box 1978):
+
+    Q = m (m + 2) sum over k of r_k^2 / (m - k),   k = 1 ... lags,
+
+    ``lags`` on average for white ones; m readings, r_k autocorrelation at lag k. Where readings are missing
+    m - k stands for the pairs that were read, and r_k is their mean product in units of the mean square.
+    0 where there are too few to tell.
+    """
+    known = read & np.isfinite(e)
+    m = int(np.count_nonzero(known))
+    if m <= 2 * lags:
+        return 0.0
+    e = np.where(known, e - np.mean(e[known]), 0.0)
+    power = float(e @ e) / m
+    if power <= 0.0:
+        return 0.0
+    total = 0.0
+    for k in range(1, lags + 1):
+        pairs = np.count_nonzero(known[k:] & known[:-k])
+        total += (float(e[k:] @ e[:-k]) / power) ** 2 / pairs if pairs else 0.0
+    return (m + 2) / m * total
 
 
 def unsteadiness(fits: Sequence[tuple[Fit, Sequence[Record]]]) -> float:
@@ -43,12 +64,17 @@ def unsteadiness(fits: Sequence[tuple[Fit, Sequence[Record]]]) -> float:
     for fit, records in fits:
         packed = pack(fit.model)
         for record in records:
-            seen = channels(packed, record)
-            least[[c for c in (0, 1) if c not in seen]] = 0.0
+            used = channels(packed, record)
+            least[[c for c in (0, 1) if c not in used]] = 0.0
+            read = settled(record, seen(packed, record))
             power = settled(record, innovations(packed, fit.noise, record).innovation) ** 2
-            parts = np.array([x.mean(axis=0) for x in np.array_split(power, max(1, len(power) // STRETCH))])
-            parts = np.maximum(parts, ROUNDING * np.square(record.resolution))
-            alone = power.std(axis=0) / np.sqrt(STRETCH)
-            ratio = np.divide(parts.std(axis=0), alone, out=np.zeros(2), where=alone > 0.0)
-            least = np.minimum(least, ratio)
+            for c in used:
+                known = power[read[:, c], c]
+                if not len(known):
+                    least[c] = 0.0
+                    continue
+                parts = np.array([x.mean() for x in np.array_split(known, max(1, len(known) // STRETCH))])
+                parts = np.maximum(parts, ROUNDING * record.resolution[c] ** 2)
+                alone = float(known.std()) / np.sqrt(STRETCH)
+                least[c] = min(least[c], float(parts.std()) / alone if alone > 0.0 else 0.0)
     return float(np.max(least, initial=0.0, where=np.isfinite(least)))

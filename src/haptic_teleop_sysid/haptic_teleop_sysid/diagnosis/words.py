@@ -41,6 +41,11 @@ def called(effect: Effect) -> str:
     return effect.effect
 
 
+def placed(effect: Effect) -> str:
+    """The same with its place: one effect may explain a recording at two of them."""
+    return f"{called(effect)} at {effect.location}"
+
+
 def because(choice: Choice, fitted: Effect) -> str:
     """One sentence a lab engineer understands; ``fitted``: the effect with the numbers of the final model."""
     e = choice.chosen

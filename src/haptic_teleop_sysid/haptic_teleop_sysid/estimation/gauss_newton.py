@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
+from functools import wraps
+from typing import Any
 
 import numpy as np
 from numba import njit
@@ -12,7 +14,7 @@ from numpy.typing import NDArray
 from haptic_teleop_sim.kernel import Packed, pack
 from haptic_teleop_sim.model import STRUCTURES, Model
 
-from .likelihood import channels, covariance, innovations, log_likelihood, settled
+from .likelihood import FAILURES, channels, covariance, innovations, log_likelihood, seen, settled
 from .noise import NoiseModel
 from .records import Record
 
@@ -48,6 +50,22 @@ class Fit:
     at_bound: tuple[str, ...] = field(default=())
 
 
+def ends_with_its_model(fit: Callable[..., Fit]) -> Callable[..., Fit]:
+    """A fit whose arithmetic fails (FAILURES) is one that predicts nothing: the search goes on without it."""
+
+    @wraps(fit)
+    def guarded(model: Model, noise: NoiseModel, records: Sequence[Record], **more: Any) -> Fit:
+        try:
+            return fit(model, noise, records, **more)
+        except FAILURES as failure:
+            free = model.free_parameters() if more.get("free") is None else more["free"]
+            nothing = np.zeros((len(free), len(free)))
+            why = f"its arithmetic failed: {failure}"
+            return Fit(model, noise, free, -np.inf, nothing, nothing.sum(axis=0), False, 0, why)
+
+    return guarded
+
+
 #: Bounds of one's own by parameter name: (lowest, highest).
 Limits = Mapping[str, tuple[float, float]]
 
@@ -73,7 +91,20 @@ def bounds(model: Model, free: Sequence[str], own: Limits | None = None) -> tupl
 def normal_equations(
     model: Model, noise: NoiseModel, records: Sequence[Record], free: tuple[str, ...]
 ) -> tuple[FloatArray, FloatArray, float]:
-    """Information (p, p) and gradient (p,) of the negative log-likelihood, and the log-likelihood."""
+    """Information (p, p) and gradient (p,) of the negative log-likelihood, and the log-likelihood: zeros and
+    -inf where the model predicts nothing, or its numbers are beyond linear algebra."""
+    try:
+        found = _normal_equations(model, noise, records, free)
+    except FAILURES:
+        found = None
+    if found is None or not (np.all(np.isfinite(found[0])) and np.all(np.isfinite(found[1]))):
+        return np.zeros((len(free), len(free))), np.zeros(len(free)), -np.inf
+    return found
+
+
+def _normal_equations(
+    model: Model, noise: NoiseModel, records: Sequence[Record], free: tuple[str, ...]
+) -> tuple[FloatArray, FloatArray, float]:
     packed = pack(model)
     information, gradient = np.zeros((len(free), len(free))), np.zeros(len(free))
     predictions = [innovations(packed, noise, r, free) for r in records]
@@ -100,12 +131,20 @@ def whiten(
 ) -> tuple[FloatArray, FloatArray]:
     """Innovations (m,) and their derivatives (m, p) in units of their standard deviation (or that of
     ``reference`` (n, 2)), channels decorrelated; of the innovations (n, 2) and their derivatives (n, 2, p).
+    Zero where a reading is missing, which has no score.
     """
     used = len(channels(packed, record))
     spread = covariance(packed, record, innovation if reference is None else reference)
     weight = np.asarray(np.linalg.inv(np.linalg.cholesky(spread)).T, dtype=np.float64)
     e = settled(record, innovation)[:, :used] @ weight
-    return e.reshape(-1), _decorrelated(settled(record, slope), weight)
+    jacobian = _decorrelated(settled(record, slope), weight)
+    there = settled(record, seen(packed, record))[:, :used]
+    if not there.all():
+        part = there.astype(np.float64)
+        if used == 2:  # the arm's reading alone, in units of its own standard deviation
+            part[there[:, 1] & ~there[:, 0], 1] = 1.0 / (weight[1, 1] * np.sqrt(spread[1, 1]))
+        e, jacobian = e * part, jacobian * part.reshape(-1, 1)
+    return e.reshape(-1), jacobian
 
 
 @njit(cache=True, error_model="numpy")
@@ -139,6 +178,7 @@ def gauss_newton_step(
     return step
 
 
+@ends_with_its_model
 def fit_parameters(
     model: Model,
     noise: NoiseModel,
@@ -260,5 +300,5 @@ def likelihood_value(model: Model, noise: NoiseModel, records: Sequence[Record])
     packed = pack(model)
     try:
         return log_likelihood(packed, records, [innovations(packed, noise, r).innovation for r in records])
-    except (np.linalg.LinAlgError, ValueError):
+    except FAILURES:
         return -np.inf

@@ -18,6 +18,11 @@ FloatArray = NDArray[np.float64]
 SETTLING = 0.2
 #: Innovations (rad) whose squares are beyond all meaning, and soon beyond the range of numbers.
 _RUNS_AWAY = 1e100
+#: Readings below which an encoder counts as not recorded: fewer have no variance to speak of.
+_FEWEST = 10
+#: What linear algebra and arithmetic raise where numbers are beyond them.  It ends the model that was tried,
+#: not the program.
+FAILURES = (np.linalg.LinAlgError, ValueError, ArithmeticError)
 
 
 def innovations(
@@ -58,27 +63,69 @@ def settling(record: Record) -> int:
 
 def channels(packed: Packed, record: Record) -> list[int]:
     """Encoders that take part: the motor's, and the arm's where there is one."""
-    if packed.rigid or not np.any(np.isfinite(record.measured[:, 1])):
+    if packed.rigid or np.count_nonzero(np.isfinite(record.measured[:, 1])) < _FEWEST:
         return [0]
     return [0, 1]
 
 
+def seen(packed: Packed, record: Record) -> NDArray[np.bool_]:
+    """Which innovations (n, 2) come of a reading: readings of a late encoder are moved ahead, see `predict`,
+    and 0 stands for those that are missing."""
+    there = np.isfinite(record.measured)
+    whole = packed.encoder_shift(record.dt)[0]
+    for channel in np.flatnonzero(whole):
+        source = np.arange(len(there)) + whole[channel]
+        inside = (source >= 0) & (source < len(there))
+        there[:, channel] = inside & there[np.clip(source, 0, len(there) - 1), channel]
+    return there
+
+
 def covariance(packed: Packed, record: Record, innovation: FloatArray) -> FloatArray:
-    """Second moment of the settled innovations, (1, 1) or (2, 2), rad^2."""
+    """Second moment of the settled innovations, (1, 1) or (2, 2), rad^2.
+
+    Of the readings alone: the motor's own moment, and the arm's by its regression on the motor's where both
+    were read (maximum likelihood where the arm's are missing, Anderson 1957)."""
+    used = len(channels(packed, record))
     # A slice, as the channels are the first ones: picking columns would copy.
-    e = settled(record, innovation)[:, : len(channels(packed, record))]
-    return e.T @ e / len(e)
+    e, there = settled(record, innovation)[:, :used], settled(record, seen(packed, record))[:, :used]
+    if there.all():
+        return e.T @ e / len(e)
+    motor = float(e[:, 0] @ e[:, 0]) / max(np.count_nonzero(there[:, 0]), 1)
+    if used == 1:
+        return np.array([[motor]])
+    both = there.all(axis=1)
+    count, pairs = np.count_nonzero(both), e[both]
+    if count < _FEWEST:  # read in turn
+        return np.diag([motor, float(e[:, 1] @ e[:, 1]) / max(np.count_nonzero(there[:, 1]), 1)])
+    own, mixed, arm = (float(pairs[:, i] @ pairs[:, j]) for i, j in ((0, 0), (0, 1), (1, 1)))
+    slope = mixed / own if own > 0.0 else 0.0
+    left = (arm - slope * mixed) / count
+    return np.array([[motor, slope * motor], [slope * motor, left + slope**2 * motor]])
 
 
 def log_likelihood(packed: Packed, records: Sequence[Record], innovation: Sequence[FloatArray]) -> float:
-    """Gaussian log-likelihood of the innovations with their covariance concentrated out, per recording:
-    -n/2 log det (1/n sum e e'); constants are left out.  -inf when a prediction overflowed."""
+    """Gaussian log-likelihood of the innovations with their covariance S concentrated out, per recording:
+    -n/2 log det S, S = 1/n sum e e'; constants are left out.  A reading that is missing has no score: n
+    counts those of each encoder, the arm's where the motor's is missing by its own variance.  -inf when a
+    prediction overflowed."""
     total = 0.0
     for record, e in zip(records, innovation, strict=True):
         if not np.max(np.abs(e), initial=0.0) < _RUNS_AWAY:
             return -np.inf
-        sign, value = np.linalg.slogdet(covariance(packed, record, e))
+        spread = covariance(packed, record, e)
+        sign, value = np.linalg.slogdet(spread)
         if sign <= 0:
             return -np.inf
-        total -= 0.5 * len(settled(record, e)) * float(value)
-    return total
+        # Of the recording, so that a model whose encoder is late is judged by as many readings as any other.
+        taken = settled(record, np.isfinite(record.measured))[:, : len(spread)]
+        if taken.all():
+            total -= 0.5 * len(taken) * float(value)
+            continue
+        total -= 0.5 * np.count_nonzero(taken[:, 0]) * float(np.log(spread[0, 0]))
+        if len(spread) == 2:
+            both = np.count_nonzero(taken.all(axis=1))
+            total -= 0.5 * both * float(value - np.log(spread[0, 0]))
+            alone = settled(record, e)[taken[:, 1] & ~taken[:, 0], 1]
+            arm = float(spread[1, 1])
+            total -= 0.5 * (len(alone) * (np.log(arm) - 1.0) + float(alone @ alone) / arm)
+    return float(total)

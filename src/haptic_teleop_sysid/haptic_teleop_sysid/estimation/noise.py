@@ -30,7 +30,7 @@ class NoiseModel:
 
     motor_torque, arm_torque: rms of the disturbance torques, N·m. motor_time, arm_time: their correlation
     times, s. motor_angle, arm_angle: rms of the encoders' noise, rad.  All greater than zero.
-    ``reference``: the structure (as ``Packed.base``) whose linearisation gives the observer gain, so that
+    ``reference``: the structure (as ``Packed.linear``) whose linearisation gives the observer gain, so that
     several models are judged by one and the same observer (their encoders' delays apart); None: each model's
     own.
     """
@@ -53,22 +53,23 @@ class NoiseModel:
 
 
 def linearised(packed: Packed, reference: tuple[float, ...] | None = None) -> tuple[FloatArray, FloatArray]:
-    """(6, 6) continuous system matrix over [q_motor, q_arm, v_motor, v_arm, d_motor, d_arm] of the structure,
-    and the location of the angles (2, 6); ``reference`` replaces the model's numbers."""
-    return _linearised(tuple(packed.base) if reference is None else reference, packed.rigid)
+    """(6, 6) continuous system matrix over [q_motor, q_arm, v_motor, v_arm, d_motor, d_arm] of the structure
+    and the model's springs against the ground, and the location of the angles (2, 6); ``reference`` replaces
+    the model's numbers."""
+    return _linearised(packed.linear if reference is None else reference, packed.rigid)
 
 
 def _linearised(base: tuple[float, ...], rigid: bool) -> tuple[FloatArray, FloatArray]:
-    ks, jm, bm, ja, ba = base
+    ks, jm, bm, ja, ba, ground_motor, ground_arm = base
     a = np.zeros((6, 6))
     a[0, 2] = 1.0
     if not rigid:
         a[1, 3] = 1.0
-        a[2, :4] = [-ks / jm, ks / jm, -bm / jm, 0.0]
-        a[3, :4] = [ks / ja, -ks / ja, 0.0, -ba / ja]
+        a[2, :4] = [-(ks + ground_motor) / jm, ks / jm, -bm / jm, 0.0]
+        a[3, :4] = [ks / ja, -(ks + ground_arm) / ja, 0.0, -ba / ja]
         a[3, 5] = 1.0 / ja
     else:
-        a[2, 2] = -bm / jm
+        a[2, 0], a[2, 2] = -ground_motor / jm, -bm / jm
     a[2, 4] = 1.0 / jm
     c = np.zeros((2, 6))
     c[0, 0] = c[1, 1] = 1.0
@@ -81,7 +82,7 @@ def observer(
     """The stationary observer of the structure linearised at speed: transition (6, 6) over one sample of
     [q_motor, q_arm, v_motor, v_arm, d_motor, d_arm], whose columns 4 and 5 are also the answer to a torque
     held over the sample, gain (6, 2), and what the encoders show of the state (2, 6): `observer_gain`."""
-    base = noise.reference if noise.reference is not None else tuple(float(v) for v in packed.base)
+    base = noise.reference if noise.reference is not None else packed.linear
     gain = observer_gain(packed, noise, dt, measured)
     shown = _shown(base, bool(packed.rigid), tuple(packed.encoder_shift(dt)[1].tolist()))
     return _transition(base, bool(packed.rigid), noise, dt), gain[[0, 1, 2, 3, -2, -1]], shown
@@ -122,7 +123,7 @@ def observer_gain(
     """
     rigid = bool(packed.rigid)
     channels = tuple([0] if rigid else [0, 1]) if measured is None else tuple(measured)
-    base = noise.reference if noise.reference is not None else tuple(float(v) for v in packed.base)
+    base = noise.reference if noise.reference is not None else packed.linear
     ahead = packed.encoder_shift(dt)[1] if lead is None else lead
     gain = _structure_gain(base, rigid, replace(noise, reference=None), dt, channels, tuple(ahead.tolist()))
     full = np.zeros((packed.states, 2))

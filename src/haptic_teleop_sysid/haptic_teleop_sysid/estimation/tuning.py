@@ -8,7 +8,7 @@ import numpy as np
 
 from haptic_teleop_sim.kernel import Packed
 
-from .likelihood import channels, innovations, log_likelihood
+from .likelihood import FAILURES, channels, innovations, log_likelihood
 from .noise import NoiseModel
 from .records import Record
 
@@ -36,7 +36,7 @@ def likelihood_of(packed: Packed, noise: NoiseModel, records: Sequence[Record]) 
     """Log-likelihood of recordings under a model and a noise model; -inf where it cannot be computed."""
     try:
         return log_likelihood(packed, records, [innovations(packed, noise, r).innovation for r in records])
-    except (np.linalg.LinAlgError, ValueError):
+    except FAILURES:
         return -np.inf
 
 

@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from haptic_teleop_sim.kernel import Packed, pack
-from haptic_teleop_sim.model import STRUCTURES, Model
+from haptic_teleop_sim.model import STRUCTURES, Model, parameter_bounds
 
 from .gauss_newton import (
     OVERFLOW,
@@ -25,12 +25,13 @@ from .gauss_newton import (
     Limits,
     bounds,
     clipped_step,
+    ends_with_its_model,
     gauss_newton_step,
     most_substeps,
     substeps,
     whiten,
 )
-from .likelihood import channels, innovations, log_likelihood
+from .likelihood import FAILURES, channels, innovations, log_likelihood
 from .noise import NoiseModel, observer_gain
 from .records import Record, thinned_to
 from .tuning import LEVELS, initial_noise, level_bounds
@@ -60,6 +61,7 @@ class _Point:
     errors: list[FloatArray]
 
 
+@ends_with_its_model
 def fit_whole(
     model: Model,
     noise: NoiseModel,
@@ -235,7 +237,7 @@ def _errors(
     try:
         errors = [innovations(packed, noise, r).innovation for r in records]
         value = log_likelihood(packed, records, errors)
-    except (np.linalg.LinAlgError, ValueError):
+    except FAILURES:
         return None
     return (value, errors) if np.isfinite(value) else None
 
@@ -251,14 +253,14 @@ def _equations(
         try:
             moving = _gain_slopes(point, names, levels, packed, record)
             slopes = innovations(packed, point.noise, record, names, gain_slopes=moving).d_innovation
-        except (np.linalg.LinAlgError, ValueError):
+            if not np.max(np.abs(slopes), initial=0.0) < OVERFLOW:
+                return None
+            whitened, jacobian = whiten(packed, record, point.errors[k], slopes)
+        except FAILURES:
             return None
-        if not np.max(np.abs(slopes), initial=0.0) < OVERFLOW:
-            return None
-        whitened, jacobian = whiten(packed, record, point.errors[k], slopes)
         information += jacobian.T @ jacobian
         gradient += jacobian.T @ whitened
-    return information, gradient
+    return (information, gradient) if np.all(np.isfinite(information)) else None
 
 
 def _gain_slopes(
@@ -270,15 +272,11 @@ def _gain_slopes(
     gain = observer_gain(packed, noise, dt, measured)
     columns = len(names) + len(levels)
     d_gain, d_decay = np.zeros((len(gain), 2, columns)), np.zeros((2, columns))
-    structure = STRUCTURES[point.model.structure]
     for i, name in enumerate(names):
-        if name in structure and name != "torque_constant" and noise.reference is None:
-            base = packed.base.copy()
-            place = packed.index[name][1]
-            step = _STEP * max(abs(base[place]), 1e-6)
-            base[place] += step
-            there = replace(noise, reference=tuple(float(v) for v in base))
-            d_gain[:, :, i] = (observer_gain(packed, there, dt, measured) - gain) / step
+        beside = _linear_beside(point.model, packed, name) if noise.reference is None else None
+        if beside is not None:
+            there = replace(noise, reference=beside[0])
+            d_gain[:, :, i] = (observer_gain(packed, there, dt, measured) - gain) / beside[1]
         channel = packed.delayed_encoder(name)
         if channel is not None:
             lead = packed.encoder_shift(dt)[1]
@@ -291,6 +289,23 @@ def _gain_slopes(
             place = _TIMES.index(name)
             d_decay[place, i] = noise.decay(dt)[place] * dt / getattr(noise, name)
     return d_gain, d_decay
+
+
+def _linear_beside(model: Model, packed: Packed, name: str) -> tuple[tuple[float, ...], float] | None:
+    """The linearisation (`Packed.linear`) at a parameter a little beside its value, and by how much; None
+    where it does not depend on that."""
+    if name in STRUCTURES[model.structure] and name != "torque_constant":
+        place = packed.index[name][1]
+        step = _STEP * max(abs(packed.linear[place]), 1e-6)
+        return (*packed.linear[:place], packed.linear[place] + step, *packed.linear[place + 1 :]), step
+    if not any(e.entry.spring and name.startswith(f"{e.location}.{e.effect}.") for e in model.effects):
+        return None
+    value = model.parameter_values()[name]
+    step = _STEP * max(abs(value), 1e-6)
+    if value + step > parameter_bounds(model, name)[1]:
+        step = -step
+    there = pack(model.with_values({name: value + step})).linear
+    return None if there == packed.linear else (there, step)
 
 
 def _without_levels(information: FloatArray, p: int) -> FloatArray:

@@ -1,0 +1,61 @@
+"""Recordings with holes and recordings that are too long: what can be used, what is said, what is refused."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+from pathlib import Path
+
+from haptic_teleop_control.errors import RecordingError
+from haptic_teleop_control.recording.bag_files import find_files
+from haptic_teleop_sim.model import Model
+from haptic_teleop_sysid.channels import STATES
+from haptic_teleop_sysid.dataset import DataSet
+from haptic_teleop_sysid.estimation.records import records_from
+
+#: Samples in a row below which no recording can say anything about six parameters and their noise.
+FEWEST_SAMPLES = 500
+#: Samples of all recordings together that a diagnosis keeps in memory with their derivatives (some 600 bytes
+#: each), so that it stays below 2 GiB.
+MOST_SAMPLES = 1_000_000
+
+
+def with_cuts_told(dataset: DataSet) -> DataSet:
+    """The data set whose problems also say where it is cut apart, and which pieces are used."""
+    pieces = records_from(dataset, commanded=True)
+    used = [p for p in pieces if len(p) >= FEWEST_SAMPLES]
+    whole = len(pieces) == 1 and len(pieces[0]) > 0.999 * len(dataset)
+    if whole or not used:
+        return dataset
+    times = ", ".join(f"{p.start:.3f} to {p.start + len(p) * p.dt:.3f} s" for p in used[:6])
+    more = f" and {len(used) - 6} more" if len(used) > 6 else ""
+    left = dataset.dt * (len(dataset) - sum(len(p) for p in used))
+    problem = (
+        f"it is cut apart at its holes and used from {times}{more}; {left:.3f} s are left out (holes, and "
+        f"pieces of fewer than {FEWEST_SAMPLES} samples)"
+    )
+    return replace(dataset, problems=(*dataset.problems, problem))
+
+
+def refuse_too_long(bags: Sequence[str], model: Model) -> None:
+    """Raise RecordingError for recordings that announce more samples than MOST_SAMPLES; nothing is read."""
+    topic = STATES.get(model.robot) or str((model.io or {}).get("motor", {}).get("topic", ""))
+    announced = {bag: _announced(bag, topic) for bag in bags}
+    if sum(announced.values()) <= MOST_SAMPLES:
+        return
+    bag, most = max(announced.items(), key=lambda one: one[1])
+    raise RecordingError(
+        f"the recordings hold {sum(announced.values())} samples of {topic} ({bag} {most}), and a diagnosis "
+        f"keeps at most {MOST_SAMPLES} in memory: a few minutes say as much, so give shorter ones (cut them "
+        "with `ros2 bag convert`, which takes a start and an end), or record at a lower rate."
+    )
+
+
+def _announced(bag: str, topic: str) -> int:
+    """Messages of a topic that a bag's metadata.yaml announces; 0 where it announces none."""
+    information = find_files(Path(bag)).information
+    counts = information.get("topics_with_message_count") or []
+    try:
+        return sum(int(t["message_count"]) for t in counts if t["topic_metadata"]["name"] == topic)
+    except (KeyError, TypeError, ValueError):
+        return 0

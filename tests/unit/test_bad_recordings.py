@@ -1,0 +1,169 @@
+"""Recordings that a diagnosis cannot use, each refused in a sentence; holes are cut out and said."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+import yaml
+from identification_plants import STAGE, stage_recording
+from joint_recordings import TRUTH
+
+from haptic_teleop_control.errors import RecordingError
+from haptic_teleop_control.recording import write_recording
+from haptic_teleop_sysid import diagnose as command
+from haptic_teleop_sysid.dataset import load_dataset
+from haptic_teleop_sysid.diagnosis.consistency import refuse_other_units, refuse_unrelated
+from haptic_teleop_sysid.diagnosis.cuts import FEWEST_SAMPLES, MOST_SAMPLES, refuse_too_long, with_cuts_told
+from haptic_teleop_sysid.diagnosis.diagnose import diagnose, records_of
+from haptic_teleop_sysid.diagnosis.plausible import refuse_kinematic, refuse_motionless
+from haptic_teleop_sysid.estimation.records import record_from
+
+
+def loaded(truth=STAGE, seed=1, seconds=12.0, **more):
+    return replace(
+        load_dataset(stage_recording(truth, seed=seed, seconds=seconds, **more), STAGE), name=f"bag{seed}"
+    )
+
+
+@pytest.fixture(scope="module")
+def data():
+    return [loaded(seed=1, rms=0.15), loaded(seed=2, rms=0.1, band=(0.2, 6.0))]
+
+
+def commanded(datasets):
+    return [record_from(d, commanded=True) for d in datasets]
+
+
+def test_recordings_of_one_machine_pass(data):
+    closed = loaded(seed=3, closed=True)
+    refuse_other_units(commanded([*data, closed]))
+    for one in (*data, closed):
+        refuse_kinematic(one)
+        refuse_unrelated(record_from(one, commanded=True), "stage1")
+        refuse_motionless(record_from(one, commanded=True), "stage1")
+
+
+@pytest.mark.parametrize(
+    ("field", "factor", "words"),
+    [("angle", 180.0 / np.pi, "degrees for radians"), ("input", 1000.0, "thousandths")],
+)
+def test_units_that_differ_between_bags_are_named(data, field, factor, words):
+    names = ("motor_position", "arm_position") if field == "angle" else ("input", "commanded_input")
+    other = replace(data[1], **{n: factor * getattr(data[1], n) for n in names})
+    with pytest.raises(RecordingError, match=f"bag2.*bag1.*{words}"):
+        refuse_other_units(commanded([data[0], other]))
+    with pytest.raises(RecordingError, match=words):
+        diagnose(STAGE, data[:1], [other])
+
+
+def test_recordings_of_two_machines_are_refused(data):
+    heavy = {
+        **TRUTH,
+        "motor_inertia": 4 * TRUTH["motor_inertia"],
+        "motor_damping": 4 * TRUTH["motor_damping"],
+    }
+    heavy |= {"arm_inertia": 4 * TRUTH["arm_inertia"], "stiffness": 4 * TRUTH["stiffness"]}
+    other = loaded(replace(STAGE, parameters=heavy), seed=2, rms=0.4)
+    with pytest.raises(
+        RecordingError, match=r"bag2 is .* times that of bag1, so they are hardly of one machine"
+    ):
+        refuse_other_units(commanded([data[0], other]))
+
+
+def test_an_input_that_does_not_drive_the_joint_is_refused(data):
+    strange = replace(data[0], commanded_input=np.random.default_rng(1).standard_normal(len(data[0])))
+    with pytest.raises(
+        RecordingError, match="bag1: the input has nothing in common with the motion of stage1"
+    ):
+        records_of([strange])
+
+
+@pytest.mark.parametrize(("field", "what"), [("motor_position", "angle"), ("motor_velocity", "velocity")])
+def test_an_input_that_is_the_motion_itself_is_refused(data, field, what):
+    driven = replace(data[0], input=0.7 * getattr(data[0], field))
+    with pytest.raises(RecordingError, match=f"the input of stage1 is its {what}.*give the force"):
+        refuse_kinematic(driven)
+
+
+def test_a_joint_without_mass_is_refused(data):
+    time = data[0].dt * np.arange(len(data[0]))
+    drive = np.sin(2.0 * np.pi * 0.4 * time) + 0.4 * np.sin(2.0 * np.pi * 1.1 * time)
+    massless = replace(
+        data[0], input=drive, motor_position=0.1 * drive, motor_velocity=0.1 * np.gradient(drive)
+    )
+    with pytest.raises(RecordingError, match="without mass"):
+        refuse_kinematic(massless)
+
+
+def test_noise_about_one_place_is_no_motion(data):
+    record = record_from(data[0], commanded=True)
+    noise = 1e-3 * np.random.default_rng(1).standard_normal(len(record))
+    still = replace(record, measured=np.column_stack([0.2 + noise, 0.2 + noise]))
+    with pytest.raises(RecordingError, match="the motor angle of stage1 does not change"):
+        refuse_motionless(still, "stage1")
+    refuse_motionless(replace(still, measured=still.measured + record.measured), "stage1")
+
+
+def test_two_hundred_samples_are_refused_with_what_is_needed():
+    with pytest.raises(RecordingError, match=f"200 samples.*at least {FEWEST_SAMPLES}"):
+        records_of([loaded(seconds=0.4)])
+
+
+def holed(recording, *holes):
+    """The recording without the messages of each (first, last), s."""
+    topics = {}
+    for name, series in recording.topics.items():
+        time = 1e-9 * (series.stamp - recording.topics["/sfj/joint_states"].stamp[0])
+        keep = np.ones(len(time), dtype=bool)
+        for first, last in holes:
+            keep &= (time < first) | (time >= last)
+        parts = {
+            n: None if (v := getattr(series, n)) is None else v[keep]
+            for n in ("stamp", "received", "position", "velocity", "effort")
+        }
+        topics[name] = replace(series, **parts)
+    return replace(recording, topics=topics)
+
+
+def test_a_short_hole_is_cut_out_and_said():
+    recording = holed(stage_recording(seed=4, seconds=12.0), (5.0, 5.014), (11.5, 11.6))
+    with pytest.raises(RecordingError, match="--allow-gaps"):
+        load_dataset(recording, STAGE, "bag")
+    dataset = with_cuts_told(load_dataset(recording, STAGE, "bag", allow_gaps=True))
+    first, second = records_of([dataset])
+    assert first.start + len(first) * first.dt == pytest.approx(5.0, abs=0.01)
+    assert second.start == pytest.approx(5.014, abs=0.01)
+    told = dataset.problems[-1]
+    assert "cut apart at its holes and used from 0.000 to 5.0" in told
+    assert "0.5" in told.partition("; ")[2]  # the rest behind the second hole is too short
+    whole = load_dataset(stage_recording(seed=4, seconds=4.0), STAGE, "bag")
+    assert with_cuts_told(whole) is whole
+
+
+def test_the_command_cuts_without_being_asked(tmp_path, monkeypatch):
+    recording = holed(stage_recording(seed=5, seconds=6.0), (3.0, 3.02))
+    write_recording(tmp_path / "bag", recording.topics, {}, {})
+    dataset = command._load(str(tmp_path / "bag"), STAGE)
+    assert any("cut apart at its holes" in p for p in dataset.problems)
+    assert (
+        command._parser()
+        .parse_args(
+            [*["--model", "m", "--estimation", "a", "--validation", "b", "--output", "c"], "--allow-gaps"]
+        )
+        .allow_gaps
+    )
+
+
+def test_more_samples_than_memory_holds_are_refused_before_they_are_read(tmp_path):
+    recording = stage_recording(seed=5, seconds=2.0)
+    write_recording(tmp_path / "bag", recording.topics, {}, {})
+    refuse_too_long([str(tmp_path / "bag")], STAGE)
+    path = tmp_path / "bag" / "metadata.yaml"
+    content = yaml.safe_load(path.read_text(encoding="utf-8"))
+    for topic in content["rosbag2_bagfile_information"]["topics_with_message_count"]:
+        topic["message_count"] = 10_000_000
+    path.write_text(yaml.safe_dump(content), encoding="utf-8")
+    for storage in (tmp_path / "bag").glob("*.mcap"):
+        storage.write_bytes(b"not to be read")
+    with pytest.raises(RecordingError, match=f"10000000 samples.*at most {MOST_SAMPLES}.*ros2 bag convert"):
+        refuse_too_long([str(tmp_path / "bag")], STAGE)

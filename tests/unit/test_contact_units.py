@@ -1,0 +1,71 @@
+"""Widths of contact are in units of the recording: metres, turns and volts are judged as radians are."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from test_diagnosis_parts import MODEL, joint_record
+
+from haptic_teleop_sim.effects import EFFECTS
+from haptic_teleop_sim.model import Effect
+from haptic_teleop_sysid.diagnosis.candidates import contacts, starts
+from haptic_teleop_sysid.diagnosis.material import material
+from haptic_teleop_sysid.diagnosis.scales import CONTACT_STARTS, CONTACTS, recording_scales, within_reach
+from haptic_teleop_sysid.estimation.gauss_newton import bounds
+
+FRICTION = Effect("coulomb_friction", "stage1_motor", {"torque": 0.1})
+NAME = "stage1_motor.coulomb_friction.contact_angle"
+
+
+@pytest.fixture(scope="module")
+def record():
+    return joint_record(41, seconds=4.0)
+
+
+def in_units(record, factor):
+    """The same recording in a unit that is 1/factor of a radian."""
+    return replace(
+        record, measured=factor * record.measured, resolution=tuple(factor * r for r in record.resolution)
+    )
+
+
+@pytest.mark.parametrize("factor", [1e-4, 1.0, 1e4])
+def test_contacts_scale_with_the_unit(record, factor):
+    scales = recording_scales(MODEL, [in_units(record, factor)])
+    travel = factor * np.ptp(record.measured[:, 0])
+    tried = [e.parameters["contact_angle"] for e in contacts(FRICTION, scales)]
+    np.testing.assert_allclose(tried, np.array(CONTACT_STARTS) * travel)
+    low, high = within_reach(MODEL, scales)[NAME]
+    np.testing.assert_allclose((low, high), np.array(CONTACTS) * travel)
+    assert all(low < t < high for t in tried)
+    # The effect itself allows them.
+    allowed = bounds(MODEL.with_effects(contacts(FRICTION, scales)[0]), (NAME,), within_reach(MODEL, scales))
+    np.testing.assert_allclose([a[0] for a in allowed], (low, high))
+    # A linearisation begins with a contact of this recording, too.
+    for one in starts(EFFECTS["coulomb_friction"], scales, "motor"):
+        assert low <= FRICTION.values["contact_angle"] <= high or low < one["contact_angle"] < high
+
+
+@pytest.mark.parametrize("factor", [1e-4, 1.0, 1e4])
+@pytest.mark.parametrize(("share", "expected"), [(1e-4, False), (0.01, True), (0.5, False)])
+def test_a_contact_bears_its_own_name_from_a_share_of_the_travel(record, factor, share, expected):
+    scales = recording_scales(MODEL, [in_units(record, factor)])
+    stiffness = 0.5 / (share * scales.span(0))
+    effect = Effect("presliding_friction", "stage1_motor", {"torque": 0.5, "stiffness": stiffness})
+    assert material(effect, scales) == expected
+
+
+def test_within_a_step_of_the_encoder_no_contact_shows(record):
+    coarse = replace(record, resolution=(0.01 * np.ptp(record.measured[:, 0]), record.resolution[1]))
+    scales = recording_scales(MODEL, [coarse])
+    assert scales.contacts(0)[1] == pytest.approx(coarse.resolution[0])
+    gives = 0.5 * coarse.resolution[0]
+    effect = Effect("presliding_friction", "stage1_motor", {"torque": 0.5, "stiffness": 0.5 / gives})
+    assert not material(effect, scales)
+    assert material(effect, recording_scales(MODEL, [record]))
+
+
+def test_an_arm_that_nobody_read_has_the_motor_s_travel(record):
+    alone = replace(record, measured=np.column_stack([record.measured[:, 0], np.full(len(record), np.nan)]))
+    scales = recording_scales(MODEL, [alone])
+    assert scales.contacts(1)[0] == pytest.approx(scales.contacts(0)[0])
