@@ -19,13 +19,16 @@ from .contents import contents
 from .current import shown_by_current
 from .cuts import FEWEST_SAMPLES
 from .decide import Choice
-from .doubt import doubted
+from .doubt import coloured, doubted
+from .inverse_dynamics.witness import witness
 from .nulls import Null, beyond_chance, nulls
+from .overruled import as_result, believed_instead, inadequate
 from .plausible import refuse_copies, refuse_idle, refuse_kinematic, refuse_motionless
 from .proof import Course, Proof, mean_percent, prove
 from .reasons import Doubt, off_the_mark, runs_away, slipped
 from .scales import recording_scales, within_reach
 from .search import LEAST_PERCENT, POOR_FIT, SearchResult, search, search_by_simulation
+from .second_opinion import Opinion, second_opinion
 from .stand import Stand
 from .verdict import Verdict, decide_verdict
 
@@ -91,10 +94,21 @@ class Explained:
     result: SearchResult
     kept: SearchResult
     freely: bool
+    opinion: Opinion
 
     def unseen(self, candidate: Model) -> float:
         """Simulated fit of a model on the validation recordings, percent."""
         return float(np.mean(self.course.percent(candidate)[self.count :]))
+
+    def errors(self, candidate: Model) -> tuple[float, float]:
+        """See `second_opinion.Errors`."""
+        return free_errors(self.course, self.count, candidate)
+
+
+def free_errors(course: Course, count: int, candidate: Model) -> tuple[float, float]:
+    """See `second_opinion.Errors`; the first ``count`` recordings of the course are the estimation's."""
+    errors = 1.0 - np.array(course.percent(candidate)) / 100.0
+    return float(np.mean(errors[:count])), float(np.mean(errors[count:]))
 
 
 def explain(
@@ -140,7 +154,16 @@ def explain(
         gained = sum(percent(free.final.model)) - sum(percent(kept.final.model))
         if free.choices and (not kept.choices or gained > LEAST_PERCENT):
             kept, freely = free, True
-    return Explained(learn, judge, course, n, result, kept, freely)
+    say("asking the inverse dynamics")
+
+    def errors(candidate: Model) -> tuple[float, float]:
+        return free_errors(course, n, candidate)
+
+    scales = result.scales
+    testimony = witness(model, learn, judge, scales)
+    alone = (model, result.baseline.model, testimony.structure.model)
+    opinion = second_opinion(testimony, scales, errors, min(map(errors, alone)))
+    return Explained(learn, judge, course, n, result, kept, freely, opinion)
 
 
 def questioned(
@@ -150,6 +173,14 @@ def questioned(
     what the search by prediction found, so far as chance leaves it."""
     harmful = None if kept.choices else next(iter(believed.choices), None)
     result, doubt, stand = doubted(kept, found.learn, found.judge, found.unseen)
+    first = result.nameless.chosen.fit if result.nameless is not None else result.final
+    if believed_instead(found.opinion, found.errors(first.model), coloured(first, found.learn, found.judge)):
+        result, doubt = as_result(found.opinion, result, found.learn, found.errors)
+        return result, doubt, Stand(stand.before, stand.after, {})
+    if doubt is None and (short := inadequate(result, found.opinion)) is not None:
+        kept_before = result.choices[: result.choices.index(short.choice)] if short.choice else ()
+        final = kept_before[-1].chosen.fit if kept_before else result.baseline
+        result, doubt = replace(result, choices=kept_before, final=final, last_round=()), short
     if harmful is not None and (doubt is None or doubt.choice is None):
         doubt = runs_away(harmful)
     if doubt is None and not result.choices:

@@ -142,6 +142,14 @@ def _more_coloured(found: tuple[float, float], fits: Sequence[tuple[Fit, Sequenc
     return all(c > BY_ROUNDING * expected_colour(*one) for c, one in zip(found, fits, strict=True))
 
 
+def coloured(fit: Fit, estimation: Sequence[Record], validation: Sequence[Record]) -> bool:
+    """Whether the innovations of a fit are coloured on both kinds of recordings, by more than coarse encoders
+    make them: then its noise model does not hold, and its likelihoods are not to be taken at their word."""
+    there = held_out_fit(fit, validation, [fit.noise])
+    found = colour(fit, estimation), colour(there, validation)
+    return min(found) > COLOURED and _more_coloured(found, [(fit, estimation), (there, validation)])
+
+
 class _Rounding:
     """Which findings stand for the steps of coarse encoders; every one is asked once."""
 

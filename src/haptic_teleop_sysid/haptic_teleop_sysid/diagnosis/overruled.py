@@ -18,10 +18,10 @@ from .explanation import Explanation
 from .inverse_dynamics.terms import Hypothesis, follows_from_motion
 from .reasons import Doubt
 from .search import SearchResult
-from .second_opinion import Errors, Opinion
+from .second_opinion import NO_WORSE, PERFECT, Errors, Opinion
 
-#: Factor by which the free run of the second opinion must err less, on both kinds of recordings, than that of
-#: a first one whose innovations are coloured, and of one whose are white.
+#: Factor by which the free run of the second opinion must err less, in the mean of both kinds of recordings,
+#: than that of a first one whose innovations are coloured, and of one whose are white.
 CLEARLY, FAR = 0.9, 0.7
 #: Least share of what a torque without a form explains in the same quantities.
 ADEQUATE = 0.5
@@ -36,8 +36,11 @@ def believed_instead(opinion: Opinion, first: tuple[float, float], coloured: boo
     not hold."""
     if opinion.chosen is None:
         return False
-    bound = CLEARLY if coloured else FAR
-    return all(own < bound * other for own, other in zip(opinion.chosen.errors, first, strict=True))
+    ratios = [
+        max(own, PERFECT) / max(other, PERFECT)
+        for own, other in zip(opinion.chosen.errors, first, strict=True)
+    ]
+    return max(ratios) < NO_WORSE and math.prod(ratios) < (CLEARLY if coloured else FAR) ** 2
 
 
 def as_result(

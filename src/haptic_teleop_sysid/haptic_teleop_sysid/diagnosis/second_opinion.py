@@ -29,7 +29,7 @@ NO_WORSE = 1.02
 #: Difference in what groups gain, by both, at which the weight of the lesser falls to a third.
 APART = 3.0
 #: Error, relative, below which a free run is as good as it can be.
-_PERFECT = 0.002
+PERFECT = 0.002
 
 #: Error of the free runs of a model on estimation and on validation recordings, as a share of the motion's
 #: spread: 1 is no better than the mean.
@@ -64,7 +64,7 @@ class Opinion:
 
 def second_opinion(witness: Witness, scales: Scales, errors: Errors, before: tuple[float, float]) -> Opinion:
     """The opinion; ``before``: errors of the best that the structure alone does, however fitted."""
-    floor = [max(e, _PERFECT) for e in before]
+    floor = [max(e, PERFECT) for e in before]
 
     def heard(group: Group) -> Heard | None:
         if not all(_admissible(e, scales) for e in group.effects):
@@ -72,7 +72,7 @@ def second_opinion(witness: Witness, scales: Scales, errors: Errors, before: tup
         found = errors(group.model)
         if any(e > NO_WORSE * b for e, b in zip(found, floor, strict=True)):
             return None
-        ratios = [math.log(b / max(e, _PERFECT)) for e, b in zip(found, floor, strict=True)]
+        ratios = [math.log(b / max(e, PERFECT)) for e, b in zip(found, floor, strict=True)]
         return Heard(group, group.gain + FREE_RUN * sum(ratios), found)
 
     chosen: Heard | None = None
