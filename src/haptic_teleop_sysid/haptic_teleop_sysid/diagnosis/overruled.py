@@ -59,7 +59,7 @@ def as_result(
         for i in range(len(group.effects))
     )
     if adequacy < ADEQUATE:
-        search = opinion.witness.search
+        search = opinion.witness.folds
         shapes = {n for h in group.hypotheses for latent in search.alike(h) for n in latent.quantities}
         names = " and ".join(f"{e.effect} at {e.location}" for e in group.effects)
         why = (
@@ -75,15 +75,19 @@ def as_result(
 
 def inadequate(result: SearchResult, opinion: Opinion) -> Doubt | None:
     """The doubt about a name whose torque is far from what the same quantities explain without a form."""
-    for choice in result.choices:
-        effect = choice.chosen.effect
-        if choice.chosen.by_current > 0.0 or not follows_from_motion(effect.entry):
-            continue
-        hypothesis = Hypothesis.of(effect, result.baseline.model.place(effect.location))
-        adequacy = opinion.witness.search.adequacy((hypothesis,))
+    told = [
+        c
+        for c in result.choices
+        if c.chosen.by_current <= 0.0 and follows_from_motion(c.chosen.effect.entry)
+    ]
+    group = tuple(
+        Hypothesis.of(c.chosen.effect, result.baseline.model.place(c.chosen.effect.location)) for c in told
+    )
+    for choice, adequacy in zip(told, opinion.witness.folds.adequacies(group), strict=True):
         if adequacy < ADEQUATE:
+            name = choice.chosen.effect.effect
             why = (
-                f"{effect.effect} explains {100 * adequacy:.0f} % of what a torque without a form explains "
+                f"{name} explains {100 * adequacy:.0f} % of what a torque without a form explains "
                 "in the same quantities"
             )
             return Doubt(choice, why)

@@ -58,8 +58,10 @@ class Opinion:
 
     @property
     def adequacy(self) -> float:
-        """See `Search.adequacy`; 0 where nothing is believed."""
-        return 0.0 if self.chosen is None else self.witness.search.adequacy(self.chosen.group.hypotheses)
+        """The least of the chosen effects' (see `Search.adequacies`); 0 where nothing is believed."""
+        if self.chosen is None:
+            return 0.0
+        return min(self.witness.folds.adequacies(self.chosen.group.hypotheses))
 
 
 def second_opinion(witness: Witness, scales: Scales, errors: Errors, before: tuple[float, float]) -> Opinion:

@@ -22,6 +22,8 @@ FloatArray = NDArray[np.float64]
 
 #: Knots of a curve, and of a surface in either direction.
 KNOTS, KNOTS_OF_SURFACE = 25, 6
+#: Weight that draws knots to zero, relative to the one that draws them to a straight line.
+SLIGHT = 0.05
 #: Share of the travel within which the memory of a direction turns.
 TURNS = 0.02
 
@@ -57,6 +59,20 @@ class Latent:
             hats = _hats(quantity(motion, self.place, name, self.turns), np.array(knots))
             found = (found[:, :, None] * hats[:, None, :]).reshape(len(found), -1)
         return motion.filtered(found, times=2)
+
+    def bends(self) -> FloatArray:
+        """(rows, columns): second differences of the function along each quantity, all zero for a plane; and
+        every knot a little, so that a slope that the structure has stays the structure's."""
+        sizes = [len(k) for k in self.knots]
+        rows = [SLIGHT * np.eye(int(np.prod(sizes)))]
+        for axis in range(len(sizes)):
+            factors = [np.eye(n) for n in sizes]
+            factors[axis] = np.diff(np.eye(sizes[axis]), 2, axis=0)
+            product = factors[0]
+            for factor in factors[1:]:
+                product = np.kron(product, factor)
+            rows.append(product)
+        return np.concatenate(rows)
 
     @property
     def parameters(self) -> int:

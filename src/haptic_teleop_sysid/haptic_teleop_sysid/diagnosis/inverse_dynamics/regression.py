@@ -34,6 +34,8 @@ FloatArray = NDArray[np.float64]
 
 #: Factor by which a stiffness may differ from the given one: with little deflection it is hardly seen.
 STIFFNESS = 3.0
+#: Stretches into which recordings are cut for folds.
+STRETCHES = 16
 
 
 @dataclass(frozen=True)
@@ -74,6 +76,62 @@ class Equations:
         stiffness = self.model.parameters.get("stiffness", 0.0)
         torque = np.concatenate([hypothesis.columns(m, stiffness) for m in self.motions])
         return placed(torque, hypothesis.place, self.model.rigid)
+
+
+@dataclass(frozen=True)
+class Fold:
+    """Every other stretch of some recordings' equations together: what `Equations` has, of these rows."""
+
+    parts: tuple[Equations, ...]
+    odd: bool
+
+    @property
+    def model(self) -> Model:
+        return self.parts[0].model
+
+    @property
+    def motions(self) -> tuple[BandedMotion, ...]:
+        return tuple(m for part in self.parts for m in part.motions)
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        return self.parts[0].names
+
+    @property
+    def samples(self) -> int:
+        return int(sum(np.sum(self._taken(part)) for part in self.parts))
+
+    @property
+    def target(self) -> FloatArray:
+        return self._rows([part.target[:, None] for part in self.parts])[:, 0]
+
+    @property
+    def base(self) -> FloatArray:
+        return self._rows([part.base for part in self.parts])
+
+    def columns(self, hypothesis: Hypothesis | Latent) -> FloatArray:
+        """See `Equations.columns`."""
+        return self._rows([part.columns(hypothesis) for part in self.parts])
+
+    def bounds(self) -> tuple[FloatArray, FloatArray]:
+        """See `Equations.bounds`."""
+        return self.parts[0].bounds()
+
+    def arm_scale(self, values: FloatArray) -> float:
+        """See `Equations.arm_scale`."""
+        return self.parts[0].arm_scale(values)
+
+    def _taken(self, part: Equations) -> NDArray[np.bool_]:
+        stretch = np.arange(part.samples) * STRETCHES // max(part.samples, 1)
+        return stretch % 2 == int(self.odd)
+
+    def _rows(self, values: Sequence[FloatArray]) -> FloatArray:
+        """Rows (m, ...) of the parts' (m, ...), the motor's equation of all parts first."""
+        count = 1 if self.model.rigid else 2
+        halves = [np.split(v, count) for v in values]
+        return np.concatenate(
+            [h[k][self._taken(part)] for k in range(count) for h, part in zip(halves, self.parts, strict=True)]
+        )
 
 
 def placed(torque: FloatArray, place: str, rigid: bool) -> FloatArray:

@@ -17,7 +17,7 @@ from ..candidates import family
 from ..scales import Scales
 from .latent import Latent, latents
 from .motion import motion_band
-from .regression import Equations, equations, solved, standard_errors, weights_of
+from .regression import Equations, Fold, equations, solved, standard_errors, weights_of
 from .terms import Hypothesis, hypotheses
 
 FloatArray = NDArray[np.float64]
@@ -30,6 +30,10 @@ A_PARAMETER = 4.0
 #: Share of what the structure alone leaves (mean square) that no equation of an effect comes nearer to: dry
 #: friction is never quite that, and what a richer form gains below it says nothing.
 FORM = 0.002
+#: Weight that keeps a torque without a form straight, relative to the best visited knot.
+STIFF = 0.05
+#: Log-likelihood by which a torque without a form must exceed an effect to speak against it.
+CLEARLY = 12.0
 #: Share of an effect's torque (mean square) up to which one without a form may miss its shape.
 SHAPED = 0.2
 #: Torques without a form that together say what could be explained.
@@ -69,17 +73,18 @@ class Witness:
     """``structure``: without any effect; ``levels``: groups of one effect, of two and of three, best first,
     BEAM of each at most; ``cutoff``: Hz.
 
-    ``recoverable``: share of what the structure alone leaves of the torques (mean square, recordings that
-    were not fitted) that torques without a form explain, at most MOST_SHAPELESS of them, or the best group:
-    what any explanation could reach; ``shapeless``: these torques; ``search`` answers
-    further questions."""
+    ``recoverable``: share of what the structure alone leaves of the torques (mean square, stretches of all
+    recordings that were not fitted, because these torques say nothing of where they were not) that torques
+    without a form explain, at most MOST_SHAPELESS of them, or the best group:
+    what any explanation could reach; ``shapeless``: these torques; ``folds``
+    answers further questions on such stretches."""
 
     structure: Group
     levels: tuple[tuple[Group, ...], ...]
     cutoff: float
     recoverable: float
     shapeless: tuple[Latent, ...]
-    search: Search
+    folds: Search
 
     @property
     def best(self) -> Group:
@@ -92,10 +97,10 @@ class Witness:
 
     def beside(self, group: Group) -> tuple[Latent, float] | None:
         """The torque without a form that explains most of what a group leaves, and the share of that."""
-        wider = self.search.shapeless(group.hypotheses, 1)
+        wider = self.folds.shapeless(group.hypotheses, 1)
         if len(wider) == len(group.hypotheses):
             return None
-        left = [1.0 - self.search.explained(c) for c in (group.hypotheses, wider)]
+        left = [1.0 - self.folds.explained(c) for c in (group.hypotheses, wider)]
         return wider[-1], 1.0 - left[1] / max(left[0], 1e-300)
 
 
@@ -130,11 +135,12 @@ def _different(one: Hypothesis, other: Hypothesis) -> bool:
 class Search:
     """Groups of hypotheses on the equations of both kinds of recordings."""
 
-    def __init__(self, model: Model, here: Equations, there: Equations):
+    def __init__(self, model: Model, here: Equations | Fold, there: Equations | Fold):
         self.model, self.sides = model, (here, there)
         count = 1 if model.rigid else 2
         self.weights = [weights_of(s.target, s.base, count) for s in self.sides]
         self.known: dict[Hypothesis, tuple[FloatArray, FloatArray]] = {}
+        self.numbers = [1.0, 1.0]
         self.cached: dict[Chosen, tuple[float, float]] = {}
 
     def best_of_each(self, every: Sequence[Hypothesis], beside: Chosen) -> list[Chosen]:
@@ -175,37 +181,47 @@ class Search:
         # What the fullest explanation leaves comes nearest to noise: how long that remembers says how many
         # samples count, and for all groups the same number.
         fullest = self.leader([chosen for level in levels for chosen in level])
-        numbers = [
+        self.numbers = numbers = [
             independent(self._left(k, fullest, self._fitted(1 - k, fullest))[: side.samples])
             for k, side in enumerate(self.sides)
         ]
 
         def gain(chosen: Chosen) -> float:
-            found = -0.5 * sum(n * r for n, r in zip(numbers, self.ratios(chosen), strict=True))
-            return found - A_PARAMETER * sum(h.parameters for h in chosen)
+            return self.likelier(chosen) - A_PARAMETER * sum(h.parameters for h in chosen)
 
         def ranked(level: Sequence[Chosen]) -> tuple[Group, ...]:
             best = sorted(level, key=gain, reverse=True)[:BEAM]
             return tuple(self.group(chosen, gain(chosen), numbers) for chosen in best)
 
         found = tuple(ranked(level) for level in levels[1:])
-        shapeless = self.shapeless(())
-        most = max([self.explained(shapeless), *(level[0].explained for level in found)])
-        return Witness(self.group((), 0.0, numbers), found, cutoff, most, shapeless, self)
+        folds = Search(self.model, Fold(self.sides, False), Fold(self.sides, True))
+        folds.numbers = [0.5 * sum(numbers)] * 2
+        shapeless = folds.shapeless(())
+        best = [level[0].hypotheses for level in found]
+        most = max([folds.explained(chosen) for chosen in (shapeless, *best)])
+        return Witness(self.group((), 0.0, numbers), found, cutoff, most, shapeless, folds)
 
-    def adequacy(self, chosen: Chosen) -> float:
-        """How much of what a torque without a form explains in the same quantities, at the same place, the
-        effects of a group do: the least of them, 0 to 1.
+    def adequacies(self, chosen: Chosen) -> list[float]:
+        """For each effect of a group, how much of what a torque without a form explains in the same
+        quantities, at the same place, it does, 0 to 1; 1 where none explains clearly more.
 
         A torque without a form has the quantities of an effect where it can take on the effect's shape."""
-        worst = 1.0
+        found = []
         for one in chosen:
             rest = tuple(h for h in chosen if h is not one)
-            own = self.explained(chosen) - self.explained(rest)
-            others = [self.explained((*rest, latent)) for latent in self.alike(one)]
-            most = max([own, *(o - self.explained(rest) for o in others)])
-            worst = min(worst, own / most if most > 0.0 else 0.0)
-        return max(worst, 0.0)
+            none, own = self.explained(rest), self.explained(chosen) - self.explained(rest)
+            clearer = [
+                wider
+                for latent in self.alike(one)
+                if self.likelier(wider := (*rest, latent)) > self.likelier(chosen) + CLEARLY
+            ]
+            most = max([self.explained(wider) - none for wider in clearer], default=own)
+            found.append(min(max(own, 0.0) / most, 1.0) if most > 0.0 else 1.0)
+        return found
+
+    def likelier(self, chosen: Chosen) -> float:
+        """Log-likelihood gained on recordings that were not fitted, at the number of independent samples."""
+        return -0.5 * sum(n * r for n, r in zip(self.numbers, self.ratios(chosen), strict=True))
 
     def alike(self, hypothesis: Hypothesis) -> list[Latent]:
         """Torques without a form, at the same place, that can take on the shape of an effect."""
@@ -275,7 +291,24 @@ class Search:
         own = self.sides[side].bounds()
         low = np.concatenate([own[0], *(b[0] for b in bounds)])
         high = np.concatenate([own[1], *(b[1] for b in bounds)])
-        return solved(self._all(side, chosen) * weight[:, None], self.sides[side].target * weight, low, high)
+        columns = self._all(side, chosen) * weight[:, None]
+        target = self.sides[side].target * weight
+        stiff = self._stiff(columns, chosen)
+        columns = np.concatenate([columns, *stiff])
+        target = np.concatenate([target, np.zeros(len(columns) - len(target))])
+        return solved(columns, target, low, high)
+
+    def _stiff(self, columns: FloatArray, chosen: Chosen) -> list[FloatArray]:
+        """Rows (r, p) that keep torques without a form from bending where the motion hardly goes."""
+        found, place = [], columns.shape[1] - sum(len(h.bounds()[0]) for h in chosen)
+        for h in chosen:
+            own = slice(place, place := place + len(h.bounds()[0]))
+            if isinstance(h, Latent):
+                bends = h.bends()
+                rows = np.zeros((len(bends), columns.shape[1]))
+                rows[:, own] = STIFF * float(np.max(np.linalg.norm(columns[:, own], axis=0))) * bends
+                found.append(rows)
+        return found
 
     def _left(self, side: int, chosen: Chosen, values: FloatArray) -> FloatArray:
         return (self.sides[side].target - self._all(side, chosen) @ values) * self.weights[side]

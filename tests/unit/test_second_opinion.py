@@ -1,0 +1,116 @@
+"""When inverse dynamics and free runs are believed over one-step prediction, and what they then say."""
+
+import json
+from pathlib import Path
+
+import pytest
+from stepped_machines import RIGID, pendulum
+
+from haptic_teleop_sim.model import Effect, load_model
+from haptic_teleop_sysid.diagnose import main
+from haptic_teleop_sysid.diagnosis.decide import Choice
+from haptic_teleop_sysid.diagnosis.explanation import Explanation
+from haptic_teleop_sysid.diagnosis.inverse_dynamics.witness import witness
+from haptic_teleop_sysid.diagnosis.overruled import as_result, believed_instead, inadequate
+from haptic_teleop_sysid.diagnosis.scales import recording_scales
+from haptic_teleop_sysid.diagnosis.search import SearchResult
+from haptic_teleop_sysid.diagnosis.second_opinion import second_opinion
+from haptic_teleop_sysid.diagnosis.verdict import decide_verdict
+from haptic_teleop_sysid.estimation.whole_fit import fit_whole, noise_starts
+
+REAL = Path(__file__).parents[3] / "shared" / "data" / "real"
+
+
+@pytest.fixture(scope="module")
+def rubbing():
+    """Recordings of a pendulum with dry friction, what the inverse dynamics say of them, and a first opinion
+    that found nothing."""
+    learn, judge = ([pendulum(seed, coulomb=0.4)] for seed in (0, 1))
+    scales = recording_scales(RIGID, learn)
+    baseline = fit_whole(RIGID, noise_starts(RIGID, learn)[1], learn, iterations=5)
+    return learn, judge, scales, SearchResult(baseline, baseline, (), (), scales)
+
+
+def errors_of(model):
+    """Free runs that err by a tenth with friction of about the right size, and by a half without."""
+    torque = sum(e.parameters.get("torque", 0.0) for e in model.effects if "friction" in e.effect)
+    return (0.1, 0.12) if abs(torque - 0.4) < 0.1 else (0.5, 0.5)
+
+
+def test_what_gains_by_inverse_dynamics_and_by_free_runs_becomes_the_result(rubbing):
+    learn, judge, scales, first = rubbing
+    opinion = second_opinion(witness(RIGID, learn, judge, scales), scales, errors_of, (0.5, 0.5))
+    assert [e.effect for e in opinion.chosen.group.effects] == ["coulomb_friction"]
+    assert believed_instead(opinion, (0.5, 0.5), coloured=True)
+    result, doubt = as_result(opinion, first, learn, errors_of)
+    assert doubt is None
+    verdict = decide_verdict(result, learn, judge, doubt)
+    assert verdict.kind == "identified"
+    (finding,) = verdict.findings
+    assert (finding["effect"], finding["location"]) == ("coulomb_friction", "j_motor")
+    torque = finding["parameters"]["torque"]
+    assert torque["value"] == pytest.approx(0.4, abs=3 * torque["std"])
+    assert 0.0 < torque["std"] < 0.1
+    assert "free run" in finding["because"]
+
+
+def test_a_first_opinion_that_runs_as_well_stays(rubbing):
+    learn, judge, scales, _ = rubbing
+    opinion = second_opinion(witness(RIGID, learn, judge, scales), scales, errors_of, (0.5, 0.5))
+    assert not believed_instead(opinion, (0.1, 0.12), coloured=True)
+    # White innovations are believed longer.
+    assert believed_instead(opinion, (0.12, 0.14), coloured=True)
+    assert not believed_instead(opinion, (0.12, 0.14), coloured=False)
+
+
+def test_what_spoils_the_free_run_is_not_believed_however_much_torque_it_explains(rubbing):
+    learn, judge, scales, _ = rubbing
+    testimony = witness(RIGID, learn, judge, scales)
+    spoilt = second_opinion(testimony, scales, lambda m: (0.4, 0.6) if m.effects else (0.5, 0.5), (0.5, 0.5))
+    assert spoilt.chosen is None
+    assert not believed_instead(spoilt, (0.9, 0.9), coloured=True)
+
+
+def test_a_name_that_explains_little_of_what_its_quantities_do_is_given_up():
+    model = RIGID.with_effects(Effect("gravity", "j_motor", {"torque": 4.0}))
+    # Viscous friction that grows and falls with the angle: no effect has this form.
+    learn, judge = ([pendulum(seed, weight=4.0, swirl=0.09)] for seed in (0, 1))
+    scales = recording_scales(model, learn)
+    opinion = second_opinion(witness(model, learn, judge, scales), scales, lambda m: (0.5, 0.5), (0.5, 0.5))
+    baseline = fit_whole(model, noise_starts(model, learn)[1], learn, iterations=5)
+    named = fit_whole(
+        model.with_effects(Effect("coulomb_friction", "j_motor", {"torque": 0.02})),
+        baseline.noise,
+        learn,
+        free=(),
+        iterations=3,
+    )
+    choice = Choice(Explanation(named, 50.0, 20.0, True, 1), 1.0)
+    doubt = inadequate(SearchResult(baseline, named, (choice,), (), scales), opinion)
+    assert doubt is not None and doubt.choice is choice
+    assert "coulomb_friction explains" in doubt.why
+
+
+@pytest.mark.skipif(not REAL.is_dir(), reason="the recordings of real machines are not here")
+@pytest.mark.parametrize(
+    ("machine", "named", "inertia"),
+    [
+        ("kr300", {"coulomb_friction": (250.0, 500.0)}, (1300.0, 2600.0)),
+        ("dfki", {"gravity": (2.9, 4.0), "coulomb_friction": (0.13, 0.3)}, (0.12, 0.22)),
+    ],
+)
+def test_real_machines_get_the_names_and_about_the_sizes_published(tmp_path, machine, named, inertia):
+    folder = REAL / machine
+    arguments = ["--model", str(folder / "model.yaml"), "--estimation", str(folder / "estimation")]
+    arguments += ["--validation", str(folder / "validation"), "--output", str(tmp_path / "out"), "--no-report"]
+    assert main(arguments) == 0
+    said = json.loads((tmp_path / "out" / "diagnosis.json").read_text())
+    assert said["verdict"] == "identified"
+    assert {f["effect"] for f in said["findings"]} == set(named)
+    for finding in said["findings"]:
+        low, high = named[finding["effect"]]
+        assert low < finding["parameters"]["torque"]["value"] < high
+    before, after = said["fit"]["baseline"]["validation"], said["fit"]["augmented"]["validation"]
+    assert all(after[name] > before[name] + 5.0 for name in before)
+    model = load_model(tmp_path / "out" / "augmented_model.yaml")
+    assert inertia[0] < model.parameters["motor_inertia"] < inertia[1]
