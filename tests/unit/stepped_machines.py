@@ -73,7 +73,7 @@ def pendulum(seed: int, **more: float) -> Record:
     parts = {"coulomb": 0.0, "weight": 0.0, "offset": 0.0, "detent": 0.0, "swirl": 0.0} | more
     torque = drive(seed, 2.0 + 0.5 * seed)
     own = tuple(parts[n] for n in ("coulomb", "weight", "offset", "detent", "swirl"))
-    return record(torque, swing(torque, 0.14, 0.1, *own)[:, None])
+    return record(torque, swing(torque, 0.14, 0.35, *own)[:, None], 1e-5)
 
 
 RIGID = Model(

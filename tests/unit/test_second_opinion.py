@@ -74,7 +74,7 @@ def test_what_spoils_the_free_run_is_not_believed_however_much_torque_it_explain
 def test_a_name_that_explains_little_of_what_its_quantities_do_is_given_up():
     model = RIGID.with_effects(Effect("gravity", "j_motor", {"torque": 4.0}))
     # Viscous friction that grows and falls with the angle: no effect has this form.
-    learn, judge = ([pendulum(seed, weight=4.0, swirl=0.09)] for seed in (0, 1))
+    learn, judge = ([pendulum(seed, weight=4.0, swirl=0.3)] for seed in (0, 1))
     scales = recording_scales(model, learn)
     opinion = second_opinion(witness(model, learn, judge, scales), scales, lambda m: (0.5, 0.5), (0.5, 0.5))
     baseline = fit_whole(model, noise_starts(model, learn)[1], learn, iterations=5)
