@@ -19,8 +19,8 @@ from .along_motion import columns
 
 FloatArray = NDArray[np.float64]
 
-#: Values that are filtered at once.
-_CHUNK = 48
+#: Values that are filtered at once, and samples times values (some 80 bytes each).
+_CHUNK, _MOST_AT_ONCE = 48, 10_000_000
 
 #: Share of an answer's square beyond which the structure's parameters leave nothing that rounding does not.
 _ALL_EXPLAINED = 1e-10
@@ -56,8 +56,9 @@ class Answers:
         """Nats (values,) that the effect promises at each value of its scanned parameter."""
         found = np.zeros(len(values))
         channel = 1 if place.startswith("arm") else 0
-        for begin in range(0, len(values), _CHUNK):
-            some = values[begin : begin + _CHUNK]
+        chunk = max(1, min(_CHUNK, _MOST_AT_ONCE // sum(len(r) for r in self.records)))
+        for begin in range(0, len(values), chunk):
+            some = values[begin : begin + chunk]
             parts = []
             for record, run, (transition, gain, shown) in zip(
                 self.records, self.runs, self.observers, strict=True

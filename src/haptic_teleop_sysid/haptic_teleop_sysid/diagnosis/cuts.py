@@ -15,8 +15,8 @@ from haptic_teleop_sysid.estimation.records import records_from
 
 #: Samples in a row below which no recording can say anything about six parameters and their noise.
 FEWEST_SAMPLES = 500
-#: Samples of all recordings together that a diagnosis keeps in memory with their derivatives (some 600 bytes
-#: each), so that it stays below 2 GiB.
+#: Samples of all recordings together that a diagnosis keeps in memory with their derivatives (1.5 kB each at
+#: most, measured), so that it stays below 2 GiB.
 MOST_SAMPLES = 1_000_000
 
 

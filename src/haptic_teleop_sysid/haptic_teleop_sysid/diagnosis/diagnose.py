@@ -115,10 +115,10 @@ def explain(
     model: Model, estimation: list[DataSet], validation: list[DataSet], say: Callable[[str], None]
 ) -> Explained:
     """Baseline and search, on recordings and on simulated ones alike."""
-    learn, judge = records_of(estimation), records_of(validation)
     n, everything = len(estimation), [*estimation, *validation]
     refuse_copies(everything)
     refuse_idle(everything)
+    learn, judge = records_of(estimation), records_of(validation)
     for dataset in everything:
         refuse_kinematic(dataset)
     refuse_other_units([*learn, *judge])

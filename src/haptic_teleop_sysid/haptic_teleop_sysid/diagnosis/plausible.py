@@ -57,13 +57,14 @@ def refuse_implausible(model: Model, recording: Recording, dataset: DataSet) -> 
 
 
 def refuse_idle(datasets: Sequence[DataSet]) -> None:
-    """Raise RecordingError for a recording in which the joint hardly is driven and moves beside others.
+    """Raise RecordingError for a recording in which the joint hardly is driven and moves beside others (one
+    in which it is not driven at all is told by itself).
 
     Its controller then holds it while another joint is driven, and rounded readings agree with any model."""
     drives = [float(np.nanstd(d.input)) for d in datasets]
     travels = [float(np.nanstd(d.motor_position)) for d in datasets]
     for dataset, drive, travel in zip(datasets, drives, travels, strict=True):
-        if drive < _HARDLY_DRIVEN * max(drives) and travel < _HARDLY_MOVES * max(travels):
+        if 0.0 < drive < _HARDLY_DRIVEN * max(drives) and travel < _HARDLY_MOVES * max(travels):
             raise RecordingError(
                 f"{dataset.name}: beside another recording {dataset.joint} is driven by "
                 f"{100 * drive / max(drives):.2g} % and moves by {100 * travel / max(travels):.2g} %: "

@@ -67,7 +67,7 @@ def left_over(fit: Fit, record: Record) -> LeftOver:
     states = innovations(packed, fit.noise, record).states
     used = [0, channels(packed, record)[-1]]
     q = np.column_stack([bridged(record.measured[:, c]) for c in used])
-    read = np.isfinite(record.measured[:, used]).all(axis=1)
+    read = np.logical_and(*(np.isfinite(record.measured[:, c]) for c in used))
     vm, va = velocity_of(q[:, 0], record.dt), velocity_of(q[:, 1], record.dt)
     time = record.dt * np.arange(len(record), dtype=np.float64)
     quantities = {

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,6 +14,7 @@ from .noise import NoiseModel, observer_gain
 from .records import Record
 
 FloatArray = NDArray[np.float64]
+Scalar = TypeVar("Scalar", bound=np.generic)
 
 #: Seconds at the start of a recording in which the observer settles and the innovations do not count.
 SETTLING = 0.2
@@ -51,7 +53,7 @@ def innovations(
     )
 
 
-def settled(record: Record, values: FloatArray) -> FloatArray:
+def settled(record: Record, values: NDArray[Scalar]) -> NDArray[Scalar]:
     """The part of ``values`` (n, ...) after the observer has settled; at most a tenth is left out."""
     return values[settling(record) :]
 
