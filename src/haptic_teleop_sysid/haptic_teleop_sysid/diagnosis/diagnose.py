@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from typing import Any
 
@@ -14,6 +14,7 @@ from haptic_teleop_sysid.dataset import DataSet
 from haptic_teleop_sysid.estimation.records import Record, records_from
 from haptic_teleop_sysid.estimation.whole_fit import fit_from_scratch
 
+from .columns import three_columns, with_bounds
 from .contents import contents
 from .current import shown_by_current
 from .decide import Choice
@@ -24,13 +25,12 @@ from .proof import Course, Proof, mean_percent, prove
 from .reasons import off_the_mark, runs_away, slipped
 from .scales import within_reach
 from .search import LEAST_PERCENT, POOR_FIT, SearchResult, search, search_by_simulation
+from .uses import FEWEST_SAMPLES, three_uses
 from .verdict import Verdict, decide_verdict
 
-#: Samples below which no recording can say anything about six parameters and their noise.
-FEWEST_SAMPLES = 500
 #: Difference (A or N·m, relative to the rms command) up to which the measured current counts as following.
 _FOLLOWS = 0.1
-#: Loss of the simulated fit on unseen recordings, percent, from which a finding is not believed.
+#: Loss of the simulated fit on validation recordings, percent, from which a finding is not believed.
 HARM = 2.0
 
 
@@ -68,8 +68,8 @@ def sense_follows(data: list[DataSet]) -> bool:
 
 
 def unharmful(result: SearchResult, percent: Callable[[Model], float]) -> SearchResult:
-    """The search's result without the last effects while those spoil the free simulation of recordings it has
-    not seen: what predicts the next sample better but runs away when it runs freely is no explanation."""
+    """The search's result without the last effects while those spoil the free simulation of the validation
+    recordings: what predicts the next sample better but runs away when it runs freely is no explanation."""
     kept = list(result.choices)
     before = percent(result.baseline.model)
     while kept and percent(kept[-1].chosen.fit.model) < before - HARM:
@@ -86,15 +86,21 @@ def diagnose(
     validation: list[DataSet],
     say=lambda text: None,
     null_count: int = 0,
+    test: Sequence[DataSet] = (),
 ) -> tuple[SearchResult, Verdict, Proof, dict[str, Any]]:
     """Search, decide and prove; the last part is the content of diagnosis.json without run time and
     version.  With ``null_count`` the search is repeated on that many simulated sets of recordings in which
-    nothing is hidden, and a finding has to exceed what it finds there.
+    nothing is hidden, and a finding has to exceed what it finds there. ``test``: recordings that only show;
+    without them a part of a long validation does (see `three_uses`).
     """
+    for part in (estimation, validation, test):
+        records_of([*part])  # refused where unusable
+    refuse_copies([*estimation, *validation, *test])
+    refuse_idle([*estimation, *validation, *test])
+    uses = three_uses(estimation, validation, test)
+    estimation, validation = [*uses.fit], [*uses.choose]
     learn, judge = records_of(estimation), records_of(validation)
     n, everything = len(estimation), [*estimation, *validation]
-    refuse_copies(everything)
-    refuse_idle(everything)
     say("re-estimating the given structure")
     baseline = fit_from_scratch(model, learn, limits=within_reach(model))
     course = Course.of(baseline.model, everything)
@@ -142,8 +148,10 @@ def diagnose(
         doubt = off_the_mark(mean_percent(course.simulate(result.baseline.model)[n:])) or slipped(everything)
     say("deciding")
     verdict = decide_verdict(result, learn, judge, doubt, stand.spread)
-    say("simulating both models on all recordings")
-    proof = prove(result.baseline.model, result.final.model, course)
+    say("simulating all three models on all recordings")
+    proof = prove(model, result.baseline.model, result.final.model, course, uses)
+    columns = three_columns(model, result, verdict, judge)
+    verdict = replace(verdict, findings=with_bounds(verdict.findings, columns["augmented"]))
     say("choosing the next experiment")
-    content = contents(result, verdict, proof, stand, doubt, (chance, dropped), estimation, validation, learn)
+    content = contents(result, verdict, proof, columns, stand, doubt, (chance, dropped), uses, learn)
     return result, verdict, proof, content
