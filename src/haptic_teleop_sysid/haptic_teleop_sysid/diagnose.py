@@ -115,8 +115,8 @@ def _parser() -> argparse.ArgumentParser:
         nargs="+",
         default=[],
         metavar="BAG",
-        help="recordings that show and do nothing else: how the models fit what they were neither fitted to nor "
-        "chosen by (without them, the last third of the validation from 60 s on)",
+        help="recordings that show and do nothing else: how the models fit what they were neither fitted to "
+        "nor chosen by (without them, the last third of the validation from 60 s on)",
     )
     parser.add_argument(
         "--output",

@@ -1,5 +1,5 @@
-"""Is what was found better than the user's own model?  Where it is not, that is said first, and the model that
-is handed on is another."""
+"""Is what was found better than the user's own model?  Where it is not, that is said first, and another model
+is handed on."""
 
 from __future__ import annotations
 

@@ -1,4 +1,5 @@
-"""The numbers of three models side by side: the user's, its structure re-estimated, and with what was found."""
+"""The numbers of three models side by side: the user's, its structure re-estimated, and that with what was
+found."""
 
 from __future__ import annotations
 
@@ -128,9 +129,13 @@ def errors_of(fit: Fit, validation: Sequence[Record]) -> dict[str, float]:
     std = standard_errors(fit)
     for name in _undetermined(fit):
         std[name] = float("inf")
-    information, gradient, value = normal_equations(fit.model, fit.noise, validation, fit.free)
+    nothing = {name: float("inf") for name in fit.free}
+    try:
+        information, gradient, value = normal_equations(fit.model, fit.noise, validation, fit.free)
+    except (np.linalg.LinAlgError, ValueError):
+        return nothing
     if not np.isfinite(value):
-        return std
+        return nothing
     there = standard_errors(replace(fit, information=information))
     everything = np.ones(len(fit.free), dtype=np.bool_)
     step = gauss_newton_step(information, gradient, 0.0, everything)

@@ -68,8 +68,8 @@ def parameters(page: Page, content: dict[str, Any]) -> None:
     ).table(
         ("parameter", "unit", "yours", "re-estimated", "±", "change", "augmented", "±", "change"),
         rows,
-        "± is the standard error, with what the other recordings differ by; a parameter without one was held, "
-        "is at a bound, or cannot be determined from these recordings.",
+        "± is the standard error, with what the other recordings differ by; a parameter without one was "
+        "held, is at a bound, or cannot be determined from these recordings.",
     )
 
 

@@ -18,8 +18,9 @@ from haptic_teleop_sim.model import Model
 from haptic_teleop_sysid.dataset import DataSet
 from haptic_teleop_sysid.fit import SimulatedFit, choose_windows, simulated_fit
 
-#: Validation (s) from which a part of it is kept to show with, and that part.
-LONG_ENOUGH, KEPT_SHARE = 60.0, 1.0 / 3.0
+#: Validation (s) from which a part of it is kept to show with, that part, and the share by which a recording
+#: may be shorter than it is said to be: samples are lost at its ends.
+LONG_ENOUGH, KEPT_SHARE, _LOST = 60.0, 1.0 / 3.0, 0.01
 #: Shortest piece (s) that a recording is cut into.
 SHORTEST_PIECE = 5.0
 #: Samples below which no recording can say anything about six parameters and their noise.
@@ -79,12 +80,12 @@ def three_uses(
 def _kept_back(validation: tuple[DataSet, ...]) -> tuple[tuple[DataSet, ...], tuple[DataSet, ...], str]:
     """The validation without what is kept of it to show with, that, and why, in words."""
     seconds = sum(_usable(d) for d in validation)
-    if seconds < LONG_ENOUGH:
+    if seconds < (1.0 - _LOST) * LONG_ENOUGH:
         why = f"there are no test recordings and less than {LONG_ENOUGH:g} s of validation ({seconds:.3g} s)"
         return validation, (), why
     rest, kept = _without_last(validation, KEPT_SHARE * seconds)
     if not kept:
-        return validation, (), "there are no test recordings, and holes leave no third of the validation whole"
+        return validation, (), "there are no test recordings, and holes leave no third of the validation"
     if shared_band(rest, kept) < SAME_BAND:
         why = "there are no test recordings, and the last third of the validation is excited in another band"
         return validation, (), why

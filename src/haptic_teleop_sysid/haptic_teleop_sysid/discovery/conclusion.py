@@ -82,8 +82,8 @@ def _kept(diagnosis: dict[str, Any]) -> list[str]:
     if diagnosis.get("augmented_model", {}).get("holds") != "given":
         return []
     return [
-        "neither the re-estimated model nor what was found simulates the validation as well as the lab's model "
-        "does, so the diagnosis kept that: the augmented model is the lab's"
+        "neither the re-estimated model nor what was found simulates the validation as well as the lab's "
+        "model does, so the diagnosis kept that: the augmented model is the lab's"
     ]
 
 

@@ -1,0 +1,143 @@
+"""What a long run says of itself: elapsed and expected time, on a terminal and in a pipe."""
+
+import io
+import re
+import threading
+
+import pytest
+from rich.console import Console
+
+from haptic_teleop_sysid import run_progress
+from haptic_teleop_sysid.blind.forked import run_forked
+from haptic_teleop_sysid.diagnosis.forecast import REST, ROUND, DiagnosisForecast
+from haptic_teleop_sysid.run_progress import OFTEN, SELDOM, RunProgress
+
+
+class Clock:
+    """A clock that is set by hand."""
+
+    now = 0.0
+
+    def __call__(self):
+        return self.now
+
+
+def test_a_line_holds_elapsed_and_expected_time_and_the_step():
+    clock = Clock()
+    progress = RunProgress(Console(file=io.StringIO()), "diagnose", DiagnosisForecast(), clock)
+    progress.say("reading recordings")
+    clock.now = 1.0
+    progress.say("re-estimating the given structure")
+    clock.now = 5.0
+    assert progress.line() == "diagnose: 0:05 min: re-estimating the given structure"
+    progress.say("effect 1: screening all effects")
+    clock.now = 65.0
+    told = re.fullmatch(r"diagnose: 1:05 min of about (\d+):(\d\d) min: effect 1: .*", progress.line())
+    assert 60 * int(told.group(1)) + int(told.group(2)) > 65.0
+
+
+class Paper(io.StringIO):
+    """What is written on, and an event when three lines are."""
+
+    def __init__(self):
+        super().__init__()
+        self.full = threading.Event()
+
+    def write(self, text):
+        count = super().write(text)
+        if self.getvalue().count("\n") >= 3:
+            self.full.set()
+        return count
+
+
+def test_without_a_terminal_a_line_comes_now_and_then_even_within_one_step(monkeypatch):
+    monkeypatch.setattr(run_progress, "OFTEN", 0.02)
+    paper = Paper()
+    with RunProgress(Console(file=paper), "diagnose", DiagnosisForecast()) as progress:
+        progress.say("reading recordings")
+        assert paper.full.wait(20.0)
+    lines = paper.getvalue().splitlines()
+    assert all(re.fullmatch(r"diagnose: \d+:\d\d min: reading recordings", line) for line in lines)
+    assert not progress._thread.is_alive()
+
+
+def test_lines_are_ten_seconds_apart_at_first_and_at_most_thirty_later():
+    clock = Clock()
+    progress = RunProgress(Console(file=io.StringIO()), "diagnose", DiagnosisForecast(), clock)
+    assert progress._pause() == OFTEN == 10.0
+    clock.now = 300.0
+    assert progress._pause() == SELDOM == 30.0
+
+
+def test_on_a_terminal_the_status_is_alive(monkeypatch):
+    monkeypatch.setattr(run_progress, "LIVE", 0.02)
+    screen = io.StringIO()
+    console = Console(file=screen, force_terminal=True, width=120)
+    with RunProgress(console, "diagnose", DiagnosisForecast()) as progress:
+        progress.say("doubting")
+        for _ in range(500):
+            if "doubting" in screen.getvalue():
+                break
+            threading.Event().wait(0.02)
+    assert "doubting" in screen.getvalue()
+
+
+def total(*steps, at, nulls=0):
+    """The forecast at a time after steps that began at some."""
+    forecast = DiagnosisForecast(nulls, 2)
+    for text, when in steps:
+        forecast.step(text, when)
+    return forecast.total(at)
+
+
+START = (("reading recordings", 0.0), ("re-estimating the given structure", 1.0))
+
+
+def test_nothing_is_expected_before_something_was_measured():
+    assert total(*START, at=3.0) is None
+
+
+def test_a_machine_that_is_twice_as_slow_needs_twice_as_long():
+    one = total(*START, ("effect 1: screening all effects", 3.0), at=3.0)
+    two = total(*START, ("effect 1: screening all effects", 5.0), at=5.0)
+    assert one == pytest.approx(3.0 + (ROUND + REST) * 2.0)
+    assert two - 5.0 == pytest.approx(2.0 * (one - 3.0))
+
+
+def test_what_takes_longer_than_thought_moves_the_end():
+    steps = (*START, ("effect 1: screening all effects", 3.0))
+    late = 3.0 + 10.0 * ROUND * 2.0
+    assert total(*steps, at=late) > late
+    assert total(*steps, at=late) > total(*steps, at=3.0)
+
+
+def test_a_further_round_takes_about_what_the_last_one_took():
+    steps = (*START, ("effect 1: screening all effects", 3.0), ("effect 1: judging", 20.0))
+    steps += (("effect 2: screening all effects", 33.0),)
+    assert total(*steps, at=33.0) == pytest.approx(33.0 + 30.0 + REST * 2.0)
+    # Steps that no phase begins with change nothing.
+    assert total(*steps, ("another step", 34.0), at=35.0) == total(*steps, at=35.0)
+
+
+def test_nulls_to_come_are_counted():
+    steps = (*START, ("effect 1: screening all effects", 3.0))
+    more = total(*steps, at=3.0, nulls=4) - total(*steps, at=3.0)
+    assert more == pytest.approx(2.0 * (1.0 + ROUND + REST) * 2.0)
+
+
+def test_the_end_is_never_behind_what_has_passed():
+    steps = [*START, ("effect 1: screening all effects", 3.0), ("searching by free simulation", 9.0)]
+    steps += [("effect 1, freely running: fitting", 11.0), ("doubting", 30.0), ("writing the report", 31.0)]
+    for k in range(3, len(steps) + 1):
+        for late in (0.0, 5.0, 500.0):
+            now = steps[k - 1][1] + late
+            assert total(*steps[:k], at=now) >= now
+
+
+def test_a_fork_s_lines_are_passed_on_while_it_runs():
+    told = []
+    status, words = run_forked("diagnose", ["--no-such-option"], 120.0, told.append)
+    assert status == "2"
+    assert words == told[-1:]
+    assert any("usage" in line for line in told)
+    assert run_forked("diagnose", ["--no-such-option"], 120.0) == (status, words)
