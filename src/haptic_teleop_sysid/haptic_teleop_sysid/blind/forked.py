@@ -11,7 +11,7 @@ import os
 import tempfile
 import time
 from collections.abc import Callable, Sequence
-from typing import TextIO
+from typing import IO
 
 _SERVER = multiprocessing.get_context("forkserver")
 _SERVER.set_forkserver_preload(
@@ -46,7 +46,7 @@ def run_forked(
         return str(process.exitcode), words.read().strip().splitlines()[-1:]
 
 
-def _tell_new_lines(words: TextIO, tell: Callable[[str], None]) -> None:
+def _tell_new_lines(words: IO[str], tell: Callable[[str], None]) -> None:
     """Tell the lines that are whole by now; the rest of the file is read again."""
     while True:
         place = words.tell()

@@ -17,9 +17,9 @@ from haptic_teleop_sysid.windows import Windows
 
 from .uses import Uses, with_command
 
-MODELS = ("given", "baseline", "augmented")
+MODELS: tuple[str, ...] = ("given", "baseline", "augmented")
 """The user's model as it came, its structure re-estimated, and that with what was found."""
-PARTS = ("estimation", "validation", "test")
+PARTS: tuple[str, ...] = ("estimation", "validation", "test")
 """What models were fitted to, what chose among them, and what did neither."""
 
 
