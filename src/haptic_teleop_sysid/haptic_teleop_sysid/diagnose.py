@@ -19,7 +19,7 @@ from haptic_teleop_sim.model import Model, load_model
 from haptic_teleop_sysid.dataset import DataSet, load_dataset
 from haptic_teleop_sysid.diagnosis.beside_given import handed_on
 from haptic_teleop_sysid.diagnosis.diagnose import diagnose, records_of
-from haptic_teleop_sysid.diagnosis.forecast import DiagnosisForecast
+from haptic_teleop_sysid.diagnosis.forecast import DiagnosisForecast, pass_seconds
 from haptic_teleop_sysid.diagnosis.page import diagnosis_page
 from haptic_teleop_sysid.diagnosis.plausible import refuse_implausible, with_contradictions
 from haptic_teleop_sysid.diagnosis.summary import summary
@@ -46,6 +46,7 @@ def run(argv: list[str]) -> int:
             [_load(bag, model, arguments.allow_gaps) for bag in bags]
             for bags in (arguments.estimation, arguments.validation, arguments.test)
         )
+        forecast.unit = pass_seconds(model, records_of(estimation))
         result, verdict, proof, content = diagnose(
             model, estimation, validation, progress.say, arguments.nulls, test
         )
