@@ -145,6 +145,12 @@ def test_a_test_shows_what_is_worse_and_has_no_say_in_what_is_written():
     assert sentence.startswith("Worse than your own model on the test recordings: the augmented model (80.0 ")
 
 
+def test_a_re_estimated_model_that_is_worse_beside_a_better_one_is_told_with_it():
+    sentence = beside_given(proof(fits_of(50.0, 40.0, 90.0)))["worse_than_given"]["sentence"]
+    assert "your structure, re-estimated, (65.0 instead of 70.0 % over all signals)" in sentence
+    assert "but not with what was found (90.0 %)" in sentence
+
+
 def test_a_single_signal_that_is_worse_is_named_though_the_mean_is_better():
     one = proof(fits_of(50.0, 50.0, 90.0))
     speed = replace(one.fits["augmented"]["validation"][0], percent={"angle": 90.0, "speed": 80.0})

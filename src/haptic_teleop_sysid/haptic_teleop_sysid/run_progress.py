@@ -65,7 +65,7 @@ class RunProgress:
             elapsed = self._clock() - self._began
             total, text = self._forecast.total(elapsed), self._text
         about = "" if total is None else f" of about {in_minutes(total)}"
-        return f"{self._name}: {in_minutes(elapsed)}{about}: {text}"
+        return f"{self._name}: {in_minutes(elapsed)}{about} min: {text}"
 
     def _tell(self) -> None:
         while not self._ended.wait(self._pause()):
@@ -81,6 +81,6 @@ class RunProgress:
 
 
 def in_minutes(seconds: float) -> str:
-    """A time as minutes and seconds: 1:05 min."""
+    """A time as minutes and seconds: 1:05."""
     whole = round(seconds)
-    return f"{whole // 60}:{whole % 60:02d} min"
+    return f"{whole // 60}:{whole % 60:02d}"

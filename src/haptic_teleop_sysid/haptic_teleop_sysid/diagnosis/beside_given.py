@@ -80,6 +80,9 @@ def beside_given(proof: Proof) -> dict[str, Any]:
     worse = None
     if found:
         named = " and ".join(w.sentence() for w in found)
+        named_anything = proof.models["augmented"] != proof.models["baseline"]
+        if named_anything and all(w.model != "augmented" for w in found):
+            named += f", but not with what was found ({proof.mean('augmented', part):.1f} %)"
         over_all = any(w.given - w.fit > WORSE for w in found)
         worse = {
             "recordings": part,

@@ -15,8 +15,10 @@ HEADS = ("yours", "re-estimated", "augmented")
 
 def first_sentences(page: Page, content: dict[str, Any]) -> None:
     """What is said before the verdict: that something is worse than the user's own model."""
-    if content["worse_than_given"] is not None:
-        page.verdict("bad", f"{content['worse_than_given']['sentence']}.")
+    worse = content["worse_than_given"]
+    if worse is not None:
+        found = bool(content["findings"]) and "augmented" not in worse["models"]
+        page.verdict("fair" if found else "bad", f"{worse['sentence']}.")
 
 
 def moved(page: Page, content: dict[str, Any]) -> None:

@@ -50,7 +50,7 @@ def because(choice: Choice, fitted: Effect) -> str:
     )
     text = (
         f"{sentence[0].upper()}{sentence[1:]} ({numbers}): with it the recording is predicted better by "
-        f"{e.gain:.0f} nats, and recordings that were not used for the fit by {e.elsewhere:.0f}"
+        f"{e.gain:.0f} nats, and the other recordings, which also choose, by {e.elsewhere:.0f}"
     )
     if e.by_current > 0.0:
         text += f"; the measured current gives {e.by_current:.0f} of these nats"
