@@ -56,7 +56,8 @@ def discover(settings: Settings, output: Path, say: Say, live: Live) -> dict[str
                 say(f"      {notes[-1]}")
                 command = (*FRONT_DOOR, "--allow-gaps")
         with live() as tell:
-            ran = diagnose(case, command, TIMEOUT, tell)
+            # Its progress alone: why it failed is told in the end.
+            ran = diagnose(case, command, TIMEOUT, lambda s: tell(s) if s.startswith("diagnose: ") else None)
         if ran["status"] != "0":
             words = f": {ran['message']}" if ran["message"] else ""
             raise StepFailed(f"diagnose ended with exit status {ran['status']}{words}")
