@@ -5,6 +5,7 @@ and no code is the project's.
 """
 
 import json
+import shutil
 import subprocess
 import sys
 from pathlib import Path
@@ -128,9 +129,12 @@ def model_file(tmp_path):
     return str(path)
 
 
-def run(model, estimation, validation, output):
+def run(model, estimation, validation, output, *options):
     return diagnose.main(
-        ["--model", model, "--estimation", estimation, "--validation", validation, "--output", str(output)]
+        [
+            *("--model", model, "--estimation", estimation, "--validation", validation),
+            *("--output", str(output), *options),
+        ]
     )
 
 
@@ -139,15 +143,31 @@ def content(output):
 
 
 @pytest.mark.timeout(600)
-def test_a_joint_as_the_structure_has_it_yields_no_mismatch(tmp_path, model_file):
+def test_a_joint_as_the_structure_has_it_yields_no_mismatch(tmp_path, model_file, capsys):
     output = tmp_path / "out"
-    assert run(model_file, *pair(tmp_path, 0.0), output) == 0
+    amperes = current(3, 8.0, 0.3, (0.15, 0.4, 1.1, 2.3, 3.7))
+    test = write_bag(tmp_path / "test", amperes, motion(amperes, 13))
+    assert run(model_file, *pair(tmp_path, 0.0), output, "--test", test) == 0
     found = content(output)
     assert found["verdict"] == "no_mismatch"
     assert found["findings"] == []
     assert found["fit"]["baseline"] == found["fit"]["augmented"]
     assert found["fit"]["baseline"]["validation"]["stage1_motor.position"] > 90.0
     assert found["baseline_parameters"]["motor_inertia"] == pytest.approx(TRUTH["motor_inertia"], rel=0.05)
+    # The lab's own numbers are a column, and what is off among them is the answer.
+    for signal, percent in found["fit"]["given"]["test"].items():
+        assert percent < found["fit"]["baseline"]["test"][signal]
+    assert found["worse_than_given"] is None
+    assert found["augmented_model"]["holds"] == "baseline"
+    off = {one["parameter"]: one for one in found["parameters_moved"]}
+    assert {"motor_inertia", "motor_damping", "arm_inertia"} <= off.keys()
+    for name, one in off.items():
+        assert one["given"] == BELIEVED[name]
+        assert abs(one["value"] - TRUTH[name]) < 0.5 * abs(one["value"] - BELIEVED[name])
+        assert found["models"]["baseline"]["parameters"][name]["std"] == one["std"]
+    sentence = "Your parameters are off, no physics is missing: "
+    assert sentence in capsys.readouterr().out
+    assert sentence in (output / "report.html").read_text()
     # What was tried is told, and why it did not stand up.
     assert found["tried"]
     for one in found["tried"]:
@@ -207,13 +227,21 @@ def test_friction_at_the_motor_is_named_measured_and_handed_on(tmp_path, model_f
     assert where["equation"] == "stage1_motor"
     assert where["condition"] == "sign of motor velocity"
     assert found["next_experiment"].keys() == {"why", "signal_generator", "expected_discrimination"}
-    for fits in found["fit"]["baseline"], found["fit"]["augmented"]:
+    for fits in (found["fit"][model] for model in ("given", "baseline", "augmented")):
+        assert fits["test"] == {}
         assert fits["validation"].keys() == {
             f"stage1_{side}.{what}" for side in ("motor", "arm") for what in ("position", "velocity")
         }
     signal = "stage1_motor.velocity"
     assert found["runtime_s"] > 0.0
-    assert "coulomb_friction" in (output / "report.html").read_text()
+    page = (output / "report.html").read_text()
+    assert "coulomb_friction" in page
+    # 8 s of validation are too few to keep some of them, and it is said what they were used for.
+    assert "also used to choose" in found["uses"]["what"]
+    assert "also used to choose" in page
+    assert "also used to choose" in done.stdout
+    assert "unseen" not in page + done.stdout
+    assert found["augmented_model"]["holds"] == "augmented"
 
     augmented = output / "augmented_model.yaml"
     model = load_model(augmented)
@@ -302,6 +330,20 @@ def test_five_samples_are_refused(tmp_path, model_file, rubbing, capsys):
 def test_a_recording_that_is_given_twice_is_refused(tmp_path, model_file, rubbing, capsys):
     error = refused(capsys, model_file, rubbing[0], rubbing[0] + "/", tmp_path / "out")
     assert "twice" in error
+
+
+@pytest.mark.parametrize("which", [0, 1])
+def test_a_test_recording_that_was_given_for_another_use_is_refused(
+    tmp_path, model_file, rubbing, capsys, which
+):
+    assert run(model_file, *rubbing, tmp_path / "out", "--test", rubbing[which] + "/.") == 2
+    assert "twice" in capsys.readouterr().err
+    copy = shutil.copytree(rubbing[which], tmp_path / "copy")
+    assert run(model_file, *rubbing, tmp_path / "out", "--test", str(copy)) == 2
+    error = capsys.readouterr().err
+    assert "copy holds the readings of" in error
+    assert len(error.splitlines()) == 1
+    assert not (tmp_path / "out" / "diagnosis.json").exists()
 
 
 def test_an_earlier_result_is_kept_unless_told_otherwise(tmp_path, model_file, rubbing, capsys):

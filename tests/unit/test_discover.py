@@ -153,7 +153,7 @@ class Stand:
         monkeypatch.setattr(tempfile, "tempdir", str(self.temporary))
         monkeypatch.setattr(chain, "diagnose", self)
 
-    def __call__(self, case, command, timeout):
+    def __call__(self, case, command, timeout, tell):
         self.seen = sorted(str(p.relative_to(case)) for p in case.rglob("*"))
         self.left = list(self.temporary.iterdir())
         self.command = command

@@ -102,7 +102,8 @@ def test_a_name_that_explains_little_of_what_its_quantities_do_is_given_up():
 def test_real_machines_get_the_names_and_about_the_sizes_published(tmp_path, machine, named, inertia):
     folder = REAL / machine
     arguments = ["--model", str(folder / "model.yaml"), "--estimation", str(folder / "estimation")]
-    arguments += ["--validation", str(folder / "validation"), "--output", str(tmp_path / "out"), "--no-report"]
+    arguments += ["--validation", str(folder / "validation"), "--no-report"]
+    arguments += ["--output", str(tmp_path / "out")]
     assert main(arguments) == 0
     said = json.loads((tmp_path / "out" / "diagnosis.json").read_text())
     assert said["verdict"] == "identified"

@@ -1,14 +1,14 @@
 """`haptic-teleop diagnose`: why do simulation and recording differ? Locates the mismatch, names the physics
-that was left out, models it, and shows the fit improve on recordings it has not seen.
+that was left out, models it, and shows your model, re-estimated and augmented, on other recordings.
 """
 
 from __future__ import annotations
 
 import argparse
+import os
 import time
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
 
 from rich.console import Console
 
@@ -17,15 +17,18 @@ from haptic_teleop_control.errors import ConfigurationError
 from haptic_teleop_control.recording import read_recording
 from haptic_teleop_sim.model import Model, load_model
 from haptic_teleop_sysid.dataset import DataSet, load_dataset
+from haptic_teleop_sysid.diagnosis.beside_given import handed_on
 from haptic_teleop_sysid.diagnosis.cuts import refuse_too_long, with_cuts_told
 from haptic_teleop_sysid.diagnosis.diagnose import diagnose, records_of
+from haptic_teleop_sysid.diagnosis.forecast import DiagnosisForecast, pass_seconds
 from haptic_teleop_sysid.diagnosis.next_experiment import write_acquire_file
 from haptic_teleop_sysid.diagnosis.page import diagnosis_page
 from haptic_teleop_sysid.diagnosis.plausible import refuse_implausible, with_contradictions
-from haptic_teleop_sysid.diagnosis.words import chance_sentence
+from haptic_teleop_sysid.diagnosis.summary import summary
 from haptic_teleop_sysid.preparation import with_damage_told
 from haptic_teleop_sysid.report import claim_output_directory
 from haptic_teleop_sysid.results import tool_version, write_json
+from haptic_teleop_sysid.run_progress import RunProgress
 
 MOST_NULLS = 1000
 
@@ -34,69 +37,51 @@ def run(argv: list[str]) -> int:
     """Do what the arguments say; returns the exit status."""
     began = time.perf_counter()
     arguments = _parser().parse_args(argv)
-    refuse_repeated([*arguments.estimation, *arguments.validation])
+    refuse_repeated([*arguments.estimation, *arguments.validation, *arguments.test])
     model = replace(load_model(arguments.model), source=arguments.model)
-    refuse_too_long([*arguments.estimation, *arguments.validation], model)
-    console, progress = Console(), Console(stderr=True)
+    refuse_too_long([*arguments.estimation, *arguments.validation, *arguments.test], model)
+    console, screen = Console(), Console(stderr=True)
     output = claim_output_directory(arguments.output, "diagnosis.json", arguments.overwrite)
-    with progress.status("reading recordings") as status:
-        estimation = [_load(bag, model) for bag in arguments.estimation]
-        validation = [_load(bag, model) for bag in arguments.validation]
-        result, verdict, proof, content = diagnose(
-            model, estimation, validation, lambda text: status.update(text), arguments.nulls
+    forecast = DiagnosisForecast(arguments.nulls, os.cpu_count() or 1)
+    with RunProgress(screen, "diagnose", forecast) as progress:
+        progress.say("reading recordings")
+        estimation, validation, test = (
+            [_load(bag, model) for bag in bags]
+            for bags in (arguments.estimation, arguments.validation, arguments.test)
         )
-        status.update("writing the report")
+        forecast.unit = pass_seconds(model, records_of(estimation))
+        result, verdict, proof, content = diagnose(
+            model, estimation, validation, progress.say, arguments.nulls, test
+        )
+        progress.say("writing the report")
         content |= {"runtime_s": round(time.perf_counter() - began, 2), "version": tool_version()}
         write_json(output / "diagnosis.json", content)
-        replace(result.final.model, source=str(output / "augmented_model.yaml")).save(
+        replace(handed_on(proof)[1], source=str(output / "augmented_model.yaml")).save(
             output / "augmented_model.yaml"
         )
         write_acquire_file(output, model, content["next_experiment"])
         report = None
         if not arguments.no_report:
-            data, records = [*estimation, *validation], records_of(estimation)
-            page = diagnosis_page(result, verdict, content, proof, data, records, len(estimation))
+            page = diagnosis_page(result, verdict, content, proof, records_of(estimation))
             report = page.write(output / "report.html")
     for name, problems in content["recordings"].items():
         for problem in problems:
-            progress.print(f"note: {name}: {problem}", markup=False, highlight=False)
+            screen.print(f"note: {name}: {problem}", markup=False, highlight=False)
     console.print(summary(content), markup=False, highlight=False, soft_wrap=True)
     if report is not None:
         console.print(f"report: {report}", markup=False, highlight=False, soft_wrap=True)
     return 0
 
 
-def summary(content: dict[str, Any]) -> str:
-    """The verdict in a few lines for the terminal."""
-    lines = [f"verdict: {content['verdict']}"]
-    if "doubt" in content:
-        lines.append(f"  because {content['doubt']}")
-    for f in content["findings"]:
-        numbers = ", ".join(
-            f"{n} {p['value']:.4g} ± {p['std']:.1g}" + ("" if p["unit"] == "1" else f" {p['unit']}")
-            for n, p in f["parameters"].items()
-        )
-        lines.append(f"  {f['effect']} at {f['location']} ({100 * f['confidence']:.0f} %): {numbers}")
-        lines += [
-            f"    or {a['effect']} at {a['location']} ({100 * a['confidence']:.0f} %)"
-            for a in f["alternatives"]
-        ]
-    if "beside" in content:
-        lines.append(f"  beside it {content['beside']}")
-    if "nulls" in content:
-        lines.append(f"  {chance_sentence(content['nulls'])}")
-    for part in ("estimation", "validation"):
-        before, after = content["fit"]["baseline"][part], content["fit"]["augmented"][part]
-        lines.append(f"  {part}: " + ", ".join(f"{n} {before[n]:.1f} -> {after[n]:.1f} %" for n in before))
-    return "\n".join(lines)
-
-
 def refuse_repeated(bags: list[str]) -> None:
-    """Raise ConfigurationError for a recording that is given twice: what was fitted to is not unseen."""
+    """Raise ConfigurationError for a recording that is given twice: what was fitted to, or chose, proves
+    nothing of other recordings."""
     places = [Path(bag).resolve() for bag in bags]
     for bag, place in zip(bags, places, strict=True):
         if places.count(place) > 1:
-            raise ConfigurationError(f"{bag} is given twice: learn from and judge by different recordings.")
+            raise ConfigurationError(
+                f"{bag} is given twice: learn from, judge by and show with different recordings."
+            )
 
 
 def _count(text: str) -> int:
@@ -129,6 +114,14 @@ def _parser() -> argparse.ArgumentParser:
         required=True,
         metavar="BAG",
         help="other recordings, of another amplitude or band, on which a finding must stand up",
+    )
+    parser.add_argument(
+        "--test",
+        nargs="+",
+        default=[],
+        metavar="BAG",
+        help="recordings that show and do nothing else: how the models fit what they were neither fitted to "
+        "nor chosen by (without them, the last third of the validation from 60 s on)",
     )
     parser.add_argument(
         "--output",

@@ -7,10 +7,13 @@ from __future__ import annotations
 
 import argparse
 import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
 from rich.console import Console
+from rich.text import Text
 
 from haptic_teleop_control.command_line import run_command
 from haptic_teleop_control.errors import ConfigurationError
@@ -18,7 +21,7 @@ from haptic_teleop_sim.mujoco_robot import mujoco_installed, mujoco_module
 from haptic_teleop_sysid.discovery.chain import discover
 from haptic_teleop_sysid.discovery.conclusion import RESULT
 from haptic_teleop_sysid.discovery.overlay import AUGMENTED, LAB, REFITTED, mean
-from haptic_teleop_sysid.discovery.steps import Settings, StepFailed
+from haptic_teleop_sysid.discovery.steps import Say, Settings, StepFailed
 from haptic_teleop_sysid.report import claim_output_directory, numbered_output_directory
 
 PLANTS = {"auto": None, "mujoco": "mujoco_sim", "sfj_sim": "sfj_sim"}
@@ -41,10 +44,18 @@ def run(argv: list[str]) -> int:
     def say(text: str) -> None:
         screen.print(text, markup=False, highlight=False, soft_wrap=True)
 
+    @contextmanager
+    def live() -> Iterator[Say]:
+        if not screen.is_terminal:
+            yield lambda line: say(f"      {line}")
+            return
+        with screen.status("diagnose") as status:
+            yield lambda line: status.update(Text(line))
+
     plant = PLANTS[arguments.plant]
     settings = Settings(arguments.seed, plant, mujoco, arguments.lockstep, arguments.seconds)
     try:
-        content = discover(settings, output, say)
+        content = discover(settings, output, say, live)
     except StepFailed as failure:
         print(f"discover: {failure}", file=sys.stderr)
         return 1

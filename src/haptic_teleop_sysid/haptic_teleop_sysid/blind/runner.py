@@ -75,8 +75,14 @@ def generate_again(job: tuple[int, str, str, int, Path, tuple[float, ...]]) -> N
     seal({name: label}, job[4] / name, str(job[0]))
 
 
-def diagnose(directory: Path, command: tuple[str, ...], timeout: float) -> dict[str, Any]:
+def diagnose(
+    directory: Path,
+    command: tuple[str, ...],
+    timeout: float,
+    tell: Callable[[str], None] | None = None,
+) -> dict[str, Any]:
     """Run the command on one case; write and return what happened: status, seconds, last words.
+    ``tell``: gets each line of progress that this installation's own `diagnose` prints.
 
     This installation's own `diagnose` (FRONT_DOOR and options) is forked from a process that has it imported,
     unless this is a worker of Dask, which may have no children of that kind.
@@ -93,7 +99,8 @@ def diagnose(directory: Path, command: tuple[str, ...], timeout: float) -> dict[
     begin = time.perf_counter()
     if command[: len(FRONT_DOOR)] == FRONT_DOOR and not multiprocessing.current_process().daemon:
         os.environ.update(ONE_THREAD)
-        status, words = run_forked("diagnose", [*command[len(FRONT_DOOR) :], *arguments], timeout)
+        own = [*command[len(FRONT_DOOR) :], *arguments]
+        status, words = run_forked("diagnose", own, timeout, tell)
     else:
         try:
             done = subprocess.run(

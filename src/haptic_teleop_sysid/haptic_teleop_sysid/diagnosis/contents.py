@@ -2,25 +2,27 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
 
-from haptic_teleop_sysid.dataset import DataSet
 from haptic_teleop_sysid.estimation.gauss_newton import Fit
 from haptic_teleop_sysid.estimation.likelihood import settled
 from haptic_teleop_sysid.estimation.records import Record
 
+from .beside_given import beside_given
+from .columns import Number, moved
 from .decide import Choice, significant
 from .explanation import Explanation
 from .next_experiment import next_experiment
 from .nulls import Null
-from .proof import Proof, mean_percent
+from .proof import PARTS, Proof
 from .reasons import Doubt, slipped
 from .residual import left_over
 from .search import SearchResult
 from .stand import Stand
+from .uses import Uses
 from .verdict import Verdict
 from .whiteness import LAGS
 
@@ -34,17 +36,17 @@ def contents(
     result: SearchResult,
     verdict: Verdict,
     proof: Proof,
+    columns: Mapping[str, Mapping[str, Number]],
     stand: Stand,
     doubt: Doubt | None,
     chance: tuple[Sequence[Null], Sequence[Choice]],
-    estimation: Sequence[DataSet],
-    validation: Sequence[DataSet],
+    uses: Uses,
     records: Sequence[Record],
 ) -> dict[str, Any]:
-    """Everything but run time and version; ``proof`` is of all data sets, ``records`` those of the estimation
-    recordings; ``chance``: what was found where nothing is hidden, and the findings that did not exceed
-    it."""
-    model, n = result.baseline.model, len(estimation)
+    """Everything but run time and version; ``columns``: the numbers of the proof's models; ``records``: those
+    of the estimation recordings; ``chance``: what was found where nothing is hidden, and the findings that
+    did not exceed it."""
+    model = result.baseline.model
     content = {
         "schema": 1,
         "robot": model.robot,
@@ -53,22 +55,15 @@ def contents(
         "verdict": verdict.kind,
         "where": verdict.where,
         "findings": verdict.findings,
-        "fit": {
-            "baseline": {
-                "estimation": mean_percent(proof.baseline[:n]),
-                "validation": mean_percent(proof.baseline[n:]),
-            },
-            "augmented": {
-                "estimation": mean_percent(proof.augmented[:n]),
-                "validation": mean_percent(proof.augmented[n:]),
-            },
-            "window_s": proof.baseline[-1].windows.seconds,
-            "windows": "; ".join(
-                f"{d.name}: {f.windows.why}"
-                for d, f in zip([*estimation, *validation], proof.baseline, strict=True)
-            ),
+        "fit": proof.content(),
+        "models": {
+            name: {"parameters": {n: number.content() for n, number in numbers.items()}}
+            for name, numbers in columns.items()
         },
-        "recordings": {d.name: list(d.problems) for d in (*estimation, *validation)},
+        **beside_given(proof),
+        "parameters_moved": [],
+        "uses": {part: [d.name for d in proof.parts[part]] for part in PARTS} | {"what": uses.told},
+        "recordings": uses.problems,
         "next_experiment": next_experiment(result, verdict, records),
         "baseline_parameters": result.baseline.model.parameter_values(),
         "innovations": {
@@ -87,6 +82,10 @@ def contents(
     }
     if (overflow := overflows(added)) is not None:
         content["disturbance"]["overflow"] = overflow
+    # What moved where something unknown is missing made up for it, and what simulates worse is no better
+    # estimate.
+    if verdict.kind != "unknown" and content["augmented_model"]["holds"] != "given":
+        content["parameters_moved"] = moved(proof.models["given"], columns["augmented"])
     content["tried"] = [
         {
             "effect": e.effect.effect,
@@ -114,7 +113,7 @@ def contents(
     if result.nameless is not None and result.choices:
         entry = result.nameless.chosen.effect.entry
         beside.append(f"it looks as if {entry.sentence}, for which there is no name")
-    apart = slipped([*estimation, *validation])
+    apart = slipped([*uses.fit, *uses.choose])
     if apart is not None and (result.choices or (doubt is not None and doubt.why != apart.why)):
         beside.append(apart.why)
     if overflow is not None:

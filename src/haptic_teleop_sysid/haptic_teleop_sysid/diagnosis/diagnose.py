@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -14,6 +14,7 @@ from haptic_teleop_sysid.dataset import DataSet
 from haptic_teleop_sysid.estimation.records import Record, records_from
 from haptic_teleop_sysid.estimation.whole_fit import fit_from_scratch
 
+from .columns import three_columns, with_bounds
 from .consistency import refuse_other_units, refuse_unrelated
 from .contents import contents
 from .current import shown_by_current
@@ -30,11 +31,12 @@ from .scales import recording_scales, within_reach
 from .search import LEAST_PERCENT, POOR_FIT, SearchResult, search, search_by_simulation
 from .second_opinion import Opinion, second_opinion
 from .stand import Stand
+from .uses import three_uses
 from .verdict import Verdict, decide_verdict
 
 #: Difference (A or N·m, relative to the rms command) up to which the measured current counts as following.
 _FOLLOWS = 0.1
-#: Loss of the simulated fit on unseen recordings, percent, from which a finding is not believed.
+#: Loss of the simulated fit on validation recordings, percent, from which a finding is not believed.
 HARM = 2.0
 
 
@@ -68,8 +70,8 @@ def sense_follows(data: list[DataSet]) -> bool:
 
 
 def unharmful(result: SearchResult, percent: Callable[[Model], float]) -> SearchResult:
-    """The search's result without the last effects while those spoil the free simulation of recordings it has
-    not seen: what predicts the next sample better but runs away when it runs freely is no explanation."""
+    """The search's result without the last effects while those spoil the free simulation of the validation
+    recordings: what predicts the next sample better but runs away when it runs freely is no explanation."""
     kept = list(result.choices)
     before = percent(result.baseline.model)
     while kept and percent(kept[-1].chosen.fit.model) < before - HARM:
@@ -85,7 +87,7 @@ class Explained:
     """What the search makes of recordings, before chance and doubt: the records of both kinds of recordings
     (``learn``, ``judge``), ``course`` of all data sets, of which the first ``count`` are the estimation's;
     ``result`` of the search by prediction, ``kept``: that without what harms, or what only the search by
-    simulation found (``freely``)."""
+    simulation found (``freely``); ``opinion``: the second one."""
 
     learn: list[Record]
     judge: list[Record]
@@ -96,7 +98,7 @@ class Explained:
     freely: bool
     opinion: Opinion
 
-    def unseen(self, candidate: Model) -> float:
+    def chosen_by(self, candidate: Model) -> float:
         """Simulated fit of a model on the validation recordings, percent."""
         return float(np.mean(self.course.percent(candidate)[self.count :]))
 
@@ -111,17 +113,22 @@ def free_errors(course: Course, count: int, candidate: Model) -> tuple[float, fl
     return float(np.mean(errors[:count])), float(np.mean(errors[count:]))
 
 
+def refuse_unusable(recordings: Sequence[DataSet]) -> None:
+    """Raise RecordingError for recordings that a diagnosis cannot use, alone or together."""
+    refuse_copies(recordings)
+    refuse_idle(recordings)
+    records = records_of([*recordings])
+    for dataset in recordings:
+        refuse_kinematic(dataset)
+    refuse_other_units(records)
+
+
 def explain(
     model: Model, estimation: list[DataSet], validation: list[DataSet], say: Callable[[str], None]
 ) -> Explained:
     """Baseline and search, on recordings and on simulated ones alike."""
     n, everything = len(estimation), [*estimation, *validation]
-    refuse_copies(everything)
-    refuse_idle(everything)
     learn, judge = records_of(estimation), records_of(validation)
-    for dataset in everything:
-        refuse_kinematic(dataset)
-    refuse_other_units([*learn, *judge])
     say("re-estimating the given structure")
     baseline = fit_from_scratch(model, learn, limits=within_reach(model, recording_scales(model, learn)))
     if not np.isfinite(baseline.log_likelihood):
@@ -172,7 +179,7 @@ def questioned(
     """What is left of the findings ``kept`` after the questions that likelihoods do not ask; ``believed``:
     what the search by prediction found, so far as chance leaves it."""
     harmful = None if kept.choices else next(iter(believed.choices), None)
-    result, doubt, stand = doubted(kept, found.learn, found.judge, found.unseen)
+    result, doubt, stand = doubted(kept, found.learn, found.judge, found.chosen_by)
     first = result.nameless.chosen.fit if result.nameless is not None else result.final
     if believed_instead(found.opinion, found.errors(first.model), coloured(first, found.learn, found.judge)):
         result, doubt = as_result(found.opinion, result, found.learn, found.errors)
@@ -202,11 +209,16 @@ def diagnose(
     validation: list[DataSet],
     say=lambda text: None,
     null_count: int = 0,
+    test: Sequence[DataSet] = (),
 ) -> tuple[SearchResult, Verdict, Proof, dict[str, Any]]:
     """Search, decide and prove; the last part is the content of diagnosis.json without run time and
     version.  With ``null_count`` the same is done with that many simulated sets of recordings in which
-    nothing is hidden, and a finding has to exceed what is found there.
+    nothing is hidden, and a finding has to exceed what is found there. ``test``: recordings that only show;
+    without them a part of a long validation does (see `three_uses`).
     """
+    refuse_unusable([*estimation, *validation, *test])
+    uses = three_uses(estimation, validation, test)
+    estimation, validation = [*uses.fit], [*uses.choose]
     found = explain(model, estimation, validation, say)
     chance: list[Null] = []
     dropped: tuple[Choice, ...] = ()
@@ -221,10 +233,10 @@ def diagnose(
     result, doubt, stand = questioned(found, believed, kept, [*estimation, *validation])
     say("deciding")
     verdict = decide_verdict(result, found.learn, found.judge, doubt, stand.spread)
-    say("simulating both models on all recordings")
-    proof = prove(result.baseline.model, result.final.model, found.course)
+    say("simulating all three models on all recordings")
+    proof = prove(model, result.baseline.model, result.final.model, found.course, uses)
+    columns = three_columns(model, result, verdict, found.judge)
+    verdict = replace(verdict, findings=with_bounds(verdict.findings, columns["augmented"]))
     say("choosing the next experiment")
-    content = contents(
-        result, verdict, proof, stand, doubt, (chance, dropped), estimation, validation, found.learn
-    )
+    content = contents(result, verdict, proof, columns, stand, doubt, (chance, dropped), uses, found.learn)
     return result, verdict, proof, content

@@ -51,8 +51,8 @@ OTHER_SIZE_ERRORS = 5.0
 #: kinds of recordings the effect is something else: of 173 torques that were named right on two seeds of the
 #: benchmark none changed by more than 9 % (a hysteresis of another form); what follows another axis, by 53 %.
 CHANGES, CHANGES_GAIN = 0.3, 30.0
-#: A finding that takes away this share of the simulation's error on unseen recordings stays, whatever is left
-#: beside it.
+#: A finding that takes away this share of the simulation's error on validation recordings stays, whatever is
+#: left beside it.
 CLEARLY_BETTER = 0.4
 
 
@@ -65,7 +65,7 @@ def doubted(
     """The result without findings that do not stand up to the questions, what was given up, and how the
     rest stands.
 
-    ``percent``: simulated fit of a model on unseen recordings.
+    ``percent``: simulated fit of a model on the validation recordings.
     """
     there = held_out_fit(result.baseline, validation, [result.baseline.noise, result.final.noise])
     before = colour(result.baseline, estimation), colour(there, validation)

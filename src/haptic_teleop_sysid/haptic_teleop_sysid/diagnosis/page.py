@@ -14,10 +14,12 @@ from haptic_teleop_sysid.estimation.records import Record
 from haptic_teleop_sysid.report import Page, Panel, Series, stacked_panels
 from haptic_teleop_sysid.report.pictures import STYLE
 
+from . import page_columns
 from .decide import SURE
-from .proof import Proof
+from .proof import MODELS, PARTS, Proof
 from .residual import Condition, left_over
 from .search import SearchResult
+from .summary import LIMIT, PART_LABELS, percent
 from .verdict import Verdict
 from .words import chance_sentence
 
@@ -38,24 +40,22 @@ def diagnosis_page(
     verdict: Verdict,
     content: dict[str, Any],
     proof: Proof,
-    data: Sequence[DataSet],
     estimation: Sequence[Record],
-    estimations: int,
 ) -> Page:
-    """The page of one diagnosis; ``data``: estimation recordings first, ``estimations`` of them."""
+    """The page of one diagnosis; ``estimation``: what was fitted to."""
     model = result.baseline.model
-    page = Page(f"Diagnosis of {model.robot} {model.joint}", f"{model.structure}; {len(data)} recordings")
+    count = sum(len(proof.parts[part]) for part in PARTS)
+    page = Page(f"Diagnosis of {model.robot} {model.joint}", f"{model.structure}; {count} recordings")
+    page_columns.first_sentences(page, content)
     status, headline = _HEADLINE[verdict.kind]
     page.verdict(status, headline.format(names=_names(verdict), where=_where(verdict)))  # type: ignore[arg-type]
     for f in verdict.findings:
         page.key_figure(f"{100 * f['confidence']:.0f} %", f"{f['effect']} at {f['location']}", "confidence")
-    for part, label in (("validation", "unseen recordings"), ("estimation", "recordings fitted to")):
-        before, after = content["fit"]["baseline"][part], content["fit"]["augmented"][part]
-        if before:
-            name = min(before, key=before.get)
-            page.key_figure(f"{before[name]:.1f} → {after[name]:.1f} %", f"fit of {name}", label)
+    page_columns.moved(page, content)
+    page_columns.key_figures(page, content)
     _findings(page, verdict, content)
-    _fits(page, content)
+    page_columns.fits(page, content)
+    page_columns.parameters(page, content)
     section = page.section(
         "Where it sits",
         "Torque that the observer had to add to follow the first recording: with the "
@@ -78,26 +78,16 @@ def diagnosis_page(
             ],
             "share of the left-over torque that a curve explains on recordings it was not drawn from",
         )
-    for number, dataset in enumerate(data):
-        kind = "estimation" if number < estimations else "validation, not used for the fit"
-        page.section(f"{dataset.name} ({kind})").picture(
-            _response(dataset, proof, number), "measured and simulated"
-        )
+    for part in PARTS:
+        for number, dataset in enumerate(proof.parts[part]):
+            page.section(f"{dataset.name} ({part}: {PART_LABELS[part]})").picture(
+                _response(dataset, proof, part, number), "measured and simulated"
+            )
     _tried(page, result)
-    _models(page, result, content)
-    return page
-
-
-def _models(page: Page, result: SearchResult, content: dict[str, Any]) -> None:
-    given, found = content["baseline_parameters"], result.final.model.parameter_values()
-    section = page.section("Parameters", "augmented_model.yaml holds the last column: simulate with it.")
-    section.table(
-        ("parameter", "given structure, re-estimated", "with what was found"),
-        [(n, f"{given[n]:.5g}" if n in given else "–", f"{v:.5g}") for n, v in found.items()],
-    )
     problems = [(name, p) for name, told in content["recordings"].items() for p in told]
     if problems:
         page.section("What is wrong with the recordings").table(("recording", "problem"), problems)
+    return page
 
 
 def _names(verdict: Verdict) -> str:
@@ -121,7 +111,7 @@ def _findings(page: Page, verdict: Verdict, content: dict[str, Any]) -> None:
         section.text(f["because"])
         section.table(
             ("parameter", "value", "standard error", "unit"),
-            [(n, f"{p['value']:.5g}", f"{p['std']:.2g}", p["unit"]) for n, p in f["parameters"].items()],
+            [(n, _value(p), f"{p['std']:.2g}", p["unit"]) for n, p in f["parameters"].items()],
             f"{f['effect']} at {f['location']}",
         )
         if f["alternatives"]:
@@ -147,16 +137,8 @@ def _findings(page: Page, verdict: Verdict, content: dict[str, Any]) -> None:
         )
 
 
-def _fits(page: Page, content: dict[str, Any]) -> None:
-    rows = []
-    for part in ("estimation", "validation"):
-        before, after = content["fit"]["baseline"][part], content["fit"]["augmented"][part]
-        rows += [(part, n, f"{before[n]:.1f}", f"{after[n]:.1f}") for n in before]
-    page.section(
-        "Before and after",
-        "Simulated response to the recorded command, in percent of the signal's deviation; "
-        "the baseline is the given structure re-estimated on the same data. " + content["fit"]["windows"],
-    ).table(("recordings", "signal", "baseline", "augmented"), rows)
+def _value(p: dict[str, Any]) -> str:
+    return f"{p['value']:.5g}" + (f" ({LIMIT[p['at_bound']]})" if "at_bound" in p else "")
 
 
 def _left_over_picture(result: SearchResult, record: Record) -> Figure:
@@ -199,19 +181,17 @@ def _curves(curves: Sequence[Condition], remaining: Sequence[Condition]) -> Figu
     return figure
 
 
-def _response(dataset: DataSet, proof: Proof, number: int) -> Figure:
+def _response(dataset: DataSet, proof: Proof, part: str, number: int) -> Figure:
     panels = []
     for signal, measured in dataset.signals().items():
         lines = [Series("measured", dataset.time, measured, colour=0, width=1.8)]
-        for fit, label, colour in (
-            (proof.baseline[number], "baseline", 2),
-            (proof.augmented[number], "augmented", 1),
-        ):
+        for model, label, colour in zip(MODELS, page_columns.HEADS, (3, 2, 1), strict=True):
+            fit = proof.fits[model][part][number]
             low, high = float(np.min(measured)), float(np.max(measured))
             room = 0.6 * (high - low)
             lines.append(
                 Series(
-                    f"{label}  {fit.percent[signal]:.1f} %",
+                    f"{label}  {percent(fit.percent[signal])} %",
                     dataset.time,
                     np.clip(fit.simulated[signal], low - room, high + room),
                     colour=colour,
@@ -235,4 +215,4 @@ def _tried(page: Page, result: SearchResult) -> None:
     if rows:
         page.section(
             "What else was tried", "Further effects that did not stand up in the last round of the search."
-        ).table(("effect", "at", "gain (nats)", "on unseen recordings", "large enough to matter"), rows)
+        ).table(("effect", "at", "gain (nats)", "on validation recordings", "large enough to matter"), rows)

@@ -27,6 +27,9 @@ _HARDLY_DRIVEN, _HARDLY_MOVES = 0.05, 0.01
 _SCATTER = 1.5
 #: Share of the input that its angle or velocity explains, from which it is no force.
 _ALL_OF_IT = 0.9999
+#: Samples of one recording that are sought in another, how often, and different angles in them from which the
+#: joint moves: readings at rest are alike in any two recordings.
+_PROBE, _PROBES, _MOVES = 200, 20, 20
 
 
 def refuse_implausible(model: Model, recording: Recording, dataset: DataSet) -> None:
@@ -73,18 +76,43 @@ def refuse_idle(datasets: Sequence[DataSet]) -> None:
 
 
 def refuse_copies(datasets: Sequence[DataSet]) -> None:
-    """Raise RecordingError for two recordings of which one begins with the readings of the other: a model is
-    proved on what it has not seen, and no two recordings of a machine are alike in every encoder step."""
+    """Raise RecordingError for two recordings of which one holds a stretch of the other's readings: a model
+    is proved on what it was not fitted to, and no two recordings of a machine are alike in every encoder
+    step."""
     for i, one in enumerate(datasets):
         for other in datasets[:i]:
-            n = min(len(one.motor_position), len(other.motor_position))
-            if np.array_equal(one.motor_position[:n], other.motor_position[:n], equal_nan=True) and (
-                np.array_equal(one.input[:n], other.input[:n], equal_nan=True)
-            ):
+            if _begin_alike(one, other) or _shared(one, other):
                 raise RecordingError(
-                    f"{one.name} holds the readings of {other.name} once more: learn from and judge by "
-                    "different recordings."
+                    f"{one.name} holds the readings of {other.name} once more: learn from, judge by and show "
+                    "with different recordings."
                 )
+
+
+def _begin_alike(one: DataSet, other: DataSet) -> bool:
+    n = min(len(one), len(other))
+    return all(
+        np.array_equal(getattr(one, name)[:n], getattr(other, name)[:n], equal_nan=True)
+        for name in ("motor_position", "input")
+    )
+
+
+def _shared(one: DataSet, other: DataSet) -> bool:
+    """Whether a stretch of the shorter one, with motion in it, stands somewhere in the longer one."""
+    short, long = sorted((one, other), key=len)
+    angles = np.ascontiguousarray(long.motor_position)
+    whole, size = angles.tobytes(), angles.itemsize
+    for start in np.linspace(0, len(short) - _PROBE, _PROBES).astype(int).tolist():
+        probe = slice(start, start + _PROBE)
+        angle = np.ascontiguousarray(short.motor_position[probe])
+        if start < 0 or len(np.unique(angle)) < _MOVES:
+            continue
+        at = whole.find(angle.tobytes())
+        while at >= 0:
+            first = at // size
+            if at % size == 0 and np.array_equal(long.input[first : first + _PROBE], short.input[probe]):
+                return True
+            at = whole.find(angle.tobytes(), at + 1)
+    return False
 
 
 def with_contradictions(dataset: DataSet) -> DataSet:

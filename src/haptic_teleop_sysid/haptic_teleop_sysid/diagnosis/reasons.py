@@ -29,8 +29,8 @@ class Doubt:
 
 
 def off_the_mark(percent: Mapping[str, float]) -> Doubt | None:
-    """Doubt where nothing was found and a velocity of unseen recordings is simulated worse than its mean
-    would predict it. ``percent``: fit by signal.
+    """Doubt where nothing was found and a velocity of the validation recordings is simulated worse than
+    its mean would predict it. ``percent``: fit by signal.
 
     The noise levels of other recordings are their own, so that the observer of a wrong unit or sign is merely
     one that corrects much: nothing in the innovations says so.
@@ -90,7 +90,7 @@ def runs_away(choice: Choice) -> Doubt:
     name = choice.chosen.effect.effect
     return Doubt(
         choice,
-        f"with {name} each next sample is predicted better, but unseen recordings are simulated worse",
+        f"with {name} each next sample is predicted better, but validation recordings are simulated worse",
     )
 
 

@@ -55,8 +55,8 @@ def because(choice: Choice, fitted: Effect) -> str:
     )
     text = f"{sentence[0].upper()}{sentence[1:]} ({numbers}): " + (
         e.witnessed
-        or f"with it the recording is predicted better by {e.gain:.0f} nats, and recordings that were not "
-        f"used for the fit by {e.elsewhere:.0f}"
+        or f"with it the recording is predicted better by {e.gain:.0f} nats, and the other recordings, which "
+        f"also choose, by {e.elsewhere:.0f}"
     )
     if e.by_current > 0.0:
         text += f"; the measured current gives {e.by_current:.0f} of these nats"

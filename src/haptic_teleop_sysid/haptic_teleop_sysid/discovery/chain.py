@@ -17,14 +17,15 @@ from haptic_teleop_sysid.discovery import campaign
 from haptic_teleop_sysid.discovery.conclusion import CASE, LABEL, OPENED, simulate_and_report
 from haptic_teleop_sysid.discovery.drawing import Drawn, draw
 from haptic_teleop_sysid.discovery.outcome import judge
-from haptic_teleop_sysid.discovery.steps import Say, Settings, StepFailed, Steps, record
+from haptic_teleop_sysid.discovery.steps import Live, Say, Settings, StepFailed, Steps, record
 
 TIMEOUT = 1800.0
 """s after which a diagnosis has failed."""
 
 
-def discover(settings: Settings, output: Path, say: Say) -> dict[str, Any]:
-    """Run the whole chain into the directory `output`; return the content of discover.json.
+def discover(settings: Settings, output: Path, say: Say, live: Live) -> dict[str, Any]:
+    """Run the whole chain into the directory `output`; return the content of discover.json. live: for the
+    diagnosis' lines of progress.
 
     Raises StepFailed when a step fails. A diagnosis that is wrong is none.
     """
@@ -54,7 +55,9 @@ def discover(settings: Settings, output: Path, say: Say) -> dict[str, Any]:
                 notes.append(f"holes in the recording for {which}, left out: {count}")
                 say(f"      {notes[-1]}")
                 command = (*FRONT_DOOR, "--allow-gaps")
-        ran = diagnose(case, command, TIMEOUT)
+        with live() as tell:
+            # Its progress alone: why it failed is told in the end.
+            ran = diagnose(case, command, TIMEOUT, lambda s: tell(s) if s.startswith("diagnose: ") else None)
         if ran["status"] != "0":
             words = f": {ran['message']}" if ran["message"] else ""
             raise StepFailed(f"diagnose ended with exit status {ran['status']}{words}")

@@ -58,7 +58,7 @@ def simulate_and_report(
             "not_hidden": judgement.beside,
             "parameters": judgement.parameters,
             "fits": {"scenario1": overlay.fits, "validation": validation},
-            "notes": [*notes, *overlay.notes],
+            "notes": [*notes, *_kept(judgement.diagnosis), *overlay.notes],
             "diagnosis": judgement.diagnosis,
             "files": _files(),
             "runtime_s": round(time.perf_counter() - began, 1),
@@ -75,6 +75,16 @@ def _models(lab: Model, case: Path, judgement: Judgement) -> dict[str, Model]:
     found = case / "diagnosis" / "augmented_model.yaml"
     refitted = lab.with_values(judgement.diagnosis["baseline_parameters"])
     return {LAB: lab, REFITTED: replace(refitted, source="re-estimated"), AUGMENTED: load_model(found)}
+
+
+def _kept(diagnosis: dict[str, Any]) -> list[str]:
+    """A note where the diagnosis kept the lab's model, because nothing it found simulates as well."""
+    if diagnosis.get("augmented_model", {}).get("holds") != "given":
+        return []
+    return [
+        "neither the re-estimated model nor what was found simulates the validation as well as the lab's "
+        "model does, so the diagnosis kept that: the augmented model is the lab's"
+    ]
 
 
 def _files() -> dict[str, str]:

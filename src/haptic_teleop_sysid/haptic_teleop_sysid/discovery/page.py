@@ -58,7 +58,7 @@ def discovery_page(
     _table(force, fits["scenario1"])
     force.picture(scenario1, "Scenario 1: recorded, and simulated before and after")
     open_ = page.section(
-        "Validation: an acquisition that nothing was fitted to",
+        "Validation: an acquisition that nothing was fitted to, and that chose among explanations",
         "The simulated response to the recorded command, nothing corrected along the way.",
     )
     _table(open_, fits["validation"])

@@ -4,7 +4,7 @@ recordings."""
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import AbstractContextManager, contextmanager
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
@@ -14,6 +14,8 @@ from haptic_teleop_sysid.discovery import campaign
 
 STEPS = 8
 Say = Callable[[str], None]
+Live = Callable[[], AbstractContextManager[Say]]
+"""Gives, for the time of a long step, what its lines of progress are told to."""
 
 
 class StepFailed(Exception):

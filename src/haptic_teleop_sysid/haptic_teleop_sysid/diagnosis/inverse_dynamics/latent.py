@@ -66,12 +66,9 @@ class Latent:
         sizes = [len(k) for k in self.knots]
         rows = [SLIGHT * np.eye(int(np.prod(sizes)))]
         for axis in range(len(sizes)):
-            factors = [np.eye(n) for n in sizes]
-            factors[axis] = np.diff(np.eye(sizes[axis]), 2, axis=0)
-            product = factors[0]
-            for factor in factors[1:]:
-                product = np.kron(product, factor)
-            rows.append(product)
+            second = np.diff(np.eye(sizes[axis]), 2, axis=0)
+            before, after = (int(np.prod(part)) for part in (sizes[:axis], sizes[axis + 1 :]))
+            rows.append(np.asarray(np.kron(np.kron(np.eye(before), second), np.eye(after)), dtype=np.float64))
         return np.concatenate(rows)
 
     @property

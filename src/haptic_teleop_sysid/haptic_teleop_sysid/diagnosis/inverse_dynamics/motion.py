@@ -95,7 +95,7 @@ def banded(record: Record, rigid: bool, cutoff: float) -> BandedMotion:
     velocity = np.gradient(angle, record.dt, axis=0)
     thin = slice(None, None, max(1, int(1.0 / (FINE_PER_PERIOD * cutoff * record.dt))))
     dt = record.dt * (thin.step or 1)
-    time = (record.start + record.dt * np.arange(len(record)))[thin]
+    time = record.start + record.dt * np.arange(len(record), dtype=np.float64)[thin]
     missing = ~np.isfinite(measured[:, 0]) | ~np.isfinite(arm)
     return BandedMotion(
         angle[thin],

@@ -129,9 +129,8 @@ class Fold:
         """Rows (m, ...) of the parts' (m, ...), the motor's equation of all parts first."""
         count = 1 if self.model.rigid else 2
         halves = [np.split(v, count) for v in values]
-        return np.concatenate(
-            [h[k][self._taken(part)] for k in range(count) for h, part in zip(halves, self.parts, strict=True)]
-        )
+        taken = [self._taken(part) for part in self.parts]
+        return np.concatenate([h[k][t] for k in range(count) for h, t in zip(halves, taken, strict=True)])
 
 
 def placed(torque: FloatArray, place: str, rigid: bool) -> FloatArray:

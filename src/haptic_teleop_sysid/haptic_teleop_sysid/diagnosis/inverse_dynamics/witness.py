@@ -21,7 +21,8 @@ from .regression import Equations, Fold, equations, solved, standard_errors, wei
 from .terms import Hypothesis, hypotheses
 
 FloatArray = NDArray[np.float64]
-Chosen = tuple[Hypothesis | Latent, ...]
+Chosen = tuple[Hypothesis, ...]
+Terms = tuple[Hypothesis | Latent, ...]
 
 #: How many of the best are tried in pairs, and how many groups of each number of effects are kept.
 MOST_PAIRED, BEAM = 12, 8
@@ -29,7 +30,7 @@ MOST_PAIRED, BEAM = 12, 8
 A_PARAMETER = 4.0
 #: Share of what the structure alone leaves (mean square) that no equation of an effect comes nearer to: dry
 #: friction is never quite that, and what a richer form gains below it says nothing.
-FORM = 0.002
+FORM = 0.005
 #: Weight that keeps a torque without a form straight, relative to the best visited knot.
 STIFF = 0.05
 #: Log-likelihood by which a torque without a form must exceed an effect to speak against it.
@@ -97,11 +98,11 @@ class Witness:
 
     def beside(self, group: Group) -> tuple[Latent, float] | None:
         """The torque without a form that explains most of what a group leaves, and the share of that."""
-        wider = self.folds.shapeless(group.hypotheses, 1)
-        if len(wider) == len(group.hypotheses):
+        more = self.folds.shapeless(group.hypotheses, 1)
+        if not more:
             return None
-        left = [1.0 - self.folds.explained(c) for c in (group.hypotheses, wider)]
-        return wider[-1], 1.0 - left[1] / max(left[0], 1e-300)
+        left = [1.0 - self.folds.explained(terms) for terms in (group.hypotheses, (*group.hypotheses, *more))]
+        return more[0], 1.0 - left[1] / max(left[0], 1e-300)
 
 
 def witness(
@@ -139,9 +140,9 @@ class Search:
         self.model, self.sides = model, (here, there)
         count = 1 if model.rigid else 2
         self.weights = [weights_of(s.target, s.base, count) for s in self.sides]
-        self.known: dict[Hypothesis, tuple[FloatArray, FloatArray]] = {}
+        self.known: dict[Hypothesis | Latent, tuple[FloatArray, FloatArray]] = {}
         self.numbers = [1.0, 1.0]
-        self.cached: dict[Chosen, tuple[float, float]] = {}
+        self.cached: dict[Terms, tuple[float, float]] = {}
 
     def best_of_each(self, every: Sequence[Hypothesis], beside: Chosen) -> list[Chosen]:
         """``beside`` and one further hypothesis: of each effect at each place the one that leaves least, the
@@ -160,12 +161,12 @@ class Search:
         """The one that leaves least."""
         return min(level, key=self.left_over)
 
-    def left_over(self, chosen: Chosen) -> float:
+    def left_over(self, chosen: Terms) -> float:
         """Sum over both kinds of recordings of rows times the logarithm of what is left there by parameters
         fitted to the other kind, relative to what the structure alone leaves."""
         return sum(s.samples * r for s, r in zip(self.sides, self.ratios(chosen), strict=True))
 
-    def ratios(self, chosen: Chosen) -> tuple[float, float]:
+    def ratios(self, chosen: Terms) -> tuple[float, float]:
         if chosen not in self.cached:
             found = []
             for judged in (0, 1):
@@ -194,11 +195,12 @@ class Search:
             return tuple(self.group(chosen, gain(chosen), numbers) for chosen in best)
 
         found = tuple(ranked(level) for level in levels[1:])
-        folds = Search(self.model, Fold(self.sides, False), Fold(self.sides, True))
+        whole = tuple(side for side in self.sides if isinstance(side, Equations))
+        folds = Search(self.model, Fold(whole, False), Fold(whole, True))
         folds.numbers = [0.5 * sum(numbers)] * 2
         shapeless = folds.shapeless(())
         best = [level[0].hypotheses for level in found]
-        most = max([folds.explained(chosen) for chosen in (shapeless, *best)])
+        most = max(folds.explained(terms) for terms in (shapeless, *best))
         return Witness(self.group((), 0.0, numbers), found, cutoff, most, shapeless, folds)
 
     def adequacies(self, chosen: Chosen) -> list[float]:
@@ -219,7 +221,7 @@ class Search:
             found.append(min(max(own, 0.0) / most, 1.0) if most > 0.0 else 1.0)
         return found
 
-    def likelier(self, chosen: Chosen) -> float:
+    def likelier(self, chosen: Terms) -> float:
         """Log-likelihood gained on recordings that were not fitted, at the number of independent samples."""
         return -0.5 * sum(n * r for n, r in zip(self.numbers, self.ratios(chosen), strict=True))
 
@@ -236,21 +238,24 @@ class Search:
                 found.append(latent)
         return found
 
-    def explained(self, chosen: Chosen) -> float:
+    def explained(self, chosen: Terms) -> float:
         """Share of what the structure alone leaves that is explained on recordings that were not fitted."""
         rows = sum(side.samples for side in self.sides)
         return 1.0 - float(np.exp(self.left_over(chosen) / rows))
 
-    def shapeless(self, beside: Chosen, most: int = MOST_SHAPELESS) -> Chosen:
-        """``beside`` and up to ``most`` torques without a form, as long as they explain more."""
+    def shapeless(self, beside: Chosen, most: int = MOST_SHAPELESS) -> tuple[Latent, ...]:
+        """Up to ``most`` torques without a form, as long as each explains more, beside some effects."""
         every = list(latents(self.model, [m for side in self.sides for m in side.motions]))
-        chosen = beside
+        found: tuple[Latent, ...] = ()
         for _ in range(most):
-            wider = min(((*chosen, one) for one in every if one not in chosen), key=self.left_over)
-            if not self.left_over(wider) < self.left_over(chosen):
+            wider = min(
+                ((*found, one) for one in every if one not in found),
+                key=lambda terms: self.left_over((*beside, *terms)),
+            )
+            if not self.left_over((*beside, *wider)) < self.left_over((*beside, *found)):
                 break
-            chosen = wider
-        return chosen
+            found = wider
+        return found
 
     def group(self, chosen: Chosen, gain: float, numbers: Sequence[float]) -> Group:
         side, values = self.sides[0], self._fitted(0, chosen)
@@ -277,15 +282,16 @@ class Search:
         percent = 100.0 * (1.0 - float(np.linalg.norm(there) / max(np.linalg.norm(y - y.mean()), 1e-300)))
         return Group(model, chosen, gain, percent, self.explained(chosen), std)
 
-    def _all(self, side: int, chosen: Chosen) -> FloatArray:
+    def _all(self, side: int, chosen: Terms) -> FloatArray:
         return np.column_stack([self.sides[side].base, *(self._columns(h)[side] for h in chosen)])
 
-    def _columns(self, hypothesis: Hypothesis) -> tuple[FloatArray, FloatArray]:
-        if hypothesis not in self.known:
-            self.known[hypothesis] = tuple(s.columns(hypothesis) for s in self.sides)
-        return self.known[hypothesis]
+    def _columns(self, term: Hypothesis | Latent) -> tuple[FloatArray, FloatArray]:
+        if term not in self.known:
+            here, there = self.sides
+            self.known[term] = here.columns(term), there.columns(term)
+        return self.known[term]
 
-    def _fitted(self, side: int, chosen: Chosen) -> FloatArray:
+    def _fitted(self, side: int, chosen: Terms) -> FloatArray:
         weight = self.weights[side]
         bounds = [h.bounds() for h in chosen]
         own = self.sides[side].bounds()
@@ -298,7 +304,7 @@ class Search:
         target = np.concatenate([target, np.zeros(len(columns) - len(target))])
         return solved(columns, target, low, high)
 
-    def _stiff(self, columns: FloatArray, chosen: Chosen) -> list[FloatArray]:
+    def _stiff(self, columns: FloatArray, chosen: Terms) -> list[FloatArray]:
         """Rows (r, p) that keep torques without a form from bending where the motion hardly goes."""
         found, place = [], columns.shape[1] - sum(len(h.bounds()[0]) for h in chosen)
         for h in chosen:
@@ -310,7 +316,7 @@ class Search:
                 found.append(rows)
         return found
 
-    def _left(self, side: int, chosen: Chosen, values: FloatArray) -> FloatArray:
+    def _left(self, side: int, chosen: Terms, values: FloatArray) -> FloatArray:
         return (self.sides[side].target - self._all(side, chosen) @ values) * self.weights[side]
 
 
