@@ -19,15 +19,16 @@ from numba import njit
 @inner
 def rates_sensitive(qm, qa, vm, va, z, moved_motor, moved_arm, t, torque_motor, torque_arm, exogenous, rigid,
                     base, codes, p,
-                    base_col, p_col, d_torque, i_torque, stage, dz, by_state, by_parameter,
+                    base_col, p_col, d_torque, driven, i_torque, stage, dz, by_state, by_parameter,
                     by_start, g):
     """`rates`, and their derivatives into ``by_state[stage]`` (rows, nx) and ``by_parameter[stage]`` (rows,
     columns): rows 2 (motor), 3 (arm) and 4... (own states of effects); the others are trivial. What is zero
     whatever the state is never written: both arrays must come as zeros.  ``by_start[stage]`` (rows, 2):
     derivatives by the angles at the start of the step, through the memories.
 
-    ``base_col``, ``p_col``: column of each parameter or -1; ``d_torque[i_torque]`` (columns,): derivative of
-    the acting torque. Sums are kept in scalars, because every parameter but the stiffness enters through one
+    ``base_col``, ``p_col``: column of each parameter or -1; ``d_torque[i_torque]``: derivatives of
+    the acting torque by the parameters of the columns ``driven``. Sums are kept in scalars, because every
+    parameter but the stiffness enters through one
     effect.
     """
     ks = base[0]
@@ -66,8 +67,8 @@ def rates_sensitive(qm, qa, vm, va, z, moved_motor, moved_arm, t, torque_motor, 
     for r in range(2, 4):
         by_start[stage, r, 0] = 0.0
         by_start[stage, r, 1] = 0.0
-    for c in range(d_torque.shape[1]):
-        by_parameter[stage, 2, c] = d_torque[i_torque, c] * im
+    for c in range(driven.shape[0]):
+        by_parameter[stage, 2, driven[c]] = d_torque[i_torque, c] * im
     # Derivatives of the torque at the motor and at the arm by own angle and velocity and by deflection; of
     # the coupling torque by deflection and its rate; of each by the stiffness.
     m_q, m_v, m_d, m_k = 0.0, -base[2] * facm, 0.0, 0.0
@@ -102,7 +103,7 @@ def rates_sensitive(qm, qa, vm, va, z, moved_motor, moved_arm, t, torque_motor, 
         elif memory > 0:
             dm = memory_displacement(memory, p, k, npar)
             side = side_of(moved, v)
-            decay = math.exp(-abs(moved) / dm)
+            decay = forgotten(moved, dm)
             slope = g[6] * (1.0 - s0 * side) * decay / dm
             keeps = g[6] * decay
             by_displacement = keeps * (s0 - side) * abs(moved) / (dm * dm)
@@ -351,7 +352,7 @@ def step_remembering_sensitivities(s, h, rigid, by_state, by_parameter, by_start
     step_sensitivities(s, h, rigid, by_state, forced)
 
 
-@njit
+@called
 def step_many_sensitivities(s, h, rigid, by_state, by_parameter, by_start, stage, total, rate):
     """The same with any number of own states; ``stage``, ``total`` and ``rate`` (nx, columns) are scratch."""
     n, ncol = s.shape
@@ -386,7 +387,7 @@ def step_many_sensitivities(s, h, rigid, by_state, by_parameter, by_start, stage
             s[r, c] = total[r, c]
 
 
-@njit
+@called
 def update_memories_sensitive(x, moved_motor, moved_arm, s, began, codes, p, p_col):
     """Memories and their sensitivities at the end of a step; ``began`` (2, columns): the angles' rows before
     it.
@@ -407,7 +408,7 @@ def update_memories_sensitive(x, moved_motor, moved_arm, s, began, codes, p, p_c
             npar = codes[e, 6]
             d = memory_displacement(kind, p, k, npar)
             side = side_of(moved, v)
-            decay = math.exp(-abs(moved) / d)
+            decay = forgotten(moved, d)
             slope = (1.0 - x[i] * side) * decay / d
             by_displacement = (x[i] - side) * decay * abs(moved) / (d * d)
             for c in range(ncol):

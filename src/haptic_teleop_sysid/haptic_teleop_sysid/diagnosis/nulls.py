@@ -17,6 +17,7 @@ from joblib import Parallel, delayed
 from haptic_teleop_sim.model import Model
 from haptic_teleop_sysid.estimation.gauss_newton import Fit
 from haptic_teleop_sysid.estimation.noise import NoiseModel
+from haptic_teleop_sysid.estimation.parallel import by_itself
 from haptic_teleop_sysid.estimation.records import Record
 from haptic_teleop_sysid.estimation.whole_fit import fit_from_scratch
 
@@ -55,8 +56,10 @@ def nulls(
         progress(f"the same search on {count} simulated sets of recordings with nothing hidden")
     fit = result.baseline
     learn, judge = ([(disturbed_as(fit, r), r) for r in records] for records in (estimation, validation))
-    one = delayed(_null)
-    tasks = (one(model, fit, learn, judge, sense_follows, [seed, number]) for number in range(count))
+    one = delayed(by_itself)
+    tasks = (
+        one(_null, model, fit, learn, judge, sense_follows, [seed, number]) for number in range(count)
+    )
     found: Any = Parallel(n_jobs=jobs)(tasks)
     return list(found)
 

@@ -19,6 +19,7 @@ from haptic_teleop_sim.kernel import Prediction, pack
 from haptic_teleop_sim.model import Effect
 from haptic_teleop_sysid.estimation.gauss_newton import OVERFLOW, Fit, bounds, gauss_newton_step, whiten
 from haptic_teleop_sysid.estimation.likelihood import innovations, log_likelihood
+from haptic_teleop_sysid.estimation.parallel import side_by_side
 from haptic_teleop_sysid.estimation.records import Record
 
 from .candidates import shape_parameters
@@ -38,7 +39,6 @@ def screen(
     fit: Fit, records: Sequence[Record], effects: Iterable[Effect], progress: Callable[[], None] | None = None
 ) -> list[Screened]:
     """Candidates by promised gain, best first; those whose best size has the wrong sign are left out."""
-    result = []
     packed = pack(fit.model)
     # The derivatives by the structure's parameters hardly change with a small effect: one run serves for all.
     structure = []
@@ -48,12 +48,14 @@ def screen(
             return []
         slopes = whiten(packed, record, prediction.innovation, prediction.d_innovation)[1]
         structure.append(_Structure(prediction, slopes, slopes.T @ slopes))
-    for effect in effects:
+
+    def scored(effect: Effect) -> Screened | None:
         found = _score(fit, records, effect, structure)
-        if found is not None:
-            result.append(found)
         if progress is not None:
             progress()
+        return found
+
+    result = [found for found in side_by_side(scored, effects) if found is not None]
     return sorted(result, key=lambda s: -s.gain)
 
 
