@@ -14,6 +14,10 @@ from .simulate import acting
 
 FloatArray = NDArray[np.float64]
 
+#: Columns of sensitivities come in multiples of this, the last ones unused: as many as compiled code takes at
+#: once; a rest is taken one by one, which takes as long as all of them.
+_ROOM = 16
+
 #: Names by which the initial state may be estimated.
 INITIAL = ("initial.motor_position", "initial.arm_position", "initial.motor_velocity", "initial.arm_velocity")
 
@@ -76,7 +80,7 @@ def predict(
         torque_slopes.append(by_torque)
         moment_slopes.append(by_moment)
 
-    s = np.zeros((packed.states, (ncol + 3) // 4 * 4))
+    s = np.zeros((packed.states, -(-ncol // _ROOM) * _ROOM))
     skew_col = np.full(2, -1, dtype=np.int64)
     for column, name in enumerate(free):
         if name in INITIAL:
