@@ -106,7 +106,7 @@ def sensitive_scratch(n, wide):
     return z, dz, sums, by_state, by_parameter, by_start, began, stage, total, changes, forced, g
 
 
-@called
+@inner
 def advance_sensitive(x, s, i, t, dt, substeps, torque_motor, torque_arm, exogenous, rigid, base, codes, p,
                       base_col, p_col, d_torque, driven, remembering, work):
     """One sample of Runge-Kutta of state and sensitivities in place; ``driven``: columns whose parameters the

@@ -104,17 +104,18 @@ def rates_sensitive(qm, qa, vm, va, z, moved_motor, moved_arm, t, torque_motor, 
             dm = memory_displacement(memory, p, k, npar)
             side = side_of(moved, v)
             decay = forgotten(moved, dm)
-            slope = g[6] * (1.0 - s0 * side) * decay / dm
-            keeps = g[6] * decay
-            by_displacement = keeps * (s0 - side) * abs(moved) / (dm * dm)
-            g[0] += slope
-            if memory == 2:
-                g[7] += by_displacement / p[k + 1]
-                g[8] -= by_displacement * dm / p[k + 1]
-            elif memory == 3:
-                g[8] += by_displacement
-            else:
-                g[7 + npar - 2] += by_displacement
+            if decay > 0.0:
+                slope = g[6] * (1.0 - s0 * side) * decay / dm
+                keeps = g[6] * decay
+                by_displacement = keeps * (s0 - side) * abs(moved) / (dm * dm)
+                g[0] += slope
+                if memory == 2:
+                    g[7] += by_displacement / p[k + 1]
+                    g[8] -= by_displacement * dm / p[k + 1]
+                elif memory == 3:
+                    g[8] += by_displacement
+                else:
+                    g[7 + npar - 2] += by_displacement
         if loc == 0:
             w = 1.0
             if codes[e, 2] == 1:
@@ -340,7 +341,7 @@ def step_many_sensitivities(s, h, rigid, by_state, by_parameter, by_start, stage
             s[r, c] = total[r, c]
 
 
-@called
+@inner
 def update_memories_sensitive(x, moved_motor, moved_arm, s, began, codes, p, p_col):
     """Memories and their sensitivities at the end of a step; ``began`` (2, columns): the angles' rows before
     it.
