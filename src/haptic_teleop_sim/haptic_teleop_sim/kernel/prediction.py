@@ -81,8 +81,8 @@ def within_sample_rate(theta, dt, q0, v0, q1, v1):
 
 @njit
 def predict_series(x, s, measured, gain, d_gain, decay, d_decay, torque, d_torque, moment, d_moment,
-                   driven, torque_arm, exogenous, t0, dt, substeps, rigid, base, codes, p, base_col, p_col, out_codes,
-                   skew_col, lead, innovation, d_innovation, states, d_states):
+                   driven, torque_arm, exogenous, t0, dt, substeps, rigid, base, codes, p, base_col, p_col,
+                   out_codes, skew_col, lead, innovation, d_innovation, states, d_states):
     """One-step prediction of both encoders with exact derivatives by the free parameters.
 
     At every sample: e = y - y_hat, x += gain e, then one sample ahead; disturbance torques decay by
@@ -91,8 +91,9 @@ def predict_series(x, s, measured, gain, d_gain, decay, d_decay, torque, d_torqu
     ``gain`` zero this is a plain simulation with sensitivities.  Fills innovation (n, 2), d_innovation
     (n, 2, np) = de/dtheta, states (n, nx) before the correction, d_states (n, 4, np) unless it is empty.  An
     encoder shows where its axis was ``-lead`` (2,) seconds ago (less than a sample: whole samples are shifted
-    in ``measured``); ``skew_col`` (2,): column of that delay or -1. ``moment`` (n,) and ``d_moment`` (n, np):
-    of the torque within its sample, see `spread`, ``d_moment`` empty where there is none.
+    in ``measured``); ``skew_col`` (2,): column of that delay or -1. ``moment`` (n,): of the torque within its
+    sample, see `spread`. ``d_torque`` (n, k) and ``d_moment`` (n, k): derivatives of torque and moment by the
+    parameters of the columns ``driven`` (k,), the latter empty where there is no moment.
     """
     n = x.shape[0]
     ncol = d_innovation.shape[2]

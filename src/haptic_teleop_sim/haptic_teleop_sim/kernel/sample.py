@@ -1,9 +1,9 @@
 """Compiled: one sample of state and sensitivities, and the matrices that make it where the joint is linear.
 
 Joined to `integrator.py`, where state and arrays are described; not imported by itself.  Without an effect in
-the equations of motion a sample of Runge-Kutta is a linear map of state and torques: the columns of its matrix
-are the samples of unit vectors, and the derivatives of the matrix are their sensitivities.  So the solution is
-the same but for rounding, at a tenth of the work.
+the equations of motion a sample of Runge-Kutta is a linear map of state and torques: the columns of its
+matrix are the samples of unit vectors, and the derivatives of the matrix are their sensitivities.  So the
+solution is the same but for rounding, at a fraction of the work.
 """
 
 # ruff: noqa: F821
@@ -67,9 +67,9 @@ def linear_sample(x, torque_motor, torque_arm, a):
 
 @inner
 def linear_sample_sensitive(x, s, i, torque_motor, torque_arm, a, slopes, base_col, d_torque, driven, forced):
-    """`linear_sample` with its sensitivities ``s`` (6, columns): its derivatives by ``base`` are in ``slopes``
-    (`sample_slopes`), those of the torque by the ``driven`` columns in ``d_torque[i]``; ``forced`` (20,) is
-    scratch."""
+    """`linear_sample` with its sensitivities ``s`` (6, columns): the matrix' derivatives by ``base`` are in
+    ``slopes`` (`sample_slopes`), those of the torque by the ``driven`` columns in ``d_torque[i]``; ``forced``
+    (20,) is scratch."""
     q0, q1, v0, v1 = x[0], x[1], x[2], x[3]
     w0, w1 = torque_motor + x[4], torque_arm + x[5]
     for k in range(20):
@@ -110,8 +110,8 @@ def sensitive_scratch(n, wide):
 def advance_sensitive(x, s, i, t, dt, substeps, torque_motor, torque_arm, exogenous, rigid, base, codes, p,
                       base_col, p_col, d_torque, driven, remembering, work):
     """One sample of Runge-Kutta of state and sensitivities in place; ``driven``: columns whose parameters the
-    acting torque depends on, by ``d_torque[i]``; ``remembering``: no effect has own states but memories; ``work``:
-    `sensitive_scratch`."""
+    acting torque depends on, by ``d_torque[i]``; ``remembering``: no effect has own states but memories;
+    ``work``: `sensitive_scratch`."""
     z, dz, sums, by_state, by_parameter, by_start, began, stage, total, changes, forced, g = work
     n = x.shape[0]
     own = n - 2

@@ -9,10 +9,6 @@ those of the discrete solution: every stage of the state's step is differentiate
 # pyright: reportUndefinedVariable=false
 from __future__ import annotations
 
-import math
-
-from numba import njit
-
 # <the text below joins the kernel>
 
 

@@ -18,8 +18,8 @@ from .held_out import judged
 from .material import material
 from .plain import plain
 from .scales import Scales, within_reach
-from .shadows import with_shadows
 from .screen import Screened
+from .shadows import with_shadows
 from .shortlist import shortlist
 from .trials import LAST_STEPS, TUNING_STEPS, best_of_each, polish, quiet, trial, with_companion, with_contact
 from .whiteness import colour

@@ -38,7 +38,8 @@ def judged(fit: Fit, fits: Sequence[Fit], validation: Sequence[Record], scales: 
         best = max(after, key=lambda f: f.log_likelihood)
         before = max(before, held_out_fit(fit, validation, [best.noise]), key=lambda f: f.log_likelihood)
     index = len(fit.model.effects)
-    between = side_by_side(lambda pair: reconciled(*pair, validation), [(fit, before), *zip(fits, after, strict=True)])
+    both = [(fit, before), *zip(fits, after, strict=True)]
+    between = side_by_side(lambda pair: reconciled(*pair, validation), both)
     alone = between[0]
     found = [
         Explanation(
