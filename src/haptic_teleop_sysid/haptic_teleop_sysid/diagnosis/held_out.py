@@ -39,7 +39,7 @@ def judged(fit: Fit, fits: Sequence[Fit], validation: Sequence[Record], scales: 
         before = max(before, held_out_fit(fit, validation, [best.noise]), key=lambda f: f.log_likelihood)
     index = len(fit.model.effects)
     both = [(fit, before), *zip(fits, after, strict=True)]
-    between = side_by_side(lambda pair: reconciled(*pair, validation), both)
+    between = side_by_side(lambda pair: reconciled(pair[0], pair[1], validation), both)
     alone = between[0]
     found = [
         Explanation(

@@ -16,7 +16,8 @@ from haptic_teleop_control.errors import ConfigurationError
 from haptic_teleop_sim.kernel.build import kernel
 
 VARIABLE = "HAPTIC_TELEOP_THREADS"
-_Given, _Found = TypeVar("_Given"), TypeVar("_Found")
+_Given = TypeVar("_Given")
+_Found = TypeVar("_Found")
 _state = threading.local()
 
 
