@@ -14,6 +14,10 @@ from .simulate import acting
 
 FloatArray = NDArray[np.float64]
 
+#: Columns of sensitivities come in multiples of this, the last ones unused: as many as compiled code takes at
+#: once; a rest is taken one by one, which takes as long as all of them.
+_ROOM = 16
+
 #: Names by which the initial state may be estimated.
 INITIAL = ("initial.motor_position", "initial.arm_position", "initial.motor_velocity", "initial.arm_velocity")
 
@@ -66,15 +70,17 @@ def predict(
     ncol = max(len(free), d_gain.shape[2])
     base_col = np.full(5, -1, dtype=np.int64)
     p_col = np.full(len(packed.p), -1, dtype=np.int64)
-    d_torque = np.zeros((n, ncol))
-    d_moment = np.zeros((n if spreading else 0, ncol))
+    driven: list[int] = []
+    torque_slopes: list[FloatArray] = []
+    moment_slopes: list[FloatArray] = []
 
     def through_actuator(column: int, name: str) -> None:
-        d_torque[:, column], slope = _torque_slope(packed, input_, dt, t0, name)
-        if spreading:
-            d_moment[:, column] = slope
+        by_torque, by_moment = _torque_slope(packed, input_, dt, t0, name)
+        driven.append(column)
+        torque_slopes.append(by_torque)
+        moment_slopes.append(by_moment)
 
-    s = np.zeros((packed.states, (ncol + 3) // 4 * 4))
+    s = np.zeros((packed.states, -(-ncol // _ROOM) * _ROOM))
     skew_col = np.full(2, -1, dtype=np.int64)
     for column, name in enumerate(free):
         if name in INITIAL:
@@ -90,7 +96,8 @@ def predict(
             if len(packed.in_codes) or spreading:
                 through_actuator(column, name)
             else:
-                d_torque[:, column] = torque / packed.torque_constant
+                driven.append(column)
+                torque_slopes.append(torque / packed.torque_constant)
         else:
             p_col[position] = column
             if any(position == o for _, o in packed.skew):
@@ -159,9 +166,10 @@ def predict(
         np.array(decay),
         np.ascontiguousarray(d_decay),
         torque,
-        d_torque,
+        _columns(torque_slopes, n),
         moment,
-        d_moment,
+        _columns(moment_slopes if spreading else [], n),
+        np.array(driven, dtype=np.int64),
         outer,
         other,
         t0,
@@ -182,6 +190,11 @@ def predict(
         d_states,
     )
     return Prediction(innovation, d_innovation, states, d_states)
+
+
+def _columns(series: list[FloatArray], n: int) -> FloatArray:
+    """Series (n,) side by side, sample by sample in memory; (n, 0) for none."""
+    return np.ascontiguousarray(np.column_stack(series)) if series else np.empty((n, 0))
 
 
 def _torque_slope(

@@ -81,8 +81,8 @@ def within_sample_rate(theta, dt, q0, v0, q1, v1):
 
 @njit
 def predict_series(x, s, measured, gain, d_gain, decay, d_decay, torque, d_torque, moment, d_moment,
-                   torque_arm, exogenous, t0, dt, substeps, rigid, base, codes, p, base_col, p_col, out_codes,
-                   skew_col, lead, innovation, d_innovation, states, d_states):
+                   driven, torque_arm, exogenous, t0, dt, substeps, rigid, base, codes, p, base_col, p_col,
+                   out_codes, skew_col, lead, innovation, d_innovation, states, d_states):
     """One-step prediction of both encoders with exact derivatives by the free parameters.
 
     At every sample: e = y - y_hat, x += gain e, then one sample ahead; disturbance torques decay by
@@ -91,28 +91,25 @@ def predict_series(x, s, measured, gain, d_gain, decay, d_decay, torque, d_torqu
     ``gain`` zero this is a plain simulation with sensitivities.  Fills innovation (n, 2), d_innovation
     (n, 2, np) = de/dtheta, states (n, nx) before the correction, d_states (n, 4, np) unless it is empty.  An
     encoder shows where its axis was ``-lead`` (2,) seconds ago (less than a sample: whole samples are shifted
-    in ``measured``); ``skew_col`` (2,): column of that delay or -1. ``moment`` (n,) and ``d_moment`` (n, np):
-    of the torque within its sample, see `spread`, ``d_moment`` empty where there is none.
+    in ``measured``); ``skew_col`` (2,): column of that delay or -1. ``moment`` (n,): of the torque within its
+    sample, see `spread`. ``d_torque`` (n, k) and ``d_moment`` (n, k): derivatives of torque and moment by the
+    parameters of the columns ``driven`` (k,), the latter empty where there is no moment.
     """
     n = x.shape[0]
-    ncol = d_torque.shape[1]
+    ncol = d_innovation.shape[2]
     # Room for whole vectors: the columns beyond ncol stay zero.
     wide = s.shape[1]
-    h = dt / substeps
-    own = n - 2
-    z, dz, sums = np.zeros(n), np.zeros(n), np.zeros(n)
-    by_state = np.zeros((4, n, n))
-    by_parameter = np.zeros((4, n, wide))
-    by_start = np.zeros((4, 4, 2))
-    began = np.zeros((2, wide))
+    linear = codes.shape[0] == 0
+    matrix = sample_matrix(dt, substeps, rigid, base, codes, p) if linear else np.empty((0, 0))
+    by_base = sample_slopes(dt, substeps, rigid, base, codes, p) if linear else np.empty((0, 0))
+    pushed = np.zeros(20)
+    work = sensitive_scratch(n, wide)
     last = np.array([x[0] - dt * x[2], x[1] - dt * x[3], x[2], x[3]])
     looking_back = lead[0] != 0.0 or lead[1] != 0.0
     last_s = s[:4].copy()
     for ch in range(2):
         for c in range(wide):
             last_s[ch, c] -= dt * s[2 + ch, c]
-    stage, total, changes = np.zeros((n, wide)), np.zeros((n, wide)), np.zeros((n, wide))
-    forced = np.zeros((4, 4, wide))
     remembering = True
     for e in range(codes.shape[0]):
         if codes[e, 5] > 0:
@@ -177,63 +174,20 @@ def predict_series(x, s, measured, gain, d_gain, decay, d_decay, torque, d_torqu
                 last[j] = x[j]
                 for c in range(wide):
                     last_s[j, c] = s[j, c]
-        t = t0 + i * dt
-        tm = torque[i] + x[n - 2]
-        ta = torque_arm[i] + x[n - 1]
-        for sub in range(substeps):
-            ts = t + sub * h
-            qm, qa, vm, va = x[0], x[1], x[2], x[3]
-            y0, y1, y2, y3 = qm, qa, vm, va
-            s0, s1, s2, s3 = 0.0, 0.0, 0.0, 0.0
-            for j in range(4, own):
-                z[j] = x[j]
-                sums[j] = 0.0
-            for k in range(4):
-                weight = 1.0 if k == 0 or k == 3 else 2.0
-                ahead = h if k == 2 else 0.5 * h
-                when = ts if k == 0 else (ts + h if k == 3 else ts + 0.5 * h)
-                am, aa = rates_sensitive(y0, y1, y2, y3, z, y0 - qm, y1 - qa, when, tm, ta, exogenous[i],
-                                         rigid, base, codes, p,
-                                         base_col, p_col, d_torque, i, k, dz, by_state, by_parameter,
-                                         by_start, g)
-                wa = 0.0 if rigid else y3
-                s0 += weight * y2
-                s1 += weight * wa
-                s2 += weight * am
-                s3 += weight * aa
-                y0 = qm + ahead * y2
-                y1 = qa + ahead * wa
-                y2 = vm + ahead * am
-                y3 = va + ahead * aa
-                for j in range(4, own):
-                    sums[j] += weight * dz[j]
-                    z[j] = x[j] + ahead * dz[j]
-            x[0] = qm + h / 6.0 * s0
-            x[1] = qa + h / 6.0 * s1
-            x[2] = vm + h / 6.0 * s2
-            x[3] = va + h / 6.0 * s3
-            for j in range(4, own):
-                x[j] += h / 6.0 * sums[j]
-            if n == 6:
-                step_sensitivities(s, h, rigid, by_state, by_parameter)
-            else:
-                for c in range(wide):
-                    began[0, c] = s[0, c]
-                    began[1, c] = s[1, c]
-                if remembering:
-                    step_remembering_sensitivities(s, h, rigid, by_state, by_parameter, by_start, forced)
-                else:
-                    step_many_sensitivities(s, h, rigid, by_state, by_parameter, by_start, stage, total,
-                                            changes)
-                update_memories_sensitive(x, h / 6.0 * s0, h / 6.0 * s1, s, began, codes, p, p_col)
+        if linear:
+            linear_sample_sensitive(x, s, i, torque[i], torque_arm[i], matrix, by_base, base_col,
+                                    d_torque, driven, pushed)
+        else:
+            advance_sensitive(x, s, i, t0 + i * dt, dt, substeps, torque[i], torque_arm[i], exogenous[i],
+                              rigid, base, codes, p, base_col, p_col, d_torque, driven, remembering, work)
         if spreading:
             # As `spread`, with derivatives.
             jm, bm = base[1], base[2]
             shift = moment[i] / jm
-            for c in range(ncol):
-                d_shift = d_moment[i, c] / jm
-                s[0, c] += d_shift
-                s[2, c] -= bm / jm * d_shift
+            for k in range(driven.shape[0]):
+                d_shift = d_moment[i, k] / jm
+                s[0, driven[k]] += d_shift
+                s[2, driven[k]] -= bm / jm * d_shift
             if base_col[1] >= 0:
                 s[0, base_col[1]] -= shift / jm
                 s[2, base_col[1]] += 2.0 * bm / jm * shift / jm
@@ -258,6 +212,8 @@ def innovations_series(x, measured, gain, decay, torque, moment, torque_arm, exo
     n = x.shape[0]
     last = np.array([x[0] - dt * x[2], x[1] - dt * x[3], x[2], x[3]])
     z, dz, total = np.zeros(n), np.zeros(n), np.zeros(n)
+    linear = codes.shape[0] == 0
+    matrix = sample_matrix(dt, substeps, rigid, base, codes, p) if linear else np.empty((0, 0))
     correcting = False
     for j in range(n):
         if gain[j, 0] != 0.0 or gain[j, 1] != 0.0:
@@ -276,8 +232,11 @@ def innovations_series(x, measured, gain, decay, torque, moment, torque_arm, exo
                 x[j] += gain[j, 0] * innovation[i, 0] + gain[j, 1] * innovation[i, 1]
         for j in range(4):
             last[j] = x[j]
-        advance(x, t0 + i * dt, dt, substeps, torque[i], torque_arm[i], exogenous[i], rigid, base, codes, p,
-                z, dz, total)
+        if linear:
+            linear_sample(x, torque[i], torque_arm[i], matrix)
+        else:
+            advance(x, t0 + i * dt, dt, substeps, torque[i], torque_arm[i], exogenous[i], rigid, base, codes,
+                    p, z, dz, total)
         spread(x, moment[i], base)
         x[n - 2] *= decay[0]
         x[n - 1] *= decay[1]

@@ -9,25 +9,22 @@ those of the discrete solution: every stage of the state's step is differentiate
 # pyright: reportUndefinedVariable=false
 from __future__ import annotations
 
-import math
-
-from numba import njit
-
 # <the text below joins the kernel>
 
 
 @inner
 def rates_sensitive(qm, qa, vm, va, z, moved_motor, moved_arm, t, torque_motor, torque_arm, exogenous, rigid,
                     base, codes, p,
-                    base_col, p_col, d_torque, i_torque, stage, dz, by_state, by_parameter,
+                    base_col, p_col, d_torque, driven, i_torque, stage, dz, by_state, by_parameter,
                     by_start, g):
     """`rates`, and their derivatives into ``by_state[stage]`` (rows, nx) and ``by_parameter[stage]`` (rows,
     columns): rows 2 (motor), 3 (arm) and 4... (own states of effects); the others are trivial. What is zero
     whatever the state is never written: both arrays must come as zeros.  ``by_start[stage]`` (rows, 2):
     derivatives by the angles at the start of the step, through the memories.
 
-    ``base_col``, ``p_col``: column of each parameter or -1; ``d_torque[i_torque]`` (columns,): derivative of
-    the acting torque. Sums are kept in scalars, because every parameter but the stiffness enters through one
+    ``base_col``, ``p_col``: column of each parameter or -1; ``d_torque[i_torque]``: derivatives of
+    the acting torque by the parameters of the columns ``driven``. Sums are kept in scalars, because every
+    parameter but the stiffness enters through one
     effect.
     """
     ks = base[0]
@@ -66,8 +63,8 @@ def rates_sensitive(qm, qa, vm, va, z, moved_motor, moved_arm, t, torque_motor, 
     for r in range(2, 4):
         by_start[stage, r, 0] = 0.0
         by_start[stage, r, 1] = 0.0
-    for c in range(d_torque.shape[1]):
-        by_parameter[stage, 2, c] = d_torque[i_torque, c] * im
+    for c in range(driven.shape[0]):
+        by_parameter[stage, 2, driven[c]] = d_torque[i_torque, c] * im
     # Derivatives of the torque at the motor and at the arm by own angle and velocity and by deflection; of
     # the coupling torque by deflection and its rate; of each by the stiffness.
     m_q, m_v, m_d, m_k = 0.0, -base[2] * facm, 0.0, 0.0
@@ -102,18 +99,19 @@ def rates_sensitive(qm, qa, vm, va, z, moved_motor, moved_arm, t, torque_motor, 
         elif memory > 0:
             dm = memory_displacement(memory, p, k, npar)
             side = side_of(moved, v)
-            decay = math.exp(-abs(moved) / dm)
-            slope = g[6] * (1.0 - s0 * side) * decay / dm
-            keeps = g[6] * decay
-            by_displacement = keeps * (s0 - side) * abs(moved) / (dm * dm)
-            g[0] += slope
-            if memory == 2:
-                g[7] += by_displacement / p[k + 1]
-                g[8] -= by_displacement * dm / p[k + 1]
-            elif memory == 3:
-                g[8] += by_displacement
-            else:
-                g[7 + npar - 2] += by_displacement
+            decay = forgotten(moved, dm)
+            if decay > 0.0:
+                slope = g[6] * (1.0 - s0 * side) * decay / dm
+                keeps = g[6] * decay
+                by_displacement = keeps * (s0 - side) * abs(moved) / (dm * dm)
+                g[0] += slope
+                if memory == 2:
+                    g[7] += by_displacement / p[k + 1]
+                    g[8] -= by_displacement * dm / p[k + 1]
+                elif memory == 3:
+                    g[8] += by_displacement
+                else:
+                    g[7 + npar - 2] += by_displacement
         if loc == 0:
             w = 1.0
             if codes[e, 2] == 1:
@@ -243,90 +241,43 @@ def step_sensitivities(s, h, rigid, by_state, by_parameter):
     states of effects that change within a step.
 
     The variational equation is linear, so its stages need the states of each stage only through these. Column
-    by column in scalars, which compilers turn into vectors over the columns.
+    by column in scalars, which compilers turn into vectors over the columns; what all of them share is read
+    before, or it might be another number after each for all that compilers know.
     """
     half = 0.5 * h
     sixth = h / 6.0
     arm = 0.0 if rigid else 1.0
     a, b = by_state, by_parameter
     m, n = s.shape[0] - 2, s.shape[0] - 1
+    a020, a021, a022, a023, a024 = a[0, 2, 0], a[0, 2, 1], a[0, 2, 2], a[0, 2, 3], a[0, 2, m]
+    a030, a031, a032, a033, a034 = a[0, 3, 0], a[0, 3, 1], a[0, 3, 2], a[0, 3, 3], a[0, 3, n]
+    a120, a121, a122, a123, a124 = a[1, 2, 0], a[1, 2, 1], a[1, 2, 2], a[1, 2, 3], a[1, 2, m]
+    a130, a131, a132, a133, a134 = a[1, 3, 0], a[1, 3, 1], a[1, 3, 2], a[1, 3, 3], a[1, 3, n]
+    a220, a221, a222, a223, a224 = a[2, 2, 0], a[2, 2, 1], a[2, 2, 2], a[2, 2, 3], a[2, 2, m]
+    a230, a231, a232, a233, a234 = a[2, 3, 0], a[2, 3, 1], a[2, 3, 2], a[2, 3, 3], a[2, 3, n]
+    a320, a321, a322, a323, a324 = a[3, 2, 0], a[3, 2, 1], a[3, 2, 2], a[3, 2, 3], a[3, 2, m]
+    a330, a331, a332, a333, a334 = a[3, 3, 0], a[3, 3, 1], a[3, 3, 2], a[3, 3, 3], a[3, 3, n]
     for c in range(s.shape[1]):
         q0, q1, v0, v1, w0, w1 = s[0, c], s[1, c], s[2, c], s[3, c], s[m, c], s[n, c]
         k0 = v0
         k1 = v1 * arm
-        k2 = (
-            a[0, 2, 0] * q0
-            + a[0, 2, 1] * q1
-            + a[0, 2, 2] * v0
-            + a[0, 2, 3] * v1
-            + a[0, 2, m] * w0
-            + b[0, 2, c]
-        )
-        k3 = (
-            a[0, 3, 0] * q0
-            + a[0, 3, 1] * q1
-            + a[0, 3, 2] * v0
-            + a[0, 3, 3] * v1
-            + a[0, 3, n] * w1
-            + b[0, 3, c]
-        )
+        k2 = (a020 * q0 + a021 * q1 + a022 * v0 + a023 * v1 + a024 * w0 + b[0, 2, c])
+        k3 = (a030 * q0 + a031 * q1 + a032 * v0 + a033 * v1 + a034 * w1 + b[0, 3, c])
         y0, y1, y2, y3 = q0 + half * k0, q1 + half * k1, v0 + half * k2, v1 + half * k3
         l0 = y2
         l1 = y3 * arm
-        l2 = (
-            a[1, 2, 0] * y0
-            + a[1, 2, 1] * y1
-            + a[1, 2, 2] * y2
-            + a[1, 2, 3] * y3
-            + a[1, 2, m] * w0
-            + b[1, 2, c]
-        )
-        l3 = (
-            a[1, 3, 0] * y0
-            + a[1, 3, 1] * y1
-            + a[1, 3, 2] * y2
-            + a[1, 3, 3] * y3
-            + a[1, 3, n] * w1
-            + b[1, 3, c]
-        )
+        l2 = (a120 * y0 + a121 * y1 + a122 * y2 + a123 * y3 + a124 * w0 + b[1, 2, c])
+        l3 = (a130 * y0 + a131 * y1 + a132 * y2 + a133 * y3 + a134 * w1 + b[1, 3, c])
         y0, y1, y2, y3 = q0 + half * l0, q1 + half * l1, v0 + half * l2, v1 + half * l3
         m0 = y2
         m1 = y3 * arm
-        m2 = (
-            a[2, 2, 0] * y0
-            + a[2, 2, 1] * y1
-            + a[2, 2, 2] * y2
-            + a[2, 2, 3] * y3
-            + a[2, 2, m] * w0
-            + b[2, 2, c]
-        )
-        m3 = (
-            a[2, 3, 0] * y0
-            + a[2, 3, 1] * y1
-            + a[2, 3, 2] * y2
-            + a[2, 3, 3] * y3
-            + a[2, 3, n] * w1
-            + b[2, 3, c]
-        )
+        m2 = (a220 * y0 + a221 * y1 + a222 * y2 + a223 * y3 + a224 * w0 + b[2, 2, c])
+        m3 = (a230 * y0 + a231 * y1 + a232 * y2 + a233 * y3 + a234 * w1 + b[2, 3, c])
         y0, y1, y2, y3 = q0 + h * m0, q1 + h * m1, v0 + h * m2, v1 + h * m3
         n0 = y2
         n1 = y3 * arm
-        n2 = (
-            a[3, 2, 0] * y0
-            + a[3, 2, 1] * y1
-            + a[3, 2, 2] * y2
-            + a[3, 2, 3] * y3
-            + a[3, 2, m] * w0
-            + b[3, 2, c]
-        )
-        n3 = (
-            a[3, 3, 0] * y0
-            + a[3, 3, 1] * y1
-            + a[3, 3, 2] * y2
-            + a[3, 3, 3] * y3
-            + a[3, 3, n] * w1
-            + b[3, 3, c]
-        )
+        n2 = (a320 * y0 + a321 * y1 + a322 * y2 + a323 * y3 + a324 * w0 + b[3, 2, c])
+        n3 = (a330 * y0 + a331 * y1 + a332 * y2 + a333 * y3 + a334 * w1 + b[3, 3, c])
         s[0, c] = q0 + sixth * (k0 + 2.0 * l0 + 2.0 * m0 + n0)
         s[1, c] = q1 + sixth * (k1 + 2.0 * l1 + 2.0 * m1 + n1)
         s[2, c] = v0 + sixth * (k2 + 2.0 * l2 + 2.0 * m2 + n2)
@@ -351,7 +302,7 @@ def step_remembering_sensitivities(s, h, rigid, by_state, by_parameter, by_start
     step_sensitivities(s, h, rigid, by_state, forced)
 
 
-@njit
+@called
 def step_many_sensitivities(s, h, rigid, by_state, by_parameter, by_start, stage, total, rate):
     """The same with any number of own states; ``stage``, ``total`` and ``rate`` (nx, columns) are scratch."""
     n, ncol = s.shape
@@ -386,7 +337,7 @@ def step_many_sensitivities(s, h, rigid, by_state, by_parameter, by_start, stage
             s[r, c] = total[r, c]
 
 
-@njit
+@inner
 def update_memories_sensitive(x, moved_motor, moved_arm, s, began, codes, p, p_col):
     """Memories and their sensitivities at the end of a step; ``began`` (2, columns): the angles' rows before
     it.
@@ -407,7 +358,7 @@ def update_memories_sensitive(x, moved_motor, moved_arm, s, began, codes, p, p_c
             npar = codes[e, 6]
             d = memory_displacement(kind, p, k, npar)
             side = side_of(moved, v)
-            decay = math.exp(-abs(moved) / d)
+            decay = forgotten(moved, d)
             slope = (1.0 - x[i] * side) * decay / d
             by_displacement = (x[i] - side) * decay * abs(moved) / (d * d)
             for c in range(ncol):

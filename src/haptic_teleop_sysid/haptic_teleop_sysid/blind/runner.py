@@ -21,7 +21,10 @@ from haptic_teleop_control.errors import ConfigurationError
 from haptic_teleop_sysid.blind.forked import run_forked
 from haptic_teleop_sysid.blind.sealing import seal
 
-ONE_THREAD: dict[str, str] = {f"{name}_NUM_THREADS": "1" for name in ("OMP", "OPENBLAS", "MKL", "NUMBA")}
+ONE_THREAD: dict[str, str] = {
+    **{f"{name}_NUM_THREADS": "1" for name in ("OMP", "OPENBLAS", "MKL", "NUMBA")},
+    "HAPTIC_TELEOP_THREADS": "1",
+}
 FRONT_DOOR = (
     sys.executable,
     "-c",

@@ -92,7 +92,7 @@ def _own_states(entry: EffectEntry, variables: SimpleNamespace, p: SimpleNamespa
         setattr(variables, name, followed[i])
 
 
-@njit(cache=True, error_model="numpy")
+@njit(cache=True, error_model="numpy", nogil=True)
 def _followed(transition: FloatArray, pushed: FloatArray) -> FloatArray:
     """States (n, samples) of x[k+1] = transition x[k] + pushed[:, k] from rest."""
     n, samples = pushed.shape

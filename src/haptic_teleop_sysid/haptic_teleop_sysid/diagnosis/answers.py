@@ -101,7 +101,7 @@ class Answers:
         return found
 
 
-@njit(cache=True, error_model="numpy")
+@njit(cache=True, error_model="numpy", nogil=True)
 def answers_to(
     pushes: FloatArray,
     channel: int,

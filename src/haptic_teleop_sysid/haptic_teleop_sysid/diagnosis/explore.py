@@ -9,6 +9,7 @@ import numpy as np
 
 from haptic_teleop_sim.model import Model
 from haptic_teleop_sysid.estimation.gauss_newton import Fit, Limits
+from haptic_teleop_sysid.estimation.parallel import side_by_side
 from haptic_teleop_sysid.estimation.records import Record, thinned_to
 from haptic_teleop_sysid.estimation.whole_fit import fit_whole
 
@@ -19,6 +20,7 @@ from .held_out import judged
 from .material import material
 from .plain import plain
 from .scales import Scales, within_reach
+from .screen import Screened
 from .shadows import with_shadows
 from .shortlist import shortlist
 from .trials import LAST_STEPS, TUNING_STEPS, best_of_each, polish, quiet, trial, with_companion, with_contact
@@ -70,8 +72,8 @@ def explore(
     def ended(trials: Sequence[Fit]) -> list[Fit]:
         trials = [with_contact(t) for t in trials]
         if few is not estimation:
-            trials = _in_the_running([polish(t, few, limits) for t in trials])
-        return [to_the_end(t) for t in trials]
+            trials = _in_the_running(side_by_side(lambda t: polish(t, few, limits), trials))
+        return side_by_side(to_the_end, trials)
 
     fits = best_of_each(ended(_most_material(fits, index, scales)), index)
     if colour((fits or [fit])[0], estimation) > _COLOURED:
@@ -127,27 +129,50 @@ def _tried(
         if not np.isfinite(near.log_likelihood):
             near, few = fit, estimation
     chosen = shortlist(near, few, scales, limits, first and not fit.model.effects)
-    fits: list[Fit] = []
-    for noise, promising in zip((near.noise, quiet(near.noise)), chosen, strict=True):
+    noises = (near.noise, quiet(near.noise))
+
+    def along(job: tuple[int, list[int]]) -> list[list[Fit]]:
+        which, chain = job
+        ends: list[list[Fit]] = []
+        touched: float | None = None
+        for s in (chosen[which][i] for i in chain):
+            say(f"fitting {s.effect.effect} at {s.effect.location}")
+            starts = contacts(s.effect, scales, touched)
+            best = trial(near, lab, starts, larger_starts(s.effect, scales), few, noises[which], limits)
+            ends.append(best)
+            if len(starts) > 1 and best and "contact_angle" in best[0].model.effects[-1].parameters:
+                # One contact for all forms of friction at a place.
+                touched = best[0].model.effects[-1].parameters["contact_angle"]
+        return ends
+
+    jobs = [(which, chain) for which in (0, 1) for chain in _chains(chosen[which])]
+    ended: dict[tuple[int, int], list[Fit]] = {}
+    for (which, chain), ends in zip(jobs, side_by_side(along, jobs), strict=True):
+        ended |= {(which, i): best for i, best in zip(chain, ends, strict=True)}
+    worth: list[Fit] = []
+    for which in (0, 1):
         trials: list[Fit] = []
         promised: list[Fit] = []
-        touched: dict[str, float] = {}
-        for s in promising:
-            say(f"fitting {s.effect.effect} at {s.effect.location}")
-            starts = contacts(s.effect, scales, touched.get(s.effect.location))
-            best = trial(near, lab, starts, larger_starts(s.effect, scales), few, noise, limits)
+        for i in range(len(chosen[which])):
+            best = ended[which, i]
             trials += best
             if len(promised) < _MOST_PROMISED:
                 promised += best
-            if len(starts) > 1 and best and "contact_angle" in best[0].model.effects[-1].parameters:
-                # One contact for all forms of friction at a place.
-                touched[s.effect.location] = best[0].model.effects[-1].parameters["contact_angle"]
         trials.sort(key=lambda t: -t.log_likelihood)
         # What promised most gets its levels, too: a few steps may be too few where the structure's parameters
         # have gone far to make up for it.
         late = [t for t in promised if all(t is not other for other in trials[:_MOST_TUNED])]
-        fits += [polish(t, few, limits, TUNING_STEPS) for t in [*trials[:_MOST_TUNED], *late]]
-    return fits, few
+        worth += [*trials[:_MOST_TUNED], *late]
+    return side_by_side(lambda t: polish(t, few, limits, TUNING_STEPS), worth), few
+
+
+def _chains(promising: Sequence[Screened]) -> list[list[int]]:
+    """Places in the list of what is tried one after another, the longest first: forms of dry friction at one
+    place, of which the first finds the contact of all; any other effect alone."""
+    chains: dict[str | int, list[int]] = {}
+    for i, s in enumerate(promising):
+        chains.setdefault(s.effect.location if s.effect.entry.memory == "direction" else i, []).append(i)
+    return sorted(chains.values(), key=len, reverse=True)
 
 
 def better_baseline(fit: Fit, fits: Sequence[Fit], records: Sequence[Record], limits: Limits) -> Fit:
@@ -155,9 +180,13 @@ def better_baseline(fit: Fit, fits: Sequence[Fit], records: Sequence[Record], li
     gains only by having come out of a hollow is none of its effect's.
     """
     count, free = len(fit.model.effects), fit.free
-    for rival in fits:
-        bare = replace(rival.model, effects=rival.model.effects[:count], fixed=fit.model.fixed)
-        again = fit_whole(bare, rival.noise, records, free=free, iterations=LAST_STEPS, limits=limits)
-        if again.log_likelihood > fit.log_likelihood + 1.0:
-            fit = again
-    return fit
+
+    def bare(rival: Fit) -> Fit:
+        model = replace(rival.model, effects=rival.model.effects[:count], fixed=fit.model.fixed)
+        return fit_whole(model, rival.noise, records, free=free, iterations=LAST_STEPS, limits=limits)
+
+    best = fit
+    for again in side_by_side(bare, fits):
+        if again.log_likelihood > best.log_likelihood + 1.0:
+            best = again
+    return best

@@ -15,6 +15,7 @@ import numpy as np
 from haptic_teleop_sim.effects import EFFECTS
 from haptic_teleop_sim.model import Effect, Model
 from haptic_teleop_sysid.estimation.gauss_newton import Fit, Limits
+from haptic_teleop_sysid.estimation.parallel import side_by_side
 from haptic_teleop_sysid.estimation.records import Record
 from haptic_teleop_sysid.estimation.whole_fit import fit_whole
 
@@ -46,12 +47,16 @@ def richer_forms(
         if effect.effect != "coulomb_friction" or fit.log_likelihood < before.log_likelihood + _STRONG:
             continue
         plain = fit_whole(fit.model, fit.noise, records, free=fit.free, iterations=_STEPS, limits=limits)
-        best: dict[str, Fit] = {}
         if not effect.parameters["torque"] > 0.0:
             continue
-        for form in (*_forms(effect, scales), *_rippled(plain, index, records, scales)):
+        forms = [*_forms(effect, scales), *_rippled(plain, index, records, scales)]
+
+        def fitted(form: Effect, fit: Fit = fit, plain: Fit = plain) -> Fit:
             wider = _instead(fit.model, index, form)
-            one = fit_whole(wider, plain.noise, records, iterations=_STEPS, limits=limits)
+            return fit_whole(wider, plain.noise, records, iterations=_STEPS, limits=limits)
+
+        best: dict[str, Fit] = {}
+        for form, one in zip(forms, side_by_side(fitted, forms), strict=True):
             known = best.get(form.effect)
             if np.isfinite(one.log_likelihood) and (
                 known is None or one.log_likelihood > known.log_likelihood

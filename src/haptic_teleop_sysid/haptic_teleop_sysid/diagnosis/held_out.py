@@ -8,6 +8,7 @@ import numpy as np
 
 from haptic_teleop_sysid.estimation.gauss_newton import Fit
 from haptic_teleop_sysid.estimation.noise import NoiseModel
+from haptic_teleop_sysid.estimation.parallel import side_by_side
 from haptic_teleop_sysid.estimation.records import Record, thinned_to
 from haptic_teleop_sysid.estimation.whole_fit import fit_whole, noise_starts
 
@@ -27,7 +28,7 @@ def judged(fit: Fit, fits: Sequence[Fit], validation: Sequence[Record], scales: 
     """The fits as explanations beside ``fit``, best first (material ones before others)."""
     levels = [fit.noise, *(f.noise for f in fits[:_MOST_LENDING]), *noise_starts(fit.model, validation)]
     before = held_out_fit(fit, validation, levels)
-    after = [held_out_fit(f, validation, [f.noise, before.noise]) for f in fits]
+    after = side_by_side(lambda f: held_out_fit(f, validation, [f.noise, before.noise]), fits)
     for i, (f, there) in enumerate(zip(fits, after, strict=True)):
         if f.log_likelihood > fit.log_likelihood + _GAINS and there.log_likelihood < before.log_likelihood:
             again = held_out_fit(f, validation, noise_starts(f.model, validation))
@@ -37,7 +38,9 @@ def judged(fit: Fit, fits: Sequence[Fit], validation: Sequence[Record], scales: 
         best = max(after, key=lambda f: f.log_likelihood)
         before = max(before, held_out_fit(fit, validation, [best.noise]), key=lambda f: f.log_likelihood)
     index = len(fit.model.effects)
-    alone = reconciled(fit, before, validation)
+    both = [(fit, before), *zip(fits, after, strict=True)]
+    between = side_by_side(lambda pair: reconciled(pair[0], pair[1], validation), both)
+    alone = between[0]
     found = [
         Explanation(
             f,
@@ -45,9 +48,9 @@ def judged(fit: Fit, fits: Sequence[Fit], validation: Sequence[Record], scales: 
             there.log_likelihood - before.log_likelihood,
             material(f.model.effects[index], scales),
             index,
-            reconciled(f, there, validation) - alone,
+            beside - alone,
         )
-        for f, there in zip(fits, after, strict=True)
+        for f, there, beside in zip(fits, after, between[1:], strict=True)
     ]
     return sorted(found, key=lambda e: (not e.material, -e.score))
 
@@ -78,7 +81,7 @@ def held_out_fit(fit: Fit, records: Sequence[Record], levels: Sequence[NoiseMode
     is a catastrophe.  The way there is made on thinned recordings where they are long.
     """
     few = thinned_to(records)
-    ends = [fit_whole(fit.model, noise, few, free=(), iterations=_STEPS) for noise in levels]
+    ends = side_by_side(lambda noise: fit_whole(fit.model, noise, few, free=(), iterations=_STEPS), levels)
     best = max(ends, key=lambda end: end.log_likelihood)
     if few is records:
         return best

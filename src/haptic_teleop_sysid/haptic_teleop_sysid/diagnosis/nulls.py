@@ -18,6 +18,7 @@ from haptic_teleop_sim.model import Model
 from haptic_teleop_sysid.dataset import DataSet
 from haptic_teleop_sysid.estimation.gauss_newton import Fit
 from haptic_teleop_sysid.estimation.noise import NoiseModel
+from haptic_teleop_sysid.estimation.parallel import by_itself
 
 from .decide import significant
 from .null_records import levels_of, null_dataset
@@ -56,8 +57,8 @@ def nulls(
         progress(f"the same search on {count} simulated sets of recordings with nothing hidden")
     fit = result.baseline
     parts = [[(d, levels_of(fit, d)) for d in data] for data in (estimation, validation)]
-    one = delayed(_null)
-    tasks = (one(diagnosis, model, fit, *parts, [seed, number]) for number in range(count))
+    one = delayed(by_itself)
+    tasks = (one(_null, diagnosis, model, fit, *parts, [seed, number]) for number in range(count))
     found: Any = Parallel(n_jobs=jobs)(tasks)
     return list(found)
 

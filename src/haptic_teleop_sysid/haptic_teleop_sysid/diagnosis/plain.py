@@ -15,6 +15,7 @@ import numpy as np
 from haptic_teleop_sim.effects import EFFECTS
 from haptic_teleop_sim.model import Effect, Model
 from haptic_teleop_sysid.estimation.gauss_newton import Fit, Limits
+from haptic_teleop_sysid.estimation.parallel import side_by_side
 from haptic_teleop_sysid.estimation.records import Record
 from haptic_teleop_sysid.estimation.whole_fit import fit_whole, noise_starts
 
@@ -56,12 +57,14 @@ def plain(
     places = dict.fromkeys(
         (e.effect, e.location) for e in candidates(lab, records, scales, {}) if e.effect in LARGE
     )
-    found = []
+    starts: list[Effect] = []
     for name, location in places:
-        progress(f"fitting {name} at {location} from nothing")
         middle = scales.contact_starts(1 if location.endswith("_arm") else 0)[1]
         for parameters in plain_start(EFFECTS[name], scales, location.rpartition("_")[2]):
-            for start in contacts(Effect(name, location, parameters), scales, middle):
-                wider = lab.with_effects(start)
-                found.append(fit_whole(wider, noise, records, iterations=_STEPS, limits=limits))
-    return [f for f in found if np.isfinite(f.log_likelihood)]
+            starts += contacts(Effect(name, location, parameters), scales, middle)
+
+    def fitted(start: Effect) -> Fit:
+        progress(f"fitting {start.effect} at {start.location} from nothing")
+        return fit_whole(lab.with_effects(start), noise, records, iterations=_STEPS, limits=limits)
+
+    return [f for f in side_by_side(fitted, starts) if np.isfinite(f.log_likelihood)]

@@ -14,9 +14,10 @@ from collections.abc import Iterator, Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from haptic_teleop_sim.effects import EFFECTS, EffectParameter, locations
+from haptic_teleop_sim.effects import EFFECTS, EffectEntry, EffectParameter, locations
 from haptic_teleop_sysid.estimation.gauss_newton import Fit
 from haptic_teleop_sysid.estimation.likelihood import FAILURES
+from haptic_teleop_sysid.estimation.parallel import side_by_side
 from haptic_teleop_sysid.estimation.records import Record, thinned_to
 
 from .answers import Answers
@@ -49,22 +50,27 @@ def scan(fit: Fit, records: Sequence[Record], scales: Scales) -> Scanned:
     except FAILURES:
         return {}
     most = [np.inf if thin is records else _highest_order(thin, channel) for channel in (0, 1)]
-    found: Scanned = {}
+    sought: list[tuple[EffectEntry, EffectParameter, str]] = []
     for name, entry in EFFECTS.items():
         parameter = next((p for p in entry.parameters if p.scan), None)
-        if parameter is None:
-            continue
-        for place in locations(name, fit.model.structure):
-            values = list(scanned_values(parameter, scales, place))
-            few = sum(v < most[place.startswith("arm")] for v in values) if parameter.scan == "order" else 0
-            gains = np.concatenate(
-                [
-                    quick.gains(entry, parameter, place, values[:few]),
-                    fine.gains(entry, parameter, place, values[few:]),
-                ]
-            )
-            found[name, fit.model.location(place)] = _peaks(values, gains)
-    return found
+        if parameter is not None:
+            sought += [(entry, parameter, place) for place in locations(name, fit.model.structure)]
+
+    def best(one: tuple[EffectEntry, EffectParameter, str]) -> list[float]:
+        entry, parameter, place = one
+        values = list(scanned_values(parameter, scales, place))
+        few = sum(v < most[place.startswith("arm")] for v in values) if parameter.scan == "order" else 0
+        gains = [
+            quick.gains(entry, parameter, place, values[:few]),
+            fine.gains(entry, parameter, place, values[few:]),
+        ]
+        return _peaks(values, np.concatenate(gains))
+
+    starts = side_by_side(best, sought)
+    return {
+        (entry.name, fit.model.location(place)): values
+        for (entry, _, place), values in zip(sought, starts, strict=True)
+    }
 
 
 def _highest_order(records: Sequence[Record], channel: int) -> float:

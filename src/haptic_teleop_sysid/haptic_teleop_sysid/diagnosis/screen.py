@@ -19,6 +19,7 @@ from haptic_teleop_sim.kernel import Prediction, pack
 from haptic_teleop_sim.model import Effect
 from haptic_teleop_sysid.estimation.gauss_newton import OVERFLOW, Fit, bounds, gauss_newton_step, whiten
 from haptic_teleop_sysid.estimation.likelihood import FAILURES, innovations, log_likelihood
+from haptic_teleop_sysid.estimation.parallel import side_by_side
 from haptic_teleop_sysid.estimation.records import Record
 
 from .candidates import shape_parameters
@@ -39,7 +40,6 @@ def screen(
 ) -> list[Screened]:
     """Candidates by promised gain, best first; those whose best size has the wrong sign, or whose arithmetic
     fails, are left out."""
-    result = []
     packed = pack(fit.model)
     # The derivatives by the structure's parameters hardly change with a small effect: one run serves for all.
     structure = []
@@ -52,15 +52,17 @@ def screen(
         except FAILURES:
             return []
         structure.append(_Structure(prediction, slopes, slopes.T @ slopes))
-    for effect in effects:
+
+    def scored(effect: Effect) -> Screened | None:
         try:
             found = _score(fit, records, effect, structure)
         except FAILURES:
             found = None
-        if found is not None:
-            result.append(found)
         if progress is not None:
             progress()
+        return found
+
+    result = [found for found in side_by_side(scored, effects) if found is not None]
     return sorted(result, key=lambda s: -s.gain)
 
 

@@ -11,6 +11,7 @@ from haptic_teleop_sim.kernel import pack
 from haptic_teleop_sim.model import Effect, Model
 from haptic_teleop_sysid.estimation.gauss_newton import Fit, fit_parameters, likelihood_value
 from haptic_teleop_sysid.estimation.noise import NoiseModel
+from haptic_teleop_sysid.estimation.parallel import side_by_side
 from haptic_teleop_sysid.estimation.records import Record
 from haptic_teleop_sysid.estimation.tuning import initial_noise
 
@@ -18,7 +19,7 @@ from .candidates import candidates
 from .explanation import Explanation
 from .material import material
 from .scales import Scales, within_reach
-from .screen import best_per_effect, screen
+from .screen import Screened, best_per_effect, screen
 
 #: Disturbance torque of the observer relative to the rms input torque, and its correlation time, s: the
 #: observer then takes about a second to follow what its model does not explain.
@@ -67,8 +68,8 @@ def explore_simulated(
     screened = best_per_effect(screen(fit, estimation, tried))[:_MOST_FITS]
     before = likelihood_value(fit.model, fit.noise, validation)
     index = len(fit.model.effects)
-    found = []
-    for s in screened:
+
+    def explained(s: Screened) -> Explanation | None:
         progress(f"fitting {s.effect.effect} at {s.effect.location}")
         fits = [
             fit_parameters(
@@ -82,15 +83,15 @@ def explore_simulated(
         ]
         best = max(fits, key=lambda f: f.log_likelihood)
         if not np.isfinite(best.log_likelihood):
-            continue
+            return None
         after = likelihood_value(best.model, best.noise, validation)
-        found.append(
-            Explanation(
-                best,
-                best.log_likelihood - fit.log_likelihood,
-                after - before,
-                material(best.model.effects[index], scales),
-                index,
-            )
+        return Explanation(
+            best,
+            best.log_likelihood - fit.log_likelihood,
+            after - before,
+            material(best.model.effects[index], scales),
+            index,
         )
+
+    found = [e for e in side_by_side(explained, screened) if e is not None]
     return sorted(found, key=lambda e: (not e.material, -e.score))

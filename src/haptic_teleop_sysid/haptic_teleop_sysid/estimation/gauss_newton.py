@@ -147,7 +147,7 @@ def whiten(
     return e.reshape(-1), jacobian
 
 
-@njit(cache=True, error_model="numpy")
+@njit(cache=True, error_model="numpy", nogil=True)
 def _decorrelated(slope: FloatArray, weight: FloatArray) -> FloatArray:
     """slope (n, 2, p) times the upper triangular weight (1, 1) or (2, 2), as (m, p); in one pass, where a
     product of stacks would go over the memory a dozen times."""

@@ -43,7 +43,7 @@ def stationary_filter(
     return p, gain
 
 
-@njit(cache=True, error_model="numpy")
+@njit(cache=True, error_model="numpy", nogil=True)
 def _filter(
     f: FloatArray, c: FloatArray, q: FloatArray, r: FloatArray, most: int
 ) -> tuple[bool, FloatArray, FloatArray]:
@@ -55,7 +55,7 @@ def _filter(
     return True, p, shown @ np.linalg.inv(c @ shown + r)
 
 
-@njit(cache=True, error_model="numpy")
+@njit(cache=True, error_model="numpy", nogil=True)
 def _exponential(a: FloatArray, squarings: int) -> FloatArray:
     scaled = a / 2.0**squarings
     term = np.eye(len(a))
@@ -68,7 +68,7 @@ def _exponential(a: FloatArray, squarings: int) -> FloatArray:
     return total
 
 
-@njit(cache=True, error_model="numpy")
+@njit(cache=True, error_model="numpy", nogil=True)
 def _doubling(a: FloatArray, g: FloatArray, h: FloatArray, most: int) -> tuple[bool, FloatArray]:
     identity = np.eye(len(a))
     for _ in range(most):

@@ -33,6 +33,7 @@ from .gauss_newton import (
 )
 from .likelihood import FAILURES, channels, innovations, log_likelihood
 from .noise import NoiseModel, observer_gain
+from .parallel import side_by_side
 from .records import Record, thinned_to
 from .tuning import LEVELS, initial_noise, level_bounds
 
@@ -171,10 +172,10 @@ def fit_from_scratch(
     """`fit_whole` with nothing known of the noise: the best that comes of START_TIMES. The way there is made
     on thinned recordings where they are long."""
     few = thinned_to(records)
-    fits = [
-        fit_whole(model, noise, few, iterations=iterations, limits=limits)
-        for noise in noise_starts(model, few)
-    ]
+    fits = side_by_side(
+        lambda noise: fit_whole(model, noise, few, iterations=iterations, limits=limits),
+        noise_starts(model, few),
+    )
     best = max(fits, key=lambda fit: fit.log_likelihood)
     if few is records or not np.isfinite(best.log_likelihood):
         return best
