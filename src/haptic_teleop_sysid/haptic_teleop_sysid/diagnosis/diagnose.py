@@ -31,6 +31,7 @@ from .scales import recording_scales, within_reach
 from .search import LEAST_PERCENT, POOR_FIT, SearchResult, search, search_by_simulation
 from .second_opinion import Opinion, second_opinion
 from .stand import Stand
+from .testimony import testimony
 from .uses import three_uses
 from .verdict import Verdict, decide_verdict
 
@@ -239,4 +240,7 @@ def diagnose(
     verdict = replace(verdict, findings=with_bounds(verdict.findings, columns["augmented"]))
     say("choosing the next experiment")
     content = contents(result, verdict, proof, columns, stand, doubt, (chance, dropped), uses, found.learn)
+    believed = [c.chosen for c in (*result.choices, *([doubt.choice] if doubt and doubt.choice else []))]
+    from_here = any(e.witnessed is not None for e in believed)
+    content["inverse_dynamics"] = testimony(found.opinion, verdict, from_here)
     return result, verdict, proof, content

@@ -20,6 +20,7 @@ from .proof import MODELS, PARTS, Proof
 from .residual import Condition, left_over
 from .search import SearchResult
 from .summary import LIMIT, PART_LABELS, percent
+from .testimony import testimony_section
 from .verdict import Verdict
 from .words import chance_sentence
 
@@ -56,6 +57,7 @@ def diagnosis_page(
     _findings(page, verdict, content)
     page_columns.fits(page, content)
     page_columns.parameters(page, content)
+    testimony_section(page, content)
     section = page.section(
         "Where it sits",
         "Torque that the observer had to add to follow the first recording: with the "
