@@ -15,7 +15,7 @@ from haptic_teleop_sysid.diagnosis.overruled import as_result, believed_instead,
 from haptic_teleop_sysid.diagnosis.scales import recording_scales
 from haptic_teleop_sysid.diagnosis.search import SearchResult
 from haptic_teleop_sysid.diagnosis.second_opinion import second_opinion
-from haptic_teleop_sysid.diagnosis.verdict import decide_verdict
+from haptic_teleop_sysid.diagnosis.verdict import decide_verdict, size_known
 from haptic_teleop_sysid.estimation.whole_fit import fit_whole, noise_starts
 
 REAL = Path(__file__).parents[3] / "shared" / "data" / "real"
@@ -115,3 +115,10 @@ def test_real_machines_get_the_names_and_about_the_sizes_published(tmp_path, mac
     assert all(after[name] > before[name] + 5.0 for name in before)
     model = load_model(tmp_path / "out" / "augmented_model.yaml")
     assert inertia[0] < model.parameters["motor_inertia"] < inertia[1]
+
+
+def test_nobody_is_surer_of_a_name_than_of_its_size():
+    friction = Effect("coulomb_friction", "j_motor", {"torque": 11.9})
+    unsure = size_known(friction, {"torque": {"value": 11.9, "std": 5.6}})
+    assert 0.6 < unsure < 0.8
+    assert size_known(friction, {"torque": {"value": 11.9, "std": 0.4}}) > 0.999

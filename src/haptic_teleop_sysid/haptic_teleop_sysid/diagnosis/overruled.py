@@ -25,8 +25,6 @@ from .second_opinion import NO_WORSE, PERFECT, Errors, Opinion
 CLEARLY, FAR = 0.9, 0.7
 #: Least share of what a torque without a form explains in the same quantities.
 ADEQUATE = 0.5
-#: Relative error within which a size counts as known.
-_KNOWN = 0.5
 _LEVELS = 8
 
 
@@ -55,7 +53,7 @@ def as_result(
     final = _fit(group.model, group.std, baseline, records)
     adequacy = opinion.adequacy
     choices = tuple(
-        _choice(opinion, final, len(group.model.effects) - len(group.effects) + i, adequacy)
+        _choice(opinion, final, len(group.model.effects) - len(group.effects) + i)
         for i in range(len(group.effects))
     )
     if adequacy < ADEQUATE:
@@ -102,7 +100,7 @@ def _fit(model: Model, std: dict[str, float], like: Fit, records: Sequence[Recor
     return replace(tuned, free=names, information=information, gradient=np.zeros(len(names)), at_bound=())
 
 
-def _choice(opinion: Opinion, final: Fit, index: int, adequacy: float) -> Choice:
+def _choice(opinion: Opinion, final: Fit, index: int) -> Choice:
     """One effect of the chosen group, with its share of what is believed, and what else it may be."""
     chosen, effect = opinion.chosen, final.model.effects[index]
     assert chosen is not None
@@ -116,7 +114,6 @@ def _choice(opinion: Opinion, final: Fit, index: int, adequacy: float) -> Choice
             if (e.effect, e.location) not in known:
                 before = others.get((e.effect, e.location), (e, 0.0))[1]
                 others[e.effect, e.location] = (e, before + weight)
-    cap = _size_known(effect, final, opinion) * min(1.0, adequacy / ADEQUATE)
     told = (
         f"of the torque that the motion asks for and the structure does not have, it explains "
         f"{100 * chosen.group.explained:.0f} % on recordings that were not fitted"
@@ -132,16 +129,5 @@ def _choice(opinion: Opinion, final: Fit, index: int, adequacy: float) -> Choice
         return replace(explanation, fit=replace(final, model=replace(final.model, effects=effects)))
 
     rivals = sorted(others.values(), key=lambda o: -o[1])
-    return Choice(explanation, own * cap, tuple((instead(e), p) for e, p in rivals if p > 0.02))
+    return Choice(explanation, own, tuple((instead(e), p) for e, p in rivals if p > 0.02))
 
-
-def _size_known(effect: Effect, final: Fit, opinion: Opinion) -> float:
-    """Chance that the sizes of the effect are right to within _KNOWN of themselves, of the surest one."""
-    std = opinion.chosen.group.std if opinion.chosen else {}
-    best = 0.0
-    for p in effect.entry.parameters:
-        error = std.get(f"{effect.location}.{effect.effect}.{p.name}")
-        if p.default is None and p.neutral is not None and error:
-            ratio = _KNOWN * abs(effect.values[p.name] - p.neutral) / error
-            best = max(best, math.erf(ratio / math.sqrt(2.0)))
-    return best

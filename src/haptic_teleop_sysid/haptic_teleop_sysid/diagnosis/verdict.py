@@ -2,14 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import math
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
 from haptic_teleop_sim.effects import EffectParameter
-from haptic_teleop_sim.model import Model
+from haptic_teleop_sim.model import Effect, Model
 from haptic_teleop_sysid.estimation.gauss_newton import Fit
 from haptic_teleop_sysid.estimation.records import Record
 
@@ -28,6 +29,8 @@ NOTICEABLE = 0.03
 #: Share of its size by which an effect is off because its form is never quite that of a machine's, as
 #: measured on development recordings whose generator has another form for everything.
 _FORM = 0.03
+#: Relative error within which a size counts as known.
+_KNOWN = 0.5
 
 
 @dataclass(frozen=True)
@@ -102,13 +105,25 @@ def finding(choice: Choice, final: Fit, spread: dict[str, float]) -> dict[str, A
         "effect": effect.effect,
         "location": effect.location,
         "parameters": parameters,
-        "confidence": round(choice.confidence, 4),
+        "confidence": round(min(choice.confidence, size_known(fitted, parameters)), 4),
         "alternatives": [
             {"effect": e.effect.effect, "location": e.effect.location, "confidence": round(p, 4)}
             for e, p in choice.others
         ],
         "because": because(choice, fitted),
     }
+
+
+def size_known(effect: Effect, parameters: Mapping[str, Mapping[str, Any]]) -> float:
+    """Chance (0 to 1) that a size of the effect is right to within _KNOWN of itself, the surest one's: nobody
+    is surer of a name than of there being that much of it. ``parameters``: each with ``value`` and ``std``; 1
+    for an effect without a size."""
+    chances = []
+    for p in effect.entry.parameters:
+        if p.default is None and p.neutral is not None and np.isfinite(p.neutral) and p.name in parameters:
+            size, error = parameters[p.name]["value"] - p.neutral, parameters[p.name]["std"]
+            chances.append(math.erf(_KNOWN * abs(size) / max(error, 1e-300) / math.sqrt(2.0)))
+    return max(chances, default=1.0)
 
 
 def _uncertainty(parameter: EffectParameter, value: float, std: float, spread: float) -> float:
