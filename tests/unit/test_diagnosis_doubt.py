@@ -246,6 +246,7 @@ def test_a_finding_that_spoils_the_simulation_leaves_something_unknown(monkeypat
 
     monkeypatch.setattr(diagnosis, "unharmful", bare)
     monkeypatch.setattr(diagnosis, "search_by_simulation", in_vain)
+    monkeypatch.setattr(diagnosis, "believed_instead", lambda *_, **__: False)
     result, verdict, _, content = diagnosis.diagnose(STAGE, data[:1], data[1:])
     assert result.choices == ()
     assert verdict.kind == "unknown"

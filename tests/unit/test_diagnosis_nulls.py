@@ -108,7 +108,9 @@ def test_nulls_go_through_the_diagnosis_itself(stage, monkeypatch):
         result = SearchResult(fit, fit, (), (), recording_scales(STAGE, diagnosis.records_of([other])))
         records = [diagnosis.records_of(part) for part in (estimation, validation)]
         course = diagnosis.Course.of(fit.model, [*estimation, *validation])
-        return diagnosis.Explained(*records, course, 1, result, result, False)
+        testimony = diagnosis.witness(model, *records, result.scales)
+        opinion = diagnosis.second_opinion(testimony, result.scales, lambda m: (0.5, 0.5), (0.5, 0.5))
+        return diagnosis.Explained(*records, course, 1, result, result, False, opinion)
 
     monkeypatch.setattr(diagnosis, "explain", explain)
     diagnosis.diagnose(STAGE, [data], [other], null_count=0)

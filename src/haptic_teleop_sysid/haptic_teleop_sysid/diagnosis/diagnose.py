@@ -11,6 +11,7 @@ import numpy as np
 from haptic_teleop_control.errors import RecordingError
 from haptic_teleop_sim.model import Model
 from haptic_teleop_sysid.dataset import DataSet
+from haptic_teleop_sysid.estimation.likelihood import FAILURES
 from haptic_teleop_sysid.estimation.records import Record, records_from
 from haptic_teleop_sysid.estimation.whole_fit import fit_from_scratch
 
@@ -88,7 +89,8 @@ class Explained:
     """What the search makes of recordings, before chance and doubt: the records of both kinds of recordings
     (``learn``, ``judge``), ``course`` of all data sets, of which the first ``count`` are the estimation's;
     ``result`` of the search by prediction, ``kept``: that without what harms, or what only the search by
-    simulation found (``freely``); ``opinion``: the second one."""
+    simulation found (``freely``); ``opinion``: the second one, None where the
+    arithmetic of the inverse dynamics failed."""
 
     learn: list[Record]
     judge: list[Record]
@@ -97,7 +99,7 @@ class Explained:
     result: SearchResult
     kept: SearchResult
     freely: bool
-    opinion: Opinion
+    opinion: Opinion | None
 
     def chosen_by(self, candidate: Model) -> float:
         """Simulated fit of a model on the validation recordings, percent."""
@@ -168,9 +170,12 @@ def explain(
         return free_errors(course, n, candidate)
 
     scales = result.scales
-    testimony = witness(model, learn, judge, scales)
-    alone = (model, result.baseline.model, testimony.structure.model)
-    opinion = second_opinion(testimony, scales, errors, min(map(errors, alone)))
+    try:
+        said = witness(model, learn, judge, scales)
+        alone = (model, result.baseline.model, said.structure.model)
+        opinion = second_opinion(said, scales, errors, min(map(errors, alone)))
+    except FAILURES:
+        opinion = None
     return Explained(learn, judge, course, n, result, kept, freely, opinion)
 
 
@@ -182,13 +187,16 @@ def questioned(
     harmful = None if kept.choices else next(iter(believed.choices), None)
     result, doubt, stand = doubted(kept, found.learn, found.judge, found.chosen_by)
     first = result.nameless.chosen.fit if result.nameless is not None else result.final
+    if found.opinion is None:
+        return result, doubt, stand
     if believed_instead(found.opinion, found.errors(first.model), coloured(first, found.learn, found.judge)):
         result, doubt = as_result(found.opinion, result, found.learn, found.errors)
         return result, doubt, Stand(stand.before, stand.after, {})
     if doubt is None and (short := inadequate(result, found.opinion)) is not None:
         kept_before = result.choices[: result.choices.index(short.choice)] if short.choice else ()
         final = kept_before[-1].chosen.fit if kept_before else result.baseline
-        result, doubt = replace(result, choices=kept_before, final=final, last_round=()), short
+        result = replace(result, choices=kept_before, final=final, last_round=())
+        doubt = None if kept_before else short
     if harmful is not None and (doubt is None or doubt.choice is None):
         doubt = runs_away(harmful)
     if doubt is None and not result.choices:
@@ -242,5 +250,6 @@ def diagnose(
     content = contents(result, verdict, proof, columns, stand, doubt, (chance, dropped), uses, found.learn)
     believed = [c.chosen for c in (*result.choices, *([doubt.choice] if doubt and doubt.choice else []))]
     from_here = any(e.witnessed is not None for e in believed)
-    content["inverse_dynamics"] = testimony(found.opinion, verdict, from_here)
+    if found.opinion is not None:
+        content["inverse_dynamics"] = testimony(found.opinion, verdict, from_here)
     return result, verdict, proof, content

@@ -10,6 +10,7 @@ import math
 
 from haptic_teleop_sim.model import Effect
 
+from .admissible import friction_drives
 from .scales import Scales
 
 #: A friction form is called by its own name when it departs from plain Coulomb friction by this much.
@@ -37,6 +38,8 @@ _FASTEST = 0.2
 
 def material(effect: Effect, scales: Scales) -> bool:
     """Whether the effect, with these parameters, deserves its name on such a recording."""
+    if friction_drives(effect, scales):
+        return False
     p = effect.values
     torque = scales.size["torque"]
     channel = 1 if "_arm" in effect.location else 0

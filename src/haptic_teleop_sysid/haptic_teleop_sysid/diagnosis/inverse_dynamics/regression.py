@@ -180,18 +180,21 @@ def equations(model: Model, records: Sequence[Record], cutoff: float) -> Equatio
         half = len(target) // 2
         target[half:] -= model.parameters["stiffness"] * terms["stiffness"][half:]
         terms["stiffness"][half:] = 0.0
-    return Equations(model, motions, tuple(names), target, np.column_stack([terms[n] for n in names]))
+    base = np.array([terms[n] for n in names]).reshape(len(names), len(target)).T
+    return Equations(model, motions, tuple(names), target, base)
 
 
 def weights_of(target: FloatArray, base: FloatArray, equations_count: int) -> FloatArray:
     """(m,) one over the standard deviation that the base leaves of each equation."""
-    left = target - base @ np.linalg.lstsq(base, target, rcond=None)[0]
+    left = target - base @ np.linalg.lstsq(base, target, rcond=None)[0] if base.shape[1] else target
     parts = np.split(left, equations_count)
     return np.repeat([1.0 / max(float(np.std(part)), 1e-300) for part in parts], len(left) // equations_count)
 
 
 def solved(columns: FloatArray, target: FloatArray, low: FloatArray, high: FloatArray) -> FloatArray:
     """Least squares (p,) within bounds; scaled, so that units do not matter."""
+    if not columns.shape[1]:
+        return np.zeros(0)
     scale = np.linalg.norm(columns, axis=0)
     scale = np.where(scale > 0.0, scale, 1.0)
     q, r = np.linalg.qr(columns / scale)
