@@ -1,8 +1,10 @@
 """When inverse dynamics and free runs are believed over one-step prediction, and what they then say."""
 
 import json
+from dataclasses import replace
 from pathlib import Path
 
+import numpy as np
 import pytest
 from stepped_machines import RIGID, pendulum
 
@@ -11,7 +13,12 @@ from haptic_teleop_sysid.diagnose import main
 from haptic_teleop_sysid.diagnosis.decide import Choice
 from haptic_teleop_sysid.diagnosis.explanation import Explanation
 from haptic_teleop_sysid.diagnosis.inverse_dynamics.witness import witness
-from haptic_teleop_sysid.diagnosis.overruled import as_result, believed_instead, inadequate
+from haptic_teleop_sysid.diagnosis.overruled import (
+    as_result,
+    believed_instead,
+    beyond_reach,
+    inadequate,
+)
 from haptic_teleop_sysid.diagnosis.scales import recording_scales
 from haptic_teleop_sysid.diagnosis.search import SearchResult
 from haptic_teleop_sysid.diagnosis.second_opinion import second_opinion
@@ -89,6 +96,22 @@ def test_a_name_that_explains_little_of_what_its_quantities_do_is_given_up():
     doubt = inadequate(SearchResult(baseline, named, (choice,), (), scales), opinion)
     assert doubt is not None and doubt.choice is choice
     assert "coulomb_friction explains" in doubt.why
+
+
+def test_a_name_that_needs_another_machine_is_given_up(rubbing):
+    learn, _, scales, first = rubbing
+    steep = np.full(len(first.baseline.free), 200.0)
+    named = replace(first.baseline, at_bound=("motor_inertia",), gradient=steep)
+    late = Effect("input_delay", "j_actuator", {})
+    choice = Choice(Explanation(named, 50.0, 20.0, True, 0, beside=late), 1.0)
+    result = replace(first, final=named, choices=(choice,))
+    far = replace(named.model, parameters={**named.model.parameters, "motor_inertia": 1.0})
+    doubt = beyond_reach(result, far)
+    assert doubt is not None and "motor inertia" in doubt.why
+    # One that the recordings do not want there is only badly known.
+    weak = replace(named, gradient=np.full(len(named.free), 1e-3))
+    assert beyond_reach(replace(result, final=weak), far) is None
+    assert beyond_reach(replace(result, final=replace(named, at_bound=("motor_damping",))), far) is None
 
 
 @pytest.mark.skipif(not REAL.is_dir(), reason="the recordings of real machines are not here")

@@ -24,7 +24,7 @@ from .decide import Choice
 from .doubt import coloured, doubted
 from .inverse_dynamics.witness import witness
 from .nulls import Null, beyond_chance, nulls
-from .overruled import as_result, believed_instead, inadequate
+from .overruled import as_result, believed_instead, beyond_reach, inadequate
 from .plausible import refuse_copies, refuse_idle, refuse_kinematic, refuse_motionless
 from .proof import Course, Proof, mean_percent, prove
 from .reasons import Doubt, off_the_mark, runs_away, slipped
@@ -86,12 +86,13 @@ def unharmful(result: SearchResult, percent: Callable[[Model], float]) -> Search
 
 @dataclass(frozen=True)
 class Explained:
-    """What the search makes of recordings, before chance and doubt: the records of both kinds of recordings
-    (``learn``, ``judge``), ``course`` of all data sets, of which the first ``count`` are the estimation's;
-    ``result`` of the search by prediction, ``kept``: that without what harms, or what only the search by
-    simulation found (``freely``); ``opinion``: the second one, None where the
-    arithmetic of the inverse dynamics failed."""
+    """What the search makes of recordings, before chance and doubt: the ``given`` model; the records of both
+    kinds of recordings (``learn``, ``judge``), ``course`` of all data sets, of which the first ``count`` are
+    the estimation's; ``result`` of the search by prediction, ``kept``: that without what harms, or what only
+    the search by simulation found (``freely``); ``opinion``: the second one, None where the arithmetic of the
+    inverse dynamics failed."""
 
+    given: Model
     learn: list[Record]
     judge: list[Record]
     course: Course
@@ -176,7 +177,7 @@ def explain(
         opinion = second_opinion(said, scales, errors, min(map(errors, alone)))
     except FAILURES:
         opinion = None
-    return Explained(learn, judge, course, n, result, kept, freely, opinion)
+    return Explained(model, learn, judge, course, n, result, kept, freely, opinion)
 
 
 def questioned(
@@ -197,6 +198,9 @@ def questioned(
         final = kept_before[-1].chosen.fit if kept_before else result.baseline
         result = replace(result, choices=kept_before, final=final, last_round=())
         doubt = None if kept_before else short
+    if doubt is None and (far := beyond_reach(result, found.given)) is not None:
+        bare = replace(result, choices=(), final=result.baseline, last_round=())
+        return bare, far, Stand(stand.before, stand.before, {})
     if harmful is not None and (doubt is None or doubt.choice is None):
         doubt = runs_away(harmful)
     if doubt is None and not result.choices:

@@ -26,6 +26,9 @@ CLEARLY, FAR = 0.9, 0.7
 #: Least share of what a torque without a form explains in the same quantities.
 ADEQUATE = 0.5
 _LEVELS = 8
+#: Log-likelihood that the way back from a bound to the given value would cost, from which the recordings want
+#: a parameter there.
+WANTED = 12.0
 
 
 def believed_instead(opinion: Opinion, first: tuple[float, float], coloured: bool) -> bool:
@@ -89,6 +92,29 @@ def inadequate(result: SearchResult, opinion: Opinion) -> Doubt | None:
                 "in the same quantities"
             )
             return Doubt(choice, why)
+    return None
+
+
+def beyond_reach(result: SearchResult, lab: Model) -> Doubt | None:
+    """The doubt about names that need a machine which is not the lab's: with them an inertia, a stiffness or
+    a torque constant ends at the bound of what is taken for possible, and the recordings want it further."""
+    fit = result.final
+    if not result.choices:
+        return None
+    given = lab.parameter_values()
+    for name in fit.at_bound:
+        # A damping may be none.
+        if name not in lab.parameters or name.endswith("damping") or name not in fit.free:
+            continue
+        value = fit.model.parameter_values()[name]
+        back = abs(float(fit.gradient[fit.free.index(name)]) * (given[name] - value))
+        if back > WANTED:
+            names = " and ".join(c.chosen.effect.effect for c in result.choices)
+            why = (
+                f"with {names} the {name.replace('_', ' ')} would be {value:.3g} instead of "
+                f"{given[name]:.3g}, the bound of what is taken for possible, or beyond"
+            )
+            return Doubt(result.choices[0], why)
     return None
 
 
