@@ -188,12 +188,11 @@ def questioned(
     harmful = None if kept.choices else next(iter(believed.choices), None)
     result, doubt, stand = doubted(kept, found.learn, found.judge, found.chosen_by)
     first = result.nameless.chosen.fit if result.nameless is not None else result.final
-    if found.opinion is None:
-        return result, doubt, stand
-    if believed_instead(found.opinion, found.errors(first.model), coloured(first, found.learn, found.judge)):
-        result, doubt = as_result(found.opinion, result, found.learn, found.errors)
+    opinion, white = found.opinion, not coloured(first, found.learn, found.judge)
+    if opinion is not None and believed_instead(opinion, found.errors(first.model), not white):
+        result, doubt = as_result(opinion, result, found.learn, found.errors)
         return result, doubt, Stand(stand.before, stand.after, {})
-    if doubt is None and (short := inadequate(result, found.opinion)) is not None:
+    if opinion is not None and doubt is None and (short := inadequate(result, opinion)) is not None:
         kept_before = result.choices[: result.choices.index(short.choice)] if short.choice else ()
         final = kept_before[-1].chosen.fit if kept_before else result.baseline
         result = replace(result, choices=kept_before, final=final, last_round=())
