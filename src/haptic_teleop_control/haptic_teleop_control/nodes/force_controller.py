@@ -48,8 +48,9 @@ LATCHED = QoSProfile(depth=10, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 
 PROBLEMS = {NON_FINITE: NON_FINITE_STATE, WRONG_JOINTS: MALFORMED_STATE}
 
-LAST_REPEATS = 2
-"""Times that the last command, zero, is sent again: the middleware may lose one, and no other follows it."""
+LAST_REPEATS, LAST_SPACING = 2, 20_000_000
+"""Times that the last command, zero, is sent again, and ns between: the middleware may lose one, or all that
+are sent at once by a process that ends, and no other follows it."""
 
 ROLE_KEYS = ("master", "slave", "master_rate", "slave_rate")
 WAY_FIELDS = ("velocity", "effort")
@@ -462,11 +463,13 @@ class ForceController(HapticNode):
 
     def shutdown_safely(self) -> None:
         if not self.time.simulated:  # there a robot moves by an answer only, and every state has had its own
-            for robot in self._robots.values():
-                if robot.out.sent:
-                    robot.out.send_zero(self.time.stamp())
-                    for _ in range(LAST_REPEATS):
-                        robot.out.resend()
+            commanded = [robot.out for robot in self._robots.values() if robot.out.sent]
+            for out in commanded:
+                out.send_zero(self.time.stamp())
+            for _ in range(LAST_REPEATS if commanded else 0):
+                self.time.sleep_until(self.time.now() + LAST_SPACING)
+                for out in commanded:
+                    out.resend()
         self.time.close()
 
 
