@@ -48,7 +48,7 @@ def test_what_gains_by_inverse_dynamics_and_by_free_runs_becomes_the_result(rubb
     learn, judge, scales, first = rubbing
     opinion = second_opinion(witness(RIGID, learn, judge, scales), scales, errors_of, (0.5, 0.5))
     assert [e.effect for e in opinion.chosen.group.effects] == ["coulomb_friction"]
-    assert believed_instead(opinion, (0.5, 0.5), coloured=True)
+    assert believed_instead(opinion, (0.5, 0.5), coloured=lambda: True)
     result, doubt = as_result(opinion, first, learn, errors_of)
     assert doubt is None
     verdict = decide_verdict(result, learn, judge, doubt)
@@ -64,10 +64,10 @@ def test_what_gains_by_inverse_dynamics_and_by_free_runs_becomes_the_result(rubb
 def test_a_first_opinion_that_runs_as_well_stays(rubbing):
     learn, judge, scales, _ = rubbing
     opinion = second_opinion(witness(RIGID, learn, judge, scales), scales, errors_of, (0.5, 0.5))
-    assert not believed_instead(opinion, (0.1, 0.12), coloured=True)
+    assert not believed_instead(opinion, (0.1, 0.12), coloured=lambda: True)
     # White innovations are believed longer.
-    assert believed_instead(opinion, (0.12, 0.14), coloured=True)
-    assert not believed_instead(opinion, (0.12, 0.14), coloured=False)
+    assert believed_instead(opinion, (0.12, 0.14), coloured=lambda: True)
+    assert not believed_instead(opinion, (0.12, 0.14), coloured=lambda: False)
 
 
 def test_what_spoils_the_free_run_is_not_believed_however_much_torque_it_explains(rubbing):
@@ -75,7 +75,7 @@ def test_what_spoils_the_free_run_is_not_believed_however_much_torque_it_explain
     testimony = witness(RIGID, learn, judge, scales)
     spoilt = second_opinion(testimony, scales, lambda m: (0.4, 0.6) if m.effects else (0.5, 0.5), (0.5, 0.5))
     assert spoilt.chosen is None
-    assert not believed_instead(spoilt, (0.9, 0.9), coloured=True)
+    assert not believed_instead(spoilt, (0.9, 0.9), coloured=lambda: True)
 
 
 def test_a_name_that_explains_little_of_what_its_quantities_do_is_given_up():

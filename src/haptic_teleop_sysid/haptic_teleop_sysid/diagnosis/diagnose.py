@@ -188,8 +188,10 @@ def questioned(
     harmful = None if kept.choices else next(iter(believed.choices), None)
     result, doubt, stand = doubted(kept, found.learn, found.judge, found.chosen_by)
     first = result.nameless.chosen.fit if result.nameless is not None else result.final
-    opinion, white = found.opinion, not coloured(first, found.learn, found.judge)
-    if opinion is not None and believed_instead(opinion, found.errors(first.model), not white):
+    opinion = found.opinion
+    if opinion is not None and believed_instead(
+        opinion, found.errors(first.model), lambda: coloured(first, found.learn, found.judge)
+    ):
         result, doubt = as_result(opinion, result, found.learn, found.errors)
         return result, doubt, Stand(stand.before, stand.after, {})
     if opinion is not None and doubt is None and (short := inadequate(result, opinion)) is not None:
@@ -253,6 +255,5 @@ def diagnose(
     content = contents(result, verdict, proof, columns, stand, doubt, (chance, dropped), uses, found.learn)
     believed = [c.chosen for c in (*result.choices, *([doubt.choice] if doubt and doubt.choice else []))]
     from_here = any(e.witnessed is not None for e in believed)
-    if found.opinion is not None:
-        content["inverse_dynamics"] = testimony(found.opinion, verdict, from_here)
+    content["inverse_dynamics"] = testimony(found.opinion, verdict, from_here) if found.opinion else None
     return result, verdict, proof, content

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -31,17 +31,19 @@ _LEVELS = 8
 WANTED = 12.0
 
 
-def believed_instead(opinion: Opinion, first: tuple[float, float], coloured: bool) -> bool:
+def believed_instead(opinion: Opinion, first: tuple[float, float], coloured: Callable[[], bool]) -> bool:
     """Whether the second opinion is believed; ``first``: errors of the free runs with what the first one
     found (see `second_opinion.Errors`), ``coloured``: whether its innovations show that its noise model does
-    not hold."""
+    not hold, which takes a fit and is asked only where it decides."""
     if opinion.chosen is None:
         return False
     ratios = [
         max(own, PERFECT) / max(other, PERFECT)
         for own, other in zip(opinion.chosen.errors, first, strict=True)
     ]
-    return max(ratios) < NO_WORSE and math.prod(ratios) < (CLEARLY if coloured else FAR) ** 2
+    if max(ratios) >= NO_WORSE or math.prod(ratios) >= CLEARLY**2:
+        return False
+    return math.prod(ratios) < FAR**2 or coloured()
 
 
 def as_result(
@@ -50,8 +52,9 @@ def as_result(
     """The second opinion as a search's result, and the doubt where its name explains too little."""
     assert opinion.chosen is not None
     baseline = predicted.baseline
-    if errors(opinion.structure.model)[0] < errors(baseline.model)[0]:
-        baseline = _fit(opinion.structure.model, opinion.structure.std, predicted.baseline, records)
+    alone = opinion.witness.structure
+    if errors(alone.model)[0] < errors(baseline.model)[0]:
+        baseline = _fit(alone.model, alone.std, baseline, records)
     group = opinion.chosen.group
     final = _fit(group.model, group.std, baseline, records)
     adequacy = opinion.adequacy

@@ -57,8 +57,7 @@ def diagnosis_page(
     _findings(page, verdict, content)
     page_columns.fits(page, content)
     page_columns.parameters(page, content)
-    if "inverse_dynamics" in content:
-        testimony_section(page, content)
+    testimony_section(page, content)
     section = page.section(
         "Where it sits",
         "Torque that the observer had to add to follow the first recording: with the "

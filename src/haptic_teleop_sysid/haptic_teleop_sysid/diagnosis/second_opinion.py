@@ -12,18 +12,21 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
 from haptic_teleop_sim.model import Effect, Model
 
-from .inverse_dynamics.witness import AN_EFFECT, Group, Witness
+from .inverse_dynamics.witness import Group, Witness
 from .material import material
 from .scales import Scales
 
 #: Log-likelihood that counts for each time that the error of the free run falls by a factor e on one kind of
 #: recordings: halved on both it counts as much as two effects must gain.
 FREE_RUN = 10.0
+#: Log-likelihood that each effect must gain, by both, beside what its parameters gain by chance.
+AN_EFFECT = 6.0
 #: Factor by which the error of the free run may rise on one kind of recordings.
 NO_WORSE = 1.02
 #: Difference in what groups gain, by both, at which the weight of the lesser falls to a third.
@@ -47,16 +50,14 @@ class Heard:
 
 @dataclass(frozen=True)
 class Opinion:
-    """``structure``: the structure alone; ``chosen``: the group that is believed, None where none is;
-    ``rivals``: others of as many effects with their weights, the chosen one first; ``recoverable``,
-    ``explained``: see `Witness`."""
+    """``chosen``: the group that is believed, None where none is; ``rivals``: all of as many effects with
+    their weights, the chosen one first; ``witness``: what it comes from."""
 
-    structure: Group
     chosen: Heard | None
     rivals: tuple[tuple[Heard, float], ...]
     witness: Witness
 
-    @property
+    @cached_property
     def adequacy(self) -> float:
         """The least of the chosen effects' (see `Search.adequacies`); 0 where nothing is believed."""
         if self.chosen is None:
@@ -89,7 +90,7 @@ def second_opinion(witness: Witness, scales: Scales, errors: Errors, before: tup
             chosen, rivals = ranked[0], ranked
     weights = np.array([math.exp((h.gain - rivals[0].gain) / APART) for h in rivals])
     shares = weights / weights.sum() if len(weights) else weights
-    return Opinion(witness.structure, chosen, tuple(zip(rivals, shares.tolist(), strict=True)), witness)
+    return Opinion(chosen, tuple(zip(rivals, shares.tolist(), strict=True)), witness)
 
 
 def _admissible(effect: Effect, scales: Scales) -> bool:

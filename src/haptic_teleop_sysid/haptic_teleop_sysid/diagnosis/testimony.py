@@ -66,7 +66,11 @@ def _agrees(chosen: Heard | None, verdict: Verdict) -> bool | None:
 def testimony_section(page: Page, content: dict[str, Any]) -> None:
     """The page's section on the inverse dynamics."""
     found = content["inverse_dynamics"]
-    section = page.section("What the inverse dynamics say", _sentence(found))
+    title = "What the inverse dynamics say"
+    if found is None:
+        page.section(title, "Nothing: their arithmetic failed on these recordings.")
+        return
+    section = page.section(title, _sentence(found))
     if found["groups"]:
         section.table(
             ("effects", "torque fit of validation", "explained of what is missing", "error of free runs"),

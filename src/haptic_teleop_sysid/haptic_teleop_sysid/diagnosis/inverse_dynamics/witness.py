@@ -6,6 +6,7 @@ import itertools
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -39,8 +40,6 @@ CLEARLY = 12.0
 SHAPED = 0.2
 #: Torques without a form that together say what could be explained.
 MOST_SHAPELESS = 2
-#: Log-likelihood that an effect must gain beside.
-AN_EFFECT = 6.0
 
 
 @dataclass(frozen=True)
@@ -86,15 +85,6 @@ class Witness:
     recoverable: float
     shapeless: tuple[Latent, ...]
     folds: Search
-
-    @property
-    def best(self) -> Group:
-        """The group that gains most, each effect more than AN_EFFECT."""
-        kept = self.structure
-        for level in self.levels:
-            if level[0].gain > kept.gain + AN_EFFECT * (len(level[0].effects) - len(kept.effects)):
-                kept = level[0]
-        return kept
 
     def beside(self, group: Group) -> tuple[Latent, float] | None:
         """The torque without a form that explains most of what a group leaves, and the share of that."""
@@ -229,7 +219,7 @@ class Search:
         """Torques without a form, at the same place, that can take on the shape of an effect."""
         torque = self._columns(hypothesis)[0] * self.weights[0][:, None]
         found = []
-        for latent in latents(self.model, [m for side in self.sides for m in side.motions]):
+        for latent in self.latents:
             if latent.place != hypothesis.place:
                 continue
             columns = self._columns(latent)[0] * self.weights[0][:, None]
@@ -243,13 +233,17 @@ class Search:
         rows = sum(side.samples for side in self.sides)
         return 1.0 - float(np.exp(self.left_over(chosen) / rows))
 
+    @cached_property
+    def latents(self) -> tuple[Latent, ...]:
+        """Every torque without a form."""
+        return tuple(latents(self.model, [m for side in self.sides for m in side.motions]))
+
     def shapeless(self, beside: Chosen, most: int = MOST_SHAPELESS) -> tuple[Latent, ...]:
         """Up to ``most`` torques without a form, as long as each explains more, beside some effects."""
-        every = list(latents(self.model, [m for side in self.sides for m in side.motions]))
         found: tuple[Latent, ...] = ()
         for _ in range(most):
             wider = min(
-                ((*found, one) for one in every if one not in found),
+                ((*found, one) for one in self.latents if one not in found),
                 key=lambda terms: self.left_over((*beside, *terms)),
             )
             if not self.left_over((*beside, *wider)) < self.left_over((*beside, *found)):
