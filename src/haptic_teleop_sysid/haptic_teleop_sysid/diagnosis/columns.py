@@ -78,7 +78,7 @@ def column(
     before, sides = given.parameter_values(), {} if fit is None else at_bounds(fit, given)
     found = {}
     for name, value in model.parameter_values().items():
-        if not reported(name.rpartition(".")[2]):
+        if not reported(name.rpartition(".")[2], value):
             continue
         free = fit is not None and name in fit.free and name not in sides
         std = (errors or {}).get(name, np.inf)

@@ -23,7 +23,7 @@ from .residual import left_over
 from .search import SearchResult
 from .stand import Stand
 from .uses import Uses
-from .verdict import Verdict
+from .verdict import FOLLOWS, Verdict
 from .whiteness import LAGS
 
 #: How many of the explanations that did not stand up are told.
@@ -62,6 +62,8 @@ def contents(
         },
         **beside_given(proof),
         "parameters_moved": [],
+        "left_over": _follows(verdict),
+        "adequacy": None if verdict.adequacy is None else verdict.adequacy.content(),
         "uses": {part: [d.name for d in proof.parts[part]] for part in PARTS} | {"what": uses.told},
         "recordings": uses.problems,
         "next_experiment": next_experiment(result, verdict, records),
@@ -130,6 +132,14 @@ def contents(
             "torque": best.torque.tolist(),
         }
     return content
+
+
+def _follows(verdict: Verdict) -> dict[str, Any] | None:
+    """What the torque that is left follows most, None where it follows nothing to speak of."""
+    best = verdict.remaining[0] if verdict.remaining else None
+    if best is None or best.explained < FOLLOWS:
+        return None
+    return {"equation": best.equation, "follows": best.name, "explained": round(best.explained, 3)}
 
 
 def _fallen(result: SearchResult) -> list[Explanation]:

@@ -15,6 +15,7 @@ from haptic_teleop_sysid.estimation.likelihood import FAILURES
 from haptic_teleop_sysid.estimation.records import Record, records_from
 from haptic_teleop_sysid.estimation.whole_fit import fit_from_scratch
 
+from .adequacy import adequacy, short_of
 from .columns import three_columns, with_bounds
 from .consistency import refuse_other_units, refuse_unrelated
 from .contents import contents
@@ -245,8 +246,16 @@ def diagnose(
             dropped = found.kept.choices[len(kept.choices) :]
     say("doubting")
     result, doubt, stand = questioned(found, believed, kept, [*estimation, *validation])
+    adequate = None
+    if any(c.chosen.by_current <= 0.0 for c in result.choices):
+        models = result.baseline.model, result.final.model
+        adequate = adequacy(
+            result.baseline, result.final, [*found.learn, *found.judge], *map(found.errors, models)
+        )
+        result, short = short_of(result, adequate)
+        doubt = doubt or short
     say("deciding")
-    verdict = decide_verdict(result, found.learn, found.judge, doubt, stand.spread)
+    verdict = decide_verdict(result, found.learn, found.judge, doubt, stand.spread, adequate)
     say("simulating all three models on all recordings")
     proof = prove(model, result.baseline.model, result.final.model, found.course, uses)
     columns = three_columns(model, result, verdict, found.judge)

@@ -12,6 +12,7 @@ from haptic_teleop_control.strict_yaml import dump_yaml
 from haptic_teleop_sim.model import Effect, Model
 from haptic_teleop_sysid.estimation.records import Record
 
+from .adequacy import NEARLY_ALL
 from .decide import Choice
 from .experiment import Suggestion, sharpen, suggest
 from .search import SearchResult
@@ -60,6 +61,13 @@ def next_experiment(result: SearchResult, verdict: Verdict, records: Sequence[Re
     )  # not ambiguous, and yet not alone
     if second is not None:
         return _separating(second, result, records)
+    if verdict.adequacy is not None and verdict.adequacy.least < NEARLY_ALL and verdict.remaining:
+        best = verdict.remaining[0]
+        why = (
+            f"what is named does not explain all; most of what is left at {best.equation} follows the "
+            f"{best.name}: record twice alike but for that, little of it once and much of it once"
+        )
+        return _without(why, 0.5)
     return _without("nothing is left to separate; a recording of another day would show drift", 1.0)
 
 

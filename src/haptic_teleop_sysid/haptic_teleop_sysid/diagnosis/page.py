@@ -52,6 +52,7 @@ def diagnosis_page(
     page.verdict(status, headline.format(names=_names(verdict), where=_where(verdict)))  # type: ignore[arg-type]
     for f in verdict.findings:
         page.key_figure(f"{100 * f['confidence']:.0f} %", f"{f['effect']} at {f['location']}", "confidence")
+    page_columns.explains(page, content)
     page_columns.moved(page, content)
     page_columns.key_figures(page, content)
     _findings(page, verdict, content)
@@ -94,7 +95,7 @@ def diagnosis_page(
 
 def _names(verdict: Verdict) -> str:
     if verdict.kind == "ambiguous":
-        unsure = [f for f in verdict.findings if f["alternatives"] and f["confidence"] < SURE]
+        unsure = [f for f in verdict.findings if sum(a["confidence"] for a in f["alternatives"]) > 1.0 - SURE]
         names = [n for f in unsure for n in (f, *f["alternatives"])]
         return " or ".join(dict.fromkeys(f"{n['effect']} at {n['location']}" for n in names))
     return " and ".join(f"{f['effect']} at {f['location']}" for f in verdict.findings)

@@ -7,7 +7,7 @@ from typing import Any
 from haptic_teleop_sysid.report import Page
 
 from .proof import MODELS, PARTS
-from .summary import LIMIT, PART_LABELS, moved_sentence, percent
+from .summary import LIMIT, PART_LABELS, explains_sentence, moved_sentence, percent
 
 HEADS = ("yours", "re-estimated", "augmented")
 """What the models of `MODELS` are called."""
@@ -19,6 +19,13 @@ def first_sentences(page: Page, content: dict[str, Any]) -> None:
     if worse is not None:
         found = bool(content["findings"]) and "augmented" not in worse["models"]
         page.verdict("fair" if found else "bad", f"{worse['sentence']}.")
+
+
+def explains(page: Page, content: dict[str, Any]) -> None:
+    """How much of what is missing was explained, where that is not nearly all."""
+    sentence = explains_sentence(content)
+    if sentence:
+        page.verdict("fair", sentence)
 
 
 def moved(page: Page, content: dict[str, Any]) -> None:

@@ -144,15 +144,25 @@ def _condition(
     return Condition(equation, name, UNITS[name], explained, centre, torque)
 
 
-def shares(fit: Fit, records: Sequence[Record]) -> tuple[float, float]:
-    """Shares of the left-over torque's power at motor and arm; they add up to one."""
-    power = np.zeros(2)
-    for r in records:
-        power += np.mean(settled(r, left_over(fit, r).torque) ** 2, axis=0)
+def shares(fit: Fit, records: Sequence[Record]) -> dict[str, float]:
+    """Shares of the left-over torque's power by place: motor, arm, joint; they add up to one.
+
+    A torque in the joint acts on both equations, as much on the one as against the other: what they have in
+    common with opposite signs is the joint's, what is left is each equation's own."""
     if fit.model.rigid:
-        return 1.0, 0.0
-    total = float(np.sum(power))
-    return (0.5, 0.5) if total <= 0.0 else (float(power[0] / total), float(power[1] / total))
+        return {"motor": 1.0}
+    power = np.zeros((2, 2))
+    for r in records:
+        torque = settled(r, left_over(fit, r).torque)
+        power += torque.T @ torque / len(torque)
+    opposite = float(np.clip(-power[0, 1], 0.0, min(power[0, 0], power[1, 1])))
+    found = {
+        "motor": float(power[0, 0]) - opposite,
+        "arm": float(power[1, 1]) - opposite,
+        "joint": 2.0 * opposite,
+    }
+    total = sum(found.values())
+    return {n: v / total if total > 0.0 else 1.0 / len(found) for n, v in found.items()}
 
 
 def intervals(before: Fit, after: Fit, record: Record, seconds: float = 0.5) -> list[tuple[float, float]]:

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from typing import Any
 
+from .adequacy import NEARLY_ALL
 from .words import chance_sentence
 
 PART_LABELS = {
@@ -32,6 +33,9 @@ def summary(content: dict[str, Any]) -> str:
             f"    or {a['effect']} at {a['location']} ({100 * a['confidence']:.0f} %)"
             for a in f["alternatives"]
         ]
+    sentence = explains_sentence(content)
+    if sentence:
+        lines.append(f"  {sentence}")
     if "beside" in content:
         lines.append(f"  beside it {content['beside']}")
     sentence = moved_sentence(content)
@@ -51,6 +55,22 @@ def summary(content: dict[str, Any]) -> str:
     return "\n".join(lines)
 
 
+def explains_sentence(content: dict[str, Any]) -> str:
+    """How much of what is missing the findings explain; empty where that is nearly all or none is named."""
+    found = content["adequacy"]
+    if found is None or not content["findings"] or min(found["torque"], found["free_run"]) >= NEARLY_ALL:
+        return ""
+    text = (
+        f"What is named explains {100 * found['torque']:.0f} % of the torque that the structure lacks and "
+        f"{100 * found['free_run']:.0f} % of the error of its free runs"
+    )
+    left = content["left_over"]
+    if left is not None:
+        text += f"; {100 * left['explained']:.0f} % of the torque that is left at {left['equation']} follows "
+        text += f"the {left['follows']}"
+    return f"{text}."
+
+
 def moved_sentence(content: dict[str, Any]) -> str:
     """What is said of the parameters that are not as given; empty where there is nothing to say."""
     found = content["parameters_moved"]
@@ -68,7 +88,12 @@ def moved_words(moved: dict[str, Any]) -> str:
     """A parameter that moved: name, both values, standard error, unit."""
     unit = "" if moved["unit"] == "1" else f" {moved['unit']}"
     name = moved["parameter"].replace("_", " ")
-    return f"{name} {moved['given']:.4g} -> {moved['value']:.4g} ± {moved['std']:.1g}{unit}"
+    return f"{name} {moved['given']:.4g} -> {moved['value']:.4g} ± {deviation(moved['std'])}{unit}"
+
+
+def deviation(std: float) -> str:
+    """A standard error to two digits, without an exponent where that can be read."""
+    return f"{std:.0f}" if 10.0 <= std < 1e5 else f"{std:.2g}"
 
 
 def percent(fit: float | None) -> str:
@@ -81,7 +106,7 @@ def percent(fit: float | None) -> str:
 def _finding_number(name: str, p: dict[str, Any]) -> str:
     unit = "" if p["unit"] == "1" else f" {p['unit']}"
     bound = f" ({LIMIT[p['at_bound']]})" if "at_bound" in p else ""
-    return f"{name} {p['value']:.4g} ± {p['std']:.1g}{unit}{bound}"
+    return f"{name} {p['value']:.4g} ± {deviation(p['std'])}{unit}{bound}"
 
 
 def _at_bounds(content: dict[str, Any]) -> Iterator[str]:

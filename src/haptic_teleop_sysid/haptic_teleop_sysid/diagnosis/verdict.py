@@ -14,6 +14,7 @@ from haptic_teleop_sim.model import Effect, Model
 from haptic_teleop_sysid.estimation.gauss_newton import Fit
 from haptic_teleop_sysid.estimation.records import Record
 
+from .adequacy import LEAST, Adequacy, explained_torque
 from .certainty import standard_errors
 from .decide import Choice
 from .reasons import Doubt
@@ -24,6 +25,8 @@ from .words import because, reported
 #: Share of the left-over torque that a curve must explain on other recordings to count as physics nobody
 #: named.
 STRUCTURED = 0.5
+#: The same share from which the place of something unknown is told with what it follows.
+FOLLOWS = 0.2
 #: Least rms of that left-over torque, relative to the rms input torque.
 NOTICEABLE = 0.03
 #: Share of its size by which an effect is off because its form is never quite that of a machine's, as
@@ -37,13 +40,14 @@ _KNOWN = 0.5
 class Verdict:
     """``kind``: identified | ambiguous | unknown | no_mismatch; ``where``, ``findings``: as in the contract;
     ``remaining``: what the left-over torque still depends on, strongest first; ``before``: the same of the
-    baseline."""
+    baseline; ``adequacy``: how much of what is missing the findings explain, None where none was asked."""
 
     kind: str
     where: list[dict[str, Any]]
     findings: list[dict[str, Any]]
     remaining: list[Condition]
     before: list[Condition]
+    adequacy: Adequacy | None = None
 
 
 def decide_verdict(
@@ -52,13 +56,16 @@ def decide_verdict(
     validation: Sequence[Record],
     doubt: Doubt | None = None,
     spread: dict[str, float] | None = None,
+    adequate: Adequacy | None = None,
 ) -> Verdict:
     """The verdict on a search; ``doubt``: what speaks against the names found, or for something unnamed;
-    ``spread``: by what parameters differ between recordings, see `Stand`."""
+    ``spread``: by what parameters differ between recordings, see `Stand`; ``adequate``: how much of what is
+    missing the findings explain, None where that was not asked."""
     joint = result.baseline.model.joint
     before = conditions(result.baseline, estimation, validation, joint)
     remaining = conditions(result.final, estimation, validation, joint) if result.choices else before
-    findings = [finding(c, result.final, spread or {}) for c in result.choices]
+    surest = 1.0 if adequate is None else adequate.least
+    findings = [finding(c, result.final, spread or {}, surest) for c in result.choices]
     unexplained = structured(result.final, remaining, estimation, result)
     if result.choices:
         kind = "ambiguous" if any(c.ambiguous for c in result.choices) else "identified"
@@ -67,7 +74,7 @@ def decide_verdict(
     where = _where(result, before, estimation, unexplained if kind == "unknown" else None)
     if doubt is not None and not where:
         where = [_doubtful_place(doubt, result, before, estimation)]
-    return Verdict(kind, where, findings, remaining, before)
+    return Verdict(kind, where, findings, remaining, before, adequate)
 
 
 def structured(
@@ -81,9 +88,10 @@ def structured(
     return best if size > NOTICEABLE * result.scales.size["torque"] else None
 
 
-def finding(choice: Choice, final: Fit, spread: dict[str, float]) -> dict[str, Any]:
+def finding(choice: Choice, final: Fit, spread: dict[str, float], surest: float = 1.0) -> dict[str, Any]:
     """One finding, with the numbers of the final model; its standard errors are those of the fit with the
-    spread between recordings."""
+    spread between recordings.  ``surest``: the most that its confidence may be, as far as it is seen in the
+    motion."""
     effect = choice.chosen.effect
     fitted = next(
         (e for e in final.model.effects if (e.effect, e.location) == (effect.effect, effect.location)), effect
@@ -99,13 +107,15 @@ def finding(choice: Choice, final: Fit, spread: dict[str, float]) -> dict[str, A
             "unit": fitted.entry.parameter(name).unit,
         }
         for name, value in fitted.parameters.items()
-        if reported(name)
+        if reported(name, value)
     }
+    if choice.chosen.by_current > 0.0:
+        surest = 1.0
     return {
         "effect": effect.effect,
         "location": effect.location,
         "parameters": parameters,
-        "confidence": round(min(choice.confidence, size_known(fitted, parameters)), 4),
+        "confidence": round(min(choice.confidence, size_known(fitted, parameters), surest), 4),
         "alternatives": [
             {"effect": e.effect.effect, "location": e.effect.location, "confidence": round(p, 4)}
             for e, p in choice.others
@@ -140,11 +150,10 @@ def _where(
     unexplained: Condition | None,
 ) -> list[dict[str, Any]]:
     if unexplained is not None:
-        motor, arm = shares(result.final, estimation)
-        share = motor if unexplained.equation.endswith("_motor") else arm
+        place, share = _largest(result.final, estimation)
         return [
             {
-                "equation": unexplained.equation,
+                "equation": place,
                 "share": round(share, 3),
                 "condition": unexplained.name,
                 "intervals": [],
@@ -171,24 +180,29 @@ def _where(
 def _doubtful_place(
     doubt: Doubt, result: SearchResult, before: Sequence[Condition], estimation: Sequence[Record]
 ) -> dict[str, Any]:
-    """Where the unnamed physics sits: at the place of the name that was given up, else at the equation whose
-    disturbance is larger."""
+    """Where the unnamed physics sits: where the doubt says; at the place of the name that was given up, if
+    that explains most of what is missing; else where most of the torque acts that the observer adds."""
     model = result.baseline.model
-    motor, arm = shares(result.baseline, estimation)
+    place, share = _largest(result.baseline, estimation)
+    condition = before[0].name if before and before[0].explained > FOLLOWS else "time"
     if doubt.place is not None:
         place, condition = doubt.place, "time"
     elif doubt.choice is not None:
-        effect = doubt.choice.chosen.effect
-        place, condition = effect.location, condition_of(model, effect.effect, effect.location, before)
-    else:
-        place, condition = model.location("motor" if model.rigid or motor >= arm else "arm"), "time"
-    share = arm if place == model.location("arm") else motor
+        effect, fit = doubt.choice.chosen.effect, doubt.choice.chosen.fit
+        if effect.location == place or explained_torque(result.baseline, fit, estimation) > LEAST:
+            place, condition = effect.location, condition_of(model, effect.effect, effect.location, before)
     return {
         "equation": place,
         "share": round(share, 3),
         "condition": doubt.condition or condition,
         "intervals": [list(i) for i in doubt.intervals],
     }
+
+
+def _largest(fit: Fit, records: Sequence[Record]) -> tuple[str, float]:
+    """Location of most of the torque that the observer of a fit adds, and its share."""
+    place, share = max(shares(fit, records).items(), key=lambda found: found[1])
+    return fit.model.location(place), share
 
 
 _CONDITION = {

@@ -51,7 +51,7 @@ def because(choice: Choice, fitted: Effect) -> str:
     e = choice.chosen
     sentence = fitted.entry.sentence
     numbers = ", ".join(
-        told(fitted.entry.parameter(n), v) for n, v in fitted.parameters.items() if reported(n)
+        told(fitted.entry.parameter(n), v) for n, v in fitted.parameters.items() if reported(n, v)
     )
     text = f"{sentence[0].upper()}{sentence[1:]} ({numbers}): " + (
         e.witnessed
@@ -73,9 +73,10 @@ def because(choice: Choice, fitted: Effect) -> str:
     return text + "."
 
 
-def reported(name: str) -> bool:
-    """Whether a parameter says something about the machine: how a contact was smoothed does not."""
-    return name != "contact_angle"
+def reported(name: str, value: float) -> bool:
+    """Whether a parameter says something about the machine: how a contact was smoothed does not, nor does a
+    smoothing of the velocity's sign that was not asked for."""
+    return name != "contact_angle" and not (name == "smoothing" and value == 0.0)
 
 
 def told(parameter: EffectParameter, value: float) -> str:

@@ -1,0 +1,169 @@
+"""How much findings explain, where what is left sits, and what that does to an answer."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from stepped_machines import DT, RIGID, drive, pendulum, record, two_masses
+
+from haptic_teleop_sim.model import Effect, Model
+from haptic_teleop_sysid.diagnosis.adequacy import Adequacy, adequacy, explained_torque, short_of
+from haptic_teleop_sysid.diagnosis.decide import Choice
+from haptic_teleop_sysid.diagnosis.explanation import Explanation
+from haptic_teleop_sysid.diagnosis.residual import shares
+from haptic_teleop_sysid.diagnosis.scales import recording_scales
+from haptic_teleop_sysid.diagnosis.search import SearchResult
+from haptic_teleop_sysid.diagnosis.summary import deviation, explains_sentence
+from haptic_teleop_sysid.diagnosis.verdict import decide_verdict
+from haptic_teleop_sysid.estimation.whole_fit import fit_whole, noise_starts
+
+ELASTIC = Model(
+    "generic",
+    "j",
+    "flexible_joint",
+    {
+        "torque_constant": 1.0,
+        "stiffness": 20.0,
+        "motor_inertia": 0.06,
+        "motor_damping": 0.3,
+        "arm_inertia": 0.1,
+        "arm_damping": 0.02,
+    },
+)
+
+
+#: What the pendulum is, but for its friction.
+TRUE = RIGID.with_values({"motor_inertia": 0.14, "motor_damping": 0.35})
+
+
+def fitted(model, records, free=None):
+    return fit_whole(model, noise_starts(model, records)[1], records, free=free, iterations=6)
+
+
+def rubbing(torque):
+    return Effect("coulomb_friction", "j_motor", {"torque": torque})
+
+
+def coupled(extra, seed=3):
+    """Two masses whose joint pulls by ``extra``(deflection) more than its spring, N·m."""
+    torque, state, h = drive(seed, 2.0), np.zeros(4), DT / 20
+    found = np.empty((len(torque), 2))
+    p = ELASTIC.parameters
+    for k, u in enumerate(torque):
+        found[k] = state[:2]
+        for _ in range(20):
+            bent = state[0] - state[1]
+            spring = p["stiffness"] * bent + extra(bent)
+            state[2] += h * (u - p["motor_damping"] * state[2] - spring) / p["motor_inertia"]
+            state[3] += h * (spring - p["arm_damping"] * state[3]) / p["arm_inertia"]
+            state[:2] += h * state[2:]
+    return record(torque, found, 1e-5)
+
+
+def test_the_whole_effect_explains_nearly_all_and_a_third_of_it_only_a_part():
+    records = [pendulum(0, coulomb=0.4), pendulum(1, coulomb=0.4)]
+    bare = fitted(TRUE, records[:1], ())
+    parts = [explained_torque(bare, fitted(TRUE.with_effects(rubbing(t)), records[:1], ()), records)
+             for t in (0.4, 0.133, 0.0)]  # fmt: skip
+    assert parts[0] > 0.95
+    # A third of a torque leaves four ninths of its mean square.
+    assert parts[1] == pytest.approx(5 / 9, abs=0.12)
+    assert parts[2] == pytest.approx(0.0, abs=0.01)
+
+
+def test_where_nothing_worth_a_word_was_missing_nothing_is_asked_of_a_name():
+    records = [pendulum(0, coulomb=0.01)]
+    bare = fitted(TRUE, records, ())
+    assert adequacy(bare, bare, records, (0.02, 0.03), (0.02, 0.03)) == Adequacy(1.0, 1.0)
+
+
+def test_the_error_of_free_runs_counts_in_mean_squares():
+    records = [pendulum(0, coulomb=0.01)]
+    bare = fitted(TRUE, records, ())
+    found = adequacy(bare, bare, records, (0.5, 0.5), (0.5, 0.05))
+    assert found.free_run == pytest.approx(1 - (0.5 * (0.25 + 0.0025) - 0.0025) / (0.25 - 0.0025))
+    assert adequacy(bare, bare, records, (0.5, 0.5), (0.7, 0.7)).free_run == 0.0
+    assert adequacy(bare, bare, records, (0.5, 0.5), (np.inf, 0.1)).free_run == 0.0
+    assert found.least == found.free_run
+
+
+def result_with(records, torque):
+    baseline = fitted(TRUE, records, ())
+    final = fitted(TRUE.with_effects(rubbing(torque)), records)
+    choice = Choice(Explanation(final, 100.0, 100.0, True, 0), 0.99)
+    return SearchResult(baseline, final, (choice,), (), recording_scales(RIGID, records))
+
+
+def test_a_name_that_explains_less_than_half_becomes_the_nearest_one():
+    records = [pendulum(0, coulomb=0.4)]
+    result = result_with(records, 0.4)
+    kept, doubt = short_of(result, Adequacy(0.6, 0.2))
+    assert kept is result
+    assert doubt is None
+    bare, doubt = short_of(result, Adequacy(0.3, 0.9))
+    assert bare.choices == ()
+    assert bare.final is result.baseline
+    assert doubt.choice is result.choices[0]
+    assert "nearest name, coulomb_friction at j_motor, explains 30 %" in doubt.why
+
+
+def test_what_only_the_currents_show_needs_no_torque():
+    records = [pendulum(0, coulomb=0.4)]
+    result = result_with(records, 0.4)
+    chosen = replace(result.choices[0].chosen, by_current=50.0)
+    electric = replace(result, choices=(replace(result.choices[0], chosen=chosen),))
+    assert short_of(electric, Adequacy(0.0, 0.0)) == (electric, None)
+
+
+def test_nobody_is_surer_of_a_name_than_it_explains():
+    records = [pendulum(0, coulomb=0.4)]
+    result = result_with(records, 0.4)
+    verdicts = [decide_verdict(result, records, records, adequate=a) for a in (None, Adequacy(0.8, 0.65))]
+    assert verdicts[0].findings[0]["confidence"] == 0.99
+    assert verdicts[1].findings[0]["confidence"] == 0.65
+    assert verdicts[1].kind == "identified"
+
+
+@pytest.mark.parametrize(
+    ("place", "made"),
+    [
+        ("joint", lambda: coupled(lambda bent: 12.0 * np.tanh(bent / 0.02))),
+        ("motor", lambda: coupled(lambda bent: 0.0)),
+        ("arm", lambda: record(t := drive(3, 2.0), two_masses(t, 20.0, (0.06, 0.3), (0.1, 0.02), 0.4), 1e-5)),
+    ],
+)
+def test_what_is_left_sits_at_the_equation_where_it_acts(place, made):
+    one = made()
+    if place == "motor":  # a part of the input never arrives
+        one = replace(one, input=one.input * 1.3)
+    found = shares(fitted(ELASTIC, [one], ()), [one])
+    assert sum(found.values()) == pytest.approx(1.0)
+    assert max(found, key=found.get) == place
+    assert found[place] > 0.8
+
+
+def test_a_rigid_joint_has_one_equation():
+    one = pendulum(0, coulomb=0.4)
+    assert shares(fitted(TRUE, [one], ()), [one]) == {"motor": 1.0}
+
+
+def test_a_reader_is_told_how_much_was_explained_unless_it_is_nearly_all():
+    content = {
+        "findings": [{}],
+        "adequacy": {"torque": 0.85, "free_run": 0.48},
+        "left_over": {"equation": "j_motor", "follows": "motor velocity", "explained": 0.66},
+    }
+    assert explains_sentence(content) == (
+        "What is named explains 85 % of the torque that the structure lacks and 48 % of the error of its "
+        "free runs; 66 % of the torque that is left at j_motor follows the motor velocity."
+    )
+    assert explains_sentence(content | {"adequacy": {"torque": 0.95, "free_run": 0.92}}) == ""
+    assert explains_sentence(content | {"findings": []}) == ""
+    assert explains_sentence(content | {"adequacy": None}) == ""
+
+
+@pytest.mark.parametrize(
+    ("std", "text"), [(60.0, "60"), (61.3, "61"), (0.0123, "0.012"), (4.4, "4.4"), (2e6, "2e+06")]
+)
+def test_standard_errors_are_told_without_an_exponent_where_that_can_be_read(std, text):
+    assert deviation(std) == text
