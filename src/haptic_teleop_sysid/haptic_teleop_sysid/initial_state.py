@@ -19,7 +19,7 @@ from haptic_teleop_sysid.velocity_series import velocity_series
 
 Array = NDArray[np.float64]
 HUGE = 1e6
-GAIN = 1e-6
+GAIN = 1e-4
 """Relative gain of the sum of squares that is not worth another response."""
 MOST_TRIALS = 30
 
@@ -84,49 +84,55 @@ def estimate_initial_state(
 
     held = last_reading(np.isfinite(angles), mechanics.encoder_shift(dataset.dt)[0])
 
-    def normal(state: Array) -> tuple[Array, Array, float]:
-        """J'J (k, k), J'r (k,) and half r'r of the weighted errors r and their derivatives J."""
+    def errors_at(state: Array, free: tuple[str, ...] = ()) -> Array:
+        """(m, 1 + k): the weighted errors and, of what is free, their derivatives."""
         result = predict(
             mechanics,
             torque[part],
             angles,
             dataset.dt,
-            names,
+            free,
             initial_state=state,
             exogenous=exogenous,
             t0=t0,
         )
-        errors = [bounded(result.innovation * weights).ravel()]
-        slopes = [bounded(result.d_innovation * weights[:, None]).reshape(len(errors[0]), -1)]
-        for channel, weight in rates:
-            last = held[:, channel]
-            columns = np.column_stack([result.innovation[last, channel], result.d_innovation[last, channel]])
-            rated = bounded(weight * rate(columns, dataset))
-            errors.append(rated[:, 0])
-            slopes.append(rated[:, 1:])
-        error, slope = np.concatenate(errors), np.concatenate(slopes)
-        return slope.T @ slope, slope.T @ error, 0.5 * float(error @ error)
+        both = np.concatenate([result.innovation[:, :, None], result.d_innovation], axis=2)
+        found = [(both * weights[:, None]).reshape(-1, both.shape[2])]
+        found += [weight * rate(both[held[:, channel], channel], dataset) for channel, weight in rates]
+        return bounded(np.concatenate(found))
+
+    def normal(state: Array) -> tuple[Array, Array]:
+        """Errors (m,) and their derivatives (m, k)."""
+        both = errors_at(state, names)
+        return both[:, 0], both[:, 1:]
 
     state = measured_state(dataset, span[0])
-    information, gradient, cost = normal(state)
-    damping = 1e-9
+    error, slope = normal(state)
+    cost, damping, fresh = 0.5 * float(error @ error), 1e-9, True
     for _ in range(MOST_TRIALS):
+        information, gradient = slope.T @ slope, slope.T @ error
         scale = np.sqrt(np.maximum(np.diag(information), 1e-300))
         lessened = information / np.outer(scale, scale) + damping * np.eye(len(used))
         step = -np.linalg.solve(lessened, gradient / scale) / scale
+        expected = -float(gradient @ step) - 0.5 * float(step @ information @ step)
         trial = state.copy()
         trial[used] += step
-        answer = normal(trial)
-        if not answer[2] < cost:
-            if -float(gradient @ step) < GAIN * cost:
-                break
-            damping = max(30.0 * damping, 1e-4)
-            continue
-        gained = cost - answer[2]
-        state, (information, gradient, cost) = trial, answer
-        damping = max(damping / 30.0, 1e-9)
-        if gained < GAIN * cost:
+        # The derivatives hardly change on the way, and cost several responses: they are kept while they keep
+        # their promise.
+        missed = errors_at(trial)[:, 0]
+        gained = cost - 0.5 * float(missed @ missed)
+        if gained > 0.0:
+            state, error, cost = trial, missed, cost - gained
+            damping = max(damping / 30.0, 1e-9)
+        kept_promise = gained > 0.5 * expected
+        if fresh and (expected < GAIN * cost or 0.0 < gained < GAIN * cost):
             break
+        if kept_promise and gained > GAIN * cost:
+            fresh = False
+        elif fresh and gained <= 0.0:
+            damping = max(30.0 * damping, 1e-4)
+        else:
+            (error, slope), fresh = normal(state), True
     return state
 
 

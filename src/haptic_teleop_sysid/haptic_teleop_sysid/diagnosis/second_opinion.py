@@ -31,6 +31,10 @@ AN_EFFECT = 6.0
 NO_WORSE = 1.02
 #: Difference in what groups gain, by both, at which the weight of the lesser falls to a third.
 APART = 3.0
+#: Differences of APART at which a rival has no weight.
+NEGLIGIBLE = 4.0
+#: Log-likelihood by which a free run may exceed the best of those that were run.
+UNSEEN = 5.0
 #: Error, relative, below which a free run is as good as it can be.
 PERFECT = 0.002
 
@@ -80,13 +84,21 @@ def second_opinion(witness: Witness, scales: Scales, errors: Errors, before: tup
 
     chosen: Heard | None = None
     rivals: list[Heard] = []
+    freely = 0.0  # the most that free runs have counted so far
     for level in witness.levels:
-        ranked = [h for h in map(heard, level) if h is not None]
+        more = len(level[0].effects) - (len(chosen.group.effects) if chosen else 0)
+        enough = (chosen.gain if chosen else 0.0) + AN_EFFECT * more
+        ranked: list[Heard] = []
+        for group in level:
+            needed = max([enough, *(h.gain - NEGLIGIBLE * APART for h in ranked)])
+            if group.gain + freely + UNSEEN < needed:
+                break  # whatever its free run says; and so with those that gain less
+            one = heard(group)
+            if one is not None:
+                ranked.append(one)
+                freely = max(freely, one.gain - group.gain)
         ranked.sort(key=lambda h: -h.gain)
-        if not ranked:
-            continue
-        more = len(ranked[0].group.effects) - (len(chosen.group.effects) if chosen else 0)
-        if ranked[0].gain > (chosen.gain if chosen else 0.0) + AN_EFFECT * more:
+        if ranked and ranked[0].gain > enough:
             chosen, rivals = ranked[0], ranked
     weights = np.array([math.exp((h.gain - rivals[0].gain) / APART) for h in rivals])
     shares = weights / weights.sum() if len(weights) else weights

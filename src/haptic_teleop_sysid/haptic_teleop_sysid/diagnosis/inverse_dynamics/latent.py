@@ -41,7 +41,7 @@ SURFACES = {
 }
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Latent:
     """A torque at ``place`` as piecewise linear function of ``quantities`` (one or two), with its ``knots``
     for each."""

@@ -4,11 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import lru_cache
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.signal import butter, sosfiltfilt, welch
+from scipy.fft import irfft, next_fast_len, rfft
+from scipy.signal import welch
 
 from haptic_teleop_sysid.estimation.records import Record
 
@@ -23,9 +25,11 @@ LEAST_CYCLES, MOST_OF_RATE = 5.0, 0.1
 #: s, length of the stretches whose spectra are averaged.
 SEGMENT = 8.0
 #: Samples kept per period of the cut-off.
-KEPT_PER_PERIOD = 10.0
+KEPT_PER_PERIOD = 5.0
 #: Samples per period of the cut-off in between, where torques are computed that are not smooth.
 FINE_PER_PERIOD = 60.0
+#: Periods of the cut-off by which a stretch is reflected at its ends before it is filtered.
+PADDED = 3.0
 #: Periods of the cut-off at either end of a stretch that the filter's transient spoils.
 ENDS = 1.0
 
@@ -55,16 +59,29 @@ class BandedMotion:
 
         The input and what is linear in the angles, filtered already, go through it once more; a torque that
         is not linear in them (the sign of a velocity) goes through it twice: then all have met the same."""
-        for _ in range(times):
-            values = low_passed(values, self.dt, self.cutoff)
-        return values[self.kept]
+        return low_passed(values, self.dt, self.cutoff, times)[self.kept]
 
 
-def low_passed(values: FloatArray, dt: float, cutoff: float) -> FloatArray:
-    """``values`` (n, ...) through a Butterworth low pass of ``cutoff``, Hz, forward and backward."""
-    sections: Any = butter(ORDER, cutoff, fs=1.0 / dt, output="sos")
-    pad = min(len(values) - 1, round(3.0 / (cutoff * dt)))
-    return np.asarray(sosfiltfilt(sections, values, axis=0, padlen=pad), dtype=np.float64)
+def low_passed(values: FloatArray, dt: float, cutoff: float, times: int = 1) -> FloatArray:
+    """``values`` (n, ...) through a Butterworth low pass of ``cutoff``, Hz, forward and backward ``times``
+    times: as its response in the frequency domain, on the values and their odd reflections at both ends."""
+    rows: FloatArray = np.ascontiguousarray(np.moveaxis(values, 0, -1), dtype=np.float64)
+    n = len(values)
+    pad = min(n - 1, round(PADDED / (cutoff * dt)))
+    before = 2.0 * rows[..., :1] - rows[..., pad:0:-1]
+    after = 2.0 * rows[..., -1:] - rows[..., -2 : -pad - 2 : -1]
+    length = next_fast_len(n + 2 * pad, real=True)
+    spectrum = np.asarray(rfft(np.concatenate([before, rows, after], axis=-1), length))
+    found = np.asarray(irfft(spectrum * _response(length, round(cutoff * dt, 15), times), length))
+    return np.moveaxis(found[..., pad : pad + n], -1, 0)
+
+
+@lru_cache(maxsize=64)
+def _response(length: int, cutoff: float, times: int) -> FloatArray:
+    """Response of the low pass forward and backward ``times`` times at the frequencies of ``length`` samples;
+    ``cutoff``: cycles per sample."""
+    warped = np.tan(np.pi * np.minimum(np.fft.rfftfreq(length), 0.4999)) / np.tan(np.pi * cutoff)
+    return (1.0 / (1.0 + warped ** (2 * ORDER))) ** times
 
 
 def motion_band(records: Sequence[Record]) -> float:

@@ -14,12 +14,11 @@ nothing.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.optimize import lsq_linear
 
 from haptic_teleop_sim.model import STRUCTURES, Model
 from haptic_teleop_sysid.estimation.records import Record
@@ -34,21 +33,20 @@ FloatArray = NDArray[np.float64]
 
 #: Factor by which a stiffness may differ from the given one: with little deflection it is hardly seen.
 STIFFNESS = 3.0
-#: Stretches into which recordings are cut for folds.
-STRETCHES = 16
 
 
 @dataclass(frozen=True)
 class Equations:
-    """The equations of some recordings, one row a sample and equation: ``target`` (m,) = ``base`` (m, p)
-    parameters + effects, motor's rows first; ``names`` (p,) of the free parameters of the structure;
-    ``motions``: one a recording."""
+    """The equations of some recordings, one row a sample: ``target`` (n, equations) = ``base`` (equations, n,
+    p) parameters + effects, motor first; ``names`` (p,) of the free parameters of the structure; ``motions``:
+    one a recording."""
 
     model: Model
     motions: tuple[BandedMotion, ...]
     names: tuple[str, ...]
     target: FloatArray
     base: FloatArray
+    _known: dict[Hypothesis | Latent, FloatArray] = field(default_factory=dict, compare=False)
 
     def bounds(self) -> tuple[FloatArray, FloatArray]:
         """Lowest and highest value of the structure's parameters, (p,) each."""
@@ -69,78 +67,21 @@ class Equations:
     @property
     def samples(self) -> int:
         """Rows of one equation."""
-        return sum(len(m.kept) for m in self.motions)
+        return len(self.target)
 
-    def columns(self, hypothesis: Hypothesis | Latent) -> FloatArray:
-        """(m, columns): what the hypothesis contributes to the left-hand side, by unit size."""
-        stiffness = self.model.parameters.get("stiffness", 0.0)
-        torque = np.concatenate([hypothesis.columns(m, stiffness) for m in self.motions])
-        return placed(torque, hypothesis.place, self.model.rigid)
-
-
-@dataclass(frozen=True)
-class Fold:
-    """Every other stretch of some recordings' equations together: what `Equations` has, of these rows."""
-
-    parts: tuple[Equations, ...]
-    odd: bool
-
-    @property
-    def model(self) -> Model:
-        return self.parts[0].model
-
-    @property
-    def motions(self) -> tuple[BandedMotion, ...]:
-        return tuple(m for part in self.parts for m in part.motions)
-
-    @property
-    def names(self) -> tuple[str, ...]:
-        return self.parts[0].names
-
-    @property
-    def samples(self) -> int:
-        return int(sum(np.sum(self._taken(part)) for part in self.parts))
-
-    @property
-    def target(self) -> FloatArray:
-        return self._rows([part.target[:, None] for part in self.parts])[:, 0]
-
-    @property
-    def base(self) -> FloatArray:
-        return self._rows([part.base for part in self.parts])
-
-    def columns(self, hypothesis: Hypothesis | Latent) -> FloatArray:
-        """See `Equations.columns`."""
-        return self._rows([part.columns(hypothesis) for part in self.parts])
-
-    def bounds(self) -> tuple[FloatArray, FloatArray]:
-        """See `Equations.bounds`."""
-        return self.parts[0].bounds()
-
-    def arm_scale(self, values: FloatArray) -> float:
-        """See `Equations.arm_scale`."""
-        return self.parts[0].arm_scale(values)
-
-    def _taken(self, part: Equations) -> NDArray[np.bool_]:
-        stretch = np.arange(part.samples) * STRETCHES // max(part.samples, 1)
-        return stretch % 2 == int(self.odd)
-
-    def _rows(self, values: Sequence[FloatArray]) -> FloatArray:
-        """Rows (m, ...) of the parts' (m, ...), the motor's equation of all parts first."""
-        count = 1 if self.model.rigid else 2
-        halves = [np.split(v, count) for v in values]
-        taken = [self._taken(part) for part in self.parts]
-        return np.concatenate([h[k][t] for k in range(count) for h, t in zip(halves, taken, strict=True)])
+    def torque(self, term: Hypothesis | Latent) -> FloatArray:
+        """Torques (n, columns) of an effect or of one without a form, by unit size."""
+        if term not in self._known:
+            stiffness = self.model.parameters.get("stiffness", 0.0)
+            self._known[term] = np.concatenate([term.columns(m, stiffness) for m in self.motions])
+        return self._known[term]
 
 
-def placed(torque: FloatArray, place: str, rigid: bool) -> FloatArray:
-    """Columns (n, c) of an added torque as rows (n or 2 n, c) of the left-hand sides."""
+def signs(place: str, rigid: bool) -> tuple[float, ...]:
+    """With which sign an added torque stands on the left-hand side of each equation."""
     if rigid:
-        return -torque
-    nothing = np.zeros_like(torque)
-    if place == "joint":
-        return np.concatenate([torque, -torque])
-    return np.concatenate([nothing, -torque] if place == "arm" else [-torque, nothing])
+        return (-1.0,)
+    return {"motor": (-1.0, 0.0), "arm": (0.0, -1.0), "joint": (1.0, -1.0)}[place]
 
 
 def equations(model: Model, records: Sequence[Record], cutoff: float) -> Equations:
@@ -148,61 +89,44 @@ def equations(model: Model, records: Sequence[Record], cutoff: float) -> Equatio
     count as known as far as they are torques along the motion."""
     motions = tuple(banded(r, model.rigid, cutoff) for r in records)
 
-    def rows(pick, place: str) -> FloatArray:
-        column = np.concatenate([m.filtered(pick(m)) for m in motions])[:, None]
-        return -placed(column, place, model.rigid)[:, 0]
+    def along(pick: Callable[[BandedMotion], FloatArray]) -> FloatArray:
+        return np.concatenate([m.filtered(pick(m)) for m in motions])
+
+    def column(torque: FloatArray, place: str) -> FloatArray:
+        """(n, equations), of a torque (n,) that the motion takes at a place."""
+        return -torque[:, None] * np.array(signs(place, model.rigid))
 
     terms = {
-        "torque_constant": -rows(lambda m: m.input, "motor"),
-        "motor_inertia": rows(lambda m: m.acceleration[:, 0], "motor"),
-        "motor_damping": rows(lambda m: m.velocity[:, 0], "motor"),
+        "torque_constant": -column(along(lambda m: m.input), "motor"),
+        "motor_inertia": column(along(lambda m: m.acceleration[:, 0]), "motor"),
+        "motor_damping": column(along(lambda m: m.velocity[:, 0]), "motor"),
     }
     if not model.rigid:
-        deflection = np.concatenate([m.filtered(m.angle[:, 0] - m.angle[:, 1]) for m in motions])[:, None]
         terms |= {
-            "arm_inertia": rows(lambda m: m.acceleration[:, 1], "arm"),
-            "arm_damping": rows(lambda m: m.velocity[:, 1], "arm"),
-            "stiffness": placed(deflection, "joint", False)[:, 0],
+            "arm_inertia": column(along(lambda m: m.acceleration[:, 1]), "arm"),
+            "arm_damping": column(along(lambda m: m.velocity[:, 1]), "arm"),
+            "stiffness": -column(along(lambda m: m.angle[:, 0] - m.angle[:, 1]), "joint"),
         }
     names = [n for n in STRUCTURES[model.structure] if n not in model.fixed]
     if "torque_constant" in names and "stiffness" not in model.fixed:
         names.remove("torque_constant")  # only one scale of all torques can be found
-    target = np.zeros(len(terms["torque_constant"]))
+    target = np.zeros_like(terms["torque_constant"])
+    stiffness = model.parameters.get("stiffness", 0.0)
     for effect in model.effects:
         if follows_from_motion(effect.entry):
             own = Hypothesis.of(effect, model.place(effect.location))
-            torque = np.concatenate([own.columns(m, model.parameters.get("stiffness", 0.0)) for m in motions])
-            target = target - placed(torque, own.place, model.rigid)[:, 0]
-    for name, column in terms.items():
+            torque = np.concatenate([own.columns(m, stiffness) for m in motions])
+            target += column(torque[:, 0], own.place)
+    for name, known in terms.items():
         if name not in names:
-            target = target - model.parameters[name] * column
+            target -= model.parameters[name] * known
     if "stiffness" in names:
-        half = len(target) // 2
-        target[half:] -= model.parameters["stiffness"] * terms["stiffness"][half:]
-        terms["stiffness"][half:] = 0.0
-    base = np.array([terms[n] for n in names]).reshape(len(names), len(target)).T
+        target[:, 1] -= stiffness * terms["stiffness"][:, 1]
+        terms["stiffness"][:, 1] = 0.0
+    base = np.zeros((target.shape[1], len(target), len(names)))
+    for i, name in enumerate(names):
+        base[:, :, i] = terms[name].T
     return Equations(model, motions, tuple(names), target, base)
-
-
-def weights_of(target: FloatArray, base: FloatArray, equations_count: int) -> FloatArray:
-    """(m,) one over the standard deviation that the base leaves of each equation."""
-    left = target - base @ np.linalg.lstsq(base, target, rcond=None)[0] if base.shape[1] else target
-    parts = np.split(left, equations_count)
-    return np.repeat([1.0 / max(float(np.std(part)), 1e-300) for part in parts], len(left) // equations_count)
-
-
-def solved(columns: FloatArray, target: FloatArray, low: FloatArray, high: FloatArray) -> FloatArray:
-    """Least squares (p,) within bounds; scaled, so that units do not matter."""
-    if not columns.shape[1]:
-        return np.zeros(0)
-    scale = np.linalg.norm(columns, axis=0)
-    scale = np.where(scale > 0.0, scale, 1.0)
-    q, r = np.linalg.qr(columns / scale)
-    free = np.linalg.lstsq(r, q.T @ target, rcond=1e-10)[0] / scale
-    if np.all(free >= low) and np.all(free <= high):
-        return free
-    found = lsq_linear(r, q.T @ target, bounds=(low * scale, high * scale), method="bvls")
-    return np.asarray(found.x, dtype=np.float64) / scale
 
 
 def standard_errors(columns: FloatArray, left: FloatArray, lags: int) -> FloatArray:

@@ -37,7 +37,7 @@ _STEP_OF_GRID = 0.1
 _OFF = 1.5
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Hypothesis:
     """An effect at a place, with the shape at which it is tried: all its parameters but the sizes.
 

@@ -1,0 +1,73 @@
+"""Every other stretch of recordings, to fit to the ones and to judge by the others."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from haptic_teleop_sim.model import Model
+
+from .latent import Latent
+from .motion import BandedMotion
+from .regression import Equations
+from .terms import Hypothesis
+
+FloatArray = NDArray[np.float64]
+
+#: Stretches into which recordings are cut.
+STRETCHES = 16
+
+
+@dataclass(frozen=True)
+class Fold:
+    """Every other stretch of some recordings' equations together: what `Equations` has, of these rows."""
+
+    parts: tuple[Equations, ...]
+    odd: bool
+
+    @property
+    def model(self) -> Model:
+        return self.parts[0].model
+
+    @property
+    def motions(self) -> tuple[BandedMotion, ...]:
+        return tuple(m for part in self.parts for m in part.motions)
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        return self.parts[0].names
+
+    @property
+    def samples(self) -> int:
+        return len(self.target)
+
+    @property
+    def target(self) -> FloatArray:
+        return self._rows(lambda part: part.target)
+
+    @property
+    def base(self) -> FloatArray:
+        return np.moveaxis(self._rows(lambda part: np.moveaxis(part.base, 1, 0)), 0, 1)
+
+    def torque(self, term: Hypothesis | Latent) -> FloatArray:
+        """See `Equations.torque`."""
+        return self._rows(lambda part: part.torque(term))
+
+    def bounds(self) -> tuple[FloatArray, FloatArray]:
+        """See `Equations.bounds`."""
+        return self.parts[0].bounds()
+
+    def arm_scale(self, values: FloatArray) -> float:
+        """See `Equations.arm_scale`."""
+        return self.parts[0].arm_scale(values)
+
+    def _rows(self, of: Callable[[Equations], FloatArray]) -> FloatArray:
+        """Rows of this fold of all parts' arrays (n, ...)."""
+        found = []
+        for part in self.parts:
+            stretch = np.arange(part.samples) * STRETCHES // max(part.samples, 1)
+            found.append(of(part)[stretch % 2 == int(self.odd)])
+        return np.concatenate(found)

@@ -1,0 +1,159 @@
+"""Least squares of many groups of terms on the same equations, from products that are computed once.
+
+Of every term the columns are multiplied with the structure's and with those of its partners once; a group is
+then solved, and judged on other equations, in the few numbers that it has, however long the recordings are.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.optimize import lsq_linear
+
+from .folds import Fold
+from .latent import Latent
+from .regression import Equations, signs
+from .terms import Hypothesis
+
+FloatArray = NDArray[np.float64]
+Term = Hypothesis | Latent
+Terms = tuple[Term, ...]
+
+#: Weight that keeps a torque without a form straight, relative to the best visited knot.
+STIFF = 0.05
+#: Direction in which the products of scaled columns say nothing, relative to the strongest.
+_NOTHING = 1e-12
+
+
+class Products:
+    """Equations, each weighted by what the structure leaves of it, and products of their columns."""
+
+    def __init__(self, side: Equations | Fold) -> None:
+        self.side = side
+        self._rigid = side.model.rigid
+        target, base = side.target, side.base
+        rows = np.concatenate([*base])
+        free = rows @ np.linalg.lstsq(rows, target.T.ravel(), rcond=None)[0] if rows.shape[1] else 0.0
+        left = (target.T.ravel() - free).reshape(target.shape[::-1])
+        self.weights = 1.0 / np.maximum(np.std(left, axis=1), 1e-300)
+        self.target = target.T * self.weights[:, None]
+        self.base = base * self.weights[:, None, None]
+        self.samples = side.samples
+        flat = np.concatenate([*self.base])
+        self._whole = flat.T @ flat, flat.T @ self.target.ravel(), float(np.sum(self.target**2))
+        # What columns of a term at each place are multiplied with: structure and target.
+        self._partners: dict[str, FloatArray] = {}
+        self._own: dict[Term, FloatArray] = {}
+        self._pairs: dict[tuple[Term, Term], FloatArray] = {}
+
+    def columns(self, terms: Terms) -> FloatArray:
+        """All columns of a group, (equations n, p), motor first."""
+        found = [np.concatenate([*self.base])]
+        for term in terms:
+            torque = self.side.torque(term)
+            sign = np.array(signs(term.place, self._rigid)) * self.weights
+            found.append(np.concatenate([s * torque for s in sign]))
+        return np.column_stack(found)
+
+    def left(self, terms: Terms, values: FloatArray) -> FloatArray:
+        """What a solution leaves, (equations n,), motor first."""
+        return self.target.ravel() - self.columns(terms) @ values
+
+    def square_left(self, terms: Terms, values: FloatArray) -> float:
+        """Sum of the squares of `left`."""
+        products, mixed, whole = self._group(terms)
+        return max(whole - 2.0 * float(values @ mixed) + float(values @ products @ values), 0.0)
+
+    def fitted(self, terms: Terms) -> FloatArray:
+        """Least squares (p,) within the bounds of structure and terms."""
+        products, mixed, _ = self._group(terms)
+        limits = [self.side.bounds(), *(t.bounds() for t in terms)]
+        low, high = (np.concatenate([pair[i] for pair in limits]) for i in (0, 1))
+        place = len(self.side.names)
+        for term in terms:
+            own = slice(place, place := place + self._width(term))
+            if isinstance(term, Latent):
+                bends = term.bends()
+                most = float(np.max(np.diag(products)[own]))
+                products[own, own] += STIFF**2 * most * bends.T @ bends
+        return solved(products, mixed, low, high)
+
+    def unlike(self, term: Term, other: Term) -> float:
+        """Share (mean square) of the torque of a term that no columns of another at the same place give."""
+        among, whole = self._pair(other, other), float(np.trace(self._pair(term, term)))
+        mixed = self._pair(other, term)
+        scale = _scale(among)
+        values, vectors = np.linalg.eigh(among / np.outer(scale, scale))
+        good = values > _NOTHING * values[-1]
+        along = vectors[:, good].T @ (mixed / scale[:, None])
+        return 1.0 - float(np.sum(along**2 / values[good, None])) / max(whole, 1e-300)
+
+    def _group(self, terms: Terms) -> tuple[FloatArray, FloatArray, float]:
+        """Products (p, p) of all columns, those with the target (p,), and its own."""
+        base, with_target, whole = self._whole
+        first = len(base)
+        size = first + sum(map(self._width, terms))
+        products, mixed = np.zeros((size, size)), np.zeros(size)
+        products[:first, :first], mixed[:first] = base, with_target
+        place, slices = first, list[slice]()
+        for term in terms:
+            own = slice(place, place := place + self._width(term))
+            partners = self._partner(term)
+            products[own, :first], mixed[own] = partners[:, :-1], partners[:, -1]
+            products[:first, own] = partners[:, :-1].T
+            slices.append(own)
+        for i, one in enumerate(terms):
+            for j, other in enumerate(terms[: i + 1]):
+                block = self._pair(one, other)
+                products[slices[i], slices[j]], products[slices[j], slices[i]] = block, block.T
+        return products, mixed, whole
+
+    def _partner(self, term: Term) -> FloatArray:
+        """Products (columns, p + 1) of a term's columns with the structure's and with the target."""
+        if term not in self._own:
+            if term.place not in self._partners:
+                sign = np.array(signs(term.place, self._rigid)) * self.weights
+                both = np.concatenate([self.base, self.target[:, :, None]], axis=2)
+                self._partners[term.place] = np.tensordot(sign, both, axes=1)
+            self._own[term] = self.side.torque(term).T @ self._partners[term.place]
+        return self._own[term]
+
+    def _width(self, term: Term) -> int:
+        """How many columns a term has."""
+        return len(self._partner(term))
+
+    def _pair(self, one: Term, other: Term) -> FloatArray:
+        """Products (columns, columns) of two terms' columns."""
+        if (one, other) not in self._pairs:
+            first, second = (np.array(signs(t.place, self._rigid)) * self.weights for t in (one, other))
+            factor = float(first @ second)
+            # Torques at different equations have nothing to do with each other.
+            found = (
+                factor * self.side.torque(one).T @ self.side.torque(other)
+                if factor != 0.0
+                else np.zeros((self._width(one), self._width(other)))
+            )
+            self._pairs[one, other], self._pairs[other, one] = found, found.T
+        return self._pairs[one, other]
+
+
+def solved(products: FloatArray, mixed: FloatArray, low: FloatArray, high: FloatArray) -> FloatArray:
+    """Least squares (p,) within bounds from products of columns (p, p) and with the target (p,); scaled, so
+    that units do not matter, the shortest one where the columns do not determine it."""
+    if not len(products):
+        return np.zeros(0)
+    scale = _scale(products)
+    values, vectors = np.linalg.eigh(products / np.outer(scale, scale))
+    good = values > _NOTHING * max(float(values[-1]), 1e-300)
+    root = np.sqrt(values[good])
+    rows, right = root[:, None] * vectors[:, good].T, vectors[:, good].T @ (mixed / scale) / root
+    free = vectors[:, good] @ (right / root) / scale
+    if np.all(free >= low) and np.all(free <= high):
+        return free
+    found = lsq_linear(rows, right, bounds=(low * scale, high * scale), method="bvls")
+    return np.asarray(found.x, dtype=np.float64) / scale
+
+
+def _scale(products: FloatArray) -> FloatArray:
+    size = np.sqrt(np.diag(products))
+    return np.where(size > 0.0, size, 1.0)
