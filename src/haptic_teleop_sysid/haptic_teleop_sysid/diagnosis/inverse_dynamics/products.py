@@ -21,8 +21,8 @@ Terms = tuple[Term, ...]
 
 #: Weight that keeps a torque without a form straight, relative to the best visited knot.
 STIFF = 0.05
-#: Direction in which the products of scaled columns say nothing, relative to the strongest.
-_NOTHING = 1e-12
+#: Added to the products of scaled columns, so that those which are alike share what they explain.
+_RIDGE = 1e-10
 
 
 class Products:
@@ -84,9 +84,8 @@ class Products:
         mixed = self._pair(other, term)
         scale = _scale(among)
         values, vectors = np.linalg.eigh(among / np.outer(scale, scale))
-        good = values > _NOTHING * values[-1]
-        along = vectors[:, good].T @ (mixed / scale[:, None])
-        return 1.0 - float(np.sum(along**2 / values[good, None])) / max(whole, 1e-300)
+        along = vectors.T @ (mixed / scale[:, None])
+        return 1.0 - float(np.sum(along**2 / (values + _RIDGE)[:, None])) / max(whole, 1e-300)
 
     def _group(self, terms: Terms) -> tuple[FloatArray, FloatArray, float]:
         """Products (p, p) of all columns, those with the target (p,), and its own."""
@@ -139,15 +138,14 @@ class Products:
 
 def solved(products: FloatArray, mixed: FloatArray, low: FloatArray, high: FloatArray) -> FloatArray:
     """Least squares (p,) within bounds from products of columns (p, p) and with the target (p,); scaled, so
-    that units do not matter, the shortest one where the columns do not determine it."""
+    that units do not matter, and the shortest where columns are alike."""
     if not len(products):
         return np.zeros(0)
     scale = _scale(products)
     values, vectors = np.linalg.eigh(products / np.outer(scale, scale))
-    good = values > _NOTHING * max(float(values[-1]), 1e-300)
-    root = np.sqrt(values[good])
-    rows, right = root[:, None] * vectors[:, good].T, vectors[:, good].T @ (mixed / scale) / root
-    free = vectors[:, good] @ (right / root) / scale
+    root = np.sqrt(np.maximum(values, 0.0) + _RIDGE)
+    rows, right = root[:, None] * vectors.T, vectors.T @ (mixed / scale) / root
+    free = vectors @ (right / root) / scale
     if np.all(free >= low) and np.all(free <= high):
         return free
     found = lsq_linear(rows, right, bounds=(low * scale, high * scale), method="bvls")
