@@ -240,9 +240,8 @@ def main() -> int:
         return json.loads(path.read_text())
 
     counts: dict[str, int] = {}
-    print(
-        "| machine | put in | answer | what it says | size put in | found | s |\n|---|---|---|---|---|---|---|"
-    )
+    print("| machine | put in | answer | what it says | size put in | found | s |")
+    print("|---|---|---|---|---|---|---|")
     for machine in machines:
         before = answer(machine, None)
         print(f"| {machine} | nothing | | {told(before)} | | | {before['seconds']} |", flush=True)

@@ -122,7 +122,7 @@ def test_a_name_that_needs_another_machine_is_given_up(rubbing):
         ("dfki", {"gravity": (2.9, 4.0), "coulomb_friction": (0.13, 0.3)}, (0.12, 0.22)),
     ],
 )
-def test_real_machines_get_the_names_and_about_the_sizes_published(tmp_path, machine, named, inertia):
+def test_real_machines_get_the_names_and_sizes_of_the_published_order(tmp_path, machine, named, inertia):
     folder = REAL / machine
     arguments = ["--model", str(folder / "model.yaml"), "--estimation", str(folder / "estimation")]
     arguments += ["--validation", str(folder / "validation"), "--no-report"]

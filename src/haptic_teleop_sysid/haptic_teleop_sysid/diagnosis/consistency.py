@@ -13,10 +13,13 @@ from collections.abc import Sequence
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.signal import butter, coherence, sosfiltfilt
+from scipy.signal import coherence
 
 from haptic_teleop_control.errors import RecordingError
 from haptic_teleop_sysid.estimation.records import Record
+
+from .inverse_dynamics.motion import low_passed
+from .scales import bridged
 
 FloatArray = NDArray[np.float64]
 #: Cut-off of the filter, Hz, and as a share of the sampling rate.
@@ -40,23 +43,21 @@ _NOTHING = 0.2
 def terms(record: Record) -> tuple[FloatArray, FloatArray]:
     """Band-limited input (n,), and the terms (n, k) that the motion makes of it; without the ends, where the
     filter swings."""
-    angle = _known(record.measured[:, 0])
+    angle = bridged(record.measured[:, 0])
     cut = min(_BAND, _SHARE / record.dt)
-    filter_ = butter(4, cut, fs=1.0 / record.dt, output="sos")
-    smooth = sosfiltfilt(filter_, angle)
+
+    def filtered(values: FloatArray) -> FloatArray:
+        return low_passed(values, record.dt, cut)
+
+    smooth = filtered(angle)
     velocity = np.gradient(smooth, record.dt)
     sign = np.tanh(velocity / max(_SMOOTH * float(np.max(np.abs(velocity))), 1e-300))
     own = [np.gradient(velocity, record.dt), velocity, sign, smooth]
     if np.any(np.isfinite(record.measured[:, 1])):
-        own.append(smooth - sosfiltfilt(filter_, _known(record.measured[:, 1])))
-    columns = [sosfiltfilt(filter_, one) for one in own] + [np.ones(len(angle))]
+        own.append(smooth - filtered(bridged(record.measured[:, 1])))
+    columns = [filtered(one) for one in own] + [np.ones(len(angle))]
     inside = slice(round(1.0 / (cut * record.dt)), len(angle) - round(1.0 / (cut * record.dt)))
-    return sosfiltfilt(filter_, record.input)[inside], np.column_stack(columns)[inside]
-
-
-def _known(angle: FloatArray) -> FloatArray:
-    good = np.flatnonzero(np.isfinite(angle))
-    return np.interp(np.arange(len(angle)), good, angle[good])
+    return filtered(record.input)[inside], np.column_stack(columns)[inside]
 
 
 def sizes(records: Sequence[Record]) -> FloatArray:
@@ -107,7 +108,7 @@ def refuse_unrelated(record: Record, joint: str) -> None:
     """Raise RecordingError for an input that has nothing in common with the motion: at no frequency, and by
     no torque that inertia, friction, a spring or gravity would take."""
     size = len(record) // (_STRETCHES // 2)
-    motion = np.gradient(_known(record.measured[:, 0]))
+    motion = np.gradient(bridged(record.measured[:, 0]))
     if np.std(motion) <= 0.0 or size < 32:
         return
     _, shared = coherence(record.input, motion, nperseg=size, noverlap=size // 2)

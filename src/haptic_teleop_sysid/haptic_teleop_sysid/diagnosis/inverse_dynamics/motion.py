@@ -14,6 +14,8 @@ from scipy.signal import welch
 
 from haptic_teleop_sysid.estimation.records import Record
 
+from ..scales import bridged
+
 FloatArray = NDArray[np.float64]
 
 #: Order of the low-pass filter, which runs forward and backward: the phase is zero.
@@ -92,7 +94,7 @@ def motion_band(records: Sequence[Record]) -> float:
     grid = np.linspace(0.0, 0.5 * slowest, 4096)
     spectrum = np.zeros(len(grid))
     for record in records:
-        speed = np.gradient(_bridged(record.measured[:, 0]), record.dt)
+        speed = np.gradient(bridged(record.measured[:, 0]), record.dt)
         length = round(min(shortest, SEGMENT) / record.dt)
         found: Any = welch(speed - np.mean(speed), 1.0 / record.dt, nperseg=length)
         spectrum += np.interp(grid, *found) * len(record) * record.dt
@@ -105,7 +107,7 @@ def banded(record: Record, rigid: bool, cutoff: float) -> BandedMotion:
     """The record in the band; readings that are missing are bridged and do not count."""
     measured = record.measured
     arm = measured[:, 0] if rigid or not np.any(np.isfinite(measured[:, 1])) else measured[:, 1]
-    raw = np.column_stack([_bridged(measured[:, 0]), _bridged(arm)])
+    raw = np.column_stack([bridged(measured[:, 0]), bridged(arm)])
     # Held from each sample to the next: at the sample itself it is the mean of before and after.
     held = 0.5 * (record.input + np.append(record.input[:1], record.input[:-1]))
     angle = low_passed(raw, record.dt, cutoff)
@@ -137,11 +139,3 @@ def _counting(missing: NDArray[np.bool_], thin: slice, dt: float, cutoff: float)
         near = np.convolve(missing, np.ones(2 * reach + 1), "same")[thin] > 0.25 * reach
         kept = kept[~near[kept]]
     return kept
-
-
-def _bridged(values: FloatArray) -> FloatArray:
-    good = np.isfinite(values)
-    if np.all(good):
-        return values
-    places = np.arange(len(values))
-    return np.interp(places, places[good], values[good])
