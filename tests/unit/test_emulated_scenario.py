@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from device_rigs import UNSHAPED
 
-from haptic_teleop_2dsfj.build import emulated_hil
+from haptic_teleop_2dsfj.local_board import emulated_hil
 from haptic_teleop_2dsfj.settings import TABLE as SFJ_TABLE
 from haptic_teleop_control.clocks import VirtualClock
 from haptic_teleop_control.device import ReadResult, Reporter
@@ -37,7 +37,7 @@ class Slave:
         values = SFJ_TABLE.check({"device": "emulated", "emulated.file": str(FILE), **UNSHAPED, **changes})
         settings = SfjDriverSettings.from_parameters(values)
         clock = VirtualClock()
-        self.hil = emulated_hil(values, settings, clock)
+        self.hil = emulated_hil(values, settings.board, clock)
         reporter, self.latch = Reporter.to_latch(all_faults())
         self.driver = SfjDriver(settings, Board(settings.board, lambda: self.hil, clock=clock), reporter)
         self.driver.open()
