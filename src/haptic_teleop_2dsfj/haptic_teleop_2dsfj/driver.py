@@ -190,7 +190,8 @@ class SfjDriver:
         """Device, rate and limits in one line."""
         limits = " and ".join(f"{stage.current_limit:g} A" for stage in self.settings.stages)
         board = self.settings.board
-        device = f"2DSFJ on {board.card_type} {board.card_identifier} at {board.rate:g} Hz, at most {limits}"
+        name = self.board.measurements().get("board", f"{board.card_type} {board.card_identifier}")
+        device = f"2DSFJ on {name} at {board.rate:g} Hz, at most {limits}"
         return f"{device}; samples: {self.board.sampling}" if self.board.sampling else device
 
     def measurements(self) -> dict[str, Any]:
