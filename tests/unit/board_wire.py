@@ -1,4 +1,5 @@
-"""A board server and a driver on one virtual clock, with a wire between that does to datagrams what a test says.
+"""A board server and a driver on one virtual clock, with a wire between that does to datagrams what a test
+says.
 
 Nothing waits and nothing is chance: the server's next sample is taken when the driver waits for it.
 """
@@ -67,8 +68,9 @@ class Port:
 
 
 class Wire:
-    """server: on an emulated board, `hil`, with `plant` behind it. delay: s, each way. up, down: what a datagram to
-    the server, or to the client, becomes: none, one or several. parameters: of the driver, with __ for dots."""
+    """server: on an emulated board, `hil`, with `plant` behind it. delay: s, each way. up, down: what a
+    datagram to the server, or to the client, becomes: none, one or several. parameters: of the driver, with
+    __ for dots."""
 
     def __init__(
         self, plant: Any = None, delay: float = 0.0, server: dict[str, Any] | None = None, key: bytes = KEY,

@@ -1,4 +1,5 @@
-"""The board server's parts: datagrams, numbers, key, settings, its command, and what it needs to run at all."""
+"""The board server's parts: datagrams, numbers, key, settings, its command, and what it needs to run at
+all."""
 
 import math
 import os

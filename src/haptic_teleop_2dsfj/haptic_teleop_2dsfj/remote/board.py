@@ -99,15 +99,17 @@ class RemoteBoard:
         kind = "an emulated board" if welcome.emulated else "board"
         self.board = f"{kind} {welcome.card_type} {welcome.card_identifier}"
         self.sampling = f"from the {self.transport}, {self.board}"
-        self._index, self._origin = first.passed, list(first.counts)
+        self._index, self._origin = first.passed - 1, list(first.counts)
         self._sample_clock.restart()
         self._accept(first)
+        self._waiting = True
 
     def read(self) -> None:
         """Waits for the next sample and takes the newest. Raises LinkError when none comes, or something that
         is not the session's next datagram."""
-        key, before = self._session(), self._stamp
-        until = self._clock.now() + round(self._remote.silence * 1e9)
+        key, now, before = self._session(), self._clock.now(), self._stamp
+        waiting, self._waiting = self._waiting, False
+        until = now if waiting else now + round(self._remote.silence * 1e9)
         while (data := self._link.receive(until)) is not None:
             state = self._opened(data, key)
             if not isinstance(state, d.State):
@@ -117,7 +119,7 @@ class RemoteBoard:
                 raise self._error(f"a datagram of it {trouble.value}")
             self._accept(state)
             until = self._clock.now()
-        if self._stamp == before:
+        if self._stamp == before and not waiting:
             raise self._error(f"no sample for {self._remote.silence:g} s; check the cable and the server")
         self.periods, self._index = max(1, self._newest - self._index), self._newest
         self.lag = self._sample_clock.step(self._stamp, self.periods)
@@ -177,6 +179,7 @@ class RemoteBoard:
         self._sent = self._stamp = self._arrived = self._index = self._newest = self._rearm = 0
         self._rearmed = self._expired = self._echo = 0
         self._volts, self._said, self.enabled = (0.0, 0.0), True, False
+        self._waiting = False  # a sample that nobody has read: the session's first
 
     def _greeted(self, greeting: bytes, key: bytes, wanted: type[d.Datagram]) -> d.Datagram:
         """The answer of type `wanted` to `greeting`, which is repeated while none comes."""
