@@ -169,7 +169,7 @@ HAPPENS = {
     "too short": (lambda wire: once(lambda data: [data[:-1]]), "wrong length"),
     "empty": (lambda wire: once(lambda data: [b""]), "wrong length"),
     "changed": (lambda wire: once(lambda data: [flip(data)]), "not signed with the key"),
-    "foreign": (lambda wire: once(lambda data: [b"M-SEARCH * HTTP/1.1\r\n\r\n", data]), "none of this protocol"),
+    "foreign": (lambda wire: once(lambda data: [b"M-SEARCH * HTTP/1.1\r\n", data]), "none of this protocol"),
 }  # fmt: skip
 
 
@@ -386,7 +386,11 @@ def test_a_driver_for_emulated_devices_does_not_begin_on_a_real_board_nor_the_re
 
 @pytest.mark.parametrize(
     ("key", "change"),
-    [("rate", {"rate": 250.0}), ("board.counter_bits", {"counter_bits": 32}), ("board.range", {"range_volts": 5.0})],
+    [
+        ("rate", {"rate": 250.0}),
+        ("board.counter_bits", {"counter_bits": 32}),
+        ("board.range", {"range_volts": 5.0}),
+    ],
 )
 def test_settings_that_differ_are_named(key, change):
     wire = Wire()
