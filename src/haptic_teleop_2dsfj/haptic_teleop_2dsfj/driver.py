@@ -206,6 +206,7 @@ class SfjDriver:
             "I2t used (%)": " ".join(f"{100.0 * limiter.overload.used:.0f}" for limiter in self.limiters),
             "limit switches pressed": sum(self.switches.pressed),
             "limit switch hits": sum(self.switches.hits),
+            "angles (rad)": " ".join(f"{value:+.3f}" for value in self.position),
             "measured current (A)": " ".join(f"{value:+.3f}" for value in self.measured),
         }
 

@@ -20,7 +20,7 @@ ACTS = {
     "resume": "let simulated time go on",
     "step": "one tick of simulated time, while it is paused",
     "state": "print the state: off, devices_ready, aligning, engaged or fault",
-    "devices": "print which device, transport and serial number each driver has",
+    "devices": "print which device, transport and serial number each driver has, and what it measures",
 }
 
 CLIENT = "haptic_teleop_control.nodes.operator_client:call"

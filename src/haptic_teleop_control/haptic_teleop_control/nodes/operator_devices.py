@@ -14,8 +14,9 @@ from haptic_teleop_control.errors import ConfigurationError
 ROUND = 1.5
 """s after the first driver's diagnostics in which those of all others come: they come once a second."""
 
-TOLD = ("device", "board", "transport", "serial number", "layout")
-"""Values of a driver's diagnostics that say what it drives."""
+TOLD = ("device", "board", "transport", "serial number", "layout", "angles (rad)", "measured current (A)")
+"""Values of a driver's diagnostics that say what it drives, and for the hand at the robot what it
+measures."""
 
 
 def devices(wait: float) -> list[str]:
