@@ -8,6 +8,7 @@ import signal
 import subprocess
 import sys
 import threading
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -19,6 +20,7 @@ from hypothesis import strategies as st
 from haptic_teleop_2dsfj.board import Board
 from haptic_teleop_2dsfj.board_settings import BoardSettings
 from haptic_teleop_2dsfj.build import all_faults, make_driver
+from haptic_teleop_2dsfj.doctor_checks import board_checks
 from haptic_teleop_2dsfj.driver import SfjDriver
 from haptic_teleop_2dsfj.emulated_hil import EmulatedHil
 from haptic_teleop_2dsfj.link_error import LinkError
@@ -35,6 +37,7 @@ from haptic_teleop_2dsfj.settings import SfjDriverSettings
 from haptic_teleop_control.clocks import SteadyClock, VirtualClock
 from haptic_teleop_control.device import Reporter
 from haptic_teleop_control.errors import ConfigurationError
+from haptic_teleop_control.health import BAD, OK
 
 INT64 = st.integers(-(2**63), 2**63 - 1)
 UINT64, UINT32, BYTE = st.integers(0, 2**64 - 1), st.integers(0, 2**32 - 1), st.integers(0, 255)
@@ -152,6 +155,7 @@ def test_a_key_that_others_may_read_or_write_is_none(tmp_path, mode):
     [
         ({"watchdog": 0.004}, "watchdog"),
         ({"watchdog": 0.3}, "watchdog"),
+        ({"watchdog": 0.01, "rate": 100.0}, "less than two samples at 100 Hz"),
         ({"host": "192.168.10.2"}, "set host to an address in the network of the driver"),
         ({"peer": "192.168.10.3"}, "peer is 192.168.10.3"),
         ({"host": "0.0.0.0"}, "host is 0.0.0.0"),
@@ -268,6 +272,35 @@ def test_where_nobody_listens_the_sentence_says_so_at_once():
     )
     with pytest.raises(LinkError, match=f"nothing listens at {HERE}:{port}"):
         remote.open()
+
+
+def test_doctor_asks_a_server_and_says_what_is_wrong_where_it_is_not_as_it_should_be(tmp_path):
+    key, other = str(tmp_path / "board.key"), str(tmp_path / "other.key")
+    make_key(Path(key))
+    make_key(Path(other))
+    settings, clock, link = BoardSettings(), SteadyClock(), UdpServer(HERE, 0)
+    hil = EmulatedHil(StillRobot(), settings, clock)
+    server = BoardServer(
+        Board(settings, lambda: hil, clock=clock), ServerSettings(), read_key(key), link.send, clock, True
+    )
+    server.open_board()
+    stop = threading.Event()
+    thread = threading.Thread(target=serve.serve, args=(server, link, clock, stop.is_set))
+    thread.start()
+    address = f"{HERE}:{link.address[1]}"
+    try:
+        found = board_checks(address, key)
+        assert found[0].level == OK
+        assert "an emulated board q8 0 at 500 Hz, free; current to zero after 0.02 s" in found[0].finding
+        assert "the keys differ" in board_checks(address, other)[0].finding
+    finally:
+        stop.set()
+        thread.join(5.0)
+        link.close()
+    assert "nothing listens" in board_checks(address, key)[0].finding
+    for wrong in ("", ":28765", f"{HERE}:", f"{HERE}:x", f"{HERE}:70000"):
+        assert "is no address" in board_checks(wrong, key)[0].finding
+    assert board_checks(address, str(tmp_path / "none.key"))[0].level == BAD
 
 
 def test_two_servers_do_not_share_a_port():

@@ -181,7 +181,7 @@ def test_the_omni_moves_as_the_simulated_one_does_within_its_torque_steps(simula
 
 
 def test_over_a_board_server_not_one_sample_is_another(emulated):
-    run = through_the_drivers(duration=13.0, remote=True)
+    run = through_the_drivers(duration=12.4, remote=True)
     for name, values in run.items():
         assert np.array_equal(values, emulated[name][: len(values)]), name
     assert run["effort"][-1, 1] == pytest.approx(0.6, abs=0.01), "it presses"

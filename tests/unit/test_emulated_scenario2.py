@@ -147,7 +147,7 @@ def emulated() -> dict:
 
 
 def test_over_a_board_server_not_one_sample_is_another(emulated):
-    run = as_in_simulation(SIM, 11.0, remote=True)
+    run = as_in_simulation(SIM, 8.0, remote=True)
     for name, values in run.items():
         assert np.array_equal(values, emulated[name][: len(values)]), name
     assert run["omni angle"][-1, 1:] == pytest.approx(SURFACE, abs=2e-3), "it touches"

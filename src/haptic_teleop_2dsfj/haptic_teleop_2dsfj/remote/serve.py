@@ -106,6 +106,7 @@ def run(values: dict[str, Any], source: str, stopped: Callable[[], bool]) -> Non
     try:
         peer = str(address_of(settings.peer, "peer"))
         server = BoardServer(board, settings, key, link.send, clock, emulated, peer, _say)
+        _prepare_process(values["realtime_priority"])
         try:
             server.open_board()
         except DeviceError as error:
@@ -113,7 +114,6 @@ def run(values: dict[str, Any], source: str, stopped: Callable[[], bool]) -> Non
                 f"the board cannot be opened: {error}; check cable and power and run `haptic-teleop doctor`, "
                 "or set device: emulated."
             ) from error
-        _prepare_process(values["realtime_priority"])
         kind = "emulated board" if emulated else "board"
         _say(
             f"{kind} {settings.board.card_type} {settings.board.card_identifier} at {settings.board.rate:g} "

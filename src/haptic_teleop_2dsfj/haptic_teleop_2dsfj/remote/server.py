@@ -243,6 +243,8 @@ class BoardServer:
                 self.board.enable(False)
         elif session.expired is Expiry.NONE:
             if not young:
+                kept, age = command.stamp - command.arrived, now - command.answers
+                self._log(f"an answer took {age * 1e-6:.1f} ms, {kept * 1e-6:.1f} of them in the driver")
                 self._expire(Expiry.DELAY)
                 return
             if not self.board.enabled:

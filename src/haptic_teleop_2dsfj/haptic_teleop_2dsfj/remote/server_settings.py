@@ -59,6 +59,11 @@ class ServerSettings:
                 f"host is {self.host} and peer is {self.peer}: one is this computer's own and the other is "
                 "not; set host to an address in the network of the driver, and peer to the driver's address."
             )
+        if self.watchdog * self.board.rate < 2.0:
+            raise ConfigurationError(
+                f"watchdog is {self.watchdog:g} s, less than two samples at {self.board.rate:g} Hz; choose a "
+                f"longer one, {2.0 / self.board.rate:g} s at least."
+            )
         if self.answer_wait >= self.board.dt:
             raise ConfigurationError(
                 f"answer_wait is {self.answer_wait:g} s, a period of {self.board.rate:g} Hz or more; the "
