@@ -166,6 +166,7 @@ def test_a_key_that_others_may_read_or_write_is_none(tmp_path, mode):
         ({"answer_wait": 0.002}, "answer_wait is 0.002 s"),
         ({"highest_volts": [1.0]}, "highest_volts"),
         ({"board.type": 8}, "board.type"),
+        ({"board.type": "remote"}, "name the board that is here"),
         ({"current_limit": 0.1}, "current_limit"),
     ],
 )

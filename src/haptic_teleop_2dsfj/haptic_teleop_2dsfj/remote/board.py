@@ -188,7 +188,7 @@ class RemoteBoard:
         while (now := self._clock.now()) < end:
             self._link.send(greeting)
             until = min(end, now + round(RETRY * 1e9))
-            while (data := self._link.receive(until)) is not None:
+            while self._clock.now() < until and (data := self._link.receive(until)) is not None:
                 found = d.unpack(data, d.UNSIGNED)
                 if isinstance(found, d.Refusal) and found.about_key:
                     # Anybody could have sent it: it only says where to look.

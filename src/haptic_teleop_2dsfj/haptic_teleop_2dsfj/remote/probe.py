@@ -30,7 +30,7 @@ def probe(address: str, key_file: str = "") -> d.Welcome:
             nonce = secrets.token_bytes(d.NONCE_BYTES)
             link.send(d.pack(d.Probe(nonce), key))
             until = clock.now() + round(PATIENCE * 1e9)
-            while (data := link.receive(until)) is not None:
+            while clock.now() < until and (data := link.receive(until)) is not None:
                 found = d.unpack(data, key)
                 if isinstance(found, d.Welcome) and found.nonce == nonce:
                     return found

@@ -12,6 +12,7 @@ from haptic_teleop_2dsfj.amplifier import Amplifier
 from haptic_teleop_2dsfj.board_settings import BoardSettings
 from haptic_teleop_2dsfj.local_board import EMULATED
 from haptic_teleop_2dsfj.remote.link import PORT
+from haptic_teleop_2dsfj.remote.settings import REMOTE
 from haptic_teleop_control.errors import ConfigurationError
 from haptic_teleop_control.parameters import Parameter, ParameterTable
 from haptic_teleop_control.quantities import check_quantities, from_parameters, parameters_of, quantity
@@ -51,6 +52,10 @@ class ServerSettings:
 
     def __post_init__(self) -> None:
         check_quantities(self)
+        if self.board.card_type == REMOTE:
+            raise ConfigurationError(
+                "board.type is remote, which is for the driver; name the board that is here, for example q8."
+            )
         here, there = address_of(self.host, "host"), address_of(self.peer, "peer")
         if there.is_unspecified or there.is_multicast or str(there) == "255.255.255.255":
             raise ConfigurationError(f"peer is {self.peer}, which is no single computer; name one.")
