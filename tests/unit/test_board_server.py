@@ -353,6 +353,17 @@ def test_a_server_that_stalls_meets_the_board_s_own_watchdog_and_the_driver_hear
     assert not wire.off
 
 
+def test_a_server_that_stalls_between_a_sample_and_its_answer_finds_the_board_at_zero_and_not_lost():
+    wire = Wire(server={"watchdog": 0.1}).drive()
+    wire.driver.read()
+    wire.clock.advance(0.03)  # more than the board's watchdog, and the answer is young all the same
+    wire.driver.write(np.array(PUSH))
+    wire.run(2, PUSH)
+    assert wire.latch.latched == "watchdog_expired"
+    assert "the board server stalled" in wire.latch.sentence
+    assert wire.off and wire.hil.opened
+
+
 def test_a_server_that_ends_says_so_and_leaves_zero():
     wire = Wire().drive()
     wire.server.close()

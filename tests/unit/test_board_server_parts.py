@@ -30,6 +30,7 @@ from haptic_teleop_2dsfj.remote.board import RemoteBoard
 from haptic_teleop_2dsfj.remote.key_file import default_key_file, make_key, read_key
 from haptic_teleop_2dsfj.remote.link import UdpClient, UdpServer
 from haptic_teleop_2dsfj.remote.round_trip import RoundTrips
+from haptic_teleop_2dsfj.remote.sequence import Sequence
 from haptic_teleop_2dsfj.remote.server import BoardServer
 from haptic_teleop_2dsfj.remote.server_settings import ServerSettings
 from haptic_teleop_2dsfj.remote.settings import RemoteSettings
@@ -87,7 +88,7 @@ def test_each_kind_has_one_size():
 
 @given(st.lists(st.integers(1, 60), max_size=60))
 def test_a_number_is_taken_once_and_only_if_none_after_it_was(numbers):
-    sequence, taken = d.Sequence(), set()
+    sequence, taken = Sequence(), set()
     for number in numbers:
         expected = None if number > max(taken, default=0) else (
             d.Trouble.DUPLICATED if number in taken else d.Trouble.REORDERED
@@ -99,7 +100,7 @@ def test_a_number_is_taken_once_and_only_if_none_after_it_was(numbers):
 
 
 def test_a_number_from_long_ago_is_refused_all_the_same():
-    sequence = d.Sequence()
+    sequence = Sequence()
     assert sequence.take(10_000) is None
     assert sequence.take(3) is d.Trouble.DUPLICATED
 

@@ -18,6 +18,7 @@ from haptic_teleop_2dsfj.remote import datagrams as d
 from haptic_teleop_2dsfj.remote.expiry import expiry_text
 from haptic_teleop_2dsfj.remote.link import ClientLink
 from haptic_teleop_2dsfj.remote.round_trip import RoundTrips
+from haptic_teleop_2dsfj.remote.sequence import Sequence
 from haptic_teleop_2dsfj.remote.settings import RemoteSettings
 from haptic_teleop_2dsfj.sample_clock import SampleClock
 from haptic_teleop_control.clocks import Clock
@@ -175,7 +176,7 @@ class RemoteBoard:
     # Inside.
 
     def _forget(self) -> None:
-        self._incoming = d.Sequence()
+        self._incoming = Sequence()
         self._sent = self._stamp = self._arrived = self._index = self._newest = self._rearm = 0
         self._rearmed = self._expired = self._echo = 0
         self._volts, self._said, self.enabled = (0.0, 0.0), True, False

@@ -7,38 +7,20 @@ ends the session, for neither loopback nor a cable between two computers duplica
 
 from __future__ import annotations
 
-import math
 import secrets
 from collections.abc import Callable
-from dataclasses import dataclass, field
 
 from haptic_teleop_2dsfj.board import Board
 from haptic_teleop_2dsfj.remote import datagrams as d
 from haptic_teleop_2dsfj.remote.expiry import Expiry, expiry_text
 from haptic_teleop_2dsfj.remote.link import Address
 from haptic_teleop_2dsfj.remote.server_settings import ServerSettings
+from haptic_teleop_2dsfj.remote.session import Session
 from haptic_teleop_control.clocks import Clock
 from haptic_teleop_control.device import DeviceError
 
 SESSION_SILENCE = 1.0
 """s without a word after which a client is no client any more."""
-
-
-@dataclass
-class Session:
-    """The one client. fresh: when it last answered a young sample; heard: when it last said anything."""
-
-    key: bytes
-    nonce: bytes
-    address: Address
-    fresh: int
-    heard: int
-    incoming: d.Sequence = field(default_factory=d.Sequence)
-    sent: int = 0
-    echo: int = 0
-    answered: int = 0
-    rearmed: int = 0
-    expired: Expiry = Expiry.NONE
 
 
 class BoardServer:
@@ -80,11 +62,14 @@ class BoardServer:
                 self._expire(Expiry.BOARD)
                 self.board.rearm_watchdog()
         except DeviceError as error:
-            self._lose(error)
+            self._fail(error)
             return
         self._stamp = self._clock.now()
         self._index += self.board.periods
-        self._tell()
+        session = self.session
+        if session is not None:
+            state = session.state(self.board, self._stamp, self._index, self._clock.now())
+            self._send(state, session.address)
 
     @property
     def awaits_answer(self) -> bool:
@@ -100,10 +85,10 @@ class BoardServer:
             session = self.session
             if session is None or address != session.address:
                 self._greet(data, address)
-            elif not self._greeted(data, session):
+            elif not session.greeted(data, self._key):
                 self._follow(data, session)
         except DeviceError as error:
-            self._lose(error)
+            self._fail(error)
 
     def watch(self) -> None:
         """Looks at the time: the watchdog, and whether the client is still there."""
@@ -114,7 +99,7 @@ class BoardServer:
             if self.board.enabled and now - session.fresh > self._watchdog:
                 self._expire(Expiry.SILENCE)
         except DeviceError as error:
-            self._lose(error)
+            self._fail(error)
             return
         if now - session.heard > SESSION_SILENCE * 1e9:
             self._end(f"the client was silent for {SESSION_SILENCE:g} s")
@@ -187,19 +172,8 @@ class BoardServer:
             d.NONCE_BYTES
         )  # nothing that began with the last one can begin again
         self.board.rearm_watchdog()
-        self.session = Session(key, start.nonce, address, now, now)
+        self.session = Session(key, start.nonce, address, now, now, self.settings.highest_volts)
         self._log(f"client {address[0]}:{address[1]} is here")
-
-    def _greeted(self, data: bytes, session: Session) -> bool:
-        """Whether it is a repetition of the client's own greeting, whose answer was slow."""
-        kind = d.kind_of(data)
-        if kind is d.Hello:
-            found = d.unpack(data, self._key)
-        elif kind is d.Start:
-            found = d.unpack(data, session.key)
-        else:
-            return False
-        return isinstance(found, (d.Hello, d.Start)) and found.nonce == session.nonce and not session.echo
 
     def _stray(self, data: bytes, address: Address, found: d.Trouble | d.Datagram) -> None:
         self.strays += 1
@@ -218,14 +192,9 @@ class BoardServer:
     # A session.
 
     def _follow(self, data: bytes, session: Session) -> None:
-        command = d.unpack(data, session.key)
-        trouble = d.Trouble.UNEXPECTED
+        command = session.command(data, self._stamp)
         if isinstance(command, d.Trouble):
-            trouble = command
-        elif isinstance(command, d.Command):
-            trouble = session.incoming.take(command.sequence) or self._impossible(command)
-        if trouble is not None or not isinstance(command, d.Command):
-            self._end(f"a datagram {(trouble or d.Trouble.UNEXPECTED).value}")
+            self._end(f"a datagram {command.value}")
             return
         session.echo, session.answered = command.stamp, command.answers
         now = session.heard = self._clock.now()
@@ -250,25 +219,6 @@ class BoardServer:
             if not self.board.enabled:
                 self.board.enable(True)
             self.board.write(command.first, command.second)
-
-    def _impossible(self, command: d.Command) -> d.Trouble | None:
-        volts, highest = (command.first, command.second), self.settings.highest_volts
-        for value, bound in zip(volts, highest, strict=True):
-            if not math.isfinite(value) or abs(value) > bound * (1.0 + 1e-9):
-                return d.Trouble.VALUE
-        return d.Trouble.VALUE if command.answers > self._stamp else None
-
-    def _tell(self) -> None:
-        session, board = self.session, self.board
-        if session is None:
-            return
-        session.sent += 1
-        state = d.State(
-            session.sent, self._stamp, self._clock.now(), session.echo, session.heard, self._index,
-            session.rearmed, board.enabled, session.expired, tuple(board.counts.tolist()),
-            tuple(board.sense_volts.tolist()), tuple(board.switch_levels.tolist()),
-        )  # fmt: skip
-        self._send(d.pack(state, session.key), session.address)
 
     # Its end, and that of the current.
 
@@ -298,7 +248,18 @@ class BoardServer:
         self._over = (session.address, session.key, why)
         self._log(f"the session is over, current at zero: {why or 'the client has left'}")
         if lost is not None:
-            self._lose(lost)
+            self._fail(lost)
+
+    def _fail(self, error: DeviceError) -> None:
+        """The board refused something: it is lost, unless its own watchdog took it to zero a moment ago."""
+        try:
+            if self.open and self.board.watchdog_expired():
+                self._expire(Expiry.BOARD)
+                self.board.rearm_watchdog()
+                return
+        except DeviceError as further:
+            error = further
+        self._lose(error)
 
     def _lose(self, error: DeviceError) -> None:
         """The board refused something or is gone: released, at zero, until the next client wants it."""
