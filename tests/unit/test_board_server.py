@@ -90,6 +90,21 @@ def test_a_stalled_driver_is_a_fault_at_zero_and_drives_again_after_a_reset():
     assert not wire.off
 
 
+def test_after_an_expiry_no_command_brings_current_back_until_it_is_asked_for_anew():
+    wire = Wire().drive()
+    for _ in range(30):
+        wire.step()
+    for _ in range(3):
+        wire.remote.read()
+        wire.remote.write(0.5, 0.5)  # a client that does not look at what it is told
+        assert wire.off
+    wire.remote.rearm_watchdog()
+    wire.remote.enable(True)
+    wire.remote.read()
+    wire.remote.write(0.5, 0.5)
+    assert not wire.off
+
+
 def test_at_rest_a_session_lives_on_without_a_fault():
     wire = Wire()
     wire.driver.open()

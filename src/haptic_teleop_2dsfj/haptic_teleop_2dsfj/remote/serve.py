@@ -2,7 +2,7 @@
 
 One thread owns the board and the socket: it waits for the board's sample, sends it, and takes what comes
 until the answer is there or time for the next sample. Nothing in it needs POSIX: the maker's SDK for the Q8
-runs on Windows. """
+runs on Windows."""
 
 from __future__ import annotations
 

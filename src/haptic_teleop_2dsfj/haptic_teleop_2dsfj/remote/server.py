@@ -168,9 +168,8 @@ class BoardServer:
 
     def _begin(self, start: d.Start, address: Address) -> None:
         key, now = d.session_key(self._key, start.nonce, self._offer), self._clock.now()
-        self._offer = secrets.token_bytes(
-            d.NONCE_BYTES
-        )  # nothing that began with the last one can begin again
+        # Nothing that began with the last one can begin again.
+        self._offer = secrets.token_bytes(d.NONCE_BYTES)
         self.board.rearm_watchdog()
         self.session = Session(key, start.nonce, address, now, now, self.settings.highest_volts)
         self._log(f"client {address[0]}:{address[1]} is here")
@@ -204,18 +203,17 @@ class BoardServer:
         if command.rearm != session.rearmed:
             self.board.rearm_watchdog()
             session.rearmed, session.expired = command.rearm, Expiry.NONE
-        young = now - command.answers <= self._watchdog
-        if young:
-            session.fresh = now
         if not command.enable:
             if self.board.enabled:
                 self.board.enable(False)
         elif session.expired is Expiry.NONE:
-            if not young:
-                kept, age = command.stamp - command.arrived, now - command.answers
+            age = now - command.answers
+            if age > self._watchdog:
+                kept = command.stamp - command.arrived
                 self._log(f"an answer took {age * 1e-6:.1f} ms, {kept * 1e-6:.1f} of them in the driver")
                 self._expire(Expiry.DELAY)
                 return
+            session.fresh = now
             if not self.board.enabled:
                 self.board.enable(True)
             self.board.write(command.first, command.second)

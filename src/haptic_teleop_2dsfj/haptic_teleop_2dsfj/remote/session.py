@@ -17,7 +17,7 @@ ROUNDING = 1e-9
 
 @dataclass
 class Session:
-    """fresh: when the client last answered a young sample; heard: when it last said anything; echo: its stamp
+    """fresh: when the client last gave a current for a young sample; heard: when it last said anything; echo: its stamp
     then; answered: stamp of the sample that it last answered. highest: V of either output."""
 
     key: bytes
