@@ -17,8 +17,8 @@ ROUNDING = 1e-9
 
 @dataclass
 class Session:
-    """fresh: when the client last gave a current for a young sample; heard: when it last said anything; echo: its stamp
-    then; answered: stamp of the sample that it last answered. highest: V of either output."""
+    """fresh: when the client last gave a current for a young sample; heard: when it last said anything; echo:
+    its stamp then; answered: stamp of the sample that it last answered. highest: V of either output."""
 
     key: bytes
     nonce: bytes
