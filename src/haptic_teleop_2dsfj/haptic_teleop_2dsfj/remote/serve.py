@@ -2,7 +2,8 @@
 
 One thread owns the board and the socket: it waits for the board's sample, sends it, and takes what comes
 until the answer is there or time for the next sample. Nothing in it needs POSIX: the maker's SDK for the Q8
-runs on Windows."""
+runs on Windows.
+"""
 
 from __future__ import annotations
 
@@ -21,7 +22,7 @@ import yaml
 
 from haptic_teleop_2dsfj.local_board import local_board
 from haptic_teleop_2dsfj.remote.key_file import default_key_file, make_key, read_key
-from haptic_teleop_2dsfj.remote.link import Address, UdpServer
+from haptic_teleop_2dsfj.remote.link import UdpServer
 from haptic_teleop_2dsfj.remote.server import BoardServer
 from haptic_teleop_2dsfj.remote.server_settings import NODE, TABLE, ServerSettings, address_of
 from haptic_teleop_control.clocks import Clock, SteadyClock
@@ -41,14 +42,7 @@ STOPS = ("SIGINT", "SIGTERM", "SIGHUP", "SIGQUIT", "SIGBREAK")
 """What a system has of these ends the server with its outputs at zero."""
 
 
-class Link:
-    """What `serve` needs of a socket: `UdpServer`, or a test's."""
-
-    def receive(self, until: int) -> tuple[bytes, Address] | None:
-        raise NotImplementedError
-
-
-def serve(server: BoardServer, link: UdpServer | Link, clock: Clock, stopped: Callable[[], bool]) -> None:
+def serve(server: BoardServer, link: UdpServer, clock: Clock, stopped: Callable[[], bool]) -> None:
     """Runs until `stopped()`; the outputs are at zero then."""
     wait, idle = round(server.settings.answer_wait * 1e9), round(IDLE * 1e9)
     try:
