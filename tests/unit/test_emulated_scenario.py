@@ -4,9 +4,10 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from board_wire import Wire
 from device_rigs import UNSHAPED
 
-from haptic_teleop_2dsfj.build import emulated_hil
+from haptic_teleop_2dsfj.local_board import emulated_hil
 from haptic_teleop_2dsfj.settings import TABLE as SFJ_TABLE
 from haptic_teleop_control.clocks import VirtualClock
 from haptic_teleop_control.device import ReadResult, Reporter
@@ -17,6 +18,7 @@ from haptic_teleop_control.robots import STAGES
 from haptic_teleop_control.signals import SignalGenerator
 from haptic_teleop_omni.build import ALL_FAULTS
 from haptic_teleop_omni.build import make_driver as make_omni_driver
+from haptic_teleop_sim.emulation import sfj_plant
 from haptic_teleop_sim.lockstep import run_scenario
 from haptic_teleop_sim.scenario_parameters import load_scenario
 
@@ -26,9 +28,10 @@ TABLE_DEFAULTS = SFJ_TABLE.defaults()
 
 
 class Slave:
-    """The 2DSFJ's driver on its emulated board, with the plant of the simulated scenario behind it."""
+    """The 2DSFJ's driver on its emulated board, with the plant of the simulated scenario behind it. remote:
+    the board is a board server's."""
 
-    def __init__(self, changes: dict) -> None:
+    def __init__(self, changes: dict, remote: bool = False) -> None:
         from haptic_teleop_2dsfj.board import Board
         from haptic_teleop_2dsfj.build import all_faults
         from haptic_teleop_2dsfj.driver import SfjDriver
@@ -36,15 +39,27 @@ class Slave:
 
         values = SFJ_TABLE.check({"device": "emulated", "emulated.file": str(FILE), **UNSHAPED, **changes})
         settings = SfjDriverSettings.from_parameters(values)
+        if remote:
+            wire = Wire(sfj_plant(str(FILE), settings.board.rate), **_spelt(UNSHAPED | changes))
+            self.hil, self.driver, self.latch = wire.hil, wire.driver, wire.latch
+            self.driver.open()
+            return
         clock = VirtualClock()
-        self.hil = emulated_hil(values, settings, clock)
+        self.hil = emulated_hil(values, settings.board, clock)
         reporter, self.latch = Reporter.to_latch(all_faults())
         self.driver = SfjDriver(settings, Board(settings.board, lambda: self.hil, clock=clock), reporter)
         self.driver.open()
 
 
+def _spelt(parameters: dict) -> dict:
+    return {name.replace(".", "__"): value for name, value in parameters.items()}
+
+
 def through_the_drivers(
-    changes: dict | None = None, duration: float = DURATION, stated: dict[str, dict] | None = None
+    changes: dict | None = None,
+    duration: float = DURATION,
+    stated: dict[str, dict] | None = None,
+    remote: bool = False,
 ) -> dict[str, np.ndarray]:
     """stated: parameters of controller and signal generator, of the simulated scenario where it is None.
 
@@ -54,7 +69,7 @@ def through_the_drivers(
     nodes = scenario.nodes if stated is None else stated
     control, signal = nodes["force_controller"], nodes["signal_generator"]
     generator = {k: v for k, v in signal.items() if k in ("kind", "rate") or k.split(".")[0] in STAGES}
-    slave = Slave(changes or {})
+    slave = Slave(changes or {}, remote)
     reporter, omni_latch = Reporter.to_latch(ALL_FAULTS)
     # What the simulated Omni does of its own, its driver does behind the emulated one.
     device = scenario.nodes["omni_sim"]
@@ -163,6 +178,13 @@ def test_what_flows_is_what_was_asked_for_one_period_later_and_never_more(emulat
 def test_the_omni_moves_as_the_simulated_one_does_within_its_torque_steps(simulated, emulated):
     states = simulated["/omni/joint_states"]
     assert np.abs(emulated["omni"] - states.position).max() < 5e-3
+
+
+def test_over_a_board_server_not_one_sample_is_another(emulated):
+    run = through_the_drivers(duration=12.4, remote=True)
+    for name, values in run.items():
+        assert np.array_equal(values, emulated[name][: len(values)]), name
+    assert run["effort"][-1, 1] == pytest.approx(0.6, abs=0.01), "it presses"
 
 
 def test_the_file_for_the_robots_presses_as_it_asks_within_the_recommended_current():

@@ -14,6 +14,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 import yaml
+from board_wire import Wire
 from device_rigs import EmulatedPair
 
 from haptic_teleop_2dsfj.settings import TABLE as SFJ_TABLE
@@ -25,6 +26,7 @@ from haptic_teleop_control.robots import STAGES
 from haptic_teleop_control.signals import SignalGenerator
 from haptic_teleop_control.teleoperation.coupling import Coupling
 from haptic_teleop_omni.settings import TABLE as OMNI_TABLE
+from haptic_teleop_sim.emulation import sfj_plant
 from haptic_teleop_sim.scenario_parameters import load_scenario
 from haptic_teleop_sim.scenario_run import simulate_scenario
 
@@ -45,10 +47,16 @@ def section(file: Path, table: ParameterTable) -> dict:
 
 
 def through_the_drivers(
-    file: Path, sfj: dict, omni: dict, duration: float, engage: float | None = None, start: float = 0.0
+    file: Path,
+    sfj: dict,
+    omni: dict,
+    duration: float,
+    engage: float | None = None,
+    start: float = 0.0,
+    remote: bool = False,
 ) -> dict[str, np.ndarray]:
     """The controller's section of `file` between both drivers. engage: s at which the operator couples them;
-    None: the file does. start: s at which the signal generator begins.
+    None: the file does. start: s at which the signal generator begins. remote: the board is a board server's.
 
     Of the 2DSFJ at 500 Hz: sfj angle, speed, torque (n, 4), asked (n, 2). Of the Omni at 1 kHz: omni angle,
     speed, torque, asked (2 n, 3); estimate (2 n, 2), of the torque on the environment.
@@ -58,6 +66,11 @@ def through_the_drivers(
     periods = round(duration * 500)
     reference = SignalGenerator.from_parameters(own, STAGES).series(np.arange(periods) / 500)
     pair, faults = EmulatedPair(sfj, omni), []
+    if remote:
+        changes = {name.replace(".", "__"): value for name, value in sfj.items()}
+        wire = Wire(sfj_plant(sfj["emulated.file"], 500.0), **changes)
+        pair.sfj, pair.sfj_latch = wire.driver, wire.latch
+        wire.driver.open()
     coupling = Coupling(control, None, lambda name, detail: faults.append(f"{name}: {detail}"))
     logs: dict[str, list[np.ndarray]] = {}
 
@@ -90,13 +103,13 @@ def through_the_drivers(
     return {name: np.array(values) for name, values in logs.items()}
 
 
-def as_in_simulation(file: Path, duration: float) -> dict[str, np.ndarray]:
+def as_in_simulation(file: Path, duration: float, remote: bool = False) -> dict[str, np.ndarray]:
     """With both devices started as the simulated ones: calibrated, and driven from the first sample on."""
     device = load_scenario(file).nodes["omni_sim"]
     compensation = {key: value for key, value in device.items() if key.startswith("compensation.")}
     started = {"calibration.method": "start", "emulated.docked_time": 0.0, "torque.ramp_time": 0.0}
     plant = {"emulated.file": str(file)}
-    return through_the_drivers(file, plant, {**plant, **compensation, **started}, duration)
+    return through_the_drivers(file, plant, {**plant, **compensation, **started}, duration, remote=remote)
 
 
 def in_simulation(file: Path, duration: float) -> dict[str, np.ndarray]:
@@ -131,6 +144,13 @@ def simulated() -> dict:
 @pytest.fixture(scope="module")
 def emulated() -> dict:
     return as_in_simulation(SIM, DURATION)
+
+
+def test_over_a_board_server_not_one_sample_is_another(emulated):
+    run = as_in_simulation(SIM, 8.0, remote=True)
+    for name, values in run.items():
+        assert np.array_equal(values, emulated[name][: len(values)]), name
+    assert run["omni angle"][-1, 1:] == pytest.approx(SURFACE, abs=2e-3), "it touches"
 
 
 def test_no_angle_of_the_omni_is_ever_more_than_one_count_apart(simulated, emulated):

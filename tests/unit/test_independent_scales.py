@@ -8,8 +8,9 @@ import pytest
 from device_rigs import OmniRig, StillOmni, StillRobot
 
 from haptic_teleop_2dsfj.board import Board
-from haptic_teleop_2dsfj.build import all_faults, emulated_hil
+from haptic_teleop_2dsfj.build import all_faults
 from haptic_teleop_2dsfj.driver import SfjDriver
+from haptic_teleop_2dsfj.local_board import emulated_hil
 from haptic_teleop_2dsfj.settings import TABLE, SfjDriverSettings
 from haptic_teleop_control.clocks import VirtualClock
 from haptic_teleop_control.device import Reporter
@@ -35,7 +36,7 @@ def session(**wrong) -> tuple[SfjDriver, StillRobot]:
         "supervisor.sense_margin": 10.0, "supervisor.highest_speed": 1e6, **stated,
     })  # fmt: skip
     settings, clock = SfjDriverSettings.from_parameters(values), VirtualClock()
-    hil = emulated_hil(values, settings, clock)
+    hil = emulated_hil(values, settings.board, clock)
     reporter, latch = Reporter.to_latch(all_faults())
     driver = SfjDriver(settings, Board(settings.board, lambda: hil, clock=clock), reporter)
     driver.open()

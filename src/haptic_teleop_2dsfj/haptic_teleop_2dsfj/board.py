@@ -38,12 +38,17 @@ QUEUE_TIME = 1.0
 board."""
 
 
+SERIAL_NUMBER = "not told by HIL"
+"""For who wants to know which board it is: HIL knows boards by type and identifier only."""
+
+
 class Board:
     """counts (4,) int32, sense_volts (2,) float64, switch_levels (4,) int8 and `periods` after each `read`;
     lag: s, once the samples have been found not to keep step with the steady clock, otherwise None.
 
     make_hil: makes the `HIL`, called by `open`. on_read, on_write: take the packets' bytes, for captures.
-    clock: the steady one where it is None. sampling: how the card hands out samples, in words.
+    clock: the steady one where it is None. sampling: how the card hands out samples, in words. transport: how
+    the board is reached.
     Every method raises DeviceError when the board refuses.
     """
 
@@ -54,8 +59,9 @@ class Board:
         on_read: Callable[[bytes], None] | None = None,
         on_write: Callable[[bytes], None] | None = None,
         clock: Clock | None = None,
+        transport: str = "Quanser HIL",
     ) -> None:
-        self.settings = settings
+        self.settings, self.transport = settings, transport
         self._clock = clock or SteadyClock()
         self._sample_clock = SampleClock(settings.dt)
         self._make_hil = make_hil
@@ -91,6 +97,8 @@ class Board:
         try:
             self._call("open", settings.card_type, settings.card_identifier)
             self._clear_watchdog()  # a driver that was killed leaves an expired board behind
+            if settings.options:
+                self._call("set_card_specific_options", settings.options, len(settings.options))
             self._call("set_digital_directions", self._switches, 4, self._enables, 3)
             self._call("write_digital", self._enables, 3, self._off)
             self._call("set_analog_input_ranges", self._senses, 2, low, high)
@@ -151,6 +159,16 @@ class Board:
     def watchdog_expired(self) -> bool:
         """Whether the board has gone to 0 V by itself, which is why it refuses outputs."""
         return bool(self._call("watchdog_is_expired"))
+
+    @property
+    def expiry(self) -> str:
+        """What `reload_watchdog` found, in words."""
+        return f"{self.settings.watchdog:g} s without a sample's work"
+
+    def measurements(self) -> dict[str, str]:
+        """For diagnostics."""
+        name = f"{self.settings.card_type} {self.settings.card_identifier}"
+        return {"transport": self.transport, "board": name, "serial number": SERIAL_NUMBER}
 
     def rearm_watchdog(self) -> None:
         """After an expiry or a fault; ends with the amplifier off."""

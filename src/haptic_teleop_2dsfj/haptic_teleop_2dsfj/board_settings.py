@@ -22,9 +22,19 @@ class BoardSettings:
         SFJ_RATE_HZ, "Hz", "samples per second, kept by the board", minimum=10.0, maximum=2000.0
     )
     card_type: str = quantity(
-        "q8", "", "board as Quanser names it, for example q8, q8_usb", name="board.type"
+        "q8",
+        "",
+        "board as Quanser names it, for example q8, q8_usb; remote: that of a board server",
+        name="board.type",
     )
     card_identifier: str = quantity("0", "", "which of several boards", name="board.id")
+    options: str = quantity(
+        "",
+        "",
+        "the card's own options as Quanser writes them, for example update_rate=fast, which a q8_usb needs "
+        "for 500 Hz; empty: none",
+        name="board.options",
+    )
     encoders: tuple[int, ...] = quantity(
         (0, 1, 2, 3),
         "",

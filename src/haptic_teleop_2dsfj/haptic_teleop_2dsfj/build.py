@@ -5,15 +5,18 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from typing import Any
 
-from haptic_teleop_2dsfj.board import Board
 from haptic_teleop_2dsfj.driver import BoardLike, SfjDriver
-from haptic_teleop_2dsfj.emulated_hil import EmulatedHil
-from haptic_teleop_2dsfj.hil import Hil, quanser_hil
+from haptic_teleop_2dsfj.local_board import Tap, local_board
+from haptic_teleop_2dsfj.remote.board import RemoteBoard
+from haptic_teleop_2dsfj.remote.key_file import read_key
+from haptic_teleop_2dsfj.remote.link import UdpClient
+from haptic_teleop_2dsfj.remote.settings import REMOTE, RemoteSettings
 from haptic_teleop_2dsfj.replay_board import ReplayBoard
 from haptic_teleop_2dsfj.settings import TABLE, SfjDriverSettings
 from haptic_teleop_control.clocks import Clock, SteadyClock, VirtualClock
 from haptic_teleop_control.device import Reporter
-from haptic_teleop_control.plugins import load_object
+from haptic_teleop_control.errors import ConfigurationError
+from haptic_teleop_control.quantities import from_parameters
 from haptic_teleop_control.raw_capture import READ, WRITE, Capture
 from haptic_teleop_control.replay import ReplayedStates, Session, replay
 
@@ -39,22 +42,29 @@ def make_driver(
         assert session is not None
         board = ReplayBoard(settings.board, session, clock)
     else:
-        make_hil: Callable[[], Hil] = quanser_hil
-        if checked["device"] == "emulated":
-            hil = emulated_hil(checked, settings, clock)
-            make_hil = lambda: hil  # noqa: E731 - the same board again after a reset
-        taps = (None, None)
+        taps: tuple[Tap, Tap] = (None, None)
         if on_packet is not None:
             taps = (lambda data: on_packet(READ, data), lambda data: on_packet(WRITE, data))
-        board = Board(settings.board, make_hil, *taps, clock=clock)
+        if settings.board.card_type == REMOTE:
+            board = _remote_board(checked, settings, clock, *taps)
+        else:
+            board = local_board(checked, settings.board, clock, *taps)
     return SfjDriver(settings, board, reporter)
 
 
-def emulated_hil(values: Mapping[str, Any], settings: SfjDriverSettings, clock: Clock) -> EmulatedHil:
-    """The emulated board with the plant that the parameters `emulated.*` name."""
-    factory = load_object(values["emulated.plant"], "emulated.plant")
-    plant = factory(values["emulated.file"], settings.board.rate)
-    return EmulatedHil(plant, settings.board, clock, values["emulated.switch_angle"])
+def _remote_board(
+    values: Mapping[str, Any], settings: SfjDriverSettings, clock: Clock, on_read: Tap, on_write: Tap
+) -> RemoteBoard:
+    if isinstance(clock, VirtualClock):
+        raise ConfigurationError(
+            "use_sim_time is true, but the board is another computer's (board.type: remote), whose time "
+            "nobody can hold; set use_sim_time: false, or board.type to that of a board here."
+        )
+    remote = from_parameters(RemoteSettings, values, "remote.")
+    link, key = UdpClient(remote.host, remote.port, clock), read_key(remote.key_file)
+    return RemoteBoard(
+        settings.board, remote, link, key, clock, values["device"] == "emulated", on_read, on_write
+    )
 
 
 def replay_capture(capture: Capture, parameters: Mapping[str, Any]) -> ReplayedStates:

@@ -16,6 +16,7 @@ from haptic_teleop_2dsfj.board_settings import BoardSettings
 from haptic_teleop_2dsfj.current_limiter import CurrentLimiter, LimitResult
 from haptic_teleop_2dsfj.encoders import EncoderBank
 from haptic_teleop_2dsfj.limit_switches import LimitSwitches
+from haptic_teleop_2dsfj.link_error import LinkError
 from haptic_teleop_2dsfj.settings import SfjDriverSettings
 from haptic_teleop_2dsfj.supervisor import StageSupervisor
 from haptic_teleop_control.device import DeviceError, EndOfSession, ReadResult, Reporter
@@ -38,6 +39,9 @@ class BoardLike(Protocol):
     sampling: str
     enabled: bool
 
+    @property
+    def expiry(self) -> str: ...
+
     def open(self) -> None: ...
     def read(self) -> None: ...
     def write(self, first: float, second: float) -> None: ...
@@ -45,6 +49,7 @@ class BoardLike(Protocol):
     def reload_watchdog(self) -> bool: ...
     def watchdog_expired(self) -> bool: ...
     def rearm_watchdog(self) -> None: ...
+    def measurements(self) -> dict[str, str]: ...
     def close(self) -> None: ...
 
 
@@ -185,12 +190,14 @@ class SfjDriver:
         """Device, rate and limits in one line."""
         limits = " and ".join(f"{stage.current_limit:g} A" for stage in self.settings.stages)
         board = self.settings.board
-        device = f"2DSFJ on {board.card_type} {board.card_identifier} at {board.rate:g} Hz, at most {limits}"
+        name = self.board.measurements().get("board", f"{board.card_type} {board.card_identifier}")
+        device = f"2DSFJ on {name} at {board.rate:g} Hz, at most {limits}"
         return f"{device}; samples: {self.board.sampling}" if self.board.sampling else device
 
     def measurements(self) -> dict[str, Any]:
         """For diagnostics."""
         return {
+            **self.board.measurements(),
             "amplifier": "on" if self.board.enabled else "off",
             "samples": self.board.sampling,
             "samples missed": self.missed,
@@ -199,6 +206,7 @@ class SfjDriver:
             "I2t used (%)": " ".join(f"{100.0 * limiter.overload.used:.0f}" for limiter in self.limiters),
             "limit switches pressed": sum(self.switches.pressed),
             "limit switch hits": sum(self.switches.hits),
+            "angles (rad)": " ".join(f"{value:+.3f}" for value in self.position),
             "measured current (A)": " ".join(f"{value:+.3f}" for value in self.measured),
         }
 
@@ -236,13 +244,13 @@ class SfjDriver:
 
     def _expired(self) -> None:
         self.expiries += 1
-        driving = self.board.enabled
+        driving, why = self.board.enabled, self.board.expiry
         self._halt()
         # As long as the amplifier is off nothing can have gone wrong: the board is watched anew. It takes no
         # output before that.
         self.board.rearm_watchdog()
         if driving:
-            self._stop("watchdog_expired", f"{self.settings.board.watchdog:g} s without a sample's work")
+            self._stop("watchdog_expired", why)
 
     def _stop(self, fault: str, detail: str) -> None:
         # First the output, then the words.
@@ -279,4 +287,4 @@ class SfjDriver:
 
     def _lose(self, error: DeviceError) -> None:
         self.close()
-        self._reporter.fault("board_error", str(error))
+        self._reporter.fault("board_link" if isinstance(error, LinkError) else "board_error", str(error))

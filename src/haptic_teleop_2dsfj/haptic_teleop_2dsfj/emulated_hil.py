@@ -28,6 +28,15 @@ LOCKED = ("write_", "set_")
 """Beginnings of the calls that an expired board refuses until its watchdog has been cleared."""
 
 
+EXCHANGE = {"normal": 1e-3, "fast": 125e-6}
+"""s that a call over USB waits for its exchange. The maker states the rates, 1 kHz and 8 kHz (a frame and a
+microframe of USB), for the Q8-USB's option update_rate; that each call takes one is the worst case."""
+PCI_CALL = 10e-6
+"""s of a call over PCI: some registers of about 1 µs each; the maker states no figure."""
+FREE = ("task_get_buffer_overflows", "is_valid", "open", "close")
+"""Calls that need no exchange, or are not part of a loop."""
+
+
 class EmulatedError(Exception):
     """As the SDK's HILError: a code and a message. The codes are the emulation's own."""
 
@@ -55,8 +64,10 @@ class EmulatedHil:
     stuck: level of a switch (0 to 3) whatever the arm does, or no entry; lose(n): samples get lost and no
     overflow is counted; stretch: of the period, where its clock is wrong. clock: the one asked for.
 
-    Of `settings` it takes the channels: each line is plugged in where the driver looks for it. All scales are
-    those of `electronics`, and the ranges those that the calls set."""
+    Of `settings` it takes the channels: each line is plugged in where the driver looks for it. All scales
+    are those of `electronics`, and the ranges those that the calls set. Each call costs its time on the bus,
+    PCI or USB as `board.type` says; it is paid before the next sample can be read, so that a loop which is
+    too slow for its rate misses samples."""
 
     def __init__(
         self,
@@ -89,6 +100,9 @@ class EmulatedHil:
         self._overflows = self._lost = 0
         self._buffer, self._overwrites = 1, False
         self._held = np.zeros(2)
+        self._usb = settings.card_type.endswith("_usb")
+        self._cost = self._cost_of_a_call("normal")
+        self._owed = 0
         self.stretch, self.clock = 1.0, 0
         self._look()
 
@@ -127,6 +141,15 @@ class EmulatedHil:
 
     def is_valid(self) -> bool:
         return self.opened
+
+    def set_card_specific_options(self, options: str, size: int) -> None:
+        self._enter("set_card_specific_options")
+        parts = (part.partition("=") for part in options[:size].split(";") if part)
+        stated = {name: value for name, _, value in parts}
+        rate = stated.pop("update_rate", "normal")
+        if not self._usb or stated or rate not in EXCHANGE:
+            raise EmulatedError(BAD_ARGUMENT, f"the emulated board has no option {options!r}")
+        self._cost = self._cost_of_a_call(rate)
 
     def set_analog_input_ranges(self, channels: Any, n: int, minima: Any, maxima: Any) -> None:
         self._enter("set_analog_input_ranges")
@@ -221,7 +244,7 @@ class EmulatedHil:
             raise OverflowError("can't convert negative number to unsigned")
         self.clock = clock
         self._period = round(1e9 / frequency * self.stretch)
-        self._start, self._tick, self._overflows = self._clock.now(), 0, 0
+        self._start, self._tick, self._overflows, self._owed = self._clock.now(), 0, 0, 0
 
     def task_read(
         self, task: Mapping[str, list[int]], samples: int, analog: Any, encoder: Any, digital: Any, other: Any
@@ -236,6 +259,9 @@ class EmulatedHil:
             return 0
         lost, self._lost = self._lost, 0
         due = self._start + (self._tick + 1 + lost) * self._period
+        owed, self._owed = self._owed, 0
+        if self._clock.now() + owed > due:
+            self._clock.sleep_until(self._clock.now() + owed)
         late = max(0, (self._clock.now() - due) // self._period)
         if not self._overwrites:
             if late >= self._buffer:
@@ -319,7 +345,11 @@ class EmulatedHil:
         master = self.levels[2] == 1 and not self.tristate
         return bool(master and self.levels[0] == 0), bool(master and self.levels[1] == 0)
 
+    def _cost_of_a_call(self, update_rate: str) -> int:
+        return round(1e9 * (EXCHANGE[update_rate] if self._usb else PCI_CALL))
+
     def _enter(self, call: str, needs_open: bool = True) -> None:
+        self._owed += 0 if call in FREE else self._cost
         self.calls.append(call)
         del self.calls[:-200]
         if self._gone:

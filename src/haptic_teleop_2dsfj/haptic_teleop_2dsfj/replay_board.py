@@ -23,6 +23,7 @@ class ReplayBoard:
         self.periods = 1
         self.lag: float | None = None
         self.sampling = "of a captured session"
+        self.expiry = ""
         self._sample_clock = SampleClock(settings.dt)
         self.enabled = False
         self._session, self._clock = session, clock
@@ -59,6 +60,9 @@ class ReplayBoard:
         return False
 
     def rearm_watchdog(self) -> None: ...
+
+    def measurements(self) -> dict[str, str]:
+        return {"transport": "captured session"}
 
     def close(self) -> None:
         self.enabled = False

@@ -8,6 +8,8 @@ from typing import Any
 
 from haptic_teleop_2dsfj.amplifier import Amplifier
 from haptic_teleop_2dsfj.board_settings import BoardSettings
+from haptic_teleop_2dsfj.local_board import EMULATED
+from haptic_teleop_2dsfj.remote.settings import RemoteSettings
 from haptic_teleop_2dsfj.stage_settings import StageSettings, check_hardware_maximum
 from haptic_teleop_2dsfj.supervisor import SupervisorSettings
 from haptic_teleop_control.device_watch import DEVICE_TIMEOUT
@@ -73,8 +75,6 @@ class SfjDriverSettings:
 
 def _table() -> ParameterTable:
     replay = "capture to replay with device: replay, relative to the parameter file"
-    plant = "factory of the plant behind the emulated board: module:object"
-    file = "parameter file whose section sfj_sim describes that plant; empty: its defaults"
     found = [
         Parameter(
             "device", "hardware", choices=DEVICES, meaning="board, emulated board, or captured session"
@@ -95,16 +95,8 @@ def _table() -> ParameterTable:
         ),
         Parameter("capture", "", meaning="file for the raw packets of the session; empty: none"),
         Parameter("replay.file", "", meaning=replay),
-        Parameter("emulated.plant", "haptic_teleop_sim.emulation:sfj_plant", meaning=plant),
-        Parameter("emulated.file", "", meaning=file),
-        Parameter(
-            "emulated.switch_angle",
-            1.45,
-            "rad",
-            above=0.0,
-            maximum=3.0,
-            meaning="arm angle either side at which the emulated limit switches are pressed",
-        ),
+        *EMULATED,
+        *parameters_of(RemoteSettings(), "remote.", runtime=False),
         DEVICE_TIMEOUT,
         *NODE_PARAMETERS,
         *parameters_of(BoardSettings(), runtime=False),

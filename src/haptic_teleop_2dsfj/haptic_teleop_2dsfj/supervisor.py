@@ -14,6 +14,8 @@ the rest."""
 
 FAULTS = {
     "board_error": "the HIL board refused a call; check its cable, its power and who else uses it",
+    "board_link": "the way to the board server failed; check the cable between the computers, the server's "
+    "own words, and who else sends to it, then reset",
     "watchdog_expired": "the board's watchdog expired and put the outputs to 0 V; look for what kept the "
     "driver from its loop",
     "limit_switch": "the arm reached an end of its range; reset, then drive it away from the switch",

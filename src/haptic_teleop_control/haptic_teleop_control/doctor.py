@@ -1,7 +1,7 @@
 """`doctor`: what is there and what is missing, each line OK or with its remedy.
 
-Each package may bring a module `doctor_checks` with `checks() -> list[Check]` for its own devices, and
-`udev_rule() -> str`.
+Each package may bring a module `doctor_checks` with `checks() -> list[Check]` for its own devices,
+`udev_rule() -> str`, and `board_checks(address, key_file) -> list[Check]` for a board in another computer.
 """
 
 from __future__ import annotations
@@ -189,6 +189,10 @@ def _doctor(arguments: list[str]) -> int:
         "--hardware", action="store_true", help="count what hardware needs and is absent as a problem"
     )
     parser.add_argument("--udev-rule", action="store_true", help="print the udev rules for the devices")
+    parser.add_argument(
+        "--board", metavar="HOST[:PORT]", help="ask the sfj_board_server there what it has; disturbs nobody"
+    )
+    parser.add_argument("--board-key", metavar="FILE", default="", help="its key; default: that of this user")
     options = parser.parse_args(arguments)
     if options.udev_rule:
         for module in _contributions():
@@ -196,6 +200,10 @@ def _doctor(arguments: list[str]) -> int:
                 print(module.udev_rule(), end="")
         return 0
     found = all_checks()
+    if options.board:
+        for module in _contributions():
+            if hasattr(module, "board_checks"):
+                found += module.board_checks(options.board, options.board_key)
     for check in found:
         print(check.line)
     problems = sum(check.level == BAD or (options.hardware and check.level == ABSENT) for check in found)

@@ -20,10 +20,12 @@ ACTS = {
     "resume": "let simulated time go on",
     "step": "one tick of simulated time, while it is paused",
     "state": "print the state: off, devices_ready, aligning, engaged or fault",
+    "devices": "print which device, transport and serial number each driver has, and what it measures",
 }
 
 CLIENT = "haptic_teleop_control.nodes.operator_client:call"
-"""Loaded when it is needed, because it needs ROS 2."""
+DEVICES = "haptic_teleop_control.nodes.operator_devices:devices"
+"""Loaded when they are needed, because they need ROS 2."""
 
 GENERATOR, COORDINATOR = "/signal_generator", "/time_coordinator"
 OTHERS = {
@@ -64,6 +66,9 @@ def _main(argv: list[str]) -> int:
         "--wait", type=float, default=10.0, metavar="S", help="for the node to be found (default: 10 s)"
     )
     options = parser.parse_args(argv)
+    if options.act == "devices":
+        print("\n".join(load_object(DEVICES, "DEVICES")(options.wait)))
+        return 0
     node = OTHERS.get(options.act, options.controller)
     remedy = NOT_SIMULATED if node == COORDINATOR else NOT_THERE
     done, message = load_object(CLIENT, "CLIENT")(node, options.act, options.wait, remedy)

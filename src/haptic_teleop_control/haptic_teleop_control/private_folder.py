@@ -6,9 +6,7 @@ executed by everybody who loads it.
 
 from __future__ import annotations
 
-import grp
 import os
-import pwd
 import stat
 import sys
 from contextlib import suppress
@@ -108,6 +106,9 @@ def _replaceable(parent: Path) -> str | None:
 def _alone_in(group: int) -> bool:
     """Whether it is the group that many systems give each user, of the same name and with nobody else in it:
     with their umask of 002 every directory is writable for it."""
+    import grp  # not on Windows, where the board server runs, which comes by here and asks for no folder
+    import pwd
+
     try:
         known, user = grp.getgrgid(group), pwd.getpwuid(os.geteuid())
     except KeyError:
@@ -116,6 +117,8 @@ def _alone_in(group: int) -> bool:
 
 
 def _user(number: int) -> str:
+    import pwd
+
     try:
         return f"the user {pwd.getpwuid(number).pw_name}"
     except KeyError:

@@ -1,0 +1,1 @@
+"""A board in another computer: its server, and what the driver has in place of the board."""
