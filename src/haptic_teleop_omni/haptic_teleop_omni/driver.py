@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from haptic_teleop_control.device import DeviceError, EndOfSession, ReadResult, Reporter
+from haptic_teleop_control.errors import ConfigurationError
 from haptic_teleop_control.filters import VelocityFilter
 from haptic_teleop_control.omni_compensation import OmniCompensation
 from haptic_teleop_control.raw_capture import READ, WRITE
@@ -164,12 +165,12 @@ class OmniDriver:
             self.calibration.forget()
             self._started = self._lost_origin = False
         self.budget.rest(self._dt)
-        if self._open:
-            self._check_confirmation()
-            return
         try:
-            self.open()
-        except DeviceError as error:
+            if self._open:
+                self._check_confirmation()
+            else:
+                self.open()
+        except (DeviceError, ConfigurationError) as error:
             self._lose(error)
 
     def close(self) -> None:
@@ -318,7 +319,7 @@ class OmniDriver:
             self._on_packet(WRITE, report)
         self.transport.write(report)
 
-    def _lose(self, error: DeviceError) -> None:
+    def _lose(self, error: Exception) -> None:
         self._open = self._motors = False
         self._applied = [0.0, 0.0, 0.0]
         self.transport.close()
