@@ -78,19 +78,19 @@ def on_the_library(em, tmp_path, monkeypatch):
 
 
 def test_scenario_1_presses_and_lets_go_as_through_the_emulated_reports(on_the_library, em):
-    """The file for the robots, with the pattern's 10 s in contact cut to 6; asked for are 0.6 and 0.4 N·m
+    """The file for the robots, with the pattern's 10 s in contact cut to 8; asked for are 0.6 and 0.4 N·m
     (docs/drivers.md)."""
     file = scenario1.FILE.with_name("scenario1_real.yaml")
     stated = {
         table.node_name: scenario2.section(file, table) for table in (FORCE_CONTROLLER, SIGNAL_GENERATOR)
     }
-    for stage, end in (("stage1", 7.0), ("stage2", 6.7)):
-        stated["signal_generator"][f"{stage}.steps.times"] = [0.0, 6.0, end]
-    run = scenario1.through_the_drivers(None, 9.0, stated)
+    for stage, end in (("stage1", 9.0), ("stage2", 8.7)):
+        stated["signal_generator"][f"{stage}.steps.times"] = [0.0, 8.0, end]
+    run = scenario1.through_the_drivers(None, 11.0, stated)
     (driver,) = on_the_library
     assert driver.latch.latched is None
     assert driver.driver.counter.lost == 0
-    contact = slice(int(6.0 * 500), int(6.9 * 500))
+    contact = slice(int(8.0 * 500), int(8.9 * 500))
     for arm, asked in ((1, 0.6), (3, 0.4)):
         assert run["effort"][contact, arm].mean() == pytest.approx(asked, abs=0.002)
         assert run["position"][-1, arm] < 0.9, "it lets go of the wall"
