@@ -44,6 +44,9 @@ static HHD current = BAD_HANDLE;
 static HDulong next_handle = 1;
 static long ticks, stall_ns, frames, outside, zero_on_disable;
 static pthread_t servo;
+enum { MEASURED = 65536 };
+static double held[MEASURED]; /* us for which the callbacks held the servo thread, of the last periods */
+static long begun;
 static __thread int servo_thread;
 static pthread_mutex_t lock = PTHREAD_MUTEX_INITIALIZER;
 static pthread_cond_t changed = PTHREAD_COND_INITIALIZER;
@@ -116,6 +119,10 @@ int em_scheduled(void) {
     for (int i = 0; i < CALLBACKS; i++) n += scheduled[i].call != NULL;
     return n;
 }
+long em_begun(void) { return begun; } /* ns, when the last period began */
+void em_held(double *out, int n) {
+    for (int i = 0; i < n; i++) out[i] = held[(ticks - n + i + MEASURED) % MEASURED];
+}
 int em_running(void) { return running; }
 
 int em_clock_gettime(int which, struct timespec *now) {
@@ -140,14 +147,21 @@ static void live(Device *d) {
     }
 }
 
+static long nanoseconds(void) {
+    struct timespec now;
+    clock_gettime(CLOCK_MONOTONIC, &now);
+    return 1000000000L * now.tv_sec + now.tv_nsec;
+}
+
 void em_tick(void) {
     int was = servo_thread;
     servo_thread = 1;
     pthread_mutex_lock(&lock);
     for (int i = 0; i < DEVICES; i++)
         if (devices[i].open) live(&devices[i]);
-    ticks++;
+    long at = ticks++;
     clean++;
+    begun = nanoseconds();
     pthread_mutex_unlock(&lock);
     for (int i = 0; i < CALLBACKS; i++) {
         Callback call = scheduled[i].call;
@@ -163,6 +177,7 @@ void em_tick(void) {
         synchronous.done = 1;
         pthread_cond_broadcast(&changed);
     }
+    held[at % MEASURED] = 1e-3 * (double)(nanoseconds() - begun);
     pthread_mutex_unlock(&lock);
     servo_thread = was;
 }
