@@ -9,7 +9,7 @@
  *
  * Symbols that begin with em_ belong to the emulation. Stepped (em_stepped): time goes on by em_tick alone, and
  * em_clock_gettime tells that time. Otherwise a thread ticks once a millisecond. EM_CONFIG, where it is set, names
- * the devices of the configuration, with a comma between them. */
+ * the devices of the configuration, with a comma between them; EM_MOVES has a hand hold each, instead of nothing. */
 #define _GNU_SOURCE
 #include <math.h>
 #include <pthread.h>
@@ -51,6 +51,7 @@ static __thread int servo_thread;
 static pthread_mutex_t lock = PTHREAD_MUTEX_INITIALIZER;
 static pthread_cond_t changed = PTHREAD_COND_INITIALIZER;
 static int set_up;
+static const double start[3] = {0.0, 0.908, 1.128};
 
 static void fail(HDerror code, int internal) {
     if (error_count < ERRORS) errors[error_count++] = (HDErrorInfo){code, internal, current};
@@ -74,6 +75,8 @@ void em_reset(void) {
         devices[i].calibration = 0x5001;
         devices[i].style = 4;
         devices[i].inkwell = 1;
+        devices[i].moves = getenv("EM_MOVES") != NULL;
+        memcpy(devices[i].angles, start, sizeof start);
         devices[i].offset[0] = 0.31 + i; devices[i].offset[1] = -0.22; devices[i].offset[2] = 0.13;
     }
     const char *config = getenv("EM_CONFIG");
@@ -135,10 +138,10 @@ int em_clock_gettime(int which, struct timespec *now) {
 /* ---- one period ---- */
 
 static void live(Device *d) {
-    /* Inertia, viscous friction, the spring of Y; about what the real device has. Ends of the range stop it. */
-    static const double inertia[3] = {2.5e-3, 2.5e-3, 6.5e-4}, damping = 4e-3, spring[3] = {0.0, 0.1173, 0.0};
+    /* About the real device's inertia, in a hand that holds it where it began. Ends of the range stop it. */
+    static const double inertia[3] = {2.5e-3, 2.5e-3, 6.5e-4}, damping = 0.05, hand = 0.5;
     for (int k = 0; d->moves && k < 3; k++) {
-        double tau = 1e-3 * d->torque[k] - damping * d->speed[k] - spring[k] * (d->angles[k] - 1.5708);
+        double tau = 1e-3 * d->torque[k] - damping * d->speed[k] - hand * (d->angles[k] - start[k]);
         d->speed[k] += 1e-3 * tau / inertia[k];
         d->angles[k] += 1e-3 * d->speed[k];
         double low = k == 0 ? -0.98 : 0.03, high = k == 0 ? 0.98 : 1.95;

@@ -1,5 +1,5 @@
 """What the operator does to a running teleoperation, as a command: engage, disengage, swap, reset, state;
-start and stop of the artificial command; pause, resume and step of simulated time."""
+start and stop of the artificial command; pause, resume and step of simulated time; which devices are live."""
 
 from __future__ import annotations
 
@@ -20,6 +20,7 @@ ACTS = {
     "resume": "let simulated time go on",
     "step": "one tick of simulated time, while it is paused",
     "state": "print the state: off, devices_ready, aligning, engaged or fault",
+    "devices": "print device, transport and serial number of every driver, and what it does",
 }
 
 CLIENT = "haptic_teleop_control.nodes.operator_client:call"

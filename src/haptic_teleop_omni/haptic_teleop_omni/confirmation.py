@@ -32,6 +32,11 @@ def confirmed_words(path: Path, identity: str) -> str:
     return str(_entries(path).get(identity, {}).get("words", ""))
 
 
+def confirmed_identities(path: Path) -> list[str]:
+    """The devices with an entry. Raises ConfigurationError as `confirmed_words`."""
+    return list(_entries(path))
+
+
 def confirm(path: Path, identity: str, words: str, details: Mapping[str, Any]) -> None:
     """Writes or replaces the entry of `identity`, as a whole or not at all; details: what else to keep.
     Raises ConfigurationError."""

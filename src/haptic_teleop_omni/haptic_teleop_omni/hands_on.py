@@ -197,15 +197,16 @@ class _Enter:
     """Whether a further line has come on standard input."""
 
     def __init__(self) -> None:
-        self._lines = 0
+        self._lines, self._ended = 0, False
 
     def __call__(self) -> bool:
-        while select.select([sys.stdin], [], [], 0.0)[0]:
+        if not self._ended and select.select([sys.stdin], [], [], 0.0)[0]:
             data = os.read(sys.stdin.fileno(), 4096)
-            if not data:
-                raise ConfigurationError("standard input has ended; run `doctor --omni` in a terminal.")
+            self._ended = not data
             self._lines += data.count(b"\n")
         if self._lines == 0:
+            if self._ended:
+                raise ConfigurationError("standard input has ended; run `doctor --omni` in a terminal.")
             return False
         self._lines -= 1
         return True
