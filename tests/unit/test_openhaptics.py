@@ -1,6 +1,10 @@
 """The Omni through the maker's HD library: angles, torques, calibration, what goes wrong, the end."""
 
 import math
+import os
+import subprocess
+import sys
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -8,7 +12,9 @@ from openhaptics_rig import NEUTRAL, Emulation, HdRig, compile_library
 
 from haptic_teleop_control.device import DeviceError, ReadResult
 from haptic_teleop_control.errors import ConfigurationError
-from haptic_teleop_omni.build import make_driver
+from haptic_teleop_control.raw_capture import RawCapture, read_capture
+from haptic_teleop_control.replay import Session
+from haptic_teleop_omni.build import make_driver, replay_capture
 from haptic_teleop_omni.confirmation import confirm
 from haptic_teleop_omni.transports.hd_library import load_library
 
@@ -414,10 +420,31 @@ def test_with_the_library_s_own_thread_it_opens_drives_and_ends(em, tmp_path, mo
     assert (em.c.em_scheduled(), em.c.em_running()) == (0, 0)
 
 
-def test_a_captured_session_gives_the_same_states_again(em, tmp_path):
-    from haptic_teleop_control.raw_capture import RawCapture, read_capture
-    from haptic_teleop_omni.build import replay_capture
+ENDS_BADLY = """
+import sys, numpy as np
+sys.path.insert(0, sys.argv[1])
+from pathlib import Path
+from openhaptics_rig import Emulation, HdRig
+em = Emulation(Path(sys.argv[2]))
+em.stepped(False)
+rig = HdRig(em, Path(sys.argv[3]), silence=0.2, openhaptics__watchdog=0.2)
+while not em.torque().any():
+    rig.driver.read()
+    rig.driver.write(np.array([0.0, 0.1, 0.0]))
+raise RuntimeError("a mistake of the program, while a torque acts")
+"""
 
+
+def test_a_program_that_ends_by_a_mistake_leaves_no_torque_behind(hd_library, tmp_path):
+    log = tmp_path / "goodbye"
+    command = [sys.executable, "-c", ENDS_BADLY, str(Path(__file__).parent), str(hd_library), str(tmp_path)]
+    environment = {**os.environ, "EM_LOG": str(log)}
+    done = subprocess.run(command, env=environment, capture_output=True, text=True, timeout=120, check=False)
+    assert "while a torque acts" in done.stderr
+    assert log.read_text() == "0 0 0 0 0\n" * 2
+
+
+def test_a_captured_session_gives_the_same_states_again(em, tmp_path):
     rig = HdRig(em, tmp_path)
     capture = RawCapture(tmp_path / "session.mcap", "omni", rig.values)
     rig.driver._on_packet = lambda channel, data: capture.add(channel, 0, data)
@@ -433,6 +460,8 @@ def test_a_captured_session_gives_the_same_states_again(em, tmp_path):
     capture.close()
     read = read_capture(tmp_path / "session.mcap", "omni")
     again = replay_capture(read, read.parameters)
+    node_s = make_driver({"device": "replay"}, rig.reporter, session=Session(read))
+    assert node_s.layout.name == "openhaptics", "which the capture itself tells"
     assert len(states) > 100
     assert np.array_equal(again.position, [state[0] for state in states])
     assert np.array_equal(again.velocity, [state[1] for state in states])

@@ -46,7 +46,8 @@ def make_driver(
     checked = TABLE.check(values, source)
     settings = OmniDriverSettings.from_parameters(checked, source)
     device = checked["device"]
-    layout = load_layout(checked["layout"] or _layout_of(checked))
+    recorded = session.capture.parameters if session is not None else checked
+    layout = load_layout(checked["layout"] or recorded.get("layout") or _layout_of(recorded))
     clock = clock or SteadyClock()
     transport: OmniTransport
     if device == "replay":

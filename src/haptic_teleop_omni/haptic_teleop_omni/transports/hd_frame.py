@@ -36,13 +36,16 @@ from haptic_teleop_omni.transports.hd_library import (
     HdLibrary,
 )
 
-(HANDLE, STYLE, IN_WELL, HAS_TEMPERATURE, WATCHDOG_FRAMES, EVENT, CLOSING, SINGLE) = range(8)
+(HANDLE, STYLE, IN_WELL, WATCHDOG_FRAMES, EVENT, CLOSING, SINGLE) = range(7)
 """Control words that the transport writes before the scheduler runs; CLOSING also to end the callback."""
 OUTPUT, ANSWER = 8, 12
 """The output report (x, y, z in µN·m, motors), then a number that every new one raises."""
-(HEAD, SEEN, UNANSWERED, TRIPPED, ENABLED, CLEAN, FORGIVEN, CALLS, CLOSED, PERIODS, WARMTH) = range(16, 27)
+(HEAD, SEEN, UNANSWERED, TRIPPED, ENABLED, CLEAN, FORGIVEN, CALLS, CLOSED, PERIODS, WARMTH, PROBED) = range(
+    16, 28
+)
 """Words that the callback writes: reports so far, its view of the answers, its state. CLEAN and FORGIVEN are
-set to zero whenever the scheduler starts."""
+set to zero whenever the scheduler starts. PROBED: whether the device tells its motors' temperature, 0
+unknown, 1 yes, 2 no: not every one does, and a refusal in every period would be an error in every period."""
 DUE = 14
 """As a word of 8 bytes: when the next period is expected, ns."""
 
@@ -147,7 +150,9 @@ def _compile(hd: HdLibrary, clock_gettime: Any) -> Any:
         get_booleans(INKWELL_SWITCH, words[WORDS - 2 :].ctypes)
         docked = (words[WORDS - 2] & 1) == words[IN_WELL]
         calibration = check_calibration()
-        if words[HAS_TEMPERATURE] != 0 and words[CALLS] % TEMPERATURE_PERIODS == 1:
+        probing = words[PROBED] == 0 and words[CLEAN] >= SETTLED and words[CALLS] % TEMPERATURE_PERIODS == 0
+        if probing or (words[PROBED] == 1 and words[CALLS] % TEMPERATURE_PERIODS == 0):
+            scratch[6] = scratch[7] = scratch[8] = 0.0
             get_doubles(MOTOR_TEMPERATURE, scratch[6:].ctypes)
             warmest = max(scratch[6], scratch[7], scratch[8])
             words[WARMTH] = np.int32(1000.0 * min(max(warmest, 0.0), 1000.0)) if warmest == warmest else 0
@@ -174,6 +179,9 @@ def _compile(hd: HdLibrary, clock_gettime: Any) -> Any:
                 break
             if np.int64(np.uint32(found)) >= code:
                 code, internal = np.int64(np.uint32(found)), np.int64(found) >> 32
+        if probing:
+            words[PROBED] = 1 if code == 0 else 2
+            code = 0 if code >> 8 == 1 else code
         if words[CLEAN] < SETTLED and words[FORGIVEN] < UNSETTLED_CALLS and (code == 0 or code >> 8 == 4):
             words[FORGIVEN] += 1
             words[CLEAN] = words[CLEAN] + 1 if code == 0 else 0

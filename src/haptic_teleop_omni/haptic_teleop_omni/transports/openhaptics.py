@@ -18,7 +18,7 @@ import struct
 import threading
 import time
 from contextlib import suppress
-from ctypes import c_double, c_int
+from ctypes import c_int
 from dataclasses import dataclass
 from typing import Any
 
@@ -100,7 +100,6 @@ class OpenHapticsTransport:
                     self._hd.start_scheduler()
         atexit.register(self.close)
         try:
-            self._hd.check("the library's servo thread cannot be started")
             self._schedule_frame()
             self._await_report()
         except BaseException:
@@ -146,19 +145,24 @@ class OpenHapticsTransport:
                 library.hdScheduleSynchronous(self._callback, self._block.ctypes.data, PRIORITY)
             else:
                 self._await_end()
-            library.hdMakeCurrentDevice(handle)
-            library.hdDisable(hd.FORCE_OUTPUT)
-            if not self._words[frame.CLOSED] and self._schedule:
-                library.hdUnschedule(self._schedule)
+            if not self._words[frame.CLOSED]:  # it hangs: from here, whatever the library says to that
+                self._force_off(handle)
+                if self._schedule:
+                    library.hdUnschedule(self._schedule)
             self._schedule = 0
             library.opened.remove(self)
             library.hdStopScheduler()
+            self._force_off(handle)
             library.hdDisableDevice(handle)
             if library.opened:
                 library.start_scheduler()
             library.error()
             os.close(self._event)
             self._event = -1
+
+    def _force_off(self, handle: int) -> None:
+        self._hd.hdMakeCurrentDevice(handle)
+        self._hd.hdDisable(hd.FORCE_OUTPUT)
 
     def restarted(self) -> None:
         """The servo thread is about to start: its first frames may be errors, and count for nothing."""
@@ -215,12 +219,10 @@ class OpenHapticsTransport:
         words[frame.HANDLE], words[frame.STYLE] = ctypes.c_int(self._handle or 0).value, self._style
         words[frame.IN_WELL], words[frame.EVENT] = self.settings.inkwell_value, self._event
         words[frame.WATCHDOG_FRAMES] = round(self.settings.watchdog * 1e9 / frame.PERIOD)
-        words[frame.HAS_TEMPERATURE] = int(self._has_temperature())
         if self.settings.pacing == "synchronous":
             words[frame.SINGLE] = 1
             return
         self._schedule = self._hd.hdScheduleAsynchronous(self._callback, self._block.ctypes.data, PRIORITY)
-        self._hd.check("the library's servo thread takes no callback")
 
     def _await_report(self) -> None:
         """Until the first frames are through, which may be errors."""
@@ -228,6 +230,7 @@ class OpenHapticsTransport:
         while self._waiting() == 0:
             self._wait(0.01)
             if time.monotonic() > limit:
+                self._hd.check("the library's servo thread brings no frame")
                 raise DeviceError(
                     "the library's servo thread runs no callback; end what else uses the device"
                 )
@@ -240,25 +243,6 @@ class OpenHapticsTransport:
             self._poll.poll(max(1.0, 1e3 * timeout))
         with suppress(OSError):  # nothing there, or closed meanwhile
             os.eventfd_read(self._event)
-
-    def _has_temperature(self) -> bool:
-        """Whether the device tells its motors' temperature: asked once, because not every one does, and a
-        refusal in every period would be an error in every period."""
-        library, found, handle = self._hd, [False], self._handle
-
-        def ask(_: Any) -> int:
-            library.hdBeginFrame(handle)
-            library.hdGetDoublev(hd.MOTOR_TEMPERATURE, (c_double * 16)())
-            library.hdEndFrame(handle)
-            found[0] = library.error()[0] == 0
-            return 0
-
-        for _ in range(_TRIES):  # the first frames may be errors for another reason
-            library.hdScheduleSynchronous(hd.CALLBACK(ask), None, PRIORITY)
-            if found[0]:
-                break
-        library.error()
-        return found[0]
 
     def _waiting(self) -> int:
         return (self._words[frame.HEAD] - self._taken) & 0xFFFFFFFF
@@ -275,4 +259,3 @@ class OpenHapticsTransport:
 
 
 _NOT_CONFIGURED = 0x0303
-_TRIES = 8
