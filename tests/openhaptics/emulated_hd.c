@@ -3,7 +3,7 @@
  *   cc -shared -fPIC -O2 -pthread -o libHD.so emulated_hd.c
  *
  * It is strict where users report that the real one is: state is read and written between hdBeginFrame and hdEndFrame
- * and in the servo thread alone, calibration acts there alone and only with the stylus in its inkwell, the first frames
+ * and in the servo thread alone, calibration acts there alone (and takes any pose for the inkwell), the first frames
  * after the start of the scheduler are errors, and a name that the configuration does not know is refused. A torque
  * acts until the next one, whatever becomes of the program: the worst that a device could do.
  *
@@ -39,10 +39,10 @@ static Device devices[DEVICES];
 static struct { Callback call; void *data; unsigned short priority; HDulong handle; } scheduled[CALLBACKS];
 static struct { Callback call; void *data; int waiting, done; } synchronous;
 static HDErrorInfo errors[ERRORS];
-static int error_count, running, stepped, in_frame = -1, refusal, clean, exclusive_begin;
+static int error_count, running, stepped, in_frame = -1, refusal, clean;
 static HHD current = BAD_HANDLE;
 static HDulong next_handle = 1;
-static long ticks, stall_ns, frames, outside, zero_on_disable;
+static long updates, ticks, stall_ns, frames, outside;
 static pthread_t servo;
 enum { MEASURED = 65536 };
 static double held[MEASURED]; /* us for which the callbacks held the servo thread, of the last periods */
@@ -63,10 +63,10 @@ static Device *device_of(HHD handle) { return handle < DEVICES && devices[handle
 void em_reset(void) {
     memset(devices, 0, sizeof devices);
     memset(scheduled, 0, sizeof scheduled);
-    error_count = running = refusal = clean = exclusive_begin = 0;
+    error_count = running = refusal = clean = 0;
     in_frame = -1;
     current = BAD_HANDLE;
-    stall_ns = frames = outside = zero_on_disable = ticks = 0;
+    updates = stall_ns = frames = outside = ticks = 0;
     const char *names[DEVICES] = {"Default Device", "Second Device"};
     for (int i = 0; i < DEVICES; i++) {
         strcpy(devices[i].name, names[i]);
@@ -126,6 +126,7 @@ long em_begun(void) { return begun; } /* ns, when the last period began */
 void em_held(double *out, int n) {
     for (int i = 0; i < n; i++) out[i] = held[(ticks - n + i + MEASURED) % MEASURED];
 }
+long em_updates(void) { return updates; }
 int em_running(void) { return running; }
 
 int em_clock_gettime(int which, struct timespec *now) {
@@ -341,13 +342,13 @@ const char *hdGetErrorString(HDerror code) { return code == 0 ? "no error" : "an
 HDenum hdCheckCalibration(void) {
     Device *d = device_of(current);
     if (d == NULL) { fail(0x0102, 0); return 0x5001; }
-    if (d->calibration == 0x5000) return 0x5000;
-    return d->inkwell ? 0x5001 : 0x5002;
+    return (HDenum)d->calibration;
 }
 void hdUpdateCalibration(HDenum style) {
     Device *d = device_of(current);
     if (d == NULL || !servo_thread) return; /* outside the servo thread: no error, and no effect */
-    if ((int)style == d->style && d->inkwell) d->calibration = 0x5000;
+    updates++;
+    if ((int)style == d->style) d->calibration = 0x5000; /* wherever the stylus is: a wrong pose is taken, too */
 }
 
 void hdSetSchedulerRate(unsigned long rate) { if (rate != 1000) fail(0x0101, 0); }

@@ -16,6 +16,7 @@ from haptic_teleop_control.raw_capture import RawCapture, read_capture
 from haptic_teleop_control.replay import Session
 from haptic_teleop_omni.build import make_driver, replay_capture
 from haptic_teleop_omni.confirmation import confirm
+from haptic_teleop_omni.transports import hd_frame, openhaptics
 from haptic_teleop_omni.transports.hd_library import load_library
 
 PUSH = (0.02, 0.1, -0.05)  # N·m
@@ -115,6 +116,17 @@ def test_without_calibration_there_are_no_states_and_no_torque_and_the_inkwell_b
     assert rig.driver.position == pytest.approx([0.0] * 3, abs=COUNT)
     assert em.torque() == pytest.approx(PUSH, abs=1e-6)
     rig.driver.close()
+
+
+def test_the_library_is_never_asked_to_calibrate_while_a_torque_acts(rig, em):
+    rig.run(3, PUSH)
+    (_, push), known = rig.packets[-1], em.c.em_updates()
+    em.c.em_uncalibrate(0)
+    for _ in range(150):
+        rig.transport.write(push)
+        em.c.em_tick()
+    assert em.torque() == pytest.approx(PUSH, abs=1e-6)
+    assert em.c.em_updates() == known
 
 
 def test_a_calibration_that_gets_lost_while_it_drives_takes_the_torque_away(rig, em):
@@ -400,11 +412,17 @@ def test_at_the_end_the_force_is_off_the_callback_gone_and_the_device_released(e
     assert rig.driver.read() is ReadResult.LOST
 
 
+def test_the_callback_itself_takes_the_torque_away_when_it_is_told_to_end(rig, em):
+    rig.run(3, PUSH)
+    rig.transport._words[hd_frame.CLOSING] = 1
+    em.c.em_tick()
+    assert em.off()
+    assert em.c.em_scheduled() == 0
+
+
 @pytest.mark.parametrize("pacing", ["callback", "synchronous"])
 def test_with_the_library_s_own_thread_it_opens_drives_and_ends(em, tmp_path, monkeypatch, pacing):
     """Frames only in the servo thread, its first ones errors, and the end while it runs."""
-    from haptic_teleop_omni.transports import openhaptics
-
     monkeypatch.setattr(openhaptics, "CLOSING_TIME", 0.5)
     em.stepped(False)
     rig = HdRig(em, tmp_path, openhaptics__pacing=pacing, silence=0.2)
