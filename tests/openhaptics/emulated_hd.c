@@ -113,6 +113,7 @@ void em_without_temperature(int i) { devices[i].without_temperature = 1; }
 void em_error(HDerror code, int internal) { fail(code, internal); }
 void em_stall(double seconds) { stall_ns = (long)(1e9 * seconds); }
 void em_late(int periods) { ticks += periods; }
+void em_nameless(int i) { devices[i].serial[0] = devices[i].model[0] = '\0'; }
 void em_moves(int i, int on) { devices[i].moves = on; }
 long em_ticks(void) { return ticks; }
 long em_frames(void) { return frames; }

@@ -1,6 +1,7 @@
 """`doctor --omni` on the emulated HD library, with a hand that turns its axes."""
 
 import math
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -8,11 +9,18 @@ import yaml
 from openhaptics_rig import NEUTRAL
 
 from haptic_teleop_control import doctor
+from haptic_teleop_control.acquisition import TABLE as ACQUISITION
 from haptic_teleop_control.device import Reporter
+from haptic_teleop_control.errors import ConfigurationError
+from haptic_teleop_control.node_tables import SCENARIO
+from haptic_teleop_control.parameter_files import check_parameter_file
 from haptic_teleop_omni.axis_map import AxisMap
 from haptic_teleop_omni.build import ALL_FAULTS, make_driver
 from haptic_teleop_omni.confirmation import confirmed_words
 from haptic_teleop_omni.hands_on import verify_by_hand
+from haptic_teleop_omni.settings import TABLE
+
+FIRST_CONTACT = Path(__file__).parents[2] / "config" / "first_contact_omni.yaml"
 
 GOOD = [(0.0, 0.0, 0.0), (0.3, 0.0, 0.0), (0.3, 0.3, 0.0), (0.3, 0.3, 0.4)]
 """Where the hand brings the library's angles, about neutral, rad: neutral, left, up, out."""
@@ -132,6 +140,25 @@ def test_the_zero_that_it_proposes_is_right_for_a_map_with_other_signs(em, tmp_p
     ) == pytest.approx([0.0] * 3, abs=1e-3)
 
 
+@pytest.mark.parametrize(
+    ("parameters", "word"),
+    [
+        ({"openhaptics__axis_sing": [1.0, 1.0, 1.0]}, "axis_sing"),
+        ({"openhaptics__axis_sign": [2.0, 1.0, 1.0]}, "axis_sign"),
+    ],
+)
+def test_a_mistake_in_the_file_is_named_before_anything_is_opened(em, run, parameters, word):
+    with pytest.raises(ConfigurationError, match=rf"omni\.yaml.*{word}"):
+        run(GOOD, **parameters)
+    assert not em.c.em_is_open(0)
+
+
+def test_a_device_without_a_name_of_its_own_cannot_be_confirmed(em, run):
+    em.c.em_nameless(0)
+    with pytest.raises(ConfigurationError, match="neither model nor serial number"):
+        run(GOOD)
+
+
 def test_a_device_that_goes_away_ends_it_in_one_sentence(em, tmp_path, run, ticking, capsys):
     em.c.em_refuse(0x0302)
     file = tmp_path / "omni.yaml"
@@ -142,9 +169,19 @@ def test_a_device_that_goes_away_ends_it_in_one_sentence(em, tmp_path, run, tick
     assert "HD_COMM_ERROR" in capsys.readouterr().err
 
 
+def test_the_file_for_the_first_contact_fits_its_nodes_and_stays_far_below_the_device_s_limits():
+    checked = check_parameter_file(FIRST_CONTACT, {t.node_name: t for t in (TABLE, ACQUISITION, SCENARIO)})
+    driver, experiment = checked["omni_driver"], checked["acquisition"]
+    levels = experiment["signal.steps.levels"]
+    assert max(map(abs, levels)) < driver["torque.peak"] < 0.119 / 2, "half of what may flow for ever"
+    assert sum(levels) == 0.0
+    assert driver["transport"] == "openhaptics"
+    defaults = AxisMap()
+    assert driver["openhaptics.axis_zero"] == list(defaults.zero)
+    assert driver["openhaptics.axis_sign"] == list(defaults.sign)
+
+
 @pytest.mark.parametrize("values", [(2.0, 1.0, 1.0), (0.0, 1.0, 1.0), (1.0, 1.0), (1.0, math.nan, 1.0)])
 def test_a_sign_is_one_or_minus_one(values):
-    from haptic_teleop_control.errors import ConfigurationError
-
     with pytest.raises(ConfigurationError, match="axis_sign"):
         AxisMap(sign=values)

@@ -425,10 +425,8 @@ def test_with_the_library_s_own_thread_it_opens_drives_and_ends(em, tmp_path, mo
     """Frames only in the servo thread, its first ones errors, and the end while it runs."""
     monkeypatch.setattr(openhaptics, "CLOSING_TIME", 0.5)
     em.stepped(False)
-    rig = HdRig(em, tmp_path, openhaptics__pacing=pacing, silence=0.2)
-    while not rig.driver.calibration.done:
-        rig.driver.read()
-    for _ in range(200):
+    rig = HdRig(em, tmp_path, openhaptics__pacing=pacing, openhaptics__watchdog=0.2, silence=0.2)
+    while not em.torque().any():
         rig.driver.read()
         rig.driver.write(np.array(PUSH))
     assert em.torque() == pytest.approx(PUSH, abs=1e-6)

@@ -49,7 +49,9 @@ class AxisMap:
     def __post_init__(self) -> None:
         check_quantities(self)
         if any(abs(sign) != 1.0 for sign in self.sign):
-            raise ConfigurationError(f"axis_sign is {list(self.sign)}; write 1.0 or -1.0 for each axis.")
+            raise ConfigurationError(
+                f"{PREFIX}axis_sign is {list(self.sign)}; write 1.0 or -1.0 for each axis."
+            )
 
     @property
     def digest(self) -> str:

@@ -235,7 +235,7 @@ class OmniDriver:
         identity, stated = self.transport.identity, self.settings.layout_confirmed_for
         if not stated:
             stated = confirmed_words(confirmation_file(self.settings.confirmations), identity)
-        self.may_drive = stated == self.confirmation
+        self.may_drive = bool(identity) and stated == self.confirmation
         if stated and not self.may_drive:
             detail = f'it is "{stated}", this device needs {self._remedy}'
             self._reporter.fault("layout_not_confirmed", detail)

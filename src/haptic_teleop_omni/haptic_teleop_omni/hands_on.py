@@ -165,11 +165,7 @@ def verify_by_hand(file: str = "", pressed: Callable[[], bool] | None = None) ->
     """The command. file: whose section omni_driver says how the device is reached; "": the defaults. Returns
     0 once it is confirmed and written down, 1 where something is not as it should be. Raises
     ConfigurationError."""
-    stated: dict[str, Any] = {}
-    if file:
-        own = parameters_for(load_parameter_file(file), TABLE.node_name, TABLE)
-        stated = {key: value for key, value in own.items() if key in TABLE}
-    values = {**stated, "device": "hardware", "layout_confirmed_for": "", "silence": PATIENCE}
+    values = {**_stated(file), "device": "hardware", "layout_confirmed_for": "", "silence": PATIENCE}
     reporter, latch = Reporter.to_latch(ALL_FAULTS)
     driver = make_driver(values, reporter, source=file or "parameters")
     try:
@@ -178,6 +174,11 @@ def verify_by_hand(file: str = "", pressed: Callable[[], bool] | None = None) ->
         except DeviceError as refusal:
             text = f"the Omni cannot be opened: {refusal}; see docs/drivers.md."
             raise ConfigurationError(text) from refusal
+        if not driver.transport.identity:
+            raise ConfigurationError(
+                "the device tells neither model nor serial number, so nothing can be confirmed for it; "
+                "run the maker's set-up tool, which stores them."
+            )
         if latch.latched == "layout_not_confirmed":  # that is what is to be put right here
             latch.reset()
         hands = HandsOn(driver, pressed or _Enter(), print, lambda: latch.sentence or "")
@@ -191,6 +192,17 @@ def verify_by_hand(file: str = "", pressed: Callable[[], bool] | None = None) ->
         return 0
     finally:
         driver.close()
+
+
+def _stated(file: str) -> dict[str, Any]:
+    """What `file` says to the driver. Its own section is checked; a wildcard may speak to other nodes."""
+    if not file:
+        return {}
+    sections = load_parameter_file(file)
+    named = {name: values for name, values in sections.items() if "*" not in name}
+    TABLE.check(parameters_for(named, TABLE.node_name, TABLE), file)
+    said = parameters_for(sections, TABLE.node_name, TABLE)
+    return {key: value for key, value in said.items() if key in TABLE}
 
 
 class _Enter:

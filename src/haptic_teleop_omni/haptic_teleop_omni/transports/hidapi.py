@@ -43,7 +43,8 @@ class HidapiTransport:
         except OSError as refusal:
             raise DeviceError(
                 f"no HID device {self._vendor:04x}:{self._product:04x} can be opened ({refusal}); hidapi "
-                "reaches only the Touch with USB HID, not the thesis' Phantom Omni: that is a FireWire device"
+                "reaches only the Touch with USB HID; transport: openhaptics reaches the others, such as the "
+                "thesis' Phantom Omni on FireWire"
             ) from refusal
         self._device = device
         self.serial = _text(device.get_serial_number_string)
