@@ -42,6 +42,7 @@ static HDErrorInfo errors[ERRORS];
 static int error_count, running, stepped, in_frame = -1, refusal, clean;
 static HHD current = BAD_HANDLE;
 static HDulong next_handle = 1;
+static int dead; /* the servo thread hangs: whoever waits for it waits for ever */
 static long updates, ticks, stall_ns, frames, outside;
 static pthread_t servo;
 enum { MEASURED = 65536 };
@@ -66,6 +67,7 @@ void em_reset(void) {
     error_count = running = refusal = clean = 0;
     in_frame = -1;
     current = BAD_HANDLE;
+    dead = 0;
     updates = stall_ns = frames = outside = ticks = 0;
     const char *names[DEVICES] = {"Default Device", "Second Device"};
     for (int i = 0; i < DEVICES; i++) {
@@ -113,6 +115,7 @@ void em_without_temperature(int i) { devices[i].without_temperature = 1; }
 void em_error(HDerror code, int internal) { fail(code, internal); }
 void em_stall(double seconds) { stall_ns = (long)(1e9 * seconds); }
 void em_late(int periods) { ticks += periods; }
+void em_dead(int on) { dead = on; }
 void em_nameless(int i) { devices[i].serial[0] = devices[i].model[0] = '\0'; }
 void em_moves(int i, int on) { devices[i].moves = on; }
 long em_ticks(void) { return ticks; }
@@ -375,7 +378,7 @@ HDulong hdScheduleAsynchronous(Callback call, void *data, unsigned short priorit
         scheduled[i].handle = next_handle++;
         HDulong handle = scheduled[i].handle;
         scheduled[i].call = call;
-        for (int k = 0; stepped && k < 8; k++) em_tick(); /* the caller waits for the first frames */
+        for (int k = 0; stepped && !dead && k < 8; k++) em_tick(); /* the caller waits for the first frames */
         return handle;
     }
     fail(0x0501, 0);
@@ -385,6 +388,7 @@ HDulong hdScheduleAsynchronous(Callback call, void *data, unsigned short priorit
 void hdScheduleSynchronous(Callback call, void *data, unsigned short priority) {
     (void)priority;
     if (!running) { fail(0x0304, 0); return; }
+    while (dead) sched_yield();
     pthread_mutex_lock(&lock);
     synchronous.call = call;
     synchronous.data = data;

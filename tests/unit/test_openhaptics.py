@@ -412,6 +412,17 @@ def test_at_the_end_the_force_is_off_the_callback_gone_and_the_device_released(e
     assert rig.driver.read() is ReadResult.LOST
 
 
+@pytest.mark.parametrize("pacing", ["callback", "synchronous"])
+def test_the_end_waits_for_no_servo_thread_that_hangs(em, tmp_path, pacing):
+    rig = HdRig(em, tmp_path, openhaptics__pacing=pacing)
+    rig.settle()
+    rig.run(3, PUSH)
+    em.c.em_dead(1)
+    rig.driver.close()
+    assert em.off()
+    assert (em.c.em_scheduled(), em.c.em_running(), em.c.em_is_open(0)) == (0, 0, 0)
+
+
 def test_the_callback_itself_takes_the_torque_away_when_it_is_told_to_end(rig, em):
     rig.run(3, PUSH)
     rig.transport._words[hd_frame.CLOSING] = 1

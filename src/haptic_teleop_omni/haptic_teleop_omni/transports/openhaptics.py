@@ -78,7 +78,7 @@ class OpenHapticsTransport:
         self._callback = ctypes.cast(self._frame.address, hd.CALLBACK)
         self.identity = self.serial = self._versions = ""
         self._handle: int | None = None
-        self._schedule = 0
+        self._schedule: int | None = None
         self._event = -1
         self._poll = select.poll()
         self._block = frame.block()
@@ -141,15 +141,13 @@ class OpenHapticsTransport:
             atexit.unregister(self.close)
             library = self._hd
             self._words[frame.CLOSING] = 1
-            if self.settings.pacing == "synchronous":
-                library.hdScheduleSynchronous(self._callback, self._block.ctypes.data, PRIORITY)
-            else:
-                self._await_end()
+            if self._schedule is None:  # asked for frame by frame: this one must not wait for a thread that hangs
+                self._schedule = self._enter_callback()
+            self._await_end()
             if not self._words[frame.CLOSED]:  # it hangs: from here, whatever the library says to that
                 self._force_off(handle)
-                if self._schedule:
-                    library.hdUnschedule(self._schedule)
-            self._schedule = 0
+                library.hdUnschedule(self._schedule)
+            self._schedule = None
             library.opened.remove(self)
             library.hdStopScheduler()
             self._force_off(handle)
@@ -157,8 +155,12 @@ class OpenHapticsTransport:
             if library.opened:
                 library.start_scheduler()
             library.error()
-            os.close(self._event)
-            self._event = -1
+            event, self._event = self._event, -1
+            if event >= 0:
+                os.close(event)
+
+    def _enter_callback(self) -> int:
+        return int(self._hd.hdScheduleAsynchronous(self._callback, self._block.ctypes.data, PRIORITY))
 
     def _force_off(self, handle: int) -> None:
         self._hd.hdMakeCurrentDevice(handle)
@@ -222,7 +224,7 @@ class OpenHapticsTransport:
         if self.settings.pacing == "synchronous":
             words[frame.SINGLE] = 1
             return
-        self._schedule = self._hd.hdScheduleAsynchronous(self._callback, self._block.ctypes.data, PRIORITY)
+        self._schedule = self._enter_callback()
 
     def _await_report(self) -> None:
         """Until the first frames are through, which may be errors."""
@@ -239,8 +241,10 @@ class OpenHapticsTransport:
         """For a report, up to `timeout` s, in whole milliseconds."""
         if self.settings.pacing == "synchronous":
             self._hd.hdScheduleSynchronous(self._callback, self._block.ctypes.data, PRIORITY)
-        else:
-            self._poll.poll(max(1.0, 1e3 * timeout))
+        self._sleep(timeout if self.settings.pacing == "callback" else 0.0)
+
+    def _sleep(self, timeout: float) -> None:
+        self._poll.poll(max(1.0, 1e3 * timeout) if timeout > 0.0 else 0.0)
         with suppress(OSError):  # nothing there, or closed meanwhile
             os.eventfd_read(self._event)
 
@@ -250,7 +254,7 @@ class OpenHapticsTransport:
     def _await_end(self) -> None:
         limit = time.monotonic() + CLOSING_TIME
         while not self._words[frame.CLOSED] and (left := limit - time.monotonic()) > 0.0:
-            self._wait(left)
+            self._sleep(left)
 
     def _pause_scheduler(self) -> None:
         # A second device of this process joins: the library wants its devices before its scheduler runs.
