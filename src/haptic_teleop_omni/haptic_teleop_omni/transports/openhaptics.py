@@ -141,7 +141,7 @@ class OpenHapticsTransport:
             atexit.unregister(self.close)
             library = self._hd
             self._words[frame.CLOSING] = 1
-            if self._schedule is None:  # asked for frame by frame: this one must not wait for a thread that hangs
+            if self._schedule is None:  # asked frame by frame: this one waits for no thread that hangs
                 self._schedule = self._enter_callback()
             self._await_end()
             if not self._words[frame.CLOSED]:  # it hangs: from here, whatever the library says to that
