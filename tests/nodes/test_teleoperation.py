@@ -5,7 +5,7 @@ import subprocess
 import sys
 
 import pytest
-from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
+from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 from rclpy.parameter import Parameter
 from rclpy.qos import DurabilityPolicy, QoSProfile
 from ros_graph import Graph, Sink, Source
@@ -15,6 +15,7 @@ from std_srvs.srv import Trigger
 
 from haptic_teleop_control.nodes.force_controller import ForceController
 from haptic_teleop_control.nodes.link import LinkEmulator
+from haptic_teleop_control.nodes.operator_devices import told
 from haptic_teleop_control.robots import OMNI_JOINTS, SFJ_JOINTS
 
 SFJ_REST = {"position": [0.0] * 4, "velocity": [0.0] * 4, "effort": [0.0] * 4}
@@ -312,3 +313,21 @@ def test_operate_without_a_controller_ends_with_status_2():
     done = subprocess.run(command, capture_output=True, text=True, timeout=60)
     assert done.returncode == 2
     assert "start a scenario" in done.stderr and len(done.stderr.strip().splitlines()) == 1
+
+
+@pytest.mark.no_graph
+def test_operate_devices_tells_device_transport_and_serial_number_of_drivers_alone():
+    def status(name: str, **values: str) -> DiagnosticStatus:
+        pairs = [KeyValue(key=key, value=value) for key, value in values.items()]
+        return DiagnosticStatus(name=name, message="driving", values=pairs)
+
+    omni = {"device": "hardware", "transport": "openhaptics", "serial number": "EM0001"}
+    assert told(DiagnosticArray(status=[
+        status("/omni/omni_driver", **omni),
+        status("/sfj/sfj_driver", device="emulated"),
+        status("/force_controller", state="engaged"),
+    ])) == {
+        "/omni/omni_driver": "/omni/omni_driver: device hardware, transport openhaptics, "
+        "serial number EM0001: driving",
+        "/sfj/sfj_driver": "/sfj/sfj_driver: device emulated: driving",
+    }  # fmt: skip

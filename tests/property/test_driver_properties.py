@@ -26,7 +26,7 @@ from haptic_teleop_omni.torque_budget import TorqueBudget, TorqueLimits
 from haptic_teleop_omni.tracking import PacketCounter, Unwrapper
 
 ANY = st.floats(allow_nan=True, allow_infinity=True)
-REPORTS = [load_layout(name) for name in ("emulator", "touch_hid")]
+REPORTS = [load_layout(name) for name in ("emulator", "openhaptics", "touch_hid")]
 DIRECTIONS = [report for layout in REPORTS for report in (layout.input, layout.output)]
 NUMBERED = Report(
     9, 3, "xor8",

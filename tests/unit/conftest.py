@@ -1,5 +1,42 @@
 import sys
+from collections.abc import Iterator
 from pathlib import Path
+from typing import Any
+
+import pytest
 
 # pytest's importlib mode leaves helpers beside the tests unfound
 sys.path.insert(0, str(Path(__file__).parent))
+
+
+@pytest.fixture(scope="session")
+def hd_library(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The emulated HD library, compiled."""
+    from openhaptics_rig import compile_library
+
+    return compile_library(tmp_path_factory.mktemp("hd"))
+
+
+@pytest.fixture
+def em(hd_library: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Any]:
+    """The emulated HD library, stepped: its own clock paces the driver's counter, too."""
+    from openhaptics_rig import Emulation
+
+    from haptic_teleop_omni.transports import openhaptics
+
+    emulation = Emulation(hd_library)
+    plain = openhaptics.OpenHapticsTransport.__init__
+
+    def with_its_clock(self: Any, settings: Any, clock_gettime: Any = None) -> None:
+        plain(self, settings, clock_gettime or emulation.clock)
+
+    monkeypatch.setattr(openhaptics.OpenHapticsTransport, "__init__", with_its_clock)
+    monkeypatch.setattr(openhaptics, "CLOSING_TIME", 0.0)  # nobody ticks while it closes
+    yield emulation
+    emulation.stepped(True)
+
+
+@pytest.fixture(autouse=True)
+def nobodys_settings(tmp_path_factory: pytest.TempPathFactory, monkeypatch: pytest.MonkeyPatch) -> None:
+    """What the user of this machine has confirmed for a device is none of a test's business."""
+    monkeypatch.setenv("XDG_CONFIG_HOME", str(tmp_path_factory.getbasetemp() / "config"))

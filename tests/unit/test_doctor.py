@@ -10,6 +10,7 @@ from haptic_teleop_2dsfj import doctor_checks as sfj
 from haptic_teleop_control import doctor
 from haptic_teleop_control.health import ABSENT, BAD, OK, Check
 from haptic_teleop_omni import doctor_checks as omni
+from haptic_teleop_omni.confirmation import confirm, confirmation_file
 
 
 def by_subject(checks: list[Check]) -> dict[str, Check]:
@@ -40,13 +41,48 @@ def test_a_touch_without_permission_is_a_problem_with_the_udev_rule_as_remedy(tm
     assert "--udev-rule" in found.remedy
 
 
-def test_the_omni_on_firewire_is_recognised_and_told_to_be_out_of_reach(tmp_path):
-    device = tmp_path / "sys/bus/firewire/devices/fw1"
+def firewire_device(root: Path) -> None:
+    device = root / "sys/bus/firewire/devices/fw1"
     device.mkdir(parents=True)
     (device / "vendor").write_text("0x000b99\n")
+
+
+def serial_device(root: Path) -> None:
+    device = root / "sys/bus/usb/devices/1-2"
+    (device / "1-2:1.0/tty/ttyACM3").mkdir(parents=True)
+    (device / "idVendor").write_text("2988\n")
+    (device / "idProduct").write_text("0302\n")
+
+
+@pytest.mark.parametrize(
+    ("connect", "node", "word"), [(firewire_device, "fw1", "FireWire"), (serial_device, "ttyACM3", "USB")]
+)
+def test_every_generation_is_recognised_and_its_rights_are_looked_at(tmp_path, connect, node, word):
+    connect(tmp_path)
     found = by_subject(omni.checks(tmp_path))["Omni"]
     assert found.level == BAD
-    assert "FireWire" in found.finding
+    assert word in found.finding and node in found.finding
+    assert "--udev-rule" in found.remedy
+    (tmp_path / "dev").mkdir()
+    (tmp_path / "dev" / node).touch()
+    found = by_subject(omni.checks(tmp_path))["Omni"]
+    assert found.level == OK
+    assert "openhaptics" in found.finding
+
+
+def test_the_maker_s_library_and_what_was_confirmed_are_looked_at(em, tmp_path, monkeypatch):
+    found = by_subject(omni.checks(tmp_path))
+    assert found["OpenHaptics"].level == found["confirmed Omnis"].level == ABSENT
+    assert "doctor --omni" in found["confirmed Omnis"].remedy
+    monkeypatch.setattr("ctypes.util.find_library", lambda name: str(em.path) if name == "HD" else None)
+    monkeypatch.setenv("XDG_CONFIG_HOME", str(tmp_path))
+    monkeypatch.setenv("GTDD_HOME", str(tmp_path))
+    confirm(confirmation_file(), "Emulated Omni:EM0001", "words", {})
+    found = by_subject(omni.checks(tmp_path))
+    assert found["OpenHaptics"].level == found["OpenHaptics configuration"].level == OK
+    assert "EM0001" in found["confirmed Omnis"].finding
+    confirmation_file().write_text("[]\n")
+    assert by_subject(omni.checks(tmp_path))["confirmed Omnis"].level == BAD
 
 
 def test_without_a_device_it_is_absent_and_that_is_no_problem(tmp_path):
@@ -105,7 +141,7 @@ def test_the_exit_status_counts_problems_and_with_hardware_what_is_absent(monkey
 
 def test_it_asks_every_package_that_has_something_to_say():
     subjects = {check.subject for check in doctor.all_checks()}
-    assert {"Python", "ROS 2", "timing", "hidapi", "report layout", "Quanser SDK"} <= subjects
+    assert {"Python", "ROS 2", "timing", "OpenHaptics", "confirmed Omnis", "Quanser SDK"} <= subjects
 
 
 def test_the_offered_udev_rule_names_the_device(capsys):

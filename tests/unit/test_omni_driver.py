@@ -334,8 +334,10 @@ def test_at_the_end_the_device_is_told_to_switch_its_motors_off():
 class RealDevice:
     """A transport that claims to be a real device and fails the test when something is sent to it."""
 
+    name = "hid"
     emulated = False
     identity = "2988:0304:T1"
+    serial = "T1"
 
     def open(self) -> None: ...
 
@@ -454,12 +456,12 @@ def test_a_mistake_in_a_layout_is_named(path, value, words):
 
 
 def test_a_layout_that_is_not_there_is_answered_with_those_that_are():
-    with pytest.raises(ConfigurationError, match="emulator, touch_hid"):
+    with pytest.raises(ConfigurationError, match="emulator, openhaptics, touch_hid"):
         load_layout("nowhere.yaml")
 
 
 def test_a_real_device_that_is_not_there_is_a_device_error_and_no_traceback():
     pytest.importorskip("hidraw", reason="hidapi is not installed")
-    driver = make_driver({"device": "hardware"}, Reporter.to_latch({})[0])
+    driver = make_driver({"device": "hardware", "transport": "hid"}, Reporter.to_latch({})[0])
     with pytest.raises(DeviceError, match=r"2988:0304.*FireWire"):
         driver.open()

@@ -23,12 +23,22 @@ from pathlib import Path
 from haptic_teleop_control.command_line import run_command
 from haptic_teleop_control.front_door import PACKAGES, version
 from haptic_teleop_control.health import ABSENT, BAD, OK, Check
+from haptic_teleop_control.plugins import load_object
 
 MESSAGES = ("sensor_msgs", "std_srvs", "diagnostic_msgs")
 LOOP_TIME = 0.5  # s, for the measurement of the loop
 SENDERS_TOLD = (9, 1, 1)
 """From this version on, rclpy tells who sent a message."""
 LATE = 0.02  # s, the board's watchdog
+
+
+OMNI_BY_HAND = "haptic_teleop_omni.hands_on:verify_by_hand"
+"""Loaded when it is needed: this package knows no driver."""
+
+OMNI_HELP = (
+    "verify layout and axis map of a real Omni by hand, with the force off, and write down what was "
+    "confirmed; FILE: parameter file whose section omni_driver says how it is reached"
+)
 
 
 def environment_checks() -> list[Check]:
@@ -193,7 +203,10 @@ def _doctor(arguments: list[str]) -> int:
         "--board", metavar="HOST[:PORT]", help="ask the sfj_board_server there what it has; disturbs nobody"
     )
     parser.add_argument("--board-key", metavar="FILE", default="", help="its key; default: that of this user")
+    parser.add_argument("--omni", nargs="?", const="", metavar="FILE", help=OMNI_HELP)
     options = parser.parse_args(arguments)
+    if options.omni is not None:
+        return load_object(OMNI_BY_HAND, "--omni")(options.omni)
     if options.udev_rule:
         for module in _contributions():
             if hasattr(module, "udev_rule"):

@@ -1,5 +1,5 @@
 """What the operator does to a running teleoperation, as a command: engage, disengage, swap, reset, state;
-start and stop of the artificial command; pause, resume and step of simulated time."""
+start and stop of the artificial command; pause, resume and step of simulated time; which devices are live."""
 
 from __future__ import annotations
 

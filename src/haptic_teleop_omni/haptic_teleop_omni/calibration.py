@@ -4,6 +4,8 @@ mean nothing, and no torque may flow, until the device has been in a pose that i
     dock     the stylus rests in its inkwell (the device reports it) and does not move for a while
     button   the user holds the neutral pose (the marks on the casing) and presses button 1 for a while
     start    the pose at the start is known, for an emulated device or a jig
+
+Where the maker's library calibrates, its word is taken instead (`LIBRARY`), and its angles with it.
 """
 
 from __future__ import annotations
@@ -12,17 +14,19 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 METHODS = ("dock", "button", "start")
+LIBRARY = "library"
 WAITING = {
     "dock": "put the stylus into its inkwell and let it rest",
     "button": "hold the neutral pose (marks on the casing) and keep button 1 pressed",
     "start": "waiting for the first report",
+    LIBRARY: "put the stylus into its inkwell and let it rest: the maker's library then knows the angles",
 }
 
 
 @dataclass
 class Calibration:
-    """method of METHODS. angles: (3,) rad about neutral in that pose. hold: s. resolution: (3,) rad per
-    count; the pose counts as at rest while no encoder leaves a band of `stillness` rad."""
+    """method of METHODS, or LIBRARY. angles: (3,) rad about neutral in that pose. hold: s. resolution: (3,)
+    rad per count; the pose counts as at rest while no encoder leaves a band of `stillness` rad."""
 
     method: str
     angles: Sequence[float]
@@ -46,11 +50,16 @@ class Calibration:
         self.done = False
         self._held = 0.0
 
-    def step(self, counts: Sequence[int], docked: bool, button: bool, elapsed: float) -> bool:
-        """One report, `elapsed` s after the last: unwrapped counts and what the device says. True when the
-        calibration is complete with this report."""
+    def step(
+        self, counts: Sequence[int], docked: bool, button: bool, elapsed: float, known: bool = False
+    ) -> bool:
+        """One report, `elapsed` s after the last: unwrapped counts and what the device says; known: whether
+        the maker's library knows the angles. True when the calibration is complete with this report."""
         if self.done:
             return False
+        if self.method == LIBRARY:
+            self.done = known
+            return known
         in_pose = {"dock": docked, "button": button, "start": True}[self.method]
         if self._held == 0.0 or not in_pose or self._moved(counts):
             self._first = list(counts)

@@ -1,4 +1,4 @@
-"""What `doctor` looks at for the Omni: hidapi, the device by its kind of link, permissions, layout."""
+"""What `doctor` looks at for the Omni: libraries, the device by its kind of link, rights, confirmations."""
 
 from __future__ import annotations
 
@@ -7,13 +7,17 @@ import importlib.util
 import os
 from pathlib import Path
 
+from haptic_teleop_control.errors import ConfigurationError
 from haptic_teleop_control.health import ABSENT, BAD, OK, Check
+from haptic_teleop_omni.confirmation import confirmation_file, confirmed_identities
+from haptic_teleop_omni.transports.hd_library import load_library
 from haptic_teleop_omni.transports.hidapi import MODULES
 
 RULE = "60-haptic-teleop.rules"
 HID_NUMBERS = "00002988:00000304"
 USB_SERIAL = ("2988", "0302")
 FIREWIRE_VENDOR = "0x000b99"
+INSTALL_RULE = f"haptic-teleop doctor --udev-rule | sudo tee /etc/udev/rules.d/{RULE}"
 
 
 def udev_rule() -> str:
@@ -23,58 +27,94 @@ def udev_rule() -> str:
 
 def checks(root: Path = Path("/")) -> list[Check]:
     """`root`: where /dev, /sys and /etc are looked for."""
-    return [_library(), _device(root), _rule(root), _layout(), _calibration()]
+    return [
+        _openhaptics(),
+        _configuration(),
+        _hidapi(),
+        _device(root),
+        _rule(root),
+        _confirmed(),
+        _calibration(),
+    ]
 
 
-def _library() -> Check:
+def _openhaptics() -> Check:
+    try:
+        library = load_library()
+    except ConfigurationError:
+        return Check(
+            "OpenHaptics",
+            ABSENT,
+            "the system's loader finds no libHD.so with the calls of version 3",
+            "install the maker's OpenHaptics and device driver (docs/drivers.md), or set openhaptics.library",
+        )
+    return Check("OpenHaptics", OK, f"{library.path} has every call that the driver needs")
+
+
+def _configuration() -> Check:
+    folder = Path(os.environ.get("GTDD_HOME") or Path.home() / ".3dsystems")
+    if folder.is_dir():
+        return Check("OpenHaptics configuration", OK, f"{folder}")
+    return Check(
+        "OpenHaptics configuration",
+        ABSENT,
+        f"there is no {folder}",
+        "run the maker's set-up tool once as this user, or set GTDD_HOME to where it has written",
+    )
+
+
+def _hidapi() -> Check:
     if not any(importlib.util.find_spec(name) for name in MODULES):
-        return Check("hidapi", ABSENT, "Python finds no module hid", "run `pip install hidapi`")
-    return Check("hidapi", OK, "installed")
+        return Check("hidapi", ABSENT, "Python finds no module hid", "for transport: hid, pip install it")
+    return Check("hidapi", OK, "installed, for transport: hid")
 
 
 def _device(root: Path) -> Check:
     for entry in sorted((root / "sys/class/hidraw").glob("hidraw*")):
         if HID_NUMBERS in _text(entry / "device/uevent").upper():
-            node = root / "dev" / entry.name
-            if not os.access(node, os.R_OK | os.W_OK):
-                rule = f"haptic-teleop doctor --udev-rule | sudo tee /etc/udev/rules.d/{RULE}"
-                return Check(
-                    "Omni", BAD, f"Touch (HID) at {node} may not be opened", f"run `{rule}` and replug"
-                )
-            return Check("Omni", OK, f"Touch (HID) at {node}")
+            return _reachable("Touch (HID)", root / "dev" / entry.name)
     for entry in sorted((root / "sys/bus/firewire/devices").glob("fw*")):
         if _text(entry / "vendor").strip().lower() == FIREWIRE_VENDOR:
-            return Check(
-                "Omni",
-                BAD,
-                f"Phantom Omni on FireWire ({entry.name})",
-                "hidapi cannot open it; it needs a FireWire transport, which this project does not have",
-            )
+            return _reachable("Phantom Omni on FireWire", root / "dev" / entry.name.split(".")[0])
     for entry in sorted((root / "sys/bus/usb/devices").glob("*")):
         if (_text(entry / "idVendor").strip(), _text(entry / "idProduct").strip()) == USB_SERIAL:
-            return Check(
-                "Omni",
-                BAD,
-                "Touch with a serial port (2988:0302)",
-                "its protocol is not published; use the maker's driver",
-            )
-    return Check("Omni", ABSENT, "no device on HID, FireWire or USB", "connect it, or set device: emulated")
+            ports = sorted(entry.glob("*/tty/ttyACM*"))
+            name = ports[0].name if ports else "ttyACM0"
+            return _reachable("Touch (USB)", root / "dev" / name)
+    return Check(
+        "Omni",
+        ABSENT,
+        "no device on HID, FireWire or USB; one on Ethernet cannot be seen from here",
+        "connect it, or set device: emulated",
+    )
+
+
+def _reachable(what: str, node: Path) -> Check:
+    if os.access(node, os.R_OK | os.W_OK):
+        return Check("Omni", OK, f"{what} at {node}; transport: openhaptics reaches it")
+    return Check("Omni", BAD, f"{what} at {node} may not be opened", f"run `{INSTALL_RULE}` and replug")
 
 
 def _rule(root: Path) -> Check:
     for folder in ("etc/udev/rules.d", "lib/udev/rules.d", "usr/lib/udev/rules.d"):
         if (root / folder / RULE).is_file():
             return Check("udev rule", OK, f"/{folder}/{RULE}")
-    remedy = f"haptic-teleop doctor --udev-rule | sudo tee /etc/udev/rules.d/{RULE}"
-    return Check("udev rule", ABSENT, "not installed", f"run `{remedy}`")
+    return Check("udev rule", ABSENT, "not installed", f"run `{INSTALL_RULE}`")
 
 
-def _layout() -> Check:
+def _confirmed() -> Check:
+    path = confirmation_file()
+    try:
+        known = confirmed_identities(path)
+    except ConfigurationError as error:
+        return Check("confirmed Omnis", BAD, str(error).rstrip("."), "see there")
+    if known:
+        return Check("confirmed Omnis", OK, f"{', '.join(known)} in {path}")
     return Check(
-        "report layout",
+        "confirmed Omnis",
         ABSENT,
-        "that of the Touch is published nowhere: a real device gets no torque until somebody confirms one",
-        "see docs/drivers.md, layout_confirmed_for",
+        "none: a real device gets no torque before its axes were verified by hand",
+        "run `haptic-teleop doctor --omni`",
     )
 
 
@@ -82,7 +122,7 @@ def _calibration() -> Check:
     return Check(
         "calibration",
         OK,
-        "done by the driver at every start (parameter calibration.method); no torque before it",
+        "done at every start, by the maker's library or as calibration.method says; no torque before it",
     )
 
 

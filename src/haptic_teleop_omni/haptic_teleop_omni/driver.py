@@ -6,7 +6,7 @@ the motors off until the fault has been reset (`FAULTS` in `settings.py`).
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from contextlib import suppress
 from typing import Any
 
@@ -14,11 +14,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from haptic_teleop_control.device import DeviceError, EndOfSession, ReadResult, Reporter
+from haptic_teleop_control.errors import ConfigurationError
 from haptic_teleop_control.filters import VelocityFilter
 from haptic_teleop_control.omni_compensation import OmniCompensation
 from haptic_teleop_control.raw_capture import READ, WRITE
-from haptic_teleop_omni.calibration import Calibration
+from haptic_teleop_omni.axis_map import IDENTITY
+from haptic_teleop_omni.calibration import LIBRARY, Calibration
 from haptic_teleop_omni.codec import ReportCodec, raw_of, value_of
+from haptic_teleop_omni.confirmation import confirmation_file, confirmed_words
+from haptic_teleop_omni.device_errors import DEVICE_LOST, LIBRARY_ERROR, device_problem
 from haptic_teleop_omni.layout import ReportLayout
 from haptic_teleop_omni.settings import OmniDriverSettings
 from haptic_teleop_omni.torque_budget import TorqueBudget
@@ -46,11 +50,13 @@ class OmniDriver:
         self._encoders = [layout.input.fields[f"encoder_{axis}"] for axis in AXES]
         self._torques = [layout.output.fields[f"torque_{axis}"] for axis in AXES]
         self._dt = 1.0 / settings.rate
-        self._unwrapper = Unwrapper([field.bits for field in self._encoders])
+        self._absolute = layout.input.absolute
+        self.axis_map = settings.axis_map if self._absolute else IDENTITY
+        self._unwrapper = Unwrapper([field.bits for field in self._encoders], self._absolute)
         counter = layout.input.fields.get("counter")
         self.counter = PacketCounter(counter.bits) if counter is not None else None
         self.calibration = Calibration(
-            settings.calibration_method,
+            LIBRARY if self._absolute else settings.calibration_method,
             settings.calibration_angles,
             settings.calibration_hold,
             [field.scale for field in self._encoders],
@@ -64,6 +70,7 @@ class OmniDriver:
         self.effort: Array = np.zeros(3)
         self.buttons = (False, False)
         self.docked = False
+        self.temperature: float | None = None
         self.malformed = self.late = 0
         self._applied = [0.0, 0.0, 0.0]
         self._open = self._started = self._motors = False
@@ -82,7 +89,11 @@ class OmniDriver:
             self.counter.forget()
         self._started = self._lost_origin = False
         self._bad = 0
-        self._check_confirmation()
+        try:
+            self._check_confirmation()
+        except BaseException:
+            self.close()
+            raise
 
     def read(self) -> ReadResult:
         """Waits for the next report, and takes the newest of those that are there."""
@@ -108,7 +119,7 @@ class OmniDriver:
             return ReadResult.LOST
         if not fresh or not self.calibration.done:
             return ReadResult.NOTHING
-        self.position[:] = self.calibration.angle(self._unwrapper.total)
+        self.position[:] = self.axis_map.angles(self.calibration.angle(self._unwrapper.total))
         if not self._started:
             self.filter.reset(self.position)
             self._started = True
@@ -136,9 +147,13 @@ class OmniDriver:
                 self._idle()
                 return
             peak = self.settings.limits.peak
-            raw = [raw_of(field, value, peak) for field, value in zip(self._torques, allowed, strict=True)]
+            told = self.axis_map.device_torque(allowed)
+            # Where the map adds two axes, the sum may exceed the peak of one; each axis keeps its own.
+            most = max(peak, *(abs(value) for value in told))
+            raw = [raw_of(field, value, most) for field, value in zip(self._torques, told, strict=True)]
             self._send({f"torque_{axis}": word for axis, word in zip(AXES, raw, strict=True)}, True)
-            self._applied = [value_of(field, word) for field, word in zip(self._torques, raw, strict=True)]
+            flows = [value_of(field, word) for field, word in zip(self._torques, raw, strict=True)]
+            self._applied = self.axis_map.axis_torque(flows)
         except DeviceError as error:
             self._lose(error)
 
@@ -150,12 +165,12 @@ class OmniDriver:
             self.calibration.forget()
             self._started = self._lost_origin = False
         self.budget.rest(self._dt)
-        if self._open:
-            self._check_confirmation()
-            return
         try:
-            self.open()
-        except DeviceError as error:
+            if self._open:
+                self._check_confirmation()
+            else:
+                self.open()
+        except (DeviceError, ConfigurationError) as error:
             self._lose(error)
 
     def close(self) -> None:
@@ -172,8 +187,9 @@ class OmniDriver:
         what = f"{self.transport.describe()}, layout {self.layout.name} ({self.layout.source})"
         if not self.may_drive:
             return (
-                f"{what}: NOT CONFIRMED for this device, so torques are refused and nothing is sent. Once "
-                f"angles and signs agree (docs/drivers.md), set {self._remedy}. "
+                f"{what}: NOT CONFIRMED for this device, so torques are refused and nothing is sent. Run "
+                "`haptic-teleop doctor --omni`, or, once angles and signs agree (docs/drivers.md), set "
+                f"{self._remedy}. "
                 f"Calibration: {self.calibration.advice}"
             )
         return f"{what}, at most {self.settings.limits.peak:g} N·m. Calibration: {self.calibration.advice}"
@@ -182,11 +198,14 @@ class OmniDriver:
         """For diagnostics."""
         counter = self.counter
         return {
+            "transport": self.transport.name,
+            "serial number": self.transport.serial or "not told",
             "torque output": "possible" if self.may_drive else f"refused until {self._remedy}",
             "calibration": "done" if self.calibration.done else self.calibration.advice,
             "docked": self.docked,
             "buttons": " ".join(str(int(button)) for button in self.buttons),
             "motors": "on" if self._motors else "off",
+            "motor temperature": "unknown" if self.temperature is None else f"{self.temperature:.2f} of 1",
             "reports lost": 0 if counter is None else counter.lost,
             "reports repeated": 0 if counter is None else counter.repeated,
             "reports out of date": 0 if counter is None else counter.stale,
@@ -200,12 +219,23 @@ class OmniDriver:
 
     @property
     def _remedy(self) -> str:
-        return f'layout_confirmed_for: "{self.layout.confirmation(self.transport.identity)}"'
+        return f'layout_confirmed_for: "{self.confirmation}"'
+
+    @property
+    def confirmation(self) -> str:
+        """What has to be confirmed before a torque flows: device, layout and, where there is one, axis
+        map."""
+        words = self.layout.confirmation(self.transport.identity)
+        return f"{words} {self.axis_map.digest}" if self._absolute else words
 
     def _check_confirmation(self) -> None:
-        stated = self.settings.layout_confirmed_for
-        fits = stated == self.layout.confirmation(self.transport.identity)
-        self.may_drive = self.transport.emulated or fits
+        if self.transport.emulated:
+            self.may_drive = True
+            return
+        identity, stated = self.transport.identity, self.settings.layout_confirmed_for
+        if not stated:
+            stated = confirmed_words(confirmation_file(self.settings.confirmations), identity)
+        self.may_drive = bool(identity) and stated == self.confirmation
         if stated and not self.may_drive:
             detail = f'it is "{stated}", this device needs {self._remedy}'
             self._reporter.fault("layout_not_confirmed", detail)
@@ -229,6 +259,11 @@ class OmniDriver:
             self._fault("counter_restart", f"counter {raw['counter']}")
         elapsed = abs(periods) * self._dt
         self._elapsed += elapsed
+        if not self._healthy(raw):
+            return False
+        known = bool(raw.get("calibrated", 0))
+        if self._absolute and not self.calibration.done:
+            self._unwrapper.forget()  # when the library learns the angles they jump, and nobody moves
         changes = self._unwrapper.step([raw[field.name] for field in self._encoders])
         speeds = [abs(n * f.scale) / elapsed for n, f in zip(changes, self._encoders, strict=True)]
         fastest = max(speeds)
@@ -237,8 +272,25 @@ class OmniDriver:
             self._fault("over_speed", f"omni_{AXES[speeds.index(fastest)]} at {fastest:.0f} rad/s")
         self.buttons = (bool(raw.get("button_1", 0)), bool(raw.get("button_2", 0)))
         self.docked = bool(raw.get("docked", 0))
-        self.calibration.step(self._unwrapper.total, self.docked, self.buttons[0], elapsed)
+        self.calibration.step(self._unwrapper.total, self.docked, self.buttons[0], elapsed, known)
+        if self._absolute and self.calibration.done and not known:
+            self._lost_origin = True
+            self._fault("calibration_lost", "")
         return True
+
+    def _healthy(self, raw: Mapping[str, int]) -> bool:
+        """What a report says of its device; False where its angles mean nothing. Raises DeviceError where it
+        says that the device is lost."""
+        if "temperature" in raw:
+            self.temperature = value_of(self.layout.input.fields["temperature"], raw["temperature"])
+        code = raw.get("error", 0)
+        if not code:
+            return True
+        problem = device_problem(code, raw.get("internal_error", 0))
+        if problem.fault == DEVICE_LOST:
+            raise DeviceError(problem.text, code)
+        self._fault(problem.fault, problem.text)
+        return problem.fault != LIBRARY_ERROR
 
     def _suspect(self, fault: str, detail: str) -> None:
         self._bad += 1
@@ -267,7 +319,7 @@ class OmniDriver:
             self._on_packet(WRITE, report)
         self.transport.write(report)
 
-    def _lose(self, error: DeviceError) -> None:
+    def _lose(self, error: Exception) -> None:
         self._open = self._motors = False
         self._applied = [0.0, 0.0, 0.0]
         self.transport.close()

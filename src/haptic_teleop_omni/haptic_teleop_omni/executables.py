@@ -7,7 +7,7 @@ name. It imports nothing, so that it can be read before anything is installed.
 EXECUTABLES: dict[str, tuple[str, str]] = {
     "omni_driver": (
         "haptic_teleop_omni.nodes.omni_driver:main",
-        "drive the Omni: hidapi, emulated device or captured session",
+        "drive the Omni: OpenHaptics, hidapi, emulated device or captured session",
     ),
     "omni_replay": (
         "haptic_teleop_omni.replay_session:main",

@@ -33,7 +33,10 @@ TYPES = {
 }
 REQUIRED_INPUT = ("encoder_x", "encoder_y", "encoder_z")
 REQUIRED_OUTPUT = ("torque_x", "torque_y", "torque_z", "motors_on")
-OPTIONAL_INPUT = ("gimbal_x", "gimbal_y", "gimbal_z", "button_1", "button_2", "docked", "counter")
+OPTIONAL_INPUT = (
+    "gimbal_x", "gimbal_y", "gimbal_z", "button_1", "button_2", "docked", "counter",
+    "calibrated", "error", "internal_error", "temperature",
+)  # fmt: skip
 OPTIONAL_OUTPUT = ("dock_light",)
 
 
@@ -70,13 +73,15 @@ class Field:
 @dataclass(frozen=True)
 class Report:
     """One direction. length: bytes, the report number included where there is one (`report_id`).
-    constants: (byte, value) pairs that are always there."""
+    constants: (byte, value) pairs that are always there. absolute: the encoders need no calibration pose,
+    because `calibrated` tells when they are those of the device."""
 
     length: int
     report_id: int | None
     checksum: str
     fields: Mapping[str, Field]
     constants: tuple[tuple[int, int], ...] = ()
+    absolute: bool = False
 
 
 @dataclass(frozen=True)
@@ -91,7 +96,8 @@ class ReportLayout:
     def confirmation(self, device: str) -> str:
         """What somebody has to type who has seen this layout agree with `device`; another after any change to
         the reports."""
-        reports = [(r.length, r.report_id, r.checksum, sorted(r.fields.items()), r.constants)
+        reports = [(r.length, r.report_id, r.checksum, sorted(r.fields.items()), r.constants,
+                    *([True] if r.absolute else []))
                    for r in (self.input, self.output)]  # fmt: skip
         digest = hashlib.sha256(repr(reports).encode()).hexdigest()[:8]
         return f"{device} {self.name} {digest}"
@@ -142,7 +148,7 @@ def parse_layout(content: Any, source: str) -> ReportLayout:
 
 def _report(content: Any, where: str, required: tuple[str, ...], optional: tuple[str, ...]) -> Report:
     entries = _mapping(
-        content, where, "the report", ("length", "report_id", "checksum", "fields", "constants")
+        content, where, "the report", ("length", "report_id", "checksum", "fields", "constants", "absolute")
     )
     length = _whole(entries.get("length"), f"{where}: length", 1, 4096)
     report_id = entries.get("report_id")
@@ -162,7 +168,12 @@ def _report(content: Any, where: str, required: tuple[str, ...], optional: tuple
         for i, value in enumerate(values if isinstance(values, list) else [values]):
             _whole(first + i, f"{where}: constants", 0, length - 1)
             constants.append((first + i, _whole(value, f"{where}: constants: {offset}", 0, 255)))
-    return Report(length, report_id, checksum, fields, tuple(constants))
+    absolute = entries.get("absolute", False)
+    if not isinstance(absolute, bool) or (absolute and "calibrated" not in fields):
+        raise ConfigurationError(
+            f"{where}: absolute is {absolute!r}; write true with a field calibrated, or false."
+        )
+    return Report(length, report_id, checksum, fields, tuple(constants), absolute)
 
 
 def _field(name: str, content: Any, where: str, length: int) -> Field:

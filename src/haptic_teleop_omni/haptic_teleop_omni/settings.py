@@ -17,10 +17,16 @@ from haptic_teleop_control.robots import (
     VELOCITY_FILTER_CUTOFF_HZ,
     VELOCITY_FILTER_DAMPING,
 )
+from haptic_teleop_omni.axis_map import PREFIX as MAP_PREFIX
+from haptic_teleop_omni.axis_map import AxisMap
 from haptic_teleop_omni.calibration import METHODS
+from haptic_teleop_omni.device_errors import ERROR_FAULTS
 from haptic_teleop_omni.torque_budget import TorqueLimits
+from haptic_teleop_omni.transports.openhaptics import OpenHapticsSettings
 
 DEVICES = ("hardware", "emulated", "replay")
+TRANSPORTS = ("openhaptics", "hid")
+"""To a real device."""
 
 FAULTS = {
     "device_lost": "the Omni does not answer; check its cable and its power, then reset",
@@ -29,10 +35,13 @@ FAULTS = {
     "frozen_counter": "the device repeats the same report, or sends old ones; switch it off and on",
     "counter_restart": "the device began to count its reports anew, so its angles may have changed; reset, "
     "then calibrate it again",
-    "layout_not_confirmed": "layout_confirmed_for names another device or another layout, so no torque is "
-    "sent; compare both, then correct it or leave it empty",
+    "layout_not_confirmed": "what was confirmed is another device, layout or axis map, so no torque is sent; "
+    "run `haptic-teleop doctor --omni`, or correct layout_confirmed_for",
+    "calibration_lost": "the maker's library no longer knows the angles; reset, then put the stylus into its "
+    "inkwell",
     "over_speed": "an axis moved faster than a hand can; check the encoders and the layout's scale, reset, "
     "then calibrate it again",
+    **ERROR_FAULTS,
 }
 """Faults of the driver, with the sentence for the log."""
 
@@ -43,8 +52,12 @@ class OmniDriverSettings:
 
     limits: TorqueLimits = field(default_factory=TorqueLimits)
     compensation: CompensationSettings = field(default_factory=CompensationSettings)
+    axis_map: AxisMap = field(default_factory=AxisMap)
     layout_confirmed_for: str = quantity(
         "", "", "device and layout that somebody has seen agree, as the driver's first line spells it"
+    )
+    confirmations: str = quantity(
+        "", "", "file of what `doctor --omni` has confirmed; empty: the user's own"
     )
     rate: float = quantity(
         OMNI_RATE_HZ, "Hz", "reports per second of the device", minimum=10.0, maximum=2000.0
@@ -102,14 +115,18 @@ class OmniDriverSettings:
         try:
             limits = from_parameters(TorqueLimits, checked, "torque.")
             compensation = from_parameters(CompensationSettings, checked, PREFIX)
-            return from_parameters(cls, checked, limits=limits, compensation=compensation)
+            axis_map = from_parameters(AxisMap, checked, MAP_PREFIX)
+            return from_parameters(
+                cls, checked, limits=limits, compensation=compensation, axis_map=axis_map
+            )
         except ConfigurationError as error:
             raise ConfigurationError(f"{source}: {error}") from error
 
 
 def _table() -> ParameterTable:
+    transport = "to a real device: the maker's HD library, or hidapi (whose layouts are not published)"
     replay = "capture to replay with device: replay, relative to the parameter file"
-    layout = "of the reports: a name of the package or a YAML file; empty: emulator, or touch_hid on hardware"
+    layout = "of the reports: a name of the package or a YAML file; empty: that of device and transport"
     plant = "factory of the plant behind the emulated Omni: module:object"
     file = "parameter file whose section omni_sim describes that plant; empty: its defaults"
     docked = "for which the emulated stylus rests in its inkwell after the start"
@@ -120,8 +137,9 @@ def _table() -> ParameterTable:
                 "device",
                 "hardware",
                 choices=DEVICES,
-                meaning="HID device, its emulation, or captured session",
+                meaning="a real device, an emulated one, or a captured session",
             ),
+            Parameter("transport", "openhaptics", choices=TRANSPORTS, meaning=transport),
             Parameter(
                 "timeout", 0.05, "s", 0.005, 0.2, meaning="age of a command at which the torque goes to zero"
             ),
@@ -139,6 +157,8 @@ def _table() -> ParameterTable:
             *NODE_PARAMETERS,
             *parameters_of(OmniDriverSettings(), runtime=False),
             *parameters_of(TorqueLimits(), "torque.", runtime=False),
+            *parameters_of(OpenHapticsSettings(), MAP_PREFIX, runtime=False),
+            *parameters_of(AxisMap(), MAP_PREFIX, runtime=False),
             *COMPENSATION,
         ],
     )

@@ -6,9 +6,11 @@ from collections.abc import Sequence
 
 
 class Unwrapper:
-    """Encoders that wrap, each `bits` wide: `step` returns how far each has moved since the last call."""
+    """Encoders that wrap, each `bits` wide: `step` returns how far each has moved since the last call.
+    absolute: `total` begins at the first sample's value and not at zero."""
 
-    def __init__(self, bits: Sequence[int]) -> None:
+    def __init__(self, bits: Sequence[int], absolute: bool = False) -> None:
+        self._absolute = absolute
         self._spans = [1 << width for width in bits]
         self._last: list[int] | None = None
         self.total = [0] * len(self._spans)
@@ -17,6 +19,7 @@ class Unwrapper:
         """Changes (n,), counts; the first call gives zeros. `total` counts from the first sample."""
         if self._last is None:
             self._last = list(raw)
+            self.total = list(raw) if self._absolute else self.total
         changes = [
             (now - last + span // 2) % span - span // 2
             for now, last, span in zip(raw, self._last, self._spans, strict=True)

@@ -27,16 +27,9 @@ def devices(wait: float) -> list[str]:
     executor.add_node(node)
     found: dict[str, str] = {}
 
-    def hear(message: DiagnosticArray) -> None:
-        for status in message.status:
-            values = {entry.key: entry.value for entry in status.values}
-            if "device" in values:
-                told = ", ".join(f"{key} {values[key]}" for key in TOLD if values.get(key))
-                found[status.name] = f"{status.name}: {told}"
-
     deadline = time.monotonic() + wait
     try:
-        node.create_subscription(DiagnosticArray, "/diagnostics", hear, 50)
+        node.create_subscription(DiagnosticArray, "/diagnostics", lambda m: found.update(told(m)), 50)
         while not found and time.monotonic() < deadline:
             executor.spin_once(timeout_sec=0.05)
         end = time.monotonic() + ROUND
@@ -52,3 +45,14 @@ def devices(wait: float) -> list[str]:
             "first."
         )
     return [found[name] for name in sorted(found)]
+
+
+def told(message: DiagnosticArray) -> dict[str, str]:
+    """A line for each driver that a message of diagnostics tells of, by the driver's name."""
+    lines = {}
+    for status in message.status:
+        values = {entry.key: entry.value for entry in status.values}
+        if "device" in values:
+            what = ", ".join(f"{key} {values[key]}" for key in TOLD if values.get(key))
+            lines[status.name] = f"{status.name}: {what}: {status.message}"
+    return lines

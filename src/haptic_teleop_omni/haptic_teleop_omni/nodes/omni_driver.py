@@ -17,7 +17,7 @@ class OmniDriverNode(DriverNode):
     NAME = "omni_driver"
     NAMESPACE = "omni"
     ROBOT = "omni"
-    SUMMARY = "the Omni through hidapi, an emulated Omni with its operator, or a captured session"
+    SUMMARY = "the Omni through OpenHaptics or hidapi, an emulated one with its operator, or a capture"
     TOPICS = (
         "subscribes effort_command  effort of the three axes, N·m",
         "publishes  joint_states    three joints, once calibrated: position, velocity, torque applied",

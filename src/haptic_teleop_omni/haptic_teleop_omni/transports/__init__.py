@@ -1,1 +1,2 @@
-"""Ways to a device: hidapi, an emulated Omni, a captured session. All speak in whole reports."""
+"""Ways to a device: the maker's library, hidapi, an emulated Omni, a captured session. All speak in whole
+reports."""

@@ -63,8 +63,9 @@ class EmulatedOmni:
     motors_on; refused: output reports that made no sense.
     """
 
+    name = "emulated"
     emulated = True
-    identity = ""
+    identity = serial = ""
 
     def __init__(
         self,

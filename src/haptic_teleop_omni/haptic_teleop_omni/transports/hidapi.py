@@ -26,12 +26,13 @@ class HidapiTransport:
     numbers and the serial number of the device that was opened, or its product's name where it has none.
     """
 
+    name = "hid"
     emulated = False
 
     def __init__(self, vendor: int, product: int, serial: str = "", numbered: bool = False) -> None:
         self._vendor, self._product, self._serial, self._numbered = vendor, product, serial, numbered
         self._device: Any = None
-        self.identity = ""
+        self.identity = self.serial = ""
 
     def open(self) -> None:
         """Raises ConfigurationError without the library, DeviceError when the device cannot be opened."""
@@ -42,10 +43,12 @@ class HidapiTransport:
         except OSError as refusal:
             raise DeviceError(
                 f"no HID device {self._vendor:04x}:{self._product:04x} can be opened ({refusal}); hidapi "
-                "reaches only the Touch with USB HID, not the thesis' Phantom Omni: that is a FireWire device"
+                "reaches only the Touch with USB HID; transport: openhaptics reaches the others, such as the "
+                "thesis' Phantom Omni on FireWire"
             ) from refusal
         self._device = device
-        own = _text(device.get_serial_number_string) or _text(device.get_product_string)
+        self.serial = _text(device.get_serial_number_string)
+        own = self.serial or _text(device.get_product_string)
         self.identity = f"{self._vendor:04x}:{self._product:04x}" + (f":{own}" if own else "")
 
     def read(self, timeout: float) -> bytes | None:

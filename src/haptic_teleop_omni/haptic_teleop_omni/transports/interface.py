@@ -6,11 +6,14 @@ from typing import Protocol
 
 
 class OmniTransport(Protocol):
-    """emulated: whether nobody's hand is at the other end. identity: which device it is, once it is open; ""
-    for none that could be mistaken. Every call but `close` may raise DeviceError."""
+    """name: for diagnostics. emulated: whether nobody's hand is at the other end. identity: which device it
+    is, once it is open; "" for none that could be mistaken; serial: the number in it. Every call but `close`
+    may raise DeviceError."""
 
+    name: str
     emulated: bool
     identity: str
+    serial: str
 
     def open(self) -> None: ...
 

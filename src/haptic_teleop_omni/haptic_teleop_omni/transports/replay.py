@@ -9,8 +9,9 @@ from haptic_teleop_control.replay import Session
 class ReplayTransport:
     """What is written goes nowhere."""
 
+    name = "replay"
     emulated = True
-    identity = ""
+    identity = serial = ""
 
     def __init__(self, session: Session, clock: Clock) -> None:
         self._session, self._clock = session, clock

@@ -1,0 +1,265 @@
+"""Any Omni or Touch through the maker's HD library, paced by that library's own servo thread.
+
+`callback` schedules the compiled frame (`hd_frame.py`) for every period; this side waits for its reports.
+`synchronous` asks for one frame at a time and waits in the library until its servo thread has done it; then
+nothing takes the torque away when this side stops asking.
+
+A torque that is written acts from the next period on. Force is off until the first report with the motors on,
+and it goes off in the library, not only to zero, whenever the motors do.
+"""
+
+from __future__ import annotations
+
+import atexit
+import ctypes
+import os
+import select
+import struct
+import threading
+import time
+from contextlib import suppress
+from ctypes import c_int
+from dataclasses import dataclass
+from typing import Any
+
+from haptic_teleop_control.device import DeviceError
+from haptic_teleop_control.errors import ConfigurationError
+from haptic_teleop_control.quantities import check_quantities, quantity
+from haptic_teleop_omni.transports import hd_frame as frame
+from haptic_teleop_omni.transports import hd_library as hd
+
+PACINGS = ("callback", "synchronous")
+PRIORITY = 0xFFFF // 2
+OPENING_TIME = 2.0
+"""s in which the servo thread has to bring its first report."""
+
+CLOSING_TIME = 0.1
+"""s that the servo thread has to take the torque away before the library is told to stop without it."""
+
+OUTPUT = struct.Struct("<iiii")
+_lock = threading.Lock()
+
+
+@dataclass(frozen=True)
+class OpenHapticsSettings:
+    """Raises ConfigurationError naming the field for a value outside its range."""
+
+    library: str = quantity(
+        "", "", "libHD.so: an absolute path, or a name for the system's loader; empty: find it"
+    )
+    device_name: str = quantity(
+        "", "", "of the maker's set-up tool; empty: Default Device, then Default PHANToM"
+    )
+    serial: str = quantity("", "", "serial number that the device must have; empty: any")
+    pacing: str = quantity("callback", "", "how the servo thread paces the driver", choices=PACINGS)
+    watchdog: float = quantity(
+        0.02, "s", "without a new torque, after which the callback takes it away", minimum=0.005, maximum=0.2
+    )
+    inkwell_value: int = quantity(
+        0, "", "of the library's inkwell switch with the stylus in it", minimum=0, maximum=1
+    )
+
+    def __post_init__(self) -> None:
+        check_quantities(self)
+
+
+class OpenHapticsTransport:
+    """identity: model and serial number of the device that was opened. clock_gettime: for tests, a function
+    of ctypes in place of the system's. Raises ConfigurationError without the library."""
+
+    name = "openhaptics"
+    emulated = False
+
+    def __init__(self, settings: OpenHapticsSettings, clock_gettime: Any = None) -> None:
+        self.settings = settings
+        self._hd = hd.load_library(settings.library)
+        # Compiles: in a driver's loop it would be too late.
+        self._frame = frame.frame_of(self._hd, clock_gettime)
+        self._callback = ctypes.cast(self._frame.address, hd.CALLBACK)
+        self.identity = self.serial = self._versions = ""
+        self._handle: int | None = None
+        self._schedule: int | None = None
+        self._event = -1
+        self._poll = select.poll()
+        self._block = frame.block()
+        self._words = self._block.data
+        self._bytes = self._words.cast("B")
+        self._taken = self._answers = 0
+
+    def open(self) -> None:
+        """Raises ConfigurationError for another serial number than the stated one, DeviceError when the
+        device cannot be opened, with what helps."""
+        self.close()
+        with _lock:
+            self._pause_scheduler()
+            try:
+                self._handle = self._init_device()
+                self._hd.opened.append(self)
+            finally:
+                if self._hd.opened:
+                    self._hd.start_scheduler()
+        atexit.register(self.close)
+        try:
+            self._schedule_frame()
+            self._await_report()
+        except BaseException:
+            self.close()
+            raise
+
+    def read(self, timeout: float) -> bytes | None:
+        """See OmniTransport; the system waits in whole milliseconds."""
+        if self._handle is None:
+            raise DeviceError("the HD device is not open")
+        if self._waiting() == 0 and timeout > 0.0:
+            limit = time.monotonic() + timeout
+            while self._waiting() == 0 and (left := limit - time.monotonic()) > 0.0:
+                self._wait(left)
+        waiting = self._waiting()
+        if waiting == 0:
+            return None
+        if waiting > frame.RING - 1:  # the oldest are overwritten
+            self._taken += waiting - (frame.RING - 1)
+        at = 4 * (frame.CONTROL + frame.REPORT * (self._taken % frame.RING))
+        self._taken += 1
+        return bytes(self._bytes[at : at + 4 * frame.REPORT])
+
+    def write(self, report: bytes) -> None:
+        """Gives the torques of an output report to the next period."""
+        if self._handle is None:
+            raise DeviceError("the HD device is not open")
+        at = 4 * frame.OUTPUT
+        self._bytes[at : at + OUTPUT.size] = report
+        self._answers = (self._answers + 1) & 0x7FFFFFFF
+        self._words[frame.ANSWER] = self._answers
+
+    def close(self) -> None:
+        """Torque to zero and force off in the servo thread, then from here, then the device is released."""
+        with _lock:
+            handle, self._handle = self._handle, None
+            if handle is None:
+                return
+            atexit.unregister(self.close)
+            library = self._hd
+            self._words[frame.CLOSING] = 1
+            if self._schedule is None:  # asked frame by frame: this one waits for no thread that hangs
+                self._schedule = self._enter_callback()
+            self._await_end()
+            if not self._words[frame.CLOSED]:  # it hangs: from here, whatever the library says to that
+                self._force_off(handle)
+                library.hdUnschedule(self._schedule)
+            self._schedule = None
+            library.opened.remove(self)
+            library.hdStopScheduler()
+            self._force_off(handle)
+            library.hdDisableDevice(handle)
+            if library.opened:
+                library.start_scheduler()
+            library.error()
+            event, self._event = self._event, -1
+            if event >= 0:
+                os.close(event)
+
+    def _enter_callback(self) -> int:
+        return int(self._hd.hdScheduleAsynchronous(self._callback, self._block.ctypes.data, PRIORITY))
+
+    def _force_off(self, handle: int) -> None:
+        self._hd.hdMakeCurrentDevice(handle)
+        self._hd.hdDisable(hd.FORCE_OUTPUT)
+
+    def restarted(self) -> None:
+        """The servo thread is about to start: its first frames may be errors, and count for nothing."""
+        self._words[frame.CLEAN] = self._words[frame.FORGIVEN] = 0
+
+    def describe(self) -> str:
+        device = self.identity or "HD device"
+        return f"{device} through {self._hd.path}{self._versions}, {self.settings.pacing}"
+
+    def _init_device(self) -> int:
+        library, stated = self._hd, self.settings.device_name
+        library.error()
+        refusals = []
+        for name in (stated,) if stated else hd.DEVICE_NAMES:
+            handle = int(library.hdInitDevice(name.encode()))
+            try:
+                library.check(f"{name!r} cannot be opened")
+                if handle == hd.BAD_HANDLE:
+                    raise DeviceError(f"{name!r} cannot be opened: the library says no reason")
+            except DeviceError as refusal:
+                refusals.append(refusal)
+                continue
+            return self._examine(handle)
+        # Of two names the wrong one is merely not configured: the graver reason is the device's.
+        raise max(refusals, key=lambda refusal: (refusal.code != _NOT_CONFIGURED, refusal.code))
+
+    def _examine(self, handle: int) -> int:
+        library = self._hd
+        library.hdMakeCurrentDevice(handle)
+        library.hdDisable(hd.FORCE_OUTPUT)
+        self.serial = library.text(hd.SERIAL)
+        self.identity = ":".join(part for part in (library.text(hd.MODEL), self.serial) if part)
+        version = library.text(hd.DRIVER_VERSION)
+        self._versions = f", driver {version}" if version else ""
+        if self.settings.serial not in ("", self.serial):
+            library.hdDisableDevice(handle)
+            raise ConfigurationError(
+                f"openhaptics.serial is {self.settings.serial!r}, but the device that was opened has "
+                f"{self.serial!r}; name the other one with openhaptics.device_name, or correct the number."
+            )
+        styles = c_int(0)
+        library.hdGetIntegerv(hd.CALIBRATION_STYLE, ctypes.byref(styles))
+        library.error()
+        self._style = next((style for style, _ in hd.STYLES if styles.value & style), hd.INKWELL)
+        return handle
+
+    def _schedule_frame(self) -> None:
+        self._block[:] = 0
+        self._taken = self._answers = 0
+        self._event = os.eventfd(0, os.EFD_NONBLOCK | os.EFD_CLOEXEC)
+        self._poll = select.poll()
+        self._poll.register(self._event, select.POLLIN)
+        words = self._words
+        words[frame.HANDLE], words[frame.STYLE] = ctypes.c_int(self._handle or 0).value, self._style
+        words[frame.IN_WELL], words[frame.EVENT] = self.settings.inkwell_value, self._event
+        words[frame.WATCHDOG_FRAMES] = round(self.settings.watchdog * 1e9 / frame.PERIOD)
+        if self.settings.pacing == "synchronous":
+            words[frame.SINGLE] = 1
+            return
+        self._schedule = self._enter_callback()
+
+    def _await_report(self) -> None:
+        """Until the first frames are through, which may be errors."""
+        limit = time.monotonic() + OPENING_TIME
+        while self._waiting() == 0:
+            self._wait(0.01)
+            if time.monotonic() > limit:
+                self._hd.check("the library's servo thread brings no frame")
+                raise DeviceError(
+                    "the library's servo thread runs no callback; end what else uses the device"
+                )
+
+    def _wait(self, timeout: float) -> None:
+        """For a report, up to `timeout` s, in whole milliseconds."""
+        if self.settings.pacing == "synchronous":
+            self._hd.hdScheduleSynchronous(self._callback, self._block.ctypes.data, PRIORITY)
+        self._sleep(timeout if self.settings.pacing == "callback" else 0.0)
+
+    def _sleep(self, timeout: float) -> None:
+        self._poll.poll(max(1.0, 1e3 * timeout) if timeout > 0.0 else 0.0)
+        with suppress(OSError):  # nothing there, or closed meanwhile
+            os.eventfd_read(self._event)
+
+    def _waiting(self) -> int:
+        return (self._words[frame.HEAD] - self._taken) & 0xFFFFFFFF
+
+    def _await_end(self) -> None:
+        limit = time.monotonic() + CLOSING_TIME
+        while not self._words[frame.CLOSED] and (left := limit - time.monotonic()) > 0.0:
+            self._sleep(left)
+
+    def _pause_scheduler(self) -> None:
+        # A second device of this process joins: the library wants its devices before its scheduler runs.
+        if self._hd.opened:
+            self._hd.hdStopScheduler()
+
+
+_NOT_CONFIGURED = 0x0303
