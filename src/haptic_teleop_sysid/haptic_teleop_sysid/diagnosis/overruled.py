@@ -41,7 +41,8 @@ def believed_instead(opinion: Opinion, first: tuple[float, float], coloured: Cal
         max(own, PERFECT) / max(other, PERFECT)
         for own, other in zip(opinion.chosen.errors, first, strict=True)
     ]
-    if max(ratios) >= NO_WORSE or math.prod(ratios) >= CLEARLY**2:
+    # The validation recordings decide: a model errs less where it was fitted, whatever it is worth.
+    if ratios[1] >= NO_WORSE or math.prod(ratios) >= CLEARLY**2:
         return False
     return math.prod(ratios) < FAR**2 or coloured()
 

@@ -33,6 +33,8 @@ NO_WORSE = 1.02
 APART = 3.0
 #: Differences of APART at which a rival has no weight.
 NEGLIGIBLE = 4.0
+#: Groups of each number of effects that are run, whatever they gain.
+ALWAYS = 3
 #: Log-likelihood by which a free run may exceed the best of those that were run.
 UNSEEN = 5.0
 #: Error, relative, below which a free run is as good as it can be.
@@ -89,9 +91,9 @@ def second_opinion(witness: Witness, scales: Scales, errors: Errors, before: tup
         more = len(level[0].effects) - (len(chosen.group.effects) if chosen else 0)
         enough = (chosen.gain if chosen else 0.0) + AN_EFFECT * more
         ranked: list[Heard] = []
-        for group in level:
+        for number, group in enumerate(level):
             needed = max([enough, *(h.gain - NEGLIGIBLE * APART for h in ranked)])
-            if group.gain + freely + UNSEEN < needed:
+            if number >= ALWAYS and group.gain + freely + UNSEEN < needed:
                 break  # whatever its free run says; and so with those that gain less
             one = heard(group)
             if one is not None:
