@@ -1,0 +1,114 @@
+"""What a column may be, by its name and unit: time, input, or a position or velocity of motor or arm."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from haptic_teleop_sysid.logs.headers import words_of
+from haptic_teleop_sysid.logs.log import Column
+from haptic_teleop_sysid.logs.units import unit_of
+
+_TIME = {"t", "time", "zeit", "timestamp", "stamp", "elapsed", "seconds", "sec", "tid", "temps", "tiempo", "ms"}
+_POSITION = set("pos position positions angle angles q theta th winkel phi enc encoder rotation lage weg "
+                "displacement deflection stellung alpha x qm qa ql".split())  # fmt: skip
+_VELOCITY = set("vel velocity velocities speed dq qd qdot dtheta thetad thetadot omega drehzahl "
+                "geschwindigkeit rpm v w dqm dqa dx xd".split())  # fmt: skip
+_TORQUE = set("torque torques tau moment drehmoment effort efforts trq mot_torque".split())
+_FORCE = set("force kraft f fx".split())
+_CURRENT = set("current strom i iq amps amp".split())
+_VOLTAGE = set("voltage spannung u volts volt".split())
+_COMMAND = set("cmd command ref reference des desired target setpoint soll goal demand set d".split())
+_ACTUAL = set("meas measured act actual ist fbk feedback real is".split())
+_MOTOR = set("motor mot drive rotor antrieb m servo input_side qm dqm".split())
+_ARM = set("arm link load output last abtrieb tip l a qa ql dqa gelenk".split())
+_NEITHER = set("err error errors acc accel acceleration accelerations ddq qdd ddx temp temperature status "
+               "state mode flag count index idx id seq sample nr number row energy power".split())  # fmt: skip
+_WORDS = {
+    "input": (_TORQUE | _FORCE | _CURRENT | _VOLTAGE),
+    "position": _POSITION,
+    "velocity": _VELOCITY,
+    "time": _TIME,
+}
+_QUANTITY_ROLE = {
+    "time": "time",
+    "torque": "input",
+    "force": "input",
+    "current": "input",
+    "voltage": "input",
+    "angle": "position",
+    "length": "position",
+    "count": "position",
+    "angular velocity": "velocity",
+    "velocity": "velocity",
+    "count rate": "velocity",
+}
+
+
+@dataclass(frozen=True)
+class Candidate:
+    """A column as it may be taken: ``role`` ("time", "input", "position", "velocity"), ``part`` ("motor",
+    "arm" or "" for not said), ``joint``: what its name says of which joint it is ("" for nothing),
+    ``stated``: its unit says the role; ``command``: it names what was asked for, not what was measured."""
+
+    column: Column
+    role: str
+    part: str
+    joint: str
+    stated: bool
+    command: bool
+    measured: bool
+
+
+def candidate(column: Column) -> Candidate | None:
+    """Return what a column may be, or None for nothing that a recording of joints holds."""
+    joint, label = _joint_of(column)
+    words = words_of(label)
+    known = set(words) | {"".join(words)}
+    if known & _NEITHER and not known & _WORDS["time"]:
+        return None
+    unit = unit_of(column.stated)
+    role, stated = "", False
+    if unit is not None:
+        role = _QUANTITY_ROLE.get(unit.quantity, "")
+        stated = bool(role)
+        if not role:
+            return None
+    else:
+        role = next((r for r in ("time", "velocity", "position", "input") if known & _WORDS[r]), "")
+        if role == "position" and known & _VELOCITY:
+            role = "velocity"
+    if not role:
+        return None
+    part = "motor" if known & _MOTOR else "arm" if known & _ARM else ""
+    return Candidate(column, role, part, joint, stated, bool(known & _COMMAND), bool(known & _ACTUAL))
+
+
+def input_unit_by_name(column: Column) -> str:
+    """The unit that the words of an input's name suggest; "" where none does."""
+    known = set(words_of(_joint_of(column)[1]))
+    for words, unit in ((_TORQUE, "N*m"), (_FORCE, "N"), (_CURRENT, "A"), (_VOLTAGE, "V")):
+        if known & words:
+            return unit
+    return ""
+
+
+def joint_names(candidates: Sequence[Candidate]) -> list[str]:
+    """The joints that states are named for, in order; one without a name where none is."""
+    named = [c.joint for c in candidates if c.role in ("position", "velocity") and not c.command]
+    return list(dict.fromkeys(named))
+
+
+def _joint_of(column: Column) -> tuple[str, str]:
+    """(joint, the rest of the label): from `field[elbow]`, else from the number in the name."""
+    label = column.label
+    topic, _, path = label.rpartition(":") if label.startswith("/") else ("", "", label)
+    found = re.match(r"^(.*)\[([^\]]+)\](.*)$", path)
+    if found:
+        inner = found[2]
+        return (inner if not inner.isdigit() else f"j{inner}"), f"{found[1]} {found[3]}".strip()
+    digits = re.findall(r"\d+", path)
+    if len(digits) == 1:
+        return f"j{int(digits[0])}", re.sub(r"\d+", " ", path)
+    return "", path
