@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from haptic_teleop_control.errors import MismatchError, RecordingError
+from haptic_teleop_control.errors import ConfigurationError, MismatchError, RecordingError
 from haptic_teleop_control.recording import JointStateSeries, Recording
 from haptic_teleop_sysid.logs.clock import stamps_of
 from haptic_teleop_sysid.logs.evidence import contradictions
@@ -123,6 +123,11 @@ def _one_joint(
             )
     topic = STATES if STATES not in by_rows or np.array_equal(by_rows[STATES].stamps, stamps) else ""
     topic = topic or f"/plant/{_word(joint)}/joint_states"
+    for name in (joint, joint + ARM):
+        if any(name in rows.joints for rows in by_rows.values()):
+            raise ConfigurationError(
+                f"{mapping.source}: two joints would both be recorded as {name}: rename one."
+            )
     by_rows.setdefault(topic, _Rows(stamps, {}))
     states = {n.removeprefix("motor_"): v for n, v in values.items() if not n.startswith("arm_")}
     states = {("effort" if n == "input" else n): v for n, v in states.items()}

@@ -31,6 +31,8 @@ FACTORS = {
 NEAR, ALIKE = 0.02, 0.95
 #: Where a signal of the motion is believed to be something else: share of it that goes along.
 UNLIKE = 0.7
+#: Power, relative to the rms of input and velocity, below which the input brakes.
+BRAKES = -0.1
 #: Turns beyond which, in rad, a joint turns far.
 _FAR = 2.0
 
@@ -106,10 +108,30 @@ def contradictions(time: Array, signals: Mapping[str, Signal]) -> tuple[list[str
                 f"{_of(arm)} is {found.ratio:.4g} times {_of(motor)}: both should be at the joint, behind "
                 "any gear (gain)"
             )
+    drive = signals.get("input")
+    velocity = signals.get("motor_velocity")
+    if drive is not None and (motor is not None or velocity is not None):
+        speed = np.gradient(motor.values) if velocity is None and motor is not None else velocity.values  # pyright: ignore[reportOptionalMemberAccess]
+        if len(drive.values) == len(speed) and brakes(drive.values, speed):
+            odd.append(
+                f"{_of(drive)} brakes the joint on the whole, which what drives a joint with friction does not: "
+                "is its sign reversed?"
+            )
     for name in ("motor_position", "arm_position"):
         if name in signals:
             odd += _far(signals[name], f"{name.partition('_')[0]}_velocity" in signals)
     return refuted, odd
+
+
+def brakes(drive: Array, velocity: Array) -> bool:
+    """Whether an input (n,) takes energy out of a joint of this velocity (n,), clearly and in both halves."""
+    good = np.isfinite(drive) & np.isfinite(velocity)
+    if np.sum(good) < 40:
+        return False
+    u, v = drive[good], velocity[good]
+    scale = float(np.sqrt(np.mean(u**2) * np.mean(v**2)))
+    half = len(u) // 2
+    return scale > 0.0 and all(float(np.mean(u[s] * v[s])) < BRAKES * scale for s in (slice(half), slice(half, None)))
 
 
 def _judge_derivative(

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from haptic_teleop_sysid.logs.evidence import ALIKE, NEAR, derivative_relation
+from haptic_teleop_sysid.logs.evidence import ALIKE, NEAR, brakes, derivative_relation
 from haptic_teleop_sysid.logs.log import Log
 from haptic_teleop_sysid.logs.roles import Candidate, input_unit_by_name
 from haptic_teleop_sysid.logs.units import unit_of
@@ -81,11 +81,24 @@ def guess_units(
             unit, sure, why = _by_range(column.values, name, column.name.startswith("/"))
             choice.entry = replace(choice.entry, unit=unit)
             choice.less(sure, why)
+    _sign(chosen, found)
     if "input" in chosen and not chosen["input"].column.stated:
         choice = found["input"]
         unit = input_unit_by_name(chosen["input"].column)
         choice.entry = replace(choice.entry, unit=unit)
         choice.less("guessed" if unit else "missing", f"{unit} by its name" if unit else "fill in its unit")
+
+
+def _sign(chosen: Mapping[str, Candidate], found: Mapping[str, Any]) -> None:
+    """Reverse the sign of an input that brakes the joint on the whole."""
+    motion = next((n for n in ("motor_velocity", "motor_position") if n in chosen), None)
+    if "input" not in chosen or motion is None:
+        return
+    drive, values = chosen["input"].column, chosen[motion].column.values * found[motion].entry.sign
+    speed = values if motion == "motor_velocity" else np.gradient(values)
+    if len(drive.values) == len(speed) and brakes(drive.values, speed):
+        found["input"].entry = replace(found["input"].entry, sign=-1)
+        found["input"].less("likely", "it would brake the joint on the whole, so its sign is reversed")
 
 
 def _by_derivative(
