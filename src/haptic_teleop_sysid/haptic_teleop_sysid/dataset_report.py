@@ -23,6 +23,7 @@ from haptic_teleop_sysid.dataset import DataSet, load_dataset
 from haptic_teleop_sysid.excitation import Excitation, excitation, refuse_idle
 from haptic_teleop_sysid.logs.opened import open_recording
 from haptic_teleop_sysid.preparation import prepare, refuse_huge
+from haptic_teleop_sysid.recorded_parameters import recorded_units
 from haptic_teleop_sysid.report import (
     Page,
     Panel,
@@ -32,7 +33,6 @@ from haptic_teleop_sysid.report import (
     stacked_panels,
 )
 from haptic_teleop_sysid.results import tool_version, write_json
-from haptic_teleop_sysid.recorded_parameters import recorded_units
 from haptic_teleop_sysid.treatment_options import add_mapping_option, add_treatment_options, treatment_of
 
 ILL_CONDITIONED = 1e6

@@ -1,4 +1,4 @@
-"""`haptic-teleop import`: a log as it is (CSV, MATLAB, npz, Parquet, a bag of ROS 1 or 2) becomes a recording.
+"""`haptic-teleop import`: a log (CSV, MATLAB, npz, Parquet, a bag of ROS 1 or 2) becomes a recording.
 
 Where the headers leave nothing open (`time [ms];torque [Nmm];angle [deg]`) the log is all that is needed;
 otherwise `--suggest` proposes a mapping file to look through. Several logs, or a folder of them, become a
@@ -48,9 +48,11 @@ def run(argv: list[str]) -> int:
         raise ConfigurationError("say with --output where the recording goes, or --suggest a mapping.")
     output = Path(arguments.output)
     if output.exists():
-        raise RecordingError(f"{output}: it exists already and is not overwritten: name another output, or remove it")
+        raise RecordingError(
+            f"{output}: it exists already and is not overwritten: name another output, or remove it"
+        )
     console, screen = Console(), Console(stderr=True)
-    if len(files) == 1 and not Path(arguments.files[0]).is_dir() or _is_bag(Path(arguments.files[0])):
+    if (len(files) == 1 and not Path(arguments.files[0]).is_dir()) or _is_bag(Path(arguments.files[0])):
         recording = imported(files[0], mapping, options)
         _written(recording, output)
         _tell(recording, output, console, screen)
@@ -76,17 +78,15 @@ def _several(
             _written(recording, output / name)
         except HapticTeleopError as error:
             failed[file] = " ".join(str(error).split())
-            screen.print(f"failed: {failed[file]}", markup=False, highlight=False, soft_wrap=True)
+            _say(screen, f"failed: {failed[file]}")
             continue
         odd = recording.experiment["import"]["odd"]
         about = f"{_samples(recording)}" + (f"; {len(odd)} things to look at" if odd else "")
-        console.print(f"{output / name}: {about}", markup=False, highlight=False, soft_wrap=True)
-    console.print(
+        _say(console, f"{output / name}: {about}")
+    _say(
+        console,
         f"{len(files) - len(failed)} of {len(files)} logs imported into {output}"
         + (f"; {len(failed)} failed: {', '.join(str(f) for f in failed)}" if failed else ""),
-        markup=False,
-        highlight=False,
-        soft_wrap=True,
     )
     if len(failed) == len(files):
         raise RecordingError(f"none of {len(files)} logs could be imported: see above what each lacks.")
@@ -103,13 +103,15 @@ def _suggest(files: list[Path], options: ReadOptions, mapping: Mapping | None) -
     print(mapping_text(log, proposal), end="")
     screen = Console(stderr=True)
     for remark in log.remarks:
-        screen.print(f"note: {remark}", markup=False, highlight=False, soft_wrap=True)
+        _say(screen, f"note: {remark}")
     every = [c.sure for signals in proposal.joints.values() for c in signals.values()]
     every += [proposal.time.sure] if proposal.time else []
     counted = Counter(every)
     told = ", ".join(f"{counted[s]} {s}" for s in ("stated", "likely", "guessed", "missing") if counted[s])
-    verdict = "nothing is open: no mapping is needed" if not proposal.open else "look through what is not stated"
-    screen.print(f"{told or 'nothing was found'}: {verdict}", markup=False, highlight=False, soft_wrap=True)
+    verdict = (
+        "nothing is open: no mapping is needed" if not proposal.open else "look through what is not stated"
+    )
+    _say(screen, f"{told or 'nothing was found'}: {verdict}")
     return 0
 
 
@@ -123,7 +125,9 @@ def logs_in(paths: Sequence[Path]) -> list[Path]:
             continue
         inside = sorted(p for p in path.iterdir() if _is_bag(p) or p.suffix.lower() in SUFFIXES)
         if not inside:
-            raise ConfigurationError(f"{path}: no log in it ({', '.join(SUFFIXES)} or a bag): name another folder.")
+            raise ConfigurationError(
+                f"{path}: no log in it ({', '.join(SUFFIXES)} or a bag): name another folder."
+            )
         found += inside
     return found
 
@@ -146,29 +150,34 @@ def _samples(recording: Recording) -> str:
 
 def _tell(recording: Recording, output: Path, console: Console, screen: Console) -> None:
     story: dict[str, Any] = recording.experiment["import"]
-    say = {"markup": False, "highlight": False, "soft_wrap": True}
     for line in (*story["read"], *story["changes"]):
-        console.print(line, **say)
+        _say(console, line)
     for joint, units in story["units"].items():
         for name, where in story["io"][joint].items():
             series = recording.topics[where["topic"]] if where else None
             if series is None:
-                screen.print(f"note: {joint} has no {name}", **say) if name == "input" else None
+                _say(screen, f"note: {joint} has no {name}") if name == "input" else None
                 continue
             kinds = ("effort",) if name == "input" else ("position", "velocity")
             for kind in kinds:
                 values = getattr(series, kind)
-                if values is None or not np.any(np.isfinite(column := values[:, series.names.index(where["joint"])])):
+                if values is None or not np.any(
+                    np.isfinite(column := values[:, series.names.index(where["joint"])])
+                ):
                     continue
                 unit = units["input"] if name == "input" else units[kind]
                 low, high = float(np.nanmin(column)), float(np.nanmax(column))
                 what = "input" if name == "input" else f"{name} {kind}"
-                console.print(f"{joint} {what}: {low:.6g} to {high:.6g} {unit}", **say)
+                _say(console, f"{joint} {what}: {low:.6g} to {high:.6g} {unit}")
     for line in story["odd"]:
-        screen.print(f"note: {line}", **say)
-    console.print(f"recording: {output} ({_samples(recording)})", **say)
+        _say(screen, f"note: {line}")
+    _say(console, f"recording: {output} ({_samples(recording)})")
     io = dump_yaml(story["io"][next(iter(story["io"]))], default_flow_style=True).strip().replace("\n", " ")
-    console.print(f"in a model file: robot: generic, io: {' '.join(io.split())}", **say)
+    _say(console, f"in a model file: robot: generic, io: {' '.join(io.split())}")
+
+
+def _say(console: Console, text: str) -> None:
+    console.print(text, markup=False, highlight=False, soft_wrap=True)
 
 
 def main(argv: list[str] | None = None) -> int:

@@ -45,9 +45,10 @@ def _leaves(path: str, value: Any, depth: int) -> Iterator[tuple[str, Any]]:
     if depth == 0:
         return
     if isinstance(value, pd.DataFrame):
-        if isinstance(value.index, (pd.TimedeltaIndex, pd.DatetimeIndex)):
-            name = value.index.name or "time"
-            since = value.index - (value.index[0] if isinstance(value.index, pd.DatetimeIndex) else pd.Timedelta(0))
+        index: Any = value.index
+        if isinstance(index, (pd.TimedeltaIndex, pd.DatetimeIndex)):
+            name = index.name or "time"
+            since: Any = index - (index[0] if isinstance(index, pd.DatetimeIndex) else pd.Timedelta(0))
             yield f"{path}.{name} [s]", np.asarray(since.total_seconds())
         for name in value.columns:
             yield from _leaves(f"{path}.{name}", value[name].to_numpy(), depth - 1)

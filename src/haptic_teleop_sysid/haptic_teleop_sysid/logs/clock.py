@@ -69,8 +69,8 @@ def stamps_of(
     if not _DATES[0] < float(np.min(seconds)) < _DATES[1]:
         if float(np.max(np.abs(seconds))) > _DATES[0]:
             raise RecordingError(
-                f"{log.path}: the time {clock.name!r} in {unit.text} reaches {np.max(np.abs(seconds)):.3g} s, "
-                "which is neither a time since the start nor since 1970: give another unit (ms, us, ns)."
+                f"{log.path}: the time {clock.name!r} in {unit.text} reaches {np.max(np.abs(seconds)):.3g} "
+                "s, which is neither a time since the start nor since 1970: give another unit (ms, us, ns)."
             )
         origin = float(ORIGIN)
         told.append(f"its times are no dates: stamps are {origin:.0e} s later")

@@ -71,7 +71,7 @@ def convert(log: Log, mapping: Mapping) -> Recording:
         experiment=experiment,
         problems=list(story["odd"]),
         counts={n: len(s) for n, s in topics.items()},
-        types={n: "sensor_msgs/msg/JointState" for n in topics},
+        types=dict.fromkeys(topics, "sensor_msgs/msg/JointState"),
     )
 
 
@@ -102,7 +102,9 @@ def _one_joint(
         elsewhere[name] = own_stamps, signal.values[own_rows]
         if name != "input":
             values[name] = np.interp(stamps, own_stamps, signal.values[own_rows])
-            changes.append(f"{signal.name} has times of its own ({where}) and was interpolated to the motor's")
+            changes.append(
+                f"{signal.name} has times of its own ({where}) and was interpolated to the motor's"
+            )
     refuted, doubtful = contradictions(time, aligned)
     if refuted:
         raise MismatchError(
@@ -118,8 +120,8 @@ def _one_joint(
         if f"{part}_velocity" in values and f"{part}_position" not in values:
             values[f"{part}_position"] = _integrated(time, values[f"{part}_velocity"])
             changes.append(
-                f"{joint}.{part}_position is the integral of {joint}.{part}_velocity (trapezoids), from zero: "
-                "only the velocity was logged, and its offset drifts in it"
+                f"{joint}.{part}_position is the integral of {joint}.{part}_velocity (trapezoids), from "
+                "zero: only the velocity was logged, and its offset drifts in it"
             )
     topic = STATES if STATES not in by_rows or np.array_equal(by_rows[STATES].stamps, stamps) else ""
     topic = topic or f"/plant/{_word(joint)}/joint_states"

@@ -98,9 +98,7 @@ def contradictions(time: Array, signals: Mapping[str, Signal]) -> tuple[list[str
     if motor is not None and arm is not None and len(motor.values) == len(arm.values):
         found = relation(arm.values, motor.values)
         if found is not None and abs(found.alike) > ALIKE and (known := known_factor(found.ratio)):
-            refuted.append(
-                f"{_of(arm)} is {abs(found.ratio):.4g} times {_of(motor)}: {known[1]}?"
-            )
+            refuted.append(f"{_of(arm)} is {abs(found.ratio):.4g} times {_of(motor)}: {known[1]}?")
         elif found is not None and found.alike < -UNLIKE:
             odd.append(f"{_of(arm)} goes against {_of(motor)}: reverse a sign, unless the gear does")
         elif found is not None and found.alike > ALIKE and not 0.5 < found.ratio < 2.0:
@@ -114,8 +112,8 @@ def contradictions(time: Array, signals: Mapping[str, Signal]) -> tuple[list[str
         speed = np.gradient(motor.values) if velocity is None and motor is not None else velocity.values  # pyright: ignore[reportOptionalMemberAccess]
         if len(drive.values) == len(speed) and brakes(drive.values, speed):
             odd.append(
-                f"{_of(drive)} brakes the joint on the whole, which what drives a joint with friction does not: "
-                "is its sign reversed?"
+                f"{_of(drive)} brakes the joint on the whole, which what drives a joint with friction does "
+                "not: is its sign reversed?"
             )
     for name in ("motor_position", "arm_position"):
         if name in signals:
@@ -131,7 +129,9 @@ def brakes(drive: Array, velocity: Array) -> bool:
     u, v = drive[good], velocity[good]
     scale = float(np.sqrt(np.mean(u**2) * np.mean(v**2)))
     half = len(u) // 2
-    return scale > 0.0 and all(float(np.mean(u[s] * v[s])) < BRAKES * scale for s in (slice(half), slice(half, None)))
+    return scale > 0.0 and all(
+        float(np.mean(u[s] * v[s])) < BRAKES * scale for s in (slice(half), slice(half, None))
+    )
 
 
 def _judge_derivative(

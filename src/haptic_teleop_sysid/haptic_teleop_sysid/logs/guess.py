@@ -63,7 +63,9 @@ def guess_time(values: Array, stated: str) -> TimeGuess | None:
     unit = likely[0] if not (whole and "ms" in likely) else "ms"
     rate = 1.0 / (step * _SCALES[unit])
     sure = "likely" if len(likely) == 1 else "guessed"
-    return TimeGuess((values - good[0]) * _SCALES[unit], unit, sure, f"in {unit} its rows are {rate:.4g} Hz apart")
+    return TimeGuess(
+        (values - good[0]) * _SCALES[unit], unit, sure, f"in {unit} its rows are {rate:.4g} Hz apart"
+    )
 
 
 def guess_units(
@@ -102,7 +104,11 @@ def _sign(chosen: Mapping[str, Candidate], found: Mapping[str, Any]) -> None:
 
 
 def _by_derivative(
-    log: Log, chosen: Mapping[str, Candidate], found: Mapping[str, Any], names: list[str], time: TimeGuess | None
+    log: Log,
+    chosen: Mapping[str, Candidate],
+    found: Mapping[str, Any],
+    names: list[str],
+    time: TimeGuess | None,
 ) -> None:
     """Units of a position and a velocity from the factor between the one and the integral of the other."""
     position, velocity = (chosen[n].column for n in names)
@@ -128,8 +134,12 @@ def _by_derivative(
     if not fitting:
         counts = abs(related.ratio) * 2.0 * np.pi
         if np.all(position.values[np.isfinite(position.values)] % 1.0 == 0.0) and counts > 50.0:
-            found[names[0]].entry = replace(found[names[0]].entry, unit="counts", counts_per_turn=round(counts))
-            found[names[0]].less("guessed", f"whole numbers; {counts:.5g} counts per turn if the velocity is in rad/s")
+            found[names[0]].entry = replace(
+                found[names[0]].entry, unit="counts", counts_per_turn=round(counts)
+            )
+            found[names[0]].less(
+                "guessed", f"whole numbers; {counts:.5g} counts per turn if the velocity is in rad/s"
+            )
             found[names[1]].entry = replace(found[names[1]].entry, unit="rad/s")
             found[names[1]].less("guessed", why)
         else:

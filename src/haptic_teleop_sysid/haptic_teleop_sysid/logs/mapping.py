@@ -1,4 +1,4 @@
-"""The mapping file: which column of a log is time, input, motor and arm, in which unit and with which sign."""
+"""The mapping file: which column of a log is time, input, motor and arm, in which unit, with which sign."""
 
 from __future__ import annotations
 
@@ -41,15 +41,14 @@ class Entry:
     def plain(self) -> dict[str, Any]:
         """The entry as the mapping file has it, without what is as if not said."""
         default = Entry(self.column)
-        return {
-            n: v for n, v in self.__dict__.items() if n == "column" or v != getattr(default, n)
-        }
+        return {n: v for n, v in self.__dict__.items() if n == "column" or v != getattr(default, n)}
 
 
 @dataclass(frozen=True)
 class Mapping:
-    """``time``: its column and unit, or None where the log's own stamps or ``rate`` (Hz) say when; ``joints``:
-    name -> signal of SIGNALS -> Entry; ``stated``: how a text table is written; ``source``: where it is from."""
+    """``time``: its column and unit, or None where the log's own stamps or ``rate`` (Hz) say when;
+    ``joints``: name -> signal of SIGNALS -> Entry; ``stated``: how a text table is written; ``source``:
+    where the mapping is from; ``notes``: what to tell beside it."""
 
     joints: dict[str, dict[str, Entry]]
     time: Entry | None = None
@@ -77,7 +76,11 @@ class Mapping:
 
     def topics(self) -> tuple[str, ...]:
         """The topics of a bag that the columns name."""
-        names = [e.column for e in (*self.entries(), *([self.time] if self.time else [])) if isinstance(e.column, str)]
+        names = [
+            e.column
+            for e in (*self.entries(), *([self.time] if self.time else []))
+            if isinstance(e.column, str)
+        ]
         return tuple(dict.fromkeys(n.partition(":")[0] for n in names if n.startswith("/")))
 
 
@@ -135,7 +138,9 @@ def _time(content: Any, source: str) -> tuple[Entry | None, float | None]:
         return None, rate
     entry = _entry(content, source, "time")
     if entry.unit and _known(entry.unit, source, "time").quantity != "time":
-        raise ConfigurationError(f"{source}: time.unit {entry.unit!r} is no unit of time: give s, ms, us or ns.")
+        raise ConfigurationError(
+            f"{source}: time.unit {entry.unit!r} is no unit of time: give s, ms, us or ns."
+        )
     return entry, None
 
 
@@ -164,7 +169,9 @@ def _entry(content: Any, source: str, where: str) -> Entry:
     given = _section(content, source, where, allowed)
     column = given.get("column")
     if not isinstance(column, (str, int)) or isinstance(column, bool) or column == "":
-        raise ConfigurationError(f"{source}: {where} names no column: give column: NAME, or its number from 1.")
+        raise ConfigurationError(
+            f"{source}: {where} names no column: give column: NAME, or its number from 1."
+        )
     entry = Entry(
         column,
         str(given.get("unit") or ""),

@@ -16,8 +16,9 @@ from haptic_teleop_sysid.logs.log import Log, refuse_bytes
 
 _COMPRESSED = 15
 #: What whosmat calls variables that are no objects.
-_PLAIN = frozenset(
-    "double single int8 uint8 int16 uint16 int32 uint32 int64 uint64 logical char struct cell sparse".split()
+_PLAIN = (
+    *("double", "single", "int8", "uint8", "int16", "uint16", "int32", "uint32", "int64", "uint64"),
+    *("logical", "char", "struct", "cell", "sparse"),
 )
 _HDF5 = b"\x89HDF\r\n\x1a\n"
 #: What to type in MATLAB to make plain arrays of an object `x`.

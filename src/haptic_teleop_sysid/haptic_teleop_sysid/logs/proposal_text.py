@@ -1,4 +1,4 @@
-"""A proposed mapping as the YAML file that a user looks through, with what speaks for each entry beside it."""
+"""A proposed mapping as the YAML file that a user looks through, with what speaks for each entry beside."""
 
 from __future__ import annotations
 

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
-from haptic_teleop_control.errors import ConfigurationError, RecordingError
+from haptic_teleop_control.errors import ConfigurationError, HapticTeleopError, RecordingError
 from haptic_teleop_sysid.logs.dialect import Stated
 from haptic_teleop_sysid.logs.log import Log
 
@@ -43,7 +43,20 @@ def read_log(path: Path, options: ReadOptions | None = None) -> Log:
     options = options or ReadOptions()
     kind = kind_of(path)
     if options.rows is not None and kind == "bag":
-        raise ConfigurationError(f"--rows goes with tables, and {path} is a bag: cut it with `ros2 bag convert`.")
+        raise ConfigurationError(
+            f"--rows goes with tables, and {path} is a bag: cut it with `ros2 bag convert`."
+        )
+    try:
+        return _read(path, kind, options)
+    except (HapticTeleopError, MemoryError):
+        raise
+    except Exception as error:  # what libraries raise on a file that is not what it seems is of every kind
+        raise RecordingError(
+            f"{path} cannot be read ({type(error).__name__}: {error}): write it again, or export it as CSV."
+        ) from error
+
+
+def _read(path: Path, kind: str, options: ReadOptions) -> Log:
     # Each reader is imported when it is needed: pyarrow and h5py take longer than a small log.
     if kind == "bag":
         from haptic_teleop_sysid.logs.ros_bags import read_bag
@@ -67,7 +80,7 @@ def read_log(path: Path, options: ReadOptions | None = None) -> Log:
 
 
 def kind_of(path: Path) -> str:
-    """"bag", "matlab", "numpy", "parquet" or "text". Raises RecordingError for what is known to be none."""
+    """ "bag", "matlab", "numpy", "parquet" or "text". Raises RecordingError for what is known to be none."""
     try:
         if path.is_dir():
             return "bag"

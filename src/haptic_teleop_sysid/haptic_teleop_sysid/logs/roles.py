@@ -10,21 +10,32 @@ from haptic_teleop_sysid.logs.headers import words_of
 from haptic_teleop_sysid.logs.log import Column
 from haptic_teleop_sysid.logs.units import unit_of
 
-_TIME = {"t", "time", "zeit", "timestamp", "stamp", "elapsed", "seconds", "sec", "tid", "temps", "tiempo", "ms"}
-_POSITION = set("pos position positions angle angles q theta th winkel phi enc encoder rotation lage weg "
-                "displacement deflection stellung alpha x qm qa ql".split())  # fmt: skip
-_VELOCITY = set("vel velocity velocities speed dq qd qdot dtheta thetad thetadot omega drehzahl "
-                "geschwindigkeit rpm v w dqm dqa dx xd".split())  # fmt: skip
-_TORQUE = set("torque torques tau moment drehmoment effort efforts trq mot_torque".split())
-_FORCE = set("force kraft f fx".split())
-_CURRENT = set("current strom i iq amps amp".split())
-_VOLTAGE = set("voltage spannung u volts volt".split())
-_COMMAND = set("cmd command ref reference des desired target setpoint soll goal demand set d".split())
-_ACTUAL = set("meas measured act actual ist fbk feedback real is".split())
-_MOTOR = set("motor mot drive rotor antrieb m servo input_side qm dqm".split())
-_ARM = set("arm link load output last abtrieb tip l a qa ql dqa gelenk".split())
-_NEITHER = set("err error errors acc accel acceleration accelerations ddq qdd ddx temp temperature status "
-               "state mode flag count index idx id seq sample nr number row energy power".split())  # fmt: skip
+
+def _set(text: str) -> frozenset[str]:
+    return frozenset(text.split())
+
+
+_TIME = _set("t time zeit timestamp stamp elapsed seconds sec tid temps tiempo ms")
+_POSITION = _set(
+    "pos position positions angle angles q theta th winkel phi enc encoder rotation lage weg displacement "
+    "deflection stellung alpha x qm qa ql"
+)
+_VELOCITY = _set(
+    "vel velocity velocities speed dq qd qdot dtheta thetad thetadot omega drehzahl geschwindigkeit rpm v w "
+    "dqm dqa dx xd"
+)
+_TORQUE = _set("torque torques tau moment drehmoment effort efforts trq")
+_FORCE = _set("force kraft f fx")
+_CURRENT = _set("current strom i iq amps amp")
+_VOLTAGE = _set("voltage spannung u volts volt")
+_COMMAND = _set("cmd command ref reference des desired target setpoint soll goal demand set d")
+_ACTUAL = _set("meas measured act actual ist fbk feedback real is")
+_MOTOR = _set("motor mot drive rotor antrieb m servo qm dqm")
+_ARM = _set("arm link load output last abtrieb tip l a qa ql dqa gelenk")
+_NEITHER = _set(
+    "err error errors acc accel acceleration accelerations ddq qdd ddx temp temperature status state mode "
+    "flag count index idx id seq sample nr number row energy power"
+)
 _WORDS = {
     "input": (_TORQUE | _FORCE | _CURRENT | _VOLTAGE),
     "position": _POSITION,

@@ -27,9 +27,7 @@ _UNITS = (
 )
 
 
-def read_bag(
-    path: Path, topics: Sequence[str] | None = None, definitions: Sequence[Path] = ()
-) -> Log:
+def read_bag(path: Path, topics: Sequence[str] | None = None, definitions: Sequence[Path] = ()) -> Log:
     """Return the numbers of a bag, of ``topics`` alone where given; ``definitions``: .msg files for messages
     that the bag does not define, named after their type (`package/msg/Type.msg`)."""
     store = get_typestore(Stores.ROS2_KILTED)

@@ -47,7 +47,9 @@ class Proposal:
     def usable(self) -> bool:
         """Whether a recording can be made of it without anything being filled in."""
         every = [c for signals in self.joints.values() for c in signals.values()]
-        return bool(self.joints) and all(c.sure != MISSING for c in [*every, *([self.time] if self.time else [])])
+        return bool(self.joints) and all(
+            c.sure != MISSING for c in [*every, *([self.time] if self.time else [])]
+        )
 
     def mapping(self, source: str) -> Mapping:
         """The mapping that it proposes."""
@@ -79,7 +81,9 @@ def propose(log: Log) -> Proposal:
     return Proposal(time, joints, list(dict.fromkeys(opened)), unused)
 
 
-def _time(log: Log, candidates: Sequence[Candidate], opened: list[str]) -> tuple[Choice | None, TimeGuess | None]:
+def _time(
+    log: Log, candidates: Sequence[Candidate], opened: list[str]
+) -> tuple[Choice | None, TimeGuess | None]:
     if log.stamps:
         return None, None
     found = [c for c in candidates if c.role == "time"]
@@ -108,7 +112,9 @@ def _time(log: Log, candidates: Sequence[Candidate], opened: list[str]) -> tuple
             choice.less(GUESSED, "another column may be the time as well")
         return choice, guess
     if guess is None:
-        return Choice(Entry(chosen.column.name, "s"), MISSING, ["its values do not go up: give the unit"]), None
+        return Choice(
+            Entry(chosen.column.name, "s"), MISSING, ["its values do not go up: give the unit"]
+        ), None
     return Choice(Entry(chosen.column.name, guess.unit), guess.sure, [guess.why]), guess
 
 
@@ -122,7 +128,8 @@ def _same_clock(clocks: Sequence[Candidate]) -> bool:
         times.append((c.column.values - c.column.values[0]) * unit.factor)
     period = float(np.median(np.abs(np.diff(times[0])))) or 1.0
     return all(
-        len(t) == len(times[0]) and float(np.nanmax(np.abs(t - times[0]))) < max(0.1 * period, 1e-9) for t in times
+        len(t) == len(times[0]) and float(np.nanmax(np.abs(t - times[0]))) < max(0.1 * period, 1e-9)
+        for t in times
     )
 
 
@@ -171,7 +178,9 @@ def _parts(
             pick = rest.pop(0)
         else:
             continue
-        choice = Choice(Entry(pick.column.name), STATED if pick.stated else LIKELY, [f"{part} {role} by its name"])
+        choice = Choice(
+            Entry(pick.column.name), STATED if pick.stated else LIKELY, [f"{part} {role} by its name"]
+        )
         if not pick.part and doubtful:
             choice.less(GUESSED, f"nothing says whether it is the motor's or the arm's {role}")
         elif not pick.part and part == "arm":

@@ -1,4 +1,4 @@
-"""Tables of text (CSV, TSV, columns apart by spaces), read by pandas; what pandas passes over is looked for."""
+"""Tables of text (CSV, TSV, cells apart by spaces), read by pandas; what pandas passes over is looked for."""
 
 from __future__ import annotations
 
@@ -6,6 +6,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from itertools import islice
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -85,8 +86,8 @@ def _looked_through(path: Path, dialect: Dialect, start: int, stop: int) -> _Lin
     width = len(dialect.names)
     found = _Lines(0, [], [])
     last = ""
-    number = dialect.first + start
-    for number, line in enumerate(_from(path, dialect, dialect.first + start, stop - start), number):
+    first = number = dialect.first + start
+    for number, line in enumerate(_from(path, dialect, first, stop - start), first):
         found.rows += 1
         last = line
         if not line.strip() or line.lstrip().startswith(COMMENTS):
@@ -117,11 +118,12 @@ def _width(line: str, dialect: Dialect) -> int:
     return line.count(dialect.delimiter) + 1
 
 
-def _parsed(path: Path, dialect: Dialect, first: int, count: int, left_out: set[int]) -> pd.DataFrame:
+def _parsed(path: Path, dialect: Dialect, first: int, count: int, left_out: set[int]) -> Any:
     width = len(dialect.names)
     skipped = left_out | set(range(first)) if first < 1_000_000 else left_out
+    reader: Any = pd.read_csv  # its types do not tell a column from a table
     try:
-        return pd.read_csv(
+        return reader(
             path,
             sep=r"\s+" if dialect.delimiter == " " else dialect.delimiter,
             decimal=dialect.decimal,
@@ -142,11 +144,11 @@ def _parsed(path: Path, dialect: Dialect, first: int, count: int, left_out: set[
         raise RecordingError(f"{path} cannot be read as a table ({error}): mend it.") from error
 
 
-def _numbers(values: pd.Series) -> tuple[NDArray[np.float64], tuple[int, str] | None]:
+def _numbers(values: Any) -> tuple[NDArray[np.float64], tuple[int, str] | None]:
     """The numbers of a column, NaN where there is none, and the first cell that is text."""
     if pd.api.types.is_numeric_dtype(values) or pd.api.types.is_bool_dtype(values):
         return values.to_numpy(np.float64), None
-    numbers = pd.to_numeric(values, errors="coerce")
+    numbers: Any = pd.to_numeric(values, errors="coerce")
     bad = np.flatnonzero((numbers.isna() & values.notna()).to_numpy())
     first = (int(bad[0]) + 1, str(values.iloc[int(bad[0])])) if len(bad) else None
     if first is not None and len(bad) == int(values.notna().sum()):
@@ -156,7 +158,7 @@ def _numbers(values: pd.Series) -> tuple[NDArray[np.float64], tuple[int, str] | 
     return numbers.to_numpy(np.float64), first
 
 
-def _instants(values: pd.Series) -> NDArray[np.float64] | None:
+def _instants(values: Any) -> NDArray[np.float64] | None:
     """Seconds since 1970 where all cells are dates with times of ISO 8601, else None."""
     if not str(values.iloc[0])[:4].isdecimal():
         return None
@@ -164,5 +166,5 @@ def _instants(values: pd.Series) -> NDArray[np.float64] | None:
         dates = pd.to_datetime(values, utc=True, format="ISO8601")
     except (ValueError, TypeError):
         return None
-    since = dates - pd.Timestamp(0, tz="UTC")
+    since: Any = dates - pd.Timestamp(0, tz="UTC")
     return since.dt.total_seconds().to_numpy(np.float64)

@@ -57,7 +57,9 @@ _SPELLINGS = {
     **dict.fromkeys(("NM", "Nm"), "Nm"),
     **dict.fromkeys(("amp", "amps", "ampere", "amperes", "Ampere"), "A"),
     **dict.fromkeys(("volt", "volts", "Volt"), "V"),
-    **dict.fromkeys(("counts", "cnt", "cnts", "cts", "tick", "ticks", "inc", "incs", "pulse", "pulses"), "count"),
+    **dict.fromkeys(
+        ("counts", "cnt", "cnts", "cts", "tick", "ticks", "inc", "incs", "pulse", "pulses"), "count"
+    ),
     **dict.fromkeys(("lb", "lbs"), "lbf"),
     "oz": "ozf",
 }
