@@ -82,7 +82,7 @@ def dialect_of(path: Path, stated: Stated | None = None) -> Dialect:
     ]
     scored = [(_score([line for _, line in rows[-200:]], *choice), choice) for choice in choices]
     # The first of equals: a semicolon before a comma, a decimal point before a decimal comma.
-    (numbers, columns), (delimiter, decimal) = max(scored, key=lambda s: s[0])
+    (numbers, _, columns), (delimiter, decimal) = max(scored, key=lambda s: s[0])
     if not numbers:
         raise RecordingError(
             f"{path}: no row of it holds numbers: export the log as CSV with a header and one row a sample."
@@ -119,15 +119,15 @@ def _encoding(path: Path, head: bytes) -> str:
     return "utf-8-sig"
 
 
-def _score(lines: list[str], delimiter: str, decimal: str) -> tuple[int, int]:
-    """(cells that are numbers in rows of the usual width, that width)."""
+def _score(lines: list[str], delimiter: str, decimal: str) -> tuple[int, float, int]:
+    """(cells that are numbers in rows of the usual width, their share there, that width)."""
     split = [cells(line, delimiter) for line in lines]
     if not split:
-        return 0, 0
+        return 0, 0.0, 0
     width = Counter(map(len, split)).most_common(1)[0][0]
     usual = [row for row in split if len(row) == width]
     numbers = sum(bool(_NUMBER[decimal].match(c)) for row in usual for c in row)
-    return numbers, width
+    return numbers, numbers / max(width * len(usual), 1), width
 
 
 def _first_row(rows: list[tuple[int, str]], delimiter: str, decimal: str, columns: int) -> int:

@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any
 
 import h5py
+import numpy as np
 from matio import load_from_mat, whosmat
 
 from haptic_teleop_control.errors import RecordingError
@@ -53,7 +54,8 @@ def read_matlab(path: Path) -> Log:
             if kind in _PLAIN:
                 raise RecordingError(_damaged(path, error)) from error
             value = None
-        if value is None or _opaque(value):
+        unopened = kind not in _PLAIN and getattr(value, "dtype", None) == np.uint32  # what points to it
+        if value is None or unopened or _opaque(value):
             told.append(_sentence(name, _class_of(value, kind)))
         else:
             plain[name] = value
