@@ -94,8 +94,8 @@ def guess_units(
 def _sign(chosen: Mapping[str, Candidate], found: Mapping[str, Any]) -> None:
     """Reverse the sign of an input that brakes the joint on the whole."""
     motion = next((n for n in ("motor_velocity", "motor_position") if n in chosen), None)
-    if "input" not in chosen or motion is None:
-        return
+    if "input" not in chosen or motion is None or chosen["input"].stated:
+        return  # what a header states is not changed: `contradictions` tells of it
     drive, values = chosen["input"].column, chosen[motion].column.values * found[motion].entry.sign
     speed = values if motion == "motor_velocity" else np.gradient(values)
     if len(drive.values) == len(speed) and brakes(drive.values, speed):

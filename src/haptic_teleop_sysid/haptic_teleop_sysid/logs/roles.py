@@ -87,18 +87,32 @@ def candidate(column: Column) -> Candidate | None:
         if not role:
             return None
     else:
-        role = next((r for r in ("time", "velocity", "position", "input") if known & _WORDS[r]), "")
-        if role == "position" and known & _VELOCITY:
-            role = "velocity"
+        role = _role_by_words(words)
     if not role:
         return None
     part = "motor" if known & _MOTOR else "arm" if known & _ARM else ""
     return Candidate(column, role, part, joint, stated, bool(known & _COMMAND), bool(known & _ACTUAL))
 
 
+def _role_by_words(words: Sequence[str]) -> str:
+    """The role that words suggest: whole words before single letters, the name as one word (iq) before its
+    parts."""
+    whole = {w for w in words if len(w) > 2}
+    for known, order in (
+        (whole, ("velocity", "input", "position", "time")),
+        ({"".join(words)}, ("input", "velocity", "position", "time")),
+        (set(words), ("time", "velocity", "position", "input")),
+    ):
+        for role in order:
+            if known & _WORDS[role]:
+                return role
+    return ""
+
+
 def input_unit_by_name(column: Column) -> str:
     """The unit that the words of an input's name suggest; "" where none does."""
-    known = set(words_of(_joint_of(column)[1]))
+    words = words_of(_joint_of(column)[1])
+    known = {*words, "".join(words)}
     for words, unit in ((_TORQUE, "N*m"), (_FORCE, "N"), (_CURRENT, "A"), (_VOLTAGE, "V")):
         if known & words:
             return unit
