@@ -103,7 +103,7 @@ def _refuse_too_many(data: list[DataSet]) -> None:
         )
 
 
-def _load(bag: str, model: Model, mapping: str | None) -> DataSet:
+def _load(bag: str, model: Model, mapping: str | None = None) -> DataSet:
     recording = open_recording(bag, mapping)
     dataset = load_dataset(recording, model, bag, allow_gaps=True)
     refuse_implausible(model, recording, dataset)
