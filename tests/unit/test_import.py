@@ -354,6 +354,21 @@ def test_a_suggestion_says_how_sure_it_is_and_what_is_missing(tmp_path, capsys):
     assert "counts_per_turn: 8192" in suggested(both, tmp_path, capsys).out
 
 
+def test_a_suggestion_takes_a_joint_that_a_force_drives_for_linear(tmp_path, capsys):
+    log = table(tmp_path / "log.csv", ("t", "force", "x", "v"), (T, TORQUE, 1e3 * ANGLE, SPEED))
+    out = suggested(log, tmp_path, capsys).out
+    assert "position: {column: x, unit: mm}  # likely" in out
+    assert "velocity: {column: v, unit: m/s}  # likely" in out
+
+
+def test_columns_of_one_name_go_by_number_and_counters_of_rows_are_no_time(tmp_path, capsys):
+    header = ("sample", "q [deg]", "q [deg]", "u [Nm]")
+    log = table(tmp_path / "log.csv", header, (1e3 * T, DATA[2], 0.9 * DATA[2], TORQUE))
+    out = suggested(log, tmp_path, capsys).out
+    assert "time: {rate: FILL IN}" in out
+    assert "{column: 2, unit: deg}  # guessed" in out and "{column: 3, unit: deg}  # guessed" in out
+
+
 @pytest.mark.parametrize(("unit", "scale"), [("s", 1.0), ("ms", 1e3), ("us", 1e6), ("ns", 1e9)])
 def test_a_suggestion_finds_the_unit_of_time_by_its_steps(tmp_path, capsys, unit, scale):
     log = table(tmp_path / "log.csv", ("t", "tau", "q"), (scale * T, TORQUE, ANGLE), digits=15)

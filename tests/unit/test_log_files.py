@@ -119,6 +119,15 @@ def test_ragged_rows_are_refused_by_line_or_left_out_on_demand(tmp_path, row):
     assert any("1 ragged rows were left out" in remark for remark in log.remarks)
 
 
+def test_decimal_points_and_commas_in_one_file_are_refused(tmp_path):
+    path = plain_table(tmp_path / "log.csv", delimiter=";")
+    lines = path.read_text().splitlines()
+    lines[5::2] = [line.replace(".", ",") for line in lines[5::2]]
+    path.write_text("\n".join(lines))
+    with pytest.raises(RecordingError, match="decimal points and decimal commas"):
+        read_log(path)
+
+
 def test_a_cell_of_text_is_found_with_its_row(tmp_path):
     path = plain_table(tmp_path / "log.csv")
     lines = path.read_text().splitlines()

@@ -80,6 +80,10 @@ def _several(
             failed[file] = " ".join(str(error).split())
             _say(screen, f"failed: {failed[file]}")
             continue
+        except Exception as error:  # a defect with one log is no reason to lose the others
+            failed[file] = f"{file}: {type(error).__name__}: {error} (a defect of the program: report it)"
+            _say(screen, f"failed: {failed[file]}")
+            continue
         odd = recording.experiment["import"]["odd"]
         about = f"{_samples(recording)}" + (f"; {len(odd)} things to look at" if odd else "")
         _say(console, f"{output / name}: {about}")

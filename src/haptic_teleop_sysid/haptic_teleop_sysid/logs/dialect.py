@@ -87,6 +87,7 @@ def dialect_of(path: Path, stated: Stated | None = None) -> Dialect:
         raise RecordingError(
             f"{path}: no row of it holds numbers: export the log as CSV with a header and one row a sample."
         )
+    _refuse_both_marks(path, rows, delimiter, decimal, columns)
     first = _first_row(rows, delimiter, decimal, columns)
     names, units, used = _header(body, rows, first, delimiter, decimal, columns, stated.header)
     sizes = [len(line) + 1 for i, line in rows[first:]]
@@ -128,6 +129,21 @@ def _score(lines: list[str], delimiter: str, decimal: str) -> tuple[int, float, 
     usual = [row for row in split if len(row) == width]
     numbers = sum(bool(_NUMBER[decimal].match(c)) for row in usual for c in row)
     return numbers, numbers / max(width * len(usual), 1), width
+
+
+def _refuse_both_marks(
+    path: Path, rows: list[tuple[int, str]], delimiter: str, decimal: str, columns: int
+) -> None:
+    other = "," if decimal == "." else "."
+    for i, line in rows:
+        found = cells(line, delimiter)
+        if len(found) != columns or all(is_number(c, decimal) for c in found):
+            continue
+        if delimiter != other and all(is_number(c, other) for c in found):
+            raise RecordingError(
+                f"{path} has decimal points and decimal commas (line {i + 1} is unlike others): make them "
+                "one, or, if one of the two parts thousands, take it out."
+            )
 
 
 def _first_row(rows: list[tuple[int, str]], delimiter: str, decimal: str, columns: int) -> int:

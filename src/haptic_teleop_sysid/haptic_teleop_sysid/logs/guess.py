@@ -30,6 +30,8 @@ _PAIRS = (
 )
 #: rad that a joint hardly exceeds, and degrees that most stay within.
 _RADIANS, _DEGREES = 2.1 * np.pi, 400.0
+#: m that a linear axis hardly exceeds.
+_METRES = 5.0
 
 
 @dataclass(frozen=True)
@@ -72,15 +74,19 @@ def guess_units(
     log: Log, chosen: Mapping[str, Candidate], found: Mapping[str, Any], time: TimeGuess | None
 ) -> None:
     """Put units into the choices `found` whose columns state none, and lower or explain how sure they are."""
+    linear = None
+    if "input" in chosen:
+        drive = unit_of(chosen["input"].column.stated or input_unit_by_name(chosen["input"].column))
+        linear = {"force": True, "torque": False}.get(drive.quantity) if drive else None
     for part in ("motor", "arm"):
         names = [n for n in (f"{part}_position", f"{part}_velocity") if n in chosen]
         if len(names) == 2 and not all(chosen[n].column.stated for n in names):
-            _by_derivative(log, chosen, found, names, time)
+            _by_derivative(log, chosen, found, names, time, linear)
         for name in names:
             choice, column = found[name], chosen[name].column
             if column.stated or choice.entry.unit:
                 continue
-            unit, sure, why = _by_range(column.values, name, column.name.startswith("/"))
+            unit, sure, why = _by_range(column.values, name, column.name.startswith("/"), linear)
             choice.entry = replace(choice.entry, unit=unit)
             choice.less(sure, why)
     _sign(chosen, found)
@@ -109,6 +115,7 @@ def _by_derivative(
     found: Mapping[str, Any],
     names: list[str],
     time: TimeGuess | None,
+    linear: bool | None,
 ) -> None:
     """Units of a position and a velocity from the factor between the one and the integral of the other."""
     position, velocity = (chosen[n].column for n in names)
@@ -127,6 +134,7 @@ def _by_derivative(
         if abs(abs(related.ratio) * _factor(pair[0]) / _factor(pair[1]) - 1.0) < NEAR
         and position.stated in ("", pair[0])
         and velocity.stated in ("", pair[1])
+        and linear in (None, pair[0] in ("m", "mm"))
     ]
     if position.stated and not velocity.stated:
         fitting = [p for p in fitting if p[0] == position.stated]
@@ -145,7 +153,7 @@ def _by_derivative(
         else:
             found[names[1]].less("guessed", f"{why}, which fits no usual pair of units")
         return
-    by_range = _by_range(position.values, names[0], False)[0]
+    by_range = _by_range(position.values, names[0], False, linear)[0]
     pair = next((p for p in fitting if p[0] == by_range), fitting[0])
     for name, unit, column in zip(names, pair, (position, velocity), strict=True):
         if column.stated:
@@ -163,17 +171,20 @@ def _factor(unit: str) -> float:
     return found.factor
 
 
-def _by_range(values: Array, name: str, ros: bool) -> tuple[str, str, str]:
+def _by_range(values: Array, name: str, ros: bool, linear: bool | None) -> tuple[str, str, str]:
     """(unit, how sure, why) of a state from its values alone."""
     good = values[np.isfinite(values)]
     if ros:
         unit = "rad" if name.endswith("position") else "rad/s"
         return unit, "likely", f"{unit} by REP 103; a linear joint has m"
     if name.endswith("velocity"):
-        return "rad/s", "guessed", "nothing says its unit"
+        return "m/s" if linear else "rad/s", "guessed", "nothing says its unit"
     most, travel = float(np.max(np.abs(good))), float(np.ptp(good))
     if len(np.unique(good)) > 20 and np.all(good == np.rint(good)) and travel > 50.0:
         return "counts", "missing", "whole numbers, as of an encoder: add counts_per_turn"
+    if linear:
+        unit = "m" if most < _METRES else "mm"
+        return unit, "guessed", f"it goes to {most:.3g} and a force drives it"
     if most <= _RADIANS:
         return "rad", "guessed", f"it stays within {most:.3g}, as radians would"
     if most <= _DEGREES:

@@ -47,8 +47,10 @@ def imported(path: Path, mapping: Mapping | None, options: ReadOptions | None = 
         first = "; ".join(proposal.open[:2]) + (
             f"; and {len(proposal.open) - 2} more" if len(proposal.open) > 2 else ""
         )
+        joints = any(":position[" in c.name or ":effort[" in c.name for c in log.columns)
+        already = " (a rosbag2 recording of joint states is taken as it is and needs no import)"
         raise ConfigurationError(
-            f"{path}: its headers leave open what is what ({first}): write a mapping with `haptic-teleop "
+            f"{path}{already if joints and path.suffix != '.bag' else ''}: its headers leave open what is what ({first}): write a mapping with `haptic-teleop "
             f"import {path} --suggest > mapping.yaml`, look it through, and give --mapping mapping.yaml."
         )
     found = proposal.mapping("header")

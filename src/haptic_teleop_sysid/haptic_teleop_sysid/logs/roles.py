@@ -94,6 +94,11 @@ def candidate(column: Column) -> Candidate | None:
     return Candidate(column, role, part, joint, stated, bool(known & _COMMAND), bool(known & _ACTUAL))
 
 
+def counts_rows(column: Column) -> bool:
+    """Whether a column counts rows by its name, or is text, and so tells no time."""
+    return column.text is not None or bool(set(words_of(column.label)) & _NEITHER)
+
+
 def _role_by_words(words: Sequence[str]) -> str:
     """The role that words suggest: whole words before single letters, the name as one word (iq) before its
     parts."""

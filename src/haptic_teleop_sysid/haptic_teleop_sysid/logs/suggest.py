@@ -4,14 +4,14 @@ certainty where names, units, ranges and the agreement between columns have to h
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
 from haptic_teleop_sysid.logs.guess import TimeGuess, guess_time, guess_units
-from haptic_teleop_sysid.logs.log import Log
+from haptic_teleop_sysid.logs.log import Column, Log
 from haptic_teleop_sysid.logs.mapping import Entry, Mapping
-from haptic_teleop_sysid.logs.roles import Candidate, candidate, input_unit_by_name, joint_names
+from haptic_teleop_sysid.logs.roles import Candidate, candidate, counts_rows, input_unit_by_name, joint_names
 from haptic_teleop_sysid.logs.units import unit_of
 
 STATED, LIKELY, GUESSED, MISSING = "stated", "likely", "guessed", "missing"
@@ -59,8 +59,13 @@ class Proposal:
 
 def propose(log: Log) -> Proposal:
     """Return the mapping that a log's columns suggest."""
-    candidates = [c for c in (candidate(one) for one in log.columns if one.text is None) if c]
     opened: list[str] = []
+    usable = [one for one in log.columns if one.text is None and np.any(np.isfinite(one.values))]
+    candidates = [c for c in map(candidate, usable) if c]
+    for one in log.columns:
+        if one.text is not None and candidate(one) is not None:
+            row, cell = one.text
+            opened.append(f"{one.name!r} holds text, first {cell[:40]!r} in row {row}")
     time, guess = _time(log, candidates, opened)
     states = [c for c in candidates if c.role in ("position", "velocity")]
     measured = [c for c in states if not c.command] or states
@@ -96,18 +101,20 @@ def _time(
         else:
             opened.append(f"{names} may each be the time")
     if not found:
-        first = [c for c in log.columns if c.text is None and guess_time(c.values, "") is not None]
+        first = [c for c in log.columns if not counts_rows(c) and guess_time(c.values, "") is not None]
         if not first:
             opened.append("no column is a time by its name, unit or values: give time: {rate: HZ}")
             return None, None
         guess = guess_time(first[0].values, "")
         assert guess is not None
-        choice = Choice(Entry(first[0].name, guess.unit), GUESSED, [f"it goes up evenly; {guess.why}"])
+        choice = Choice(
+            replace(_entry(log, first[0]), unit=guess.unit), GUESSED, [f"it goes up evenly; {guess.why}"]
+        )
         return choice, guess
     chosen = (stated or found)[0]
     guess = guess_time(chosen.column.values, chosen.column.stated)
     if chosen.stated:
-        choice = Choice(Entry(chosen.column.name), STATED, ["its unit is one of time"])
+        choice = Choice(_entry(log, chosen.column), STATED, ["its unit is one of time"])
         if len(found) > 1:
             choice.less(GUESSED, "another column may be the time as well")
         return choice, guess
@@ -116,6 +123,13 @@ def _time(
             Entry(chosen.column.name, "s"), MISSING, ["its values do not go up: give the unit"]
         ), None
     return Choice(Entry(chosen.column.name, guess.unit), guess.sure, [guess.why]), guess
+
+
+def _entry(log: Log, column: Column) -> Entry:
+    """The entry of a column, by its number where others have its name."""
+    if sum(c.name == column.name for c in log.columns) == 1:
+        return Entry(column.name)
+    return Entry(log.number(column), column.stated)
 
 
 def _same_clock(clocks: Sequence[Candidate]) -> bool:
@@ -145,8 +159,8 @@ def _joint(
     found: dict[str, Choice] = {}
     chosen: dict[str, Candidate] = {}
     for role in ("position", "velocity"):
-        _parts(role, [c for c in own if c.role == role], found, chosen, opened)
-    _input(joint, candidates, len({c.joint for c in states}) == 1, found, chosen, opened)
+        _parts(log, role, [c for c in own if c.role == role], found, chosen, opened)
+    _input(log, joint, candidates, len({c.joint for c in states}) == 1, found, chosen, opened)
     if not any(name.startswith("motor") for name in found):
         for role in ("position", "velocity"):
             if f"arm_{role}" in found:  # one encoder, whatever it is called, is the joint's
@@ -157,6 +171,7 @@ def _joint(
 
 
 def _parts(
+    log: Log,
     role: str,
     own: list[Candidate],
     found: dict[str, Choice],
@@ -179,7 +194,7 @@ def _parts(
         else:
             continue
         choice = Choice(
-            Entry(pick.column.name), STATED if pick.stated else LIKELY, [f"{part} {role} by its name"]
+            _entry(log, pick.column), STATED if pick.stated else LIKELY, [f"{part} {role} by its name"]
         )
         if not pick.part and doubtful:
             choice.less(GUESSED, f"nothing says whether it is the motor's or the arm's {role}")
@@ -193,6 +208,7 @@ def _parts(
 
 
 def _input(
+    log: Log,
     joint: str,
     candidates: Sequence[Candidate],
     alone: bool,
@@ -212,7 +228,7 @@ def _input(
         return rank.get(input_unit_by_name(c.column), 0), 0 if c.measured else 2 if c.command else 1
 
     pick = min(own, key=order)
-    choice = Choice(Entry(pick.column.name), STATED if pick.stated else LIKELY, ["input by its name"])
+    choice = Choice(_entry(log, pick.column), STATED if pick.stated else LIKELY, ["input by its name"])
     if len(own) > 1:
         names = ", ".join(repr(c.column.name) for c in own if c is not pick)
         opened.append(f"{names} may be the input as well as {pick.column.name!r}")
