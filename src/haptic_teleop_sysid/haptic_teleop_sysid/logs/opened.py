@@ -48,10 +48,12 @@ def imported(path: Path, mapping: Mapping | None, options: ReadOptions | None = 
             f"; and {len(proposal.open) - 2} more" if len(proposal.open) > 2 else ""
         )
         joints = any(":position[" in c.name or ":effort[" in c.name for c in log.columns)
+        recorded = joints and path.suffix != ".bag"
         already = " (a rosbag2 recording of joint states is taken as it is and needs no import)"
         raise ConfigurationError(
-            f"{path}{already if joints and path.suffix != '.bag' else ''}: its headers leave open what is what ({first}): write a mapping with `haptic-teleop "
-            f"import {path} --suggest > mapping.yaml`, look it through, and give --mapping mapping.yaml."
+            f"{path}{already if recorded else ''}: its headers leave open what is what ({first}): write a "
+            f"mapping with `haptic-teleop import {path} --suggest > mapping.yaml`, look it through, and give "
+            "--mapping mapping.yaml."
         )
     found = proposal.mapping("header")
     if proposal.unused:
