@@ -2,6 +2,7 @@
 
 import hashlib
 import json
+from datetime import UTC, datetime, timedelta
 
 import numpy as np
 import pytest
@@ -309,6 +310,35 @@ def test_units_that_contradict_each_other_are_refused_with_the_remedy(tmp_path):
 def test_a_mapping_that_cannot_be_followed_is_refused_by_its_key(tmp_path, text, said):
     with pytest.raises(ConfigurationError, match=said):
         opened(plain_table(tmp_path / "log.csv"), tmp_path, text + "\n")
+
+
+def test_angles_that_jump_by_a_turn_are_told_and_unwrapped_on_demand(tmp_path, capsys):
+    wrapped = np.degrees(np.angle(np.exp(1j * 20.0 * ANGLE)))
+    log = table(tmp_path / "log.csv", HEADER, (*DATA[:2], wrapped))
+    suggested(log, tmp_path, capsys)
+    turned = open_recording(log, tmp_path / "suggested.yaml").topics[STATES].signal("joint", "position")
+    assert np.allclose(turned - turned[0], 20.0 * (ANGLE - ANGLE[0]), atol=1e-6)
+    told = opened(log, tmp_path, "time: time\njoints: {j: {input: torque, motor: {position: angle}}}\n")
+    assert "jumps by a whole turn" in notes(told)
+
+
+def test_names_of_any_characters_survive_a_suggestion(tmp_path, capsys):
+    header = ("time: [ms]", "# torque: {x}  [Nmm]", "yes 'angle'  no [deg]")
+    log = table(tmp_path / "log.csv", header, DATA, ";", lines=["logger"])
+    suggested(log, tmp_path, capsys)
+    states = open_recording(log, tmp_path / "suggested.yaml").topics[STATES]
+    assert np.allclose(states.signal("joint", "position"), ANGLE, atol=1e-8)
+
+
+def test_a_table_with_dates_needs_no_unit_of_time(tmp_path):
+    start = datetime(2026, 3, 1, tzinfo=UTC)
+    rows = [
+        f"{(start + timedelta(seconds=t)).isoformat()},{u},{q}" for t, u, q in zip(T, *DATA[1:], strict=True)
+    ]
+    (tmp_path / "log.csv").write_text("\n".join(["when,torque [Nmm],angle [deg]", *rows]))
+    states = open_recording(tmp_path / "log.csv").topics[STATES]
+    assert states.stamp[0] == int(start.timestamp()) * 10**9
+    assert np.allclose(states.time(), T, atol=1e-6)
 
 
 # --- suggestions -------------------------------------------------------------------------------------------

@@ -7,6 +7,7 @@ import zipfile
 import zlib
 
 import h5py
+import matio
 import numpy as np
 import pandas as pd
 import pytest
@@ -248,6 +249,16 @@ def test_a_matlab_file_that_would_fill_the_memory_is_refused_unread(tmp_path):
 
 
 JOINTS, WRENCH = "sensor_msgs/msg/JointState", "geometry_msgs/msg/WrenchStamped"
+
+
+def test_matlab_tables_are_opened(tmp_path):
+    frame = pd.DataFrame({"time": T, "torque": TORQUE, "angle": ANGLE})
+    matio.save_to_mat(str(tmp_path / "log.mat"), {"run": frame}, version="v7")
+    log = read_log(tmp_path / "log.mat")
+    assert [c.name for c in log.columns] == ["run.time", "run.torque", "run.angle"]
+    assert_holds(log, DATA)
+
+
 STATE = "control_msgs/msg/JointTrajectoryControllerState"
 POINT = "trajectory_msgs/msg/JointTrajectoryPoint"
 STATE_TEXT = """std_msgs/Header header

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.signal import detrend
 
-from haptic_teleop_sysid.logs.signals import Signal
+from haptic_teleop_sysid.logs.signals import Signal, wraps
 
 Array = NDArray[np.float64]
 _DEGREES = 180.0 / np.pi
@@ -116,7 +116,9 @@ def contradictions(time: Array, signals: Mapping[str, Signal]) -> tuple[list[str
                 "not: is its sign reversed?"
             )
     for name in ("motor_position", "arm_position"):
-        if name in signals:
+        if name in signals and signals[name].quantity == "angle" and (times := wraps(signals[name].values)):
+            odd.append(f"{_of(signals[name])} jumps by a whole turn {times} times: give it unwrap: true")
+        elif name in signals:
             odd += _far(signals[name], f"{name.partition('_')[0]}_velocity" in signals)
     return refuted, odd
 

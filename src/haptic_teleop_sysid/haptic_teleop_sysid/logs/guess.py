@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from haptic_teleop_sysid.logs.evidence import ALIKE, NEAR, brakes, derivative_relation
 from haptic_teleop_sysid.logs.log import Log
 from haptic_teleop_sysid.logs.roles import Candidate, input_unit_by_name
+from haptic_teleop_sysid.logs.signals import wraps
 from haptic_teleop_sysid.logs.units import unit_of
 
 Array = NDArray[np.float64]
@@ -89,6 +90,11 @@ def guess_units(
             unit, sure, why = _by_range(column.values, name, column.name.startswith("/"), linear)
             choice.entry = replace(choice.entry, unit=unit)
             choice.less(sure, why)
+    for name in ("motor_position", "arm_position"):
+        unit = unit_of(found[name].entry.unit or chosen[name].column.stated) if name in found else None
+        if unit and unit.quantity == "angle" and (times := wraps(unit.factor * chosen[name].column.values)):
+            found[name].entry = replace(found[name].entry, unwrap=True)
+            found[name].less("likely", f"it jumps by a whole turn {times} times")
     _sign(chosen, found)
     if "input" in chosen and not chosen["input"].column.stated:
         choice = found["input"]

@@ -37,6 +37,7 @@ class Entry:
     gain: float = 1.0
     gain_unit: str = ""
     counts_per_turn: float | None = None
+    unwrap: bool = False
 
     def plain(self) -> dict[str, Any]:
         """The entry as the mapping file has it, without what is as if not said."""
@@ -165,7 +166,7 @@ def _signals(content: Any, source: str, where: str) -> dict[str, Entry]:
 def _entry(content: Any, source: str, where: str) -> Entry:
     if isinstance(content, (str, int)) and not isinstance(content, bool):
         content = {"column": content}
-    allowed = ("column", "unit", "sign", "gain", "gain_unit", "counts_per_turn")
+    allowed = ("column", "unit", "sign", "gain", "gain_unit", "counts_per_turn", "unwrap")
     given = _section(content, source, where, allowed)
     column = given.get("column")
     if not isinstance(column, (str, int)) or isinstance(column, bool) or column == "":
@@ -181,7 +182,10 @@ def _entry(content: Any, source: str, where: str) -> Entry:
         None
         if given.get("counts_per_turn") is None
         else _number(given["counts_per_turn"], source, f"{where}.counts_per_turn"),
+        given.get("unwrap", False) is True,
     )
+    if given.get("unwrap", False) not in (True, False):
+        raise ConfigurationError(f"{source}: {where}.unwrap is {given['unwrap']!r}: give true or false.")
     if given.get("sign", 1) not in (1, -1):
         raise ConfigurationError(f"{source}: {where}.sign is {given['sign']}: give 1 or -1.")
     for value, what in ((entry.gain, "gain"), (entry.counts_per_turn, "counts_per_turn")):

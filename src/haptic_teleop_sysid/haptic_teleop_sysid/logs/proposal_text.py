@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import json
+import re
 from typing import Any
 
-from haptic_teleop_control.strict_yaml import dump_yaml
+from haptic_teleop_control.strict_yaml import parse_yaml
 from haptic_teleop_sysid.logs.log import Log
 from haptic_teleop_sysid.logs.mapping import VERSION
 from haptic_teleop_sysid.logs.suggest import MISSING, Choice, Proposal
@@ -49,9 +51,13 @@ def _entry(choice: Choice) -> str:
         content["unit"] = content.get("unit") or _FILL
     if content.get("unit") == "counts" and "counts_per_turn" not in content:
         content["counts_per_turn"] = _FILL
-    flow = dump_yaml(content, default_flow_style=True).strip().replace("\n", " ")
-    return f"{' '.join(flow.split())}  # {choice.sure}: {'; '.join(choice.why)}"
+    flow = ", ".join(f"{key}: {_scalar(value)}" for key, value in content.items())
+    return f"{{{flow}}}  # {choice.sure}: {'; '.join(choice.why)}"
 
 
-def _scalar(text: str) -> str:
-    return dump_yaml(text).strip().removesuffix("...").strip()
+def _scalar(value: Any) -> str:
+    """A value on one line, in quotes unless it is a number or a plain word."""
+    if value == _FILL or not isinstance(value, str):
+        return str(value).lower() if isinstance(value, bool) else str(value)
+    plain = re.fullmatch(r"[A-Za-z_][A-Za-z0-9_*/.]*", value) and parse_yaml(value) == value
+    return value if plain else json.dumps(value, ensure_ascii=False)

@@ -122,7 +122,30 @@ def _signal(log: Log, name: str, entry: Entry, source: str) -> Signal:
         told += ", sign reversed"
     if abs(factor - 1.0) > 1e-12:
         told += f"; each number times {factor:.10g} is {SI[unit.quantity]}"
-    return Signal(name, column, factor * column.values, unit.quantity, factor, unit.text, told)
+    values = factor * column.values
+    if entry.unwrap:
+        if unit.quantity != "angle":
+            raise ConfigurationError(f"{source}: {where} has unwrap, and is no angle: leave it out.")
+        values, count = unwrapped(values)
+        told += f", unwrapped at {count} jumps by a turn"
+    return Signal(name, column, values, unit.quantity, factor, unit.text, told)
+
+
+def unwrapped(angle: Array) -> tuple[Array, int]:
+    """An angle (n,) in rad without its jumps by a whole turn, and how many there were."""
+    good = np.isfinite(angle)
+    found = angle.copy()
+    found[good] = np.unwrap(angle[good])
+    return found, wraps(angle)
+
+
+def wraps(angle: Array) -> int:
+    """How often an angle (n,) in rad jumps by a whole turn, to a tenth of one, from a row to the next; 0 where
+    it usually turns so far from row to row that no jump can be told."""
+    steps = np.abs(np.diff(angle[np.isfinite(angle)]))
+    jumps = np.abs(steps - _TURN) < 0.1 * _TURN
+    usual = steps[~jumps]
+    return int(np.sum(jumps)) if len(usual) and float(np.quantile(usual, 0.95)) < 0.2 * _TURN else 0
 
 
 def _refuse_text(log: Log, column: Column) -> None:

@@ -66,10 +66,10 @@ def read_text(path: Path, stated: Stated | None, rows: tuple[int, int] | None, s
     columns = []
     for number in range(len(dialect.names)):
         header = dialect.names[number] or str(number + 1)
-        values, text = _numbers(frame[number])
+        values, text, unit = _numbers(frame[number])
         if not dialect.names[number] and text is None and not np.any(np.isfinite(values)):
             continue  # behind a delimiter that ends the rows
-        columns.append(Column(header, values, dialect.units[number], "", text))
+        columns.append(Column(header, values, unit or dialect.units[number], "", text))
     return Log(path, "CSV", tuple(columns), remarks=tuple(remarks))
 
 
@@ -144,18 +144,18 @@ def _parsed(path: Path, dialect: Dialect, first: int, count: int, left_out: set[
         raise RecordingError(f"{path} cannot be read as a table ({error}): mend it.") from error
 
 
-def _numbers(values: Any) -> tuple[NDArray[np.float64], tuple[int, str] | None]:
-    """The numbers of a column, NaN where there is none, and the first cell that is text."""
+def _numbers(values: Any) -> tuple[NDArray[np.float64], tuple[int, str] | None, str]:
+    """The numbers of a column, NaN where there is none; the first cell that is text; "s" for dates."""
     if pd.api.types.is_numeric_dtype(values) or pd.api.types.is_bool_dtype(values):
-        return values.to_numpy(np.float64), None
+        return values.to_numpy(np.float64), None, ""
     numbers: Any = pd.to_numeric(values, errors="coerce")
     bad = np.flatnonzero((numbers.isna() & values.notna()).to_numpy())
     first = (int(bad[0]) + 1, str(values.iloc[int(bad[0])])) if len(bad) else None
     if first is not None and len(bad) == int(values.notna().sum()):
         instants = _instants(values)
         if instants is not None:
-            return instants, None
-    return numbers.to_numpy(np.float64), first
+            return instants, None, "s"
+    return numbers.to_numpy(np.float64), first, ""
 
 
 def _instants(values: Any) -> NDArray[np.float64] | None:
