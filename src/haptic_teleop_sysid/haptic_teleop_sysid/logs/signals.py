@@ -140,8 +140,8 @@ def unwrapped(angle: Array) -> tuple[Array, int]:
 
 
 def wraps(angle: Array) -> int:
-    """How often an angle (n,) in rad jumps by a whole turn, to a tenth of one, from a row to the next; 0 where
-    it usually turns so far from row to row that no jump can be told."""
+    """How often an angle (n,) in rad jumps by a whole turn, to a tenth of one, from a row to the next; 0
+    where it usually turns so far from row to row that no jump can be told."""
     steps = np.abs(np.diff(angle[np.isfinite(angle)]))
     jumps = np.abs(steps - _TURN) < 0.1 * _TURN
     usual = steps[~jumps]
