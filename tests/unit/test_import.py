@@ -152,6 +152,12 @@ joints:
 # --- what is odd -------------------------------------------------------------------------------------------
 
 
+def test_a_bag_is_not_read_by_a_mapping_for_tables(tmp_path):
+    mapping = mapping_file(tmp_path / "m.yaml", "time: t\njoints: {j: {motor: {position: q}}}\n")
+    with pytest.raises(ConfigurationError, match="names no topic"):
+        open_recording(bag(tmp_path / "log.bag", "ros1"), mapping)
+
+
 def test_what_headers_leave_open_is_not_guessed(tmp_path):
     for header in (
         ("t", "u", "q"),

@@ -372,7 +372,10 @@ def damaged(tmp_path):
     bag(tmp_path / "good.bag", "ros1")
     with zipfile.ZipFile(tmp_path / "sheet.zip", "w") as packed:
         packed.writestr("a.xml", "x")
+    locked = bytearray((tmp_path / "good.npz").read_bytes())
+    locked[locked.rindex(b"PK\x01\x02") + 8] |= 1  # the flag of an entry that is encrypted
     contents = {
+        "locked.npz": (bytes(locked), "is encrypted"),
         "empty.csv": (b"", "is empty"),
         "words.csv": (b"hello\nworld\n", "no row of it holds numbers"),
         "random.csv": (rng.bytes(4096), "encrypted or packed"),

@@ -11,7 +11,7 @@ from haptic_teleop_control.recording import Recording, read_recording
 from haptic_teleop_sysid.logs.convert import convert
 from haptic_teleop_sysid.logs.log import named
 from haptic_teleop_sysid.logs.mapping import Mapping, load_mapping
-from haptic_teleop_sysid.logs.reading import ReadOptions, is_foreign, read_log
+from haptic_teleop_sysid.logs.reading import ReadOptions, is_foreign, kind_of, read_log
 from haptic_teleop_sysid.logs.suggest import propose
 
 HELP = "how to read logs that are no recordings (see `import --help`); not needed where headers say all"
@@ -38,8 +38,13 @@ def imported(path: Path, mapping: Mapping | None, options: ReadOptions | None = 
     """
     options = options or ReadOptions()
     if mapping is not None:
-        if path.is_dir() or path.suffix in (".mcap", ".db3", ".bag"):
-            options = replace(options, topics=mapping.topics() or None)
+        if kind_of(path) == "bag":
+            if not mapping.topics():
+                raise ConfigurationError(
+                    f"{path} is a bag, and {mapping.source} names no topic: name columns like "
+                    '"/joint_states:position[elbow]"; a rosbag2 recording of joint states needs no import.'
+                )
+            options = replace(options, topics=mapping.topics())
         return convert(read_log(path, replace(options, stated=mapping.stated)), mapping)
     log = read_log(path, options)
     proposal = propose(log)
