@@ -197,6 +197,15 @@ def test_degrees_declared_as_radians_are_refused_by_the_velocity(tmp_path):
         open_recording(log)
 
 
+def test_an_arm_in_another_unit_than_its_motor_is_refused(tmp_path):
+    header = ("t [s]", "torque [Nm]", "motor [rad]", "link [rad]")
+    log = table(tmp_path / "log.csv", header, (T, TORQUE, ANGLE, np.degrees(0.999 * ANGLE)))
+    with pytest.raises(MismatchError, match=r"arm_position.*57\.\d+ times.*motor_position.*degrees"):
+        open_recording(log)
+    geared = table(tmp_path / "geared.csv", header, (T, TORQUE, 5.0 * ANGLE, ANGLE))
+    assert "behind any gear" in notes(open_recording(geared))
+
+
 def test_degrees_declared_as_radians_are_told_by_range_and_encoder_step(tmp_path):
     step = 360.0 / 4096
     degrees = step * np.rint(170.0 * np.sin(2 * np.pi * 0.5 * T) / step)
@@ -425,6 +434,7 @@ def test_a_suggestion_for_a_bag_names_its_joints(tmp_path, capsys):
     log = bag(tmp_path / "log.bag", "ros1")
     captured = suggested(log, tmp_path, capsys)
     assert "elbow:" in captured.out and "REP 103" in captured.out
+    assert "arm:" not in captured.out  # the controller's state tells of the same joint once more
     recording = open_recording(log, tmp_path / "suggested.yaml")
     assert np.array_equal(recording.topics[STATES].signal("elbow", "position"), ANGLE[:60])
 

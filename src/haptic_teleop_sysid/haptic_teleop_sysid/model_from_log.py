@@ -5,6 +5,7 @@ by band-limited least squares, so that no inertia has to be invented. Every join
 from __future__ import annotations
 
 import argparse
+import re
 from pathlib import Path
 
 from rich.console import Console
@@ -38,7 +39,7 @@ def run(argv: list[str]) -> int:
     wanted = list(joints) if arguments.joint is None else [arguments.joint]
     output = Path(arguments.output)
     paths = {
-        j: output if len(wanted) == 1 else output.with_name(f"{output.stem}_{j}{output.suffix}")
+        j: output if len(wanted) == 1 else output.with_name(f"{output.stem}_{_word(j)}{output.suffix}")
         for j in wanted
     }
     for path in paths.values():
@@ -88,6 +89,11 @@ def lines_of(found: StartingModel, units: dict[str, str]) -> list[str]:
 def main(argv: list[str] | None = None) -> int:
     """Entry point: 0 when every joint has a model, 1 when some have, 2 when none has."""
     return run_command(run, argv)
+
+
+def _word(joint: str) -> str:
+    """A joint's name as part of a file's name."""
+    return re.sub(r"[^A-Za-z0-9.-]+", "_", joint)
 
 
 def _say(console: Console, text: str) -> None:

@@ -155,7 +155,7 @@ def _joint(
     time: TimeGuess | None,
     opened: list[str],
 ) -> dict[str, Choice]:
-    own = [c for c in states if c.joint == joint]
+    own = _of_one_group([c for c in states if c.joint == joint], joint, opened)
     found: dict[str, Choice] = {}
     chosen: dict[str, Candidate] = {}
     for role in ("position", "velocity"):
@@ -168,6 +168,17 @@ def _joint(
                 chosen[f"motor_{role}"] = chosen.pop(f"arm_{role}")
     guess_units(log, chosen, found, time)
     return found
+
+
+def _of_one_group(own: list[Candidate], joint: str, opened: list[str]) -> list[Candidate]:
+    """The candidates that share their rows: those of joint states, or of the group that has most."""
+    groups = list(dict.fromkeys(c.column.group for c in own))
+    if len(groups) < 2:
+        return own
+    best = max(groups, key=lambda g: ("joint_states" in g, sum(c.column.group == g for c in own)))
+    others = ", ".join(g for g in groups if g != best)
+    opened.append(f"{others} may be of {joint or 'the joint'} as well as {best}")
+    return [c for c in own if c.column.group == best]
 
 
 def _parts(

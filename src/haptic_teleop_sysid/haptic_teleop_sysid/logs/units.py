@@ -127,9 +127,10 @@ def unit_of(text: str) -> Unit | None:
     compact = re.sub(r"\s*([*/^])\s*", r"\1", cleaned).replace("(", "").replace(")", "")
     if compact in ("1/min", "min^-1", "min-1", "/min"):
         compact = "rpm"
-    factor, powers, sign = 1.0, Counter[str](), 1
+    factor, powers, sign, complete = 1.0, Counter[str](), 1, False
     for part in re.split(r"(/|(?<!\*)\*(?!\*)|\s+|\.)", compact):
         if part in ("/",):
+            complete = False
             sign = -1  # what stands behind a slash is below it: N*m/rad, deg/s
             continue
         if part.strip() in ("", "*", "."):
@@ -138,10 +139,13 @@ def unit_of(text: str) -> Unit | None:
         known = None if found is None else _named(found[1])
         if found is None or known is None:
             return None
+        complete = True
         power = sign * int(found[2] or 1)
         factor *= known[0] ** power
         for name, own in known[1].items():
             powers[name] += own * power
+    if not complete:
+        return None
     return Unit(text.strip(), factor, tuple(sorted((n, p) for n, p in powers.items() if p)))
 
 
