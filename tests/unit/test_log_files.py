@@ -1,6 +1,7 @@
 """Logs of every kind give back what was put into them, and say in one sentence what they cannot give."""
 
 import os
+import signal
 import sqlite3
 import struct
 import zipfile
@@ -20,6 +21,7 @@ from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
 from haptic_teleop_control.errors import ConfigurationError, RecordingError
 from haptic_teleop_sysid.logs.dialect import Stated
+from haptic_teleop_sysid.logs.isolated import read_isolated
 from haptic_teleop_sysid.logs.reading import ReadOptions, read_log
 
 T, TORQUE, ANGLE, SPEED = machine(300)
@@ -361,6 +363,13 @@ def test_a_definition_that_a_bag_lacks_comes_from_a_file(tmp_path):
     assert any("no stamp" in remark for remark in log.remarks)
     with pytest.raises(ConfigurationError, match=r"package/msg/Type\.msg"):
         read_log(tmp_path / "log", ReadOptions(definitions=(tmp_path / "Reading.txt",)))
+
+
+def test_a_file_that_crashes_its_reader_is_lost_alone(tmp_path):
+    with pytest.raises(RecordingError, match="fails altogether"):
+        read_isolated(signal.raise_signal, signal.SIGSEGV)
+    scipy.io.savemat(tmp_path / "log.mat", {"t": T})  # the next one is read
+    assert_holds(read_log(tmp_path / "log.mat"), (T,))
 
 
 def damaged(tmp_path):

@@ -48,8 +48,12 @@ def read_log(path: Path, options: ReadOptions | None = None) -> Log:
         )
     try:
         return _read(path, kind, options)
-    except (HapticTeleopError, MemoryError):
+    except HapticTeleopError:
         raise
+    except MemoryError as error:
+        raise RecordingError(
+            f"{path} announces more than the memory holds: it is damaged, or needs to be cut into parts."
+        ) from error
     except Exception as error:  # what libraries raise on a file that is not what it seems is of every kind
         raise RecordingError(
             f"{path} cannot be read ({type(error).__name__}: {error}): write it again, or export it as CSV."
@@ -63,9 +67,10 @@ def _read(path: Path, kind: str, options: ReadOptions) -> Log:
 
         return read_bag(path, options.topics, options.definitions)
     if kind == "matlab":
+        from haptic_teleop_sysid.logs.isolated import read_isolated
         from haptic_teleop_sysid.logs.matlab import read_matlab
 
-        return _cut(read_matlab(path), options.rows)
+        return _cut(read_isolated(read_matlab, path), options.rows)
     if kind == "numpy":
         from haptic_teleop_sysid.logs.packed_tables import read_numpy
 
