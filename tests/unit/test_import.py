@@ -172,6 +172,12 @@ def test_what_headers_leave_open_is_not_guessed(tmp_path):
             open_recording(table(tmp_path / "log.csv", header, (*DATA, DATA[2])))
 
 
+def test_a_log_without_a_state_or_with_hardly_a_row_is_refused(tmp_path):
+    for header, rows in ((("time [ms]", "torque [Nmm]", "status"), 100), (HEADER, 1), (("t", "tau", "q"), 1)):
+        with pytest.raises((ConfigurationError, RecordingError)):
+            open_recording(table(tmp_path / "log.csv", header, [c[:rows] for c in DATA]))
+
+
 def test_set_points_and_columns_of_other_things_leave_nothing_open(tmp_path):
     header = (*HEADER, "angle_ref [deg]", "temperature [C]", "status")
     recording = open_recording(table(tmp_path / "log.csv", header, (*DATA, DATA[2] + 1.0, 20 + 0 * T, 0 * T)))

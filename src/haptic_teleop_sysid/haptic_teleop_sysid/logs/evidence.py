@@ -108,9 +108,11 @@ def contradictions(time: Array, signals: Mapping[str, Signal]) -> tuple[list[str
             )
     drive = signals.get("input")
     velocity = signals.get("motor_velocity")
-    if drive is not None and (motor is not None or velocity is not None):
-        speed = np.gradient(motor.values) if velocity is None and motor is not None else velocity.values  # pyright: ignore[reportOptionalMemberAccess]
-        if len(drive.values) == len(speed) and brakes(drive.values, speed):
+    if drive is not None and len(time) > 1:
+        speed = (
+            velocity.values if velocity is not None else None if motor is None else np.gradient(motor.values)
+        )
+        if speed is not None and len(drive.values) == len(speed) and brakes(drive.values, speed):
             odd.append(
                 f"{_of(drive)} brakes the joint on the whole, which what drives a joint with friction does "
                 "not: is its sign reversed?"

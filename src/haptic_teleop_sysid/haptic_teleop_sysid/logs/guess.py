@@ -109,6 +109,8 @@ def _sign(chosen: Mapping[str, Candidate], found: Mapping[str, Any]) -> None:
     if "input" not in chosen or motion is None or chosen["input"].stated:
         return  # what a header states is not changed: `contradictions` tells of it
     drive, values = chosen["input"].column, chosen[motion].column.values * found[motion].entry.sign
+    if len(values) < 2:
+        return
     speed = values if motion == "motor_velocity" else np.gradient(values)
     if len(drive.values) == len(speed) and brakes(drive.values, speed):
         found["input"].entry = replace(found["input"].entry, sign=-1)

@@ -72,7 +72,7 @@ def propose(log: Log) -> Proposal:
     joints: dict[str, dict[str, Choice]] = {}
     for joint in joint_names(measured) or [""]:
         found = _joint(log, joint, measured, candidates, guess, opened)
-        if found:
+        if any(name.startswith("motor") for name in found):
             joints[joint or "joint"] = found
     if not joints:
         opened.append("no column is a position or a velocity by its name or unit")
