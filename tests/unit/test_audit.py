@@ -18,19 +18,21 @@ REPOSITORY = Path(__file__).resolve().parents[2]
 PACKAGES = sorted(path.parent for path in REPOSITORY.glob("src/*/package.xml"))
 LONGEST_MODULE = 500  # lines; the aim is 150
 ROSDEP_KEYS = {
+    "h5py": "python3-h5py",
     "jinja2": "python3-jinja2",
     "joblib": "python3-joblib",
     "matplotlib": "python3-matplotlib",
     "numba": "python3-numba",
     "numpy": "python3-numpy",
+    "pandas": "python3-pandas",
     "platformdirs": "python3-platformdirs",
     "rich": "python3-rich",
     "scipy": "python3-scipy",
     "sympy": "python3-sympy",
     "yaml": "python3-yaml",
 }
-"""What a module is called in rosdep's database. rosbags and mcap, which brings zstandard and lz4, are no
-Debian packages: the README says how to install them beside a ROS installation."""
+"""What a module is called in rosdep's database. rosbags, mcap (which brings zstandard and lz4), pyarrow and
+mat-io are no Debian packages: the README says how to install them beside a ROS installation."""
 
 
 def sources(folder: Path) -> list[Path]:

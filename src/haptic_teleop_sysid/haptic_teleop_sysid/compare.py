@@ -14,13 +14,14 @@ from rich.console import Console
 
 from haptic_teleop_control.command_line import run_command
 from haptic_teleop_control.errors import ConfigurationError
-from haptic_teleop_control.recording import read_recording
 from haptic_teleop_sim.model import load_model
 from haptic_teleop_sysid.comparison import Comparison, compare
 from haptic_teleop_sysid.comparison_report import comparison_page, comparison_pictures, comparison_table
+from haptic_teleop_sysid.logs.opened import open_recording
 from haptic_teleop_sysid.preparation import refuse_huge
 from haptic_teleop_sysid.report import claim_output_directory, save_png
 from haptic_teleop_sysid.results import tool_version, write_json
+from haptic_teleop_sysid.treatment_options import add_mapping_option
 
 
 def as_json(result: Comparison) -> dict[str, Any]:
@@ -84,7 +85,7 @@ def run(argv: list[str]) -> int:
     output = claim_output_directory(arguments.output, "compare.json", arguments.overwrite)
     console, progress = Console(), Console(stderr=True)
     with progress.status("reading recordings"):
-        recordings = {bag: read_recording(bag) for bag in arguments.bag}
+        recordings = {bag: open_recording(bag, arguments.mapping) for bag in arguments.bag}
     with progress.status("simulating"):
         span = None if arguments.range is None else (arguments.range[0], arguments.range[1])
         result = compare(
@@ -143,6 +144,7 @@ def _parser() -> argparse.ArgumentParser:
     parser.add_argument(
         "--overwrite", action="store_true", help="replace the results of an earlier run in DIR"
     )
+    add_mapping_option(parser)
     return parser
 
 

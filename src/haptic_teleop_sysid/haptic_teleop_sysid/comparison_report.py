@@ -63,7 +63,7 @@ def comparison_pictures(result: Comparison) -> dict[str, Figure]:
                     label = f"{short(name, result)}  {percent_text(fit.percent[signal])} %"
                     lines.append(Series(label, time, within(fit.simulated[signal], measured), colour=number))
             panels.append(Panel(signal, dataset.units()[signal], lines))
-        unit = "A" if dataset.input_unit == "A" else "N·m"
+        unit = dataset.input_unit.replace("*", "·")
         panels.append(
             Panel(
                 f"input ({dataset.input_source})",

@@ -15,7 +15,7 @@ from haptic_teleop_sim.model import Model
 from haptic_teleop_sysid.channels import Channels, channels_for
 from haptic_teleop_sysid.damage import encoder_step, refuse_holes
 from haptic_teleop_sysid.motion import Damage, derivative, finite, leave_out_stills, motion
-from haptic_teleop_sysid.recorded_parameters import recorded_value
+from haptic_teleop_sysid.recorded_parameters import recorded_units, recorded_value
 from haptic_teleop_sysid.slips import Slip
 from haptic_teleop_sysid.time_grid import GAP_PERIODS, NS, TimeGrid
 
@@ -27,10 +27,11 @@ class DataSet:
     """One joint's experiment. All arrays (n,) float64 on `time`, s since the recording's first sample.
 
     input            what acts from a sample to the next, in `input_unit`: A (sfj), otherwise the recorded
-    effort input_source     which recorded field the input is
+    effort (N·m, or what an imported log had: N, A, V)
+    input_source     which recorded field the input is
     commanded_input  the command that answered each sample, same unit; None when not recorded
     motor_position, motor_velocity, arm_position, arm_velocity
-                     rad, rad/s; arm None when the model has none
+                     rad, rad/s (m, m/s for a linear axis: `position_unit`); arm None when the model has none
     exogenous        acceleration of the robot's other arm, rad/s², for inertial coupling; None without it
     valid            False inside holes longer than GAP_PERIODS periods and where nothing usable was read
     velocity_filter  (cut-off in Hz, damping) of the filter that made the velocities; None: taken as true
@@ -58,6 +59,7 @@ class DataSet:
     problems: tuple[str, ...] = ()
     slips: tuple[Slip, ...] = ()
     experiment: dict[str, Any] = field(default_factory=dict)
+    position_unit: str = "rad"
 
     def __len__(self) -> int:
         return len(self.input)
@@ -84,7 +86,8 @@ class DataSet:
 
     def units(self) -> dict[str, str]:
         """Unit of each name in `signals`."""
-        return {name: "rad" if name.endswith("position") else "rad/s" for name in self.signals()}
+        unit = self.position_unit
+        return {name: unit if name.endswith("position") else f"{unit}/s" for name in self.signals()}
 
     def between(self, start: float, end: float) -> DataSet:
         """Return the part from `start` to `end`, s of `time`. RecordingError when it holds fewer than ten
@@ -169,6 +172,7 @@ def load_dataset(recording: Recording, model: Model, name: str = "", allow_gaps:
         leave_out_stills(both, dict(zip(both, read, strict=True)), grid.dt, valid, damage)
     if not allow_gaps:
         refuse_holes(valid, grid.dt, name, damage.told)
+    units = recorded_units(recording.experiment, channels.motor.joint)
     encoders = {channels.motor.joint: model.location("motor_encoder")}
     if channels.arm is not None:
         encoders[channels.arm.joint] = model.location("arm_encoder")
@@ -178,7 +182,7 @@ def load_dataset(recording: Recording, model: Model, name: str = "", allow_gaps:
         joint=model.joint,
         dt=grid.dt,
         input=input_,
-        input_unit="A" if model.robot == "sfj" else "N*m",
+        input_unit="A" if model.robot == "sfj" else units["input"],
         input_source=source,
         motor_position=motor,
         motor_velocity=motor_rate,
@@ -194,6 +198,7 @@ def load_dataset(recording: Recording, model: Model, name: str = "", allow_gaps:
         problems=(*quality.problems, *damage.told),
         slips=tuple(replace(s, encoder=encoders[s.encoder]) for s in damage.slips),
         experiment=dict(recording.experiment),
+        position_unit=units["position"],
     )
 
 

@@ -17,11 +17,13 @@ from matplotlib.figure import Figure
 from rich.console import Console
 
 from haptic_teleop_control.command_line import run_command
-from haptic_teleop_control.recording import Recording, bag_problems, read_recording
+from haptic_teleop_control.recording import JointStateSeries, Recording, bag_problems
 from haptic_teleop_sim.model import Model, load_model
 from haptic_teleop_sysid.dataset import DataSet, load_dataset
 from haptic_teleop_sysid.excitation import Excitation, excitation, refuse_idle
+from haptic_teleop_sysid.logs.opened import open_recording
 from haptic_teleop_sysid.preparation import prepare, refuse_huge
+from haptic_teleop_sysid.recorded_parameters import recorded_units
 from haptic_teleop_sysid.report import (
     Page,
     Panel,
@@ -31,7 +33,7 @@ from haptic_teleop_sysid.report import (
     stacked_panels,
 )
 from haptic_teleop_sysid.results import tool_version, write_json
-from haptic_teleop_sysid.treatment_options import add_treatment_options, treatment_of
+from haptic_teleop_sysid.treatment_options import add_mapping_option, add_treatment_options, treatment_of
 
 ILL_CONDITIONED = 1e6
 """Condition of the scaled information beyond which parameters can hardly be told apart."""
@@ -61,7 +63,7 @@ class Look:
 def look(name: str, model: Model | None, arguments: argparse.Namespace) -> Look:
     """Read one recording and judge it."""
     refuse_huge(name)
-    recording = read_recording(name)
+    recording = open_recording(name, arguments.mapping)
     quality = {topic: bag_problems(series, topic) for topic, series in recording.topics.items()}
     if model is None:
         return Look(recording, quality)
@@ -149,18 +151,23 @@ def picture(one: Look) -> Figure:
     """The data set's input and outputs; without a model the signals of the recording's topics."""
     if one.dataset is not None:
         d = one.dataset
-        unit = "A" if d.input_unit == "A" else "N·m"
+        unit = d.input_unit.replace("*", "·")
         panels = [Panel(f"input ({d.input_source})", unit, [Series("", d.time, d.input, colour=0)])]
         panels += [Panel(n, d.units()[n], [Series("", d.time, v)]) for n, v in d.signals().items()]
         return stacked_panels(panels, x_label="time since the recording's first sample (s)")
     panels = []
     for topic, series in one.recording.topics.items():
         for joint in series.names:
-            for field, unit in (("position", "rad"), ("effort", "N·m")):
-                if getattr(series, field) is not None and len(panels) < SIGNALS_DRAWN:
+            units = recorded_units(one.recording.experiment, joint)
+            for field, unit in (("position", units["position"]), ("effort", units["input"])):
+                if len(panels) < SIGNALS_DRAWN and _holds(series, joint, field):
                     line = Series("", series.time(), series.signal(joint, field))
-                    panels.append(Panel(f"{topic} {joint}.{field}", unit, [line]))
+                    panels.append(Panel(f"{topic} {joint}.{field}", unit.replace("*", "·"), [line]))
     return stacked_panels(panels, x_label="time (s)", height=1.1)
+
+
+def _holds(series: JointStateSeries, joint: str, field: str) -> bool:
+    return getattr(series, field) is not None and bool(np.any(np.isfinite(series.signal(joint, field))))
 
 
 def spectrum_picture(one: Excitation, unit: str) -> Figure:
@@ -278,6 +285,7 @@ def _parser() -> argparse.ArgumentParser:
     parser.add_argument(
         "--overwrite", action="store_true", help="replace the results of an earlier run in DIR"
     )
+    add_mapping_option(parser)
     add_treatment_options(parser)
     return parser
 

@@ -13,22 +13,24 @@ from pathlib import Path
 from rich.console import Console
 
 from haptic_teleop_control.command_line import run_command
-from haptic_teleop_control.errors import ConfigurationError
-from haptic_teleop_control.recording import read_recording
+from haptic_teleop_control.errors import ConfigurationError, RecordingError
 from haptic_teleop_sim.model import Model, load_model
 from haptic_teleop_sysid.dataset import DataSet, load_dataset
 from haptic_teleop_sysid.diagnosis.beside_given import handed_on
-from haptic_teleop_sysid.diagnosis.cuts import refuse_too_long, with_cuts_told
+from haptic_teleop_sysid.diagnosis.cuts import MOST_SAMPLES, refuse_too_long, with_cuts_told
 from haptic_teleop_sysid.diagnosis.diagnose import diagnose, records_of
 from haptic_teleop_sysid.diagnosis.forecast import DiagnosisForecast, pass_seconds
 from haptic_teleop_sysid.diagnosis.next_experiment import write_acquire_file
 from haptic_teleop_sysid.diagnosis.page import diagnosis_page
 from haptic_teleop_sysid.diagnosis.plausible import refuse_implausible, with_contradictions
 from haptic_teleop_sysid.diagnosis.summary import summary
+from haptic_teleop_sysid.logs.opened import open_recording
+from haptic_teleop_sysid.logs.reading import is_foreign
 from haptic_teleop_sysid.preparation import with_damage_told
 from haptic_teleop_sysid.report import claim_output_directory
 from haptic_teleop_sysid.results import tool_version, write_json
 from haptic_teleop_sysid.run_progress import RunProgress
+from haptic_teleop_sysid.treatment_options import add_mapping_option
 
 MOST_NULLS = 1000
 
@@ -39,16 +41,18 @@ def run(argv: list[str]) -> int:
     arguments = _parser().parse_args(argv)
     refuse_repeated([*arguments.estimation, *arguments.validation, *arguments.test])
     model = replace(load_model(arguments.model), source=arguments.model)
-    refuse_too_long([*arguments.estimation, *arguments.validation, *arguments.test], model)
+    bags = [*arguments.estimation, *arguments.validation, *arguments.test]
+    refuse_too_long([bag for bag in bags if not is_foreign(Path(bag))], model)
     console, screen = Console(), Console(stderr=True)
     output = claim_output_directory(arguments.output, "diagnosis.json", arguments.overwrite)
     forecast = DiagnosisForecast(arguments.nulls, os.cpu_count() or 1)
     with RunProgress(screen, "diagnose", forecast) as progress:
         progress.say("reading recordings")
         estimation, validation, test = (
-            [_load(bag, model) for bag in bags]
-            for bags in (arguments.estimation, arguments.validation, arguments.test)
+            [_load(bag, model, arguments.mapping) for bag in group]
+            for group in (arguments.estimation, arguments.validation, arguments.test)
         )
+        _refuse_too_many([*estimation, *validation, *test])
         forecast.unit = pass_seconds(model, records_of(estimation))
         result, verdict, proof, content = diagnose(
             model, estimation, validation, progress.say, arguments.nulls, test
@@ -90,8 +94,17 @@ def _count(text: str) -> int:
     return int(text)
 
 
-def _load(bag: str, model: Model) -> DataSet:
-    recording = read_recording(bag)
+def _refuse_too_many(data: list[DataSet]) -> None:
+    """As `refuse_too_long`, for logs, whose length shows when they are read."""
+    if (samples := sum(len(d) for d in data)) > MOST_SAMPLES:
+        raise RecordingError(
+            f"the recordings hold {samples} samples, and a diagnosis keeps at most {MOST_SAMPLES} in memory: "
+            "a few minutes say as much; import a part of the longest with `import --rows FIRST LAST`."
+        )
+
+
+def _load(bag: str, model: Model, mapping: str | None = None) -> DataSet:
+    recording = open_recording(bag, mapping)
     dataset = load_dataset(recording, model, bag, allow_gaps=True)
     refuse_implausible(model, recording, dataset)
     return with_cuts_told(with_contradictions(with_damage_told(dataset, recording)))
@@ -138,6 +151,7 @@ def _parser() -> argparse.ArgumentParser:
         "a diagnosis, on all cores): how often would this machine, experiment and noise raise a false alarm? "
         "A finding must exceed the best of them; 19 make a level of 5 %%",
     )
+    add_mapping_option(parser)
     parser.add_argument("--no-report", action="store_true", help="no page: for many diagnoses in a row")
     parser.add_argument(
         "--overwrite", action="store_true", help="replace the results of an earlier run in DIR"

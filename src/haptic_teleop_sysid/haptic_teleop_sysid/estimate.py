@@ -15,7 +15,6 @@ from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
 
 from haptic_teleop_control.command_line import run_command
 from haptic_teleop_control.errors import ConfigurationError, RecordingError
-from haptic_teleop_control.recording import read_recording
 from haptic_teleop_sim.model import Model, load_model
 from haptic_teleop_sysid.dataset import DataSet, load_dataset
 from haptic_teleop_sysid.estimation.gauss_newton import Limits
@@ -25,6 +24,7 @@ from haptic_teleop_sysid.estimation.strategies import METHODS, check_start, esti
 from haptic_teleop_sysid.estimation_report import Result, as_json, fit_picture, page, tables, verdict
 from haptic_teleop_sysid.excitation import at_values, refuse_idle
 from haptic_teleop_sysid.fit import choose_windows, simulated_fit
+from haptic_teleop_sysid.logs.opened import open_recording
 from haptic_teleop_sysid.preparation import (
     MOST_SAMPLES,
     Treatment,
@@ -35,13 +35,13 @@ from haptic_teleop_sysid.preparation import (
 from haptic_teleop_sysid.report import claim_output_directory, save_png
 from haptic_teleop_sysid.residuals import residual_analysis
 from haptic_teleop_sysid.results import tool_version, write_json
-from haptic_teleop_sysid.treatment_options import add_treatment_options, treatment_of
+from haptic_teleop_sysid.treatment_options import add_mapping_option, add_treatment_options, treatment_of
 
 
 def load(
-    bags: Sequence[str], model: Model, treatment: Treatment, allow_gaps: bool
+    bags: Sequence[str], model: Model, treatment: Treatment, allow_gaps: bool, mapping: str | None = None
 ) -> tuple[dict[str, DataSet], dict[str, list[str]]]:
-    """Read, check and treat recordings: data sets by bag, and what was done to each.
+    """Read, check and treat recordings, or logs by a `mapping`: data sets by bag, and what was done to each.
 
     Raises RecordingError or MismatchError in one sentence for what cannot be estimated from.
     """
@@ -49,7 +49,7 @@ def load(
     told: dict[str, list[str]] = {}
     for bag in bags:
         refuse_huge(bag)
-        recording = read_recording(bag)
+        recording = open_recording(bag, mapping)
         dataset = with_damage_told(load_dataset(recording, model, bag, allow_gaps), recording)
         refuse_idle(dataset)
         data[bag], told[bag] = prepare(dataset, recording, model, treatment)
@@ -128,7 +128,9 @@ def run(argv: list[str]) -> int:
     check_start(model, limits)
     console, screen = Console(), Console(stderr=True)
     with screen.status("reading recordings"):
-        data, told = load([*bags, *validation], model, treatment_of(arguments), arguments.allow_gaps)
+        data, told = load(
+            [*bags, *validation], model, treatment_of(arguments), arguments.allow_gaps, arguments.mapping
+        )
     output = claim_output_directory(arguments.output, "estimate.json", arguments.overwrite)
     columns = (TextColumn("{task.description}"), BarColumn(), TimeElapsedColumn())
     with Progress(*columns, console=screen, transient=True) as progress:
@@ -202,6 +204,7 @@ def _parser() -> argparse.ArgumentParser:
     add("--bound", nargs="+", type=_bound, metavar="NAME=LOW:HIGH", help="bounds, beside the physical ones")
     add("--allow-gaps", action="store_true", help="leave holes in a recording out instead of refusing it")
     add("--overwrite", action="store_true", help="replace the results of an earlier run in DIR")
+    add_mapping_option(parser)
     add_treatment_options(parser)
     return parser
 

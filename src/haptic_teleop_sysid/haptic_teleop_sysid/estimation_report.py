@@ -267,7 +267,7 @@ def fit_picture(result: Result, bag: str) -> Figure:
                 Series(label, dataset.time, within(fit.simulated[signal], measured), colour=3 - number)
             )
         panels.append(Panel(signal, dataset.units()[signal], lines))
-    unit = "A" if dataset.input_unit == "A" else "N·m"
+    unit = dataset.input_unit.replace("*", "·")
     panels.append(
         Panel(f"input ({dataset.input_source})", unit, [Series("", dataset.time, dataset.input, colour=0)])
     )

@@ -13,6 +13,14 @@ EXECUTABLES: dict[str, tuple[str, str]] = {
         "haptic_teleop_sysid.diagnose:main",
         "say why simulation and recording differ, model it, and show the fit improve",
     ),
+    "import": (
+        "haptic_teleop_sysid.import_log:main",
+        "turn a log (CSV, MATLAB, npz, Parquet, bags of ROS 1 or 2) into a recording",
+    ),
+    "model": (
+        "haptic_teleop_sysid.model_from_log:main",
+        "a model file to start from, out of a recording or a log",
+    ),
     "acquire": (
         "haptic_teleop_sysid.acquire:main",
         "run an identification experiment on one stage or axis, into a bag",

@@ -32,6 +32,18 @@ def recorded_value(
     return None
 
 
+def recorded_units(experiment: Mapping[str, Any], joint: str) -> dict[str, str]:
+    """Return the units of a joint's "position" and "input": those that an imported recording states, else
+    rad and N*m."""
+    found = {"position": "rad", "input": "N*m"}
+    story = experiment.get("import")
+    units = story.get("units") if isinstance(story, Mapping) else None
+    own = units.get(joint) if isinstance(units, Mapping) else None
+    if isinstance(own, Mapping):
+        found |= {name: str(own[name]) for name in found if isinstance(own.get(name), str)}
+    return found
+
+
 def recorded_text(parameters: Mapping[str, Any], key: str, nodes: Sequence[str] = ()) -> str | None:
     """Return the text that a node states for `key`, or None; nodes are asked as by `recorded_value`."""
     for value, _ in _stated(parameters, (key,), nodes):

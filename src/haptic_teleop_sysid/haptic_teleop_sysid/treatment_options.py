@@ -32,6 +32,16 @@ def add_treatment_options(parser: argparse.ArgumentParser) -> None:
     add("--rate", type=_rate, metavar="HZ", help="resample to the recorded rate divided by a whole number")
 
 
+def add_mapping_option(parser: argparse.ArgumentParser) -> None:
+    """Add --mapping, for commands that take logs beside recordings."""
+    parser.add_argument(
+        "--mapping",
+        metavar="MAPPING.yaml",
+        help="how to read logs (CSV, MATLAB, npz, Parquet, bags) that are no recordings of joint states: see "
+        "`import --help`; not needed where headers say all",
+    )
+
+
 def treatment_of(arguments: argparse.Namespace) -> Treatment:
     """The treatment that the options describe."""
     span = None if arguments.range is None else (arguments.range[0], arguments.range[1])

@@ -88,6 +88,7 @@ def bag_problems(series: JointStateSeries, topic: str = "", gap_periods: float =
         "constant": (),
     }
     constant: list[str] = []
+    absent: list[str] = []
     for field in FIELDS:
         values = getattr(series, field)
         if values is None or not len(values):
@@ -95,7 +96,9 @@ def bag_problems(series: JointStateSeries, topic: str = "", gap_periods: float =
         bad = (~np.isfinite(values)).sum(axis=0)
         same = (values == values[0]).all(axis=0) & (len(values) > 1)
         for name, number, still in zip(series.names, bad, same, strict=True):
-            if number:
+            if number == len(values) and field != "position" and bad.min() < number:
+                absent.append(f"{name}.{field}")  # others have it: this one was never meant to
+            elif number:
                 quality["non_finite"][f"{name}.{field}"] = int(number)
             elif still:
                 constant.append(f"{name}.{field}")
@@ -103,6 +106,7 @@ def bag_problems(series: JointStateSeries, topic: str = "", gap_periods: float =
     opening = f"{topic}: " if topic else ""
     problems = tuple(opening + sentence for sentence in [*_sentences(quality, gap_periods), *series.problems])
     remarks = tuple(f"{opening}{signal} never changes" for signal in constant)
+    remarks += tuple(f"{opening}{signal} was not recorded" for signal in absent)
     return StreamQuality(**quality, problems=problems, remarks=remarks)
 
 

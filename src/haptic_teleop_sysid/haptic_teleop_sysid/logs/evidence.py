@@ -1,0 +1,188 @@
+"""Do the signals of a joint agree with each other?  A velocity is the derivative of its position; a factor
+between the two that is one between units says that one of them is declared wrongly."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.signal import detrend
+
+from haptic_teleop_sysid.logs.signals import Signal, wraps
+
+Array = NDArray[np.float64]
+_DEGREES = 180.0 / np.pi
+#: Factors that units differ by: what is so many times too large, and what it then is.
+FACTORS = {
+    _DEGREES: "degrees taken for radians",
+    2.0 * np.pi: "radians taken for turns, or hertz for rad/s",
+    60.0 / (2.0 * np.pi): "turns per minute taken for rad/s",
+    360.0: "degrees taken for turns",
+    6.0: "degrees per second taken for turns per minute",
+    60.0: "a time per minute taken for one per second",
+    1000.0: "a thousandth taken for the whole unit (mm, ms, mrad)",
+    100.0: "a hundredth taken for the whole unit (cm)",
+    1e6: "a millionth taken for the whole unit (us, um)",
+    25.4: "millimetres taken for inches",
+}
+#: How near a measured factor must come, and how well two signals must go together for it to count.
+NEAR, ALIKE = 0.02, 0.95
+#: Where a signal of the motion is believed to be something else: share of it that goes along.
+UNLIKE = 0.7
+#: Power, relative to the rms of input and velocity, below which the input brakes.
+BRAKES = -0.1
+#: Turns beyond which, in rad, a joint turns far.
+_FAR = 2.0
+
+
+@dataclass(frozen=True)
+class Relation:
+    """How one signal goes with another: ``ratio`` of the first to what the second makes of it, ``alike``:
+    correlation between the two, -1 to 1."""
+
+    ratio: float
+    alike: float
+
+
+def derivative_relation(time: Array, position: Array, velocity: Array) -> Relation | None:
+    """Relation of a position (n,) to the integral of a velocity (n,), both without their trend; None where
+    either hardly moves or there are too few samples."""
+    good = np.isfinite(position) & np.isfinite(velocity)
+    good[1:] &= np.diff(time) > 0.0
+    if np.sum(good) < 20:
+        return None
+    t, p, v = time[good], position[good], velocity[good]
+    way = np.concatenate([[0.0], np.cumsum(0.5 * (v[1:] + v[:-1]) * np.diff(t))])
+    return relation(p, way)
+
+
+def relation(one: Array, other: Array) -> Relation | None:
+    """Relation of two signals (n,) without their trends."""
+    good = np.isfinite(one) & np.isfinite(other)
+    if np.sum(good) < 20:
+        return None
+    a, b = detrend(one[good]), detrend(other[good])
+    spread = float(np.std(a)), float(np.std(b))
+    if min(spread) <= 1e-9 * max(float(np.max(np.abs(one[good]))), 1e-300) or min(spread) <= 0.0:
+        return None
+    alike = float(np.mean(a * b) / (spread[0] * spread[1]))
+    return Relation(spread[0] / spread[1] * np.sign(alike), alike)
+
+
+def known_factor(ratio: float) -> tuple[float, str] | None:
+    """(factor above one, what it is between) that a ratio, or one over it, comes near to; None for none."""
+    size = abs(ratio) if abs(ratio) > 1.0 else 1.0 / max(abs(ratio), 1e-300)
+    for factor, what in FACTORS.items():
+        if abs(size / factor - 1.0) < NEAR:
+            return factor, what
+    return None
+
+
+def contradictions(time: Array, signals: Mapping[str, Signal]) -> tuple[list[str], list[str]]:
+    """Return (what refutes a declared unit or sign, what should be looked at), in sentences. ``time`` (n,) s
+    of all the signals' rows."""
+    refuted: list[str] = []
+    odd: list[str] = []
+    for part in ("motor", "arm"):
+        position, velocity = signals.get(f"{part}_position"), signals.get(f"{part}_velocity")
+        if position is None or velocity is None or len(position.values) != len(time):
+            continue
+        if len(velocity.values) != len(time):
+            continue
+        found = derivative_relation(time, position.values, velocity.values)
+        if found is not None:
+            _judge_derivative(position, velocity, found, refuted, odd)
+    motor, arm = signals.get("motor_position"), signals.get("arm_position")
+    if motor is not None and arm is not None and len(motor.values) == len(arm.values):
+        found = relation(arm.values, motor.values)
+        if found is not None and abs(found.alike) > ALIKE and (known := known_factor(found.ratio)):
+            refuted.append(f"{_of(arm)} is {abs(found.ratio):.4g} times {_of(motor)}: {known[1]}?")
+        elif found is not None and found.alike < -UNLIKE:
+            odd.append(f"{_of(arm)} goes against {_of(motor)}: reverse a sign, unless the gear does")
+        elif found is not None and found.alike > ALIKE and not 0.5 < found.ratio < 2.0:
+            odd.append(
+                f"{_of(arm)} is {found.ratio:.4g} times {_of(motor)}: both should be at the joint, behind "
+                "any gear (gain)"
+            )
+    drive = signals.get("input")
+    velocity = signals.get("motor_velocity")
+    if drive is not None and len(time) > 1:
+        speed = (
+            velocity.values if velocity is not None else None if motor is None else np.gradient(motor.values)
+        )
+        if speed is not None and len(drive.values) == len(speed) and brakes(drive.values, speed):
+            odd.append(
+                f"{_of(drive)} brakes the joint on the whole, which what drives a joint with friction does "
+                "not: is its sign reversed?"
+            )
+    for name in ("motor_position", "arm_position"):
+        if name in signals and signals[name].quantity == "angle" and (times := wraps(signals[name].values)):
+            odd.append(f"{_of(signals[name])} jumps by a whole turn {times} times: give it unwrap: true")
+        elif name in signals:
+            odd += _far(signals[name], f"{name.partition('_')[0]}_velocity" in signals)
+    return refuted, odd
+
+
+def brakes(drive: Array, velocity: Array) -> bool:
+    """Whether an input (n,) takes energy out of a joint of this velocity (n,), clearly and in both halves."""
+    good = np.isfinite(drive) & np.isfinite(velocity)
+    if np.sum(good) < 40:
+        return False
+    u, v = drive[good], velocity[good]
+    scale = float(np.sqrt(np.mean(u**2) * np.mean(v**2)))
+    half = len(u) // 2
+    return scale > 0.0 and all(
+        float(np.mean(u[s] * v[s])) < BRAKES * scale for s in (slice(half), slice(half, None))
+    )
+
+
+def _judge_derivative(
+    position: Signal, velocity: Signal, found: Relation, refuted: list[str], odd: list[str]
+) -> None:
+    if abs(found.alike) < UNLIKE:
+        odd.append(
+            f"{_of(velocity)} is not the derivative of {_of(position)} (correlation {found.alike:.2f}): is "
+            "one of them another signal?"
+        )
+        return
+    if abs(found.alike) < ALIKE:
+        return
+    how = f"{_of(position)} moves {abs(found.ratio):.4g} times as far as the integral of {_of(velocity)}"
+    if abs(abs(found.ratio) - 1.0) > NEAR and (known := known_factor(found.ratio)):
+        refuted.append(f"{how} (correlation {found.alike:.3f}): {known[1]}?")
+    elif found.ratio < 0.0:
+        refuted.append(f"{_of(velocity)} is the derivative of {_of(position)} with the other sign")
+    elif not 0.8 < found.ratio < 1.25:
+        odd.append(f"{how}: is there a gear between the two?")
+
+
+def _far(position: Signal, checked: bool) -> list[str]:
+    """Radians that would be many turns and are within one turn as degrees; encoder steps that are a plain
+    part of 360."""
+    if position.quantity != "angle" or checked or position.declared not in ("rad", "radian", "radians"):
+        return []
+    values = position.column.values[np.isfinite(position.column.values)]
+    travel = float(np.ptp(values)) / (2.0 * np.pi)
+    steps = np.abs(np.diff(values))
+    steps = steps[steps > 1e-9]
+    step = float(np.min(steps)) if len(steps) else 0.0
+    plain = _binary_part(360.0, step) and not _binary_part(2.0 * np.pi, step)
+    if float(np.max(np.abs(values))) > 360.5 or not (travel > _FAR or plain):
+        return []
+    also = f", and its least step of {step:.4g} is 360/{360.0 / step:.0f}" if plain else ""
+    return [
+        f"{_of(position)} in rad turns by {travel:.1f} turns; as degrees it would stay within one{also}: "
+        "are these degrees?"
+    ]
+
+
+def _binary_part(whole: float, step: float) -> bool:
+    """Whether an encoder of 2^8 lines or a higher power of two has this step."""
+    part = whole / step if step > 0.0 else 0.0
+    return part >= 200.0 and abs(part / 2.0 ** round(np.log2(part)) - 1.0) < 1e-4
+
+
+def _of(signal: Signal) -> str:
+    return f"{signal.name} ({signal.column.name!r}, declared {signal.declared})"

@@ -1,0 +1,170 @@
+"""Tables of text (CSV, TSV, cells apart by spaces), read by pandas; what pandas passes over is looked for."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from itertools import islice
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pandas as pd
+from numpy.typing import NDArray
+
+from haptic_teleop_control.errors import RecordingError
+from haptic_teleop_sysid.logs.dialect import COMMENTS, DELIMITERS, MISSING, Dialect, Stated, cells, dialect_of
+from haptic_teleop_sysid.logs.log import MOST_ROWS, Column, Log
+
+_LONGEST_LINE = 1 << 20
+#: Ragged rows that are named.
+_TOLD = 3
+
+
+@dataclass
+class _Lines:
+    """What was found line by line: ``rows`` in all, ``passed`` (line numbers, from 0, of comments and blank
+    lines), ``ragged`` [(line, cells)], ``cut``: whether the last line is one that was not finished."""
+
+    rows: int
+    passed: list[int]
+    ragged: list[tuple[int, int]]
+    cut: int | None = None
+
+
+def read_text(path: Path, stated: Stated | None, rows: tuple[int, int] | None, skip_ragged: bool) -> Log:
+    """Return the table at ``path``; only ``rows`` (first, last), from 1, where given; rows of another number
+    of cells are refused, or left out and told with ``skip_ragged``."""
+    dialect = dialect_of(path, stated)
+    if rows is None:
+        estimate = path.stat().st_size / max(dialect.line_bytes, 1.0)
+        if estimate > MOST_ROWS:
+            raise RecordingError(
+                f"{path} has about {estimate:.2g} rows ({path.stat().st_size / 1e9:.3g} GB), more than the "
+                f"{MOST_ROWS} that are taken: choose a part with --rows FIRST LAST."
+            )
+    start, stop = (0, MOST_ROWS) if rows is None else (rows[0] - 1, rows[1])
+    found = _looked_through(path, dialect, start, stop)
+    if found.rows == 0:
+        raise RecordingError(f"{path} has no rows {start + 1} to {stop}: give other --rows.")
+    remarks = [_read_as(dialect)]
+    left_out = set(found.passed)
+    if found.cut is not None:
+        left_out.add(found.cut)
+        remarks.append(f"line {found.cut + 1}, the last, is cut short and was left out")
+    if found.ragged:
+        told = ", ".join(f"line {line + 1} has {count}" for line, count in found.ragged[:_TOLD])
+        if not skip_ragged:
+            raise RecordingError(
+                f"{path}: {len(found.ragged)} rows have another number of cells than the "
+                f"{len(dialect.names)} of the others ({told}): mend them, or leave them out with "
+                "--skip-ragged."
+            )
+        left_out |= {line for line, _ in found.ragged}
+        remarks.append(f"{len(found.ragged)} ragged rows were left out ({told})")
+    frame = _parsed(path, dialect, dialect.first + start, found.rows, left_out)
+    columns = []
+    for number in range(len(dialect.names)):
+        header = dialect.names[number] or str(number + 1)
+        values, text, unit = _numbers(frame[number])
+        if not dialect.names[number] and text is None and not np.any(np.isfinite(values)):
+            continue  # behind a delimiter that ends the rows
+        columns.append(Column(header, values, unit or dialect.units[number], "", text))
+    return Log(path, "CSV", tuple(columns), remarks=tuple(remarks))
+
+
+def _read_as(dialect: Dialect) -> str:
+    decimal = "comma" if dialect.decimal == "," else "point"
+    header = "with a header" if any(dialect.names) else "without a header"
+    before = f", behind {dialect.passed_over} lines that were passed over" if dialect.passed_over else ""
+    return f"read as text, {DELIMITERS.get(dialect.delimiter, dialect.delimiter)} between cells, decimal " \
+           f"{decimal}, {header}{before}"  # fmt: skip
+
+
+def _looked_through(path: Path, dialect: Dialect, start: int, stop: int) -> _Lines:
+    """Every line of the rows start to stop, counted without being kept."""
+    width = len(dialect.names)
+    found = _Lines(0, [], [])
+    last = ""
+    first = number = dialect.first + start
+    for number, line in enumerate(_from(path, dialect, first, stop - start), first):
+        found.rows += 1
+        last = line
+        if not line.strip() or line.lstrip().startswith(COMMENTS):
+            found.passed.append(number)
+        elif (count := _width(line, dialect)) != width:
+            if count == width + 1 and not cells(line, dialect.delimiter)[-1]:
+                continue  # a delimiter behind the last cell
+            found.ragged.append((number, count))
+    if found.ragged and found.ragged[-1][0] == number and not last.endswith("\n"):
+        found.cut = found.ragged.pop()[0]
+    return found
+
+
+def _from(path: Path, dialect: Dialect, first: int, count: int) -> Iterator[str]:
+    with path.open(encoding=dialect.encoding, errors="replace", newline="\n") as stream:
+        for line in islice(stream, first, first + count):
+            if len(line) > _LONGEST_LINE:
+                raise RecordingError(f"{path} has a line of {len(line)} characters: it is no table.")
+            yield line
+
+
+def _width(line: str, dialect: Dialect) -> int:
+    if dialect.delimiter == " ":
+        return len(line.split())
+    if '"' in line:
+        parts = line.split('"')
+        return 1 + sum(part.count(dialect.delimiter) for part in parts[::2])
+    return line.count(dialect.delimiter) + 1
+
+
+def _parsed(path: Path, dialect: Dialect, first: int, count: int, left_out: set[int]) -> Any:
+    width = len(dialect.names)
+    skipped = left_out | set(range(first)) if first < 1_000_000 else left_out
+    reader: Any = pd.read_csv  # its types do not tell a column from a table
+    try:
+        return reader(
+            path,
+            sep=r"\s+" if dialect.delimiter == " " else dialect.delimiter,
+            decimal=dialect.decimal,
+            encoding=dialect.encoding,
+            encoding_errors="replace",
+            header=None,
+            names=list(range(width)),
+            usecols=list(range(width)),
+            index_col=False,
+            skiprows=sorted(skipped) if first < 1_000_000 else lambda i: i < first or i in left_out,
+            nrows=count - len([i for i in left_out if i >= first]),
+            na_values=sorted(MISSING),
+            skipinitialspace=True,
+            skip_blank_lines=True,
+            low_memory=False,
+        )
+    except (pd.errors.ParserError, pd.errors.EmptyDataError, ValueError, OverflowError) as error:
+        raise RecordingError(f"{path} cannot be read as a table ({error}): mend it.") from error
+
+
+def _numbers(values: Any) -> tuple[NDArray[np.float64], tuple[int, str] | None, str]:
+    """The numbers of a column, NaN where there is none; the first cell that is text; "s" for dates."""
+    if pd.api.types.is_numeric_dtype(values) or pd.api.types.is_bool_dtype(values):
+        return values.to_numpy(np.float64), None, ""
+    numbers: Any = pd.to_numeric(values, errors="coerce")
+    bad = np.flatnonzero((numbers.isna() & values.notna()).to_numpy())
+    first = (int(bad[0]) + 1, str(values.iloc[int(bad[0])])) if len(bad) else None
+    if first is not None and len(bad) == int(values.notna().sum()):
+        instants = _instants(values)
+        if instants is not None:
+            return instants, None, "s"
+    return numbers.to_numpy(np.float64), first, ""
+
+
+def _instants(values: Any) -> NDArray[np.float64] | None:
+    """Seconds since 1970 where all cells are dates with times of ISO 8601, else None."""
+    if not str(values.iloc[0])[:4].isdecimal():
+        return None
+    try:
+        dates = pd.to_datetime(values, utc=True, format="ISO8601")
+    except (ValueError, TypeError):
+        return None
+    since: Any = dates - pd.Timestamp(0, tz="UTC")
+    return since.dt.total_seconds().to_numpy(np.float64)

@@ -1,0 +1,123 @@
+"""`haptic-teleop model`: a model file to start from, out of recordings or logs: structure, io and parameters
+by band-limited least squares, so that no inertia has to be invented. Every joint gets its model.
+"""
+
+from __future__ import annotations
+
+import argparse
+import re
+from pathlib import Path
+
+from rich.console import Console
+
+from haptic_teleop_control.command_line import run_command
+from haptic_teleop_control.errors import ConfigurationError, HapticTeleopError, RecordingError
+from haptic_teleop_sim.model import STRUCTURES
+from haptic_teleop_sysid.logs.opened import open_recording
+from haptic_teleop_sysid.recorded_parameters import recorded_units
+from haptic_teleop_sysid.starting_model import StartingModel, joints_in, starting_model
+from haptic_teleop_sysid.treatment_options import add_mapping_option
+
+PARTLY = 1
+"""Exit status where some of several joints have no model."""
+
+
+def run(argv: list[str]) -> int:
+    """Do what the arguments say; returns the exit status."""
+    arguments = _parser().parse_args(argv)
+    console, screen = Console(), Console(stderr=True)
+    with screen.status("reading"):
+        recordings = {name: open_recording(name, arguments.mapping) for name in dict.fromkeys(arguments.logs)}
+    first = next(iter(recordings))
+    joints = joints_in(recordings[first], first)
+    if any(topic.startswith(("/sfj/", "/omni/")) for topic in recordings[first].topics):
+        raise ConfigurationError(
+            f"{first} is of the 2DSFJ or the Omni: their models are in config/models: start from one."
+        )
+    if arguments.joint is not None and arguments.joint not in joints:
+        raise ConfigurationError(f"{first} has no joint {arguments.joint!r}: it has {', '.join(joints)}.")
+    wanted = list(joints) if arguments.joint is None else [arguments.joint]
+    output = Path(arguments.output)
+    paths = {
+        j: output if len(wanted) == 1 else output.with_name(f"{output.stem}_{_word(j)}{output.suffix}")
+        for j in wanted
+    }
+    for path in paths.values():
+        if path.exists() and not arguments.overwrite:
+            raise ConfigurationError(f"{path} exists already: name another --output, or say --overwrite.")
+    failed: list[str] = []
+    for joint, path in paths.items():
+        try:
+            found = starting_model(recordings, joint, joints[joint], arguments.structure)
+        except HapticTeleopError as error:
+            if len(paths) == 1:
+                raise
+            failed.append(joint)
+            _say(screen, f"failed: {joint}: {' '.join(str(error).split())}")
+            continue
+        try:
+            found.model.save(path)
+        except OSError as error:
+            raise ConfigurationError(f"{path} cannot be written ({error}): name another --output.") from error
+        units = recorded_units(recordings[first].experiment, str(joints[joint]["motor"]["joint"]))
+        for line in lines_of(found, units):
+            _say(console, line)
+        _say(console, f"model: {path}")
+    if len(failed) == len(paths):
+        raise RecordingError(f"{first}: no joint of it gives a model: see above what each lacks.")
+    return PARTLY if failed else 0
+
+
+def lines_of(found: StartingModel, units: dict[str, str]) -> list[str]:
+    """What to know of a model, in lines."""
+    model, unit, position = found.model, units["input"], units["position"]
+    lines = [f"{model.joint}: {model.structure}, by least squares below {found.cutoff:.3g} Hz"]
+    per = {"inertia": "*s^2", "damping": "*s", "stiffness": ""}
+    for name, std in found.std.items():
+        value = model.parameters[name]
+        lines.append(f"  {name} {value:.4g} ± {std:.2g} {unit}{per[name.rpartition('_')[2]]}/{position}")
+    lines.append(f"  fit of the input: {found.percent:.1f} %")
+    if found.percent_beside > found.percent + 1.0:
+        beside = ", ".join(f"{n} {v:.4g}" for n, v in found.beside.items())
+        lines.append(
+            f"  with {beside} beside it would be {found.percent_beside:.1f} %: `diagnose` says what "
+            "is missing"
+        )
+    return lines + [f"  {one}" for one in found.told]
+
+
+def main(argv: list[str] | None = None) -> int:
+    """Entry point: 0 when every joint has a model, 1 when some have, 2 when none has."""
+    return run_command(run, argv)
+
+
+def _word(joint: str) -> str:
+    """A joint's name as part of a file's name."""
+    return re.sub(r"[^A-Za-z0-9.-]+", "_", joint)
+
+
+def _say(console: Console, text: str) -> None:
+    console.print(text, markup=False, highlight=False, soft_wrap=True)
+
+
+def _parser() -> argparse.ArgumentParser:
+    parser = argparse.ArgumentParser(prog="haptic-teleop model", description=__doc__)
+    add = parser.add_argument
+    add(
+        "--from",
+        nargs="+",
+        required=True,
+        dest="logs",
+        metavar="LOG",
+        help="recordings or logs of the same joints",
+    )
+    add("--output", required=True, metavar="MODEL.yaml", help="for several joints MODEL_<joint>.yaml each")
+    add("--structure", choices=tuple(STRUCTURES), help="default: flexible_joint where an arm moves by itself")
+    add("--joint", metavar="NAME", help="this joint alone")
+    add("--overwrite", action="store_true", help="replace an existing file")
+    add_mapping_option(parser)
+    return parser
+
+
+if __name__ == "__main__":
+    raise SystemExit(main())

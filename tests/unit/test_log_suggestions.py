@@ -1,0 +1,112 @@
+"""`import --suggest` proposes the mapping that a log is of, and says how sure it is of each entry."""
+
+import numpy as np
+import pytest
+from joint_logs import HEADER, machine, mapping_file, plain_table, table
+from test_log_files import bag
+
+from haptic_teleop_control.errors import ConfigurationError
+from haptic_teleop_sysid.import_log import main
+from haptic_teleop_sysid.logs.opened import open_recording
+
+T, TORQUE, ANGLE, SPEED = machine()
+DATA = (1e3 * T, 1e3 * TORQUE, np.degrees(ANGLE))
+STATES = "/plant/joint_states"
+
+
+def suggested(log, tmp_path, capsys):
+    capsys.readouterr()
+    assert main([str(log), "--suggest"]) == 0
+    captured = capsys.readouterr()
+    (tmp_path / "suggested.yaml").write_text(captured.out)
+    return captured
+
+
+@pytest.mark.parametrize("scale", [1.0, 180.0 / np.pi])
+@pytest.mark.parametrize("rate_scale", [1.0, 180.0 / np.pi, 30.0 / np.pi])
+@pytest.mark.parametrize("sign", [1, -1])
+def test_a_suggestion_finds_the_units_by_the_derivative_and_the_sign_by_the_power(
+    tmp_path, capsys, scale, rate_scale, sign
+):
+    log = table(
+        tmp_path / "log.csv", ("t", "tau", "q", "dq"), (T, sign * TORQUE, scale * ANGLE, rate_scale * SPEED)
+    )
+    suggested(log, tmp_path, capsys)
+    recording = open_recording(log, tmp_path / "suggested.yaml")
+    states = recording.topics[STATES]
+    assert np.allclose(states.signal("joint", "position"), ANGLE, atol=1e-6)
+    assert np.allclose(states.signal("joint", "velocity"), SPEED, atol=1e-6)
+    assert np.allclose(states.signal("joint", "effort"), TORQUE, atol=1e-6)
+
+
+def test_a_suggestion_says_how_sure_it_is_and_what_is_missing(tmp_path, capsys):
+    counts = np.rint(ANGLE / (2 * np.pi) * 8192)
+    log = table(tmp_path / "log.csv", ("time [ms]", "i_q", "enc", "noise"), (1e3 * T, TORQUE, counts, T))
+    captured = suggested(log, tmp_path, capsys)
+    assert "# stated" in captured.out and "# guessed: input by its name; A by its name" in captured.out
+    assert "counts_per_turn: FILL IN" in captured.out and "#   noise" in captured.out
+    assert "1 stated" in captured.err and "1 missing" in captured.err
+    with pytest.raises(ConfigurationError, match="counts_per_turn is 'FILL IN'"):
+        open_recording(log, tmp_path / "suggested.yaml")
+    both = table(
+        tmp_path / "both.csv", ("time [ms]", "i_q", "enc", "omega"), (1e3 * T, TORQUE, counts, SPEED)
+    )
+    assert "counts_per_turn: 8192" in suggested(both, tmp_path, capsys).out
+
+
+def test_a_suggestion_takes_a_joint_that_a_force_drives_for_linear(tmp_path, capsys):
+    log = table(tmp_path / "log.csv", ("t", "force", "x", "v"), (T, TORQUE, 1e3 * ANGLE, SPEED))
+    out = suggested(log, tmp_path, capsys).out
+    assert "position: {column: x, unit: mm}  # likely" in out
+    assert "velocity: {column: v, unit: m/s}  # likely" in out
+
+
+def test_columns_of_one_name_go_by_number_and_counters_of_rows_are_no_time(tmp_path, capsys):
+    header = ("sample", "q [deg]", "q [deg]", "u [Nm]")
+    log = table(tmp_path / "log.csv", header, (1e3 * T, DATA[2], 0.9 * DATA[2], TORQUE))
+    out = suggested(log, tmp_path, capsys).out
+    assert "time: {rate: FILL IN}" in out
+    assert "{column: 2, unit: deg}  # guessed" in out and "{column: 3, unit: deg}  # guessed" in out
+
+
+@pytest.mark.parametrize(("unit", "scale"), [("s", 1.0), ("ms", 1e3), ("us", 1e6), ("ns", 1e9)])
+def test_a_suggestion_finds_the_unit_of_time_by_its_steps(tmp_path, capsys, unit, scale):
+    log = table(tmp_path / "log.csv", ("t", "tau", "q"), (scale * T, TORQUE, ANGLE), digits=15)
+    assert f"time: {{column: t, unit: {unit}}}" in suggested(log, tmp_path, capsys).out
+
+
+def test_a_suggestion_for_what_says_all_needs_no_mapping(tmp_path, capsys):
+    captured = suggested(plain_table(tmp_path / "log.csv"), tmp_path, capsys)
+    assert "nothing is open" in captured.err
+    direct, by_mapping = (
+        open_recording(tmp_path / "log.csv", m) for m in (None, tmp_path / "suggested.yaml")
+    )
+    assert np.array_equal(direct.topics[STATES].position, by_mapping.topics[STATES].position)
+
+
+def test_a_suggestion_for_a_bag_names_its_joints(tmp_path, capsys):
+    log = bag(tmp_path / "log.bag", "ros1")
+    captured = suggested(log, tmp_path, capsys)
+    assert "elbow:" in captured.out and "REP 103" in captured.out
+    assert "arm:" not in captured.out  # the controller's state tells of the same joint once more
+    recording = open_recording(log, tmp_path / "suggested.yaml")
+    assert np.array_equal(recording.topics[STATES].signal("elbow", "position"), ANGLE[:60])
+
+
+def test_angles_that_jump_by_a_turn_are_told_and_unwrapped_on_demand(tmp_path, capsys):
+    wrapped = np.degrees(np.angle(np.exp(1j * 20.0 * ANGLE)))
+    log = table(tmp_path / "log.csv", HEADER, (*DATA[:2], wrapped))
+    suggested(log, tmp_path, capsys)
+    turned = open_recording(log, tmp_path / "suggested.yaml").topics[STATES].signal("joint", "position")
+    assert np.allclose(turned - turned[0], 20.0 * (ANGLE - ANGLE[0]), atol=1e-6)
+    text = "time: time\njoints: {j: {input: torque, motor: {position: angle}}}\n"
+    told = open_recording(log, mapping_file(tmp_path / "mapping.yaml", text))
+    assert "jumps by a whole turn" in " ".join(told.problems)
+
+
+def test_names_of_any_characters_survive_a_suggestion(tmp_path, capsys):
+    header = ("time: [ms]", "# torque: {x}  [Nmm]", "yes 'angle'  no [deg]")
+    log = table(tmp_path / "log.csv", header, DATA, ";", lines=["logger"])
+    suggested(log, tmp_path, capsys)
+    states = open_recording(log, tmp_path / "suggested.yaml").topics[STATES]
+    assert np.allclose(states.signal("joint", "position"), ANGLE, atol=1e-8)

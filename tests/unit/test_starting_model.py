@@ -1,0 +1,132 @@
+"""`model` gives a model with the parameters of the machine that the log is of, or says what it lacks."""
+
+import numpy as np
+import pytest
+from joint_logs import DAMPING, INERTIA, machine, plain_table, table
+from joint_recordings import DT, TRUTH, response
+
+from haptic_teleop_sim.model import load_model
+from haptic_teleop_sysid.dataset import load_dataset
+from haptic_teleop_sysid.fit import simulated_fit
+from haptic_teleop_sysid.logs.opened import open_recording
+from haptic_teleop_sysid.model_from_log import main
+
+TIME = 0.002 * np.arange(6000)
+HEADER = ("time [s]", "torque [Nm]", "angle [rad]")
+
+
+def motion(amplitude=1.0):
+    """A motion (n,) whose velocity and acceleration are known exactly."""
+    lines = [(amplitude, 0.5, 0.3), (0.4 * amplitude, 1.3, 1.0), (0.1 * amplitude, 2.9, 2.0)]
+    w = 2 * np.pi
+    angle = sum(a * np.sin(w * f * TIME + p) for a, f, p in lines)
+    speed = sum(a * w * f * np.cos(w * f * TIME + p) for a, f, p in lines)
+    return angle, speed, sum(-a * (w * f) ** 2 * np.sin(w * f * TIME + p) for a, f, p in lines)
+
+
+def made(log, tmp_path, *options):
+    assert main(["--from", str(log), "--output", str(tmp_path / "model.yaml"), *options]) == 0
+    return load_model(tmp_path / "model.yaml")
+
+
+def test_a_rigid_body_has_the_inertia_and_damping_of_the_machine(tmp_path, capsys):
+    log = plain_table(tmp_path / "log.csv")
+    model = made(log, tmp_path)
+    assert (model.robot, model.structure, model.fixed) == ("generic", "rigid_body", ("torque_constant",))
+    assert model.parameters["motor_inertia"] == pytest.approx(INERTIA, rel=0.02)
+    assert model.parameters["motor_damping"] == pytest.approx(DAMPING, rel=0.02)
+    # It names the topics: the log can be simulated at once.
+    fit = simulated_fit(model, load_dataset(open_recording(log), model))
+    assert fit.percent["joint_motor.position"] > 98.0
+    assert "fit of the input: 9" in capsys.readouterr().out
+
+
+def test_a_flexible_joint_is_seen_and_has_all_its_parameters(tmp_path):
+    rng = np.random.default_rng(1)
+    t = DT * np.arange(15_000)
+    lines = [(f, rng.uniform(0, 6)) for f in (0.4, 0.7, 0.9, 1.3, 1.9, 2.9)]
+    current = 0.1 * sum(np.sin(2 * np.pi * f * t + p) for f, p in lines)
+    states = response(current)
+    header = ("time [s]", "torque [Nm]", "motor angle [rad]", "arm angle [rad]")
+    log = table(tmp_path / "log.csv", header, (t, 8.925 * current, states[:, 0], states[:, 1]), digits=12)
+    model = made(log, tmp_path)
+    assert model.structure == "flexible_joint"
+    for name in ("stiffness", "motor_damping", "arm_inertia"):
+        assert model.parameters[name] == pytest.approx(TRUTH[name], rel=0.05), name
+    assert model.parameters["motor_inertia"] == pytest.approx(TRUTH["motor_inertia"], rel=0.2)
+    assert made(log, tmp_path, "--structure", "rigid_body", "--overwrite").rigid
+
+
+def test_an_arm_that_does_not_move_by_itself_makes_no_flexible_joint(tmp_path, capsys):
+    t, torque, angle, _ = machine()
+    header = ("time [s]", "torque [Nm]", "motor angle [rad]", "arm angle [rad]")
+    log = table(tmp_path / "log.csv", header, (t, torque, angle, angle + 1e-6 * np.sin(t)))
+    assert made(log, tmp_path).structure == "rigid_body"
+    assert "does not move against its motor" in capsys.readouterr().out
+
+
+def test_dry_friction_is_told_beside_the_structure(tmp_path, capsys):
+    angle, speed, acceleration = motion()
+    torque = 0.2 * acceleration + 0.5 * speed + 1.0 * np.sign(speed) + 0.1
+    model = made(table(tmp_path / "log.csv", HEADER, (TIME, torque, angle)), tmp_path)
+    assert model.parameters["motor_inertia"] == pytest.approx(0.2, rel=0.1)
+    out = capsys.readouterr().out
+    told = next(line for line in out.splitlines() if "dry friction" in line)
+    size = float(told.split("dry friction ")[1].split(",")[0])
+    assert size == pytest.approx(1.0, rel=0.1)
+    assert "a constant 0." in told
+
+
+def test_gravity_does_not_become_inertia(tmp_path, capsys):
+    angle, speed, acceleration = motion(1.2)
+    torque = 0.05 * acceleration + 0.1 * speed + 3.0 * np.sin(angle)
+    model = made(table(tmp_path / "log.csv", HEADER, (TIME, torque, angle)), tmp_path)
+    assert model.parameters["motor_inertia"] == pytest.approx(0.05, rel=0.05)
+    out = capsys.readouterr().out
+    assert "gravity (sine)" in out and "which the model lacks" in out
+
+
+def test_a_linear_axis_and_an_input_in_ampere_have_their_units(tmp_path, capsys):
+    t, torque, angle, _ = machine()
+    header = ("time [s]", "force [N]", "x [mm]")
+    made(table(tmp_path / "log.csv", header, (t, torque, 1e3 * angle)), tmp_path)
+    assert "N*s^2/m" in capsys.readouterr().out
+    header = ("time [s]", "current [A]", "angle [rad]")
+    made(table(tmp_path / "log.csv", header, (t, torque, angle)), tmp_path, "--overwrite")
+    assert "per A of it" in capsys.readouterr().out
+
+
+def test_every_joint_of_a_log_gets_its_model(tmp_path, capsys):
+    t, torque, angle, _ = machine()
+    header = (
+        "time [s]",
+        "torque1 [Nm]",
+        "angle1 [rad]",
+        "torque2 [Nm]",
+        "angle2 [rad]",
+        "torque3 [Nm]",
+        "angle3 [rad]",
+    )
+    columns = (t, torque, angle, 2.0 * torque, angle, 0.0 * torque, 0.0 * angle)
+    log = table(tmp_path / "log.csv", header, columns)
+    assert main(["--from", str(log), "--output", str(tmp_path / "m.yaml")]) == 1
+    first, second = (load_model(tmp_path / f"m_{j}.yaml").parameters["motor_inertia"] for j in ("j1", "j2"))
+    assert second == pytest.approx(2.0 * first, rel=1e-6)
+    assert "failed: j3" in capsys.readouterr().err and not (tmp_path / "m_j3.yaml").exists()
+
+
+def test_what_gives_no_model_is_refused_in_one_sentence(tmp_path, capsys):
+    t, torque, angle, _ = machine()
+    wrong = table(tmp_path / "wrong.csv", HEADER, (t, -torque, angle))
+    good = plain_table(tmp_path / "good.csv")
+    (tmp_path / "there.yaml").write_text("mine")
+    new = str(tmp_path / "new.yaml")
+    for argv, said in (
+        (["--from", str(wrong), "--output", new], "check sign"),
+        (["--from", str(good), "--output", new, "--structure", "flexible_joint"], "no recorded arm"),
+        (["--from", str(good), "--output", new, "--joint", "knee"], "no joint 'knee'"),
+        (["--from", str(good), "--output", str(tmp_path / "there.yaml")], "--overwrite"),
+    ):
+        assert main(argv) == 2
+        assert said in capsys.readouterr().err
+    assert (tmp_path / "there.yaml").read_text() == "mine" and not (tmp_path / "new.yaml").exists()
