@@ -22,9 +22,10 @@ from haptic_teleop_control.errors import ConfigurationError, MismatchError, Reco
 from haptic_teleop_control.recording import Recording
 from haptic_teleop_sim.model import STRUCTURES, Model
 from haptic_teleop_sysid.dataset import DataSet, load_dataset
+from haptic_teleop_sysid.diagnosis.inverse_dynamics.groups import independent
 from haptic_teleop_sysid.diagnosis.inverse_dynamics.motion import BandedMotion, banded, motion_band
-from haptic_teleop_sysid.diagnosis.inverse_dynamics.regression import solved, standard_errors
-from haptic_teleop_sysid.diagnosis.inverse_dynamics.witness import independent
+from haptic_teleop_sysid.diagnosis.inverse_dynamics.products import solved
+from haptic_teleop_sysid.diagnosis.inverse_dynamics.regression import standard_errors
 from haptic_teleop_sysid.estimation.records import Record, record_from
 from haptic_teleop_sysid.excitation import refuse_idle
 from haptic_teleop_sysid.logs.convert import ARM
@@ -299,7 +300,7 @@ def _fitted(columns: FloatArray, target: FloatArray, bounded: int, beside: tuple
     size = float(np.linalg.norm(target)) / np.maximum(np.linalg.norm(columns, axis=0), 1e-300)
     low = np.full(columns.shape[1], -np.inf)
     low[:bounded] = 1e-6 * size[:bounded]
-    values = solved(columns, target, low, np.full(columns.shape[1], np.inf))
+    values = solved(columns.T @ columns, columns.T @ target, low, np.full(columns.shape[1], np.inf))
     left = target - columns @ values
     spread = max(float(np.linalg.norm(target - target.mean())), 1e-300)
     lags = max(1, round(len(left) / max(independent(left), 1.0)))
