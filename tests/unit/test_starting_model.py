@@ -38,7 +38,8 @@ def test_a_rigid_body_has_the_inertia_and_damping_of_the_machine(tmp_path, capsy
     # It names the topics: the log can be simulated at once.
     fit = simulated_fit(model, load_dataset(open_recording(log), model))
     assert fit.percent["joint_motor.position"] > 98.0
-    assert "fit of the input: 9" in capsys.readouterr().out
+    said = capsys.readouterr().out
+    assert float(said.split("fit of the input: ")[1].split(" %")[0]) > 90.0
 
 
 def test_a_flexible_joint_is_seen_and_has_all_its_parameters(tmp_path):

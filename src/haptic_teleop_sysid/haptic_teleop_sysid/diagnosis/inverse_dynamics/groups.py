@@ -114,11 +114,14 @@ class Search:
         return found
 
     def alike(self, hypothesis: Hypothesis) -> list[Latent]:
-        """Torques without a form, at the same place, that can take on the shape of an effect."""
+        """Torques without a form, at the same place, that can take on the shape of an effect; none over time,
+        which takes on any shape on a recording that is short."""
         return [
             latent
             for latent in self.latents
-            if latent.place == hypothesis.place and self.sides[0].unlike(hypothesis, latent) < SHAPED
+            if latent.place == hypothesis.place
+            and "time" not in latent.quantities
+            and self.sides[0].unlike(hypothesis, latent) < SHAPED
         ]
 
     @cached_property
