@@ -42,8 +42,8 @@ def _header(model: Model, sayings: tuple[Saying, ...]) -> str:
         + ("current, A" if model.robot == "sfj" else "torque, N*m")
         + "; SI units, angles absolute, masses nominal where gravity does not pull"
     ]
-    parts += [f"{s.effect.effect} at {s.effect.location}: {s.how}. {s.note}" for s in sayings if s.note]
-    return "; ".join(parts)
+    parts += [f"{s.effect.effect} at {s.effect.location} {s.how}: {s.note}" for s in sayings if s.note]
+    return "\n       ".join(parts)
 
 
 def _tree(model: Model, words: StageWords, timestep: float) -> ElementTree.Element:

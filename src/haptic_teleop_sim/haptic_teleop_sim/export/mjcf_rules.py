@@ -31,7 +31,8 @@ def mjcf_saying(model: Model, effect: Effect) -> Saying:
         how = "expressed" if effect.values["displacement"] <= STICKING else "approximated"
         return Saying(effect, how, (loss,), "as the tendon's dry friction, which builds up at once")
     if name == "hard_stop" and effect.values["dissipation"] > 0.0:
-        return said(effect, "its damping is linear in MuJoCo, where the model's grows with penetration")
+        note = "its damping is linear there, where the model's grows with penetration: see what the engine itself gives"
+        return Saying(effect, "approximated", (effect,), note)
     if name == "channel_skew":
         return left_out(effect, _STAMPS)
     known = ("gain_error", "joint_preload", "encoder_scale", "sensor_delay", "gravity")

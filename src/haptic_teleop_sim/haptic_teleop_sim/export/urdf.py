@@ -43,8 +43,8 @@ def _header(model: Model, sayings: tuple[Saying, ...]) -> str:
     parts = [f"{model.robot} {model.joint}, {model.structure}; effort = {number(gain)} {unit}; SI units"]
     if not model.rigid:
         parts.append(FLEXIBILITY)
-    parts += [f"{s.effect.effect} at {s.effect.location}: {s.how}. {s.note}" for s in sayings if s.note]
-    return "; ".join(parts)
+    parts += [f"{s.effect.effect} at {s.effect.location} {s.how}: {s.note}" for s in sayings if s.note]
+    return "\n       ".join(parts)
 
 
 def _tree(model: Model) -> ElementTree.Element:
