@@ -117,8 +117,8 @@ def _show(console: Console, content: dict[str, Any], output: Path, beside: Path)
     else:
         meant, whole = (_lowest(there[k]["fit"])[1] for k in ("as_exported", "model"))
         lines.append(
-            f"{there['engine']} simulates the file over {there['seconds']:g} s: lowest fit {meant:.2f} % to what the "
-            f"file is meant to say, {whole:.2f} % to the whole model"
+            f"{there['engine']} simulates the file over {there['seconds']:g} s: lowest fit {meant:.2f} % to "
+            f"what the file is meant to say, {whole:.2f} % to the whole model"
         )
     lines.append(f"written: {output}, {beside.name}")
     for line in lines:
@@ -170,12 +170,12 @@ def _parser() -> argparse.ArgumentParser:
         help="the file to write; FILE.json beside it says what it lacks and what that costs",
     )  # fmt: skip
     parser.add_argument(
-        "--bag", metavar="BAG", help="measure on this recording (default: on the model's response to a multisine)"
+        "--bag", metavar="BAG", help="measure on this recording (default: a simulated multisine)"
     )
     parser.add_argument(
         "--rms", type=_positive, help="root mean square of the multisine, in the model's input"
     )
-    parser.add_argument("--seconds", type=_duration, default=20.0, help="length of the multisine (default: 20)")
+    parser.add_argument("--seconds", type=_duration, default=20.0, help="length of the multisine (20)")
     parser.add_argument(
         "--timestep", type=_timestep, default=TIMESTEP, metavar="S",
         help=f"time step in the MJCF file (default: {TIMESTEP:g})",

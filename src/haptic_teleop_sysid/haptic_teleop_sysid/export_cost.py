@@ -20,8 +20,8 @@ LONGEST_RUN = 20.0
 
 
 def costs(model: Model, exported: Exported, reference: Reference) -> dict[str, Any]:
-    """Return `fit` of the model and of what the file carries, and for each effect, and for the structure where the file
-    changes it, `cost`: points of fit, by signal, that are lost by that alone."""
+    """Return `fit` of the model and of what the file carries, and for each effect, and for the structure
+    where the file changes it, `cost`: points of fit, by signal, that are lost by that alone."""
     whole = reference.fit(model)
     same = all(s.instead == (s.effect,) for s in exported.sayings) and not exported.structure
     result: dict[str, Any] = {
@@ -65,9 +65,9 @@ def _lost(whole: Fits, without: Fits) -> Fits:
 
 
 def simulated_there(model: Model, exported: Exported, target: str, reference: Reference) -> dict[str, Any]:
-    """Return how the file responds where it is to go, from rest, to the reference's input (its first LONGEST_RUN
-    seconds): `fit` and `rms` of its signals against what the file is meant to carry and against the model, both
-    simulated here; or `why_not`."""
+    """Return how the file responds where it is to go, from rest, to the reference's input (its first
+    LONGEST_RUN seconds): `fit` and `rms` of its signals against what the file is meant to carry and against
+    the model, both simulated here; or `why_not`."""
     input_ = reference.input[: max(2, round(LONGEST_RUN / reference.dt))]
     try:
         engine, found = _run(model, exported, target, input_, reference.dt)

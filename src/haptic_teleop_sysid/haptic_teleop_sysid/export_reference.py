@@ -32,9 +32,20 @@ OVER_FRICTION = 1.5
 class Reference(Protocol):
     """Something that a model's fit, in percent by signal, can be measured on."""
 
-    input: Array
-    dt: float
-    exogenous: Array | None
+    @property
+    def input(self) -> Array:
+        """What drives the model, (n,), held over each sample."""
+        ...
+
+    @property
+    def dt(self) -> float:
+        """Period of a sample, s."""
+        ...
+
+    @property
+    def exogenous(self) -> Array | None:
+        """Acceleration of the robot's other arm (n,), rad/s², None where it is not known."""
+        ...
 
     def fit(self, model: Model) -> Fits:
         """Return the contract's fit of a model of that joint."""
@@ -54,7 +65,8 @@ def responses(model: Model, input_: Array, dt: float) -> dict[str, Array]:
 
 @dataclass(frozen=True)
 class Simulated:
-    """The response of `model` from rest to a multisine `settings`, the rms of which is in the model's input."""
+    """The response of `model` from rest to a multisine `settings`, the rms of which is in the model's
+    input."""
 
     model: Model
     settings: Multisine
@@ -103,8 +115,9 @@ class Recorded:
 
     def described(self) -> dict[str, Any]:
         """Return the recording's name and windows."""
-        return {"kind": "recording", "bag": self.dataset.name, "samples": len(self.dataset),
-                "dt_s": self.dataset.dt, "window_s": self.windows.seconds, "why": self.windows.why}  # fmt: skip
+        d, w = self.dataset, self.windows
+        return {"kind": "recording", "bag": d.name, "samples": len(d), "dt_s": d.dt,
+                "window_s": w.seconds, "why": w.why}  # fmt: skip
 
 
 def recorded(model: Model, bag: str | Path, allow_gaps: bool = False) -> Recorded:
@@ -129,11 +142,19 @@ def multisine(model: Model, rms: float | None = None, seconds: float = 20.0) -> 
     if rms is None:
         plain = Model(model.robot, model.joint, model.structure, model.parameters)
         reach = REACH / max(float(np.std(responses(plain, wave, dt)["motor_position"])), 1e-12)
-        held = sum(v for e in model.effects for n, v in e.values.items() if e.entry.parameter(n).unit == "N*m"
-                   and e.entry.memory or n == "width" and e.effect == "dead_zone")  # fmt: skip
-        rms = float(f"{max(reach, OVER_FRICTION * held / model.parameters['torque_constant']):.3g}")
+        most = max(reach, OVER_FRICTION * _held(model) / model.parameters["torque_constant"])
+        rms = float(f"{most:.3g}")
     settings = Multisine(enabled=True, rms=rms, period=10.0, f_min=0.1, f_max=10.0)
     return Simulated(model, settings, rms * wave, dt)
+
+
+def _held(model: Model) -> float:
+    """Torque that has to be overcome before anything moves, N·m: dry frictions and dead zones, at most."""
+    total = 0.0
+    for e in model.effects:
+        dry = e.entry.memory != "" or e.effect == "dead_zone"
+        total += sum(v for n, v in e.values.items() if dry and e.entry.parameter(n).unit == "N*m")
+    return total
 
 
 def _wave(settings: Multisine, samples: int, dt: float) -> Array:

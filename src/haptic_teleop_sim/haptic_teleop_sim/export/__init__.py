@@ -1,5 +1,6 @@
 """A model in the words of other simulators: MJCF (`mjcf.py`), URDF (`urdf.py`), one Python file
-(`python_file.py`); what each can say, and with what in place of the rest, is in `mjcf_rules.py` and `urdf_rules.py`."""
+(`python_file.py`); what each can say, and with what in place of the rest, is in `mjcf_rules.py` and
+`urdf_rules.py`."""
 
 from .mjcf import mjcf_export
 from .python_file import python_export

@@ -1,5 +1,5 @@
-"""A model as an MJCF file: hinges with absolute angles, a tendon as the spring between them, an actuator that takes the
-model's input, and sensors that read as its encoders do."""
+"""A model as an MJCF file: hinges with absolute angles, a tendon as the spring between them, an actuator
+that takes the model's input, and sensors that read as its encoders do."""
 
 from __future__ import annotations
 
@@ -12,17 +12,24 @@ from ..mujoco_xml import GRAVITY, Attributes, inertial, number
 from .mjcf_rules import mjcf_saying
 from .target import Exported, Saying, comment, gain_before, limit_behind, replaced, xml_name
 
-#: Share of a motor's inertia that its body keeps, the rest being armature: the engine wants a body to have some.
+#: Share of a motor's inertia that its body keeps, the rest being armature: no body may have none.
 _BODY_SHARE = 1e-6
-_ELSEWHERE = ("gain_error", "joint_preload", "encoder_scale", "sensor_delay", "hysteresis", "torque_saturation")
+_ELSEWHERE = (
+    "gain_error",
+    "joint_preload",
+    "encoder_scale",
+    "sensor_delay",
+    "hysteresis",
+    "torque_saturation",
+)
 
 
 def mjcf_export(model: Model, timestep: float) -> Exported:
     """The model as MJCF; timestep, s, above zero.
 
-    Names: hinges `<joint>_motor` and `<joint>_arm`, rad, absolute, CCW positive; actuator `<joint>_drive`, whose
-    control is the model's input; sensors `<hinge>.position` and `<hinge>.velocity`. Raises ModelError for a name that
-    XML cannot hold.
+    Names: hinges `<joint>_motor` and `<joint>_arm`, rad, absolute, CCW positive; actuator `<joint>_drive`,
+    whose control is the model's input; sensors `<hinge>.position` and `<hinge>.velocity`. Raises ModelError
+    for a name that XML cannot hold.
     """
     sayings = tuple(mjcf_saying(model, effect) for effect in model.effects)
     carried = replaced(model, sayings)

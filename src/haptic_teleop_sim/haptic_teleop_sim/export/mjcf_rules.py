@@ -31,7 +31,7 @@ def mjcf_saying(model: Model, effect: Effect) -> Saying:
         how = "expressed" if effect.values["displacement"] <= STICKING else "approximated"
         return Saying(effect, how, (loss,), "as the tendon's dry friction, which builds up at once")
     if name == "hard_stop" and effect.values["dissipation"] > 0.0:
-        note = "its damping is linear there, where the model's grows with penetration: see what the engine itself gives"
+        note = "its damping is linear there, while the model's grows with penetration: see the engine's fit"
         return Saying(effect, "approximated", (effect,), note)
     if name == "channel_skew":
         return left_out(effect, _STAMPS)

@@ -1,4 +1,5 @@
-"""A model as one Python file: a function of NumPy alone, written from the equations that the compiled kernel is made of.
+"""A model as one Python file: a function of NumPy alone, written from the equations that the compiled kernel
+is made of.
 """
 
 from __future__ import annotations
@@ -28,8 +29,8 @@ _WAY = {
 def python_export(model: Model) -> Exported:
     """The model as the text of a module with the function ``simulate``, which says every effect.
 
-    The same equations, integrator and steps as `kernel.simulate`, so the same numbers but for rounding; slower, since
-    nothing is compiled. Raises ModelError for an effect of a kind that it does not know.
+    The same equations, integrator and steps as `kernel.simulate`, so the same numbers but for rounding;
+    slower, since nothing is compiled. Raises ModelError for an effect of a kind that it does not know.
     """
     sayings = tuple(said(effect) for effect in model.effects)
     return Exported(_Writer(model).text(), sayings, model)

@@ -21,16 +21,16 @@ It needs NumPy and nothing else.
 import numpy as np
 
 
-def simulate(input_, dt, initial_state=(0.0, 0.0, 0.0, 0.0), external_torque=None, other_arm_acceleration=None,
-             t0=0.0):
+def simulate(input_, dt, initial_state=(0.0, 0.0, 0.0, 0.0), external_torque=None,
+             other_arm_acceleration=None, t0=0.0):
     """Response to an input that is held over each sample: a dict of arrays (n,), SI units.
 
     input_ (n,): {unit}; dt: s; initial_state: motor and arm angle, rad, motor and arm velocity, rad/s;
     external_torque (n,): of the environment on the arm (on the body, where it is rigid), N*m;
     other_arm_acceleration (n,), rad/s^2: for inertial coupling; t0: s, time of the first sample.
-    Keys: time, motor_position, motor_velocity, arm_position, arm_velocity as the encoders report them, each before
-    the torque of its sample acts, torque: what acts on the motor over the sample, N*m, and states (n, 4): the true
-    angles and velocities.
+    Keys: time, motor_position, motor_velocity, arm_position, arm_velocity as the encoders report them, each
+    before the torque of its sample acts, torque: what acts on the motor over the sample, N*m, and states
+    (n, 4): the true angles and velocities.
     """
 '''
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
+from collections.abc import Iterable
 from dataclasses import dataclass, replace
 from typing import Literal
 
@@ -18,8 +18,8 @@ STICKING = 25.0 * STICTION_ANGLE
 
 @dataclass(frozen=True)
 class Saying:
-    """How a target says one effect: ``instead`` simulates here what the file does in its place (empty: nothing),
-    ``note`` is a sentence for the user, "" where there is nothing to add."""
+    """How a target says one effect: ``instead`` simulates here what the file does in its place (empty:
+    nothing), ``note`` is a sentence for the user, "" where there is nothing to add."""
 
     effect: Effect
     how: How
@@ -31,8 +31,8 @@ class Saying:
 class Exported:
     """A file's ``text`` and what it says.
 
-    ``carried``: the model as the file has it, to be simulated here. ``structure``: what became of the structure, ""
-    where it is said as it is; then ``rigid`` is the model with that change alone.
+    ``carried``: the model as the file has it, to be simulated here. ``structure``: what became of the
+    structure, "" where it is said as it is; then ``rigid`` is the model with that change alone.
     """
 
     text: str
@@ -40,9 +40,6 @@ class Exported:
     carried: Model
     structure: str = ""
     rigid: Model | None = None
-
-
-Rule = Callable[[Effect], Saying]
 
 
 def said(effect: Effect, note: str = "") -> Saying:
@@ -63,7 +60,7 @@ def dry_friction(effect: Effect) -> Saying:
             return said(effect)
         return _like(effect, v["torque"], "as friction that sticks, without its smooth or elastic beginning")
     if effect.effect == "stribeck_friction":
-        return _like(effect, v["coulomb"], "as the friction at speed; what it is more at the start is left out")
+        return _like(effect, v["coulomb"], "as the friction at speed, without what it is more at the start")
     if effect.effect == "asymmetric_friction":
         mean, half = 0.5 * (v["positive"] + v["negative"]), 0.5 * (v["positive"] - v["negative"])
         return _like(
@@ -86,8 +83,8 @@ def _like(effect: Effect, torque: float, note: str, constant: float = 0.0) -> Sa
 
 
 def replaced(model: Model, sayings: Iterable[Saying]) -> Model:
-    """The model with each effect in ``sayings`` replaced by what stands in its place; torques of the same kind at one
-    place are added, since a model may have each effect there once."""
+    """The model with each effect in ``sayings`` replaced by what stands in its place; torques of the same
+    kind at one place are added, since a model may have each effect there once."""
     instead = {(s.effect.effect, s.effect.location): s.instead for s in sayings}
     effects: dict[tuple[str, str], Effect] = {}
     for old in model.effects:
@@ -121,7 +118,7 @@ def xml_name(model: Model) -> str:
     """The joint's name for an XML attribute. ModelError for one that no XML file can hold."""
     if not model.joint.isprintable() or not model.joint.strip():
         raise ModelError(
-            f"{model.source}: joint {model.joint!r} cannot be a name in XML; give it one of printable letters."
+            f"{model.source}: joint {model.joint!r} cannot be a name in XML; give it printable letters."
         )
     return model.joint
 

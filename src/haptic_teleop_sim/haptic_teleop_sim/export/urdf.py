@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 import xml.etree.ElementTree as ElementTree
-from dataclasses import replace
 
 from haptic_teleop_control.robots import OMNI_PEAK_TORQUE, SFJ_STAGES
 
@@ -20,9 +19,11 @@ _OFF_AXIS = 0.3
 
 
 def urdf_export(model: Model) -> Exported:
-    """The model as URDF: links `<joint>_base` and `<joint>_link`, joint `<joint>`, rad, about y, CCW positive.
+    """The model as URDF: links `<joint>_base` and `<joint>_link`, joint `<joint>`, rad, about y, CCW
+    positive.
 
-    A flexible joint becomes a rigid one, which ``structure`` says. Raises ModelError for a name that XML cannot hold.
+    A flexible joint becomes a rigid one, which ``structure`` says. Raises ModelError for a name that XML
+    cannot hold.
     """
     sayings = tuple(urdf_saying(model, effect) for effect in model.effects)
     carried = replaced(model, sayings)

@@ -13,8 +13,8 @@ RIGID_STIFFNESS = 1000.0
 _HARD = 100.0
 _JOINT_RATIO = 1.0
 FLEXIBILITY = (
-    "URDF has no spring between two moving links: motor and arm are one link, with the sum of their inertias, dampings "
-    "and frictions"
+    "URDF has no spring between two moving links: motor and arm are one link, with the sum of their "
+    "inertias, dampings and frictions"
 )
 
 
