@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from haptic_teleop_control.recording import read_recording
-from haptic_teleop_control.robots import OMNI_RATE_HZ, SFJ_RATE_HZ
+from haptic_teleop_control.robots import OMNI_PEAK_TORQUE, OMNI_RATE_HZ, SFJ_RATE_HZ, SFJ_STAGES
 from haptic_teleop_control.signals.multisine import multisine_coefficients
 from haptic_teleop_control.signals.settings import Multisine
 from haptic_teleop_sim.kernel import simulate
@@ -143,7 +143,7 @@ def multisine(model: Model, rms: float | None = None, seconds: float = 20.0) -> 
         plain = Model(model.robot, model.joint, model.structure, model.parameters)
         reach = REACH / max(float(np.std(responses(plain, wave, dt)["motor_position"])), 1e-12)
         most = max(reach, OVER_FRICTION * _held(model) / model.parameters["torque_constant"])
-        rms = float(f"{most:.3g}")
+        rms = float(f"{min(most, _allowed(model) / float(np.max(np.abs(wave)))):.3g}")
     settings = Multisine(enabled=True, rms=rms, period=10.0, f_min=0.1, f_max=10.0)
     return Simulated(model, settings, rms * wave, dt)
 
@@ -155,6 +155,13 @@ def _held(model: Model) -> float:
         dry = e.entry.memory != "" or e.effect == "dead_zone"
         total += sum(v for n, v in e.values.items() if dry and e.entry.parameter(n).unit == "N*m")
     return total
+
+
+def _allowed(model: Model) -> float:
+    """Largest input that the robot takes: A or N·m; infinite for one that nothing is known of."""
+    if model.robot == "sfj":
+        return 0.99 * SFJ_STAGES[model.joint].current_limit
+    return 0.99 * OMNI_PEAK_TORQUE if model.robot == "omni" else np.inf
 
 
 def _wave(settings: Multisine, samples: int, dt: float) -> Array:
