@@ -27,7 +27,8 @@ def export(tmp_path):
         model = Model("sfj", "stage1", structure, parameters, effects=tuple(effects))
         model.save(tmp_path / "m.yaml")
         output = tmp_path / "out" / f"m.{target}"
-        status = main(["--model", str(tmp_path / "m.yaml"), "--to", target, "--output", str(output), *arguments])
+        model_file = str(tmp_path / "m.yaml")
+        status = main(["--model", model_file, "--to", target, "--output", str(output), *arguments])
         beside = output.with_name(output.name + ".json")
         return status, json.loads(beside.read_text()) if beside.exists() else None
 
@@ -38,14 +39,16 @@ def test_what_a_urdf_leaves_out_costs_what_theory_says(export):
     inertia, damping, stiffness = 0.05, 0.4, 2.0
     rigid = {"torque_constant": 1.0, "motor_inertia": inertia, "motor_damping": damping}
     spring = Effect("spring_to_ground", "stage1_motor", {"stiffness": stiffness})
-    status, found = export("urdf", "--seconds", "10", effects=[spring], structure="rigid_body", parameters=rigid)
+    described = {"effects": [spring], "structure": "rigid_body", "parameters": rigid}
+    status, found = export("urdf", "--seconds", "10", **described)
     assert status == 0
     on = found["measured_on"]
     assert (on["kind"], on["samples"], on["dt_s"], on["unit"]) == ("multisine", 5000, 0.002, "A")
 
     wave = {"enabled": True, "rms": on["rms"], "period": on["period_s"], "f_min": on["f_min_hz"],
             "f_max": on["f_max_hz"], "seed": on["seed"]}  # fmt: skip
-    parameters = {"kind": "effort", "stage1.enabled": True} | {f"stage1.multisine.{k}": v for k, v in wave.items()}
+    parameters = {f"stage1.multisine.{k}": v for k, v in wave.items()}
+    parameters |= {"kind": "effort", "stage1.enabled": True}
     generator = SignalGenerator.from_parameters(parameters, ("stage1",))
     u = generator.series(0.002 * np.arange(5000))[:, 0]
     assert np.abs(u).max() <= 0.94  # what the stage's amplifier gives

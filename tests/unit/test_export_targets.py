@@ -1,6 +1,8 @@
 """An exported model moves elsewhere as it does here: the Python file to rounding, MJCF and URDF in MuJoCo."""
 
 import ast
+import re
+import sys
 import xml.etree.ElementTree as ElementTree
 from dataclasses import replace
 
@@ -56,7 +58,8 @@ def loaded(text):
 
 def off(ours, theirs):
     """Largest rms difference of a signal, relative to its spread here."""
-    return max(np.sqrt(np.mean((getattr(ours, k) - y) ** 2)) / np.std(getattr(ours, k)) for k, y in theirs.items())
+    pairs = [(getattr(ours, signal), y) for signal, y in theirs.items()]
+    return max(np.sqrt(np.mean((x - y) ** 2)) / np.std(x) for x, y in pairs)
 
 
 PLACES = [(name, structure, place) for name in EFFECTS for structure in ("flexible_joint", "rigid_body")
@@ -77,7 +80,8 @@ def test_the_python_file_computes_every_effect_at_every_place_as_the_simulation_
         )
         for key in ("time", "torque", "motor_position", "motor_velocity", "arm_position", "arm_velocity"):
             expected = getattr(ours, key)
-            np.testing.assert_allclose(theirs[key], expected, rtol=0, atol=1e-11 * (1 + np.abs(expected).max()))
+            size = 1.0 + np.abs(expected).max()
+            np.testing.assert_allclose(theirs[key], expected, rtol=0, atol=1e-11 * size)
         moved = max(moved, np.abs(ours.motor_velocity - without.motor_velocity).max())
         moved = max(moved, np.abs(ours.arm_velocity - without.arm_velocity).max())
     assert moved > 1e-6  # else the comparison says nothing of the effect
@@ -86,7 +90,8 @@ def test_the_python_file_computes_every_effect_at_every_place_as_the_simulation_
 def test_the_python_file_with_many_effects_computes_what_the_simulation_does():
     many = [("input_delay", "actuator"), ("torque_saturation", "actuator"), ("actuator_lag", "actuator"),
             ("stribeck_friction", "motor"), ("coulomb_friction", "arm"), ("friction_drift", "motor"),
-            ("payload_change", "arm"), ("extra_flexible_mode", "arm"), ("hysteresis", "joint"), ("creep", "joint"),
+            ("payload_change", "arm"), ("extra_flexible_mode", "arm"), ("hysteresis", "joint"),
+            ("creep", "joint"),
             ("encoder_scale", "arm_encoder"), ("encoder_eccentricity", "arm_encoder"),
             ("sensor_delay", "arm_encoder"), ("channel_skew", "actuator")]  # fmt: skip
     whole = model(*(effect(name, f"stage1_{place}") for name, place in many))
@@ -126,8 +131,12 @@ def test_a_hostile_name_stays_a_name():
         assert not list(root.iter("x"))
 
 
-MJCF = [(n, s, p) for n, s, p in PLACES if mjcf_export(model(effect(n, f"stage1_{p}"), structure=s), 1e-4).sayings[0]
-        .how == "expressed"]  # fmt: skip
+def how(name, structure, place):
+    whole = model(effect(name, f"stage1_{place}"), structure=structure)
+    return mjcf_export(whole, 1e-4).sayings[0].how
+
+
+MJCF = [place for place in PLACES if how(*place) == "expressed"]
 
 
 @MUJOCO
@@ -144,11 +153,15 @@ def test_mujoco_moves_the_exported_mjcf_as_the_simulation_does(name, structure, 
     assert error < 0.2 * off(simulate(model(structure=structure), INPUT, DT), theirs)
 
 
+CHAIN = ("torque_saturation", "actuator_lag")
+
+
 @MUJOCO
-@pytest.mark.parametrize("order", [("torque_saturation", "actuator_lag"), ("actuator_lag", "torque_saturation")])
+@pytest.mark.parametrize("order", [CHAIN, CHAIN[::-1]], ids=" then ".join)
 def test_a_saturation_acts_before_or_behind_a_lag_as_in_the_model(order):
     chain = [effect(name, "stage1_actuator") for name in (order[0], "gain_error", order[1])]
-    chain = [replace(e, parameters={"time_constant": 0.1}) if e.effect == "actuator_lag" else e for e in chain]
+    slow = {"time_constant": 0.1}
+    chain = [replace(e, parameters=slow) if e.effect == "actuator_lag" else e for e in chain]
     limited, turned = model(*chain), model(*reversed(chain))
     theirs = run_in_mujoco(mjcf_export(limited, 1e-4).text, "stage1", INPUT, DT)
     assert off(simulate(limited, INPUT, DT), theirs) < 0.002
@@ -202,3 +215,32 @@ def test_the_urdf_states_dynamics_and_limits_of_both_parts():
     limit = {name: float(value) for name, value in joint.find("limit").attrib.items()}
     assert (limit["lower"], limit["upper"]) == (-0.4, 0.4)
     assert limit["effort"] == pytest.approx(0.94 * 8.925)
+
+
+def test_the_page_says_of_each_effect_what_the_files_do(repository):
+    page = (repository / "docs/export.md").read_text()
+    rows = re.findall(r"^\| `(\w+)` \| ([a-z ]+) \| ([a-z ]+) \|$", page, re.MULTILINE)
+    assert {name for name, *_ in rows} == {name for name, entry in EFFECTS.items() if not entry.unnamed}
+    for name, *said in rows:
+        for place in locations(name, "flexible_joint"):
+            values = effect(name, f"stage1_{place}").parameters
+            wide = {"displacement": 0.05} if name == "hysteresis" else {}
+            one = model(Effect(name, f"stage1_{place}", {**values, **wide}))
+            assert [e.sayings[0].how for e in (mjcf_export(one, 1e-4), urdf_export(one))] == said, name
+
+
+@MUJOCO
+def test_the_snippets_of_the_page_run(repository, tmp_path, monkeypatch):
+    (tmp_path / "stage1.xml").write_text(mjcf_export(model(), 1e-4).text)
+    (tmp_path / "stage1.py").write_text(python_export(model()).text)
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.syspath_prepend(tmp_path)
+    monkeypatch.setitem(sys.modules, "stage1", None)
+    del sys.modules["stage1"]  # and once more when the test is over
+    angles = []
+    for snippet in re.findall(r"```python\n(.*?)```", (repository / "docs/export.md").read_text(), re.DOTALL):
+        space = {}
+        exec(snippet, space)
+        angles.append(space["angle"])
+    assert angles[0] > 0.0
+    assert angles[1].shape == (500,)
