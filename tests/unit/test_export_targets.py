@@ -113,7 +113,7 @@ def test_the_python_file_imports_numpy_alone_and_holds_one_function():
     assert [node.name for node in tree.body if isinstance(node, ast.FunctionDef)] == ["simulate"]
 
 
-HOSTILE = '"""+__import__("os").abort()+"""\n--><x>&\\'
+HOSTILE = '"""+__import__("os").abort()+"""\n---><x>&\\'
 
 
 def test_a_hostile_name_stays_a_name():

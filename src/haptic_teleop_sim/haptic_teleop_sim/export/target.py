@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterable
 from dataclasses import dataclass, replace
 from typing import Literal
@@ -125,4 +126,4 @@ def xml_name(model: Model) -> str:
 
 def comment(text: str) -> str:
     """A text that may stand in an XML comment."""
-    return " " + text.replace("--", "- -").strip("-") + " "
+    return " " + re.sub("-(?=-)", "- ", text) + " "
