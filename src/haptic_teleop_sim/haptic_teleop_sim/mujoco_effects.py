@@ -38,6 +38,7 @@ class StageWords:
     spring: Attributes = field(default_factory=dict)
     actuator: Attributes = field(default_factory=dict)
     mass: tuple[float, float, float] = (1.0, 0.0, 0.0)  # kg, its distance m, its angle from hanging, rad
+    motor_mass: tuple[float, float, float] | None = None  # likewise, where gravity pulls at the motor
     mode: str = ""
     torque: list[float] = field(default_factory=lambda: [0.0, 0.0])
     delay: float = 0.0
@@ -70,9 +71,15 @@ def _constant(words: StageWords, effect: Effect) -> None:
 def _gravity(words: StageWords, effect: Effect) -> None:
     values = effect.values
     if values["torque"] > 0.0:
-        # m g l is given; m l² takes its share of the inertia that the arm is to have about its axis.
-        length = _OFF_AXIS * words.model.parameters["arm_inertia"] * GRAVITY / values["torque"]
-        words.mass = (values["torque"] / (GRAVITY * length), length, values["phase"])
+        # m g l is given; m l² takes its share of the inertia that the part is to have about its axis.
+        motor = effect.location.endswith("_motor")
+        inertia = words.model.parameters["motor_inertia" if motor else "arm_inertia"]
+        length = _OFF_AXIS * inertia * GRAVITY / values["torque"]
+        mass = (values["torque"] / (GRAVITY * length), length, values["phase"])
+        if motor:
+            words.motor_mass = mass
+        else:
+            words.mass = mass
 
 
 def _stop(words: StageWords, effect: Effect) -> None:
@@ -181,10 +188,24 @@ def stage_words(model: Model) -> StageWords:
     if lacking := unexpressed(model):
         named = ", ".join(f"{e.effect} at {e.location}" for e in lacking)
         raise ModelError(f"{model.source}: MuJoCo has no words for {named}; use sfj_sim for this model.")
+    words = plain_words(model)
+    for effect in model.effects:
+        say(words, effect)
+    return words
+
+
+def plain_words(model: Model) -> StageWords:
+    """The structure alone, without its effects; a rigid body has neither arm nor spring."""
     p = model.parameters
     words = StageWords(model)
-    words.motor["damping"], words.arm["damping"] = number(p["motor_damping"]), number(p["arm_damping"])
-    words.spring["stiffness"], words.spring["springlength"] = number(p["stiffness"]), "0"
-    for effect in model.effects:
-        _SAID[effect.effect, model.place(effect.location)](words, effect)
+    words.motor["damping"] = number(p["motor_damping"])
+    if not model.rigid:
+        words.arm["damping"] = number(p["arm_damping"])
+        words.spring["stiffness"], words.spring["springlength"] = number(p["stiffness"]), "0"
     return words
+
+
+def say(words: StageWords, effect: Effect) -> None:
+    """Add one effect; KeyError for one without words. Gravity may pull at the motor, too."""
+    place = words.model.place(effect.location)
+    _SAID[effect.effect, "arm" if effect.effect == "gravity" else place](words, effect)

@@ -30,4 +30,4 @@ def xml_words(attributes: Attributes) -> str:
 
 def number(value: float) -> str:
     """A number with twelve digits."""
-    return f"{value:.12g}"
+    return f"{value + 0.0:.12g}"  # without the sign of a zero

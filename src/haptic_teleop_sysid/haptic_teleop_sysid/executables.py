@@ -41,6 +41,10 @@ EXECUTABLES: dict[str, tuple[str, str]] = {
         "haptic_teleop_sysid.estimate:main",
         "estimate a model's parameters from recordings, with standard errors",
     ),
+    "export": (
+        "haptic_teleop_sysid.export:main",
+        "a model as MJCF, URDF or one Python function, and what that cannot say costs in fit",
+    ),
     "verify": (
         "haptic_teleop_sysid.verify:main",
         "check a recording of a scenario and write its report",

@@ -104,6 +104,18 @@ def _expression(entry: EffectEntry, function) -> sp.Expr:
     return sp.sympify(function(variables, parameters))
 
 
+def effect_source(entry: EffectEntry, derivatives: bool = False) -> str:
+    """Source of ``<name>_value``, or ``<name>_value_derivatives``, of an effect that has an equation."""
+    name = f"{entry.name}_value{'_derivatives' if derivatives else ''}"
+    return _function(name, entry, _expression(entry, entry.equation), derivatives)
+
+
+def rate_source(entry: EffectEntry, number: int) -> str:
+    """Source of ``<name>_state_rate<number>``, the rate of one of an effect's own states."""
+    name = f"{entry.name}_state_rate{number}"
+    return _function(name, entry, _expression(entry, entry.rates[number]), False)
+
+
 def _dispatch(name: str, calls: list[tuple[int, str]], arguments: str) -> str:
     lines = ["@inner", f"def {name}(code, {arguments}):"]
     for code, function in calls:

@@ -16,6 +16,8 @@ FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
 
 BASE = ("stiffness", "motor_inertia", "motor_damping", "arm_inertia", "arm_damping")
+#: Steps per sample at most: what is stiffer is not worth the time.
+MOST_SUBSTEPS = 400
 _DYNAMIC = ("torque", "friction", "friction_factor", "inertia")
 _MEMORY = {"": 0, "direction": 1, "ratio": 2, "displacement": 3}
 _KIND = {"torque": 0, "friction": 1, "friction_factor": 2, "inertia": 3}
@@ -61,8 +63,9 @@ class Packed:
                 ground[self.model.place(e.location)] += e.entry.spring(e.values)
         return (*(float(v) for v in self.base), *ground.values())
 
-    def substeps(self, dt: float) -> int:
-        """Runge-Kutta steps per sample: stable and accurate for the stiffest part of the model."""
+    @cached_property
+    def fastest_rate(self) -> float:
+        """Runge-Kutta steps per second that the stiffest part of the model needs, 1/s."""
         ks = float(self.base[0])
         stiffness = {"motor": ks, "arm": ks, "joint": 0.0}
         damping = {"motor": abs(float(self.base[2])), "arm": abs(float(self.base[4])), "joint": 0.0}
@@ -81,9 +84,14 @@ class Packed:
             k = (stiffness[place] + stiffness["joint"]) / inertia
             b = (damping[place] + damping["joint"]) / inertia
             worst = max(worst, b / 2.2 + math.sqrt(max(k, 0.0)) / 1.0)
+        return float(worst)
+
+    def substeps(self, dt: float) -> int:
+        """Runge-Kutta steps per sample: stable and accurate for the stiffest part of the model."""
+        worst = self.fastest_rate
         if not math.isfinite(worst):
             return 1
-        return int(min(max(1, math.ceil(dt * worst)), 400))
+        return int(min(max(1, math.ceil(dt * worst)), MOST_SUBSTEPS))
 
     def delayed_encoder(self, name: str) -> int | None:
         """The encoder (0 motor, 1 arm) whose delay the parameter of that name is, or None."""
