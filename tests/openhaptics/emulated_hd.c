@@ -117,6 +117,7 @@ void em_stall(double seconds) { stall_ns = (long)(1e9 * seconds); }
 void em_late(int periods) { ticks += periods; }
 void em_dead(int on) { dead = on; }
 void em_nameless(int i) { devices[i].serial[0] = devices[i].model[0] = '\0'; }
+void em_numberless(int i) { devices[i].serial[0] = 0; }
 void em_moves(int i, int on) { devices[i].moves = on; }
 long em_ticks(void) { return ticks; }
 long em_frames(void) { return frames; }

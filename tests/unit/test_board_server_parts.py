@@ -191,9 +191,13 @@ def test_the_server_s_section_of_a_file_is_read_and_names_files_beside_it(tmp_pa
     values = serve.read_settings(str(file), ["port:=1234"])
     assert values["key.file"] == str(tmp_path / "own.key")
     assert (values["board.watchdog"], values["port"], values["device"]) == (0.03, 1234, "emulated")
-    file.write_text("sfj_driver:\n  ros__parameters: {rate: 500.0}\n")
-    with pytest.raises(ConfigurationError, match="has no section sfj_board_server"):
-        serve.read_settings(str(file), [])
+    for other in (
+        "sfj_driver:\n  ros__parameters: {rate: 500.0}\n",
+        "/**:\n  ros__parameters: {device: emulated}\n",
+    ):
+        file.write_text(other)
+        with pytest.raises(ConfigurationError, match="has no section sfj_board_server"):
+            serve.read_settings(str(file), [])
 
 
 def test_the_shipped_file_hands_out_an_emulated_board_on_this_computer_alone(repository):

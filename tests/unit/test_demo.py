@@ -5,7 +5,13 @@ The scenario itself is replaced by a recording made from formulas; tests/end_to_
 """
 
 import json
+import os
+import signal
+import subprocess
+import sys
+import time
 from dataclasses import replace
+from pathlib import Path
 
 import pytest
 from scenario_recordings import Made, scenario
@@ -37,6 +43,38 @@ def pretend(monkeypatch):
 
 def start(tmp_path, duration="10", *options):
     return demo.main(["--output", str(tmp_path / "demo"), "--duration", duration, *options])
+
+
+def test_the_scenario_does_not_outlive_who_began_it_however_that_ends(tmp_path):
+    nodes = tmp_path / "nodes"
+    nodes.write_text(
+        f"#!/bin/sh\necho $$ > {tmp_path}/started\nmv {tmp_path}/started {tmp_path}/pid\nexec sleep 60\n"
+    )
+    nodes.chmod(0o755)
+    program = (
+        "import sys; from pathlib import Path; from haptic_teleop_sysid import demo\n"
+        f"sys.executable = {str(nodes)!r}; demo.run_scenario(Path('none.yaml'), Path('none'), 1.0)"
+    )
+    with subprocess.Popen([sys.executable, "-c", program]) as parent:
+        while not (tmp_path / "pid").exists():
+            assert parent.poll() is None
+            time.sleep(0.02)
+        child = int((tmp_path / "pid").read_text())
+        parent.kill()
+    try:
+        while not _ended(child):
+            time.sleep(0.02)
+    finally:
+        if not _ended(child):
+            os.kill(child, signal.SIGKILL)
+
+
+def _ended(process):
+    """Whether it is gone, or waits only for somebody to ask after it."""
+    try:
+        return Path(f"/proc/{process}/stat").read_text().rpartition(")")[2].split()[0] == "Z"
+    except OSError:
+        return True
 
 
 def test_a_good_run_prints_five_figures_and_the_report(tmp_path, pretend, capsys):

@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 import yaml
-from openhaptics_rig import NEUTRAL
+from openhaptics_rig import NEUTRAL, HdRig
 
 from haptic_teleop_control import doctor
 from haptic_teleop_control.acquisition import TABLE as ACQUISITION
@@ -157,6 +157,24 @@ def test_a_device_without_a_name_of_its_own_cannot_be_confirmed(em, run):
     em.c.em_nameless(0)
     with pytest.raises(ConfigurationError, match="neither model nor serial number"):
         run(GOOD)
+
+
+def test_a_device_without_a_serial_number_is_confirmed_by_nobody_s_hand(em, tmp_path, run):
+    em.c.em_numberless(0)
+    with pytest.raises(ConfigurationError, match=r"tells no serial number.*layout_confirmed_for"):
+        run(GOOD)
+    # Nor by what was written down for its model: its driver asks for the words in the file.
+    rig = HdRig(em, tmp_path)
+    assert not rig.driver.may_drive
+    rig.driver.close()
+    stated = HdRig(em, tmp_path, confirmed=False, layout_confirmed_for=rig.driver.confirmation)
+    assert stated.driver.may_drive
+    stated.driver.close()
+
+
+def test_a_file_that_says_nothing_to_the_driver_is_no_file_of_its(repository):
+    with pytest.raises(ConfigurationError, match="says nothing to omni_driver"):
+        verify_by_hand(str(repository / "config" / "board_server.yaml"))
 
 
 def test_a_device_that_goes_away_ends_it_in_one_sentence(em, tmp_path, run, ticking, capsys):

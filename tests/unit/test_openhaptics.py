@@ -64,6 +64,15 @@ def test_the_axis_map_conserves_power_whatever_it_is(em, tmp_path, sign, relativ
     rig.driver.close()
 
 
+def test_no_motor_gets_more_than_the_peak_where_the_map_adds_two_axes(em, tmp_path):
+    options = {"openhaptics__axis_relative_z": True, "torque__peak": 0.05, "torque__continuous": 0.04}
+    rig = HdRig(em, tmp_path, **options)
+    rig.settle()
+    rig.run(5, (0.0, 1.0, -1.0))
+    assert em.torque() == pytest.approx([0.0, 0.05, -0.05], abs=1e-6)
+    rig.driver.close()
+
+
 @pytest.mark.parametrize("sign", [1.0, -1.0])
 def test_no_torque_beyond_what_the_maker_s_example_allows_and_none_is_claimed(rig, em, sign):
     rig.run(3, (sign,) * 3)

@@ -91,10 +91,22 @@ def test_another_serial_number_than_the_stated_one_is_refused_and_its_device_rel
     assert not em.c.em_is_open(0)
 
 
-def test_two_devices_in_one_process_keep_their_angles_torques_and_ends_apart(em, tmp_path):
+def test_two_devices_in_one_process_keep_their_angles_torques_and_ends_apart(em, tmp_path, monkeypatch):
     em.place(NEUTRAL - 0.1, 1)
     one = HdRig(em, tmp_path)
+    one.settle()
+    one.run(3, (0.05,) * 3)
+    assert em.torque(0) == pytest.approx([0.05] * 3, abs=1e-6)
+    opened = openhaptics.OpenHapticsTransport._init_device
+    unattended = []
+
+    def slow(transport):
+        unattended.append(not em.off(0))  # the servo thread stands still, which holds the last torque
+        return opened(transport)
+
+    monkeypatch.setattr(openhaptics.OpenHapticsTransport, "_init_device", slow)
     other = HdRig(em, tmp_path, openhaptics__device_name="Second Device", openhaptics__serial="EM0002")
+    assert unattended == [False, False]
     for _ in range(100):
         em.c.em_tick()
         for rig, push in ((one, 0.05), (other, -0.08)):
@@ -106,7 +118,7 @@ def test_two_devices_in_one_process_keep_their_angles_torques_and_ends_apart(em,
     assert em.torque(1) == pytest.approx([-0.08] * 3, abs=1e-6)
     one.driver.close()
     assert em.off(0)
-    assert em.torque(1) == pytest.approx([-0.08] * 3, abs=1e-6)
+    assert em.off(1)  # the servo thread stood still meanwhile, which holds the last torque
     first_frames(em)
     other.run(2, (0.0, 0.0, 0.01))
     assert em.torque(1)[2] == pytest.approx(0.01, abs=1e-6)

@@ -137,7 +137,8 @@ class OmniDriver:
         allowed = None
         if drive and effort is not None:
             wanted = effort + self.compensation.step(self.position, self.velocity, elapsed)
-            allowed = self.budget.step(wanted.tolist(), elapsed)
+            # Budget and peak are the motors', which are warmed: where the map adds two axes, so is their sum.
+            allowed = self.budget.step(self.axis_map.device_torque(wanted.tolist()), elapsed)
         if drive and allowed is None:
             self._reporter.fault("non_finite_command", str(effort))
         try:
@@ -147,10 +148,7 @@ class OmniDriver:
                 self._idle()
                 return
             peak = self.settings.limits.peak
-            told = self.axis_map.device_torque(allowed)
-            # Where the map adds two axes, the sum may exceed the peak of one; each axis keeps its own.
-            most = max(peak, *(abs(value) for value in told))
-            raw = [raw_of(field, value, most) for field, value in zip(self._torques, told, strict=True)]
+            raw = [raw_of(field, value, peak) for field, value in zip(self._torques, allowed, strict=True)]
             self._send({f"torque_{axis}": word for axis, word in zip(AXES, raw, strict=True)}, True)
             flows = [value_of(field, word) for field, word in zip(self._torques, raw, strict=True)]
             self._applied = self.axis_map.axis_torque(flows)
@@ -233,7 +231,8 @@ class OmniDriver:
             self.may_drive = True
             return
         identity, stated = self.transport.identity, self.settings.layout_confirmed_for
-        if not stated:
+        # Without a serial number it may be any device of the model: then somebody has to say so in the file.
+        if not stated and (self.transport.serial or not self._absolute):
             stated = confirmed_words(confirmation_file(self.settings.confirmations), identity)
         self.may_drive = bool(identity) and stated == self.confirmation
         if stated and not self.may_drive:

@@ -179,6 +179,12 @@ def verify_by_hand(file: str = "", pressed: Callable[[], bool] | None = None) ->
                 "the device tells neither model nor serial number, so nothing can be confirmed for it; "
                 "run the maker's set-up tool, which stores them."
             )
+        if driver.layout.input.absolute and not driver.transport.serial:
+            raise ConfigurationError(
+                f"{driver.transport.identity} tells no serial number, and nothing tells it from another of "
+                "its model: run the maker's set-up tool, which stores one, or write layout_confirmed_for: "
+                f'"{driver.confirmation}" once you have verified the axes otherwise.'
+            )
         if latch.latched == "layout_not_confirmed":  # that is what is to be put right here
             latch.reset()
         hands = HandsOn(driver, pressed or _Enter(), print, lambda: latch.sentence or "")
@@ -202,6 +208,8 @@ def _stated(file: str) -> dict[str, Any]:
     named = {name: values for name, values in sections.items() if "*" not in name}
     TABLE.check(parameters_for(named, TABLE.node_name, TABLE), file)
     said = parameters_for(sections, TABLE.node_name, TABLE)
+    if not any(key in TABLE for key in said):
+        raise ConfigurationError(f"{file} says nothing to {TABLE.node_name}: name the driver's own file.")
     return {key: value for key, value in said.items() if key in TABLE}
 
 

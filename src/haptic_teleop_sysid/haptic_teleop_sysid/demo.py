@@ -11,6 +11,7 @@ from pathlib import Path
 
 from haptic_teleop_control.command_line import INTERRUPTED, run_command
 from haptic_teleop_control.errors import ConfigurationError, HapticTeleopError
+from haptic_teleop_control.parent_death import ends_with_parent
 from haptic_teleop_sysid.report import numbered_output_directory
 from haptic_teleop_sysid.verification.run import Run
 from haptic_teleop_sysid.verification.signals import COMMAND_TOPIC, STATE_TOPIC
@@ -49,13 +50,14 @@ def run_scenario(scenario: Path, recording: Path, duration: float, factor: float
 
     duration: s of the experiment. factor: the real-time factor, 0 for as fast as it goes; None: the file's.
     A terminal's Ctrl-C reaches it too; it is then given time to stop the nodes and to close the recording.
+    It does not outlive this process: whatever ends that, the nodes are stopped in order, robots at zero.
     """
     command = [
         *(sys.executable, "-P", "-m", "haptic_teleop_control.front_door", "scenario", str(scenario)),
         *("--duration", f"{duration:g}", "--record", str(recording)),
         *(() if factor is None else ("--real-time-factor", f"{factor:g}")),
     ]
-    with subprocess.Popen(command) as process:
+    with subprocess.Popen(command, preexec_fn=ends_with_parent()) as process:
         try:
             return process.wait()
         except BaseException:

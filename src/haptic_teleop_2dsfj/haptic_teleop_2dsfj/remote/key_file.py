@@ -35,7 +35,8 @@ def read_key(name: str, make: bool = False) -> bytes:
         reason = getattr(error, "strerror", None) or "it is not text"
         raise ConfigurationError(
             f"{path}: the board server's key cannot be read ({reason}); copy the file that the server names "
-            "in its first line to this computer, and name it in remote.key.file (the server: key.file)."
+            "in its first line to this computer, and name it in remote.key.file (the server: key.file; "
+            "`sfj_board_server --make-key FILE` writes one)."
         ) from error
     if os.name == "posix" and mode & (stat.S_IRWXG | stat.S_IRWXO):
         raise ConfigurationError(

@@ -73,7 +73,7 @@ def read_settings(file: str | None, changes: list[str]) -> dict[str, Any]:
         for key, value in parameters_for(sections, NODE, TABLE).items():
             named = key.endswith(".file") and isinstance(value, str) and value
             stated[key] = str(folder / value) if named else value
-        if not stated:
+        if not stated or not any("*" not in name for name in sections if NODE in name):
             raise ConfigurationError(
                 f"{file}: has no section {NODE}; write `{NODE}:` and its parameters below it."
             )

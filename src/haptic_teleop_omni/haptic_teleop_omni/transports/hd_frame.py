@@ -36,8 +36,9 @@ from haptic_teleop_omni.transports.hd_library import (
     HdLibrary,
 )
 
-(HANDLE, STYLE, IN_WELL, WATCHDOG_FRAMES, EVENT, CLOSING, SINGLE) = range(7)
-"""Control words that the transport writes before the scheduler runs; CLOSING also to end the callback."""
+(HANDLE, STYLE, IN_WELL, WATCHDOG_FRAMES, EVENT, CLOSING, SINGLE, PAUSED) = range(8)
+"""Control words that the transport writes before the scheduler runs; CLOSING also to end the callback, PAUSED
+to take the torque away before the scheduler is stopped for another device."""
 OUTPUT, ANSWER = 8, 12
 """The output report (x, y, z in µN·m, motors), then a number that every new one raises."""
 (HEAD, SEEN, UNANSWERED, TRIPPED, ENABLED, CLEAN, FORGIVEN, CALLS, CLOSED, PERIODS, WARMTH, PROBED) = range(
@@ -129,7 +130,7 @@ def _compile(hd: HdLibrary, clock_gettime: Any) -> Any:
                 words[TRIPPED] = 0
         else:
             words[UNANSWERED] += late + 1
-        wanted = words[OUTPUT + 3] & 1 != 0 and words[CLOSING] == 0
+        wanted = words[OUTPUT + 3] & 1 != 0 and words[CLOSING] == 0 and words[PAUSED] == 0
         expired = 0
         if wanted and words[TRIPPED] == 0 and words[UNANSWERED] >= words[WATCHDOG_FRAMES]:
             expired = 1
@@ -182,6 +183,10 @@ def _compile(hd: HdLibrary, clock_gettime: Any) -> Any:
         if probing:
             words[PROBED] = 1 if code == 0 else 2
             code = 0 if code >> 8 == 1 else code
+        # What is no number, or beyond any angle, must not become one: it is an error of the library.
+        for angle in range(6):
+            if words[CLEAN] >= SETTLED and not abs(scratch[angle]) < 1000.0:
+                code = max(code, 0x0101)
         if words[CLEAN] < SETTLED and words[FORGIVEN] < UNSETTLED_CALLS and (code == 0 or code >> 8 == 4):
             words[FORGIVEN] += 1
             words[CLEAN] = words[CLEAN] + 1 if code == 0 else 0
@@ -195,7 +200,6 @@ def _compile(hd: HdLibrary, clock_gettime: Any) -> Any:
             words[at] = words[PERIODS]
             for angle in range(6):
                 value = scratch[angle]
-                # What is no number, or beyond any angle, must not become one: it is an error of the library.
                 if not abs(value) < 1000.0:
                     code, value = max(code, 0x0101), 0.0
                 words[at + 1 + angle] = np.int32(np.round(1e6 * value))

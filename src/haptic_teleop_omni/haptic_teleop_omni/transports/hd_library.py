@@ -79,6 +79,14 @@ class HdLibrary:
     def __getattr__(self, name: str) -> Any:
         return getattr(self.library, name)
 
+    def stop_scheduler(self) -> None:
+        """Stops the servo thread, which holds the last torque while it stands: so nobody has one by then."""
+        for device in self.opened:
+            device.pause()
+        self.library.hdStopScheduler()
+        for device in self.opened:
+            device.paused()
+
     def start_scheduler(self) -> None:
         """Starts the servo thread, whose first frames may be errors for whoever has a device."""
         for device in self.opened:

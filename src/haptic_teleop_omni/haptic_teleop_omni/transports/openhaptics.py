@@ -36,6 +36,9 @@ OPENING_TIME = 2.0
 CLOSING_TIME = 0.1
 """s that the servo thread has to take the torque away before the library is told to stop without it."""
 
+PAUSING_TIME = 0.02
+"""s that the servo thread has to do so before it is stopped for another device."""
+
 OUTPUT = struct.Struct("<iiii")
 _lock = threading.Lock()
 
@@ -149,7 +152,7 @@ class OpenHapticsTransport:
                 library.hdUnschedule(self._schedule)
             self._schedule = None
             library.opened.remove(self)
-            library.hdStopScheduler()
+            library.stop_scheduler()
             self._force_off(handle)
             library.hdDisableDevice(handle)
             if library.opened:
@@ -168,7 +171,20 @@ class OpenHapticsTransport:
 
     def restarted(self) -> None:
         """The servo thread is about to start: its first frames may be errors, and count for nothing."""
-        self._words[frame.CLEAN] = self._words[frame.FORGIVEN] = 0
+        self._words[frame.CLEAN] = self._words[frame.FORGIVEN] = self._words[frame.PAUSED] = 0
+
+    def pause(self) -> None:
+        """The servo thread is about to stop: its next frame takes the torque away; waits for that."""
+        self._words[frame.PAUSED] = 1
+        limit = time.monotonic() + PAUSING_TIME
+        while self._words[frame.ENABLED] and time.monotonic() < limit:
+            time.sleep(0.001)
+
+    def paused(self) -> None:
+        """The servo thread stands: the force is off, also where no frame came any more."""
+        if self._words[frame.ENABLED] and self._handle is not None:
+            self._force_off(self._handle)
+            self._words[frame.ENABLED] = 0
 
     def describe(self) -> str:
         device = self.identity or "HD device"
@@ -259,7 +275,7 @@ class OpenHapticsTransport:
     def _pause_scheduler(self) -> None:
         # A second device of this process joins: the library wants its devices before its scheduler runs.
         if self._hd.opened:
-            self._hd.hdStopScheduler()
+            self._hd.stop_scheduler()
 
 
 _NOT_CONFIGURED = 0x0303

@@ -50,7 +50,7 @@ _SPELLINGS = {
     **dict.fromkeys(("metre", "meter", "metres", "meters"), "m"),
     **dict.fromkeys(("inch", "inches"), "in"),
     **dict.fromkeys(("radian", "radians", "rads"), "rad"),
-    **dict.fromkeys(("degree", "degrees", "grad", "Grad", "Deg", "DEG", "degs"), "deg"),
+    **dict.fromkeys(("degree", "degrees", "Deg", "DEG", "degs"), "deg"),
     **dict.fromkeys(("turn", "turns", "revs", "revolution", "revolutions", "U", "r"), "rev"),
     **dict.fromkeys(("RPM", "Rpm"), "rpm"),
     **dict.fromkeys(("newton", "newtons", "Newton"), "N"),

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import ctypes
 import os
 import signal
 import socket
@@ -13,13 +12,12 @@ from collections.abc import Sequence
 
 from haptic_teleop_control.nodes.launching.parent import OPTION, ParentChannel
 from haptic_teleop_control.nodes.launching.stopping import STOP_SIGNALS
+from haptic_teleop_control.parent_death import ends_with_parent
 
 STOPPING = ((signal.SIGINT, 8.0), (signal.SIGTERM, 2.0), (signal.SIGKILL, 2.0))
 """What a child is sent in turn, and the seconds it is given to end after each."""
 
-_PR_SET_PDEATHSIG = 1
 _POLL = 0.02
-_libc = ctypes.CDLL(None, use_errno=True)
 
 
 class Child:
@@ -34,15 +32,6 @@ class Child:
     def __init__(self, name: str, arguments: Sequence[str], armed: bool = False) -> None:
         self.name = name
         self._text = b""
-        parent = os.getpid()
-
-        def prepare() -> None:
-            # A signal that comes before the child has its handlers waits for them (`stop_requests`).
-            signal.pthread_sigmask(signal.SIG_BLOCK, STOP_SIGNALS)
-            _libc.prctl(_PR_SET_PDEATHSIG, signal.SIGTERM)
-            if os.getppid() != parent:  # it died before the line above
-                os._exit(1)
-
         ours, theirs = socket.socketpair()
         self.link = ParentChannel(ours)
         option = [OPTION] if armed else []
@@ -52,7 +41,8 @@ class Child:
                 stdin=theirs if armed else subprocess.DEVNULL,
                 stderr=subprocess.PIPE,
                 start_new_session=True,
-                preexec_fn=prepare,
+                # A signal that comes before the child has its handlers waits for them (`stop_requests`).
+                preexec_fn=ends_with_parent(STOP_SIGNALS),
             )
         assert self.process.stderr is not None
         self._pipe = self.process.stderr.fileno()
