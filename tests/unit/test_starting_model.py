@@ -131,3 +131,13 @@ def test_what_gives_no_model_is_refused_in_one_sentence(tmp_path, capsys):
         assert main(argv) == 2
         assert said in capsys.readouterr().err
     assert (tmp_path / "there.yaml").read_text() == "mine" and not (tmp_path / "new.yaml").exists()
+
+
+def test_what_looks_odd_in_a_log_is_said_before_its_numbers(tmp_path, capsys):
+    t, torque, angle, velocity = machine()
+    header = ("time [s]", "torque [Nm]", "angle [rad]", "velocity [rad/s]")
+    # Degrees under the name of radians, in both: that one is the other's derivative says nothing of it.
+    far = 30.0 / np.ptp(angle)
+    log = table(tmp_path / "log.csv", header, (t, torque, far * angle, far * velocity))
+    main(["--from", str(log), "--output", str(tmp_path / "model.yaml")])
+    assert "are these degrees?" in " ".join(capsys.readouterr().err.split())

@@ -28,6 +28,9 @@ def run(argv: list[str]) -> int:
     console, screen = Console(), Console(stderr=True)
     with screen.status("reading"):
         recordings = {name: open_recording(name, arguments.mapping) for name in dict.fromkeys(arguments.logs)}
+    for name, recording in recordings.items():
+        for odd in recording.experiment.get("import", {}).get("odd", ()):
+            _say(screen, f"note: {name}: {odd}")
     first = next(iter(recordings))
     joints = joints_in(recordings[first], first)
     if any(topic.startswith(("/sfj/", "/omni/")) for topic in recordings[first].topics):

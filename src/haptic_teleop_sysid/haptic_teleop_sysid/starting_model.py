@@ -121,6 +121,7 @@ def starting_model(
     data = [load_dataset(r, _unit_model(joint, kind, io), n, allow_gaps=True) for n, r in recordings.items()]
     for dataset in data:
         refuse_idle(dataset)
+        told += [f"note: {dataset.name}: {problem}" for problem in dataset.problems]
     if structure is None and kind == "flexible_joint" and not any(_gives(d) for d in data):
         kind = "rigid_body"
         told.append("the arm does not move against its motor by more than the encoders show: a rigid body")

@@ -121,7 +121,7 @@ def contradictions(time: Array, signals: Mapping[str, Signal]) -> tuple[list[str
         if name in signals and signals[name].quantity == "angle" and (times := wraps(signals[name].values)):
             odd.append(f"{_of(signals[name])} jumps by a whole turn {times} times: give it unwrap: true")
         elif name in signals:
-            odd += _far(signals[name], f"{name.partition('_')[0]}_velocity" in signals)
+            odd += _far(signals[name])
     return refuted, odd
 
 
@@ -158,10 +158,10 @@ def _judge_derivative(
         odd.append(f"{how}: is there a gear between the two?")
 
 
-def _far(position: Signal, checked: bool) -> list[str]:
+def _far(position: Signal) -> list[str]:
     """Radians that would be many turns and are within one turn as degrees; encoder steps that are a plain
-    part of 360."""
-    if position.quantity != "angle" or checked or position.declared not in ("rad", "radian", "radians"):
+    part of 360. A velocity that is the derivative says nothing of it: it may be in the same wrong unit."""
+    if position.quantity != "angle" or position.declared not in ("rad", "radian", "radians"):
         return []
     values = position.column.values[np.isfinite(position.column.values)]
     travel = float(np.ptp(values)) / (2.0 * np.pi)
