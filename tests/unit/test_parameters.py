@@ -53,6 +53,7 @@ def test_changing_a_returned_list_does_not_change_the_default():
     [
         ({"stage1.lamda": 1.0}, ["stage1.lamda", "did you mean stage1.lambda?"]),
         ({"zzz": 1.0}, ["zzz", "known are rate"]),
+        ({"stage1": 1.0}, ["stage1", "a group of them", "stage1.lambda"]),
         ({"rate": "fast"}, ["rate", "'fast'", "write a number"]),
         ({"rate": True}, ["rate", "True", "write a number"]),
         ({"rate": None}, ["rate", "None", "write a number"]),

@@ -246,7 +246,8 @@ class ParameterTable:
             parameter = self._parameters.get(name)
             if parameter is None:
                 nearest = (
-                    _nearest(str(name), list(self._parameters))
+                    self._of_group(str(name), value)
+                    or _nearest(str(name), list(self._parameters))
                     or f"; known are {', '.join(self._parameters)}"
                 )
                 raise self._error(source, name, f"is not a parameter of this node{nearest}")
@@ -255,6 +256,16 @@ class ParameterTable:
                 raise self._error(source, name, problem)
             checked[name] = parameter.convert(value)
         return checked
+
+    def _of_group(self, name: str, value: Any) -> str:
+        """What to write where the name is that of a group of parameters: that one whose choice the value is,
+        else any of them; empty where it is none."""
+        group = [p for p in self if p.name.startswith(f"{name}.")]
+        if not group:
+            return ""
+        meant = [p.name for p in group if p.choices and value in p.choices]
+        said = f"did you mean {meant[0]}: {value}?" if meant else f"it has {', '.join(p.name for p in group)}"
+        return f" but a group of them; {said}"
 
     def _error(self, source: str, name: str, problem: str) -> ConfigurationError:
         return ConfigurationError(f"{source}: node {self.node_name}: parameter {name} {problem}.")
