@@ -10,6 +10,7 @@ from haptic_teleop_sim.model import Effect, Model
 from haptic_teleop_sysid.diagnosis.adequacy import Adequacy, adequacy, explained_torque, short_of
 from haptic_teleop_sysid.diagnosis.decide import Choice
 from haptic_teleop_sysid.diagnosis.explanation import Explanation
+from haptic_teleop_sysid.diagnosis.reasons import Doubt
 from haptic_teleop_sysid.diagnosis.residual import shares
 from haptic_teleop_sysid.diagnosis.scales import recording_scales
 from haptic_teleop_sysid.diagnosis.search import SearchResult
@@ -38,6 +39,11 @@ TRUE = RIGID.with_values({"motor_inertia": 0.14, "motor_damping": 0.35})
 
 def fitted(model, records, free=None):
     return fit_whole(model, noise_starts(model, records)[1], records, free=free, iterations=6)
+
+
+def fitted_to(model, records):
+    """Noise levels alone."""
+    return fit_whole(model, noise_starts(model, records)[1], records, free=(), iterations=6)
 
 
 def rubbing(torque):
@@ -140,6 +146,20 @@ def test_what_is_left_sits_at_the_equation_where_it_acts(place, made):
     assert sum(found.values()) == pytest.approx(1.0)
     assert max(found, key=found.get) == place
     assert found[place] > 0.8
+
+
+@pytest.mark.parametrize(("named", "torque"), [("j_motor", 0.05), ("j_arm", 0.4)])
+def test_the_place_of_a_name_that_was_given_up_is_told_only_if_it_explains_most(named, torque):
+    drive_ = drive(3, 2.0)
+    one = record(drive_, two_masses(drive_, 20.0, (0.06, 0.3), (0.1, 0.02), 0.4), 1e-5)
+    bare = fitted_to(ELASTIC, [one])
+    fit = fitted_to(ELASTIC.with_effects(Effect("coulomb_friction", named, {"torque": torque})), [one])
+    choice = Choice(Explanation(fit, 100.0, 100.0, True, 0), 1.0)
+    result = SearchResult(bare, bare, (), (), recording_scales(ELASTIC, [one]))
+    verdict = decide_verdict(result, [one], [one], Doubt(choice, "for a reason"))
+    assert verdict.kind == "unknown"
+    # The friction is at the arm: the motor's explains little, and is not where it sits.
+    assert verdict.where[0]["equation"] == "j_arm"
 
 
 def test_a_rigid_joint_has_one_equation():

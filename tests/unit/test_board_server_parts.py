@@ -365,13 +365,15 @@ sys.exit(main(sys.argv[1:]))
 
 
 def test_the_command_runs_without_posix_without_ros_and_with_numpy_alone(tmp_path):
-    environment = {**os.environ, "XDG_CONFIG_HOME": str(tmp_path)}
+    # Compiled code in a folder whose owner nobody knows is not used, and that is said first.
+    environment = {**os.environ, "XDG_CONFIG_HOME": str(tmp_path), "NUMBA_CACHE_DIR": str(tmp_path / "numba")}
     process = subprocess.Popen(
         [sys.executable, "-c", WINDOWS, "sfj_board_server", "-p", "device:=emulated", "-p", "port:=0",
          "-p", "emulated.plant:=plant:still", "-p", "realtime_priority:=10"],
         stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True, env=environment,
     )  # fmt: skip
     try:
+        assert "NUMBA_CACHE_DIR is not used" in process.stdout.readline()
         lines = [process.stdout.readline(), process.stdout.readline()]
         assert "no real-time scheduling" in lines[0]
         found = re.search(r"emulated board q8 0 at 500 Hz, 127\.0\.0\.1:(\d+) for", lines[1])

@@ -54,6 +54,8 @@ def untrusted(folder: Path) -> str | None:
     lies in them: they are not writable for others, or have the sticky bit, as /tmp has.
     """
     folder = Path(os.path.abspath(folder))
+    if not hasattr(os, "geteuid"):
+        return f"{folder}: this system does not tell who owns it"
     status = folder.lstat()
     if stat.S_ISLNK(status.st_mode):
         return f"{folder} is a symbolic link"
