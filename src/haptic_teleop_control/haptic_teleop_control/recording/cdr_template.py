@@ -9,7 +9,6 @@ from __future__ import annotations
 import struct
 import sys
 from collections.abc import Sequence
-from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -52,9 +51,11 @@ class Template:
             raise ValueError(f"it holds no {', '.join(missing)}")
         self.at = {field: numbers[field] for field in fields}
         stamp = slice(STAMP, STAMP + 8)
-        free = [slice(0, 0), stamp, *numbers.values(), slice(len(message), len(message))]
         self._size = len(message)
-        self._fixed = [(slice(a.stop, b.start), message[a.stop : b.start]) for a, b in pairwise(free)]
+        # Not what fills gaps before aligned values: a sender may leave there whatever was in its memory.
+        text = stamp.stop + 4
+        frame = range(text, text + struct.unpack_from(NATIVE + "I", message, stamp.stop)[0])
+        self._fixed = [(part, message[part]) for part in _runs({*layout.fixed.tolist(), *frame})]
         wanted = sorted((part.start, part.stop) for part in self.at.values())
         form, end = NATIVE + f"{STAMP}xiI", stamp.stop
         for start, stop in wanted:
@@ -71,3 +72,14 @@ class Template:
             if message[part] != expected:
                 return False
         return True
+
+
+def _runs(places: set[int]) -> list[slice]:
+    """Neighbouring places together."""
+    found: list[slice] = []
+    for place in sorted(places):
+        if found and found[-1].stop == place:
+            found[-1] = slice(found[-1].start, place + 1)
+        else:
+            found.append(slice(place, place + 1))
+    return found
