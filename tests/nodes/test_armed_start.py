@@ -261,3 +261,20 @@ def test_a_signal_ends_a_process_that_compiles_at_once():
             time.sleep(20.0)
         assert stop.is_set()
     assert time.monotonic() - begun < 5.0
+
+
+def test_a_signal_inside_the_handler_of_another_does_not_hold_the_process():
+    """The parent's end, its own front door and a user all send one: here a second one at every line of it."""
+    asks = """
+import signal, sys
+from haptic_teleop_control.nodes.launching.stopping import stop_requests
+def at_every_line(frame, event, argument):
+    signal.raise_signal(signal.SIGTERM)
+    return at_every_line
+with stop_requests() as stop:
+    sys.settrace(at_every_line)
+    stop.take()
+    sys.settrace(None)
+    assert stop.is_set()
+"""
+    subprocess.run([sys.executable, "-c", asks], check=True, timeout=60)

@@ -16,7 +16,6 @@ from __future__ import annotations
 import argparse
 import json
 import sys
-import threading
 import time
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -29,7 +28,7 @@ from haptic_teleop_control.node_tables import SCENARIO, TIME_COORDINATOR
 from haptic_teleop_control.nodes.base.registry import node_class
 from haptic_teleop_control.nodes.launching.children import Child, stop_all
 from haptic_teleop_control.nodes.launching.starter import START_INTERVAL, Starter
-from haptic_teleop_control.nodes.launching.stopping import stop_requests
+from haptic_teleop_control.nodes.launching.stopping import StopRequests, stop_requests
 from haptic_teleop_control.nodes.launching.watch import ProgressLine, Watcher
 from haptic_teleop_control.nodes.recorder import Recorder
 from haptic_teleop_control.nodes.timing.time_base import SIMULATED_TIME
@@ -206,7 +205,7 @@ def _causes(faults: dict[str, str]) -> dict[str, str]:
 def _watch(
     scenario: Scenario,
     children: Sequence[Child],
-    stop: threading.Event,
+    stop: StopRequests,
     warnings: dict[str, tuple[int, str]],
 ) -> dict[str, str]:
     """The faults; `warnings` is filled."""

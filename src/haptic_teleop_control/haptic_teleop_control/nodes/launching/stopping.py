@@ -1,27 +1,33 @@
-"""Ctrl-C and SIGTERM as an event: what is under way is finished first."""
+"""Ctrl-C and SIGTERM as a request: what is under way is finished first."""
 
 from __future__ import annotations
 
 import signal
-import threading
 from collections.abc import Iterator
 from contextlib import contextmanager
 
 STOP_SIGNALS = (signal.SIGINT, signal.SIGTERM)
 
 
-class StopRequests(threading.Event):
-    """An event that SIGINT and SIGTERM set; nothing is interrupted, so that no message is half sent."""
+class StopRequests:
+    """Whether SIGINT or SIGTERM has come; nothing is interrupted, so that no message is half sent.
+
+    No `threading.Event`: a second signal comes while the handler of the first holds its lock, and that
+    process never ends.
+    """
 
     class Interrupt(BaseException):
         """A signal in a block of `interruptible`."""
 
     def __init__(self) -> None:
-        super().__init__()
+        self._requested = False
         self._interrupts = False
 
+    def is_set(self) -> bool:
+        return self._requested
+
     def take(self, *_: object) -> None:
-        self.set()
+        self._requested = True
         if self._interrupts:
             raise self.Interrupt
 
