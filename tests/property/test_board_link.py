@@ -78,8 +78,7 @@ def test_current_flows_only_while_a_young_command_holds_it(events):
         elif event == "server stalls":
             wire.clock.advance(number * 1e-3)
         elif event == "reset":
-            wire.latch.reset()
-            wire.driver.reset()
+            wire.reset()
         elif event == "delay":
             wire.delay = number * 1_000_000
         elif event == "replay":

@@ -174,8 +174,7 @@ def test_no_mixture_of_commands_switches_pauses_and_resets_passes_a_limit(moment
         rig.hil.stuck.update(enumerate(levels))
         rig.clock.advance(pause)
         if reset:
-            rig.latch.reset()
-            rig.driver.reset()
+            rig.reset()
         rig.cycle(command)
         flowing = [
             -0.5 * volts if on else 0.0 for volts, on in zip(rig.hil.volts, rig.hil.amplifier_on, strict=True)

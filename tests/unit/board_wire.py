@@ -9,8 +9,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Any
 
-import numpy as np
-from device_rigs import UNSHAPED, StillRobot
+from device_rigs import UNSHAPED, Rig, StillRobot
 
 from haptic_teleop_2dsfj.board import Board
 from haptic_teleop_2dsfj.build import all_faults
@@ -67,7 +66,7 @@ class Port:
         self.inbox.clear()
 
 
-class Wire:
+class Wire(Rig):
     """server: on an emulated board, `hil`, with `plant` behind it. delay: s, each way. up, down: what a
     datagram to the server, or to the client, becomes: none, one or several. parameters: of the driver, with
     __ for dots."""
@@ -134,23 +133,17 @@ class Wire:
             _, data, address = self._way.pop(0)
             self.server.take(data, address)
 
-    # As the rig of a driver on a board of its own.
-
-    def cycle(self, effort: Any = None) -> Any:
-        result = self.driver.read()
-        self.driver.write(None if effort is None else np.array(effort, dtype=float))
-        return result
-
-    def run(self, samples: int, effort: Any = None) -> None:
-        for _ in range(samples):
-            self.cycle(effort)
-
     def drive(self, effort: Any = (2.0, 0.4)) -> Wire:
         """The driver is open, and current flows."""
         self.driver.open()
         self.run(5, effort)
         assert any(self.plant.given[-1]), "it drives"
         return self
+
+    def drives_after_a_reset(self, effort: Any) -> bool:
+        self.reset()
+        self.run(5, effort)
+        return self.latch.latched is None and not self.off
 
     @property
     def off(self) -> bool:

@@ -18,6 +18,7 @@ from haptic_teleop_2dsfj.emulated_hil import EmulatedHil
 from haptic_teleop_2dsfj.settings import SfjDriverSettings
 from haptic_teleop_control.clocks import VirtualClock
 from haptic_teleop_control.device import Reporter
+from haptic_teleop_control.faults import FaultLatch
 from haptic_teleop_omni.build import ALL_FAULTS
 from haptic_teleop_omni.build import make_driver as make_omni_driver
 from haptic_teleop_omni.driver import OmniDriver
@@ -66,7 +67,28 @@ class StillOmni:
         self.given.append(command.copy())
 
 
-class SfjRig:
+class Rig:
+    """A `driver` with the `latch` of its faults, whose loop the test turns by hand."""
+
+    driver: SfjDriver | OmniDriver
+    latch: FaultLatch
+
+    def cycle(self, effort: Any = None) -> Any:
+        result = self.driver.read()
+        self.driver.write(None if effort is None else np.array(effort, dtype=float))
+        return result
+
+    def run(self, samples: int, effort: Any = None) -> None:
+        for _ in range(samples):
+            self.cycle(effort)
+
+    def reset(self) -> None:
+        """What the node's `reset` does."""
+        self.latch.reset()
+        self.driver.reset()
+
+
+class SfjRig(Rig):
     """parameters: of `sfj_driver`, with __ for dots, UNSHAPED where they say nothing else. plant: what is
     behind the board. electronics: its converters and scales, those of the robot where it is None."""
 
@@ -84,22 +106,13 @@ class SfjRig:
         """A new one around `hil`, or around the rig's."""
         return Board(self.settings.board, lambda: hil or self.hil, clock=self.clock)
 
-    def cycle(self, effort: Any = None) -> Any:
-        result = self.driver.read()
-        self.driver.write(None if effort is None else np.array(effort, dtype=float))
-        return result
-
-    def run(self, samples: int, effort: Any = None) -> None:
-        for _ in range(samples):
-            self.cycle(effort)
-
     def current(self) -> tuple[float, float]:
         """A, that flow in the motors after one more sample without touching the board's outputs."""
         self.driver.read()
         return float(self.hil.current[0]), float(self.hil.current[1])
 
 
-class OmniRig:
+class OmniRig(Rig):
     """As SfjRig, for `omni_driver`; calibrated at the first report unless the parameters say otherwise."""
 
     def __init__(
@@ -115,15 +128,6 @@ class OmniRig:
         self.reporter, self.latch = Reporter.to_latch(ALL_FAULTS)
         self.driver = OmniDriver(self.settings, self.layout, self.device, self.reporter)
         self.driver.open()
-
-    def cycle(self, effort: Any = None) -> Any:
-        result = self.driver.read()
-        self.driver.write(None if effort is None else np.array(effort, dtype=float))
-        return result
-
-    def run(self, samples: int, effort: Any = None) -> None:
-        for _ in range(samples):
-            self.cycle(effort)
 
 
 class EmulatedPair:

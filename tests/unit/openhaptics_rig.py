@@ -11,6 +11,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from device_rigs import Rig
 
 from haptic_teleop_control.device import Reporter
 from haptic_teleop_omni.axis_map import AxisMap
@@ -69,7 +70,7 @@ class Emulation:
         return not self.torque(device).any() and not self.c.em_force(device)
 
 
-class HdRig:
+class HdRig(Rig):
     """parameters: of `omni_driver`, with __ for dots. confirmed: as `doctor --omni` would have written it.
 
     plant: moves the device, as in `device_rigs.StillOmni`; None: it stands where the test puts it.
@@ -118,13 +119,7 @@ class HdRig:
 
     def cycle(self, effort: Any = None) -> Any:
         self.tick()
-        result = self.driver.read()
-        self.driver.write(None if effort is None else np.array(effort, dtype=float))
-        return result
-
-    def run(self, samples: int, effort: Any = None) -> None:
-        for _ in range(samples):
-            self.cycle(effort)
+        return super().cycle(effort)
 
     def settle(self, effort: Any = None) -> None:
         """Past the calibration, which the library does in its own time."""

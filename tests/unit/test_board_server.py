@@ -83,11 +83,7 @@ def test_a_stalled_driver_is_a_fault_at_zero_and_drives_again_after_a_reset():
     assert wire.latch.latched == "watchdog_expired"
     assert "no command for 0.02 s" in wire.latch.sentence
     assert wire.off
-    wire.latch.reset()
-    wire.driver.reset()
-    wire.run(5, PUSH)
-    assert wire.latch.latched is None
-    assert not wire.off
+    assert wire.drives_after_a_reset(PUSH)
 
 
 def test_after_an_expiry_no_command_brings_current_back_until_it_is_asked_for_anew():
@@ -202,11 +198,7 @@ def test_what_is_wrong_with_one_datagram_ends_in_zero_and_a_fault_that_says_it(w
     wire.up = wire.down = lambda data: [data]
     assert wire.cycle(PUSH) is ReadResult.LOST
     assert wire.off
-    wire.latch.reset()
-    wire.driver.reset()
-    wire.run(5, PUSH)
-    assert wire.latch.latched is None
-    assert not wire.off
+    assert wire.drives_after_a_reset(PUSH)
 
 
 def test_a_datagram_that_gets_lost_now_and_then_is_counted_and_nothing_else():
@@ -331,11 +323,7 @@ def test_a_network_cable_that_is_pulled_is_zero_after_the_watchdog_and_a_fault(d
     assert wire.off
     assert wire.latch.latched == ("watchdog_expired" if direction == "up" else "board_link")
     wire.up = wire.down = lambda data: [data]
-    wire.latch.reset()
-    wire.driver.reset()
-    wire.run(5, PUSH)
-    assert wire.latch.latched is None
-    assert not wire.off
+    assert wire.drives_after_a_reset(PUSH)
 
 
 def test_a_board_that_is_unplugged_from_its_server_is_a_fault_with_its_words_and_comes_back():
@@ -344,15 +332,10 @@ def test_a_board_that_is_unplugged_from_its_server_is_a_fault_with_its_words_and
     wire.run(2, PUSH)
     assert wire.latch.latched == "board_link"
     assert "the board does not respond" in wire.latch.sentence
-    wire.latch.reset()
-    wire.driver.reset()
+    wire.reset()
     assert "cannot be opened" in wire.latch.sentence, "still unplugged"
     wire.hil.plug()
-    wire.latch.reset()
-    wire.driver.reset()
-    wire.run(5, PUSH)
-    assert wire.latch.latched is None
-    assert not wire.off
+    assert wire.drives_after_a_reset(PUSH)
 
 
 def test_a_server_that_stalls_meets_the_board_s_own_watchdog_and_the_driver_hears_it():
@@ -362,8 +345,7 @@ def test_a_server_that_stalls_meets_the_board_s_own_watchdog_and_the_driver_hear
     assert wire.latch.latched == "watchdog_expired"
     assert "the board server stalled" in wire.latch.sentence
     assert wire.off
-    wire.latch.reset()
-    wire.driver.reset()
+    wire.reset()
     wire.run(5, PUSH)
     assert not wire.off
 

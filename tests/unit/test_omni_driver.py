@@ -107,8 +107,7 @@ def test_a_torque_that_is_not_finite_is_a_fault_and_the_motors_go_off(value):
     assert idle(rig)
     rig.run(3, PUSH)
     assert idle(rig), "latched"
-    rig.latch.reset()
-    rig.driver.reset()
+    rig.reset()
     rig.run(3, PUSH)
     assert not idle(rig)
 
@@ -151,8 +150,7 @@ def test_after_a_lost_device_the_calibration_begins_anew():
     assert rig.cycle(PUSH) is ReadResult.LOST
     assert rig.latch.latched == "device_lost"
     rig.device.plug()
-    rig.latch.reset()
-    rig.driver.reset()
+    rig.reset()
     assert rig.cycle() is ReadResult.NOTHING
 
 
@@ -168,8 +166,7 @@ def test_where_the_driver_has_lost_the_angles_it_lights_the_inkwell_and_the_emul
     rig.run(3000)
     assert rig.latch.latched == "over_speed", "nobody has reset it"
     assert rig.driver.position == pytest.approx(away, abs=2 * COUNT), "and the light is off until then"
-    rig.latch.reset()
-    rig.driver.reset()
+    rig.reset()
     results = [rig.cycle(PUSH) for _ in range(2500)]
     assert rig.latch.latched is None
     # Half a second until it is noticed, a second's way, and what the calibration asks for.
@@ -249,8 +246,7 @@ def test_after_a_jump_of_an_encoder_a_reset_asks_for_a_new_calibration():
     rig.device.buttons[0] = False
     plant.angles[2] = 1.0
     rig.run(2, PUSH)
-    rig.latch.reset()
-    rig.driver.reset()
+    rig.reset()
     assert {rig.cycle(PUSH) for _ in range(50)} == {ReadResult.NOTHING}
     assert idle(rig)
     rig.device.buttons[0] = True
@@ -287,8 +283,7 @@ def test_a_device_that_counts_its_reports_anew_has_lost_its_origin():
     rig.cycle(PUSH)
     assert rig.latch.latched == "counter_restart"
     assert idle(rig)
-    rig.latch.reset()
-    rig.driver.reset()
+    rig.reset()
     assert {rig.cycle(PUSH) for _ in range(50)} == {ReadResult.NOTHING}
     assert idle(rig)
 

@@ -131,8 +131,7 @@ def test_a_calibration_that_gets_lost_while_it_drives_takes_the_torque_away(rig,
     assert rig.latch.latched in ("calibration_lost", "over_speed")
     rig.run(2, PUSH)
     assert em.off()
-    rig.latch.reset()
-    rig.driver.reset()
+    rig.reset()
     assert {rig.cycle(PUSH) for _ in range(100)} == {ReadResult.NOTHING}
     assert em.off()
 
@@ -178,12 +177,10 @@ def test_an_unplugged_device_is_lost_with_the_remedy_and_a_reset_brings_it_back(
         assert word in rig.latch.sentence
     assert em.off()
     assert not em.c.em_is_open(0)
-    rig.latch.reset()
-    rig.driver.reset()
+    rig.reset()
     assert rig.latch.latched == "device_lost", "it is still away"
     em.c.em_unplug(0, 0)
-    rig.latch.reset()
-    rig.driver.reset()
+    rig.reset()
     rig.settle(PUSH)
     assert rig.latch.latched is None
     assert em.torque() == pytest.approx(PUSH, abs=1e-6)
@@ -198,13 +195,11 @@ def test_warm_motors_are_a_fault_that_stays_until_they_have_cooled(rig, em):
     assert em.off()
     rig.run(150, PUSH)
     assert rig.driver.measurements()["motor temperature"] == "1.05 of 1"
-    rig.latch.reset()
-    rig.driver.reset()
+    rig.reset()
     rig.run(5, PUSH)
     assert rig.latch.latched == "warm_motors", "still warm"
     em.c.em_temperature(0, 0.4)
-    rig.latch.reset()
-    rig.driver.reset()
+    rig.reset()
     rig.run(5, PUSH)
     assert rig.latch.latched is None
     assert em.torque() == pytest.approx(PUSH, abs=1e-6)
@@ -267,8 +262,7 @@ def test_a_driver_that_stops_answering_loses_its_torque_in_the_library(rig, em):
     assert rig.latch.latched == "watchdog_expired"
     rig.run(5, PUSH)
     assert em.off(), "latched"
-    rig.latch.reset()
-    rig.driver.reset()
+    rig.reset()
     rig.run(5, PUSH)
     assert em.torque() == pytest.approx(PUSH, abs=1e-6)
 

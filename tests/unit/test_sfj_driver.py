@@ -180,8 +180,7 @@ def test_a_stalled_loop_meets_the_watchdog_and_stays_off_until_reset():
     assert rig.driver.missed >= 48
     rig.run(3, PUSH)
     assert off(rig)
-    rig.latch.reset()
-    rig.driver.reset()
+    rig.reset()
     rig.run(3, PUSH)
     assert any(rig.plant.given[-1])
 
@@ -193,12 +192,10 @@ def test_an_unplugged_board_is_a_fault_and_comes_back_with_a_reset():
     assert rig.cycle(PUSH) is ReadResult.LOST
     assert rig.latch.latched == "board_error"
     assert rig.cycle(PUSH) is ReadResult.LOST
-    rig.latch.reset()
-    rig.driver.reset()
+    rig.reset()
     assert rig.latch.latched == "board_error", "still unplugged"
     rig.hil.plug()
-    rig.latch.reset()
-    rig.driver.reset()
+    rig.reset()
     rig.run(3, PUSH)
     assert rig.latch.latched is None
     assert any(rig.plant.given[-1])
@@ -272,8 +269,7 @@ def test_a_watchdog_that_expires_between_a_sample_and_its_output_is_no_lost_boar
     rig.driver.write(np.array(PUSH))
     assert rig.latch.latched == "watchdog_expired"
     assert off(rig)
-    rig.latch.reset()
-    rig.driver.reset()
+    rig.reset()
     rig.run(3, PUSH)
     assert any(rig.plant.given[-1])
     assert rig.driver.position == pytest.approx([0.01] * 4, abs=3e-4), "the origin of the angles is kept"

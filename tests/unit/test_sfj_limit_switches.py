@@ -28,8 +28,7 @@ def test_a_limit_switch_stops_at_once_says_which_and_lets_the_arm_only_away(swit
     assert off(rig)
     rig.run(5, towards)
     assert off(rig), "latched"
-    rig.latch.reset()
-    rig.driver.reset()
+    rig.reset()
     rig.run(3, towards)
     assert rig.plant.given[-1] == (0.0, 0.0), "still pressed: towards the stop is vetoed"
     rig.run(3, tuple(-value for value in towards))
@@ -85,13 +84,11 @@ def test_both_ends_pressed_while_it_runs_is_broken_wiring_too():
     rig.hil.stuck[0] = 0
     rig.cycle(PUSH)
     assert rig.latch.latched == "limit_switch"
-    rig.latch.reset()
-    rig.driver.reset()
+    rig.reset()
     rig.hil.stuck[1] = 0
     rig.cycle((-2.0, 0.0))
     assert rig.latch.latched == "limit_switch_stuck"
-    rig.latch.reset()
-    rig.driver.reset()
+    rig.reset()
     assert rig.latch.latched == "limit_switch_stuck", "a reset does not mend a cable"
     rig.run(3, (2.0, 0.0))
     assert off(rig)
@@ -103,8 +100,7 @@ def test_a_switch_that_stays_pressed_when_its_arm_has_left_is_stuck(switch, away
     rig = SfjRig(plant)
     rig.hil.stuck[switch] = 0
     rig.cycle()
-    rig.latch.reset()
-    rig.driver.reset()
+    rig.reset()
     for angle in np.arange(0.0, 0.34, 0.02):
         plant.angles[:2] = away * angle
         rig.cycle((2.0 * away, 0.0))

@@ -66,8 +66,7 @@ def test_a_queue_that_is_full_is_a_lost_board_at_zero():
     assert rig.latch.latched == "board_error"
     assert "full" in rig.latch.sentence
     assert not rig.hil.volts.any() and not any(rig.hil.amplifier_on)
-    rig.latch.reset()
-    rig.driver.reset()
+    rig.reset()
     rig.run(3, PUSH)
     assert rig.latch.latched is None
 
@@ -92,8 +91,7 @@ def test_a_sample_that_is_lost_without_a_word_is_found_and_stops_the_robot(lost)
     assert rig.latch.latched == "sample_clock"
     assert f"{lost}.0 samples too few" in rig.latch.sentence
     assert not rig.hil.volts.any() and not any(rig.hil.amplifier_on)
-    rig.latch.reset()
-    rig.driver.reset()
+    rig.reset()
     until_found(rig, 5.0)
     assert rig.latch.latched is None, "it is told once"
 
@@ -150,8 +148,7 @@ def test_after_an_expiry_zero_is_written_before_anything_else_and_before_the_amp
     rig.run(5, PUSH)
     rig.clock.advance(0.1)
     rig.cycle(PUSH)  # finds the board expired, which brings back what flowed when it is cleared
-    rig.latch.reset()
-    rig.driver.reset()
+    rig.reset()
     rig.run(3, PUSH)
     rig.clock.advance(0.1)  # killed
     rig.board().open()

@@ -52,8 +52,7 @@ def test_after_a_fault_and_its_reset_the_effort_ramps_in_from_zero(fault):
     assert rig.latch.latched == fault
     if fault == "board_error":
         rig.hil.plug()
-    rig.latch.reset()
-    rig.driver.reset()
+    rig.reset()
     rig.cycle(PUSH)
     assert follows_the_ramp(np.array([0.0, *ramp(rig, 130)]))
     assert rig.latch.latched is None
@@ -63,8 +62,7 @@ def test_a_fault_that_is_reset_before_the_next_sample_ramps_in_as_well():
     rig = SfjRig(ramp_time=RAMP)
     rig.run(150, PUSH)
     rig.latch.count("stale_command")
-    rig.latch.reset()
-    rig.driver.reset()
+    rig.reset()
     rig.cycle(PUSH)
     assert follows_the_ramp(np.array([0.0, *ramp(rig, 130)]))
 
