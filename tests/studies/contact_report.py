@@ -8,7 +8,7 @@ from pathlib import Path
 
 import matplotlib
 import numpy as np
-from contact_quality import DT, LAMBDA, SPEEDS, WALLS, Case, Merit, Plant, simulate
+from contact_quality import DT, LAMBDA, WALLS, Case, Merit, Plant, simulate
 from matplotlib.figure import Figure
 from scipy.optimize import brentq
 
@@ -68,26 +68,6 @@ def _by_wall(results: Results, stage: str) -> str:
     for law, merits in results.items():
         rows.append(["**all**", SHORT.get(law, law), *_cell([m for m in merits if m.stage == stage])])
     return _table(rows, ("wall, N·m/rad", "law"))
-
-
-def _nominal(results: Results, stage: str) -> str:
-    rows = []
-    for speed in SPEEDS:
-        for wall in WALLS:
-            for law, merits in results.items():
-                wanted = (stage, "nominal", wall, speed)
-                chosen = [
-                    m for m in merits if (m.stage, m.case.plant.name, m.case.wall, m.case.speed) == wanted
-                ]
-                rows.append([f"{speed:g}", f"{wall:g}", SHORT.get(law, law), *_cell(chosen)])
-    lines = _table(rows, ("Td/λ, rad/s", "wall", "law"))
-    # One run each: its value is its median and its worst.
-    return "\n".join(_single(line) for line in lines.splitlines())
-
-
-def _single(line: str) -> str:
-    cells = [cell.split(" / ")[0] if " / " in cell else cell for cell in line.split(" | ")]
-    return " | ".join(cells)
 
 
 def _failures(merits: Sequence[Merit]) -> str:
@@ -169,11 +149,6 @@ def tables(results: Results, others: dict[str, Results]) -> str:
         ]
     for law, merits in results.items():
         parts += [f"### Where the aim is missed: {SHORT.get(law, law)}", _failures(merits)]
-    for stage in STAGES:
-        parts += [
-            f"### {stage.replace('stage', 'Stage ')}: the nominal plant, run by run",
-            _nominal(results, stage),
-        ]
     rows = [
         [
             name,
