@@ -123,13 +123,14 @@ class Hypothesis:
 
     @classmethod
     def of(cls, effect: Effect, place: str) -> Hypothesis:
-        """A known effect: its one column is its torque."""
+        """A known effect: its one column is its torque, evaluated at the size that it has (`held`)."""
         entry, values = effect.entry, effect.values
         gives = 0.0
         if entry.memory in ("ratio", "displacement"):
             first, second = (values[p.name] for p in entry.parameters[:2])
             gives = first / second if entry.memory == "ratio" else second
-        return cls(entry, effect.location, place, tuple(values.items()), ("",), None, gives, held=True)
+        size = entry.parameters[0].name
+        return cls(entry, effect.location, place, tuple(values.items()), (size,), None, gives, held=True)
 
     def _torque(self, variables: SimpleNamespace, size: str, **more: float) -> FloatArray:
         p = {q.name: 0.0 if q.default is None else q.default for q in self.entry.parameters}
