@@ -99,6 +99,7 @@ Kind = tuple[Callable[[Channels, float, int], None], Callable[[Channels], float]
 DELAYS = ("input_delay", "channel_skew", "sensor_delay")
 FRICTIONS = ("coulomb_friction", "asymmetric_friction", "stribeck_friction")
 SPRINGS = ("spring_to_ground", "gravity")
+CONSTANTS = ("constant_torque", "asymmetric_friction")
 KINDS: dict[str, Kind] = {
     "late input": (late_input, lambda c: 10.0 * float(np.median(np.diff(c["time"]))), DELAYS, "delay"),
     "eccentric encoder": (
@@ -112,7 +113,7 @@ KINDS: dict[str, Kind] = {
     "encoder of 500 steps over the travel": (coarse, lambda c: span(c["motor"]) / 500.0, (), ""),
     "dry friction": (rubbing, lambda c: 0.25 * rms(c["input"]), FRICTIONS, "torque"),
     "spring": (spring, lambda c: 0.5 * rms(c["input"]) / rms(c["motor"]), SPRINGS, "stiffness"),
-    "constant torque": (offset, lambda c: 0.25 * rms(c["input"]), ("constant_torque",), "torque"),
+    "constant torque": (offset, lambda c: 0.25 * rms(c["input"]), CONSTANTS, "torque"),
     "torque ripple": (ripple, lambda c: 0.3 * rms(c["input"]), ("torque_ripple",), "amplitude"),
 }
 
@@ -170,16 +171,29 @@ def named(content: dict[str, Any], names: tuple[str, ...]) -> dict[str, Any] | N
 
 def size_of(content: dict[str, Any], names: tuple[str, ...], parameter: str) -> float:
     """The size by which an effect of these names was found; 0 where it was not. A gravity counts by its
-    slope, an asymmetric friction by its mean."""
+    slope; an asymmetric friction is a plain one beside a constant torque, and all of either count."""
+    if names in (FRICTIONS, CONSTANTS):
+        return sum(dry_and_constant(f)[int(names == CONSTANTS)] for f in content["findings"])
     found = named(content, names)
     if found is None:
         return 0.0
     p = {n: v["value"] for n, v in found["parameters"].items()}
-    if found["effect"] == "asymmetric_friction":
-        return 0.5 * (p["positive"] + p["negative"])
-    if found["effect"] == "stribeck_friction":
-        return p["coulomb"]
     return abs(p.get(parameter, p.get("torque", p.get("amplitude", 0.0))))
+
+
+def dry_and_constant(finding: dict[str, Any]) -> tuple[float, float]:
+    """The torque of a finding that opposes the motion, and the one that acts on it whatever its direction."""
+    p = {n: v["value"] for n, v in finding["parameters"].items()}
+    match finding["effect"]:
+        case "coulomb_friction":
+            return p["torque"], 0.0
+        case "stribeck_friction":
+            return p["coulomb"], 0.0
+        case "asymmetric_friction":
+            return 0.5 * (p["positive"] + p["negative"]), 0.5 * (p["negative"] - p["positive"])
+        case "constant_torque":
+            return 0.0, p["torque"]
+    return 0.0, 0.0
 
 
 def told(content: dict[str, Any]) -> str:
@@ -203,8 +217,9 @@ def judged(kind: str, before: dict[str, Any], after: dict[str, Any]) -> str:
         return "unknown" if after["verdict"] == "unknown" else "missed" if new <= own else "wrong"
     if found["effect"] not in names:
         return "in the set"
-    size = size_of(after, names, parameter) - (
-        size_of(before, names, parameter) if parameter == "torque" else 0.0
+    # What is added to the input is missing from the torque: dry friction, or a constant one the other way.
+    size = abs(
+        size_of(after, names, parameter) - (size_of(before, names, parameter) if parameter == "torque" else 0.0)
     )
     return "right" if abs(size / after["put_in"] - 1.0) < NEAR else "named"
 
