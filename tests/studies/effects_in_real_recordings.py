@@ -218,9 +218,8 @@ def judged(kind: str, before: dict[str, Any], after: dict[str, Any]) -> str:
     if found["effect"] not in names:
         return "in the set"
     # What is added to the input is missing from the torque: dry friction, or a constant one the other way.
-    size = abs(
-        size_of(after, names, parameter) - (size_of(before, names, parameter) if parameter == "torque" else 0.0)
-    )
+    already = size_of(before, names, parameter) if parameter == "torque" else 0.0
+    size = abs(size_of(after, names, parameter) - already)
     return "right" if abs(size / after["put_in"] - 1.0) < NEAR else "named"
 
 
