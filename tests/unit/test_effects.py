@@ -11,7 +11,8 @@ from scipy.optimize import brentq
 from scipy.special import ellipk
 
 from haptic_teleop_sim.effects import EFFECTS, effect_entry, locations
-from haptic_teleop_sim.effects.symbols import NUMERIC, SYMBOLIC
+from haptic_teleop_sim.effects.on_arrays import NUMERIC
+from haptic_teleop_sim.effects.symbols import SYMBOLIC
 from haptic_teleop_sim.kernel import acting_torque, pack, simulate
 from haptic_teleop_sim.model import Effect
 

@@ -7,8 +7,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
-from scipy.signal import welch
 
 from haptic_teleop_control.errors import RecordingError
 from haptic_teleop_sim.kernel import pack
@@ -71,8 +71,8 @@ def excitation(model: Model, datasets: Sequence[DataSet]) -> Excitation:
     records = [piece for d in datasets for piece in records_from(d)]
     longest = max(datasets, key=len)
     length = min(len(longest), max(256, round(8.0 / longest.dt)))
-    frequency, power = welch(longest.input, 1.0 / longest.dt, nperseg=length)
-    _, response = welch(longest.motor_velocity, 1.0 / longest.dt, nperseg=length)
+    frequency, power = scipy.signal.welch(longest.input, 1.0 / longest.dt, nperseg=length)
+    _, response = scipy.signal.welch(longest.motor_velocity, 1.0 / longest.dt, nperseg=length)
     share = np.cumsum(power) / max(float(np.sum(power)), 1e-300)
     low, high = (
         float(frequency[min(int(np.searchsorted(share, s)), len(frequency) - 1)]) for s in (0.025, 0.975)

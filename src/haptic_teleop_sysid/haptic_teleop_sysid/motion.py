@@ -5,8 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass, field, replace
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
-from scipy.signal import savgol_filter
 
 from haptic_teleop_control.robots import VELOCITY_FILTER_CUTOFF_HZ, VELOCITY_FILTER_DAMPING
 from haptic_teleop_sysid.channels import Channel
@@ -129,4 +129,4 @@ def finite(values: Array, valid: NDArray[np.bool_] | None) -> Array:
 def derivative(values: Array, samples: int, order: int, dt: float) -> Array:
     """Derivative of a cubic through about `samples` neighbours of each sample, without delay."""
     length = min(max(5, samples // 2 * 2 + 1), (len(values) - 1) // 2 * 2 + 1)
-    return np.asarray(savgol_filter(values, length, 3, deriv=order, delta=dt), dtype=np.float64)
+    return np.asarray(scipy.signal.savgol_filter(values, length, 3, deriv=order, delta=dt), dtype=np.float64)

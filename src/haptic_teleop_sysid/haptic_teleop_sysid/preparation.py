@@ -8,9 +8,9 @@ from pathlib import Path
 from typing import Literal
 
 import numpy as np
+import scipy
 import yaml
 from numpy.typing import NDArray
-from scipy.signal import detrend as scipy_detrend
 
 from haptic_teleop_control.errors import ConfigurationError, RecordingError
 from haptic_teleop_control.recording import Recording
@@ -183,5 +183,5 @@ def _without_offset(dataset: DataSet, model: Model, lead: float, wish: str, told
 
 def _detrended(dataset: DataSet, kind: Literal["constant", "linear"]) -> DataSet:
     names = ("motor_position", "arm_position", "input", "commanded_input")
-    changes = {n: scipy_detrend(v, type=kind) for n in names if (v := getattr(dataset, n)) is not None}
+    changes = {n: scipy.signal.detrend(v, type=kind) for n in names if (v := getattr(dataset, n)) is not None}
     return replace(dataset, **changes)

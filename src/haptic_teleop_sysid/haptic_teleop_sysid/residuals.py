@@ -13,9 +13,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
 from scipy.linalg import solve_toeplitz
-from scipy.signal import fftconvolve, lfilter
 
 from haptic_teleop_sim.kernel import pack
 from haptic_teleop_sim.model import Model
@@ -106,7 +106,7 @@ def whitened(u: Array) -> Array:
     # A ridge, because the power of a smooth input falls by more than the arithmetic resolves.
     r[0] *= 1.0 + 1e-6
     coefficients = np.concatenate([[1.0], -solve_toeplitz(r[:-1], r[1:])])
-    return np.asarray(lfilter(coefficients, [1.0], u), dtype=np.float64)
+    return np.asarray(scipy.signal.lfilter(coefficients, [1.0], u), dtype=np.float64)
 
 
 def reading(found: list[Residuals], closed_loop: bool | None) -> list[str]:
@@ -131,6 +131,6 @@ def reading(found: list[Residuals], closed_loop: bool | None) -> list[str]:
 
 def _correlation(a: Array, b: Array, lags: int) -> Array:
     """(2 lags + 1,) sums of a_t b_(t+k), k = -lags .. lags."""
-    full = fftconvolve(b, a[::-1])
+    full = scipy.signal.fftconvolve(b, a[::-1])
     middle = len(a) - 1
     return full[middle - lags : middle + lags + 1]

@@ -13,7 +13,7 @@ from dataclasses import asdict, dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 from rich.console import Console
-from scipy.stats import t as student
+from scipy.special import stdtrit
 
 from haptic_teleop_control.command_line import run_command
 from haptic_teleop_control.errors import ConfigurationError
@@ -56,7 +56,7 @@ def joint_stiffness(torque: ArrayLike, deflection: ArrayLike) -> Stiffness:
             f"stiffness: the table gives {value:.4g} N·m/rad, and no spring is negative: check the signs "
             "(counter-clockwise positive for both)."
         )
-    half = std * float(student.ppf(0.975, free))
+    half = std * float(stdtrit(free, 0.975))
     row = int(np.argmax(np.abs(error)))
     far = float(abs(error[row]) / np.sqrt(variance)) if variance > 0.0 else 0.0
     interval = (float(value - half), float(value + half))

@@ -1,13 +1,11 @@
-"""The namespaces in which effects write their equations, and the helpers they may use: symbols for the
-kernel, arrays for following an equation along a recorded motion."""
+"""The namespaces in which effects write their equations, and the helpers they may use, as symbols for the
+kernel; `on_arrays.py` has the same helpers for arrays."""
 
 from __future__ import annotations
 
-import math
 from types import SimpleNamespace
 from typing import Any
 
-import numpy as np
 import sympy as sp
 
 VARIABLES = (
@@ -67,22 +65,6 @@ SYMBOLIC: dict[str, Any] = {
     "pi": sp.pi,
 }
 """Helpers on symbols, by the name that equations call them."""
-
-NUMERIC: dict[str, Any] = {
-    "side": lambda x: np.where(np.asarray(x) >= 0.0, 1.0, -1.0),
-    "positive_part": lambda x: np.maximum(x, 0.0),
-    "dead_band": lambda x, width: np.maximum(x - width / 2, 0.0) + np.minimum(x + width / 2, 0.0),
-    "sin": np.sin,
-    "cos": np.cos,
-    "exp": np.exp,
-    "tanh": np.tanh,
-    "sech": lambda x: 1.0 / np.cosh(np.clip(x, -300.0, 300.0)),
-    "abs": np.abs,
-    "sqrt": np.sqrt,
-    "pi": math.pi,
-}
-"""The same helpers on arrays."""
-
 
 def namespaces(parameter_names: tuple[str, ...]) -> tuple[SimpleNamespace, SimpleNamespace]:
     """Symbols for the variables (with helpers) and for an effect's own parameters, all real."""

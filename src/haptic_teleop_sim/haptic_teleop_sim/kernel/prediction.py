@@ -110,10 +110,10 @@ def predict_series(x, s, measured, gain, d_gain, decay, d_decay, torque, d_torqu
     for ch in range(2):
         for c in range(wide):
             last_s[ch, c] -= dt * s[2 + ch, c]
-    remembering = True
+    own = 0
     for e in range(codes.shape[0]):
-        if codes[e, 5] > 0:
-            remembering = False
+        own += codes[e, 5]
+    remembering = own == 0
     g = np.zeros(16)
     slope = np.zeros(1)
     dpar = np.zeros((2, ncol))

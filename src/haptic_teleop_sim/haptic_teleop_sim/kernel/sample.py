@@ -38,7 +38,9 @@ def sample_slopes(dt, substeps, rigid, base, codes, p):
     column 4 b + r."""
     slopes = np.zeros((6, 20))
     x, s = np.zeros(6), np.zeros((6, 8))
-    work = sensitive_scratch(6, 8)
+    # No constants: for each of them as an argument the integrator would be compiled once more.
+    effects = codes.shape[0]  # none
+    work = sensitive_scratch(s.shape[0], s.shape[1])
     base_col, p_col = np.arange(5), np.full(len(p), -1)
     d_torque, driven = np.zeros((1, 0)), np.empty(0, dtype=np.int64)
     for j in range(6):
@@ -46,8 +48,8 @@ def sample_slopes(dt, substeps, rigid, base, codes, p):
             x[r] = 1.0 if r == j else 0.0
             for c in range(8):
                 s[r, c] = 0.0
-        advance_sensitive(x, s, 0, 0.0, dt, substeps, 0.0, 0.0, 0.0, rigid, base, codes, p, base_col, p_col,
-                          d_torque, driven, True, work)
+        advance_sensitive(x, s, effects, 0.0, dt, substeps, 0.0, 0.0, 0.0, rigid, base, codes, p, base_col,
+                          p_col, d_torque, driven, effects == 0, work)
         for b in range(5):
             for r in range(4):
                 slopes[j, 4 * b + r] = s[r, b]

@@ -5,8 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+import scipy
 from numpy.typing import ArrayLike, NDArray
-from scipy.interpolate import CubicHermiteSpline
 
 from ..model import Model
 from .build import kernel
@@ -67,7 +67,7 @@ def readings(packed: Packed, time: FloatArray, states: FloatArray) -> tuple[Floa
         delay = sum(float(packed.p[offset]) for c, offset in packed.skew if c == channel)
         if delay != 0.0 and len(time) > 1:
             when = np.clip(time - delay, time[0], time[-1])
-            spline = CubicHermiteSpline(time, q, v)
+            spline = scipy.interpolate.CubicHermiteSpline(time, q, v)
             q, v = spline(when), spline(when, 1)
         if np.any(packed.out_codes[:, 1] == channel):
             read, rate = np.empty_like(q), np.empty_like(q)

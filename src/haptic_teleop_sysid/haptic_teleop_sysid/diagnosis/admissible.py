@@ -7,7 +7,7 @@ from types import SimpleNamespace
 
 import numpy as np
 
-from haptic_teleop_sim.effects.symbols import NUMERIC
+from haptic_teleop_sim.effects.on_arrays import NUMERIC
 from haptic_teleop_sim.model import Effect
 
 from .scales import Scales

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from scipy.linalg import expm
 
 from haptic_teleop_sim.effects import EffectEntry, EffectParameter
-from haptic_teleop_sim.effects.symbols import NUMERIC
+from haptic_teleop_sim.effects.on_arrays import NUMERIC
 from haptic_teleop_sysid.estimation.records import Record
 
 FloatArray = NDArray[np.float64]

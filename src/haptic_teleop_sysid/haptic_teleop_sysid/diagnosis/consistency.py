@@ -12,8 +12,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
-from scipy.signal import coherence
 
 from haptic_teleop_control.errors import RecordingError
 from haptic_teleop_sysid.estimation.records import Record
@@ -111,7 +111,7 @@ def refuse_unrelated(record: Record, joint: str) -> None:
     motion = np.gradient(bridged(record.measured[:, 0]))
     if np.std(motion) <= 0.0 or size < 32:
         return
-    _, shared = coherence(record.input, motion, nperseg=size, noverlap=size // 2)
+    _, shared = scipy.signal.coherence(record.input, motion, nperseg=size, noverlap=size // 2)
     largest = float(np.max(shared[1:]))
     # Of unrelated signals with K independent stretches it exceeds c with probability (1 - c)^(K - 1).
     independent = _STRETCHES / 2 * 1.5

@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 from math import copysign, erf, floor, isfinite, log10, sqrt, trunc
 
 import numpy as np
-from scipy.signal import lfilter
+import scipy
 
 from haptic_teleop_control.acquisition import SIGNAL, Acquisition
 from haptic_teleop_control.errors import ConfigurationError
@@ -115,7 +115,7 @@ def simulated_experiment(
         model,
         gain * signal if gain else signal,
         record.dt,
-        motor_torque=lfilter([1.0], [1.0, -decay], white),
+        motor_torque=scipy.signal.lfilter([1.0], [1.0, -decay], white),
     )
     limits = {n.removeprefix("limit."): float(str(v)) for n, v in option.items() if n.startswith("limit.")}
     travel, speed = (float(np.max(np.abs(v))) for v in (path.states[:, 0], path.states[:, 2]))

@@ -7,8 +7,8 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
-from scipy.signal import lfilter
 
 from haptic_teleop_control.errors import RecordingError
 from haptic_teleop_sim.kernel import pack, simulate
@@ -76,7 +76,7 @@ def null_record(fit: Fit, noise: NoiseModel, record: Record, generator: np.rando
     decay = np.array(noise.decay(record.dt))
     drawn = generator.standard_normal((n, 2)) * np.sqrt(1.0 - decay**2)
     drawn[0] = generator.standard_normal(2)
-    coloured = [lfilter([1.0], [1.0, -d], drawn[:, c]) for c, d in enumerate(decay)]
+    coloured = [scipy.signal.lfilter([1.0], [1.0, -d], drawn[:, c]) for c, d in enumerate(decay)]
     disturbance = level * np.column_stack(coloured)
     path = simulate(
         packed,

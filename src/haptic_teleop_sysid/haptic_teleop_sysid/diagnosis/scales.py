@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.signal import savgol_filter
+import scipy
 
 from haptic_teleop_sim.effects import EFFECTS
 from haptic_teleop_sim.model import Model
@@ -87,7 +87,7 @@ def velocity_of(angle: np.ndarray, dt: float) -> np.ndarray:
     """Velocity (n,) by a local quadratic over some 30 ms, rad/s; missing readings are `bridged`."""
     q = bridged(angle)
     length = min(max(5, 2 * int(0.015 / dt) + 1), (len(q) - 1) // 2 * 2 + 1)
-    return np.asarray(savgol_filter(q, length, 2, deriv=1, delta=dt), dtype=float)
+    return np.asarray(scipy.signal.savgol_filter(q, length, 2, deriv=1, delta=dt), dtype=float)
 
 
 def recording_scales(model: Model, records: Sequence[Record]) -> Scales:

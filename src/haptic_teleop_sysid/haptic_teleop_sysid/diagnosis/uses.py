@@ -11,8 +11,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
-from scipy.signal import periodogram
 
 from haptic_teleop_sim.model import Model
 from haptic_teleop_sysid.dataset import DataSet
@@ -114,7 +114,7 @@ def _by_octaves(data: Sequence[DataSet], lowest: float) -> NDArray[np.float64]:
     """Power of the input by octaves above ``lowest`` (Hz), in all one; what lies below is in the first."""
     energy = np.zeros(64)
     for d in data:
-        frequency, power = periodogram(np.nan_to_num(with_command(d).input), 1.0 / d.dt, "hann")
+        frequency, power = scipy.signal.periodogram(np.nan_to_num(with_command(d).input), 1.0 / d.dt, "hann")
         octave = np.floor(np.log2(np.maximum(frequency / lowest, 1.0))).astype(int)
         energy += np.bincount(octave, power * len(d) * d.dt, minlength=64)
     return energy / max(float(energy.sum()), 1e-300)

@@ -7,8 +7,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
-from scipy.signal import detrend
 
 from haptic_teleop_sysid.logs.signals import Signal, wraps
 
@@ -63,7 +63,7 @@ def relation(one: Array, other: Array) -> Relation | None:
     good = np.isfinite(one) & np.isfinite(other)
     if np.sum(good) < 20:
         return None
-    a, b = detrend(one[good]), detrend(other[good])
+    a, b = scipy.signal.detrend(one[good]), scipy.signal.detrend(other[good])
     spread = float(np.std(a)), float(np.std(b))
     if min(spread) <= 1e-9 * max(float(np.max(np.abs(one[good]))), 1e-300) or min(spread) <= 0.0:
         return None

@@ -8,9 +8,9 @@ from functools import lru_cache
 from typing import Any
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
 from scipy.fft import irfft, next_fast_len, rfft
-from scipy.signal import welch
 
 from haptic_teleop_sysid.estimation.records import Record
 
@@ -96,7 +96,7 @@ def motion_band(records: Sequence[Record]) -> float:
     for record in records:
         speed = np.gradient(bridged(record.measured[:, 0]), record.dt)
         length = round(min(shortest, SEGMENT) / record.dt)
-        found: Any = welch(speed - np.mean(speed), 1.0 / record.dt, nperseg=length)
+        found: Any = scipy.signal.welch(speed - np.mean(speed), 1.0 / record.dt, nperseg=length)
         spectrum += np.interp(grid, *found) * len(record) * record.dt
     total = np.cumsum(spectrum)
     edge = float(grid[np.searchsorted(total, POWER * total[-1])])

@@ -17,7 +17,7 @@ from numba import njit
 from numpy.typing import NDArray
 
 from haptic_teleop_sim.effects import EFFECTS, EffectEntry, EffectParameter, locations
-from haptic_teleop_sim.effects.symbols import NUMERIC
+from haptic_teleop_sim.effects.on_arrays import NUMERIC
 from haptic_teleop_sim.model import Effect, Model
 
 from ..candidates import family
