@@ -1,6 +1,7 @@
 """The inverse dynamics' say on motions that were integrated here, step by step, by other equations."""
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -8,7 +9,7 @@ from stepped_machines import DT, RIGID, drive, pendulum, record, two_masses
 
 from haptic_teleop_sim.model import Effect, Model
 from haptic_teleop_sysid.diagnosis.inverse_dynamics.motion import banded, motion_band
-from haptic_teleop_sysid.diagnosis.inverse_dynamics.terms import turning
+from haptic_teleop_sysid.diagnosis.inverse_dynamics.terms import Hypothesis, turning
 from haptic_teleop_sysid.diagnosis.inverse_dynamics.witness import witness
 from haptic_teleop_sysid.diagnosis.scales import recording_scales
 from haptic_teleop_sysid.diagnosis.second_opinion import AN_EFFECT
@@ -64,8 +65,41 @@ def test_a_torque_that_no_effect_describes_is_recoverable_and_not_explained():
     found = asked(hanging, *(pendulum(s, swirl=0.3, weight=4.0) for s in (0, 1)))
     assert found.recoverable > 0.8
     assert found.shapeless[0].quantities == ("motor angle", "motor velocity")
-    plain = next(g for g in found.levels[0] if g.effects[0].effect == "coulomb_friction")
-    assert found.folds.adequacies(plain.hypotheses)[0] < 0.5
+    plain = Hypothesis.of(Effect("coulomb_friction", "j_motor", {"torque": 0.3}), "motor")
+    assert found.folds.adequacies((plain,))[0] < 0.5
+
+
+def test_a_late_input_is_found_beside_what_acts_as_well_and_hides_it():
+    """A torque that lags behind the motion pushes like a negative damping, and hides friction."""
+    model, late = RIGID, 10
+
+    def made(seed: int) -> Record:
+        one = pendulum(seed, coulomb=0.3, weight=2.0)
+        early = np.append(one.input[late:], np.full(late, one.input[-1]))  # recorded before it acts
+        return replace(one, input=early)
+
+    recordings = made(0), made(1)
+    found = asked(model, *recordings)
+    effects = {e.effect: e.values for e in best(found).effects}
+    assert set(effects) in ({"gravity", "coulomb_friction", n} for n in ("input_delay", "actuator_lag"))
+    (time,) = (v for n in ("input_delay", "actuator_lag") if n in effects for v in effects[n].values())
+    assert time == pytest.approx(late * recordings[0].dt, rel=0.2)
+    assert effects["coulomb_friction"]["torque"] == pytest.approx(0.3, rel=0.15)
+
+
+def test_what_takes_all_of_the_input_away_is_no_explanation_of_it():
+    found = asked(RIGID, *(pendulum(s, weight=2.0) for s in (0, 1)))
+    assert best(found).effects[0].effect == "gravity"
+    effects = [e for group in found.levels[0] for e in group.effects]
+    assert all(e.values["time_constant"] < 1.0 for e in effects if e.effect == "actuator_lag")
+
+
+@pytest.mark.parametrize("steps", [500, 2000])
+def test_the_band_of_a_motion_does_not_depend_on_how_coarse_the_encoder_is(steps):
+    one = pendulum(0)
+    travel = float(np.ptp(one.measured[:, 0]))
+    coarse = replace(one, measured=travel / steps * np.rint(one.measured * steps / travel))
+    assert motion_band([coarse]) == pytest.approx(motion_band([one]), rel=0.1)
 
 
 def test_friction_at_the_arm_of_an_elastic_joint_is_found_there_with_stiffness_free_or_not():

@@ -130,7 +130,11 @@ def choose(
     if apart is not None:
         raised = np.array([_alike(e, best, apart) for e in close]) & (weights < ALIKE)
         weights[raised] = ALIKE
-    weights = weights * [_prior(e, sense_follows) for e in close]
+    names = [(e.effect.effect, e.effect.location) for e in close]
+    weights = weights * [
+        1.0 if e.beside is not None else prior(*name, sense_follows)
+        for e, name in zip(close, names, strict=True)
+    ]
     if percent is not None and len(close) > 1:
         fits = np.array([percent(e.fit.model) for e in close])
         weights = weights * np.exp((fits - fits.max()) / SIMULATED_MARGIN)
@@ -187,15 +191,15 @@ def _least_share(explanation: Explanation) -> float:
     return LEAST_SHARE_ALIKE if alike else LEAST_SHARE
 
 
-def _prior(explanation: Explanation, sense_follows: bool) -> float:
+def prior(effect: str, location: str, sense_follows: bool) -> float:
     """How likely an effect is before looking: delays come from mechanisms before they come from wrong stamps,
     and a command whose measured current follows it was stamped right.
     """
-    if explanation.effect.effect == "channel_skew" and explanation.beside is None:
-        if explanation.effect.location.endswith("_actuator"):
-            return 0.1 if sense_follows else 0.8
-        return 0.9
-    return 1.0
+    if effect != "channel_skew":
+        return 1.0
+    if location.endswith("_actuator"):
+        return 0.1 if sense_follows else 0.8
+    return 0.9
 
 
 def significant(explanation: Explanation) -> bool:

@@ -14,7 +14,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from haptic_teleop_sim.model import Model
+from haptic_teleop_sim.model import Effect, Model
 from haptic_teleop_sysid.estimation.gauss_newton import Fit
 from haptic_teleop_sysid.estimation.records import Record
 from haptic_teleop_sysid.estimation.whole_fit import fit_whole
@@ -24,7 +24,7 @@ from .decide import Choice, significant
 from .explanation import Explanation
 from .held_out import held_out_fit
 from .modulation import changes_with, modulations
-from .null_records import expected_colour, rounding_shows
+from .null_records import expected_colour, null_records, rounding_shows
 from .reasons import Doubt, momentary, rather_event
 from .search import SearchResult
 from .stand import Stand, stand_of, stands_out
@@ -150,6 +150,26 @@ def coloured(fit: Fit, estimation: Sequence[Record], validation: Sequence[Record
     return min(found) > COLOURED and _more_coloured(found, [(fit, estimation), (there, validation)])
 
 
+def _changing(
+    fit: Fit, again: Fit, effect: Effect, estimation: Sequence[Record], validation: Sequence[Record]
+) -> tuple[str, float] | None:
+    """What the size of an effect changes with, and by how much; None where it keeps it.
+
+    A coarse encoder tells late that a joint has turned or begins to move: what the size changes by on
+    simulated recordings of the same fit, where it is constant, is the encoder's."""
+    found = changes_with(
+        modulations(fit, effect, estimation), modulations(again, effect, validation), CHANGES, CHANGES_GAIN
+    )
+    if not found:
+        return None
+    made = modulations(fit, effect, null_records(fit, estimation))
+    for what, share in found:
+        by_rounding = made[what].share if what in made else 0.0
+        if abs(share) > BY_ROUNDING * abs(by_rounding):
+            return what, share
+    return None
+
+
 class _Rounding:
     """Which findings stand for the steps of coarse encoders; every one is asked once."""
 
@@ -230,9 +250,7 @@ def _objection(
                 f"{elsewhere[name]:.3g} instead of {here[name]:.3g} {parameter.unit}"
             )
             return why, None
-    changing = changes_with(
-        modulations(fit, effect, estimation), modulations(again, effect, validation), CHANGES, CHANGES_GAIN
-    )
+    changing = _changing(fit, again, effect, estimation, validation)
     if changing is not None:
         what, share = changing
         why = (

@@ -84,9 +84,9 @@ def modulations(fit: Fit, effect: Effect, records: Sequence[Record]) -> dict[str
 
 def changes_with(
     here: dict[str, Modulation], elsewhere: dict[str, Modulation], share: float, gain: float
-) -> tuple[str, float] | None:
+) -> list[tuple[str, float]]:
     """What the size changes with on both kinds of recordings, by more than ``share`` and with more than
-    ``gain`` nats each, and by how much; None where there is nothing."""
+    ``gain`` nats each, and by how much, the surest first."""
     found = []
     for name, a in here.items():
         b = elsewhere.get(name)
@@ -98,7 +98,7 @@ def changes_with(
             and a.share * b.share > 0.0
         ):
             found.append((min(a.gain, b.gain), name, a.share))
-    return max(found)[1:] if found else None
+    return [(name, by) for _, name, by in sorted(found, reverse=True)]
 
 
 def rested(velocity: FloatArray, dt: float) -> FloatArray:

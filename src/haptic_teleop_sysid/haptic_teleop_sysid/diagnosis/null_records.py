@@ -32,15 +32,20 @@ _STEPS = 15
 def expected_colour(fit: Fit, records: Sequence[Record]) -> float:
     """The `colour` that the innovations of a fit would have if nothing else were in the recordings: that of
     simulated ones. The steps of an encoder that hardly moves colour the innovations of a true model."""
+    return colour(fit, null_records(fit, records))
+
+
+def null_records(fit: Fit, records: Sequence[Record]) -> list[Record]:
+    """A recording of the fitted model for each, with disturbances as large as there; the same ones whenever
+    it is asked."""
     generator = np.random.default_rng(0)
-    return colour(fit, [null_record(fit, disturbed_as(fit, r), r, generator) for r in records])
+    return [null_record(fit, disturbed_as(fit, r), r, generator) for r in records]
 
 
 def rounding_shows(found: Explanation, before: Fit, records: Sequence[Record]) -> bool:
     """Whether what was found explains simulated recordings of the model without it, ``before``, as it does
     the real ones (AS_WELL): it then stands for the encoders' steps."""
-    generator = np.random.default_rng(0)
-    made = [null_record(before, disturbed_as(before, r), r, generator) for r in records]
+    made = null_records(before, records)
     alone = fit_whole(before.model, before.noise, made, free=before.free, iterations=_STEPS)
     beside = fit_whole(found.fit.model, found.fit.noise, made, free=found.fit.free, iterations=_STEPS)
     return beside.log_likelihood - alone.log_likelihood > AS_WELL * found.gain

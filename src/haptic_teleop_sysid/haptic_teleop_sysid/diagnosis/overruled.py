@@ -13,12 +13,13 @@ from haptic_teleop_sysid.estimation.gauss_newton import Fit
 from haptic_teleop_sysid.estimation.records import Record
 from haptic_teleop_sysid.estimation.whole_fit import fit_whole
 
-from .decide import Choice
+from .decide import Choice, prior
 from .explanation import Explanation
 from .inverse_dynamics.terms import Hypothesis, follows_from_motion
 from .reasons import Doubt
 from .search import SearchResult
 from .second_opinion import NO_WORSE, PERFECT, Errors, Opinion
+from .twins import twin
 
 #: Factor by which the free run of the second opinion must err less, in the mean of both kinds of recordings,
 #: than that of a first one whose innovations are coloured, and of one whose are white.
@@ -144,6 +145,12 @@ def _choice(opinion: Opinion, final: Fit, index: int) -> Choice:
             if (e.effect, e.location) not in known:
                 before = others.get((e.effect, e.location), (e, 0.0))[1]
                 others[e.effect, e.location] = (e, before + weight)
+    other = twin(effect)
+    if other is not None and (other.effect, other.location) not in others:
+        # One and the same to these recordings.
+        likely = prior(other.effect, other.location, False)
+        others[other.effect, other.location] = (other, own * likely / (1.0 + likely))
+        own /= 1.0 + likely
     told = (
         f"of the torque that the motion asks for and the structure does not have, it explains "
         f"{100 * chosen.group.explained:.0f} % on recordings that were not fitted"

@@ -52,7 +52,7 @@ class Latent:
     knots: tuple[tuple[float, ...], ...]
     turns: float
 
-    def columns(self, motion: BandedMotion, stiffness: float) -> FloatArray:
+    def columns(self, motion: BandedMotion, model: Model) -> FloatArray:
         """Torque (N·m) of each knot's function at the samples that count, (n, columns)."""
         found = np.ones((len(motion.time), 1))
         for name, knots in zip(self.quantities, self.knots, strict=True):

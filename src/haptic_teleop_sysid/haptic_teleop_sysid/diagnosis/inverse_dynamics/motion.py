@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import lru_cache
-from typing import Any
+from itertools import pairwise
 
 import numpy as np
 import scipy
@@ -43,7 +43,8 @@ class BandedMotion:
     ``angle`` rad, ``velocity`` rad/s, ``acceleration`` rad/s^2, filtered once; ``input``: A or N·m, filtered
     once, as it was at the times of the readings; ``exogenous`` rad/s^2; ``time`` s; ``dt``: s, of all these,
     thinned to a rate at which a sign of the velocity is still a step; ``cutoff``: Hz; ``kept``: samples that
-    count, thinned to what the band carries.
+    count, thinned to what the band carries; ``record``: as it came; ``thin``:
+    its samples that remain.
     """
 
     angle: FloatArray
@@ -55,6 +56,12 @@ class BandedMotion:
     dt: float
     cutoff: float
     kept: NDArray[np.intp]
+    record: Record
+    thin: slice
+
+    def of_input(self, values: FloatArray) -> FloatArray:
+        """What was held from each sample of the record to the next, (n,), as `input` has it."""
+        return held_in_band(values, self.record.dt, self.cutoff)[self.thin]
 
     def filtered(self, values: FloatArray, times: int = 1) -> FloatArray:
         """``values`` (n, ...) through the filter of the band ``times`` more, at the samples that count.
@@ -88,19 +95,30 @@ def _response(length: int, cutoff: float, times: int) -> FloatArray:
 
 def motion_band(records: Sequence[Record]) -> float:
     """Cut-off, Hz, that leaves the motion and takes the noise: ABOVE times the frequency below which POWER of
-    the motor's velocity lies, over all recordings."""
+    the motor's velocity lies, over all recordings, up to the `_valley` behind which the readings' scatter
+    rises: the velocity of a coarse encoder has most of its power where nothing moves."""
     slowest = 1.0 / max(r.dt for r in records)
     shortest = min(len(r) * r.dt for r in records)
     grid = np.linspace(0.0, 0.5 * slowest, 4096)
     spectrum = np.zeros(len(grid))
     for record in records:
-        speed = np.gradient(bridged(record.measured[:, 0]), record.dt)
-        length = round(min(shortest, SEGMENT) / record.dt)
-        found: Any = scipy.signal.welch(speed - np.mean(speed), 1.0 / record.dt, nperseg=length)
+        speed = np.diff(bridged(record.measured[:, 0])) / record.dt
+        length = min(round(SEGMENT / record.dt), round(shortest / record.dt), len(speed))
+        found = scipy.signal.welch(speed - np.mean(speed), 1.0 / record.dt, nperseg=length)
         spectrum += np.interp(grid, *found) * len(record) * record.dt
-    total = np.cumsum(spectrum)
+    total = np.cumsum(spectrum[: _valley(grid, spectrum, LEAST_CYCLES / shortest)])
     edge = float(grid[np.searchsorted(total, POWER * total[-1])])
     return float(np.clip(ABOVE * edge, LEAST_CYCLES / shortest, MOST_OF_RATE * slowest))
+
+
+def _valley(frequency: FloatArray, power: FloatArray, lowest: float) -> int:
+    """Place of the end of the octave, from ``lowest`` up, in which a spectrum (n,) has least on average."""
+    edges = [lowest]
+    while 2.0 * edges[-1] < frequency[-1]:
+        edges.append(2.0 * edges[-1])
+    places = [*np.searchsorted(frequency, edges).tolist(), len(frequency)]
+    octaves = [(float(np.mean(power[a:b])), b) for a, b in pairwise(places) if b > a]
+    return min(octaves)[1] if octaves else len(frequency)
 
 
 def banded(record: Record, rigid: bool, cutoff: float) -> BandedMotion:
@@ -108,8 +126,6 @@ def banded(record: Record, rigid: bool, cutoff: float) -> BandedMotion:
     measured = record.measured
     arm = measured[:, 0] if rigid or not np.any(np.isfinite(measured[:, 1])) else measured[:, 1]
     raw = np.column_stack([bridged(measured[:, 0]), bridged(arm)])
-    # Held from each sample to the next: at the sample itself it is the mean of before and after.
-    held = 0.5 * (record.input + np.append(record.input[:1], record.input[:-1]))
     angle = low_passed(raw, record.dt, cutoff)
     velocity = np.gradient(angle, record.dt, axis=0)
     thin = slice(None, None, max(1, int(1.0 / (FINE_PER_PERIOD * cutoff * record.dt))))
@@ -120,13 +136,21 @@ def banded(record: Record, rigid: bool, cutoff: float) -> BandedMotion:
         angle[thin],
         velocity[thin],
         np.gradient(velocity, record.dt, axis=0)[thin],
-        low_passed(held, record.dt, cutoff)[thin],
+        held_in_band(record.input, record.dt, cutoff)[thin],
         low_passed(record.exogenous, record.dt, cutoff)[thin],
         time,
         dt,
         cutoff,
         _counting(missing, thin, dt, cutoff),
+        record,
+        thin,
     )
+
+
+def held_in_band(values: FloatArray, dt: float, cutoff: float) -> FloatArray:
+    """Values (n,) that are held from each sample to the next, in the band: at the sample itself such a value
+    is the mean of before and after."""
+    return low_passed(0.5 * (values + np.append(values[:1], values[:-1])), dt, cutoff)
 
 
 def _counting(missing: NDArray[np.bool_], thin: slice, dt: float, cutoff: float) -> NDArray[np.intp]:

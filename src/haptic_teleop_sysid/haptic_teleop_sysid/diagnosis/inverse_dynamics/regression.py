@@ -72,9 +72,20 @@ class Equations:
     def torque(self, term: Hypothesis | Latent) -> FloatArray:
         """Torques (n, columns) of an effect or of one without a form, by unit size."""
         if term not in self._known:
-            stiffness = self.model.parameters.get("stiffness", 0.0)
-            self._known[term] = np.concatenate([term.columns(m, stiffness) for m in self.motions])
+            self._known[term] = np.concatenate([term.columns(m, self.model) for m in self.motions])
         return self._known[term]
+
+
+    def acting(self, term: Hypothesis) -> float:
+        """Mean square of the input torque that acts with an effect of the actuator, as a share of that which
+        acts without it; 1 for what takes nothing from the input."""
+        if term.entry.kind != "input":
+            return 1.0
+        given = self.model.parameters["torque_constant"] * np.concatenate(
+            [m.filtered(m.input) for m in self.motions]
+        )
+        acts = given + self.torque(term)[:, 0]
+        return float(acts @ acts) / max(float(given @ given), 1e-300)
 
 
 def signs(place: str, rigid: bool) -> tuple[float, ...]:
@@ -115,7 +126,7 @@ def equations(model: Model, records: Sequence[Record], cutoff: float) -> Equatio
     for effect in model.effects:
         if follows_from_motion(effect.entry):
             own = Hypothesis.of(effect, model.place(effect.location))
-            torque = np.concatenate([own.columns(m, stiffness) for m in motions])
+            torque = np.concatenate([own.columns(m, model) for m in motions])
             target += column(torque[:, 0], own.place)
     for name, known in terms.items():
         if name not in names:

@@ -9,7 +9,7 @@ from __future__ import annotations
 import itertools
 import math
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from types import SimpleNamespace
 
 import numpy as np
@@ -18,7 +18,9 @@ from numpy.typing import NDArray
 
 from haptic_teleop_sim.effects import EFFECTS, EffectEntry, EffectParameter, locations
 from haptic_teleop_sim.effects.on_arrays import NUMERIC
+from haptic_teleop_sim.kernel import acting_torque, pack
 from haptic_teleop_sim.model import Effect, Model
+from haptic_teleop_sysid.estimation.records import Record
 
 from ..candidates import family
 from ..scales import Scales
@@ -35,6 +37,8 @@ _SMALL = 0.01
 _STEP_OF_GRID = 0.1
 #: Factor by which a size may be off at which an equation was evaluated that is not linear in it.
 _OFF = 1.5
+#: Factor from one size in time, at which an actuator is tried, to the next.
+_NEXT = 2.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -56,9 +60,12 @@ class Hypothesis:
     gives: float = 0.0
     held: bool = False
 
-    def columns(self, motion: BandedMotion, stiffness: float) -> FloatArray:
+    def columns(self, motion: BandedMotion, model: Model) -> FloatArray:
         """Torques (N·m) that it adds at the samples that count, (n, columns), filtered like the input."""
-        variables = _variables(motion, self.place, stiffness, self.gives)
+        if self.entry.kind == "input":
+            effect = Effect(self.entry.name, self.location, dict(self.shape))
+            return motion.filtered(motion.of_input(_acting_less(motion.record, model, effect)))[:, None]
+        variables = _variables(motion, self.place, model.parameters.get("stiffness", 0.0), self.gives)
         found = [self._torque(variables, size) for size in self.sizes]
         if self.angle is not None:
             found.append(self._turned(variables))
@@ -83,7 +90,7 @@ class Hypothesis:
         """The effect with the sizes that the factors of its columns say."""
         values = dict(self.shape)
         if self.held:
-            values[self.sizes[0]] = values[self.sizes[0]] * float(factors[0])
+            values[self.sizes[0]] *= float(factors[0])
         else:
             values |= dict(zip(self.sizes, map(float, factors), strict=False))
         if self.angle is not None:
@@ -150,10 +157,12 @@ class Hypothesis:
 
 
 def hypotheses(model: Model, scales: Scales) -> Iterator[Hypothesis]:
-    """Every effect that is a torque along the motion, at every place it may sit where the model has none of
-    its forms, at every shape of its grids."""
+    """Every effect that is a torque along the motion, or what an actuator makes of the input, at every place
+    it may sit where the model has none of its forms, at every shape of its grids."""
     present = {(n, e.location) for e in model.effects for n in family(e.effect)}
     for name, entry in EFFECTS.items():
+        if follows_from_input(entry) and (name, model.location("actuator")) not in present:
+            yield from _of_actuator(entry, model.location("actuator"), scales)
         if not follows_from_motion(entry):
             continue
         for place in locations(name, model.structure):
@@ -169,6 +178,25 @@ def follows_from_motion(entry: EffectEntry) -> bool:
         and entry.equation is not None
         and not (entry.rates or entry.nuisance or entry.unnamed or entry.exogenous)
     )
+
+
+def follows_from_input(entry: EffectEntry) -> bool:
+    """Whether the effect is what an actuator makes of its input, less of it the smaller its size (a limit has
+    no such size, and a gain is that of all torques)."""
+    return entry.kind == "input" and not entry.unnamed and entry.parameters[0].neutral == 0.0
+
+
+def _of_actuator(entry: EffectEntry, location: str, scales: Scales) -> Iterator[Hypothesis]:
+    """Sizes so near to each other that what is between them is nearly in proportion."""
+    size, *shaped = entry.parameters
+    if size.unit == "s":
+        number = int(math.log(size.maximum / scales.dt, _NEXT)) if size.maximum > scales.dt else 0
+        sizes = [scales.dt * _NEXT**i for i in range(number + 1)]
+    else:
+        sizes = [g * scales.size[size.scale] for g in size.grid] or [size.typical]
+    for value, *others in itertools.product(sizes, *(_grid(p, scales, "actuator") for p in shaped)):
+        shape = zip((p.name for p in entry.parameters), (value, *others), strict=True)
+        yield Hypothesis(entry, location, "motor", tuple(shape), (size.name,), None, held=True)
 
 
 def _shapes(entry: EffectEntry, location: str, place: str, scales: Scales) -> Iterator[Hypothesis]:
@@ -212,6 +240,16 @@ def _grid(parameter: EffectParameter, scales: Scales, place: str) -> list[float]
     if parameter.scan:
         return [_within(parameter, v) for v in scanned_values(parameter, scales, place)]
     return [_within(parameter, g * scales.size[parameter.scale]) for g in parameter.grid]
+
+
+def _acting_less(record: Record, model: Model, effect: Effect) -> FloatArray:
+    """The torque (n,), N·m, that acts on the motor with an effect of the actuator, less that without it."""
+    bare = replace(model, effects=(), fixed=())
+    acts = [
+        acting_torque(pack(one), record.input, record.dt, record.start)
+        for one in (replace(bare, effects=(effect,)), bare)
+    ]
+    return acts[0] - acts[1]
 
 
 def _within(parameter: EffectParameter, value: float) -> float:

@@ -22,6 +22,11 @@ from .terms import Hypothesis, hypotheses
 
 #: How many of the best are tried in pairs, and how many groups of each number of effects are kept.
 MOST_PAIRED, BEAM = 12, 8
+#: Pairs that are extended by a third effect, and thirds that all of them are tried with.
+MOST_EXTENDED = 8
+#: Share of the input torque, mean square in the band, that an actuator must leave: what takes all of it away
+#: leaves nothing to explain, and explains nothing.
+LEAST_ACTING = 0.8
 #: Log-likelihood that a parameter must gain, both ways together.
 A_PARAMETER = 4.0
 
@@ -90,7 +95,9 @@ def witness(
     cutoff = motion_band([*estimation, *validation]) if cutoff is None else cutoff
     here, there = equations(model, estimation, cutoff), equations(model, validation, cutoff)
     search = Search(model, here, there)
-    every = list(hypotheses(model, scales))
+    every = [
+        h for h in hypotheses(model, scales) if min(side.acting(h) for side in (here, there)) > LEAST_ACTING
+    ]
     singles = search.best_of_each(every, ())
     # Two that hide each other: neither need be the best by itself, or be seen by itself at all.
     tops = [chosen[0] for chosen in singles[:MOST_PAIRED]]
@@ -100,9 +107,27 @@ def witness(
     pairs += [pair for pair in more if frozenset(pair) not in known]
     levels: list[list[Chosen]] = [singles, pairs]
     if pairs:
-        levels.append(search.best_of_each(every, search.leader(pairs)))
+        levels.append(_threes(search, every, pairs))
     folds = Search(model, Fold((here, there), False), Fold((here, there), True))
     return _weighed(search, folds, [level for level in levels if level], cutoff)
+
+
+def _threes(search: Search, every: Sequence[Hypothesis], pairs: Sequence[Chosen]) -> list[Chosen]:
+    """The pair that leaves least with every third, and the next ones with what is best as third there: of two
+    forms of one thing the richer leaves less, and need not be the one that stands beside the third."""
+    leader, *others = sorted(pairs, key=search.left_over)[:MOST_EXTENDED]
+    found = search.best_of_each(every, leader)
+    best = [chosen[-1] for chosen in found[:MOST_EXTENDED]]
+    # A size that is held is another one beside others.
+    held = {(h.entry.name, h.location) for h in best if h.held}
+    thirds = [h for h in every if h in best or (h.entry.name, h.location) in held]
+    known = {frozenset(chosen) for chosen in found}
+    for pair in others:
+        for wider in search.best_of_each(thirds, pair):
+            if frozenset(wider) not in known:
+                known.add(frozenset(wider))
+                found.append(wider)
+    return found
 
 
 def _weighed(search: Search, folds: Search, levels: Sequence[Sequence[Chosen]], cutoff: float) -> Witness:
