@@ -49,8 +49,9 @@ def test_a_driver_moves_a_robot_behind_a_board_server_loses_it_and_finds_it_agai
     states = Sink(graph, "/sfj/joint_states")
     command = Source(graph, "/sfj/effort_command", SFJ_MOTOR_JOINTS)
     remote = {"remote__port": server.port, "remote__key__file": str(key), "remote__silence": 0.4}
-    # What a stall of any length does is tested on a virtual clock (tests/unit/test_board_server.py). Here it would
-    # end the drive of some 0.3 s, and what is asked here is whether sockets and processes find each other.
+    # What a stall of any length does is tested on a virtual clock (tests/unit/test_board_server.py). Here it
+    # would end the drive of some 0.3 s, and what is asked here is whether sockets and processes find each
+    # other.
     watchdogs = {"board__watchdog": 0.2, "timeout": 0.2}
     node = graph.start(
         SfjDriverNode, wall=WallTime(), device="emulated", board__type="remote", capture=str(file),

@@ -102,6 +102,10 @@ void em_angles(int i, const double *angles) { memcpy(devices[i].angles, angles, 
 void em_true_angles(int i, double *angles) { memcpy(angles, devices[i].angles, sizeof devices[i].angles); }
 void em_torque(int i, double *torque) { for (int k = 0; k < 3; k++) torque[k] = 1e-3 * devices[i].torque[k]; }
 int em_force(int i) { return devices[i].force; }
+void em_left_on(int i) { /* force is on, and a torque acts that no frame of this program has asked for */
+    devices[i].force = 1;
+    for (int k = 0; k < 3; k++) devices[i].torque[k] = 50.0;
+}
 int em_is_open(int i) { return devices[i].open; }
 void em_inkwell(int i, int in) { devices[i].inkwell = in; }
 void em_uncalibrate(int i) { devices[i].calibration = 0x5001; }
@@ -228,7 +232,6 @@ HHD hdInitDevice(const char *name) {
         if (devices[i].unplugged) { fail(0x0302, -28); return BAD_HANDLE; }
         if (devices[i].open) { fail(0x0301, 0); return BAD_HANDLE; }
         devices[i].open = 1;
-        devices[i].force = 0;
         devices[i].calibration = 0x5001;
         current = i;
         return i;
