@@ -191,6 +191,9 @@ def test_the_server_s_section_of_a_file_is_read_and_names_files_beside_it(tmp_pa
     values = serve.read_settings(str(file), ["port:=1234"])
     assert values["key.file"] == str(tmp_path / "own.key")
     assert (values["board.watchdog"], values["port"], values["device"]) == (0.03, 1234, "emulated")
+    file.write_text("sfj_board_server:\n  ros__parameters: {device: emulated, board: q8_usb}\n")
+    assert serve.read_settings(str(file), [])["board.type"] == "q8_usb"
+    assert serve.read_settings(str(file), ["board.type:=q8"])["board.type"] == "q8"
     for other in (
         "sfj_driver:\n  ros__parameters: {rate: 500.0}\n",
         "/**:\n  ros__parameters: {device: emulated}\n",
