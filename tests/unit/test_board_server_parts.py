@@ -2,11 +2,8 @@
 all."""
 
 import math
-import os
 import re
 import signal
-import subprocess
-import sys
 import threading
 from pathlib import Path
 
@@ -342,58 +339,6 @@ def test_two_servers_do_not_share_a_port():
 
 
 # The command.
-
-WINDOWS = """
-import importlib.abc, os, signal, sys
-import platformdirs, subprocess, numpy  # each has another face on Windows
-class Missing(importlib.abc.MetaPathFinder):
-    NAMES = {"fcntl", "grp", "pwd", "resource", "termios", "tty", "pty", "syslog", "readline", "posix_ipc",
-             "rclpy", "sensor_msgs", "numba", "scipy", "sympy", "rosbags", "mcap", "matplotlib", "joblib"}
-    def find_spec(self, name, path=None, target=None):
-        if name.split(".")[0] in self.NAMES:
-            raise ModuleNotFoundError(name, name=name)
-sys.meta_path.insert(0, Missing())
-for name in ("fork", "getuid", "geteuid", "sched_setscheduler", "sched_param", "SCHED_FIFO", "killpg"):
-    delattr(os, name)
-for name in ("SIGHUP", "SIGQUIT", "SIGKILL", "SIGUSR1", "SIGALRM", "pthread_sigmask", "setitimer"):
-    delattr(signal, name)
-sys.modules["plant"] = plant = type(sys)("plant")
-class Robot:
-    def sense(self): return numpy.zeros(4), numpy.zeros(2)
-    def advance(self, current): pass
-plant.still = lambda file, rate: Robot()
-from haptic_teleop_control.front_door import main
-sys.exit(main(sys.argv[1:]))
-"""
-
-
-def test_the_command_runs_without_posix_without_ros_and_with_numpy_alone(tmp_path):
-    # Compiled code in a folder whose owner nobody knows is not used, and that is said first.
-    environment = {**os.environ, "XDG_CONFIG_HOME": str(tmp_path), "NUMBA_CACHE_DIR": str(tmp_path / "numba")}
-    process = subprocess.Popen(
-        [sys.executable, "-c", WINDOWS, "sfj_board_server", "-p", "device:=emulated", "-p", "port:=0",
-         "-p", "emulated.plant:=plant:still", "-p", "realtime_priority:=10"],
-        stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True, env=environment,
-    )  # fmt: skip
-    try:
-        assert "NUMBA_CACHE_DIR is not used" in process.stdout.readline()
-        lines = [process.stdout.readline(), process.stdout.readline()]
-        assert "no real-time scheduling" in lines[0]
-        found = re.search(r"emulated board q8 0 at 500 Hz, 127\.0\.0\.1:(\d+) for", lines[1])
-        assert found, lines
-        key, port = read_key(str(tmp_path / "haptic_teleop" / "board.key")), int(found[1])
-        remote = RemoteBoard(
-            BoardSettings(), RemoteSettings(port=port), UdpClient(HERE, port), key, SteadyClock(), True
-        )
-        remote.open()
-        remote.close()
-        assert "is here" in process.stdout.readline()
-        process.send_signal(signal.SIGINT)
-        assert process.wait(20) == 0
-    finally:
-        process.kill()
-        process.wait()
-
 
 @pytest.mark.parametrize(
     ("arguments", "words"),
