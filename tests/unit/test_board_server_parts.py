@@ -34,7 +34,7 @@ from haptic_teleop_2dsfj.remote.settings import RemoteSettings
 from haptic_teleop_2dsfj.settings import TABLE as SFJ_TABLE
 from haptic_teleop_2dsfj.settings import SfjDriverSettings
 from haptic_teleop_control.clocks import SteadyClock, VirtualClock
-from haptic_teleop_control.device import Reporter
+from haptic_teleop_control.device import DeviceError, Reporter
 from haptic_teleop_control.errors import ConfigurationError
 from haptic_teleop_control.health import BAD, OK
 from haptic_teleop_control.parameter_files import load_parameter_file, parameters_for
@@ -249,6 +249,11 @@ def test_at_1_khz_even_the_fast_option_of_usb_has_little_left_and_pci_does_not_c
             rig.clock.advance(late)  # the controller thinks
             rig.driver.write(np.array([2.0, 0.4]))
         assert (rig.driver.missed == 0) is holds
+
+
+def test_a_card_that_is_not_there_is_refused_by_its_name_as_by_the_sdk():
+    with pytest.raises(DeviceError, match="no card of type remot; there are q8, q8_usb"):
+        SfjRig(board__type="remot")
 
 
 def test_an_option_that_the_card_does_not_know_is_its_refusal():
