@@ -6,14 +6,17 @@ datagrams of the same size, between the same processes and as often.
 
 import contextlib
 import json
-import os
 import re
+import signal
 import socket
 import subprocess
 import sys
 import tempfile
 import time
 from pathlib import Path
+
+sys.path.insert(0, str(Path(__file__).resolve().parent))
+from _namespaces import AT_CLIENT, AT_SERVER, ENDS_WITH_US, Namespaces
 
 SECONDS = 20.0
 MEDIAN = 1e-3
@@ -77,32 +80,6 @@ def echo_server(host: str) -> None:
             link.sendto(*link.recvfrom(1024))
 
 
-class Namespaces:
-    """A network namespace for the server, joined by a virtual cable to another for the client."""
-
-    def __init__(self) -> None:
-        self.names = [f"board_{side}_{os.getpid()}" for side in "sc"]
-
-    def __enter__(self) -> "Namespaces":
-        ends = [f"v{side}{os.getpid()}" for side in "sc"]
-        for name in self.names:
-            self._do("netns", "add", name)
-        self._do("link", "add", ends[0], "type", "veth", "peer", "name", ends[1])
-        for name, end, address in zip(self.names, ends, ("10.76.5.1/24", "10.76.5.2/24"), strict=True):
-            self._do("link", "set", end, "netns", name)
-            self._do("-n", name, "addr", "add", address, "dev", end)
-            self._do("-n", name, "link", "set", end, "up")
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        for name in self.names:
-            subprocess.run(["ip", "netns", "del", name], check=False, capture_output=True)
-
-    @staticmethod
-    def _do(*arguments: str) -> None:
-        subprocess.run(["ip", *arguments], check=True, capture_output=True)
-
-
 def measure(kind: str, before: list[list[str]], host: str, peer: str, key: str, priority: int) -> list[float]:
     """before: what stands before either program: server, client."""
     realtime = ["chrt", "-f", str(priority)] if priority else []
@@ -111,7 +88,8 @@ def measure(kind: str, before: list[list[str]], host: str, peer: str, key: str, 
     else:
         rules = (f"host:={host}", f"peer:={peer}", "port:=0", "device:=emulated", f'key.file:="{key}"')
         command = [*SERVER, *(part for rule in rules for part in ("-p", rule))]
-    server = subprocess.Popen([*before[0], *realtime, *command], stdout=subprocess.PIPE, text=True)
+    command = [*ENDS_WITH_US, *before[0], *realtime, *command]
+    server = subprocess.Popen(command, stdout=subprocess.PIPE, text=True)
     try:
         assert server.stdout is not None
         found = None
@@ -121,7 +99,7 @@ def measure(kind: str, before: list[list[str]], host: str, peer: str, key: str, 
             found = re.search(rf"{re.escape(host)}:(\d+) for", line)
         client = [PYTHON, __file__, kind, host, found[1], key, str(SECONDS)]
         done = subprocess.run(
-            [*before[1], *realtime, *client], check=True, stdout=subprocess.PIPE, text=True
+            [*ENDS_WITH_US, *before[1], *realtime, *client], check=True, stdout=subprocess.PIPE, text=True
         )
         return json.loads(done.stdout)
     finally:
@@ -138,11 +116,10 @@ def main() -> int:
         may = subprocess.run(["chrt", "-f", "20", "true"], check=False, capture_output=True).returncode == 0
         ways = [("loopback", [[], []], "127.0.0.1", "127.0.0.1")]
         try:
-            names = stack.enter_context(Namespaces()).names
-            inside = [["ip", "netns", "exec", name] for name in names]
-            ways.append(("two namespaces", inside, "10.76.5.1", "10.76.5.2"))
+            joined = stack.enter_context(Namespaces())
+            ways.append(("two namespaces", joined.enter, AT_SERVER, AT_CLIENT))
         except (OSError, subprocess.CalledProcessError) as refusal:
-            print(f"   two namespaces cannot be made here: {refusal}")
+            print(f"   two namespaces cannot be made here: {refusal} {getattr(refusal, 'stderr', '') or ''}")
         for name, before, host, peer in ways:
             for priority in (0, 20) if may else (0,):
                 for kind in ("echo", "board"):
@@ -162,4 +139,6 @@ if __name__ == "__main__":
     elif sys.argv[1:2] == ["board"]:
         print(json.dumps(board_client(sys.argv[2], int(sys.argv[3]), sys.argv[4], float(sys.argv[5]))))
     else:
+        for name in ("SIGTERM", "SIGHUP"):
+            signal.signal(getattr(signal, name), lambda number, _: sys.exit(128 + number))
         sys.exit(main())

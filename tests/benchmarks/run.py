@@ -8,6 +8,7 @@ measured in another's wake.
 """
 
 import os
+import signal
 import subprocess
 import sys
 import time
@@ -20,6 +21,16 @@ def benchmarks() -> dict[str, Path]:
     """The scripts by name, in alphabetical order; names that start with an underscore are helpers."""
     own = Path(__file__).name
     return {p.stem: p for p in sorted(HERE.glob("*.py")) if p.name != own and not p.name.startswith("_")}
+
+
+def run(script: Path) -> int:
+    """Its exit status. Whoever ends this program ends the benchmark, which may have something to put away."""
+    with subprocess.Popen([sys.executable, str(script)]) as benchmark:
+        try:
+            return benchmark.wait()
+        except SystemExit:
+            benchmark.terminate()
+            raise
 
 
 def main(names: list[str]) -> int:
@@ -36,7 +47,7 @@ def main(names: list[str]) -> int:
     for name in names or known:
         print(f"\n== {name}", flush=True)
         start = time.monotonic()
-        if subprocess.run([sys.executable, str(known[name])], check=False).returncode:
+        if run(known[name]):
             failed.append(name)
         print(f"   ({time.monotonic() - start:.1f} s)", flush=True)
     if failed:
@@ -45,4 +56,6 @@ def main(names: list[str]) -> int:
 
 
 if __name__ == "__main__":
+    for number in (signal.SIGTERM, signal.SIGHUP):
+        signal.signal(number, lambda received, _: sys.exit(128 + received))
     sys.exit(main(sys.argv[1:]))

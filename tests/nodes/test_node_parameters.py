@@ -30,6 +30,7 @@ TABLE = ParameterTable(
         Parameter("enabled", False),
         Parameter("knots", [0.0]),
         Parameter("names", ["a"]),
+        Parameter("board.type", "q8"),
     ],
 )
 OTHER = ParameterTable("other", [Parameter("gain", 2.0), Parameter("colour", "red")])
@@ -51,6 +52,20 @@ def section(name, values):
 @pytest.mark.parametrize("name", ["plant", "/robot/plant", "robot/plant", "/**", "/*/plant", "/**/plant"])
 def test_a_section_reaches_the_node_by_name_full_name_or_wildcard(tmp_path, name):
     assert read(tmp_path, section(name, "{gain: 3.0}")) == {"gain": 3.0}
+
+
+@pytest.mark.parametrize("name", ["plant", "/**"])
+def test_a_group_s_type_in_short_arrives_by_its_full_name_and_the_command_line_has_the_last_word(
+    tmp_path, name
+):
+    text = section(name, "{board: remote}")
+    assert read(tmp_path, text) == {"board.type": "remote"}
+    assert read(tmp_path, text, "-p", "board.type:=q8_usb") == {"board.type": "q8_usb"}
+    assert read(tmp_path, section(name, "{board: {type: q8}}"), "-p", "board:=remote") == {
+        "board.type": "remote"
+    }
+    parsed = parse_ros_arguments(["--ros-args", "-p", "board:=remote"])
+    assert overrides(OTHER, "/other/other", parsed, neighbours=[TABLE]) == []
 
 
 @pytest.mark.parametrize("name", ["other", "/plant", "/other/plant", "/*"])

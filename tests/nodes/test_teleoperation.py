@@ -322,12 +322,13 @@ def test_operate_devices_tells_device_transport_and_serial_number_of_drivers_alo
         return DiagnosticStatus(name=name, message="driving", values=pairs)
 
     omni = {"device": "hardware", "transport": "openhaptics", "serial number": "EM0001"}
+    omni |= {"torque output": "possible", "calibration": "done", "buttons": "0 0"}
     assert told(DiagnosticArray(status=[
         status("/omni/omni_driver", **omni),
         status("/sfj/sfj_driver", device="emulated"),
         status("/force_controller", state="engaged"),
     ])) == {
         "/omni/omni_driver": "/omni/omni_driver: device hardware, transport openhaptics, "
-        "serial number EM0001: driving",
+        "serial number EM0001, torque output possible, calibration done: driving",
         "/sfj/sfj_driver": "/sfj/sfj_driver: device emulated: driving",
     }  # fmt: skip

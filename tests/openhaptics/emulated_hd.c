@@ -9,7 +9,8 @@
  *
  * Symbols that begin with em_ belong to the emulation. Stepped (em_stepped): time goes on by em_tick alone, and
  * em_clock_gettime tells that time. Otherwise a thread ticks once a millisecond. EM_CONFIG, where it is set, names
- * the devices of the configuration, with a comma between them; EM_MOVES has a hand hold each, instead of nothing. */
+ * the devices of the configuration, with a comma between them; EM_MOVES has a hand hold each, instead of nothing.
+ * EM_MOVES=doctor: a hand that does what `doctor --omni` asks for, and presses button 1 each time. */
 #define _GNU_SOURCE
 #include <math.h>
 #include <pthread.h>
@@ -32,7 +33,8 @@ enum { DEVICES = 2, CALLBACKS = 8, ERRORS = 16, UNSETTLED = 2 };
 typedef struct {
     char name[64], serial[32], model[32];
     int open, force, calibration, style, inkwell, buttons, unplugged, without_temperature, moves;
-    double raw[3], offset[3], angles[3], gimbal[3], torque[3], temperature, speed[3];
+    long calibrated; /* periods since then */
+    double offset[3], angles[3], gimbal[3], torque[3], temperature, speed[3];
 } Device;
 
 static Device devices[DEVICES];
@@ -77,7 +79,8 @@ void em_reset(void) {
         devices[i].calibration = 0x5001;
         devices[i].style = 4;
         devices[i].inkwell = 1;
-        devices[i].moves = getenv("EM_MOVES") != NULL;
+        const char *moves = getenv("EM_MOVES");
+        devices[i].moves = moves == NULL ? 0 : strcmp(moves, "doctor") == 0 ? 2 : 1;
         memcpy(devices[i].angles, start, sizeof start);
         devices[i].offset[0] = 0.31 + i; devices[i].offset[1] = -0.22; devices[i].offset[2] = 0.13;
     }
@@ -102,6 +105,10 @@ void em_angles(int i, const double *angles) { memcpy(devices[i].angles, angles, 
 void em_true_angles(int i, double *angles) { memcpy(angles, devices[i].angles, sizeof devices[i].angles); }
 void em_torque(int i, double *torque) { for (int k = 0; k < 3; k++) torque[k] = 1e-3 * devices[i].torque[k]; }
 int em_force(int i) { return devices[i].force; }
+void em_left_on(int i) { /* force is on, and a torque acts that no frame of this program has asked for */
+    devices[i].force = 1;
+    for (int k = 0; k < 3; k++) devices[i].torque[k] = 50.0;
+}
 int em_is_open(int i) { return devices[i].open; }
 void em_inkwell(int i, int in) { devices[i].inkwell = in; }
 void em_uncalibrate(int i) { devices[i].calibration = 0x5001; }
@@ -154,11 +161,24 @@ __attribute__((destructor)) static void say_goodbye(void) {
 
 /* ---- one period ---- */
 
+enum { POSE = 1500, MOVED = 500, PRESSED = 1200, LET_GO = 1300 };
+
+/* Where the hand wants axis k: in the first pose at the start, then left, up and out by 20 degrees, one after another. */
+static double wanted(Device *d, int k) {
+    double share = d->moves == 2 ? (d->calibrated - (k + 1.0) * POSE) / MOVED : 0.0;
+    return start[k] + 0.35 * (share < 0.0 ? 0.0 : share > 1.0 ? 1.0 : share);
+}
+
 static void live(Device *d) {
+    if (d->calibration == 0x5000) d->calibrated++;
+    if (d->moves == 2) {
+        long into = d->calibrated % POSE;
+        d->buttons = d->calibrated < 4 * POSE && into >= PRESSED && into < LET_GO;
+    }
     /* About the real device's inertia, in a hand that holds it where it began. Ends of the range stop it. */
     static const double inertia[3] = {2.5e-3, 2.5e-3, 6.5e-4}, damping = 0.05, hand = 0.5;
     for (int k = 0; d->moves && k < 3; k++) {
-        double tau = 1e-3 * d->torque[k] - damping * d->speed[k] - hand * (d->angles[k] - start[k]);
+        double tau = 1e-3 * d->torque[k] - damping * d->speed[k] - hand * (d->angles[k] - wanted(d, k));
         d->speed[k] += 1e-3 * tau / inertia[k];
         d->angles[k] += 1e-3 * d->speed[k];
         double low = k == 0 ? -0.98 : 0.03, high = k == 0 ? 0.98 : 1.95;
@@ -228,8 +248,8 @@ HHD hdInitDevice(const char *name) {
         if (devices[i].unplugged) { fail(0x0302, -28); return BAD_HANDLE; }
         if (devices[i].open) { fail(0x0301, 0); return BAD_HANDLE; }
         devices[i].open = 1;
-        devices[i].force = 0;
         devices[i].calibration = 0x5001;
+        devices[i].calibrated = 0;
         current = i;
         return i;
     }

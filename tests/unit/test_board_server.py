@@ -387,7 +387,7 @@ def test_a_driver_for_emulated_devices_does_not_begin_on_a_real_board_nor_the_re
     wire = Wire()
     with pytest.raises(LinkError, match="has an emulated board, and the driver's device is hardware"):
         wire.client(40_001, emulated=False).open()
-    wire.server._emulated = False
+    wire.server.reception.emulated = False
     with pytest.raises(LinkError, match="has a real board, and the driver's device is emulated"):
         wire.driver.open()
 

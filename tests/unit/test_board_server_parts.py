@@ -2,11 +2,8 @@
 all."""
 
 import math
-import os
 import re
 import signal
-import subprocess
-import sys
 import threading
 from pathlib import Path
 
@@ -37,7 +34,7 @@ from haptic_teleop_2dsfj.remote.settings import RemoteSettings
 from haptic_teleop_2dsfj.settings import TABLE as SFJ_TABLE
 from haptic_teleop_2dsfj.settings import SfjDriverSettings
 from haptic_teleop_control.clocks import SteadyClock, VirtualClock
-from haptic_teleop_control.device import Reporter
+from haptic_teleop_control.device import DeviceError, Reporter
 from haptic_teleop_control.errors import ConfigurationError
 from haptic_teleop_control.health import BAD, OK
 from haptic_teleop_control.parameter_files import load_parameter_file, parameters_for
@@ -191,6 +188,9 @@ def test_the_server_s_section_of_a_file_is_read_and_names_files_beside_it(tmp_pa
     values = serve.read_settings(str(file), ["port:=1234"])
     assert values["key.file"] == str(tmp_path / "own.key")
     assert (values["board.watchdog"], values["port"], values["device"]) == (0.03, 1234, "emulated")
+    file.write_text("sfj_board_server:\n  ros__parameters: {device: emulated, board: q8_usb}\n")
+    assert serve.read_settings(str(file), [])["board.type"] == "q8_usb"
+    assert serve.read_settings(str(file), ["board.type:=q8"])["board.type"] == "q8"
     for other in (
         "sfj_driver:\n  ros__parameters: {rate: 500.0}\n",
         "/**:\n  ros__parameters: {device: emulated}\n",
@@ -249,6 +249,11 @@ def test_at_1_khz_even_the_fast_option_of_usb_has_little_left_and_pci_does_not_c
             rig.clock.advance(late)  # the controller thinks
             rig.driver.write(np.array([2.0, 0.4]))
         assert (rig.driver.missed == 0) is holds
+
+
+def test_a_card_that_is_not_there_is_refused_by_its_name_as_by_the_sdk():
+    with pytest.raises(DeviceError, match="no card of type remot; there are q8, q8_usb"):
+        SfjRig(board__type="remot")
 
 
 def test_an_option_that_the_card_does_not_know_is_its_refusal():
@@ -339,58 +344,6 @@ def test_two_servers_do_not_share_a_port():
 
 
 # The command.
-
-WINDOWS = """
-import importlib.abc, os, signal, sys
-import platformdirs, subprocess, numpy  # each has another face on Windows
-class Missing(importlib.abc.MetaPathFinder):
-    NAMES = {"fcntl", "grp", "pwd", "resource", "termios", "tty", "pty", "syslog", "readline", "posix_ipc",
-             "rclpy", "sensor_msgs", "numba", "scipy", "sympy", "rosbags", "mcap", "matplotlib", "joblib"}
-    def find_spec(self, name, path=None, target=None):
-        if name.split(".")[0] in self.NAMES:
-            raise ModuleNotFoundError(name, name=name)
-sys.meta_path.insert(0, Missing())
-for name in ("fork", "getuid", "geteuid", "sched_setscheduler", "sched_param", "SCHED_FIFO", "killpg"):
-    delattr(os, name)
-for name in ("SIGHUP", "SIGQUIT", "SIGKILL", "SIGUSR1", "SIGALRM", "pthread_sigmask", "setitimer"):
-    delattr(signal, name)
-sys.modules["plant"] = plant = type(sys)("plant")
-class Robot:
-    def sense(self): return numpy.zeros(4), numpy.zeros(2)
-    def advance(self, current): pass
-plant.still = lambda file, rate: Robot()
-from haptic_teleop_control.front_door import main
-sys.exit(main(sys.argv[1:]))
-"""
-
-
-def test_the_command_runs_without_posix_without_ros_and_with_numpy_alone(tmp_path):
-    # Compiled code in a folder whose owner nobody knows is not used, and that is said first.
-    environment = {**os.environ, "XDG_CONFIG_HOME": str(tmp_path), "NUMBA_CACHE_DIR": str(tmp_path / "numba")}
-    process = subprocess.Popen(
-        [sys.executable, "-c", WINDOWS, "sfj_board_server", "-p", "device:=emulated", "-p", "port:=0",
-         "-p", "emulated.plant:=plant:still", "-p", "realtime_priority:=10"],
-        stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True, env=environment,
-    )  # fmt: skip
-    try:
-        assert "NUMBA_CACHE_DIR is not used" in process.stdout.readline()
-        lines = [process.stdout.readline(), process.stdout.readline()]
-        assert "no real-time scheduling" in lines[0]
-        found = re.search(r"emulated board q8 0 at 500 Hz, 127\.0\.0\.1:(\d+) for", lines[1])
-        assert found, lines
-        key, port = read_key(str(tmp_path / "haptic_teleop" / "board.key")), int(found[1])
-        remote = RemoteBoard(
-            BoardSettings(), RemoteSettings(port=port), UdpClient(HERE, port), key, SteadyClock(), True
-        )
-        remote.open()
-        remote.close()
-        assert "is here" in process.stdout.readline()
-        process.send_signal(signal.SIGINT)
-        assert process.wait(20) == 0
-    finally:
-        process.kill()
-        process.wait()
-
 
 @pytest.mark.parametrize(
     ("arguments", "words"),

@@ -203,3 +203,15 @@ def test_the_file_for_the_first_contact_fits_its_nodes_and_stays_far_below_the_d
 def test_a_sign_is_one_or_minus_one(values):
     with pytest.raises(ConfigurationError, match="axis_sign"):
         AxisMap(sign=values)
+
+
+def test_the_emulated_hand_does_what_is_asked_for_and_goes_on_by_the_button(em, tmp_path, ticking, capsys):
+    """EM_MOVES=doctor, with which docs/drivers.md has the command tried without a device."""
+    em.c.em_moves(0, 2)
+    file, confirmed = tmp_path / "omni.yaml", tmp_path / "confirmed.yaml"
+    own = {"openhaptics.library": str(em.path), "confirmations": str(confirmed)}
+    file.write_text(yaml.safe_dump({"omni_driver": {"ros__parameters": own}}))
+    assert verify_by_hand(str(file), lambda: False) == 0
+    assert capsys.readouterr().out.count("good") == 4
+    moved = yaml.safe_load(confirmed.read_text())["Emulated Omni:EM0001"]["moved"]
+    assert np.array([moved[f"omni_{axis}"] for axis in "xyz"]) == pytest.approx(0.35 * np.eye(3), abs=0.01)

@@ -15,7 +15,7 @@ from haptic_teleop_control.raw_capture import RawCapture, read_capture
 from haptic_teleop_control.replay import Session
 from haptic_teleop_omni.build import make_driver, replay_capture
 from haptic_teleop_omni.transports import hd_frame, openhaptics
-from haptic_teleop_omni.transports.hd_library import load_library
+from haptic_teleop_omni.transports.hd_library import SIGNATURES, load_library
 
 PUSH = (0.02, 0.1, -0.05)  # N·m
 COUNT = 4.1e-4  # rad, of the emulated device's encoders
@@ -36,6 +36,26 @@ def rig(em, tmp_path):
 
 
 # The start.
+
+
+@pytest.fixture
+def calls(em, monkeypatch):
+    """Names of the library's calls that this side makes, in their order."""
+    library, made = load_library(str(em.path)), []
+    for name in SIGNATURES:
+        call = getattr(library.library, name)
+        spy = lambda *given, name=name, call=call: (made.append(name), call(*given))[1]  # noqa: E731
+        monkeypatch.setattr(library, name, spy, raising=False)
+    return made
+
+
+def test_the_force_is_off_before_the_library_is_asked_anything_of_a_device(em, tmp_path, calls):
+    em.c.em_left_on(0)
+    rig = HdRig(em, tmp_path, confirmed=False)
+    assert em.off(), "no frame has done it: it knows of no force"
+    asked = [name for name in calls[calls.index("hdInitDevice") + 1 :] if name != "hdGetError"]
+    assert asked[:2] == ["hdMakeCurrentDevice", "hdDisable"]
+    rig.driver.close()
 
 
 def test_a_wrong_name_is_answered_with_the_parameter_that_sets_it(em, tmp_path):
@@ -169,6 +189,48 @@ def test_the_end_waits_for_no_servo_thread_that_hangs(em, tmp_path, pacing):
     rig.driver.close()
     assert em.off()
     assert (em.c.em_scheduled(), em.c.em_running(), em.c.em_is_open(0)) == (0, 0, 0)
+
+
+@pytest.mark.parametrize("pacing", ["callback", "synchronous"])
+def test_the_force_of_a_servo_thread_that_hangs_is_off_before_anything_waits_for_that_thread(
+    em, tmp_path, monkeypatch, pacing
+):
+    rig = HdRig(em, tmp_path, openhaptics__pacing=pacing)
+    rig.settle()
+    rig.run(3, PUSH)
+    em.c.em_dead(1)
+    library, waiting = load_library(str(em.path)).library, []
+    for name in ("hdUnschedule", "hdStopScheduler"):
+        call = getattr(library, name)
+        spy = lambda *given, call=call: (waiting.append(em.off()), call(*given))  # noqa: E731
+        monkeypatch.setattr(library, name, spy)
+    rig.driver.close()
+    assert waiting == [True, True]
+
+
+def test_what_a_servo_thread_does_at_its_last_moment_is_taken_away_when_it_stands(rig, em, monkeypatch):
+    """It hung in the middle of a frame, and finishes that while the scheduler is being stopped."""
+    rig.run(3, PUSH)
+    em.c.em_dead(1)
+    library = load_library(str(em.path)).library
+    stop = library.hdStopScheduler
+    monkeypatch.setattr(library, "hdStopScheduler", lambda: (em.c.em_left_on(0), stop()))
+    rig.driver.close()
+    assert em.off()
+
+
+def test_the_force_is_off_while_a_servo_thread_that_hangs_is_stopped_for_another_device(
+    rig, em, tmp_path, monkeypatch
+):
+    rig.run(3, PUSH)
+    em.c.em_dead(1)
+    monkeypatch.setattr(openhaptics, "OPENING_TIME", 0.02)
+    library, seen = load_library(str(em.path)).library, []
+    start = library.hdStartScheduler
+    monkeypatch.setattr(library, "hdStartScheduler", lambda: (seen.append(em.off(0)), start()))
+    with pytest.raises(DeviceError, match="servo thread"):
+        HdRig(em, tmp_path, openhaptics__device_name="Second Device")
+    assert seen == [True, True]
 
 
 def test_the_callback_itself_takes_the_torque_away_when_it_is_told_to_end(rig, em):

@@ -79,6 +79,30 @@ def test_a_refusal_names_file_node_key_and_remedy(mapping, words):
         assert word in message
 
 
+KIND = ParameterTable("driver", [Parameter("board.type", "q8"), Parameter("board.id", "0")])
+
+
+def test_a_text_at_the_name_of_a_group_is_short_for_its_type_and_for_nothing_else(tmp_path):
+    long = {"board.type": "remote", "board.id": "0"}
+    assert KIND.check({"board": "remote"}) == KIND.check({"board.type": "remote"}) == long
+    for section in ("driver", "/**"):
+        file = write(tmp_path / "f.yaml", f"{section}:\n  ros__parameters: {{board: remote}}\n")
+        assert check_parameter_file(file, {"driver": KIND, "other": TABLE})["driver"] == long
+    for value in (3, None, True, ["remote"]):
+        with pytest.raises(ConfigurationError, match=r"board is not .* it has board\.type, board\.id"):
+            KIND.check({"board": value})
+    with pytest.raises(ConfigurationError, match=r"stage1 is not .* a group of them"):
+        TABLE.check({"stage1": "remote"})
+    named = ParameterTable("n", [Parameter("board", "a"), Parameter("board.type", "b")])
+    assert named.check({"board": "c"}) == {"board": "c", "board.type": "b"}
+
+
+def test_a_type_that_is_stated_in_short_and_in_full_is_refused_even_where_both_say_the_same():
+    words = r"f\.yaml: node driver: parameter board\.type is stated twice.*`board:`"
+    with pytest.raises(ConfigurationError, match=words):
+        KIND.check({"board": "remote", "board.type": "remote"}, "f.yaml")
+
+
 def test_bounds_are_inclusive_for_minimum_and_maximum_and_exclusive_for_above_and_below():
     assert TABLE.check({"rate": 2000.0})["rate"] == 2000.0
     assert TABLE.check({"offsets": [-1.0, 0.999]})["offsets"] == [-1.0, 0.999]

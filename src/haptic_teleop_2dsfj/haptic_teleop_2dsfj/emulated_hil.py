@@ -24,6 +24,8 @@ LONGEST_CATCH_UP = 500  # samples of the plant that are made up for after a stal
 NOT_OPEN, BAD_ARGUMENT, EXPIRED, NO_DEVICE, OVERFLOW = -1, -2, -3, -4, -5
 RANGES = (5.0, 10.0)
 """V either side, that the analog lines know; the last one after power-up."""
+CARDS = ("q8", "q8_usb")
+"""Types of cards that are emulated."""
 LOCKED = ("write_", "set_")
 """Beginnings of the calls that an expired board refuses until its watchdog has been cleared."""
 
@@ -132,6 +134,8 @@ class EmulatedHil:
 
     def open(self, card_type: str, card_identifier: str) -> None:
         self._enter("open", needs_open=False)
+        if card_type not in CARDS:
+            raise EmulatedError(BAD_ARGUMENT, f"no card of type {card_type}; there are {', '.join(CARDS)}")
         self._is_expired()  # the watchdog runs in the board, whatever became of who started it
         self.opened = True
 

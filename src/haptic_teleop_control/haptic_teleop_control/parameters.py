@@ -143,6 +143,9 @@ class ParameterTable:
     """The parameters of one node, in the order of declaration. Raises ValueError for a name declared
     twice.
 
+    A text at the name of a group, `board: remote`, is short for that group's `.type`, where it has one and
+    nothing is called so itself.
+
     brought: called with the values that are stated, gives the parameters which these bring along, such as
     those of a law from a module of the user's own; they replace parameters of the same name. It may raise
     ConfigurationError.
@@ -169,7 +172,7 @@ class ParameterTable:
         return len(self._parameters)
 
     def __contains__(self, name: object) -> bool:
-        return name in self._parameters
+        return name in self._parameters or f"{name}.type" in self._parameters
 
     def __getitem__(self, name: str) -> Parameter:
         return self._parameters[name]
@@ -190,6 +193,19 @@ class ParameterTable:
     def defaults(self) -> dict[str, Any]:
         """Every parameter's default; lists are copies."""
         return {parameter.name: parameter.convert(parameter.default) for parameter in self}
+
+    def spelt_out(self, mapping: Mapping[str, Any], source: str = "parameters") -> dict[str, Any]:
+        """`mapping` with the full names of what is stated in short. Raises ConfigurationError where both are
+        stated."""
+        full = dict(mapping)
+        for short, value in mapping.items():
+            name = f"{short}.type"
+            if short in self._parameters or name not in self._parameters or not isinstance(value, str):
+                continue
+            if name in mapping:
+                raise self._error(source, name, f"is stated twice, the other time as `{short}:`; remove one")
+            full[name] = full.pop(short)
+        return full
 
     def check(self, mapping: Mapping[str, Any], source: str = "parameters") -> dict[str, Any]:
         """All parameters of the node: `mapping` where it states them, the default elsewhere, in the declared
@@ -242,7 +258,7 @@ class ParameterTable:
 
     def _checked(self, mapping: Mapping[str, Any], source: str) -> dict[str, Any]:
         checked = {}
-        for name, value in mapping.items():
+        for name, value in self.spelt_out(mapping, source).items():
             parameter = self._parameters.get(name)
             if parameter is None:
                 nearest = (

@@ -194,11 +194,11 @@ class OmniDriver:
 
     def measurements(self) -> dict[str, Any]:
         """For diagnostics."""
-        counter = self.counter
+        counter, unconfirmed = self.counter, f"refused until `haptic-teleop doctor --omni`, or {self._remedy}"
         return {
             "transport": self.transport.name,
             "serial number": self.transport.serial or "not told",
-            "torque output": "possible" if self.may_drive else f"refused until {self._remedy}",
+            "torque output": "possible" if self.may_drive else unconfirmed,
             "calibration": "done" if self.calibration.done else self.calibration.advice,
             "docked": self.docked,
             "buttons": " ".join(str(int(button)) for button in self.buttons),

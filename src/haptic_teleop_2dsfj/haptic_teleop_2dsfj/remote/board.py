@@ -16,15 +16,13 @@ from haptic_teleop_2dsfj.board_settings import BoardSettings
 from haptic_teleop_2dsfj.link_error import LinkError
 from haptic_teleop_2dsfj.remote import datagrams as d
 from haptic_teleop_2dsfj.remote.expiry import expiry_text
+from haptic_teleop_2dsfj.remote.greeting import NO_SAMPLE, Greeting, agree, link_error, opened, server_name
 from haptic_teleop_2dsfj.remote.link import ClientLink
 from haptic_teleop_2dsfj.remote.round_trip import RoundTrips
 from haptic_teleop_2dsfj.remote.sequence import Sequence
 from haptic_teleop_2dsfj.remote.settings import RemoteSettings
 from haptic_teleop_2dsfj.sample_clock import SampleClock
 from haptic_teleop_control.clocks import Clock
-
-RETRY = 0.25
-"""s after which a greeting without an answer is repeated."""
 
 FAREWELLS = 3
 """Of a client that leaves: one of them may get lost, and after all of them there is the watchdog."""
@@ -64,7 +62,7 @@ class RemoteBoard:
 
     @property
     def transport(self) -> str:
-        return f"board server {self._link.name}"
+        return server_name(self._link)
 
     def measurements(self) -> dict[str, str]:
         """For diagnostics."""
@@ -81,18 +79,15 @@ class RemoteBoard:
         self.close()
         self._forget()
         self._link.open()
+        greeting = Greeting(self._link, self._remote.patience, self._clock)
         try:
             nonce = secrets.token_bytes(d.NONCE_BYTES)
-            welcome = self._greeted(
-                d.pack(d.Hello(nonce, self._emulated), self._shared), self._shared, d.Welcome
-            )
-            if not isinstance(welcome, d.Welcome) or welcome.nonce != nonce:
-                raise self._error("it answered somebody else's question")
-            self._check(welcome)
+            welcome = greeting.hello(nonce, self._emulated, self._shared)
+            agree(welcome, self.settings, self._link)
             self._key = d.session_key(self._shared, nonce, welcome.offer)
-            first = self._greeted(d.pack(d.Start(nonce), self._key), self._key, d.State)
-            if not isinstance(first, d.State) or self._incoming.take(first.sequence) is not None:
-                raise self._error("it did not begin with a sample")
+            first = greeting.start(nonce, self._key)
+            if self._incoming.take(first.sequence) is not None:
+                raise link_error(self._link, NO_SAMPLE)
         except BaseException:
             self.close()
             raise
@@ -112,7 +107,7 @@ class RemoteBoard:
         waiting, self._waiting = self._waiting, False
         until = now if waiting else now + round(self._remote.silence * 1e9)
         while (data := self._link.receive(until)) is not None:
-            state = self._opened(data, key)
+            state = opened(data, key, self._link)
             if not isinstance(state, d.State):
                 raise self._error(f"a datagram of it {d.Trouble.UNEXPECTED.value}")
             trouble = self._incoming.take(state.sequence)
@@ -182,42 +177,6 @@ class RemoteBoard:
         self._volts, self._said, self.enabled = (0.0, 0.0), True, False
         self._waiting = False  # a sample that nobody has read: the session's first
 
-    def _greeted(self, greeting: bytes, key: bytes, wanted: type[d.Datagram]) -> d.Datagram:
-        """The answer of type `wanted` to `greeting`, which is repeated while none comes."""
-        end = self._clock.now() + round(self._remote.patience * 1e9)
-        hint = "check that it runs, its peer and port, the firewalls, and that both have this version"
-        while (now := self._clock.now()) < end:
-            self._link.send(greeting)
-            until = min(end, now + round(RETRY * 1e9))
-            while self._clock.now() < until and (data := self._link.receive(until)) is not None:
-                found = d.unpack(data, d.UNSIGNED)
-                if isinstance(found, d.Refusal) and found.about_key:
-                    # Anybody could have sent it: it only says where to look.
-                    hint = "it says that the keys differ: copy the server's key file to this computer"
-                    continue
-                if d.kind_of(data) in (wanted, d.Refusal):  # not the answer to an earlier repetition
-                    return self._opened(data, key)
-        raise self._error(f"no answer for {self._remote.patience:g} s; {hint}")
-
-    def _check(self, welcome: d.Welcome) -> None:
-        board = self.settings
-        for name, theirs, ours in (
-            ("rate", welcome.rate, board.rate),
-            ("board.range", welcome.range_volts, board.range_volts),
-            ("board.output_bits", welcome.output_bits, board.output_bits),
-            ("board.counter_bits", welcome.counter_bits, board.counter_bits),
-        ):
-            if theirs != ours:
-                raise self._error(f"{name} is {theirs:g} there and {ours:g} here; state it alike")
-
-    def _opened(self, data: bytes, key: bytes) -> d.Datagram:
-        found = d.unpack(data, key)
-        if isinstance(found, d.Trouble):
-            raise self._error(f"a datagram from there {found.value}")
-        if isinstance(found, d.Refusal):
-            raise self._error(found.text)
-        return found
-
     def _accept(self, state: d.State) -> None:
         self._arrived = self._clock.now()
         self._stamp, self._newest = state.stamp, state.passed
@@ -259,4 +218,4 @@ class RemoteBoard:
             self._on_write(WRITE_FORMAT.pack(*self._volts, *levels))
 
     def _error(self, text: str) -> LinkError:
-        return LinkError(f"{self.transport}: {text}")
+        return link_error(self._link, text)

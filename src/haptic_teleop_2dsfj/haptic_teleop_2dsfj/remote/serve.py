@@ -66,23 +66,24 @@ def serve(server: BoardServer, link: UdpServer, clock: Clock, stopped: Callable[
 
 def read_settings(file: str | None, changes: list[str]) -> dict[str, Any]:
     """All parameters: the section of the file, then `name:=value`. Raises ConfigurationError."""
-    stated: dict[str, Any] = {}
+    found: dict[str, Any] = {}
     if file is not None:
         sections = load_parameter_file(file)
         folder = Path(file).parent
         for key, value in parameters_for(sections, NODE, TABLE).items():
             named = key.endswith(".file") and isinstance(value, str) and value
-            stated[key] = str(folder / value) if named else value
-        if not stated or not any("*" not in name for name in sections if NODE in name):
+            found[key] = str(folder / value) if named else value
+        if not found or not any("*" not in name for name in sections if NODE in name):
             raise ConfigurationError(
                 f"{file}: has no section {NODE}; write `{NODE}:` and its parameters below it."
             )
+    stated = TABLE.spelt_out(found, file or "parameters")
     for change in changes:
         name, separator, value = change.partition(":=")
         if not separator:
             raise ConfigurationError(f"-p {change}: is no parameter; write name:=value.")
         try:
-            stated[name] = parse_value(value)
+            stated |= TABLE.spelt_out({name: parse_value(value)})
         except yaml.YAMLError as error:
             raise ConfigurationError(
                 f"-p {change}: what follows := is no value in YAML; quote it."

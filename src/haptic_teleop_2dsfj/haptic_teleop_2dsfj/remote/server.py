@@ -7,13 +7,13 @@ ends the session, for neither loopback nor a cable between two computers duplica
 
 from __future__ import annotations
 
-import secrets
 from collections.abc import Callable
 
 from haptic_teleop_2dsfj.board import Board
 from haptic_teleop_2dsfj.remote import datagrams as d
 from haptic_teleop_2dsfj.remote.expiry import Expiry, expiry_text
 from haptic_teleop_2dsfj.remote.link import Address
+from haptic_teleop_2dsfj.remote.reception import Reception
 from haptic_teleop_2dsfj.remote.server_settings import ServerSettings
 from haptic_teleop_2dsfj.remote.session import Session
 from haptic_teleop_control.clocks import Clock
@@ -26,7 +26,7 @@ SESSION_SILENCE = 1.0
 class BoardServer:
     """board: not yet open. send: takes a datagram and where it goes. peer: address of the client's computer.
     log: takes what an operator shall read. session: None while there is no client. strangers: datagrams from
-    other computers; strays: those of the peer that belong to no session."""
+    other computers. reception: for those of the peer that belong to no session."""
 
     def __init__(
         self,
@@ -40,14 +40,13 @@ class BoardServer:
         log: Callable[[str], None] = lambda text: None,
     ) -> None:
         self.board, self.settings, self._key = board, settings, key
-        self._send, self._clock, self._emulated, self._log, self._peer = send, clock, emulated, log, peer
+        self._send, self._clock, self._log, self._peer = send, clock, log, peer
         self._watchdog = round(settings.watchdog * 1e9)
         self.session: Session | None = None
-        self._offer = secrets.token_bytes(d.NONCE_BYTES)
-        self._over: tuple[Address, bytes, str] | None = None
+        self.reception = Reception(settings, key, emulated, send, self._ready)
         self._stamp = self._index = 0
         self.open = False
-        self.strangers = self.strays = self.expiries = 0
+        self.strangers = self.expiries = 0
 
     def open_board(self) -> None:
         """Outputs at 0 V, amplifier off. Raises ConfigurationError or DeviceError."""
@@ -83,8 +82,12 @@ class BoardServer:
             return
         try:
             session = self.session
-            if session is None or address != session.address:
-                self._greet(data, address)
+            if session is None:
+                self._begin(data, address)
+            elif address != session.address:
+                why = self.reception.disturb(data, address, session.address)
+                if why:
+                    self._end(why)
             elif not session.greeted(data, self._key):
                 self._follow(data, session)
         except DeviceError as error:
@@ -110,85 +113,26 @@ class BoardServer:
         self.board.close()
         self.open = False
 
-    # The beginning of a session.
+    # A session.
 
-    def _greet(self, data: bytes, address: Address) -> None:
-        """Something that is not from the address of the session."""
-        found = self._opening(data)
-        if isinstance(found, d.Probe):
-            self._send(d.pack(self._welcome(found.nonce), self._key), address)
-        elif self.session is not None:
-            if isinstance(found, d.Hello):
-                other = "{}:{}".format(*self.session.address)
-                self._refuse(
-                    address, self._key, f"another client, {other}, drives the board; end that one first"
-                )
-            self._hint(data, address, found)
-            trouble = found if isinstance(found, d.Trouble) else d.Trouble.SECOND_CLIENT
-            self._end(f"a datagram from {address[0]}:{address[1]} {trouble.value}")
-        elif isinstance(found, d.Hello):
-            self._answer(found, address)
-        elif isinstance(found, d.Start):
-            self._begin(found, address)
-        else:
-            self._stray(data, address, found)
-
-    def _opening(self, data: bytes) -> d.Datagram | d.Trouble:
-        """`data` with the keys that the beginning of a session has."""
-        if d.kind_of(data) is d.Start:
-            return d.unpack(data, d.session_key(self._key, d.unsigned_start(data).nonce, self._offer))
-        found = d.unpack(data, self._key)
-        return found if isinstance(found, (d.Hello, d.Probe, d.Trouble)) else d.Trouble.UNEXPECTED
-
-    def _answer(self, hello: d.Hello, address: Address) -> None:
-        if hello.emulated != self._emulated:
-            has, wanted = ("an emulated", "hardware") if self._emulated else ("a real", "emulated")
-            self._refuse(
-                address,
-                self._key,
-                f"it has {has} board, and the driver's device is {wanted}; set device alike on both sides",
-            )
-            return
+    def _ready(self) -> str:
+        """Opens the board where it was lost; why that cannot be, else ""."""
         if not self.open:
             try:
                 self.open_board()
             except DeviceError as error:
-                self._refuse(address, self._key, f"its board cannot be opened: {error}")
-                return
+                return f"its board cannot be opened: {error}"
             self._log("the board is open again")
-        self._send(d.pack(self._welcome(hello.nonce), self._key), address)
+        return ""
 
-    def _welcome(self, nonce: bytes) -> d.Welcome:
-        board = self.settings.board
-        return d.Welcome(
-            nonce, self._offer, self._emulated, self.session is not None, board.rate, board.range_volts,
-            board.output_bits, board.counter_bits, self.settings.watchdog,
-            board.card_type, board.card_identifier,
-        )  # fmt: skip
-
-    def _begin(self, start: d.Start, address: Address) -> None:
-        key, now = d.session_key(self._key, start.nonce, self._offer), self._clock.now()
-        # Nothing that began with the last one can begin again.
-        self._offer = secrets.token_bytes(d.NONCE_BYTES)
+    def _begin(self, data: bytes, address: Address) -> None:
+        entry = self.reception.arrive(data, address)
+        if entry is None:
+            return
+        now = self._clock.now()
         self.board.rearm_watchdog()
-        self.session = Session(key, start.nonce, address, now, now, self.settings.highest_volts)
+        self.session = Session(entry.key, entry.nonce, address, now, now, self.settings.highest_volts)
         self._log(f"client {address[0]}:{address[1]} is here")
-
-    def _stray(self, data: bytes, address: Address, found: d.Trouble | d.Datagram) -> None:
-        self.strays += 1
-        if self._over is not None and self._over[0] == address:
-            _, key, text = self._over
-            if text and not isinstance(d.unpack(data, key), d.Trouble):
-                self._refuse(address, key, text)  # it has not heard it yet
-        else:
-            self._hint(data, address, found)
-
-    def _hint(self, data: bytes, address: Address, found: d.Trouble | d.Datagram) -> None:
-        """Who has another key cannot be told anything he could check, but why nothing comes."""
-        if found is d.Trouble.KEY and d.kind_of(data) in (d.Hello, d.Probe):
-            self._refuse(address, d.UNSIGNED, "")
-
-    # A session.
 
     def _follow(self, data: bytes, session: Session) -> None:
         command = session.command(data, self._stamp)
@@ -241,9 +185,7 @@ class BoardServer:
             self.board.enable(False)
         except DeviceError as error:
             lost = error
-        if why:
-            self._refuse(session.address, session.key, why)
-        self._over = (session.address, session.key, why)
+        self.reception.part(session.address, session.key, why)
         self._log(f"the session is over, current at zero: {why or 'the client has left'}")
         if lost is not None:
             self._fail(lost)
@@ -266,9 +208,4 @@ class BoardServer:
         self._log(f"the board is lost: {error}")
         session, self.session = self.session, None
         if session is not None:
-            text = f"the board failed at the server: {error}"
-            self._refuse(session.address, session.key, text)
-            self._over = (session.address, session.key, text)
-
-    def _refuse(self, address: Address, key: bytes, text: str) -> None:
-        self._send(d.pack(d.Refusal(key == d.UNSIGNED, text), key), address)
+            self.reception.part(session.address, session.key, f"the board failed at the server: {error}")

@@ -14,9 +14,12 @@ from haptic_teleop_control.errors import ConfigurationError
 ROUND = 1.5
 """s after the first driver's diagnostics in which those of all others come: they come once a second."""
 
-TOLD = ("device", "board", "transport", "serial number", "layout", "angles (rad)", "measured current (A)")
-"""Values of a driver's diagnostics that say what it drives, and for the hand at the robot what it
-measures."""
+TOLD = (
+    "device", "board", "transport", "serial number", "layout", "torque output", "calibration", "angles (rad)",
+    "measured current (A)",
+)  # fmt: skip
+"""Values of a driver's diagnostics that say what it drives, whether it may, and for the hand at the robot
+what it measures."""
 
 
 def devices(wait: float) -> list[str]:

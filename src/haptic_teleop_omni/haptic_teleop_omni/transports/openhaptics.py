@@ -12,21 +12,17 @@ from __future__ import annotations
 
 import atexit
 import ctypes
-import os
-import select
-import struct
 import threading
 import time
-from contextlib import suppress
-from ctypes import c_int
 from dataclasses import dataclass
 from typing import Any
 
 from haptic_teleop_control.device import DeviceError
-from haptic_teleop_control.errors import ConfigurationError
 from haptic_teleop_control.quantities import check_quantities, quantity
 from haptic_teleop_omni.transports import hd_frame as frame
 from haptic_teleop_omni.transports import hd_library as hd
+from haptic_teleop_omni.transports.hd_device import HdDevice, open_device
+from haptic_teleop_omni.transports.hd_exchange import Exchange
 
 PACINGS = ("callback", "synchronous")
 PRIORITY = 0xFFFF // 2
@@ -39,7 +35,6 @@ CLOSING_TIME = 0.1
 PAUSING_TIME = 0.02
 """s that the servo thread has to do so before it is stopped for another device."""
 
-OUTPUT = struct.Struct("<iiii")
 _lock = threading.Lock()
 
 
@@ -82,12 +77,8 @@ class OpenHapticsTransport:
         self.identity = self.serial = self._versions = ""
         self._handle: int | None = None
         self._schedule: int | None = None
-        self._event = -1
-        self._poll = select.poll()
-        self._block = frame.block()
-        self._words = self._block.data
-        self._bytes = self._words.cast("B")
-        self._taken = self._answers = 0
+        self._exchange = Exchange()
+        self._words = self._exchange.words
 
     def open(self) -> None:
         """Raises ConfigurationError for another serial number than the stated one, DeviceError when the
@@ -96,14 +87,16 @@ class OpenHapticsTransport:
         with _lock:
             self._pause_scheduler()
             try:
-                self._handle = self._init_device()
+                device = self._init_device()
+                self._handle, self.identity, self.serial, version, _ = device
+                self._versions = f", driver {version}" if version else ""
                 self._hd.opened.append(self)
             finally:
                 if self._hd.opened:
                     self._hd.start_scheduler()
         atexit.register(self.close)
         try:
-            self._schedule_frame()
+            self._schedule_frame(device)
             self._await_report()
         except BaseException:
             self.close()
@@ -113,27 +106,17 @@ class OpenHapticsTransport:
         """See OmniTransport; the system waits in whole milliseconds."""
         if self._handle is None:
             raise DeviceError("the HD device is not open")
-        if self._waiting() == 0 and timeout > 0.0:
+        if self._exchange.waiting == 0 and timeout > 0.0:
             limit = time.monotonic() + timeout
-            while self._waiting() == 0 and (left := limit - time.monotonic()) > 0.0:
+            while self._exchange.waiting == 0 and (left := limit - time.monotonic()) > 0.0:
                 self._wait(left)
-        waiting = self._waiting()
-        if waiting == 0:
-            return None
-        if waiting > frame.RING - 1:  # the oldest are overwritten
-            self._taken += waiting - (frame.RING - 1)
-        at = 4 * (frame.CONTROL + frame.REPORT * (self._taken % frame.RING))
-        self._taken += 1
-        return bytes(self._bytes[at : at + 4 * frame.REPORT])
+        return self._exchange.take()
 
     def write(self, report: bytes) -> None:
         """Gives the torques of an output report to the next period."""
         if self._handle is None:
             raise DeviceError("the HD device is not open")
-        at = 4 * frame.OUTPUT
-        self._bytes[at : at + OUTPUT.size] = report
-        self._answers = (self._answers + 1) & 0x7FFFFFFF
-        self._words[frame.ANSWER] = self._answers
+        self._exchange.give(report)
 
     def close(self) -> None:
         """Torque to zero and force off in the servo thread, then from here, then the device is released."""
@@ -158,12 +141,10 @@ class OpenHapticsTransport:
             if library.opened:
                 library.start_scheduler()
             library.error()
-            event, self._event = self._event, -1
-            if event >= 0:
-                os.close(event)
+            self._exchange.end()
 
     def _enter_callback(self) -> int:
-        return int(self._hd.hdScheduleAsynchronous(self._callback, self._block.ctypes.data, PRIORITY))
+        return int(self._hd.hdScheduleAsynchronous(self._callback, self._exchange.address, PRIORITY))
 
     def _force_off(self, handle: int) -> None:
         self._hd.hdMakeCurrentDevice(handle)
@@ -190,62 +171,19 @@ class OpenHapticsTransport:
         device = self.identity or "HD device"
         return f"{device} through {self._hd.path}{self._versions}, {self.settings.pacing}"
 
-    def _init_device(self) -> int:
-        library, stated = self._hd, self.settings.device_name
-        library.error()
-        refusals = []
-        for name in (stated,) if stated else hd.DEVICE_NAMES:
-            handle = int(library.hdInitDevice(name.encode()))
-            try:
-                library.check(f"{name!r} cannot be opened")
-                if handle == hd.BAD_HANDLE:
-                    raise DeviceError(f"{name!r} cannot be opened: the library says no reason")
-            except DeviceError as refusal:
-                refusals.append(refusal)
-                continue
-            return self._examine(handle)
-        # Of two names the wrong one is merely not configured: the graver reason is the device's.
-        raise max(refusals, key=lambda refusal: (refusal.code != _NOT_CONFIGURED, refusal.code))
+    def _init_device(self) -> HdDevice:
+        return open_device(self._hd, self.settings.device_name, self.settings.serial)
 
-    def _examine(self, handle: int) -> int:
-        library = self._hd
-        library.hdMakeCurrentDevice(handle)
-        library.hdDisable(hd.FORCE_OUTPUT)
-        self.serial = library.text(hd.SERIAL)
-        self.identity = ":".join(part for part in (library.text(hd.MODEL), self.serial) if part)
-        version = library.text(hd.DRIVER_VERSION)
-        self._versions = f", driver {version}" if version else ""
-        if self.settings.serial not in ("", self.serial):
-            library.hdDisableDevice(handle)
-            raise ConfigurationError(
-                f"openhaptics.serial is {self.settings.serial!r}, but the device that was opened has "
-                f"{self.serial!r}; name the other one with openhaptics.device_name, or correct the number."
-            )
-        styles = c_int(0)
-        library.hdGetIntegerv(hd.CALIBRATION_STYLE, ctypes.byref(styles))
-        library.error()
-        self._style = next((style for style, _ in hd.STYLES if styles.value & style), hd.INKWELL)
-        return handle
-
-    def _schedule_frame(self) -> None:
-        self._block[:] = 0
-        self._taken = self._answers = 0
-        self._event = os.eventfd(0, os.EFD_NONBLOCK | os.EFD_CLOEXEC)
-        self._poll = select.poll()
-        self._poll.register(self._event, select.POLLIN)
-        words = self._words
-        words[frame.HANDLE], words[frame.STYLE] = ctypes.c_int(self._handle or 0).value, self._style
-        words[frame.IN_WELL], words[frame.EVENT] = self.settings.inkwell_value, self._event
-        words[frame.WATCHDOG_FRAMES] = round(self.settings.watchdog * 1e9 / frame.PERIOD)
-        if self.settings.pacing == "synchronous":
-            words[frame.SINGLE] = 1
-            return
-        self._schedule = self._enter_callback()
+    def _schedule_frame(self, device: HdDevice) -> None:
+        settings, single = self.settings, self.settings.pacing == "synchronous"
+        self._exchange.begin(device.handle, device.style, settings.inkwell_value, settings.watchdog, single)
+        if not single:
+            self._schedule = self._enter_callback()
 
     def _await_report(self) -> None:
         """Until the first frames are through, which may be errors."""
         limit = time.monotonic() + OPENING_TIME
-        while self._waiting() == 0:
+        while self._exchange.waiting == 0:
             self._wait(0.01)
             if time.monotonic() > limit:
                 self._hd.check("the library's servo thread brings no frame")
@@ -256,26 +194,15 @@ class OpenHapticsTransport:
     def _wait(self, timeout: float) -> None:
         """For a report, up to `timeout` s, in whole milliseconds."""
         if self.settings.pacing == "synchronous":
-            self._hd.hdScheduleSynchronous(self._callback, self._block.ctypes.data, PRIORITY)
-        self._sleep(timeout if self.settings.pacing == "callback" else 0.0)
-
-    def _sleep(self, timeout: float) -> None:
-        self._poll.poll(max(1.0, 1e3 * timeout) if timeout > 0.0 else 0.0)
-        with suppress(OSError):  # nothing there, or closed meanwhile
-            os.eventfd_read(self._event)
-
-    def _waiting(self) -> int:
-        return (self._words[frame.HEAD] - self._taken) & 0xFFFFFFFF
+            self._hd.hdScheduleSynchronous(self._callback, self._exchange.address, PRIORITY)
+        self._exchange.sleep(timeout if self.settings.pacing == "callback" else 0.0)
 
     def _await_end(self) -> None:
         limit = time.monotonic() + CLOSING_TIME
         while not self._words[frame.CLOSED] and (left := limit - time.monotonic()) > 0.0:
-            self._sleep(left)
+            self._exchange.sleep(left)
 
     def _pause_scheduler(self) -> None:
         # A second device of this process joins: the library wants its devices before its scheduler runs.
         if self._hd.opened:
             self._hd.stop_scheduler()
-
-
-_NOT_CONFIGURED = 0x0303

@@ -80,23 +80,25 @@ def overrides(
     remedy.
     """
     table = _with_brought(table, full_name, arguments)
-    elsewhere = {entry.name for neighbour in neighbours for entry in neighbour} - {
-        entry.name for entry in table
-    }
+    neighbours = list(neighbours)
+
+    def elsewhere(key: str) -> bool:
+        return key not in table and any(key in neighbour for neighbour in neighbours)
+
     stated: dict[str, Any] = {}
     for file in arguments.parameter_files:
         sections = {
             name: {
                 key: value
                 for key, value in values.items()
-                if not (is_wildcard(name) and (key in elsewhere or _speaks_to_others(key, table)))
+                if not (is_wildcard(name) and (elsewhere(key) or _speaks_to_others(key, table)))
             }
             for name, values in load_parameter_file(file).items()
         }
         values = _check_stated(table, _section_values(sections, full_name), str(file))
         stated.update({key: _resolve(key, value, Path(file).parent) for key, value in values.items()})
     for target, key, value in arguments.parameters:
-        if _means(target, full_name) and not (target is None and key in elsewhere):
+        if _means(target, full_name) and not (target is None and elsewhere(key)):
             stated.update(_check_stated(table, {key: value}, "--ros-args"))
     own = {key: value for key, value in stated.items() if not _is_ros_own(key)}
     checked = stated | table.check(own, ", ".join(arguments.parameter_files) or "--ros-args")
@@ -144,6 +146,7 @@ def _speaks_to_others(key: str, table: ParameterTable) -> bool:
 
 
 def _check_stated(table: ParameterTable, stated: Mapping[str, Any], source: str) -> dict[str, Any]:
+    stated = table.spelt_out(stated, source)
     own = {key: value for key, value in stated.items() if not _is_ros_own(key)}
     required = {entry.name: entry.default for entry in table if entry.required}
     checked = stated | table.check({**required, **own}, source)
