@@ -131,12 +131,24 @@ def test_decimal_points_and_commas_in_one_file_are_refused(tmp_path):
         read_log(path)
 
 
-def test_a_cell_of_text_is_found_with_its_row(tmp_path):
+def test_a_cell_of_text_is_found_with_its_line(tmp_path):
     path = plain_table(tmp_path / "log.csv")
     lines = path.read_text().splitlines()
     lines[7] = "12,oops,3"
-    path.write_text("\n".join(lines))
-    assert read_log(path).columns[1].text == (7, "oops")
+    path.write_text("\n".join(["# a comment", *lines[:3], "", "# another", *lines[3:]]))
+    found = read_log(path, ReadOptions(rows=(3, 100))).columns[1]
+    assert found.text == (11, "oops") and "in line 11: mend it" in found.holds_text
+    assert path.read_text().splitlines()[10] == lines[7]
+
+
+def test_what_is_in_quotes_is_one_cell(tmp_path):
+    rows = [f'{t:.3f},"{1e6 * u:,.1f}","a, b",{q:.6f}' for t, u, q in zip(*DATA, strict=True)]
+    path = tmp_path / "log.csv"
+    path.write_text("\n".join(['t,"u, as it is",note,q', *rows]) + "\n")
+    log = read_log(path)
+    assert [c.name for c in log.columns] == ["t", "u, as it is", "note", "q"]
+    assert np.allclose(log.columns[3].values, ANGLE, atol=1e-6)
+    assert "take out what parts its thousands" in log.columns[1].holds_text
 
 
 def test_20_gigabytes_are_refused_at_once_and_a_part_of_them_is_streamed(tmp_path):

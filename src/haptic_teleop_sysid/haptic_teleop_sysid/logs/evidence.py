@@ -71,6 +71,12 @@ def relation(one: Array, other: Array) -> Relation | None:
     return Relation(spread[0] / spread[1] * np.sign(alike), alike)
 
 
+def still(values: Array) -> bool:
+    """Whether a signal (n,) has one value alone, or none."""
+    good = values[np.isfinite(values)]
+    return len(good) == 0 or bool(np.all(good == good[0]))
+
+
 def known_factor(ratio: float) -> tuple[float, str] | None:
     """(factor above one, what it is between) that a ratio, or one over it, comes near to; None for none."""
     size = abs(ratio) if abs(ratio) > 1.0 else 1.0 / max(abs(ratio), 1e-300)
@@ -153,7 +159,7 @@ def _judge_derivative(
     if abs(abs(found.ratio) - 1.0) > NEAR and (known := known_factor(found.ratio)):
         refuted.append(f"{how} (correlation {found.alike:.3f}): {known[1]}?")
     elif found.ratio < 0.0:
-        refuted.append(f"{_of(velocity)} is the derivative of {_of(position)} with the other sign")
+        refuted.append(f"{_of(velocity)} is the derivative of {_of(position)} with the other sign.")
     elif not 0.8 < found.ratio < 1.25:
         odd.append(f"{how}: is there a gear between the two?")
 

@@ -64,14 +64,14 @@ def signals_of(log: Log, joint: str, entries: MappingType[str, Entry], source: s
 def unit_in_force(log: Log, column: Column, entry: Entry, where: str, source: str) -> Unit:
     """The unit of the numbers in a column: what the mapping says, which may not contradict the file unless
     it names the column by its number."""
-    stated, given = unit_of(column.stated), unit_of(entry.unit)
-    if given is None and stated is None:
+    stated, given, usual = unit_of(column.stated), unit_of(entry.unit), unit_of(column.usual)
+    if given is None and stated is None and usual is None:
         raise ConfigurationError(
             f"{source}: {where}: nothing says in which unit column {column.name!r} of {log.path} is: give "
             "unit (deg, counts, rpm, mA, N*mm, ...)."
         )
     if given is None or stated is None or isinstance(entry.column, int):
-        return given or stated  # pyright: ignore[reportReturnType]
+        return given or stated or usual  # pyright: ignore[reportReturnType]
     if given.powers != stated.powers or abs(given.factor / stated.factor - 1.0) > 1e-9:
         raise MismatchError(
             f"{source}: {where} says {given.text}, but {log.path} says {stated.text} in the header "
@@ -88,7 +88,8 @@ def _signal(log: Log, name: str, entry: Entry, source: str) -> Signal:
     if not np.any(np.isfinite(column.values)):
         raise RecordingError(f"{log.path}: column {column.name!r} holds no number: name another for {where}.")
     unit = unit_in_force(log, column, entry, where, source)
-    told = f"{name}: column {column.name!r} in {unit.text}"
+    convention = " by REP 103" if column.usual and not entry.unit and not column.stated else ""
+    told = f"{name}: column {column.name!r} in {unit.text}{convention}"
     factor = entry.sign * entry.gain
     if dict(unit.powers).get("count"):
         if entry.counts_per_turn is None and not entry.gain_unit:
@@ -150,8 +151,4 @@ def wraps(angle: Array) -> int:
 
 def _refuse_text(log: Log, column: Column) -> None:
     if column.text is not None:
-        row, cell = column.text
-        raise RecordingError(
-            f"{log.path}: column {column.name!r} holds text, first {cell[:40]!r} in row {row}: mend it, or "
-            "name another column."
-        )
+        raise RecordingError(f"{log.path}: column {column.holds_text}, or name another column.")
