@@ -4,6 +4,7 @@ import os
 import signal
 import sqlite3
 import struct
+import time
 import zipfile
 import zlib
 
@@ -22,6 +23,7 @@ from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 from haptic_teleop_control.errors import ConfigurationError, RecordingError
 from haptic_teleop_sysid.logs.dialect import Stated
 from haptic_teleop_sysid.logs.isolated import read_isolated
+from haptic_teleop_sysid.logs.matlab import announced_bytes
 from haptic_teleop_sysid.logs.reading import ReadOptions, read_log
 
 T, TORQUE, ANGLE, SPEED = machine(300)
@@ -331,6 +333,17 @@ def bag(path, kind):
                     connections[topic] = writer.add_connection(topic, type_, typestore=store)
                 writer.write(connections[topic], received + 1000, serialize(message, type_))
     return path
+
+
+def test_a_mat_file_of_20_gigabytes_is_refused_unread(tmp_path):
+    scipy.io.savemat(tmp_path / "log.mat", {"t": T})
+    os.truncate(tmp_path / "log.mat", 20_000_000_000)  # sparse; walking over it would take a minute
+    with pytest.raises(RecordingError, match=r"20 GB.*save fewer variables"):
+        read_log(tmp_path / "log.mat")
+    os.truncate(tmp_path / "log.mat", 1_000_000_000)
+    begin = time.process_time()
+    assert announced_bytes(tmp_path / "log.mat") < 10_000
+    assert time.process_time() - begin < 1.0
 
 
 @pytest.mark.parametrize(("name", "kind"), [("log.bag", "ros1"), ("log", "MCAP"), ("log", "SQLITE3")])

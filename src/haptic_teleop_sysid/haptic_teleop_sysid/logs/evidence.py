@@ -33,6 +33,10 @@ NEAR, ALIKE = 0.02, 0.95
 UNLIKE = 0.7
 #: Power, relative to the rms of input and velocity, below which the input brakes.
 BRAKES = -0.1
+#: Rows for which a position stands still, and share of the usual velocity meanwhile, to be told.
+_HELD, _MOVES = 50, 0.3
+#: Steps of a position that it must have missed meanwhile.
+_STEPS = 5.0
 #: Turns beyond which, in rad, a joint turns far.
 _FAR = 2.0
 
@@ -90,7 +94,7 @@ def contradictions(time: Array, signals: Mapping[str, Signal]) -> tuple[list[str
     """Return (what refutes a declared unit or sign, what should be looked at), in sentences. ``time`` (n,) s
     of all the signals' rows."""
     refuted: list[str] = []
-    odd: list[str] = []
+    odd = [told for s in signals.values() if (told := _still(s))]
     for part in ("motor", "arm"):
         position, velocity = signals.get(f"{part}_position"), signals.get(f"{part}_velocity")
         if position is None or velocity is None or len(position.values) != len(time):
@@ -98,6 +102,7 @@ def contradictions(time: Array, signals: Mapping[str, Signal]) -> tuple[list[str
         if len(velocity.values) != len(time):
             continue
         found = derivative_relation(time, position.values, velocity.values)
+        odd += _held(time, position, velocity)
         if found is not None:
             _judge_derivative(position, velocity, found, refuted, odd)
     motor, arm = signals.get("motor_position"), signals.get("arm_position")
@@ -129,6 +134,42 @@ def contradictions(time: Array, signals: Mapping[str, Signal]) -> tuple[list[str
         elif name in signals:
             odd += _far(signals[name])
     return refuted, odd
+
+
+def _still(signal: Signal) -> str:
+    if not still(signal.values):
+        return ""
+    value = signal.values[np.isfinite(signal.values)][:1]
+    why = (
+        "nothing drives the joint, or another column is its input"
+        if signal.name.endswith(".input")
+        else "the joint does not move, or its sensor was not read"
+    )
+    return f"{_of(signal)} is {float(value[0]) if len(value) else np.nan:.6g} in every row: {why}"
+
+
+def _held(time: Array, position: Signal, velocity: Signal) -> list[str]:
+    """A position that stays where it is while its velocity goes on, by many of the position's steps."""
+    p, v = position.values, velocity.values
+    if len(p) < 2 * _HELD or still(p):
+        return []
+    ends = np.flatnonzero(np.r_[True, np.diff(p) != 0.0, True])
+    lengths = np.diff(ends)
+    usual = float(np.sqrt(np.nanmean(v**2)))
+    changes = np.abs(np.diff(p))
+    step = float(np.min(changes[changes > 0.0], initial=np.inf))
+    for k in np.argsort(lengths)[::-1][:20]:
+        run = slice(int(ends[k]), int(ends[k + 1]))
+        if lengths[k] < _HELD:
+            break
+        mean = abs(float(np.nanmean(v[run])))
+        way = mean * float(time[run.stop - 1] - time[run.start])
+        if mean > _MOVES * usual > 0.0 and way > _STEPS * step:
+            return [
+                f"{_of(position)} stands still for {lengths[k]} rows from row {run.start + 1} on, while "
+                f"{_of(velocity)} moves: was its sensor read?"
+            ]
+    return []
 
 
 def brakes(drive: Array, velocity: Array) -> bool:

@@ -38,8 +38,8 @@ class Signal:
 def signals_of(log: Log, joint: str, entries: MappingType[str, Entry], source: str) -> dict[str, Signal]:
     """Return the joint's signals in SI units.
 
-    Raises ConfigurationError for a column without a unit, or of a unit that its place cannot have;
-    MismatchError where the mapping contradicts the file; RecordingError for cells that are text.
+    Raises ConfigurationError for a column without a unit, of a unit that its place cannot have, or named
+    twice; MismatchError where the mapping contradicts the file; RecordingError for cells that are text.
     """
     found = {name: _signal(log, f"{joint}.{name}", entry, source) for name, entry in entries.items()}
     kinds = {n: s.quantity in ("length", "velocity") for n, s in found.items() if n != "input"}
@@ -58,7 +58,19 @@ def signals_of(log: Log, joint: str, entries: MappingType[str, Entry], source: s
                 f"{'m' if linear else 'rad'} and its input is in {drive.declared}: give it a gain with "
                 f"gain_unit {'N/(N*m)' if linear else 'm'}."
             )
+    _refuse_shared(joint, found, source)
     return found
+
+
+def _refuse_shared(joint: str, signals: MappingType[str, Signal], source: str) -> None:
+    seen: dict[int, str] = {}
+    for name, signal in signals.items():
+        other = seen.setdefault(id(signal.column), name)
+        if other != name:
+            raise ConfigurationError(
+                f"{source}: column {signal.column.name!r} is both {other} and {name} of {joint}: name "
+                "another column for one of them, or leave it out."
+            )
 
 
 def unit_in_force(log: Log, column: Column, entry: Entry, where: str, source: str) -> Unit:
