@@ -32,6 +32,9 @@ PAIRS = (
 """Units of position and velocity that go together in logs."""
 #: rad that a joint hardly exceeds, and degrees that most stay within.
 _RADIANS, _DEGREES = 2.1 * np.pi, 400.0
+#: Counts per turn of encoders that are made, and how near to one a measured number must be.
+_ENCODERS = (*(float(2**k) for k in range(9, 25)), 2000.0, 4000.0, 8000.0, 10000.0, 20000.0, 40000.0)
+_ENCODER_NEAR = 0.002
 #: m that a linear axis hardly exceeds.
 _METRES = 5.0
 
@@ -154,8 +157,7 @@ def _by_derivative(
         fitting = [p for p in fitting if p[0] == position.known]
     why = f"the position moves {abs(related.ratio):.4g} times as far as the integral of the velocity"
     if not fitting:
-        speed = velocity.known or "rad/s"
-        counts = abs(related.ratio) * 2.0 * np.pi / _factor(speed)
+        speed, counts = _encoder(abs(related.ratio), velocity.known)
         if np.all(position.values[np.isfinite(position.values)] % 1.0 == 0.0) and counts > 50.0:
             found[names[0]].entry = replace(
                 found[names[0]].entry, unit="counts", counts_per_turn=round(counts)
@@ -179,6 +181,19 @@ def _by_derivative(
     if related.ratio < 0.0:
         found[names[1]].entry = replace(found[names[1]].entry, sign=-1)
         found[names[1]].less("likely", "against the position, so its sign is reversed")
+
+
+def _encoder(ratio: float, speed: str) -> tuple[str, float]:
+    """(unit of the velocity, counts per turn) by how many counts the position moves per integral of the
+    velocity: where no unit is known, the one by which an encoder that is made comes out, else rad/s."""
+    if speed:
+        return speed, ratio * 2.0 * np.pi / _factor(speed)
+    for unit in ("rad/s", "rpm", "deg/s", "rev/s"):
+        counts = ratio * 2.0 * np.pi / _factor(unit)
+        for lines in _ENCODERS:
+            if abs(counts / lines - 1.0) < _ENCODER_NEAR:
+                return unit, lines
+    return "rad/s", ratio * 2.0 * np.pi
 
 
 def _in_counts(unit: str) -> bool:
