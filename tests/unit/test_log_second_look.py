@@ -140,6 +140,15 @@ def test_a_bag_of_joint_states_is_taken_by_import_and_by_model_alike(tmp_path, k
     assert direct == pytest.approx(imported, rel=1e-9)
 
 
+def test_joint_states_in_degrees_are_refused_and_mended_by_their_names(tmp_path, capsys):
+    wrench = np.column_stack([np.sin(T), *np.zeros((5, len(T)))])  # its columns come first
+    bag = joint_bag(tmp_path / "log", T, {"a": (np.degrees(ANGLE), SPEED, TORQUE)}, wrench=wrench)
+    assert main([str(bag), "--output", str(tmp_path / "bag")]) == 2
+    assert "unit: deg}  # guessed" in suggested(bag, tmp_path, capsys)[0]
+    states = open_recording(bag, tmp_path / "suggested.yaml").topics[STATES]
+    assert np.allclose(states.signal("a", "position"), ANGLE, atol=1e-9)
+
+
 def test_two_columns_of_the_same_time_are_told(tmp_path, capsys):
     header = ("time [s]", "stamp [ms]", *HEADER[1:])
     log = table(tmp_path / "log.csv", header, (T, 1e3 * T, TORQUE, ANGLE, SPEED), digits=12)

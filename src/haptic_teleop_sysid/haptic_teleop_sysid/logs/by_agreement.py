@@ -18,7 +18,9 @@ from haptic_teleop_sysid.logs.units import unit_of
 
 Array = NDArray[np.float64]
 #: Rows that are looked at, and columns: every pair of them is compared.
-_ROWS, _COLUMNS = 20_000, 40
+_ROWS, _COLUMNS = 10_000, 40
+#: Columns among which a position and an input are looked for where no velocity is known.
+_FEW = 8
 #: Correlation from which one column is the integral of another; share of a column that motion must explain
 #: for it to be the input, with and without a velocity that is known.
 _DERIVED, _DRIVES, _DRIVES_ALONE = 0.98, 0.3, 0.6
@@ -99,7 +101,7 @@ def _without_velocity(columns: Sequence[Column], time: Array) -> list[Candidate]
     if not step > 0.0:
         return []
     tried = []
-    for position, drive in permutations(columns, 2):
+    for position, drive in permutations(columns[:_FEW], 2):
         values = [c.values[: len(time)] for c in (position, drive)]
         if not all(np.all(np.isfinite(v)) for v in values):
             continue

@@ -81,9 +81,12 @@ def _mended(
         _, pair, scales = min(fitting, key=lambda f: f[0])
         for choice, signal, name, scale in zip(choices, signals, pair, scales, strict=True):
             if abs(scale - 1.0) > 1e-9:
-                # By its number: by its name its header would be contradicted.
-                choice.entry = replace(choice.entry, column=log.number(signal.column), unit=name)
-                choice.less(GUESSED, f"its header says {signal.declared}, but {why}, as if it were {name}")
+                # By its number where its name would contradict its header.
+                header = bool(signal.column.stated)
+                place = log.number(signal.column) if header else choice.entry.column
+                choice.entry = replace(choice.entry, column=place, unit=name)
+                said = "its header says" if header else "it should be in"
+                choice.less(GUESSED, f"{said} {signal.declared}, but {why}, as if it were {name}")
                 changed = True
     if related.ratio < 0.0:
         choices[1].entry = replace(choices[1].entry, sign=-choices[1].entry.sign)
