@@ -1,8 +1,6 @@
 """docs/how_to_write_a_controller.md, done literally in an empty folder: files written, commands run."""
 
 import json
-import os
-import re
 import subprocess
 import sys
 from pathlib import Path
@@ -10,36 +8,19 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+sys.path.insert(0, str(Path(__file__).parent))
+from pages import blocks, environment, run
+
 from haptic_teleop_control.recording import read_recording
 
-PAGE = Path(__file__).resolve().parents[2] / "docs" / "how_to_write_a_controller.md"
-BLOCK = re.compile(r"^```(?P<language>\w+) ?(?P<file>[\w.]*)\n(?P<text>.*?)^```$", re.MULTILINE | re.DOTALL)
-
-
-def blocks():
-    return [(m["language"], m["file"], m["text"]) for m in BLOCK.finditer(PAGE.read_text(encoding="utf-8"))]
-
-
-def environment():
-    """The environment's programs on the PATH, as a user's shell has it."""
-    return {**os.environ, "PATH": os.pathsep.join([str(Path(sys.executable).parent), os.environ["PATH"]])}
-
-
-def run(command, folder):
-    """The command in the folder; its output."""
-    done = subprocess.run(
-        ["bash", "-euc", command], cwd=folder, env=environment(), capture_output=True, text=True,
-        timeout=200, check=False,
-    )  # fmt: skip
-    assert done.returncode == 0, f"{command}\n{done.stdout}\n{done.stderr}"
-    return done.stdout
+PAGE = "how_to_write_a_controller.md"
 
 
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory):
     """The folder after every block that needs no ROS has been done, in the page's order."""
     folder = tmp_path_factory.mktemp("somewhere")
-    for language, file, text in blocks():
+    for language, file, text in blocks(PAGE):
         if file:
             (folder / file).write_text(text, encoding="utf-8")
         if language == "bash" and "scenario my" not in text and "verify" not in text:
@@ -48,7 +29,7 @@ def folder(tmp_path_factory):
 
 
 def test_the_page_has_a_law_a_scenario_and_commands():
-    assert [(language, file) for language, file, _ in blocks()] == [
+    assert [(language, file) for language, file, _ in blocks(PAGE)] == [
         ("python", "my_law.py"), ("yaml", "my_scenario.yaml"), ("bash", ""), ("python", "try_gains.py"),
         ("bash", ""), ("bash", ""),
     ]  # fmt: skip
@@ -96,7 +77,7 @@ def test_a_mistake_in_its_parameters_is_told_in_a_sentence(folder, command, line
 @pytest.mark.timeout(800)
 def test_the_graph_runs_the_law_and_verify_compares_all_three(folder):
     pytest.importorskip("rclpy", reason="needs ROS 2: `make setup`, or source an installation")
-    for language, _, text in blocks():
+    for language, _, text in blocks(PAGE):
         if language == "bash" and ("scenario my" in text or "verify" in text):
             run(text, folder)
     result = json.loads((folder / "reports" / "comparison" / "verify.json").read_text())

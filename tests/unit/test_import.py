@@ -281,7 +281,7 @@ def test_text_in_a_column_is_passed_over_or_refused_where_it_is_needed(tmp_path)
     assert len(open_recording(log).topics[STATES]) == len(T)
     lines[42] = lines[42].rsplit(",", 1)[0] + ",broken"
     log.write_text("\n".join(lines))
-    with pytest.raises(RecordingError, match=r"'angle \[deg\]' holds text, first 'broken' in row 42"):
+    with pytest.raises(RecordingError, match=r"'angle \[deg\]' holds text, first 'broken' in line 43"):
         opened(log, tmp_path, "time: time\njoints: {j: {input: torque, motor: {position: angle}}}\n")
 
 

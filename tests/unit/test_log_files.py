@@ -4,6 +4,7 @@ import os
 import signal
 import sqlite3
 import struct
+import time
 import zipfile
 import zlib
 
@@ -22,6 +23,7 @@ from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 from haptic_teleop_control.errors import ConfigurationError, RecordingError
 from haptic_teleop_sysid.logs.dialect import Stated
 from haptic_teleop_sysid.logs.isolated import read_isolated
+from haptic_teleop_sysid.logs.matlab import announced_bytes
 from haptic_teleop_sysid.logs.reading import ReadOptions, read_log
 
 T, TORQUE, ANGLE, SPEED = machine(300)
@@ -131,12 +133,24 @@ def test_decimal_points_and_commas_in_one_file_are_refused(tmp_path):
         read_log(path)
 
 
-def test_a_cell_of_text_is_found_with_its_row(tmp_path):
+def test_a_cell_of_text_is_found_with_its_line(tmp_path):
     path = plain_table(tmp_path / "log.csv")
     lines = path.read_text().splitlines()
     lines[7] = "12,oops,3"
-    path.write_text("\n".join(lines))
-    assert read_log(path).columns[1].text == (7, "oops")
+    path.write_text("\n".join(["# a comment", *lines[:3], "", "# another", *lines[3:]]))
+    found = read_log(path, ReadOptions(rows=(3, 100))).columns[1]
+    assert found.text == (11, "oops") and "in line 11: mend it" in found.holds_text
+    assert path.read_text().splitlines()[10] == lines[7]
+
+
+def test_what_is_in_quotes_is_one_cell(tmp_path):
+    rows = [f'{t:.3f},"{1e6 * u:,.1f}","a, b",{q:.6f}' for t, u, q in zip(*DATA, strict=True)]
+    path = tmp_path / "log.csv"
+    path.write_text("\n".join(['t,"u, as it is",note,q', *rows]) + "\n")
+    log = read_log(path)
+    assert [c.name for c in log.columns] == ["t", "u, as it is", "note", "q"]
+    assert np.allclose(log.columns[3].values, ANGLE, atol=1e-6)
+    assert "take out what parts its thousands" in log.columns[1].holds_text
 
 
 def test_20_gigabytes_are_refused_at_once_and_a_part_of_them_is_streamed(tmp_path):
@@ -319,6 +333,17 @@ def bag(path, kind):
                     connections[topic] = writer.add_connection(topic, type_, typestore=store)
                 writer.write(connections[topic], received + 1000, serialize(message, type_))
     return path
+
+
+def test_a_mat_file_of_20_gigabytes_is_refused_unread(tmp_path):
+    scipy.io.savemat(tmp_path / "log.mat", {"t": T})
+    os.truncate(tmp_path / "log.mat", 20_000_000_000)  # sparse; walking over it would take a minute
+    with pytest.raises(RecordingError, match=r"20 GB.*save fewer variables"):
+        read_log(tmp_path / "log.mat")
+    os.truncate(tmp_path / "log.mat", 1_000_000_000)
+    begin = time.process_time()
+    assert announced_bytes(tmp_path / "log.mat") < 10_000
+    assert time.process_time() - begin < 1.0
 
 
 @pytest.mark.parametrize(("name", "kind"), [("log.bag", "ros1"), ("log", "MCAP"), ("log", "SQLITE3")])

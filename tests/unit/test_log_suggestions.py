@@ -52,6 +52,10 @@ def test_a_suggestion_says_how_sure_it_is_and_what_is_missing(tmp_path, capsys):
         tmp_path / "both.csv", ("time [ms]", "i_q", "enc", "omega"), (1e3 * T, TORQUE, counts, SPEED)
     )
     assert "counts_per_turn: 8192" in suggested(both, tmp_path, capsys).out
+    slow = (1e3 * T, TORQUE, counts, SPEED * 30.0 / np.pi)
+    rpm = table(tmp_path / "rpm.csv", ("time [ms]", "i_q", "enc", "omega"), slow)
+    out = suggested(rpm, tmp_path, capsys).out
+    assert "counts_per_turn: 8192" in out and "unit: rpm" in out  # by rad/s it would be 858
 
 
 def test_a_suggestion_takes_a_joint_that_a_force_drives_for_linear(tmp_path, capsys):

@@ -1,11 +1,14 @@
 """`model` gives a model with the parameters of the machine that the log is of, or says what it lacks."""
 
+import hashlib
+
 import numpy as np
 import pytest
 from joint_logs import DAMPING, INERTIA, machine, plain_table, table
 from joint_recordings import DT, TRUTH, response
 
 from haptic_teleop_sim.model import load_model
+from haptic_teleop_sysid import estimate
 from haptic_teleop_sysid.dataset import load_dataset
 from haptic_teleop_sysid.fit import simulated_fit
 from haptic_teleop_sysid.logs.opened import open_recording
@@ -91,10 +94,11 @@ def test_a_linear_axis_and_an_input_in_ampere_have_their_units(tmp_path, capsys)
     t, torque, angle, _ = machine()
     header = ("time [s]", "force [N]", "x [mm]")
     made(table(tmp_path / "log.csv", header, (t, torque, 1e3 * angle)), tmp_path)
-    assert "N*s^2/m" in capsys.readouterr().out
+    assert " kg\n" in capsys.readouterr().out
     header = ("time [s]", "current [A]", "angle [rad]")
     made(table(tmp_path / "log.csv", header, (t, torque, angle)), tmp_path, "--overwrite")
-    assert "per A of it" in capsys.readouterr().out
+    out = capsys.readouterr().out
+    assert "per A of it" in out and " A*s^2/rad\n" in out
 
 
 def test_every_joint_of_a_log_gets_its_model(tmp_path, capsys):
@@ -141,3 +145,30 @@ def test_what_looks_odd_in_a_log_is_said_before_its_numbers(tmp_path, capsys):
     log = table(tmp_path / "log.csv", header, (t, torque, far * angle, far * velocity))
     main(["--from", str(log), "--output", str(tmp_path / "model.yaml")])
     assert "are these degrees?" in " ".join(capsys.readouterr().err.split())
+
+
+def test_a_model_file_says_what_it_is_from_and_what_to_know_of_it(tmp_path):
+    angle, speed, acceleration = motion(1.2)
+    torque = 0.05 * acceleration + 0.1 * speed + 3.0 * np.sin(angle)
+    log = table(tmp_path / "log.csv", HEADER, (TIME, torque, angle))
+    made(log, tmp_path)
+    lines = (tmp_path / "model.yaml").read_text().splitlines()
+    above = lines[: lines.index("haptic_teleop_model: 1")]
+    assert above and all(line.startswith("# ") for line in above)
+    said = " ".join(above)
+    assert f"from log.csv, SHA-256 {hashlib.sha256(log.read_bytes()).hexdigest()}" in said
+    assert "no estimate" in said and "which the model lacks" in said and "fit of the input" in said
+
+
+def test_the_bounds_in_a_model_file_can_be_given_to_estimate_as_they_stand(tmp_path):
+    log = plain_table(tmp_path / "log.csv")
+    model = made(log, tmp_path)
+    text = (tmp_path / "model.yaml").read_text().splitlines()
+    bounds = next(line for line in text if "--bound" in line).split("--bound ")[1].split()
+    assert [b.split("=")[0] for b in bounds] == ["motor_inertia", "motor_damping"]
+    for bound in bounds:
+        name, span = bound.split("=")
+        low, high = map(float, span.split(":"))
+        assert low < model.parameters[name] < high
+    argv = ["--model", str(tmp_path / "model.yaml"), "--bag", str(log), "--output", str(tmp_path / "out")]
+    assert estimate.main([*argv, "--bound", *bounds]) == 0

@@ -6,7 +6,7 @@ from __future__ import annotations
 
 import difflib
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
@@ -157,10 +157,11 @@ class Model:
             content["io"] = dict(self.io)
         return content
 
-    def save(self, path: str | Path) -> None:
-        """Write the model file."""
+    def save(self, path: str | Path, comments: Sequence[str] = ()) -> None:
+        """Write the model file, with lines of comment above it."""
+        above = "".join(f"# {' '.join(line.split())}\n" for line in comments)
         text = dump_yaml(self.to_mapping(), default_flow_style=None)
-        Path(path).write_text(text, encoding="utf-8")
+        Path(path).write_text(above + text, encoding="utf-8")
 
 
 def parameter_bounds(model: Model, name: str) -> tuple[float, float]:

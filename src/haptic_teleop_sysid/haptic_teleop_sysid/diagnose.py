@@ -26,6 +26,7 @@ from haptic_teleop_sysid.diagnosis.plausible import refuse_implausible, with_con
 from haptic_teleop_sysid.diagnosis.summary import summary
 from haptic_teleop_sysid.logs.opened import open_recording
 from haptic_teleop_sysid.logs.reading import is_foreign
+from haptic_teleop_sysid.parameter_units import Units
 from haptic_teleop_sysid.preparation import with_damage_told
 from haptic_teleop_sysid.report import claim_output_directory
 from haptic_teleop_sysid.results import tool_version, write_json
@@ -58,6 +59,8 @@ def run(argv: list[str]) -> int:
             model, estimation, validation, progress.say, arguments.nulls, test
         )
         progress.say("writing the report")
+        units = Units.of(model, estimation[0])
+        content = units.restated_all(content)
         content |= {"runtime_s": round(time.perf_counter() - began, 2), "version": tool_version()}
         write_json(output / "diagnosis.json", content)
         replace(handed_on(proof)[1], source=str(output / "augmented_model.yaml")).save(
@@ -66,7 +69,7 @@ def run(argv: list[str]) -> int:
         write_acquire_file(output, model, content["next_experiment"])
         report = None
         if not arguments.no_report:
-            page = diagnosis_page(result, verdict, content, proof, records_of(estimation))
+            page = diagnosis_page(result, verdict, content, proof, records_of(estimation), units)
             report = page.write(output / "report.html")
     for name, problems in content["recordings"].items():
         for problem in problems:

@@ -15,6 +15,7 @@ from haptic_teleop_sysid.dataset import DataSet
 from haptic_teleop_sysid.estimation.result import Estimate
 from haptic_teleop_sysid.fit import SimulatedFit
 from haptic_teleop_sysid.parameter_table import HEADER, Row, as_text, parameter_rows
+from haptic_teleop_sysid.parameter_units import Units
 from haptic_teleop_sysid.report import Page, Panel, Series, stacked_panels
 from haptic_teleop_sysid.residual_picture import residual_picture
 from haptic_teleop_sysid.residuals import Residuals, reading
@@ -45,6 +46,11 @@ class Result:
     told: dict[str, list[str]]
 
 
+def units_of(result: Result) -> Units:
+    """The units of the machine that was estimated."""
+    return Units.of(result.estimate.model, next(iter(result.data.values())))
+
+
 def as_json(result: Result) -> dict[str, Any]:
     """The content of estimate.json."""
     found, unsure = result.estimate, result.estimate.uncertainty
@@ -59,7 +65,7 @@ def as_json(result: Result) -> dict[str, Any]:
         "message": found.message,
         "iterations": found.iterations,
         "estimation_s": found.seconds,
-        "parameters": [asdict(row) for row in parameter_rows(found)],
+        "parameters": [asdict(row) for row in parameter_rows(found, units_of(result))],
         "undetermined": {} if unsure is None else unsure.undetermined,
         "correlation": None if unsure is None else {"names": unsure.names, "matrix": unsure.correlation},
         "condition": None if unsure is None else unsure.condition,
@@ -177,7 +183,7 @@ def tables(result: Result) -> list[Table]:
     for column in shown:
         right = column in ("estimate", "std. error")
         found.add_column(column, justify="right" if right else "left", overflow="fold")
-    for row in parameter_rows(result.estimate):
+    for row in parameter_rows(result.estimate, units_of(result)):
         cells = dict(zip(HEADER, as_text(row), strict=True)) | {"remark": row.status}
         if row.value is None:
             cells["estimate"] = "–"
@@ -207,7 +213,7 @@ def page(result: Result) -> Page:
     report = Page("Estimated parameters", f"{found.model.robot} {found.model.joint}, {found.method}")
     for status, sentence in verdict(result):
         report.verdict(status, sentence)  # pyright: ignore[reportArgumentType]
-    rows = parameter_rows(found)
+    rows = parameter_rows(found, units_of(result))
     report.section("Parameters").table(HEADER, [as_text(row) for row in rows], "SI units; intervals of 95 %")
     _correlation(report, result)
     section = report.section(

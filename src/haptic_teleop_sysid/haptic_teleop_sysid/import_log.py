@@ -24,6 +24,7 @@ from haptic_teleop_sysid.logs.mapping import Mapping, load_mapping
 from haptic_teleop_sysid.logs.opened import imported
 from haptic_teleop_sysid.logs.proposal_text import mapping_text
 from haptic_teleop_sysid.logs.reading import SUFFIXES, ReadOptions, read_log
+from haptic_teleop_sysid.logs.second_look import mend, tried
 from haptic_teleop_sysid.logs.suggest import propose
 
 PARTLY = 1
@@ -104,17 +105,26 @@ def _suggest(files: list[Path], options: ReadOptions, mapping: Mapping | None) -
         raise ConfigurationError("--suggest proposes a mapping, and one is given: leave out --mapping.")
     log = read_log(files[0], options)
     proposal = propose(log)
-    print(mapping_text(log, proposal), end="")
+    refused, odd = tried(log, proposal)
+    mended = bool(refused) and mend(log, proposal)
+    again, odd = tried(log, proposal) if mended else (refused, odd)
+    print(mapping_text(log, proposal, again), end="")
     screen = Console(stderr=True)
-    for remark in log.remarks:
+    for remark in (*log.remarks, *proposal.notes, *odd):
         _say(screen, f"note: {remark}")
+    for doubt in proposal.doubts:
+        _say(screen, f"open: {doubt}")
     every = [c.sure for signals in proposal.joints.values() for c in signals.values()]
     every += [proposal.time.sure] if proposal.time else []
     counted = Counter(every)
     told = ", ".join(f"{counted[s]} {s}" for s in ("stated", "likely", "guessed", "missing") if counted[s])
-    verdict = (
-        "nothing is open: no mapping is needed" if not proposal.open else "look through what is not stated"
-    )
+    verdict = "look through what is not stated" if proposal.open else "nothing is open: no mapping is needed"
+    if again:
+        verdict = f"not to be imported as it stands: {again}"
+    elif mended:
+        verdict = (
+            f"look through what is not stated: by the headers alone it is refused ({refused.rstrip('.')})"
+        )
     _say(screen, f"{told or 'nothing was found'}: {verdict}")
     return 0
 

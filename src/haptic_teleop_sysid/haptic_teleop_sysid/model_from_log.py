@@ -12,14 +12,19 @@ from rich.console import Console
 
 from haptic_teleop_control.command_line import run_command
 from haptic_teleop_control.errors import ConfigurationError, HapticTeleopError, RecordingError
+from haptic_teleop_control.recording import Recording
 from haptic_teleop_sim.model import STRUCTURES
 from haptic_teleop_sysid.logs.opened import open_recording
+from haptic_teleop_sysid.parameter_units import Units
 from haptic_teleop_sysid.recorded_parameters import recorded_units
+from haptic_teleop_sysid.results import tool_version
 from haptic_teleop_sysid.starting_model import StartingModel, joints_in, starting_model
 from haptic_teleop_sysid.treatment_options import add_mapping_option
 
 PARTLY = 1
 """Exit status where some of several joints have no model."""
+WIDE = 10.0
+"""Factor by which the bounds in a model file's comment leave a parameter room."""
 
 
 def run(argv: list[str]) -> int:
@@ -58,12 +63,13 @@ def run(argv: list[str]) -> int:
             failed.append(joint)
             _say(screen, f"failed: {joint}: {' '.join(str(error).split())}")
             continue
+        units = recorded_units(recordings[first].experiment, str(joints[joint]["motor"]["joint"]))
+        lines = lines_of(found, units)
         try:
-            found.model.save(path)
+            found.model.save(path, [*_origin(recordings), *lines, *bounds_of(found)])
         except OSError as error:
             raise ConfigurationError(f"{path} cannot be written ({error}): name another --output.") from error
-        units = recorded_units(recordings[first].experiment, str(joints[joint]["motor"]["joint"]))
-        for line in lines_of(found, units):
+        for line in lines:
             _say(console, line)
         _say(console, f"model: {path}")
     if len(failed) == len(paths):
@@ -73,12 +79,11 @@ def run(argv: list[str]) -> int:
 
 def lines_of(found: StartingModel, units: dict[str, str]) -> list[str]:
     """What to know of a model, in lines."""
-    model, unit, position = found.model, units["input"], units["position"]
+    model, known = found.model, Units(units["position"], units["input"])
     lines = [f"{model.joint}: {model.structure}, by least squares below {found.cutoff:.3g} Hz"]
-    per = {"inertia": "*s^2", "damping": "*s", "stiffness": ""}
     for name, std in found.std.items():
         value = model.parameters[name]
-        lines.append(f"  {name} {value:.4g} ± {std:.2g} {unit}{per[name.rpartition('_')[2]]}/{position}")
+        lines.append(f"  {name} {value:.4g} ± {std:.2g} {known.of_parameter(model, name)}")
     lines.append(f"  fit of the input: {found.percent:.1f} %")
     if found.percent_beside > found.percent + 1.0:
         beside = ", ".join(f"{n} {v:.4g}" for n, v in found.beside.items())
@@ -87,6 +92,28 @@ def lines_of(found: StartingModel, units: dict[str, str]) -> list[str]:
             "is missing"
         )
     return lines + [f"  {one}" for one in found.told]
+
+
+def bounds_of(found: StartingModel) -> list[str]:
+    """Bounds for `estimate` that leave every parameter a factor of WIDE on either side."""
+    free = {n: v for n, v in found.model.parameters.items() if n not in found.model.fixed}
+    bounds = " ".join(f"{n}={v / WIDE:.3g}:{v * WIDE:.3g}" for n, v in free.items())
+    return [f"bounds for `estimate`, a factor of {WIDE:g} either way: --bound {bounds}"]
+
+
+def _origin(recordings: dict[str, Recording]) -> list[str]:
+    """What a model was made from, in lines."""
+    lines = [
+        f"By `haptic-teleop model` {tool_version()}, to start from: it is no estimate, and knows no noise."
+    ]
+    for name, recording in recordings.items():
+        story = recording.experiment.get("import")
+        story = story if isinstance(story, dict) else {}
+        digest = f", SHA-256 {story['sha256']}" if "sha256" in story else ""
+        file = f", of {story['file']}" if digest and story["file"] != Path(name).name else ""
+        lines.append(f"from {Path(name).name}{file}{digest}")
+        lines += [f"note: {odd}" for odd in story.get("odd", ())]
+    return lines
 
 
 def main(argv: list[str] | None = None) -> int:

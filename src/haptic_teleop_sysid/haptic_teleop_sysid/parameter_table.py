@@ -5,8 +5,8 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
-from haptic_teleop_sim.model import PARAMETER_UNITS, STRUCTURES, Model
 from haptic_teleop_sysid.estimation.result import Estimate
+from haptic_teleop_sysid.parameter_units import Units
 
 
 @dataclass(frozen=True)
@@ -24,25 +24,15 @@ class Row:
     note: str = ""
 
 
-def unit_of(model: Model, name: str) -> str:
-    """Unit of a parameter by its full name."""
-    if name in STRUCTURES[model.structure]:
-        plain_gain = name == "torque_constant" and model.robot != "sfj"
-        return "1" if plain_gain else PARAMETER_UNITS[name]
-    for effect in model.effects:
-        head = f"{effect.location}.{effect.effect}."
-        if name.startswith(head):
-            return effect.entry.parameter(name.removeprefix(head)).unit
-    return ""
-
-
-def parameter_rows(found: Estimate) -> list[Row]:
-    """All parameters of the model in its order, the estimated and the fixed ones."""
+def parameter_rows(found: Estimate, units: Units | None = None) -> list[Row]:
+    """All parameters of the model in its order, the estimated and the fixed ones; ``units`` of a machine that
+    is not turned by N·m."""
+    units = units or Units()
     values, start = found.model.parameter_values(), found.start.parameter_values()
     free, unsure = found.model.free_parameters(), found.uncertainty
     rows = []
     for name, value in values.items():
-        unit = unit_of(found.model, name)
+        unit = units.of_parameter(found.model, name)
         if name not in free:
             rows.append(Row(name, unit, start[name], value, None, None, "fixed"))
         elif unsure is None:

@@ -9,9 +9,10 @@ from typing import Any
 
 import numpy as np
 
-from haptic_teleop_sim.model import PARAMETER_UNITS, STRUCTURES, Model
+from haptic_teleop_sim.model import STRUCTURES, Model
 from haptic_teleop_sysid.estimation.gauss_newton import Fit, bounds, gauss_newton_step, normal_equations
 from haptic_teleop_sysid.estimation.records import Record
+from haptic_teleop_sysid.parameter_units import Units
 
 from .certainty import scaled_inverse, standard_errors
 from .decide import SIGNIFICANT
@@ -85,7 +86,7 @@ def column(
         first = before.get(name, 0.0)
         found[name] = Number(
             value,
-            unit_of(model, name),
+            Units().of_parameter(model, name),
             float(std) if free and np.isfinite(std) else None,
             value / first - 1.0 if first else None,
             sides.get(name),
@@ -168,15 +169,6 @@ def moved(given: Model, numbers: Mapping[str, Number]) -> list[dict[str, Any]]:
     return sorted(found, key=lambda m: -np.inf if m["change"] is None else -abs(m["change"]))
 
 
-def unit_of(model: Model, name: str) -> str:
-    """Unit of a parameter by its full name; a torque constant that is a plain gain has none."""
-    if name in PARAMETER_UNITS:
-        return "1" if name == "torque_constant" and model.robot != "sfj" else PARAMETER_UNITS[name]
-    head, _, tail = name.rpartition(".")
-    effect = next(e for e in model.effects if f"{e.location}.{e.effect}" == head)
-    return effect.entry.parameter(tail).unit
-
-
 def _undetermined(fit: Fit) -> list[str]:
     """Parameters that may change together without any effect on what is predicted (a gain and all that it
     scales)."""
@@ -187,4 +179,3 @@ def _undetermined(fit: Fit) -> list[str]:
     nothing = directions[:, values < _NOTHING * max(float(values[-1]), 1.0)]
     shares = np.sqrt(np.sum(nothing**2, axis=1))
     return [name for name, share in zip(fit.free, shares, strict=True) if share > _UNDETERMINED]
-

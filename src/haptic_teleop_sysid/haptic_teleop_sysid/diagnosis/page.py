@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -11,6 +12,7 @@ from matplotlib.figure import Figure
 
 from haptic_teleop_sysid.dataset import DataSet
 from haptic_teleop_sysid.estimation.records import Record
+from haptic_teleop_sysid.parameter_units import Units
 from haptic_teleop_sysid.report import Page, Panel, Series, stacked_panels
 from haptic_teleop_sysid.report.pictures import STYLE
 
@@ -42,8 +44,11 @@ def diagnosis_page(
     content: dict[str, Any],
     proof: Proof,
     estimation: Sequence[Record],
+    units: Units,
 ) -> Page:
-    """The page of one diagnosis; ``estimation``: what was fitted to."""
+    """The page of one diagnosis; ``estimation``: what was fitted to; ``units`` of the machine."""
+    verdict = replace(verdict, findings=units.restated_all(verdict.findings))
+    force = units.force.replace("*", "·")
     model = result.baseline.model
     count = sum(len(proof.parts[part]) for part in PARTS)
     page = Page(f"Diagnosis of {model.robot} {model.joint}", f"{model.structure}; {count} recordings")
@@ -64,10 +69,12 @@ def diagnosis_page(
         "Torque that the observer had to add to follow the first recording: with the "
         "given structure, and with what was found.",
     )
-    section.picture(_left_over_picture(result, estimation[0]), "left-over torque before and after")
+    section.picture(_left_over_picture(result, estimation[0], force), "left-over torque before and after")
     curves = [c for c in verdict.before[:3] if len(c.centre)]
     if curves:
-        section.picture(_curves(curves, verdict.remaining), "left-over torque against what it follows best")
+        section.picture(
+            _curves(curves, verdict.remaining, units), "left-over torque against what it follows best"
+        )
         section.table(
             ("equation", "depends on", "explained before", "explained after"),
             [
@@ -144,14 +151,14 @@ def _value(p: dict[str, Any]) -> str:
     return f"{p['value']:.5g}" + (f" ({LIMIT[p['at_bound']]})" if "at_bound" in p else "")
 
 
-def _left_over_picture(result: SearchResult, record: Record) -> Figure:
+def _left_over_picture(result: SearchResult, record: Record, force: str) -> Figure:
     before, after = left_over(result.baseline, record), left_over(result.final, record)
     panels = []
     for channel, name in enumerate(("motor",) if result.baseline.model.rigid else ("motor", "arm")):
         lines = [Series("given structure", before.time, before.torque[:, channel], colour=2)]
         if result.choices:
             lines.append(Series("with what was found", after.time, after.torque[:, channel], colour=1))
-        panels.append(Panel(f"left-over torque at the {name}", "N·m", lines))
+        panels.append(Panel(f"left-over torque at the {name}", force, lines))
     return stacked_panels(panels, x_label="time (s)")
 
 
@@ -166,7 +173,7 @@ def _after(condition: Condition, verdict: Verdict) -> float:
     )
 
 
-def _curves(curves: Sequence[Condition], remaining: Sequence[Condition]) -> Figure:
+def _curves(curves: Sequence[Condition], remaining: Sequence[Condition], units: Units) -> Figure:
     with rc_context(STYLE):
         figure = Figure(figsize=(8.6, 2.6), layout="constrained")
         panels = list(figure.subplots(1, len(curves), squeeze=False)[0])
@@ -178,8 +185,8 @@ def _curves(curves: Sequence[Condition], remaining: Sequence[Condition]) -> Figu
                         r.centre, r.torque, "o-", color="#2166ad", markersize=3, label="with what was found"
                     )
             axes.set_title(c.equation)
-            axes.set_xlabel(f"{c.name} ({c.unit})")
-        panels[0].set_ylabel("left-over torque (N·m)")
+            axes.set_xlabel(f"{c.name} ({units.restated(c.unit)})")
+        panels[0].set_ylabel(f"left-over torque ({units.force.replace('*', '·')})")
         panels[0].legend()
     return figure
 

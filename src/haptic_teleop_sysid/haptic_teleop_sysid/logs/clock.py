@@ -45,10 +45,8 @@ def stamps_of(
         )
     clock = log.find(mapping.time.column)
     if clock.text is not None:
-        row, cell = clock.text
         raise RecordingError(
-            f"{log.path}: the time {clock.name!r} holds text, {cell[:40]!r} in row {row}: mend it, or give "
-            "time: {rate: HZ} in the mapping."
+            f"{log.path}: the time {clock.holds_text}, or give time: {{rate: HZ}} in the mapping."
         )
     if clock.group != column.group or len(clock.values) != len(column.values):
         raise RecordingError(

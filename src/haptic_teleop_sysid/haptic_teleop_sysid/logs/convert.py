@@ -44,9 +44,12 @@ def convert(log: Log, mapping: Mapping) -> Recording:
     units: dict[str, dict[str, str]] = {}
     io: dict[str, Any] = {}
     by_rows: dict[str, _Rows] = {}
+    taken: dict[int, str] = {}
     for joint, entries in mapping.joints.items():
         signals = signals_of(log, joint, entries, mapping.source)
         changes += [s.told for s in signals.values()]
+        odd += [s.column.told for s in signals.values() if s.column.told]
+        odd += _shared(signals, taken)
         _one_joint(log, mapping, joint, signals, by_rows, changes, odd, io)
         linear = next(s for n, s in signals.items() if n != "input").quantity in ("length", "velocity")
         units[joint] = {"position": "m" if linear else "rad", "velocity": "m/s" if linear else "rad/s"}
@@ -148,6 +151,16 @@ def _one_joint(
         "motor": {"topic": topic, "joint": joint},
         "arm": {"topic": topic, "joint": joint + ARM} if arm else None,
     }
+
+
+def _shared(signals: dict[str, Signal], taken: dict[int, str]) -> list[str]:
+    """Columns that another joint has, too, in sentences; ``taken``: columns -> signals, added to."""
+    told = []
+    for signal in signals.values():
+        other = taken.setdefault(id(signal.column), signal.name)
+        if other != signal.name:
+            told.append(f"{signal.name} and {other} are both column {signal.column.name!r}: is that meant?")
+    return told
 
 
 def _sorted_told(told: list[str], changes: list[str], odd: list[str]) -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import csv
 import re
 from collections import Counter
 from dataclasses import dataclass
@@ -53,8 +54,14 @@ class Stated:
 
 
 def cells(line: str, delimiter: str) -> list[str]:
-    """The cells of a line, without space or quotes around them."""
-    parts = line.split() if delimiter == " " else line.rstrip("\r\n").split(delimiter)
+    """The cells of a line, without space or quotes around them; what is in quotes is one cell."""
+    text = line.rstrip("\r\n")
+    if delimiter == " ":
+        parts = text.split()
+    elif '"' in text:
+        parts = next(csv.reader([text], delimiter=delimiter, skipinitialspace=True))
+    else:
+        parts = text.split(delimiter)
     return [p.strip().strip('"').strip() for p in parts]
 
 

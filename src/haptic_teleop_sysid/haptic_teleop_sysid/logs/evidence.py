@@ -33,6 +33,10 @@ NEAR, ALIKE = 0.02, 0.95
 UNLIKE = 0.7
 #: Power, relative to the rms of input and velocity, below which the input brakes.
 BRAKES = -0.1
+#: Rows for which a position stands still, and share of the usual velocity meanwhile, to be told.
+_HELD, _MOVES = 50, 0.3
+#: Steps of a position that it must have missed meanwhile.
+_STEPS = 5.0
 #: Turns beyond which, in rad, a joint turns far.
 _FAR = 2.0
 
@@ -71,6 +75,12 @@ def relation(one: Array, other: Array) -> Relation | None:
     return Relation(spread[0] / spread[1] * np.sign(alike), alike)
 
 
+def still(values: Array) -> bool:
+    """Whether a signal (n,) has one value alone, or none."""
+    good = values[np.isfinite(values)]
+    return len(good) == 0 or bool(np.all(good == good[0]))
+
+
 def known_factor(ratio: float) -> tuple[float, str] | None:
     """(factor above one, what it is between) that a ratio, or one over it, comes near to; None for none."""
     size = abs(ratio) if abs(ratio) > 1.0 else 1.0 / max(abs(ratio), 1e-300)
@@ -84,7 +94,7 @@ def contradictions(time: Array, signals: Mapping[str, Signal]) -> tuple[list[str
     """Return (what refutes a declared unit or sign, what should be looked at), in sentences. ``time`` (n,) s
     of all the signals' rows."""
     refuted: list[str] = []
-    odd: list[str] = []
+    odd = [told for s in signals.values() if (told := _still(s))]
     for part in ("motor", "arm"):
         position, velocity = signals.get(f"{part}_position"), signals.get(f"{part}_velocity")
         if position is None or velocity is None or len(position.values) != len(time):
@@ -92,6 +102,7 @@ def contradictions(time: Array, signals: Mapping[str, Signal]) -> tuple[list[str
         if len(velocity.values) != len(time):
             continue
         found = derivative_relation(time, position.values, velocity.values)
+        odd += _held(time, position, velocity)
         if found is not None:
             _judge_derivative(position, velocity, found, refuted, odd)
     motor, arm = signals.get("motor_position"), signals.get("arm_position")
@@ -125,6 +136,42 @@ def contradictions(time: Array, signals: Mapping[str, Signal]) -> tuple[list[str
     return refuted, odd
 
 
+def _still(signal: Signal) -> str:
+    if not still(signal.values):
+        return ""
+    value = signal.values[np.isfinite(signal.values)][:1]
+    why = (
+        "nothing drives the joint, or another column is its input"
+        if signal.name.endswith(".input")
+        else "the joint does not move, or its sensor was not read"
+    )
+    return f"{_of(signal)} is {float(value[0]) if len(value) else np.nan:.6g} in every row: {why}"
+
+
+def _held(time: Array, position: Signal, velocity: Signal) -> list[str]:
+    """A position that stays where it is while its velocity goes on, by many of the position's steps."""
+    p, v = position.values, velocity.values
+    if len(p) < 2 * _HELD or still(p):
+        return []
+    ends = np.flatnonzero(np.r_[True, np.diff(p) != 0.0, True])
+    lengths = np.diff(ends)
+    usual = float(np.sqrt(np.nanmean(v**2)))
+    changes = np.abs(np.diff(p))
+    step = float(np.min(changes[changes > 0.0], initial=np.inf))
+    for k in np.argsort(lengths)[::-1][:20]:
+        run = slice(int(ends[k]), int(ends[k + 1]))
+        if lengths[k] < _HELD:
+            break
+        mean = abs(float(np.nanmean(v[run])))
+        way = mean * float(time[run.stop - 1] - time[run.start])
+        if mean > _MOVES * usual > 0.0 and way > _STEPS * step:
+            return [
+                f"{_of(position)} stands still for {lengths[k]} rows from row {run.start + 1} on, while "
+                f"{_of(velocity)} moves: was its sensor read?"
+            ]
+    return []
+
+
 def brakes(drive: Array, velocity: Array) -> bool:
     """Whether an input (n,) takes energy out of a joint of this velocity (n,), clearly and in both halves."""
     good = np.isfinite(drive) & np.isfinite(velocity)
@@ -153,7 +200,7 @@ def _judge_derivative(
     if abs(abs(found.ratio) - 1.0) > NEAR and (known := known_factor(found.ratio)):
         refuted.append(f"{how} (correlation {found.alike:.3f}): {known[1]}?")
     elif found.ratio < 0.0:
-        refuted.append(f"{_of(velocity)} is the derivative of {_of(position)} with the other sign")
+        refuted.append(f"{_of(velocity)} is the derivative of {_of(position)} with the other sign.")
     elif not 0.8 < found.ratio < 1.25:
         odd.append(f"{how}: is there a gear between the two?")
 

@@ -17,7 +17,7 @@ from haptic_teleop_sysid.logs.units import unit_of
 
 Array = NDArray[np.float64]
 _SCALES = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9}
-_PAIRS = (
+PAIRS = (
     ("rad", "rad/s"),
     ("deg", "deg/s"),
     ("deg", "rad/s"),
@@ -29,8 +29,12 @@ _PAIRS = (
     ("mm", "m/s"),
     ("m", "m/s"),
 )
+"""Units of position and velocity that go together in logs."""
 #: rad that a joint hardly exceeds, and degrees that most stay within.
 _RADIANS, _DEGREES = 2.1 * np.pi, 400.0
+#: Counts per turn of encoders that are made, and how near to one a measured number must be.
+_ENCODERS = (*(float(2**k) for k in range(9, 25)), 2000.0, 4000.0, 8000.0, 10000.0, 20000.0, 40000.0)
+_ENCODER_NEAR = 0.002
 #: m that a linear axis hardly exceeds.
 _METRES = 5.0
 
@@ -76,27 +80,32 @@ def guess_units(
 ) -> None:
     """Put units into the choices `found` whose columns state none, and lower or explain how sure they are."""
     linear = None
-    if "input" in chosen:
-        drive = unit_of(chosen["input"].column.stated or input_unit_by_name(chosen["input"].column))
+    states = [c for n, c in chosen.items() if n != "input"]
+    if "input" in chosen and any(c.column.group == chosen["input"].column.group for c in states):
+        drive = unit_of(chosen["input"].column.known or input_unit_by_name(chosen["input"].column))
         linear = {"force": True, "torque": False}.get(drive.quantity) if drive else None
     for part in ("motor", "arm"):
         names = [n for n in (f"{part}_position", f"{part}_velocity") if n in chosen]
-        if len(names) == 2 and not all(chosen[n].column.stated for n in names):
+        counted = [n for n in names if _in_counts(chosen[n].column.known)]
+        if len(names) == 2 and (counted or not all(chosen[n].column.known for n in names)):
             _by_derivative(log, chosen, found, names, time, linear)
         for name in names:
             choice, column = found[name], chosen[name].column
-            if column.stated or choice.entry.unit:
+            if name in counted and choice.entry.counts_per_turn is None:
+                choice.entry = replace(choice.entry, unit="counts")
+                choice.less("missing", "fill in counts_per_turn (of the joint, behind quadrature and gear)")
+            if column.known or choice.entry.unit:
                 continue
             unit, sure, why = _by_range(column.values, name, column.name.startswith("/"), linear)
             choice.entry = replace(choice.entry, unit=unit)
             choice.less(sure, why)
     for name in ("motor_position", "arm_position"):
-        unit = unit_of(found[name].entry.unit or chosen[name].column.stated) if name in found else None
+        unit = unit_of(found[name].entry.unit or chosen[name].column.known) if name in found else None
         if unit and unit.quantity == "angle" and (times := wraps(unit.factor * chosen[name].column.values)):
             found[name].entry = replace(found[name].entry, unwrap=True)
             found[name].less("likely", f"it jumps by a whole turn {times} times")
     _sign(chosen, found)
-    if "input" in chosen and not chosen["input"].column.stated:
+    if "input" in chosen and not chosen["input"].column.known:
         choice = found["input"]
         unit = input_unit_by_name(chosen["input"].column)
         choice.entry = replace(choice.entry, unit=unit)
@@ -138,39 +147,58 @@ def _by_derivative(
         return
     fitting = [
         pair
-        for pair in _PAIRS
+        for pair in PAIRS
         if abs(abs(related.ratio) * _factor(pair[0]) / _factor(pair[1]) - 1.0) < NEAR
-        and position.stated in ("", pair[0])
-        and velocity.stated in ("", pair[1])
+        and position.known in ("", pair[0])
+        and velocity.known in ("", pair[1])
         and linear in (None, pair[0] in ("m", "mm"))
     ]
-    if position.stated and not velocity.stated:
-        fitting = [p for p in fitting if p[0] == position.stated]
+    if position.known and not velocity.known:
+        fitting = [p for p in fitting if p[0] == position.known]
     why = f"the position moves {abs(related.ratio):.4g} times as far as the integral of the velocity"
     if not fitting:
-        counts = abs(related.ratio) * 2.0 * np.pi
+        speed, counts = _encoder(abs(related.ratio), velocity.known)
         if np.all(position.values[np.isfinite(position.values)] % 1.0 == 0.0) and counts > 50.0:
             found[names[0]].entry = replace(
                 found[names[0]].entry, unit="counts", counts_per_turn=round(counts)
             )
             found[names[0]].less(
-                "guessed", f"whole numbers; {counts:.5g} counts per turn if the velocity is in rad/s"
+                "guessed", f"whole numbers; {counts:.5g} counts per turn if the velocity is in {speed}"
             )
-            found[names[1]].entry = replace(found[names[1]].entry, unit="rad/s")
-            found[names[1]].less("guessed", why)
+            if not velocity.known:
+                found[names[1]].entry = replace(found[names[1]].entry, unit=speed)
+                found[names[1]].less("guessed", why)
         else:
             found[names[1]].less("guessed", f"{why}, which fits no usual pair of units")
         return
     by_range = _by_range(position.values, names[0], False, linear)[0]
     pair = next((p for p in fitting if p[0] == by_range), fitting[0])
     for name, unit, column in zip(names, pair, (position, velocity), strict=True):
-        if column.stated:
+        if column.known:
             continue
         found[name].entry = replace(found[name].entry, unit=unit)
         found[name].less("likely", f"{why}, as of {pair[0]} and {pair[1]}")
     if related.ratio < 0.0:
         found[names[1]].entry = replace(found[names[1]].entry, sign=-1)
         found[names[1]].less("likely", "against the position, so its sign is reversed")
+
+
+def _encoder(ratio: float, speed: str) -> tuple[str, float]:
+    """(unit of the velocity, counts per turn) by how many counts the position moves per integral of the
+    velocity: where no unit is known, the one by which an encoder that is made comes out, else rad/s."""
+    if speed:
+        return speed, ratio * 2.0 * np.pi / _factor(speed)
+    for unit in ("rad/s", "rpm", "deg/s", "rev/s"):
+        counts = ratio * 2.0 * np.pi / _factor(unit)
+        for lines in _ENCODERS:
+            if abs(counts / lines - 1.0) < _ENCODER_NEAR:
+                return unit, lines
+    return "rad/s", ratio * 2.0 * np.pi
+
+
+def _in_counts(unit: str) -> bool:
+    found = unit_of(unit)
+    return found is not None and bool(dict(found.powers).get("count"))
 
 
 def _factor(unit: str) -> float:

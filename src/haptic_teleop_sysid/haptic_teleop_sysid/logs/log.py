@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import difflib
+import re
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -22,23 +23,47 @@ MOST_BYTES = 2 << 30
 class Column:
     """One column: ``name`` as in the file (a number where there is no header), ``values`` (n,) float64 with
     NaN where nothing is there, ``unit`` as the file states it or "", ``group``: columns of one group share
-    their rows. ``text``: (row, cell) of the first cell that is text, else None."""
+    their rows (in a bag, the topic). ``text``: (line of the file, cell) of the first cell that is text, else
+    None. ``usual``: the unit by convention (REP 103), which a mapping may contradict. ``told``: what was done
+    to its values, in a sentence."""
 
     name: str
     values: NDArray[np.float64]
     unit: str = ""
     group: str = ""
     text: tuple[int, str] | None = None
+    usual: str = ""
+    told: str = ""
+
+    @property
+    def recorded(self) -> bool:
+        """Whether it is a field of a topic: `/states:position[m]` is of a joint m, not in metres."""
+        return self.group.startswith("/")
 
     @property
     def label(self) -> str:
         """The name without the unit."""
-        return split_header(self.name)[0]
+        return self.name if self.recorded else split_header(self.name)[0]
 
     @property
     def stated(self) -> str:
         """The unit that the file states, in a place of its own or in the name; "" for none."""
-        return self.unit or split_header(self.name)[1]
+        return self.unit or ("" if self.recorded else split_header(self.name)[1])
+
+    @property
+    def holds_text(self) -> str:
+        """Which cell is text, and what to do; "" for none."""
+        if self.text is None:
+            return ""
+        line, cell = self.text
+        grouped = re.fullmatch(r"[+-]?\d{1,3}([,.' ]\d{3})+([.,]\d+)?", cell.strip()) is not None
+        remedy = "take out what parts its thousands" if grouped else "mend it"
+        return f"{self.name!r} holds text, first {cell[:40]!r} in line {line}: {remedy}"
+
+    @property
+    def known(self) -> str:
+        """The unit that the file states, else the usual one."""
+        return self.stated or self.usual
 
 
 @dataclass(frozen=True)

@@ -13,7 +13,7 @@ from matio import load_from_mat, whosmat
 
 from haptic_teleop_control.errors import RecordingError
 from haptic_teleop_sysid.logs.arrays import columns_of
-from haptic_teleop_sysid.logs.log import Log, refuse_bytes
+from haptic_teleop_sysid.logs.log import MOST_BYTES, Log, refuse_bytes
 
 _COMPRESSED = 15
 #: What whosmat calls variables that are no objects.
@@ -40,7 +40,7 @@ _EXPORT = "s = struct(x); save('plain.mat', '-struct', 's')"
 def read_matlab(path: Path) -> Log:
     """Return the numeric content of a MAT file. Raises RecordingError where there is none: for objects that
     only MATLAB opens with the line to type there."""
-    refuse_bytes(path, _announced(path), "save fewer variables, or a part of them, in MATLAB")
+    refuse_bytes(path, announced_bytes(path), "save fewer variables, or a part of them, in MATLAB")
     try:
         classes = {name: str(kind) for name, (_, kind) in whosmat(str(path)).items()}
     except Exception as error:  # libraries raise of every kind on a damaged file
@@ -92,8 +92,14 @@ def _sentence(name: str, kind: str) -> str:
     )
 
 
-def _announced(path: Path) -> float:
-    """Bytes that the variables of a file announce to fill, found without unpacking them."""
+def announced_bytes(path: Path) -> float:
+    """Bytes that the variables of a file announce to fill, found without unpacking them; no less than those
+    of the file."""
+    size = path.stat().st_size
+    return size if size > MOST_BYTES else _summed(path)
+
+
+def _summed(path: Path) -> float:
     with path.open("rb") as stream:
         head = stream.read(1024)
         if _HDF5 in (head[:8], head[512:520]):
@@ -108,6 +114,8 @@ def _announced(path: Path) -> float:
             if len(tag) < 8:
                 return total
             kind, size = struct.unpack(f"{order}II", tag)
+            if kind == 0:
+                return total  # zeros, as of a file that was not written to its end
             if kind == _COMPRESSED:
                 start = zlib.decompressobj().decompress(stream.read(min(size, 256)), 8)
                 total += struct.unpack(f"{order}II", start)[1] if len(start) == 8 else 0

@@ -61,9 +61,11 @@ def imported(path: Path, mapping: Mapping | None, options: ReadOptions | None = 
             "--mapping mapping.yaml."
         )
     found = proposal.mapping("header")
+    if proposal.notes:
+        found = replace(found, notes=tuple(proposal.notes))
     if proposal.unused:
         unused = tuple(c for c in log.columns if c.name in proposal.unused)
-        found = replace(found, notes=(f"columns that were not needed: {named(unused)}",))
+        found = replace(found, notes=(*found.notes, f"columns that were not needed: {named(unused)}"))
     return convert(log, found)
 
 

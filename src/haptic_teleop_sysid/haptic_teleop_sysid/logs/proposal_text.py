@@ -14,13 +14,16 @@ from haptic_teleop_sysid.logs.suggest import MISSING, Choice, Proposal
 _FILL = "FILL IN"
 
 
-def mapping_text(log: Log, proposal: Proposal) -> str:
-    """Return the mapping file; entries that are not stated by the file's headers say how sure they are."""
+def mapping_text(log: Log, proposal: Proposal, refused: str = "") -> str:
+    """Return the mapping file; entries that are not stated by the file's headers say how sure they are.
+    ``refused``: why `import` does not take it yet."""
     lines = [
         f"# Proposed for {log.path.name}. Look it through: what is not `stated` was drawn from names, ranges",
         "# and the agreement between columns.",
         f"haptic_teleop_import: {VERSION}",
     ]
+    if refused:
+        lines.insert(2, f"# Not to be imported as it stands: {_line(refused)}")
     if proposal.time is not None:
         lines.append(f"time: {_entry(proposal.time)}")
     elif not log.stamps:
@@ -52,7 +55,12 @@ def _entry(choice: Choice) -> str:
     if content.get("unit") == "counts" and "counts_per_turn" not in content:
         content["counts_per_turn"] = _FILL
     flow = ", ".join(f"{key}: {_scalar(value)}" for key, value in content.items())
-    return f"{{{flow}}}  # {choice.sure}: {'; '.join(choice.why)}"
+    return f"{{{flow}}}  # {choice.sure}: {_line('; '.join(choice.why))}"
+
+
+def _line(text: str) -> str:
+    """A text as a comment may hold it."""
+    return "".join(c if c.isprintable() else " " for c in text)
 
 
 def _scalar(value: Any) -> str:

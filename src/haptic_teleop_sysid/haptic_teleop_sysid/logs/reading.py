@@ -8,6 +8,7 @@ from pathlib import Path
 
 from haptic_teleop_control.errors import ConfigurationError, HapticTeleopError, RecordingError
 from haptic_teleop_sysid.logs.dialect import Stated
+from haptic_teleop_sysid.logs.fill_values import without_fill
 from haptic_teleop_sysid.logs.log import Log
 
 BAG_SUFFIXES = (".mcap", ".db3", ".bag")
@@ -47,7 +48,8 @@ def read_log(path: Path, options: ReadOptions | None = None) -> Log:
             f"--rows goes with tables, and {path} is a bag: cut it with `ros2 bag convert`."
         )
     try:
-        return _read(path, kind, options)
+        log = _read(path, kind, options)
+        return replace(log, columns=tuple(without_fill(c) for c in log.columns))
     except HapticTeleopError:
         raise
     except MemoryError as error:

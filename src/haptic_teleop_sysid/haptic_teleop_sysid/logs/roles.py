@@ -61,7 +61,8 @@ _QUANTITY_ROLE = {
 class Candidate:
     """A column as it may be taken: ``role`` ("time", "input", "position", "velocity"), ``part`` ("motor",
     "arm" or "" for not said), ``joint``: what its name says of which joint it is ("" for nothing),
-    ``stated``: its unit says the role; ``command``: it names what was asked for, not what was measured."""
+    ``stated``: its unit says the role; ``command``: it names what was asked for, not what was measured;
+    ``why``: what says its role, "" for its name."""
 
     column: Column
     role: str
@@ -70,6 +71,7 @@ class Candidate:
     stated: bool
     command: bool
     measured: bool
+    why: str = ""
 
 
 def candidate(column: Column) -> Candidate | None:
@@ -79,7 +81,7 @@ def candidate(column: Column) -> Candidate | None:
     known = set(words) | {"".join(words)}
     if known & _NEITHER and not known & _WORDS["time"]:
         return None
-    unit = unit_of(column.stated)
+    unit = unit_of(column.known)
     role, stated = "", False
     if unit is not None:
         role = _QUANTITY_ROLE.get(unit.quantity, "")
@@ -91,7 +93,8 @@ def candidate(column: Column) -> Candidate | None:
     if not role:
         return None
     part = "motor" if known & _MOTOR else "arm" if known & _ARM else ""
-    return Candidate(column, role, part, joint, stated, bool(known & _COMMAND), bool(known & _ACTUAL))
+    why = f"{role} in {column.usual} by REP 103; of a linear joint, give m, m/s, N" if column.usual else ""
+    return Candidate(column, role, part, joint, stated, bool(known & _COMMAND), bool(known & _ACTUAL), why)
 
 
 def counts_rows(column: Column) -> bool:

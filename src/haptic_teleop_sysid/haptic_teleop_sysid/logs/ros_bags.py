@@ -25,6 +25,7 @@ _UNITS = (
     ("twist.angular", "rad/s"),
     ("twist.linear", "m/s"),
 )
+_OF_JOINTS = {"position": "rad", "velocity": "rad/s", "effort": "N*m"}
 
 
 def read_bag(path: Path, topics: Sequence[str] | None = None, definitions: Sequence[Path] = ()) -> Log:
@@ -143,10 +144,14 @@ class _Rows:
     def columns(self, topic: str) -> list[Column]:
         table = np.array(self.values, dtype=np.float64)
         return [
-            Column(f"{topic}:{path}", table[:, k].copy(), self._unit(path), topic)
+            Column(f"{topic}:{path}", table[:, k].copy(), self._unit(path), topic, usual=self._usual(path))
             for k, path in enumerate(self.paths)
         ]
 
+    def _usual(self, path: str) -> str:
+        """The unit by REP 103 of a turning joint; a joint may be linear, so a mapping can say otherwise."""
+        return _OF_JOINTS.get(path.partition("[")[0], "") if self.kind == "sensor_msgs/msg/JointState" else ""
+
     def _unit(self, path: str) -> str:
-        """The unit by REP 103, where the type leaves no other; a joint may be linear, so it is not stated."""
+        """The unit by REP 103, where the type leaves no other."""
         return next((unit for part, unit in _UNITS if part in path), "")

@@ -38,8 +38,8 @@ class Signal:
 def signals_of(log: Log, joint: str, entries: MappingType[str, Entry], source: str) -> dict[str, Signal]:
     """Return the joint's signals in SI units.
 
-    Raises ConfigurationError for a column without a unit, or of a unit that its place cannot have;
-    MismatchError where the mapping contradicts the file; RecordingError for cells that are text.
+    Raises ConfigurationError for a column without a unit, of a unit that its place cannot have, or named
+    twice; MismatchError where the mapping contradicts the file; RecordingError for cells that are text.
     """
     found = {name: _signal(log, f"{joint}.{name}", entry, source) for name, entry in entries.items()}
     kinds = {n: s.quantity in ("length", "velocity") for n, s in found.items() if n != "input"}
@@ -58,20 +58,32 @@ def signals_of(log: Log, joint: str, entries: MappingType[str, Entry], source: s
                 f"{'m' if linear else 'rad'} and its input is in {drive.declared}: give it a gain with "
                 f"gain_unit {'N/(N*m)' if linear else 'm'}."
             )
+    _refuse_shared(joint, found, source)
     return found
+
+
+def _refuse_shared(joint: str, signals: MappingType[str, Signal], source: str) -> None:
+    seen: dict[int, str] = {}
+    for name, signal in signals.items():
+        other = seen.setdefault(id(signal.column), name)
+        if other != name:
+            raise ConfigurationError(
+                f"{source}: column {signal.column.name!r} is both {other} and {name} of {joint}: name "
+                "another column for one of them, or leave it out."
+            )
 
 
 def unit_in_force(log: Log, column: Column, entry: Entry, where: str, source: str) -> Unit:
     """The unit of the numbers in a column: what the mapping says, which may not contradict the file unless
     it names the column by its number."""
-    stated, given = unit_of(column.stated), unit_of(entry.unit)
-    if given is None and stated is None:
+    stated, given, usual = unit_of(column.stated), unit_of(entry.unit), unit_of(column.usual)
+    if given is None and stated is None and usual is None:
         raise ConfigurationError(
             f"{source}: {where}: nothing says in which unit column {column.name!r} of {log.path} is: give "
             "unit (deg, counts, rpm, mA, N*mm, ...)."
         )
     if given is None or stated is None or isinstance(entry.column, int):
-        return given or stated  # pyright: ignore[reportReturnType]
+        return given or stated or usual  # pyright: ignore[reportReturnType]
     if given.powers != stated.powers or abs(given.factor / stated.factor - 1.0) > 1e-9:
         raise MismatchError(
             f"{source}: {where} says {given.text}, but {log.path} says {stated.text} in the header "
@@ -88,7 +100,8 @@ def _signal(log: Log, name: str, entry: Entry, source: str) -> Signal:
     if not np.any(np.isfinite(column.values)):
         raise RecordingError(f"{log.path}: column {column.name!r} holds no number: name another for {where}.")
     unit = unit_in_force(log, column, entry, where, source)
-    told = f"{name}: column {column.name!r} in {unit.text}"
+    convention = " by REP 103" if column.usual and not entry.unit and not column.stated else ""
+    told = f"{name}: column {column.name!r} in {unit.text}{convention}"
     factor = entry.sign * entry.gain
     if dict(unit.powers).get("count"):
         if entry.counts_per_turn is None and not entry.gain_unit:
@@ -150,8 +163,4 @@ def wraps(angle: Array) -> int:
 
 def _refuse_text(log: Log, column: Column) -> None:
     if column.text is not None:
-        row, cell = column.text
-        raise RecordingError(
-            f"{log.path}: column {column.name!r} holds text, first {cell[:40]!r} in row {row}: mend it, or "
-            "name another column."
-        )
+        raise RecordingError(f"{log.path}: column {column.holds_text}, or name another column.")

@@ -8,6 +8,8 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
+from haptic_teleop_sysid.logs.by_agreement import by_agreement, nameless
+from haptic_teleop_sysid.logs.evidence import still
 from haptic_teleop_sysid.logs.guess import TimeGuess, guess_time, guess_units
 from haptic_teleop_sysid.logs.log import Column, Log
 from haptic_teleop_sysid.logs.mapping import Entry, Mapping
@@ -36,12 +38,16 @@ class Choice:
 @dataclass
 class Proposal:
     """A mapping that was found: ``time`` (None where the log's own stamps count), ``joints``: name -> signal
-    -> Choice; ``open``: what headers leave open, in sentences; ``unused``: columns that no entry names."""
+    -> Choice; ``open``: what headers leave open, in sentences, ``doubts`` those of
+    them that no entry tells of; ``unused``: columns that no entry names; ``notes``: what was settled without
+    being open."""
 
     time: Choice | None
     joints: dict[str, dict[str, Choice]]
     open: list[str]
     unused: list[str]
+    doubts: list[str]
+    notes: list[str]
 
     @property
     def usable(self) -> bool:
@@ -60,14 +66,18 @@ class Proposal:
 def propose(log: Log) -> Proposal:
     """Return the mapping that a log's columns suggest."""
     opened: list[str] = []
+    notes: list[str] = []
     usable = [one for one in log.columns if one.text is None and np.any(np.isfinite(one.values))]
     candidates = [c for c in map(candidate, usable) if c]
     for one in log.columns:
         if one.text is not None and candidate(one) is not None:
-            row, cell = one.text
-            opened.append(f"{one.name!r} holds text, first {cell[:40]!r} in row {row}")
-    time, guess = _time(log, candidates, opened)
+            opened.append(one.holds_text)
+    time, guess = _time(log, candidates, opened, notes)
     states = [c for c in candidates if c.role in ("position", "velocity")]
+    others = [c for c in usable if time is None or c.name != time.entry.column]
+    if guess is not None and (not states or nameless(others)):
+        candidates = by_agreement(others, guess.seconds)
+        states = [c for c in candidates if c.role in ("position", "velocity")]
     measured = [c for c in states if not c.command] or states
     joints: dict[str, dict[str, Choice]] = {}
     for joint in joint_names(measured) or [""]:
@@ -80,14 +90,15 @@ def propose(log: Log) -> Proposal:
     named |= {time.entry.column} if time else set()
     unused = [c.name for c in log.columns if c.name not in named]
     every = [c for signals in joints.values() for c in signals.values()]
+    doubts = list(dict.fromkeys(opened))
     for choice in [*([time] if time else []), *every]:
         if choice.sure != STATED:
             opened.append(f"{choice.entry.column!r}: {'; '.join(choice.why)}")
-    return Proposal(time, joints, list(dict.fromkeys(opened)), unused)
+    return Proposal(time, joints, list(dict.fromkeys(opened)), unused, doubts, notes)
 
 
 def _time(
-    log: Log, candidates: Sequence[Candidate], opened: list[str]
+    log: Log, candidates: Sequence[Candidate], opened: list[str], notes: list[str]
 ) -> tuple[Choice | None, TimeGuess | None]:
     if log.stamps:
         return None, None
@@ -97,6 +108,7 @@ def _time(
         names = " and ".join(repr(c.column.name) for c in found)
         same = _same_clock(stated) if len(stated) == len(found) else False
         if same:
+            notes.append(f"{names} tell the same time: the one with more digits is taken")
             found = stated = [max(stated, key=lambda c: len(np.unique(c.column.values)))]
         else:
             opened.append(f"{names} may each be the time")
@@ -112,7 +124,7 @@ def _time(
         )
         return choice, guess
     chosen = (stated or found)[0]
-    guess = guess_time(chosen.column.values, chosen.column.stated)
+    guess = guess_time(chosen.column.values, chosen.column.known)
     if chosen.stated:
         choice = Choice(_entry(log, chosen.column), STATED, ["its unit is one of time"])
         if len(found) > 1:
@@ -129,7 +141,7 @@ def _entry(log: Log, column: Column) -> Entry:
     """The entry of a column, by its number where others have its name."""
     if sum(c.name == column.name for c in log.columns) == 1:
         return Entry(column.name)
-    return Entry(log.number(column), column.stated)
+    return Entry(log.number(column), column.known)
 
 
 def _same_clock(clocks: Sequence[Candidate]) -> bool:
@@ -137,7 +149,7 @@ def _same_clock(clocks: Sequence[Candidate]) -> bool:
 
     times = []
     for c in clocks:
-        unit = unit_of(c.column.stated)
+        unit = unit_of(c.column.known)
         assert unit is not None
         times.append((c.column.values - c.column.values[0]) * unit.factor)
     period = float(np.median(np.abs(np.diff(times[0])))) or 1.0
@@ -205,7 +217,9 @@ def _parts(
         else:
             continue
         choice = Choice(
-            _entry(log, pick.column), STATED if pick.stated else LIKELY, [f"{part} {role} by its name"]
+            _entry(log, pick.column),
+            STATED if pick.stated else LIKELY,
+            [f"{part} {pick.why or f'{role} by its name'}"],
         )
         if not pick.part and doubtful:
             choice.less(GUESSED, f"nothing says whether it is the motor's or the arm's {role}")
@@ -234,12 +248,21 @@ def _input(
         opened.append(f"no column is the input (torque, force, current, voltage) of {joint or 'the joint'}")
         return
     rank = {"N*m": 0, "N": 0, "A": 1, "V": 2}
+    groups = {c.column.group for n, c in chosen.items()}
 
-    def order(c: Candidate) -> tuple[int, int]:
-        return rank.get(input_unit_by_name(c.column), 0), 0 if c.measured else 2 if c.command else 1
+    def order(c: Candidate) -> tuple[int | bool, ...]:
+        named = input_unit_by_name(c.column)
+        pushes = bool(log.stamps) and (c.column.known or named) == "N"  # the joints of ROS mostly turn
+        asked = 0 if c.measured else 2 if c.command else 1
+        return still(c.column.values), c.column.group not in groups, pushes, rank.get(named, 0), asked
 
     pick = min(own, key=order)
-    choice = Choice(_entry(log, pick.column), STATED if pick.stated else LIKELY, ["input by its name"])
+    sure = STATED if pick.stated else GUESSED if pick.why else LIKELY
+    choice = Choice(_entry(log, pick.column), sure, [pick.why or "input by its name"])
+    if still(pick.column.values) and not pick.stated:
+        choice.less(GUESSED, "it is constant: a joint is identified by an input that changes")
+    if log.stamps and pick.column.group not in groups:
+        choice.less(GUESSED, f"of {pick.column.group}: nothing says that it drives this joint")
     if len(own) > 1:
         names = ", ".join(repr(c.column.name) for c in own if c is not pick)
         opened.append(f"{names} may be the input as well as {pick.column.name!r}")

@@ -62,11 +62,14 @@ def read_text(path: Path, stated: Stated | None, rows: tuple[int, int] | None, s
             )
         left_out |= {line for line, _ in found.ragged}
         remarks.append(f"{len(found.ragged)} ragged rows were left out ({told})")
-    frame = _parsed(path, dialect, dialect.first + start, found.rows, left_out)
+    first = dialect.first + start
+    frame = _parsed(path, dialect, first, found.rows, left_out)
+    lines = np.setdiff1d(np.arange(first, first + found.rows), sorted(left_out)) + 1
     columns = []
     for number in range(len(dialect.names)):
         header = dialect.names[number] or str(number + 1)
-        values, text, unit = _numbers(frame[number])
+        values, bad, unit = _numbers(frame[number])
+        text = None if bad is None else (int(lines[bad[0]]), bad[1])
         if not dialect.names[number] and text is None and not np.any(np.isfinite(values)):
             continue  # behind a delimiter that ends the rows
         columns.append(Column(header, values, unit or dialect.units[number], "", text))
@@ -113,8 +116,7 @@ def _width(line: str, dialect: Dialect) -> int:
     if dialect.delimiter == " ":
         return len(line.split())
     if '"' in line:
-        parts = line.split('"')
-        return 1 + sum(part.count(dialect.delimiter) for part in parts[::2])
+        return len(cells(line, dialect.delimiter))
     return line.count(dialect.delimiter) + 1
 
 
@@ -145,12 +147,13 @@ def _parsed(path: Path, dialect: Dialect, first: int, count: int, left_out: set[
 
 
 def _numbers(values: Any) -> tuple[NDArray[np.float64], tuple[int, str] | None, str]:
-    """The numbers of a column, NaN where there is none; the first cell that is text; "s" for dates."""
+    """The numbers of a column, NaN where there is none; (row from 0, cell) of the first cell that is text;
+    "s" for dates."""
     if pd.api.types.is_numeric_dtype(values) or pd.api.types.is_bool_dtype(values):
         return values.to_numpy(np.float64), None, ""
     numbers: Any = pd.to_numeric(values, errors="coerce")
     bad = np.flatnonzero((numbers.isna() & values.notna()).to_numpy())
-    first = (int(bad[0]) + 1, str(values.iloc[int(bad[0])])) if len(bad) else None
+    first = (int(bad[0]), str(values.iloc[int(bad[0])])) if len(bad) else None
     if first is not None and len(bad) == int(values.notna().sum()):
         instants = _instants(values)
         if instants is not None:
