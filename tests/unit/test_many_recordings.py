@@ -33,6 +33,9 @@ def test_bags_and_logs_are_found_at_any_depth_whatever_state_they_are_in(tmp_pat
         (tmp_path / name).write_text("")
     names = [f.name for f in find_recordings([tmp_path])]
     assert names == ["a", "d.mcap", "deep/er/b", "log.csv"]
+    (tmp_path / "deep" / "trend.json").write_text("")
+    assert [f.name for f in find_recordings([tmp_path])] == ["a", "d.mcap", "log.csv"]
+    (tmp_path / "deep" / "trend.json").unlink()
     assert [f.name for f in find_recordings([tmp_path / "a", tmp_path / "deep"])] == ["a", "er/b"]
     with pytest.raises(ConfigurationError, match="given twice"):
         find_recordings([tmp_path / "a", tmp_path])

@@ -14,6 +14,7 @@ from rich.console import Console
 
 from haptic_teleop_control.command_line import run_command
 from haptic_teleop_sim.model import load_model
+from haptic_teleop_sysid.diagnose import run as diagnose
 from haptic_teleop_sysid.estimation.strategies import check_start
 from haptic_teleop_sysid.estimation_run import Choices
 from haptic_teleop_sysid.many.characterise import characterise
@@ -72,12 +73,12 @@ def run(argv: list[str]) -> int:
     values = {c.quantity.name: c.centre for c in trend.charts if c.quantity.name in model.free_parameters()}
     new = output / "reference_model.yaml"
     replace(model.with_values(values), source="the reference of a trend").save(new)
-    commands = diagnose_commands(trend, new, output / "diagnosis")
+    commands = diagnose_commands(trend, new, output / "diagnosis", choices.mapping)
+    took = {"runtime_s": round(time.perf_counter() - began, 2), "version": tool_version()}
+    write_json(output / "trend.json", content(trend, commands) | took)
     with screen.status("drawing"):
         write_table(trend, output / "trend.csv")
         report = trend_page(trend, commands).write(output / "report.html")
-    took = {"runtime_s": round(time.perf_counter() - began, 2), "version": tool_version()}
-    write_json(output / "trend.json", content(trend, commands) | took)
 
     def say(text: str) -> None:
         console.print(text, markup=False, highlight=False, soft_wrap=True)
@@ -93,6 +94,8 @@ def run(argv: list[str]) -> int:
         say(f"note: {note}")
     say(alarm_sentence(trend))
     say(f"report: {report}")
+    if arguments.diagnose and commands:
+        diagnose([*commands[0][2:], "--jobs", "1"] if arguments.jobs == 1 else commands[0][2:])
     return OUTSIDE if arguments.check and (trend.first is not None or trend.unusable) else 0
 
 
@@ -147,6 +150,7 @@ def _parser() -> argparse.ArgumentParser:
         metavar="N",
         help="recordings a year (default: by the median of their distances)",
     )
+    add("--diagnose", action="store_true", help="run the command that looks into the first one outside")
     add("--check", action="store_true", help="exit with 3 when anything is out of order, for scheduled runs")
     add_means_options(parser)
     add_mapping_option(parser)

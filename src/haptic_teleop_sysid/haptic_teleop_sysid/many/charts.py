@@ -33,7 +33,7 @@ class Chart:
     """A ``quantity`` against its reference: ``centre`` and ``spread`` (standard deviation of a single
     recording there) on its scale (logarithms for a logarithmic one); ``half`` (n,): single limit about it;
     ``single`` and ``creeping`` (n,): which recordings leave which limit; ``now``: the weighted mean of the
-    last recordings, and ``now_std`` of its difference from the centre; ``odd``: the reference recording that
+    last recordings (of those since it left the limits, where it is outside), and ``now_std`` of its difference from the centre; ``odd``: the reference recording that
     stands out, None."""
 
     quantity: Quantity
@@ -101,6 +101,9 @@ def chart(quantity: Quantity, reference: int, year: int, alarm: float, last: int
     average[watched] = moving(np.clip(score[watched], -allowed.single, allowed.single))
     creeping[watched] = np.abs(average[watched]) > allowed.moving
     final = watched[-last:] if len(watched) else first
+    if len(watched) and (single | creeping)[watched[-1]]:  # what was before it left says nothing of now
+        within = np.flatnonzero(~(single | creeping)[final])
+        final = final[within[-1] + 1 :] if len(within) else final
     own = 1.0 / v[final] ** 2
     now = float(np.sum(own * x[final]) / np.sum(own))
     now_std = float(scale * np.sqrt(1.0 / np.sum(own) + 1.0 / total))

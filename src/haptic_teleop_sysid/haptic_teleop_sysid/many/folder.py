@@ -12,6 +12,8 @@ from haptic_teleop_sysid.logs.reading import BAG_SUFFIXES, SUFFIXES
 
 _STORED = (*(s for s in BAG_SUFFIXES if s != ".bag"), ".mcap.zstd", ".db3.zstd")
 _METADATA = "metadata.yaml"
+RESULTS = frozenset({"trend.json", "estimates.json", "overview.json"})
+"""Files by which a folder of results is known: its tables are no logs."""
 
 
 @dataclass(frozen=True)
@@ -25,7 +27,8 @@ class Found:
 def find_recordings(places: Sequence[str | Path]) -> list[Found]:
     """Return the recordings in folders, at any depth, and those that are named themselves, by name.
 
-    What looks like a recording counts, whether it can be read or not. Raises ConfigurationError for a place
+    What looks like a recording counts, whether it can be read or not; folders with results of
+    these commands are passed over. Raises ConfigurationError for a place
     that is not there or holds none.
     """
     found: dict[str, Found] = {}
@@ -51,6 +54,9 @@ def _within(folder: Path) -> list[tuple[Path, Path]]:
     listed: list[tuple[Path, Path]] = []
     for top, folders, files in os.walk(folder):
         here = Path(top)
+        if RESULTS & set(files):
+            folders.clear()
+            continue
         bags = [name for name in folders if _is_bag(here / name)]
         folders[:] = sorted(name for name in folders if name not in bags and not name.startswith("."))
         listed += [(here / name, (here / name).relative_to(folder)) for name in bags]

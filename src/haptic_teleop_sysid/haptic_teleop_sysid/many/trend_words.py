@@ -47,12 +47,13 @@ def alarm_sentence(trend: Trend) -> str:
     )
 
 
-def diagnose_commands(trend: Trend, model: Path, output: Path) -> list[list[str]]:
+def diagnose_commands(trend: Trend, model: Path, output: Path, mapping: str | None = None) -> list[list[str]]:
     """The commands that look into the first recording outside the limits, and into the newest, in which a
     change that grows is larger; empty where there is none."""
     wanted = dict.fromkeys(i for i in (trend.first, trend.newest) if i is not None)
     head = ["haptic-teleop", "diagnose", "--model", str(model), "--bags"]
-    return [[*head, str(trend.points[i].path), "--output", str(output)] for i in wanted]
+    tail = ["--output", str(output), *(("--mapping", mapping) if mapping else ())]
+    return [[*head, str(trend.points[i].path), *tail] for i in wanted]
 
 
 def content(trend: Trend, commands: Sequence[Sequence[str]]) -> dict[str, Any]:
