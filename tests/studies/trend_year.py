@@ -1,7 +1,7 @@
 """What `trend` flags in a year in which a robot grows old, and how often in years in which it does not: the
 figures of docs/many_recordings.md.
 
-    python tests/studies/trend_year.py FOLDER [--clean N] [--years Y] [--jobs J]
+    python tests/studies/trend_year.py FOLDER [--aged A] [--clean N] [--years Y] [--jobs J]
 
 The year: friction grows by 1.5 % a week from week 18 on, a belt softens by 1 % a week from week 30 on, the
 motor's encoder slips once, in week 40. Friction and damping also differ by 1 % (rms) from week to week, as
@@ -34,15 +34,27 @@ AGEING = Ageing(friction=(18, 0.015), stiffness=(30, -0.01), slip=40)
 WEEKS, REFERENCE = 52, 12
 
 
-def clean_recording(number: int, folder: Path) -> dict[str, Any]:
-    """Write one recording of the new robot, characterise it, and delete it."""
-    bag = write_week(folder, number, seed=7)
+def recording(week: int, seed: int, ageing: Ageing | None, folder: Path) -> dict[str, Any]:
+    """Write one recording, characterise it, and delete it."""
+    bag = write_week(folder, week, seed, ageing)
     try:
         return characterise(str(bag), NEW, Choices(allow_gaps=True))
     finally:
         for part in bag.iterdir():
             part.unlink()
         bag.rmdir()
+
+
+def aged(seed: int, folder: Path, jobs: int) -> dict[str, Any]:
+    """Return the week in which each chart of an ageing robot first leaves its limits, by name."""
+    weeks = [
+        Job(f"{w:02d}", folder / f"{w:02d}", (), recording, (w, seed, AGEING), (NEW, w, seed, AGEING))
+        for w in range(1, WEEKS + 1)
+    ]
+    outcomes, _ = each(f"ageing robot {seed}", weeks, Means(jobs))
+    told = trend_of(NEW, outcomes, {name: Path(name) for name in outcomes}, REFERENCE, 0.05)
+    first = {c.quantity.name: told.points[c.first].name for c in told.charts if c.first is not None}
+    return first | {"slip": [told.points[i].name for i in told.events]}
 
 
 def false_alarms(outcomes: list[dict[str, Any]], years: int, after: int, alarms: float) -> Counter[str]:
@@ -66,6 +78,7 @@ def false_alarms(outcomes: list[dict[str, Any]], years: int, after: int, alarms:
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("folder", type=Path)
+    parser.add_argument("--aged", type=int, default=5)
     parser.add_argument("--clean", type=int, default=1000)
     parser.add_argument("--years", type=int, default=2000)
     parser.add_argument("--jobs", type=int, default=-1)
@@ -77,8 +90,10 @@ def main() -> None:
             write_week(bags, week, seed=1, ageing=AGEING)
     NEW.save(folder / "new.yaml")
     trend(["--model", str(folder / "new.yaml"), "--bags", str(bags), "--output", str(folder / "trend")])
+    for seed in range(2, 2 + arguments.aged):
+        print(f"robot {seed}: {aged(seed, folder / f'aged{seed}', arguments.jobs)}")
     jobs = [
-        Job(f"{n:04d}", folder / "clean" / f"{n:04d}", (), clean_recording, (n,), (NEW, n))
+        Job(f"{n:04d}", folder / "clean" / f"{n:04d}", (), recording, (n, 7, None), (NEW, n))
         for n in range(arguments.clean)
     ]
     outcomes, _ = each("clean recordings", jobs, Means(arguments.jobs))

@@ -7,6 +7,7 @@ import subprocess
 import sys
 import time
 from dataclasses import replace
+from pathlib import Path
 
 import pytest
 from identification_plants import STAGE
@@ -24,6 +25,7 @@ from haptic_teleop_sysid.many.folder import find_recordings
 from haptic_teleop_sysid.many.kept import DONE, FAILED, UNUSABLE
 from haptic_teleop_sysid.many.ranking import overview_sentence, ranked
 
+MODEL = str(Path(__file__).resolve().parents[2] / "config/models/sfj_stage1.yaml")
 COMMAND = "from haptic_teleop_control.front_door import main; raise SystemExit(main())"
 
 
@@ -206,6 +208,10 @@ def test_an_error_is_that_of_the_recordings_that_were_used_least():
     [
         (["--model", "m.yaml", "--output", "o"], "either --estimation"),
         (["--model", "m.yaml", "--estimation", "e", "--output", "o"], "needs --validation"),
+        (
+            ["--model", MODEL, "--estimation", "e", "--validation", "v", "--output", "o", "--jobs", "2"],
+            "--jobs goes",
+        ),
         (["--model", "m.yaml", "--estimation", "e", "--bags", "b", "--output", "o"], "either --estimation"),
     ],
 )

@@ -27,7 +27,7 @@ from haptic_teleop_sysid.many.diagnoses import folder_jobs, joint_jobs, refuse_t
 from haptic_teleop_sysid.many.each import claim, each
 from haptic_teleop_sysid.many.folder import find_recordings
 from haptic_teleop_sysid.many.kept import DONE
-from haptic_teleop_sysid.many.options import add_means_options, means_of
+from haptic_teleop_sysid.many.options import add_means_options, means_of, refuse_means
 from haptic_teleop_sysid.many.ranking import (
     overview_content,
     overview_page,
@@ -51,8 +51,9 @@ def run(argv: list[str]) -> int:
     refuse_misfits(arguments)
     refuse_repeated([*(arguments.estimation or []), *arguments.validation, *arguments.test])
     models = [replace(load_model(path), source=path) for path in arguments.model]
-    if len(models) > 1 or arguments.bags or arguments.dask:
+    if len(models) > 1 or arguments.bags:
         return run_many(arguments, models, began)
+    refuse_means(arguments, "--bags or several models")
     return run_one(arguments, models[0], began)
 
 

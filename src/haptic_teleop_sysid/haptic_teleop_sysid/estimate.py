@@ -23,7 +23,7 @@ from haptic_teleop_sysid.many.each import claim, each
 from haptic_teleop_sysid.many.estimates import estimate_jobs, estimates_page, together, write_estimates
 from haptic_teleop_sysid.many.folder import find_recordings
 from haptic_teleop_sysid.many.kept import DONE
-from haptic_teleop_sysid.many.options import add_means_options, means_of
+from haptic_teleop_sysid.many.options import add_means_options, means_of, refuse_means
 from haptic_teleop_sysid.parameter_table import rounded
 from haptic_teleop_sysid.report import claim_output_directory
 from haptic_teleop_sysid.results import tool_version, write_json
@@ -55,6 +55,7 @@ def run(argv: list[str]) -> int:
     check_start(model, choices.limits)
     if arguments.bags:
         return _each(arguments, model, choices, began)
+    refuse_means(arguments, "--bags")
     console, screen = Console(), Console(stderr=True)
     with screen.status("reading recordings"):
         data, told = load([*bags, *validation], model, choices)

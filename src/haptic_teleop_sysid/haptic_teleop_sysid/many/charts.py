@@ -33,8 +33,8 @@ class Chart:
     """A ``quantity`` against its reference: ``centre`` and ``spread`` (standard deviation of a single
     recording there) on its scale (logarithms for a logarithmic one); ``half`` (n,): single limit about it;
     ``single`` and ``creeping`` (n,): which recordings leave which limit; ``now``: the weighted mean of the
-    last recordings (of those since it left the limits, where it is outside), and ``now_std`` of its difference from the centre; ``odd``: the reference recording that
-    stands out, None."""
+    last recordings (of those since it left the limits, where it is outside), and ``now_std`` of its
+    difference from the centre; ``odd``: the reference recording that stands out, None."""
 
     quantity: Quantity
     centre: float

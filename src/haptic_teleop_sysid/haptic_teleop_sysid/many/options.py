@@ -5,6 +5,8 @@ from __future__ import annotations
 import argparse
 from collections.abc import Callable
 
+from haptic_teleop_control.errors import ConfigurationError
+
 from .each import Means
 
 
@@ -24,6 +26,13 @@ def add_means_options(parser: argparse.ArgumentParser) -> None:
         help="scheduler of a Dask cluster that sees the same files, or `local`",
     )
     add("--afresh", action="store_true", help="compute again what an earlier run kept in OUT")
+
+
+def refuse_means(arguments: argparse.Namespace, otherwise: str) -> None:
+    """Raise ConfigurationError where options are given that mean nothing for a single run."""
+    given = [name for name in ("jobs", "dask", "afresh") if getattr(arguments, name) not in (-1, None, False)]
+    if given:
+        raise ConfigurationError(f"--{given[0]} goes with {otherwise}: leave it out for a single run.")
 
 
 def means_of(arguments: argparse.Namespace) -> Means:
