@@ -101,6 +101,10 @@ def test_recordings_are_ordered_by_their_stamps_and_what_has_no_date_is_listed()
     assert told.year == 52 and [name for name, _ in told.unusable] == ["200", "300"]
     assert "100 and 400 begin at the same instant" in " ".join(told.told)
     assert told.first == 16 and "friction.torque grew by 33" in change_sentence(told)
+    found["85"]["error"]["given"] = None
+    told = trend_of(NEW, found, {name: Path(name) for name in found}, 12, 0.05)
+    assert told.events == {16: ["the simulated response of the model as given runs away"]}
+    assert "simulated error, given model is not determined by 1 of the 9" in " ".join(told.told)
     dateless = {name: o | {"start_ns": 10**9} for name, o in found.items() if o["status"] == "done"}
     told = trend_of(NEW, dateless, {name: Path(name) for name in dateless}, 12, 0.05)
     assert [p.name for p in told.points] == sorted(dateless)

@@ -126,7 +126,13 @@ def trend_of(
         for c in shown
         if c.odd is not None
     ]
-    listed, events = tuple(sorted(unusable)), _events(points)
+    told += [
+        f"{c.quantity.name} is not determined by {missing} of the {len(points) - reference} recordings "
+        "behind the reference, which its chart passes over"
+        for c in shown
+        if (missing := int(np.sum(~np.isfinite(c.score[reference:]))))
+    ]
+    listed, events = tuple(sorted(unusable)), _events(points, reference)
     return Trend(model, tuple(points), listed, reference, shown, unwatched, events, year, alarms, tuple(told))
 
 
@@ -183,8 +189,9 @@ def _per_year(points: Sequence[Point], told: list[str]) -> int:
     return min(max(found, _SELDOM), _OFTEN)
 
 
-def _events(points: Sequence[Point]) -> dict[int, list[str]]:
+def _events(points: Sequence[Point], reference: int) -> dict[int, list[str]]:
     found: dict[int, list[str]] = {}
+    held = sum(p.found["error"]["given"] is not None for p in points[:reference]) > reference / 2
     for i, point in enumerate(points):
         said = [
             f"{s['encoder']} slipped by {s['size']:.3g} rad at {s['time']:.2f} s"
@@ -192,6 +199,8 @@ def _events(points: Sequence[Point]) -> dict[int, list[str]]:
         ]
         if point.found["error"]["estimate"] is None:
             said.append("its simulated response runs away")
+        if held and point.found["error"]["given"] is None:
+            said.append("the simulated response of the model as given runs away")
         if said:
             found[i] = said
     return found

@@ -48,7 +48,7 @@ def changes_picture(trend: Trend) -> Figure:
                 error = [[now - low], [high - now]]
                 axes.errorbar(now, place, xerr=error, fmt="o", color=colour, capsize=3)
             axes.axvline(1.0 if factors else 0.0, color=INK, linewidth=0.8)
-            axes.set_yticks(range(len(part)), [c.quantity.name for c in part])
+            axes.set_yticks(range(len(part)), [c.quantity.name.replace(".", "\n", 1) for c in part])
             axes.set_xlabel("now / reference" if factors else "change since the reference (%)")
         panels[1].set_xscale("log")
     return figure
