@@ -48,7 +48,9 @@ def changes_picture(trend: Trend) -> Figure:
                 error = [[now - low], [high - now]]
                 axes.errorbar(now, place, xerr=error, fmt="o", color=colour, capsize=3)
             axes.axvline(1.0 if factors else 0.0, color=INK, linewidth=0.8)
-            axes.set_yticks(range(len(part)), [c.quantity.name.replace(".", "\n", 1) for c in part])
+            # Long names on two lines: the layout leaves them too little room.
+            names = [c.quantity.name.replace(".", "\n", 1).replace(", ", "\n", 1) for c in part]
+            axes.set_yticks(range(len(part)), names)
             axes.set_xlabel("now / reference" if factors else "change since the reference (%)")
         panels[1].set_xscale("log")
     return figure
