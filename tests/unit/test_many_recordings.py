@@ -200,7 +200,10 @@ def test_an_error_is_that_of_the_recordings_that_were_used_least():
     )
     assert moved["wrong"] and moved["what"].startswith("off: stiffness 1 -> 2")
     outcomes = {"a": {"status": DONE, **overview(content())}, "b": {"status": UNUSABLE, "message": "x"}}
-    assert ranked(outcomes) == ["a"] and overview_sentence(outcomes) == "Nothing is wrong with any of the 1."
+    assert (
+        ranked(outcomes) == ["a"]
+        and overview_sentence(outcomes) == "Nothing was found missing or off in any of the 1."
+    )
 
 
 @pytest.mark.parametrize(

@@ -20,9 +20,9 @@ from haptic_teleop_sysid.estimation_run import Choices
 from haptic_teleop_sysid.many.characterise import characterise
 from haptic_teleop_sysid.many.each import Job, claim, each
 from haptic_teleop_sysid.many.folder import find_recordings
-from haptic_teleop_sysid.many.limits import FEWEST
+from haptic_teleop_sysid.many.limits import FEWEST, refuse_rare
 from haptic_teleop_sysid.many.options import add_means_options, chance, means_of, whole_number
-from haptic_teleop_sysid.many.trend import trend_of
+from haptic_teleop_sysid.many.trend import BESIDE, trend_of
 from haptic_teleop_sysid.many.trend_page import trend_page, write_table
 from haptic_teleop_sysid.many.trend_words import alarm_sentence, change_sentence, content, diagnose_commands
 from haptic_teleop_sysid.results import tool_version, write_json
@@ -38,6 +38,7 @@ def run(argv: list[str]) -> int:
     arguments = _parser().parse_args(argv)
     model = replace(load_model(arguments.model), source=arguments.model)
     check_start(model, {})
+    refuse_rare(arguments.false_alarms / (len(model.free_parameters()) + BESIDE))  # now, not after hours
     found = find_recordings(arguments.bags)
     output = claim(Path(arguments.output))
     choices = Choices(

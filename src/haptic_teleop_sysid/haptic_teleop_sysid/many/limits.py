@@ -52,12 +52,8 @@ def limits(reference: int, year: int, alarm: float) -> Limits:
         raise ConfigurationError(
             f"--reference {reference} is too few to know the scatter: give {FEWEST} at least."
         )
+    refuse_rare(alarm)
     draws = int(2.0 * _EVENTS / alarm)
-    if draws > _MOST:
-        raise ConfigurationError(
-            f"so rare a false alarm ({alarm:.2g} a year and quantity) is not computed: raise --false-alarms, "
-            "or fix parameters."
-        )
     random = np.random.default_rng(20_061)
     highest: list[FloatArray] = []
     for count in _portions(draws, reference + year):
@@ -68,6 +64,15 @@ def limits(reference: int, year: int, alarm: float) -> Limits:
         highest.append(np.stack([np.abs(z).max(axis=1), np.abs(moving(z)).max(axis=1)]))
     single, creeping = np.quantile(np.concatenate(highest, axis=1), 1.0 - 0.5 * alarm, axis=1)
     return Limits(float(single), float(creeping))
+
+
+def refuse_rare(alarm: float) -> None:
+    """Raise ConfigurationError for an alarm a year and chart that would take too many simulated years."""
+    if 2.0 * _EVENTS / alarm > _MOST:
+        raise ConfigurationError(
+            f"so rare a false alarm ({alarm:.2g} a year and quantity) is not computed: raise --false-alarms, "
+            "or fix parameters."
+        )
 
 
 def moving(z: FloatArray) -> FloatArray:

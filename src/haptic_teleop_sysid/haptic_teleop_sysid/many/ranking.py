@@ -42,7 +42,7 @@ def overview_sentence(outcomes: Outcomes) -> str:
     if not order:
         return "Nothing could be diagnosed."
     if not wrong:
-        return f"Nothing is wrong with any of the {len(order)}."
+        return f"Nothing was found missing or off in any of the {len(order)}."
     worst = outcomes[wrong[0]]
     return f"Something is wrong with {len(wrong)} of {len(order)}; first {wrong[0]}: {worst['what']}."
 

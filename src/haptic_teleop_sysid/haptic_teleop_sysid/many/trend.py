@@ -28,6 +28,10 @@ _LAST = 4
 UNEXPLAINED, ERROR, GIVEN_ERROR = "unexplained torque", "simulated error", "simulated error, given model"
 
 
+BESIDE = 3
+"""Charts beside those of the parameters."""
+
+
 @dataclass(frozen=True)
 class Point:
     """A recording of the trend: ``found`` is what `characterise` returned."""
