@@ -16,6 +16,7 @@ from haptic_teleop_sysid.diagnosis.consistency import refuse_other_units, refuse
 from haptic_teleop_sysid.diagnosis.cuts import FEWEST_SAMPLES, MOST_SAMPLES, refuse_too_long, with_cuts_told
 from haptic_teleop_sysid.diagnosis.diagnose import diagnose, records_of
 from haptic_teleop_sysid.diagnosis.plausible import refuse_kinematic, refuse_motionless
+from haptic_teleop_sysid.diagnosis_run import load
 from haptic_teleop_sysid.estimation.records import record_from
 
 
@@ -143,7 +144,7 @@ def test_a_short_hole_is_cut_out_and_said():
 def test_the_command_cuts_without_being_asked(tmp_path, monkeypatch):
     recording = holed(stage_recording(seed=5, seconds=6.0), (3.0, 3.02))
     write_recording(tmp_path / "bag", recording.topics, {}, {})
-    dataset = command._load(str(tmp_path / "bag"), STAGE)
+    dataset = load(str(tmp_path / "bag"), STAGE)
     assert any("cut apart at its holes" in p for p in dataset.problems)
     assert (
         command._parser()

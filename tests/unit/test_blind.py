@@ -171,7 +171,8 @@ def test_the_generator_shares_no_code_with_what_it_examines() -> None:
                 if name.startswith("haptic_teleop_"):
                     allowed = ("haptic_teleop_control", "haptic_teleop_sysid.blind")
                     writing = ("haptic_teleop_sysid.report", "haptic_teleop_sysid.results")
-                    assert name.startswith((*allowed, *writing)), f"{path.name} imports {name}"
+                    running = ("haptic_teleop_sysid.spread",)  # who does what, no word of robots
+                    assert name.startswith((*allowed, *writing, *running)), f"{path.name} imports {name}"
 
 
 def test_the_same_seed_gives_the_same_case_and_another_seed_another() -> None:

@@ -14,8 +14,9 @@ from haptic_teleop_control.errors import ConfigurationError
 from haptic_teleop_control.recording import read_recording
 from haptic_teleop_sysid.blind import command
 from haptic_teleop_sysid.blind.archive import pack, unpack
-from haptic_teleop_sysid.blind.runner import FRONT_DOOR, RAN, diagnose, spread
+from haptic_teleop_sysid.blind.runner import FRONT_DOOR, RAN, diagnose
 from haptic_teleop_sysid.blind.sealing import open_labels, seal
+from haptic_teleop_sysid.spread import spread
 
 
 def test_a_run_goes_on_elsewhere_from_its_archive_and_is_scored_there(tmp_path: Path) -> None:

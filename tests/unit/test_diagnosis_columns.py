@@ -10,7 +10,7 @@ from identification_plants import STAGE, stage_recording
 from haptic_teleop_sim.model import Effect
 from haptic_teleop_sysid.dataset import load_dataset
 from haptic_teleop_sysid.diagnosis.beside_given import WORSE, beside_given, handed_on, worse_than_given
-from haptic_teleop_sysid.diagnosis.columns import at_bounds, column, errors_of, moved, with_bounds
+from haptic_teleop_sysid.diagnosis.columns import Number, at_bounds, column, errors_of, moved, with_bounds
 from haptic_teleop_sysid.diagnosis.diagnose import records_of
 from haptic_teleop_sysid.diagnosis.proof import Proof
 from haptic_teleop_sysid.diagnosis.scales import REACH, within_reach
@@ -57,6 +57,18 @@ def test_other_recordings_that_want_another_size_widen_the_error(fitted):
     assert other["motor_inertia"] > 5.0 * same["motor_inertia"]
     apart = 0.3 * STAGE.parameters["motor_inertia"] / np.sqrt(2.0)
     assert other["motor_inertia"] == pytest.approx(apart, rel=0.4)
+
+
+def test_an_effect_of_the_given_model_that_changed_its_size_is_told_like_any_parameter():
+    """Friction that has grown since the model was made."""
+    torque = "stage1_motor.coulomb_friction.torque"
+    given = STAGE.with_effects(Effect("coulomb_friction", "stage1_motor", {"torque": 0.3}))
+    numbers = dict.fromkeys(given.parameter_values(), Number(1.0, "1", None, None))
+    numbers[torque] = Number(0.45, "N*m", 0.001, 0.5)
+    (found,) = moved(given, numbers)
+    assert (found["parameter"], found["given"], found["value"]) == (torque, 0.3, 0.45)
+    without = {name: number for name, number in numbers.items() if name != torque}
+    assert moved(given, without) == []  # gave way to another form of friction, which is a finding
 
 
 def test_a_gain_and_all_that_it_scales_are_not_determined():

@@ -13,23 +13,17 @@ from pathlib import Path
 from rich.console import Console
 
 from haptic_teleop_control.command_line import run_command
-from haptic_teleop_control.errors import ConfigurationError, RecordingError
+from haptic_teleop_control.errors import ConfigurationError
 from haptic_teleop_sim.model import Model, load_model
-from haptic_teleop_sysid.dataset import DataSet, load_dataset
-from haptic_teleop_sysid.diagnosis.beside_given import handed_on
-from haptic_teleop_sysid.diagnosis.cuts import MOST_SAMPLES, refuse_too_long, with_cuts_told
-from haptic_teleop_sysid.diagnosis.diagnose import diagnose, records_of
+from haptic_teleop_sysid.diagnose_many import run_many
+from haptic_teleop_sysid.diagnosis.cuts import refuse_too_long
+from haptic_teleop_sysid.diagnosis.diagnose import records_of
 from haptic_teleop_sysid.diagnosis.forecast import DiagnosisForecast, pass_seconds
-from haptic_teleop_sysid.diagnosis.next_experiment import write_acquire_file
-from haptic_teleop_sysid.diagnosis.page import diagnosis_page
-from haptic_teleop_sysid.diagnosis.plausible import refuse_implausible, with_contradictions
 from haptic_teleop_sysid.diagnosis.summary import summary
-from haptic_teleop_sysid.logs.opened import open_recording
+from haptic_teleop_sysid.diagnosis_run import Options, diagnose_into, load, refuse_too_many
 from haptic_teleop_sysid.logs.reading import is_foreign
-from haptic_teleop_sysid.parameter_units import Units
-from haptic_teleop_sysid.preparation import with_damage_told
+from haptic_teleop_sysid.many.options import add_means_options, refuse_means
 from haptic_teleop_sysid.report import claim_output_directory
-from haptic_teleop_sysid.results import tool_version, write_json
 from haptic_teleop_sysid.run_progress import RunProgress
 from haptic_teleop_sysid.treatment_options import add_mapping_option
 
@@ -40,37 +34,32 @@ def run(argv: list[str]) -> int:
     """Do what the arguments say; returns the exit status."""
     began = time.perf_counter()
     arguments = _parser().parse_args(argv)
-    refuse_repeated([*arguments.estimation, *arguments.validation, *arguments.test])
-    model = replace(load_model(arguments.model), source=arguments.model)
+    refuse_misfits(arguments)
+    refuse_repeated([*(arguments.estimation or []), *arguments.validation, *arguments.test])
+    models = [replace(load_model(path), source=path) for path in arguments.model]
+    if len(models) > 1 or arguments.bags:
+        return run_many(arguments, models, began)
+    refuse_means(arguments, "--bags or several models")
+    return run_one(arguments, models[0], began)
+
+
+def run_one(arguments: argparse.Namespace, model: Model, began: float) -> int:
+    """Diagnose one joint from one set of recordings."""
     bags = [*arguments.estimation, *arguments.validation, *arguments.test]
     refuse_too_long([bag for bag in bags if not is_foreign(Path(bag))], model)
     console, screen = Console(), Console(stderr=True)
     output = claim_output_directory(arguments.output, "diagnosis.json", arguments.overwrite)
     forecast = DiagnosisForecast(arguments.nulls, os.cpu_count() or 1)
+    options = Options(arguments.nulls, arguments.mapping, not arguments.no_report)
     with RunProgress(screen, "diagnose", forecast) as progress:
         progress.say("reading recordings")
-        estimation, validation, test = (
-            [_load(bag, model, arguments.mapping) for bag in group]
-            for group in (arguments.estimation, arguments.validation, arguments.test)
-        )
-        _refuse_too_many([*estimation, *validation, *test])
+        groups = (arguments.estimation, arguments.validation, arguments.test)
+        estimation, validation, test = ([load(bag, model, arguments.mapping) for bag in g] for g in groups)
+        refuse_too_many([*estimation, *validation, *test])
         forecast.unit = pass_seconds(model, records_of(estimation))
-        result, verdict, proof, content = diagnose(
-            model, estimation, validation, progress.say, arguments.nulls, test
+        content, report = diagnose_into(
+            model, (estimation, validation, test), output, options, began, progress.say
         )
-        progress.say("writing the report")
-        units = Units.of(model, estimation[0])
-        content = units.restated_all(content)
-        content |= {"runtime_s": round(time.perf_counter() - began, 2), "version": tool_version()}
-        write_json(output / "diagnosis.json", content)
-        replace(handed_on(proof)[1], source=str(output / "augmented_model.yaml")).save(
-            output / "augmented_model.yaml"
-        )
-        write_acquire_file(output, model, content["next_experiment"])
-        report = None
-        if not arguments.no_report:
-            page = diagnosis_page(result, verdict, content, proof, records_of(estimation), units)
-            report = page.write(output / "report.html")
     for name, problems in content["recordings"].items():
         for problem in problems:
             screen.print(f"note: {name}: {problem}", markup=False, highlight=False)
@@ -78,6 +67,16 @@ def run(argv: list[str]) -> int:
     if report is not None:
         console.print(f"report: {report}", markup=False, highlight=False, soft_wrap=True)
     return 0
+
+
+def refuse_misfits(arguments: argparse.Namespace) -> None:
+    """Raise ConfigurationError for --estimation and --bags together or neither, and where nothing judges."""
+    if bool(arguments.bags) == bool(arguments.estimation):
+        raise ConfigurationError("give either --estimation with --validation, or --bags.")
+    if arguments.estimation and not arguments.validation:
+        raise ConfigurationError(
+            "--estimation needs --validation: other recordings that judge what was found."
+        )
 
 
 def refuse_repeated(bags: list[str]) -> None:
@@ -97,37 +96,38 @@ def _count(text: str) -> int:
     return int(text)
 
 
-def _refuse_too_many(data: list[DataSet]) -> None:
-    """As `refuse_too_long`, for logs, whose length shows when they are read."""
-    if (samples := sum(len(d) for d in data)) > MOST_SAMPLES:
-        raise RecordingError(
-            f"the recordings hold {samples} samples, and a diagnosis keeps at most {MOST_SAMPLES} in memory: "
-            "a few minutes say as much; import a part of the longest with `import --rows FIRST LAST`."
-        )
-
-
-def _load(bag: str, model: Model, mapping: str | None = None) -> DataSet:
-    recording = open_recording(bag, mapping)
-    dataset = load_dataset(recording, model, bag, allow_gaps=True)
-    refuse_implausible(model, recording, dataset)
-    return with_cuts_told(with_contradictions(with_damage_told(dataset, recording)))
-
-
 def main(argv: list[str] | None = None) -> int:
     """Entry point: exit status 0 when a verdict was reached, 2 for bad arguments or an unusable recording."""
     return run_command(run, argv)
 
 
 def _parser() -> argparse.ArgumentParser:
-    parser = argparse.ArgumentParser(prog="haptic-teleop diagnose", description=__doc__)
-    parser.add_argument("--model", required=True, metavar="MODEL.yaml", help="what the lab believes")
+    parser = argparse.ArgumentParser(
+        prog="haptic-teleop diagnose",
+        description=__doc__,
+        epilog="Exit status: 0 a verdict was reached (of several: at least one, the others are listed), 2 "
+        "bad arguments or unusable recordings, 1 a failure of the program.",
+    )
     parser.add_argument(
-        "--estimation", nargs="+", required=True, metavar="BAG", help="recordings to learn from"
+        "--model",
+        nargs="+",
+        required=True,
+        metavar="MODEL.yaml",
+        help="what the lab believes; several, one a joint, are diagnosed side by side, into DIR/JOINT, with "
+        "one page that ranks them",
+    )
+    parser.add_argument("--estimation", nargs="+", metavar="BAG", help="recordings to learn from")
+    parser.add_argument(
+        "--bags",
+        nargs="+",
+        metavar="DIR",
+        help="instead: each recording of a folder for itself, into DIR/RECORDING; without --validation its "
+        "last third judges",
     )
     parser.add_argument(
         "--validation",
         nargs="+",
-        required=True,
+        default=[],
         metavar="BAG",
         help="other recordings, of another amplitude or band, on which a finding must stand up",
     )
@@ -155,9 +155,12 @@ def _parser() -> argparse.ArgumentParser:
         "A finding must exceed the best of them; 19 make a level of 5 %%",
     )
     add_mapping_option(parser)
+    add_means_options(parser)
     parser.add_argument("--no-report", action="store_true", help="no page: for many diagnoses in a row")
     parser.add_argument(
-        "--overwrite", action="store_true", help="replace the results of an earlier run in DIR"
+        "--overwrite",
+        action="store_true",
+        help="replace the results of an earlier run in DIR (several joints or recordings go on from there)",
     )
     parser.add_argument(
         "--allow-gaps",

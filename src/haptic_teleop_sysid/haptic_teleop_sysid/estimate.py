@@ -6,162 +6,104 @@ from __future__ import annotations
 import argparse
 import math
 import time
-from collections.abc import Sequence
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 
 from rich.console import Console
 from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
 
 from haptic_teleop_control.command_line import run_command
-from haptic_teleop_control.errors import ConfigurationError, RecordingError
+from haptic_teleop_control.errors import ConfigurationError
 from haptic_teleop_sim.model import Model, load_model
-from haptic_teleop_sysid.dataset import DataSet, load_dataset
-from haptic_teleop_sysid.estimation.gauss_newton import Limits
-from haptic_teleop_sysid.estimation.records import records_from, with_trusted_input
-from haptic_teleop_sysid.estimation.result import Estimate
-from haptic_teleop_sysid.estimation.strategies import METHODS, check_start, estimate
-from haptic_teleop_sysid.estimation_report import Result, as_json, fit_picture, page, tables, verdict
-from haptic_teleop_sysid.excitation import at_values, refuse_idle
-from haptic_teleop_sysid.fit import choose_windows, simulated_fit
-from haptic_teleop_sysid.logs.opened import open_recording
-from haptic_teleop_sysid.preparation import (
-    MOST_SAMPLES,
-    Treatment,
-    prepare,
-    refuse_huge,
-    with_damage_told,
-)
-from haptic_teleop_sysid.report import claim_output_directory, save_png
-from haptic_teleop_sysid.residuals import residual_analysis
+from haptic_teleop_sysid.estimation.strategies import METHODS, check_start
+from haptic_teleop_sysid.estimation_report import tables, verdict
+from haptic_teleop_sysid.estimation_run import Choices, load, run_estimate, write_results
+from haptic_teleop_sysid.many.each import claim, each
+from haptic_teleop_sysid.many.estimates import estimate_jobs, estimates_page, together, write_estimates
+from haptic_teleop_sysid.many.folder import find_recordings
+from haptic_teleop_sysid.many.kept import DONE
+from haptic_teleop_sysid.many.options import add_means_options, means_of, refuse_means
+from haptic_teleop_sysid.parameter_table import rounded
+from haptic_teleop_sysid.report import claim_output_directory
 from haptic_teleop_sysid.results import tool_version, write_json
 from haptic_teleop_sysid.treatment_options import add_mapping_option, add_treatment_options, treatment_of
-
-
-def load(
-    bags: Sequence[str], model: Model, treatment: Treatment, allow_gaps: bool, mapping: str | None = None
-) -> tuple[dict[str, DataSet], dict[str, list[str]]]:
-    """Read, check and treat recordings, or logs by a `mapping`: data sets by bag, and what was done to each.
-
-    Raises RecordingError or MismatchError in one sentence for what cannot be estimated from.
-    """
-    data: dict[str, DataSet] = {}
-    told: dict[str, list[str]] = {}
-    for bag in bags:
-        refuse_huge(bag)
-        recording = open_recording(bag, mapping)
-        dataset = with_damage_told(load_dataset(recording, model, bag, allow_gaps), recording)
-        refuse_idle(dataset)
-        data[bag], told[bag] = prepare(dataset, recording, model, treatment)
-        refuse_idle(data[bag])
-        data[bag] = with_trusted_input(data[bag])
-    return data, told
-
-
-def run_estimate(
-    model: Model,
-    data: dict[str, DataSet],
-    told: dict[str, list[str]],
-    validation: Sequence[str] = (),
-    method: str = "prediction-error",
-    at_rest: bool = False,
-    multi_start: int = 1,
-    seed: int = 1,
-    limits: Limits | None = None,
-    progress: Progress | None = None,
-) -> Result:
-    """Estimate from the data sets that `validation` does not name, and judge the result on all of them."""
-    used = [d for bag, d in data.items() if bag not in validation]
-    if sum(len(d) for d in used) > MOST_SAMPLES:
-        raise RecordingError(
-            f"{', '.join(d.name for d in used)}: {sum(len(d) for d in used)} samples are more than the "
-            f"{MOST_SAMPLES} that one estimate takes: choose a part with --range, or a lower --rate."
-        )
-    task = progress.add_task("estimating", total=1.0) if progress is not None else None
-
-    def tell(what: str, share: float) -> None:
-        if progress is not None and task is not None:
-            progress.update(task, description=what, completed=share)
-
-    found = estimate(
-        model,
-        used,
-        method,
-        at_rest=at_rest,
-        multi_start=multi_start,
-        seed=seed,
-        limits=limits,
-        cross_check=True,
-        progress=tell,
-    )
-    tell("simulating", 1.0)
-    fits, residuals = {}, {}
-    for bag, dataset in data.items():
-        windows = choose_windows(found.model, dataset)
-        fits["start", bag] = simulated_fit(found.start, dataset, windows)
-        fits["estimate", bag] = simulated_fit(found.model, dataset, windows)
-        record = max(records_from(dataset), key=len)
-        # Residuals are those of one step, whichever predictor gave the numbers.
-        basis = found.fit if found.fit and not found.misled else at_values(found.model, [record])
-        if math.isfinite(basis.log_likelihood):
-            residuals[bag] = residual_analysis(basis, record)
-    return Result(found, data, tuple(validation), fits, residuals, told)
-
-
-def usable_model(found: Estimate) -> Model:
-    """The model to save: where a parameter is not determined, the value that the search ended with stays in
-    use, because the rest was estimated with it."""
-    return replace(found.model, source="estimate")
 
 
 def run(argv: list[str]) -> int:
     """Do what the arguments say; returns the exit status."""
     began = time.perf_counter()
     arguments = _parser().parse_args(argv)
-    bags, validation = arguments.bag, arguments.validation or []
+    bags, validation = arguments.bag or [], arguments.validation or []
+    if bool(bags) == bool(arguments.bags):
+        raise ConfigurationError("give either --bag, for one estimate, or --bags, for one of each recording.")
     places = [Path(name).resolve() for name in [*bags, *validation]]
     for name, place in zip([*bags, *validation], places, strict=True):
         if places.count(place) > 1:
             raise ConfigurationError(f"{name} is given twice: estimate and validate on different recordings.")
     model = _changed(load_model(arguments.model), arguments)
-    limits = dict(arguments.bound or [])
-    check_start(model, limits)
+    choices = Choices(
+        arguments.method,
+        arguments.initial_state == "zero",
+        arguments.multi_start,
+        arguments.seed,
+        dict(arguments.bound or []),
+        treatment_of(arguments),
+        arguments.allow_gaps,
+        arguments.mapping,
+    )
+    check_start(model, choices.limits)
+    if arguments.bags:
+        return _each(arguments, model, choices, began)
+    refuse_means(arguments, "--bags")
     console, screen = Console(), Console(stderr=True)
     with screen.status("reading recordings"):
-        data, told = load(
-            [*bags, *validation], model, treatment_of(arguments), arguments.allow_gaps, arguments.mapping
-        )
+        data, told = load([*bags, *validation], model, choices)
     output = claim_output_directory(arguments.output, "estimate.json", arguments.overwrite)
     columns = (TextColumn("{task.description}"), BarColumn(), TimeElapsedColumn())
     with Progress(*columns, console=screen, transient=True) as progress:
-        result = run_estimate(
-            model,
-            data,
-            told,
-            validation,
-            arguments.method,
-            arguments.initial_state == "zero",
-            arguments.multi_start,
-            arguments.seed,
-            limits,
-            progress,
-        )
+        result = run_estimate(model, data, told, validation, choices, progress)
     with screen.status("writing the report"):
-        usable_model(result.estimate).save(output / "model.yaml")
-        report = page(result)
-        for number, bag in enumerate(data, start=1):
-            save_png(fit_picture(result, bag), output / ("fit.png" if number == 1 else f"fit-{number}.png"))
-        path = report.write(output / "report.html")
-        write_json(
-            output / "estimate.json",
-            as_json(result) | {"runtime_s": time.perf_counter() - began, "version": tool_version()},
-        )
+        path = write_results(result, output, began)
     for table in tables(result):
         console.print(table)
     for _, sentence in verdict(result):
         console.print(sentence, markup=False, highlight=False)
     console.print(f"report: {path}", markup=False, highlight=False, soft_wrap=True)
     return 0
+
+
+def _each(arguments: argparse.Namespace, model: Model, choices: Choices, began: float) -> int:
+    """Estimate from each recording of a folder for itself; returns the exit status."""
+    found = find_recordings(arguments.bags)
+    output = claim(Path(arguments.output))
+    if choices.mapping is not None:
+        choices = replace(choices, mapping=str(Path(choices.mapping).resolve()))
+    with_page = not arguments.no_report
+    jobs = estimate_jobs(found, model, arguments.validation or [], choices, with_page, output)
+    say = partial(Console().print, markup=False, highlight=False, soft_wrap=True)
+    outcomes, known = each("estimating", jobs, means_of(arguments))
+    if known:
+        Console(stderr=True).print(f"{known} of {len(jobs)} were known from earlier runs", highlight=False)
+    all_ = together(outcomes)
+    content = {
+        "schema": 1,
+        "together": all_,
+        "recordings": {n: {k: v for k, v in o.items() if k != "key"} for n, o in outcomes.items()},
+        "runtime_s": round(time.perf_counter() - began, 2),
+        "version": tool_version(),
+    }
+    write_json(output / "estimates.json", content)
+    write_estimates(outcomes, output / "estimates.csv")
+    report = estimates_page(model, outcomes, with_page).write(output / "report.html")
+    for name, row in all_.items():
+        text = f"{name}: {rounded(row['mean'], row['std'])} ± {row['std']:.2g} {row['unit']}"
+        say(f"{text} of {row['count']} recordings" + ("" if row["alike"] else ", which differ"))
+    unusable = {n: o["message"] for n, o in outcomes.items() if o["status"] != DONE}
+    for name, why in unusable.items():
+        say(f"not used: {name}: {why}")
+    say(f"report: {report}")
+    return 0 if len(unusable) < len(outcomes) else 2
 
 
 def main(argv: list[str] | None = None) -> int:
@@ -171,10 +113,22 @@ def main(argv: list[str] | None = None) -> int:
 
 
 def _parser() -> argparse.ArgumentParser:
-    parser = argparse.ArgumentParser(prog="haptic-teleop estimate", description=__doc__)
+    parser = argparse.ArgumentParser(
+        prog="haptic-teleop estimate",
+        description=__doc__,
+        epilog="Exit status: 0 an estimate was made (of --bags: at least one, the others are listed), 2 bad "
+        "arguments or unusable recordings, 1 a failure of the program.",
+    )
     add = parser.add_argument
     add("--model", required=True, metavar="MODEL.yaml", help="structure, effects and start values")
-    add("--bag", nargs="+", required=True, metavar="BAG", help="recordings to estimate from")
+    add("--bag", nargs="+", metavar="BAG", help="recordings to estimate from, all together")
+    add(
+        "--bags",
+        nargs="+",
+        metavar="DIR",
+        help="instead: from each recording of a folder for itself, into DIR/RECORDING, with a table of all",
+    )
+    add("--no-report", action="store_true", help="with --bags: no page for each of them")
     add("--validation", nargs="+", metavar="BAG", help="recordings to judge the estimate on, not used for it")
     add("--output", required=True, metavar="DIR", help="where model.yaml, estimate.json and report.html go")
     add("--method", choices=METHODS, default=METHODS[0], help="default: %(default)s")
@@ -204,6 +158,7 @@ def _parser() -> argparse.ArgumentParser:
     add("--bound", nargs="+", type=_bound, metavar="NAME=LOW:HIGH", help="bounds, beside the physical ones")
     add("--allow-gaps", action="store_true", help="leave holes in a recording out instead of refusing it")
     add("--overwrite", action="store_true", help="replace the results of an earlier run in DIR")
+    add_means_options(parser)
     add_mapping_option(parser)
     add_treatment_options(parser)
     return parser

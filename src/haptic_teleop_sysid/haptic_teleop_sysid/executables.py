@@ -41,6 +41,10 @@ EXECUTABLES: dict[str, tuple[str, str]] = {
         "haptic_teleop_sysid.estimate:main",
         "estimate a model's parameters from recordings, with standard errors",
     ),
+    "trend": (
+        "haptic_teleop_sysid.trend:main",
+        "what changed since the robot was new: many recordings in time, with control limits",
+    ),
     "export": (
         "haptic_teleop_sysid.export:main",
         "a model as MJCF, URDF or one Python function, and what that cannot say costs in fit",

@@ -7,6 +7,8 @@ from __future__ import annotations
 import importlib.metadata
 import json
 import math
+import os
+import threading
 from pathlib import Path
 from typing import Any
 from xml.etree import ElementTree
@@ -50,7 +52,8 @@ def plain(value: Any) -> Any:
 def write_json(path: str | Path, content: dict[str, Any]) -> Path:
     """Write `content` as indented JSON and return the path; a half-written file is never left behind."""
     target = Path(path)
-    partial = target.with_name(target.name + ".partial")
+    # Named by who writes: of two that do the same work at the same time either may be first.
+    partial = target.with_name(f"{target.name}.{os.getpid()}-{threading.get_ident()}.partial")
     partial.write_text(json.dumps(plain(content), indent=2, allow_nan=False) + "\n", encoding="utf-8")
     partial.replace(target)
     return target

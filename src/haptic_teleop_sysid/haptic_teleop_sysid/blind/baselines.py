@@ -214,7 +214,7 @@ def run_baselines(
     """Return each method's rates with its usual threshold and with the one calibrated on half of the clean
     recordings (at most 5 % alarms); judged on the other half and on the singles and pairs.
     """
-    from haptic_teleop_sysid.blind.runner import spread
+    from haptic_teleop_sysid.spread import spread
 
     # Of cases that another machine has run there may be no recordings here.
     chosen = _chosen({n: v for n, v in labels.items() if (cases / n / "model.yaml").exists()}, number)

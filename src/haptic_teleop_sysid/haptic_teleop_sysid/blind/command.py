@@ -19,16 +19,15 @@ from haptic_teleop_sysid.blind.archive import PLAN, pack, unpack
 from haptic_teleop_sysid.blind.cases import KINDS, LEVELS
 from haptic_teleop_sysid.blind.runner import (
     FRONT_DOOR,
-    ONE_THREAD,
     RAN,
     diagnose,
     generate,
     generate_again,
     parse_cases,
     plan,
-    spread,
 )
 from haptic_teleop_sysid.blind.sealing import open_labels, refuse_other_draws, seal, sealed_digest
+from haptic_teleop_sysid.spread import ONE_THREAD, spread
 
 
 def parser() -> argparse.ArgumentParser:

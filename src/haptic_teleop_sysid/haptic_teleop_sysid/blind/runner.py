@@ -1,4 +1,4 @@
-"""Generates cases and runs `diagnose` on them: each in its own process, over all cores or Dask."""
+"""Generates cases and runs `diagnose` on them, each in its own process."""
 
 from __future__ import annotations
 
@@ -9,22 +9,17 @@ import shutil
 import subprocess
 import sys
 import time
-from collections.abc import Callable, Iterable, Iterator
-from contextlib import contextmanager
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 
 from haptic_teleop_control.errors import ConfigurationError
 from haptic_teleop_sysid.blind.forked import run_forked
 from haptic_teleop_sysid.blind.sealing import seal
+from haptic_teleop_sysid.spread import ONE_THREAD
 
-ONE_THREAD: dict[str, str] = {
-    **{f"{name}_NUM_THREADS": "1" for name in ("OMP", "OPENBLAS", "MKL", "NUMBA")},
-    "HAPTIC_TELEOP_THREADS": "1",
-}
 FRONT_DOOR = (
     sys.executable,
     "-c",
@@ -119,57 +114,3 @@ def diagnose(
     ran = {"status": status, "seconds": time.perf_counter() - begin, "message": " ".join(words)}
     (directory / RAN).write_text(json.dumps(ran))
     return ran
-
-
-@contextmanager
-def _workers(
-    jobs: int, dask: str | None, threads: bool
-) -> Iterator[Callable[[Iterable[Any]], Iterable[Any]]]:
-    try:
-        from joblib import Parallel, parallel_config
-    except ImportError:
-        raise ConfigurationError("joblib is missing: pip install joblib.") from None
-    if dask is None:
-        backend = "threading" if threads else "loky"  # a diagnosis is a process already
-        yield Parallel(n_jobs=jobs, backend=backend, return_as="generator_unordered")
-        return
-    try:
-        from dask.distributed import Client  # pyright: ignore[reportMissingImports]
-    except ImportError:
-        raise ConfigurationError("--dask needs Dask: pip install 'dask[distributed]'.") from None
-    try:
-        client = Client(address=None if dask == "local" else dask)
-    except (OSError, ValueError) as failure:
-        raise ConfigurationError(
-            f"--dask {dask}: no scheduler answers there ({failure}). Start one (`dask scheduler`), or say "
-            "`--dask local`."
-        ) from None
-    with client, parallel_config(backend="dask"):
-        yield Parallel(n_jobs=-1)
-
-
-def spread(
-    work: Callable[..., Any],
-    jobs_of: list[tuple[Any, ...]],
-    jobs: int,
-    dask: str | None,
-    title: str,
-    threads: bool = False,
-) -> list[Any]:
-    """Return the results of `work(*arguments)` over all cores, with a progress bar on standard error."""
-    from joblib import delayed
-    from rich.console import Console
-
-    results: list[Any] = []
-    if not jobs_of:
-        return results
-    columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeRemainingColumn())
-    with (
-        Progress(*columns, console=Console(stderr=True)) as progress,
-        _workers(jobs, dask, threads) as parallel,
-    ):
-        task = progress.add_task(title, total=len(jobs_of))
-        for result in parallel(delayed(work)(*arguments) for arguments in jobs_of):
-            results.append(result)
-            progress.advance(task)
-    return results

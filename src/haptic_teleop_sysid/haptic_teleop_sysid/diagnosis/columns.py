@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from haptic_teleop_sim.model import STRUCTURES, Model
+from haptic_teleop_sim.model import Model
 from haptic_teleop_sysid.estimation.gauss_newton import Fit, bounds, gauss_newton_step, normal_equations
 from haptic_teleop_sysid.estimation.records import Record
 from haptic_teleop_sysid.parameter_units import Units
@@ -148,11 +148,13 @@ def errors_of(fit: Fit, validation: Sequence[Record]) -> dict[str, float]:
 
 
 def moved(given: Model, numbers: Mapping[str, Number]) -> list[dict[str, Any]]:
-    """Parameters of the structure that differ from the given ones beyond their standard errors and by more
-    than PRACTICAL, the most first."""
+    """Parameters of the given model, its effects' too, that differ from the given ones beyond their standard
+    errors and by more than PRACTICAL, the most first."""
     found = []
-    for name in STRUCTURES[given.structure]:
-        number, before = numbers[name], float(given.parameters[name])
+    for name, before in given.parameter_values().items():
+        number = numbers.get(name)
+        if number is None:  # an effect that gave way to another form of it
+            continue
         apart = abs(number.value - before)
         if number.std is None or apart <= max(SIGNIFICANT * number.std, PRACTICAL * abs(before)):
             continue

@@ -79,7 +79,7 @@ def three_uses(
 
 def _kept_back(validation: tuple[DataSet, ...]) -> tuple[tuple[DataSet, ...], tuple[DataSet, ...], str]:
     """The validation without what is kept of it to show with, that, and why, in words."""
-    seconds = sum(_usable(d) for d in validation)
+    seconds = sum(usable_seconds(d) for d in validation)
     if seconds < (1.0 - _LOST) * LONG_ENOUGH:
         why = f"there are no test recordings and less than {LONG_ENOUGH:g} s of validation ({seconds:.3g} s)"
         return validation, (), why
@@ -126,11 +126,11 @@ def _without_last(
     """The recordings without their last ``seconds``, and these: whole recordings as far as they go, so that
     as few as possible are cut, and no piece shorter than SHORTEST_PIECE."""
     rest, kept = list(data), []
-    while _usable(rest[-1]) <= seconds + SHORTEST_PIECE:
-        seconds -= _usable(rest[-1])
+    while usable_seconds(rest[-1]) <= seconds + SHORTEST_PIECE:
+        seconds -= usable_seconds(rest[-1])
         kept.insert(0, rest.pop())
     if seconds >= SHORTEST_PIECE:
-        first, last = _cut(rest[-1], seconds)
+        first, last = cut_behind(rest[-1], seconds)
         if min(longest_stretch(first), longest_stretch(last)) >= FEWEST_SAMPLES:
             rest[-1] = first
             kept.insert(0, last)
@@ -145,12 +145,12 @@ def longest_stretch(dataset: DataSet) -> int:
     return int(np.max(edges[1::2] - edges[::2], initial=0))
 
 
-def _usable(dataset: DataSet) -> float:
+def usable_seconds(dataset: DataSet) -> float:
     """Seconds of a recording that are no hole."""
     return dataset.dt * (int(np.count_nonzero(dataset.valid)) if len(dataset.valid) else len(dataset))
 
 
-def _cut(dataset: DataSet, seconds: float) -> tuple[DataSet, DataSet]:
+def cut_behind(dataset: DataSet, seconds: float) -> tuple[DataSet, DataSet]:
     """A recording without its last ``seconds`` of usable samples, and these."""
     usable = dataset.valid if len(dataset.valid) else np.ones(len(dataset), dtype=np.bool_)
     behind = np.cumsum(usable[::-1])[::-1]

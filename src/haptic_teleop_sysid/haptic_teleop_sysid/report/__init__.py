@@ -7,10 +7,11 @@ the directory that a run may write to.
 """
 
 from haptic_teleop_sysid.report.output import claim_output_directory, numbered_output_directory
-from haptic_teleop_sysid.report.page import Page, Section
+from haptic_teleop_sysid.report.page import Link, Page, Section
 from haptic_teleop_sysid.report.pictures import Panel, Series, histogram, inline_svg, save_png, stacked_panels
 
 __all__ = [
+    "Link",
     "Page",
     "Panel",
     "Section",

@@ -8,6 +8,7 @@ from dataclasses import dataclass, field
 from datetime import datetime
 from pathlib import Path
 from typing import Literal
+from urllib.parse import quote
 
 import jinja2
 from markupsafe import Markup
@@ -17,6 +18,17 @@ from haptic_teleop_sysid.report.pictures import inline_svg
 
 Status = Literal["good", "fair", "bad", "plain"]
 STATUS_WORD = {"good": "OK", "fair": "NOTE", "bad": "PROBLEM", "plain": "INFO"}
+
+
+class Link(str):
+    """A cell that leads to another file: its text, and ``href``, a path relative to the page."""
+
+    href: str
+
+    def __new__(cls, text: str, path: str) -> Link:
+        link = super().__new__(cls, text)
+        link.href = quote(path)
+        return link
 
 
 @dataclass(frozen=True)
@@ -44,10 +56,10 @@ class Section:
         return self
 
     def table(self, header: Sequence[str], rows: Sequence[Sequence[object]], caption: str = "") -> Section:
-        """Add a table; cells are written with `str` and escaped, those that are numbers are set
-        right-aligned.
+        """Add a table; cells are written with `str` (a `Link` leads elsewhere) and escaped, those that are
+        numbers are set right-aligned.
         """
-        cells = tuple(tuple(str(cell) for cell in row) for row in rows)
+        cells = tuple(tuple(c if isinstance(c, Link) else str(c) for c in row) for row in rows)
         self.blocks.append(Block("table", text=caption, header=tuple(header), rows=cells))
         return self
 
@@ -90,6 +102,7 @@ class Page:
             autoescape=True, undefined=jinja2.StrictUndefined, trim_blocks=True, lstrip_blocks=True
         )
         environment.tests["numeric"] = looks_numeric
+        environment.tests["link"] = lambda cell: isinstance(cell, Link)
         files = importlib.resources.files("haptic_teleop_sysid.report")
         template = environment.from_string(files.joinpath("page.html.j2").read_text(encoding="utf-8"))
         style = files.joinpath("page.css").read_text(encoding="utf-8")

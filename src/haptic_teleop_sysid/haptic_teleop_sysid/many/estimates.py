@@ -1,0 +1,190 @@
+"""`estimate` of every recording for itself, and what all of them say together."""
+
+from __future__ import annotations
+
+import csv
+import math
+import time
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from scipy.stats import chi2
+
+from haptic_teleop_sim.model import Model
+from haptic_teleop_sysid.estimation_report import verdict
+from haptic_teleop_sysid.estimation_run import Choices, load, run_estimate, write_results
+from haptic_teleop_sysid.parameter_table import parameter_rows, rounded
+from haptic_teleop_sysid.report import Link, Page
+from haptic_teleop_sysid.results import plain
+
+from .each import Job
+from .folder import Found
+from .kept import DONE
+
+#: Probability below which scatter is not what the standard errors say.
+_UNLIKELY = 0.01
+
+
+def estimate_jobs(
+    found: Sequence[Found],
+    model: Model,
+    validation: Sequence[str],
+    choices: Choices,
+    with_page: bool,
+    output: Path,
+) -> list[Job]:
+    """Return one job a recording; each writes what `estimate` writes into a folder of its own."""
+    others = tuple(str(Path(bag).resolve()) for bag in validation)
+    known = tuple(Path(bag) for bag in (*others, *([choices.mapping] if choices.mapping else ())))
+    return [
+        Job(
+            f.name,
+            output / f.name,
+            (f.path, *known),
+            estimate_one,
+            (str(f.path.resolve()), model, others, choices, with_page),
+            (replace(model, source=""), choices, with_page),
+        )
+        for f in found
+    ]
+
+
+def estimate_one(
+    bag: str, model: Model, validation: Sequence[str], choices: Choices, with_page: bool, folder: Path
+) -> dict[str, Any]:
+    """Estimate from one recording into its folder; return what the table shows of it."""
+    began = time.perf_counter()
+    data, told = load([bag, *validation], model, choices)
+    result = run_estimate(model, data, told, validation, choices)
+    write_results(result, folder, began, with_page)
+    shown = validation or [bag]
+    return plain(
+        {
+            "parameters": {
+                row.name: {"value": row.value, "std": row.std, "unit": row.unit}
+                for row in parameter_rows(result.estimate)
+                if row.status != "fixed"
+            },
+            "converged": result.estimate.converged,
+            "fit": {
+                signal: min(result.fits["estimate", b].percent[signal] for b in shown)
+                for signal in data[bag].signals()
+            },
+            "doubts": [sentence for status, sentence in verdict(result) if status == "bad"],
+        }
+    )
+
+
+def together(outcomes: Mapping[str, Mapping[str, Any]]) -> dict[str, dict[str, Any]]:
+    """Return by parameter the ``mean`` over the recordings weighted by their standard errors, its ``std``,
+    ``count``, ``scatter`` (chi-square per degree of freedom: one where recordings differ by as much as their
+    errors say) and ``alike``: False where chance does not explain it."""
+    found: dict[str, dict[str, Any]] = {}
+    done = [o for o in outcomes.values() if o["status"] == DONE and o["converged"]]
+    for name in done[0]["parameters"] if done else ():
+        rows = [o["parameters"][name] for o in done]
+        known = [(r["value"], r["std"]) for r in rows if r["value"] is not None and r["std"]]
+        if not known:
+            continue
+        values, std = np.array(known).T
+        weight = 1.0 / std**2
+        mean = float(np.sum(weight * values) / np.sum(weight))
+        total = float(np.sum(weight * (values - mean) ** 2))
+        free = len(values) - 1
+        found[name] = {
+            "mean": mean,
+            "std": float(np.sqrt(max(total / free if free else 1.0, 1.0) / np.sum(weight))),
+            "unit": rows[0]["unit"],
+            "count": len(values),
+            "scatter": total / free if free else None,
+            "alike": not free or float(chi2.sf(total, free)) > _UNLIKELY,
+        }
+    return found
+
+
+def estimates_page(model: Model, outcomes: Mapping[str, Mapping[str, Any]], with_page: bool) -> Page:
+    """Return the overview: what the recordings say together, and each for itself."""
+    page = Page("Estimates of many recordings", f"{model.robot} {model.joint}, {len(outcomes)} recordings")
+    all_, unusable = (
+        together(outcomes),
+        [(n, o["message"]) for n, o in outcomes.items() if o["status"] != DONE],
+    )
+    different = [name for name, row in all_.items() if not row["alike"]]
+    if different:
+        page.verdict(
+            "fair",
+            f"{', '.join(different)} differ from recording to recording by more than their errors: put them "
+            "in order of time with `trend`, or find what differs between the recordings.",
+        )
+    else:
+        page.verdict("good", "The recordings agree with each other within their standard errors.")
+    if unusable:
+        page.verdict("fair", f"{len(unusable)} recordings could not be used; they are listed below.")
+    page.section("Together").table(
+        ("parameter", "unit", "weighted mean", "std. error", "recordings", "scatter / errors"),
+        [
+            (
+                name,
+                row["unit"],
+                rounded(row["mean"], row["std"]),
+                f"{row['std']:.2g}",
+                row["count"],
+                "–" if row["scatter"] is None else f"{math.sqrt(row['scatter']):.2f}",
+            )
+            for name, row in all_.items()
+        ],
+        "The error of the mean is that of the scatter where this is larger; 1 at the end is as expected",
+    )
+    done = {n: o for n, o in outcomes.items() if o["status"] == DONE}
+    if done:
+        first = next(iter(done.values()))
+        names = list(first["parameters"])
+        page.section("Each for itself").table(
+            ("recording", *names, "least fit", "doubts"),
+            [
+                (
+                    Link(n, f"{n}/report.html") if with_page else n,
+                    *(_cell(o["parameters"].get(name)) for name in names),
+                    _least(o["fit"]),
+                    " ".join(o["doubts"]) or "–",
+                )
+                for n, o in done.items()
+            ],
+            "value ± standard error; least simulated fit of all signals, percent",
+        )
+    if unusable:
+        page.section("Not used").table(("recording", "why"), unusable)
+    return page
+
+
+def write_estimates(outcomes: Mapping[str, Mapping[str, Any]], path: Path) -> Path:
+    """Write one row a recording, CSV; those that could not be used say why."""
+    done = [o for o in outcomes.values() if o["status"] == DONE]
+    names = list(done[0]["parameters"]) if done else []
+    with path.open("w", newline="", encoding="utf-8") as stream:
+        table = csv.writer(stream)
+        table.writerow(
+            ["recording", *(p for n in names for p in (n, f"{n} std")), "least fit %", "status", "why"]
+        )
+        for name, o in outcomes.items():
+            rows = [o["parameters"].get(n, {}) if o["status"] == DONE else {} for n in names]
+            cells = [row.get(key) for row in rows for key in ("value", "std")]
+            fit = _least(o["fit"]) if o["status"] == DONE else ""
+            table.writerow(
+                [name, *("" if c is None else f"{c:.9g}" for c in cells), fit, o["status"], o["message"]]
+            )
+    return path
+
+
+def _cell(row: Mapping[str, Any] | None) -> str:
+    if row is None or row["value"] is None:
+        return "not determined"
+    return f"{rounded(row['value'], row['std'] or 0.0)}" + (f" ± {row['std']:.2g}" if row["std"] else "")
+
+
+def _least(fit: Mapping[str, float | None]) -> str:
+    values = [v for v in fit.values() if v is not None]
+    return f"{min(values):.1f}" if len(values) == len(fit) and values else "none"

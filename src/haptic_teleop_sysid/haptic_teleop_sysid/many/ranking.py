@@ -1,0 +1,136 @@
+"""Diagnoses side by side: ranked by what is wrong, as a page, a table and a content for other programs."""
+
+from __future__ import annotations
+
+import csv
+import math
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+from matplotlib import rc_context
+from matplotlib.figure import Figure
+
+from haptic_teleop_sysid.report import Link, Page
+from haptic_teleop_sysid.report.pictures import SERIES_COLOURS, STYLE
+
+from .kept import DONE
+
+Outcomes = Mapping[str, Mapping[str, Any]]
+RULE = (
+    "Ranked: first where something is missing or a parameter is off, then by the error of your model's "
+    "simulated response (relative to the motion's spread, rms over the signals) on the recordings that were "
+    "used least."
+)
+
+
+def ranked(outcomes: Outcomes) -> list[str]:
+    """Return the names of the diagnoses that came to an end, the worst first."""
+    done = [name for name, o in outcomes.items() if o["status"] == DONE]
+
+    def worth(name: str) -> tuple[bool, float, str]:
+        o = outcomes[name]
+        return not o["wrong"], -(math.inf if o["error"] is None else o["error"]), name
+
+    return sorted(done, key=worth)
+
+
+def overview_sentence(outcomes: Outcomes) -> str:
+    """How many are in order, and which is worst."""
+    order = ranked(outcomes)
+    wrong = [name for name in order if outcomes[name]["wrong"]]
+    if not order:
+        return "Nothing could be diagnosed."
+    if not wrong:
+        return f"Nothing was found missing or off in any of the {len(order)}."
+    worst = outcomes[wrong[0]]
+    return f"Something is wrong with {len(wrong)} of {len(order)}; first {wrong[0]}: {worst['what']}."
+
+
+def overview_content(outcomes: Outcomes) -> dict[str, Any]:
+    """What overview.json says."""
+    return {
+        "schema": 1,
+        "sentence": overview_sentence(outcomes),
+        "rule": RULE,
+        "ranking": [{"name": name, **_without(outcomes[name])} for name in ranked(outcomes)],
+        "unusable": [{"name": n, "why": o["message"]} for n, o in outcomes.items() if o["status"] != DONE],
+    }
+
+
+def overview_page(title: str, outcomes: Outcomes, with_pages: bool) -> Page:
+    """Return the overview; ``with_pages``: each diagnosis has a page of its own in its folder."""
+    order = ranked(outcomes)
+    page = Page(title, f"{len(outcomes)} diagnoses")
+    page.verdict("bad" if any(outcomes[n]["wrong"] for n in order) else "good", overview_sentence(outcomes))
+    if any(outcomes[name]["split"] for name in order):
+        page.verdict(
+            "fair",
+            "Judged by the last third of the recording that was learnt from: one of another amplitude or "
+            "band, given as --validation, is a harder test.",
+        )
+    unusable = [(n, o["message"]) for n, o in outcomes.items() if o["status"] != DONE]
+    if unusable:
+        page.verdict("fair", f"{len(unusable)} could not be diagnosed; they are listed below.")
+    if order:
+        section = page.section("Ranking", RULE)
+        section.picture(_bars(order, outcomes), "Error of the simulated response, worst first")
+        section.table(
+            ("rank", "", "verdict", "what is wrong", "error, yours", "error, augmented"),
+            [
+                (
+                    number,
+                    Link(name, f"{name}/report.html") if with_pages else name,
+                    outcomes[name]["verdict"],
+                    outcomes[name]["what"],
+                    percent(outcomes[name]["error"]),
+                    percent(outcomes[name]["left"]),
+                )
+                for number, name in enumerate(order, start=1)
+            ],
+        )
+    if unusable:
+        page.section("Not diagnosed").table(("", "why"), unusable)
+    return page
+
+
+def write_overview(outcomes: Outcomes, path: Path) -> Path:
+    """Write one row a diagnosis, the worst first, CSV."""
+    with path.open("w", newline="", encoding="utf-8") as stream:
+        table = csv.writer(stream)
+        table.writerow(
+            ["rank", "name", "joint", "verdict", "what", "error", "error augmented", "status", "why"]
+        )
+        for number, name in enumerate(ranked(outcomes), start=1):
+            o = outcomes[name]
+            errors = ["inf" if o[key] is None else f"{o[key]:.6g}" for key in ("error", "left")]
+            table.writerow([number, name, o["joint"], o["verdict"], o["what"], *errors, o["status"], ""])
+        for name, o in outcomes.items():
+            if o["status"] != DONE:
+                table.writerow(["", name, "", "", "", "", "", o["status"], o["message"]])
+    return path
+
+
+def percent(error: float | None) -> str:
+    """An error as it is printed."""
+    return "runs away" if error is None else f"{100.0 * error:.3g} %"
+
+
+def _without(outcome: Mapping[str, Any]) -> dict[str, Any]:
+    return {k: v for k, v in outcome.items() if k not in ("key", "status", "message")}
+
+
+def _bars(order: Sequence[str], outcomes: Outcomes) -> Figure:
+    shown = [n for n in order if outcomes[n]["error"] is not None][:40]
+    with rc_context(STYLE):
+        figure = Figure(figsize=(8.0, 0.4 * len(shown) + 1.0), layout="constrained")
+        axes = figure.subplots()
+        places = range(len(shown))
+        for key, label, colour, shift in (("error", "your model", 3, 0.18), ("left", "augmented", 1, -0.18)):
+            values = [100.0 * (outcomes[n][key] or 0.0) for n in shown]
+            axes.barh([p - shift for p in places], values, 0.34, color=SERIES_COLOURS[colour], label=label)
+        axes.set_yticks(list(places), shown)
+        axes.invert_yaxis()
+        axes.set_xlabel("error of the simulated response (% of the motion's spread)")
+        axes.legend()
+    return figure

@@ -1,0 +1,110 @@
+"""A trend as a page and as a table that other programs read."""
+
+from __future__ import annotations
+
+import csv
+import shlex
+from collections.abc import Sequence
+from pathlib import Path
+
+from haptic_teleop_sysid.report import Page
+
+from .trend import Trend
+from .trend_picture import changes_picture, charts_picture
+from .trend_words import alarm_sentence, change_sentence, changed
+
+_STATISTICS = (
+    "A parameter's limits hold the scatter of the reference and the recording's own standard error; half of "
+    "the false alarms are left to single recordings, half to a moving average that gives the newest a weight "
+    "of 0.2 (Roberts 1959). That mean and scatter come from few recordings is in the limits (Jensen et al. "
+    "2006): they are simulated for this number of recordings. Quantities of one motion depend on each other; "
+    "the probability is shared among them (Bonferroni), which holds however they do."
+)
+
+
+def trend_page(trend: Trend, commands: Sequence[Sequence[str]]) -> Page:
+    """Return the report; ``commands``: what looks into recordings outside the limits."""
+    model = trend.model
+    last = len(trend.points) - 1
+    page = Page(
+        "What changed since the robot was new",
+        f"{model.robot} {model.joint}, {len(trend.points)} recordings, {trend.points[0].when} to "
+        f"{trend.points[last].when}",
+    )
+    first = trend.first
+    page.verdict("good" if first is None else "bad", change_sentence(trend))
+    if first is not None:
+        reasons = "; ".join(trend.reasons(first))
+        page.verdict("fair", f"First outside: {trend.points[first].when}: {reasons}.")
+    for command, which in zip(commands, ("it", "the newest, where a change has grown"), strict=False):
+        page.verdict("plain", f"Look into {which}: {shlex.join(command)}")
+    if trend.unusable:
+        page.verdict("fair", f"{len(trend.unusable)} recordings could not be used; they are listed below.")
+    for note in trend.told:
+        page.verdict("plain", f"{note[0].upper()}{note[1:]}.")
+    page.verdict("plain", alarm_sentence(trend))
+    page.section("Now against the reference").picture(
+        changes_picture(trend), "Change of each quantity in percent, with two standard errors"
+    ).table(
+        ("quantity", "unit", "reference", "now", "change", "std. error", "first outside"),
+        [
+            (
+                c.quantity.name,
+                c.quantity.unit,
+                f"{c.shown(c.centre):.4g}",
+                f"{c.shown(c.now):.4g}",
+                changed(c).split(" (")[0],
+                f"{c.now_std:.2g}" + (" (of the logarithm)" if c.quantity.logarithmic else ""),
+                "–" if c.first is None else trend.points[c.first].when,
+            )
+            for c in trend.charts
+        ],
+    )
+    page.section("Over time", _STATISTICS).picture(
+        charts_picture(trend), "Each quantity over time with its limits; shaded on the left: the reference"
+    )
+    page.section("Recordings").table(
+        ("recording", "date", "seconds", "out of order"),
+        [
+            (
+                p.name,
+                f"{p.date:%Y-%m-%d %H:%M}" if p.date else "–",
+                f"{p.found['seconds_long']:.1f}",
+                "; ".join(trend.reasons(i)) or "–",
+            )
+            for i, p in enumerate(trend.points)
+        ],
+    )
+    if trend.unusable:
+        page.section("Not used").table(("recording", "why"), trend.unusable)
+    return page
+
+
+def write_table(trend: Trend, path: Path) -> Path:
+    """Write one row a recording, CSV: date, every quantity with its standard error, fits, what is outside."""
+    names = [c.quantity for c in trend.charts]
+    signals = list(trend.points[0].found["fit"]["estimate"])
+    with path.open("w", newline="", encoding="utf-8") as stream:
+        table = csv.writer(stream)
+        head = [
+            part for q in names for part in ((q.name, f"{q.name} std") if q.std is not None else (q.name,))
+        ]
+        table.writerow(["recording", "date", *head, *(f"fit % {s}" for s in signals), "slips", "outside"])
+        for i, p in enumerate(trend.points):
+            cells = [
+                f"{v[i]:.9g}"
+                for q in names
+                for v in ((q.values, q.std) if q.std is not None else (q.values,))
+            ]
+            fits = [p.found["fit"]["estimate"].get(s) for s in signals]
+            table.writerow(
+                [
+                    p.name,
+                    p.date.isoformat() if p.date else "",
+                    *cells,
+                    *("" if f is None else f"{f:.4f}" for f in fits),
+                    len(p.found["slips"]),
+                    "; ".join(trend.reasons(i)),
+                ]
+            )
+    return path
