@@ -12,11 +12,11 @@ from test_log_files import bag
 from haptic_teleop_control.errors import ConfigurationError, MismatchError, RecordingError
 from haptic_teleop_control.recording import read_recording
 from haptic_teleop_sim.model import Model
-from haptic_teleop_sysid import compare, dataset_report, diagnose, estimate
+from haptic_teleop_sysid import compare, dataset_report, diagnose
 from haptic_teleop_sysid.dataset import load_dataset
+from haptic_teleop_sysid.estimation_run import Choices, load
 from haptic_teleop_sysid.import_log import main
 from haptic_teleop_sysid.logs.opened import open_recording
-from haptic_teleop_sysid.preparation import Treatment
 
 T, TORQUE, ANGLE, SPEED = machine()
 DATA = (1e3 * T, 1e3 * TORQUE, np.degrees(ANGLE))
@@ -383,7 +383,7 @@ def test_nothing_that_exists_is_overwritten_and_nothing_is_left_of_a_refusal(tmp
 
 def test_estimate_and_diagnose_take_a_log_as_it_is(tmp_path, capsys):
     log = str(plain_table(tmp_path / "log.csv"))
-    data, _ = estimate.load([log], model(), Treatment(), allow_gaps=False)
+    data, _ = load([log], model(), Choices())
     assert np.allclose(data[log].motor_position, ANGLE, atol=1e-8)
     model().save(tmp_path / "model.yaml")
     other = table(tmp_path / "other.csv", ("time [ms]", "torque [Nmm]", "q"), DATA)  # the second is read, too
@@ -392,13 +392,13 @@ def test_estimate_and_diagnose_take_a_log_as_it_is(tmp_path, capsys):
     assert "other.csv: its headers leave open" in capsys.readouterr().err
     bare = str(table(tmp_path / "bare.csv", ("t", "u", "q"), DATA))
     with pytest.raises(ConfigurationError, match="--suggest"):
-        estimate.load([bare], model(), Treatment(), allow_gaps=False)
+        load([bare], model(), Choices())
     mapping = mapping_file(
         tmp_path / "mapping.yaml",
         "time: {column: t, unit: ms}\n"
         "joints: {joint: {input: {column: u, unit: Nmm}, motor: {position: {column: q, unit: deg}}}}\n",
     )
-    data, _ = estimate.load([bare], model(), Treatment(), False, str(mapping))
+    data, _ = load([bare], model(), Choices(mapping=str(mapping)))
     assert np.allclose(data[bare].input, TORQUE, atol=1e-8)
 
 
