@@ -191,6 +191,8 @@ def test_a_part_keeps_its_time():
         (replace(RIGID, io=None), ["generic.yaml", "mybag", "io section"]),
         (replace(RIGID, io={**IO, "motor": KNEE}), ["knee", "stage2_arm"]),
         (replace(RIGID, io={**IO, "input": "effort"}), ["io.input"]),
+        (replace(RIGID, io={**IO, "gear": 50}), ["io.gear", "input, motor, arm"]),
+        (replace(RIGID, io={**IO, "motor": {**IO["motor"], "topicc": "x"}}), ["io.motor.topicc"]),
     ],
 )  # fmt: skip
 def test_a_wrong_pair_is_refused_in_one_sentence(model, words):

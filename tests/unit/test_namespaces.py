@@ -13,7 +13,8 @@ import pytest
 
 BENCHMARKS = Path(__file__).resolve().parents[1] / "benchmarks"
 HOLDS = """
-import subprocess, sys
+import signal, subprocess, sys
+signal.signal(signal.SIGINT, signal.default_int_handler)  # a background job of a shell begins deaf to it
 sys.path.insert(0, sys.argv[1])
 from _namespaces import AT_SERVER, ENDS_WITH_US, Namespaces
 with Namespaces() as joined:

@@ -10,6 +10,7 @@ from weekly_recordings import FIRST_WEEK, FRICTION, NEW, WEEK, Ageing, write_wee
 
 from haptic_teleop_control.errors import ConfigurationError
 from haptic_teleop_sysid.many.charts import Quantity, chart
+from haptic_teleop_sysid.many.folder import in_order
 from haptic_teleop_sysid.many.limits import limits, moving
 from haptic_teleop_sysid.many.trend import trend_of
 from haptic_teleop_sysid.many.trend_words import change_sentence
@@ -107,7 +108,7 @@ def test_recordings_are_ordered_by_their_stamps_and_what_has_no_date_is_listed()
     assert "simulated error, given model is not determined by 1 of the 9" in " ".join(told.told)
     dateless = {name: o | {"start_ns": 10**9} for name, o in found.items() if o["status"] == "done"}
     told = trend_of(NEW, dateless, {name: Path(name) for name in dateless}, 12, 0.05)
-    assert [p.name for p in told.points] == sorted(dateless)
+    assert [p.name for p in told.points] == sorted(dateless, key=int)
     with pytest.raises(ConfigurationError, match=r"22 recordings can be used.*smaller --reference"):
         trend_of(NEW, dateless, {name: Path(name) for name in dateless}, 22, 0.05)
 
@@ -142,3 +143,16 @@ def test_the_command_names_the_first_that_leaves_and_goes_on_where_it_was(tmp_pa
     ]
     assert str(new) in said["first_outside"]["diagnose"][1]
     assert "<svg" in (out / "report.html").read_text() and FRICTION in (out / "trend.csv").read_text()
+
+
+def test_undated_recordings_are_in_the_order_in_which_people_count():
+    names = ["week10.csv", "week2.csv", "b/week1.csv", "week1.csv"]
+    assert sorted(names, key=in_order) == ["b/week1.csv", "week1.csv", "week2.csv", "week10.csv"]
+
+
+def test_what_creeps_is_now_where_the_newest_recording_has_it():
+    std = np.full(30, 0.01)
+    values = 5.0 + 0.01 * np.random.default_rng(3).standard_normal(30)
+    values[15:] += 0.1 * np.arange(1, 16)
+    found = chart(Quantity("motor_damping", "N*m*s/rad", values, std), REFERENCE, YEAR, ALARM, 4)
+    assert found.now == pytest.approx(values[-1], abs=0.03)

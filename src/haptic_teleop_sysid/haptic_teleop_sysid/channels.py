@@ -92,6 +92,9 @@ def _robot(model: Model, recording: Recording, name: str) -> Channels:
     return Channels(topic, states, motor, arm, motor, None, command, other_arm, measured_late=True)
 
 
+_IO_KEYS, _ENTRY_KEYS = ("input", "motor", "arm"), ("topic", "joint", "field")
+
+
 def _generic(model: Model, recording: Recording, name: str) -> Channels:
     io = model.io
     if not io:
@@ -101,6 +104,9 @@ def _generic(model: Model, recording: Recording, name: str) -> Channels:
             f"holds {_present(recording)}",
             "say in the model file's io section which topics to use",
         )
+    for key in io:
+        if key not in _IO_KEYS:
+            raise _mismatch(model, name, f"has no use for io.{key}", f"give io {', '.join(_IO_KEYS)} alone")
     input_topic, input_joint, field = _entry(model, name, io, "input")
     motor_topic, motor_joint, _ = _entry(model, name, io, "motor")
     states = _topic(model, recording, name, motor_topic)
@@ -140,6 +146,11 @@ def _entry(model: Model, name: str, io: Mapping[str, Any], key: str) -> tuple[st
         raise _mismatch(
             model, name, f"cannot be read without io.{key}", f"give io.{key} as {{topic: ..., joint: ...}}"
         )
+    for unknown in entry:
+        if unknown not in _ENTRY_KEYS:
+            raise _mismatch(
+                model, name, f"has no use for io.{key}.{unknown}", f"give {', '.join(_ENTRY_KEYS)} alone"
+            )
     field = entry.get("field")
     if field is not None and field not in ("position", "velocity", "effort"):
         raise _mismatch(

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.special import chdtri
 from scipy.stats import t as student
 
 from .limits import FEWEST, limits, moving
@@ -104,12 +105,22 @@ def chart(quantity: Quantity, reference: int, year: int, alarm: float, last: int
     if len(watched) and (single | creeping)[watched[-1]]:  # what was before it left says nothing of now
         within = np.flatnonzero(~(single | creeping)[final])
         final = final[within[-1] + 1 :] if len(within) else final
+    while len(final) > 1 and _still_moves(x[final], scale * v[final]):
+        final = final[1:]
     own = 1.0 / v[final] ** 2
     now = float(np.sum(own * x[final]) / np.sum(own))
     now_std = float(scale * np.sqrt(1.0 / np.sum(own) + 1.0 / total))
     typical, half = float(scale * np.median(v[first])), allowed.single * spread
     odd = _odd(np.flatnonzero(told[:reference]), (x - centre) / np.where(told, v, np.nan))
     return Chart(quantity, centre, typical, half, score, average, single, creeping, now, now_std, odd)
+
+
+def _still_moves(values: FloatArray, errors: FloatArray) -> bool:
+    """Whether values (n,) differ by more than their errors say (chi-square): the mean of what creeps is where
+    it was some time ago."""
+    weight = 1.0 / errors**2
+    mean = float(np.sum(weight * values) / np.sum(weight))
+    return float(np.sum(weight * (values - mean) ** 2)) > float(chdtri(len(values) - 1, _OUTLIER))
 
 
 def _odd(first: NDArray[np.intp], left: FloatArray) -> int | None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import re
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -47,7 +48,12 @@ def find_recordings(places: Sequence[str | Path]) -> list[Found]:
                 number += 1
                 name = f"{relative}_{number}"
             found[name] = Found(name, path)
-    return [found[name] for name in sorted(found)]
+    return [found[name] for name in sorted(found, key=in_order)]
+
+
+def in_order(name: str) -> list[tuple[int, str]]:
+    """A key by which names are sorted as people count: week2 before week10."""
+    return [(int(part), "") if part.isdigit() else (-1, part) for part in re.split(r"(\d+)", name) if part]
 
 
 def _within(folder: Path) -> list[tuple[Path, Path]]:

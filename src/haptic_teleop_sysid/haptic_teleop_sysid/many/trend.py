@@ -15,6 +15,7 @@ from haptic_teleop_control.errors import ConfigurationError
 from haptic_teleop_sim.model import Model
 
 from .charts import Chart, Quantity, chart, first_outside
+from .folder import in_order
 from .kept import DONE
 from .limits import FEWEST
 
@@ -166,13 +167,17 @@ def _number(value: float | None) -> float:
 def _ordered(usable: Sequence[Point], unusable: list[tuple[str, str]], told: list[str]) -> list[Point]:
     """By the first stamp of each recording's own states; names decide only between equal ones."""
     if not any(p.dated for p in usable):
-        if usable:
-            told.append("no recording has a date: they are in the order of their names")
-        return sorted(usable, key=lambda p: p.name)
+        points = sorted(usable, key=lambda p: in_order(p.name))
+        if points:
+            told.append(
+                "no recording has a date: they are in the order of their names, on which it depends what "
+                f"changed: from {points[0].name} to {points[-1].name}"
+            )
+        return points
     for point in usable:
         if not point.dated:
             unusable.append((point.name, "it has no date, and the others have one: its place is unknown"))
-    points = sorted((p for p in usable if p.dated), key=lambda p: (p.found["start_ns"], p.name))
+    points = sorted((p for p in usable if p.dated), key=lambda p: (p.found["start_ns"], in_order(p.name)))
     for one, other in pairwise(points):
         if one.found["start_ns"] == other.found["start_ns"]:
             told.append(f"{one.name} and {other.name} begin at the same instant (copies?): ordered by name")
