@@ -9,8 +9,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from haptic_teleop_control.errors import ConfigurationError
 from haptic_teleop_sysid.estimation.parallel import VARIABLE
+from haptic_teleop_sysid.report.output import make_output_directory
 from haptic_teleop_sysid.spread import ONE_THREAD, spread
 
 from .kept import attempt, kept, key_of
@@ -72,12 +72,7 @@ def _threads(waiting: int, jobs: int) -> Iterator[None]:
 
 def claim(output: Path) -> Path:
     """Return the folder of results, made if needed. Raises ConfigurationError where it cannot be one."""
-    try:
-        output.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise ConfigurationError(
-            f"--output {output} cannot be used as a directory ({error.strerror}): choose another --output."
-        ) from error
+    make_output_directory(output)
     return output.resolve()  # workers of a cluster stand elsewhere
 
 

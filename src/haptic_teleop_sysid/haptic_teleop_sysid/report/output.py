@@ -19,13 +19,18 @@ def claim_output_directory(directory: str | Path, result_name: str, overwrite: b
             f"{path} already holds the {result_name} of an earlier run: choose another --output, or say "
             f"--overwrite."
         )
+    make_output_directory(path)
+    return path
+
+
+def make_output_directory(path: Path) -> None:
+    """Make the folder `path` where it is missing; ConfigurationError where it cannot be one."""
     try:
         path.mkdir(parents=True, exist_ok=True)
     except OSError as error:
         raise ConfigurationError(
             f"--output {path} cannot be used as a directory ({error.strerror}): choose another --output."
         ) from error
-    return path
 
 
 def numbered_output_directory(directory: str | Path) -> Path:
