@@ -6,6 +6,7 @@ from identification_plants import STAGE, stage_recording
 
 from haptic_teleop_sim.model import Effect
 from haptic_teleop_sysid.dataset import load_dataset
+from haptic_teleop_sysid.diagnosis import doubt
 from haptic_teleop_sysid.diagnosis.doubt import CHANGES, CHANGES_GAIN
 from haptic_teleop_sysid.diagnosis.modulation import (
     JUST_AFTER,
@@ -95,3 +96,12 @@ def test_what_happens_for_moments_needs_to_change_the_mean_but_little():
     assert changes_with(ages, ages, CHANGES, CHANGES_GAIN) == [(RESTED, 0.02)]
     by_chance = {RESTED: Modulation(0.02, 8.0)}
     assert not changes_with(ages, by_chance, CHANGES, CHANGES_GAIN)
+
+
+@pytest.mark.parametrize(("by_rounding", "told"), [(0.10, None), (-0.10, None), (0.01, (RESTED, 0.15))])
+def test_what_the_encoders_steps_make_of_a_constant_size_is_no_change_of_it(monkeypatch, by_rounding, told):
+    real, made = object(), object()
+    said = {real: {RESTED: Modulation(0.15, 40.0)}, made: {RESTED: Modulation(by_rounding, 3.0)}}
+    monkeypatch.setattr(doubt, "null_records", lambda fit, records: made)
+    monkeypatch.setattr(doubt, "modulations", lambda fit, effect, records: said[records])
+    assert doubt._changing(None, None, FRICTION, real, real) == told
