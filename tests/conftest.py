@@ -24,11 +24,6 @@ WORKER = os.environ.get("PYTEST_XDIST_WORKER", "")
 
 OF_THIS_RUN = REPOSITORY / ".pytest_cache"
 
-if WORKER:
-    # Two processes that save machine code of one function for different arguments at once can mix them up:
-    # numba's index of a function knows no lock. So each keeps its own; the programs that it starts, too.
-    os.environ["NUMBA_CACHE_DIR"] = str(OF_THIS_RUN / "numba" / WORKER)
-
 # The same examples on every run: a failure here must be the change's and not the day's.
 hypothesis.settings.register_profile("repeatable", derandomize=True, deadline=None, max_examples=50)
 hypothesis.settings.load_profile("repeatable")
@@ -36,6 +31,11 @@ hypothesis.settings.load_profile("repeatable")
 # DDS takes ports by domain; those of 0 to 101 are free of Linux' range for outgoing connections. 0 is the
 # default, where the graphs of others are.
 DOMAINS = range(1, 102)
+
+
+def pytest_xdist_auto_num_workers() -> int:
+    """One process more than there are cores: tests that start nodes wait for them much of their time."""
+    return len(os.sched_getaffinity(0)) + 1
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:

@@ -18,9 +18,9 @@ from dataclasses import astuple, dataclass
 from typing import Any
 
 import numpy as np
-from numba import njit
 from numpy.typing import ArrayLike, NDArray
 
+from haptic_teleop_control.compiled import njit
 from haptic_teleop_control.errors import ConfigurationError
 from haptic_teleop_control.parameters import Parameter
 from haptic_teleop_control.quantities import check_quantities, from_parameters, parameters_of, quantity

@@ -20,9 +20,9 @@ from functools import lru_cache
 from typing import Any, Self
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
+from haptic_teleop_control.compiled import njit
 from haptic_teleop_control.errors import ConfigurationError
 from haptic_teleop_control.parameters import Parameter
 from haptic_teleop_control.quantities import check_quantities, from_parameters, parameters_of, quantity

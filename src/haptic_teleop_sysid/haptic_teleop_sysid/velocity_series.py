@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
+from haptic_teleop_control.compiled import njit
 from haptic_teleop_control.filters import velocity_coefficients, velocity_step
 
 Array = NDArray[np.float64]

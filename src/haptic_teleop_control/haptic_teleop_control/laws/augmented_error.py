@@ -20,9 +20,9 @@ from dataclasses import dataclass, replace
 from typing import Any, Self
 
 import numpy as np
-from numba import njit
 from numpy.typing import ArrayLike
 
+from haptic_teleop_control.compiled import njit
 from haptic_teleop_control.errors import ConfigurationError
 from haptic_teleop_control.laws.contract import Array, ForceLaw, LawResult
 from haptic_teleop_control.laws.gain_ramp import GainRamp

@@ -35,8 +35,8 @@ import math
 from typing import Any, NamedTuple
 
 import numpy as np
-from numba import njit
 
+from haptic_teleop_control.compiled import njit
 from haptic_teleop_control.filters import velocity_coefficients, velocity_step
 from haptic_teleop_control.laws.contract import Array
 from haptic_teleop_control.laws.observer_settings import DisturbanceObserverSettings

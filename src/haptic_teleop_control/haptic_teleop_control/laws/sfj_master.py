@@ -23,9 +23,9 @@ from dataclasses import dataclass, replace
 from typing import Any, Self
 
 import numpy as np
-from numba import njit
 from numpy.typing import ArrayLike
 
+from haptic_teleop_control.compiled import njit
 from haptic_teleop_control.errors import ConfigurationError
 from haptic_teleop_control.filters import low_pass_coefficients
 from haptic_teleop_control.laws.contract import Array, LawResult

@@ -9,8 +9,8 @@ import cmath
 import math
 
 import numpy as np
-from numba import njit
 
+from haptic_teleop_control.compiled import njit
 from haptic_teleop_control.signals.multisine import multisine_coefficients
 from haptic_teleop_control.signals.settings import SignalSettings
 

@@ -24,8 +24,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numba import njit
 
+from haptic_teleop_control.compiled import njit
 from haptic_teleop_control.laws.contract import Array
 from haptic_teleop_control.quantities import check_quantities, quantity
 

@@ -11,7 +11,7 @@ from __future__ import annotations
 
 import math
 
-from numba import njit
+from haptic_teleop_control.compiled import njit
 
 from .entry import EffectEntry, EffectParameter
 

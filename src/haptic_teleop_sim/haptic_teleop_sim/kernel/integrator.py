@@ -21,7 +21,8 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numba import njit
+
+from haptic_teleop_control.compiled import njit
 
 
 @inner

@@ -11,7 +11,8 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numba import njit
+
+from haptic_teleop_control.compiled import njit
 
 # <the text below joins the kernel>
 

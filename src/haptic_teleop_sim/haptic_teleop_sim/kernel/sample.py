@@ -12,7 +12,8 @@ solution is the same but for rounding, at a fraction of the work.
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
+
+from haptic_teleop_control.compiled import njit
 
 # <the text below joins the kernel>
 

@@ -25,8 +25,8 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numba import njit
 
+from haptic_teleop_control.compiled import njit
 from haptic_teleop_control.filters import velocity_step
 from haptic_teleop_control.laws.augmented_error import augmented_error_step
 from haptic_teleop_control.laws.master_side import master_side_step

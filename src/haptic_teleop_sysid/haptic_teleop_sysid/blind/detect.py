@@ -18,10 +18,10 @@ import math
 from dataclasses import dataclass, fields
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 from scipy.linalg import expm, solve_discrete_are
 
+from haptic_teleop_control.compiled import njit
 from haptic_teleop_control.robots import SFJ_STAGES
 from haptic_teleop_sysid.blind.robot import PERIOD, Robot
 

@@ -10,11 +10,11 @@ from collections import OrderedDict
 from typing import Any
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 from scipy.optimize import least_squares
 from scipy.signal import butter, filtfilt
 
+from haptic_teleop_control.compiled import njit
 from haptic_teleop_sysid.blind.motion import Motion
 
 Array = NDArray[np.float64]

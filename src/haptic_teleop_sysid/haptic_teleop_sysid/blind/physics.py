@@ -12,9 +12,9 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
+from haptic_teleop_control.compiled import njit
 from haptic_teleop_sysid.blind.slots import INDEX, SIDE, SIDE_SIZE
 
 Array = NDArray[np.float64]

@@ -12,9 +12,9 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
+from haptic_teleop_control.compiled import njit
 from haptic_teleop_sysid.blind.detect import Column, Driven, Whitener, base_columns, beyond, whiten
 
 Array = NDArray[np.float64]

@@ -6,10 +6,10 @@ import math
 from types import SimpleNamespace
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 from scipy.linalg import expm
 
+from haptic_teleop_control.compiled import njit
 from haptic_teleop_sim.effects import EffectEntry, EffectParameter
 from haptic_teleop_sim.effects.on_arrays import NUMERIC
 from haptic_teleop_sysid.estimation.records import Record

@@ -5,9 +5,9 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
+from haptic_teleop_control.compiled import njit
 from haptic_teleop_sim.effects import EffectEntry, EffectParameter
 from haptic_teleop_sim.kernel import pack
 from haptic_teleop_sysid.estimation.gauss_newton import Fit, whiten

@@ -8,9 +8,9 @@ from functools import wraps
 from typing import Any
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
+from haptic_teleop_control.compiled import njit
 from haptic_teleop_sim.kernel import Packed, pack
 from haptic_teleop_sim.model import STRUCTURES, Model
 

@@ -8,8 +8,9 @@ hold both against the library.
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
+
+from haptic_teleop_control.compiled import njit
 
 FloatArray = NDArray[np.float64]
 _TERMS = 14

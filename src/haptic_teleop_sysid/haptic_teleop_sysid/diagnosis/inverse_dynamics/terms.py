@@ -13,9 +13,9 @@ from dataclasses import dataclass, replace
 from types import SimpleNamespace
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
+from haptic_teleop_control.compiled import njit
 from haptic_teleop_sim.effects import EFFECTS, EffectEntry, EffectParameter, locations
 from haptic_teleop_sim.effects.on_arrays import NUMERIC
 from haptic_teleop_sim.kernel import acting_torque, pack
