@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from scipy.stats import chi2
+import scipy
 
 from haptic_teleop_sim.model import Model
 from haptic_teleop_sysid.estimation_report import verdict
@@ -100,7 +100,7 @@ def together(outcomes: Mapping[str, Mapping[str, Any]]) -> dict[str, dict[str, A
             "unit": rows[0]["unit"],
             "count": len(values),
             "scatter": total / free if free else None,
-            "alike": not free or float(chi2.sf(total, free)) > _UNLIKELY,
+            "alike": not free or float(scipy.special.chdtrc(free, total)) > _UNLIKELY,
         }
     return found
 
