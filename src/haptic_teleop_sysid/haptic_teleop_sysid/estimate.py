@@ -14,6 +14,7 @@ from rich.console import Console
 from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
 
 from haptic_teleop_control.command_line import run_command
+from haptic_teleop_control.counted import counted
 from haptic_teleop_control.errors import ConfigurationError
 from haptic_teleop_sim.model import Model, load_model
 from haptic_teleop_sysid.estimation.strategies import METHODS, check_start
@@ -98,7 +99,7 @@ def _each(arguments: argparse.Namespace, model: Model, choices: Choices, began: 
     report = estimates_page(model, outcomes, with_page).write(output / "report.html")
     for name, row in all_.items():
         text = f"{name}: {rounded(row['mean'], row['std'])} ± {row['std']:.2g} {row['unit']}"
-        say(f"{text} of {row['count']} recordings" + ("" if row["alike"] else ", which differ"))
+        say(f"{text} of {counted(row['count'], 'recording')}" + ("" if row["alike"] else ", which differ"))
     unusable = {n: o["message"] for n, o in outcomes.items() if o["status"] != DONE}
     for name, why in unusable.items():
         say(f"not used: {name}: {why}")

@@ -17,6 +17,7 @@ import numpy as np
 from rich.console import Console
 
 from haptic_teleop_control.command_line import run_command
+from haptic_teleop_control.counted import counted
 from haptic_teleop_control.errors import ConfigurationError, HapticTeleopError, RecordingError
 from haptic_teleop_control.recording import Recording, write_recording
 from haptic_teleop_control.strict_yaml import dump_yaml
@@ -86,7 +87,7 @@ def _several(
             _say(screen, f"failed: {failed[file]}")
             continue
         odd = recording.experiment["import"]["odd"]
-        about = f"{_samples(recording)}" + (f"; {len(odd)} things to look at" if odd else "")
+        about = f"{_samples(recording)}" + (f"; {counted(len(odd), 'thing')} to look at" if odd else "")
         _say(console, f"{output / name}: {about}")
     _say(
         console,

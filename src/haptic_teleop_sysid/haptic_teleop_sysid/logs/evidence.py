@@ -10,6 +10,7 @@ import numpy as np
 import scipy
 from numpy.typing import NDArray
 
+from haptic_teleop_control.counted import counted
 from haptic_teleop_sysid.logs.signals import Signal, wraps
 
 Array = NDArray[np.float64]
@@ -130,7 +131,9 @@ def contradictions(time: Array, signals: Mapping[str, Signal]) -> tuple[list[str
             )
     for name in ("motor_position", "arm_position"):
         if name in signals and signals[name].quantity == "angle" and (times := wraps(signals[name].values)):
-            odd.append(f"{_of(signals[name])} jumps by a whole turn {times} times: give it unwrap: true")
+            odd.append(
+                f"{_of(signals[name])} jumps by a whole turn {counted(times, 'time')}: give it unwrap: true"
+            )
         elif name in signals:
             odd += _far(signals[name])
     return refuted, odd

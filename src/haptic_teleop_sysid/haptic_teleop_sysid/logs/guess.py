@@ -103,7 +103,7 @@ def guess_units(
         unit = unit_of(found[name].entry.unit or chosen[name].column.known) if name in found else None
         if unit and unit.quantity == "angle" and (times := wraps(unit.factor * chosen[name].column.values)):
             found[name].entry = replace(found[name].entry, unwrap=True)
-            found[name].less("likely", f"it jumps by a whole turn {times} times")
+            found[name].less("likely", f"it jumps by a whole turn {counted(times, 'time')}")
     _sign(chosen, found)
     if "input" in chosen and not chosen["input"].column.known:
         choice = found["input"]

@@ -12,6 +12,7 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
+from haptic_teleop_control.counted import counted
 from haptic_teleop_control.errors import RecordingError
 from haptic_teleop_sysid.logs.dialect import COMMENTS, DELIMITERS, MISSING, Dialect, Stated, cells, dialect_of
 from haptic_teleop_sysid.logs.log import MOST_ROWS, Column, Log
@@ -56,12 +57,15 @@ def read_text(path: Path, stated: Stated | None, rows: tuple[int, int] | None, s
         told = ", ".join(f"line {line + 1} has {count}" for line, count in found.ragged[:_TOLD])
         if not skip_ragged:
             raise RecordingError(
-                f"{path}: {len(found.ragged)} rows have another number of cells than the "
+                f"{path}: {counted(len(found.ragged), 'row has', 'rows have')} another number of cells "
+                "than the "
                 f"{len(dialect.names)} of the others ({told}): mend them, or leave them out with "
                 "--skip-ragged."
             )
         left_out |= {line for line, _ in found.ragged}
-        remarks.append(f"{len(found.ragged)} ragged rows were left out ({told})")
+        remarks.append(
+            f"{counted(len(found.ragged), 'ragged row was', 'ragged rows were')} left out ({told})"
+        )
     first = dialect.first + start
     frame = _parsed(path, dialect, first, found.rows, left_out)
     lines = np.setdiff1d(np.arange(first, first + found.rows), sorted(left_out)) + 1
@@ -79,7 +83,8 @@ def read_text(path: Path, stated: Stated | None, rows: tuple[int, int] | None, s
 def _read_as(dialect: Dialect) -> str:
     decimal = "comma" if dialect.decimal == "," else "point"
     header = "with a header" if any(dialect.names) else "without a header"
-    before = f", behind {dialect.passed_over} lines that were passed over" if dialect.passed_over else ""
+    passed = counted(dialect.passed_over, "line that was", "lines that were")
+    before = f", behind {passed} passed over" if dialect.passed_over else ""
     return f"read as text, {DELIMITERS.get(dialect.delimiter, dialect.delimiter)} between cells, decimal " \
            f"{decimal}, {header}{before}"  # fmt: skip
 

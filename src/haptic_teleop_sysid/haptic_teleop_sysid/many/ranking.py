@@ -11,6 +11,7 @@ from typing import Any
 from matplotlib import rc_context
 from matplotlib.figure import Figure
 
+from haptic_teleop_control.counted import counted
 from haptic_teleop_sysid.report import Link, Page
 from haptic_teleop_sysid.report.pictures import SERIES_COLOURS, STYLE
 
@@ -61,7 +62,7 @@ def overview_content(outcomes: Outcomes) -> dict[str, Any]:
 def overview_page(title: str, outcomes: Outcomes, with_pages: bool) -> Page:
     """Return the overview; ``with_pages``: each diagnosis has a page of its own in its folder."""
     order = ranked(outcomes)
-    page = Page(title, f"{len(outcomes)} diagnoses")
+    page = Page(title, counted(len(outcomes), "diagnosis", "diagnoses"))
     page.verdict("bad" if any(outcomes[n]["wrong"] for n in order) else "good", overview_sentence(outcomes))
     if any(outcomes[name]["split"] for name in order):
         page.verdict(

@@ -11,6 +11,7 @@ from typing import Any
 
 import numpy as np
 
+from haptic_teleop_control.counted import counted
 from haptic_teleop_control.errors import ConfigurationError
 from haptic_teleop_sim.model import Model
 
@@ -115,7 +116,8 @@ def trend_of(
     if len(points) <= reference:
         why = f"; the first that cannot be used: {unusable[0][1]}" if unusable else ""
         raise ConfigurationError(
-            f"{len(points)} recordings can be used, and the first {reference} are the reference: record "
+            f"{counted(len(points), 'recording')} can be used, and the first {reference} are the "
+            "reference: record "
             f"more, or give a smaller --reference (from {FEWEST} on){why}"
         )
     year = per_year or _per_year(points, told)
