@@ -109,12 +109,13 @@ def _suggest(files: list[Path], options: ReadOptions, mapping: Mapping | None) -
     refused, odd = tried(log, proposal)
     mended = bool(refused) and mend(log, proposal)
     again, odd = tried(log, proposal) if mended else (refused, odd)
-    print(mapping_text(log, proposal, again), end="")
+    notes = (*log.remarks, *proposal.notes, *odd)
+    print(mapping_text(log, proposal, again, notes), end="")
     screen = Console(stderr=True)
-    for remark in (*log.remarks, *proposal.notes, *odd):
+    for remark in notes:
         _say(screen, f"note: {remark}")
     for doubt in proposal.doubts:
-        _say(screen, f"open: {doubt}")
+        _say(screen, f"open: {doubt.text}")
     every = [c.sure for signals in proposal.joints.values() for c in signals.values()]
     every += [proposal.time.sure] if proposal.time else []
     counted = Counter(every)

@@ -61,6 +61,13 @@ class Column:
         return f"{self.name!r} holds text, first {cell[:40]!r} in line {line}: {remedy}"
 
     @property
+    def unusable(self) -> str:
+        """Why no signal can be made of it, in a few words; "" where one can."""
+        if self.text is not None:
+            return f"{self.name!r} holds text"
+        return "" if np.any(np.isfinite(self.values)) else f"{self.name!r} holds no number"
+
+    @property
     def known(self) -> str:
         """The unit that the file states, else the usual one."""
         return self.stated or self.usual
