@@ -413,7 +413,7 @@ def damaged(tmp_path):
         "empty.csv": (b"", "is empty"),
         "words.csv": (b"hello\nworld\n", "no row of it holds numbers"),
         "random.csv": (rng.bytes(4096), "encrypted or packed"),
-        "cut.npz": ((tmp_path / "good.npz").read_bytes()[:200], "damaged NumPy file"),
+        "cut.npz": ((tmp_path / "good.npz").read_bytes()[:200], "begins as an npz file and is damaged"),
         "cut.parquet": ((tmp_path / "good.parquet").read_bytes()[:200], "damaged or encrypted Parquet"),
         "cut.mat": ((tmp_path / "good.mat").read_bytes()[:300], "damaged or no MAT file"),
         "cut.bag": ((tmp_path / "good.bag").read_bytes()[:600], "damaged bag"),

@@ -20,6 +20,8 @@ _FEWEST = 10
 _COARSE = 0.2
 #: Rates, Hz, outside of which a unit of time is in doubt.
 SLOWEST, FASTEST = 5.0, 100_000.0
+BACK = "time goes back"
+"""How a sentence on times that do so begins."""
 
 
 def stamps_of(
@@ -80,6 +82,10 @@ def stamps_of(
     return stamps, rows, f"column {clock.name!r}"
 
 
+def _since(stamps: NDArray[np.int64], row: int) -> float:
+    return float(stamps[row] - stamps[0]) * 1e-9
+
+
 def _judge(stamps: NDArray[np.int64], log: Log, told: list[str]) -> None:
     """Tell what is odd about times; refuse what cannot be one recording."""
     steps = np.diff(stamps) * 1e-9
@@ -98,9 +104,9 @@ def _judge(stamps: NDArray[np.int64], log: Log, told: list[str]) -> None:
             )
     if len(back):
         told.append(
-            f"time goes back {counted(len(back), 'time')}, first at row {int(back[0]) + 2} by "
-            f"{-steps[back[0]]:.6g} s: "
-            "these stamps are kept, and what uses the recording leaves such samples out or refuses them"
+            f"{BACK} {counted(len(back), 'time')}, first at row {int(back[0]) + 2}, from "
+            f"{_since(stamps, back[0]):.6g} s to {_since(stamps, back[0] + 1):.6g} s after the first: these "
+            "stamps are kept, and what uses the recording leaves such samples out or refuses them"
         )
     repeats = int(np.sum(steps == 0.0))
     if repeats > _COARSE * len(steps):
