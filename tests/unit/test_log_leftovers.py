@@ -149,3 +149,29 @@ def test_a_joint_that_nothing_names_is_told(tmp_path, capsys):
 def test_a_log_that_says_all_is_proposed_without_anything_open(tmp_path, capsys):
     out, said = suggested(plain_table(tmp_path / "log.csv"), tmp_path, capsys)
     assert "open:" not in out and "nothing is open" in said
+
+
+def test_numbers_behind_a_letter_name_no_joints_where_one_is_the_derivative_of_another(tmp_path, capsys):
+    noise = np.random.default_rng(2).normal(size=len(T))
+    log = table(tmp_path / "log.csv", ("t", "u", "x1", "x2", "x3"), (T, TORQUE, ANGLE, SPEED, noise))
+    mapped = parse_yaml(suggested(log, tmp_path, capsys)[0])["joints"]
+    assert list(mapped) == ["joint"] and mapped["joint"]["input"]["column"] == "u"
+    assert mapped["joint"]["motor"]["velocity"] == {"column": "x2", "unit": "rad/s"}
+    # Otherwise they do: q1 and q2 are of two joints.
+    header = ("t", "tau1", "tau2", "q1", "q2", "dq1", "dq2")
+    later = machine(2000)[2][500:2000]
+    columns = (T, TORQUE, TORQUE, ANGLE, later, SPEED, machine(2000)[3][500:2000])
+    mapped = parse_yaml(suggested(table(tmp_path / "two.csv", header, columns), tmp_path, capsys)[0])
+    assert {name: joint["motor"]["velocity"]["column"] for name, joint in mapped["joints"].items()} == {
+        "j1": "dq1",
+        "j2": "dq2",
+    }
+
+
+def test_a_date_in_one_column_and_the_time_of_day_in_another_are_a_time(tmp_path):
+    day = [f"2026-03-01;23:59:{58 + t:06.3f}" if t < 2 else f"2026-03-02;00:00:{t - 2:06.3f}" for t in T]
+    rows = [f"{d};{u:.6f};{q:.6f}".replace(".", ",") for d, u, q in zip(day, TORQUE, ANGLE, strict=True)]
+    (tmp_path / "log.csv").write_text("Datum;Zeit;Moment [Nm];Winkel [rad]\n" + "\n".join(rows) + "\n")
+    recording = open_recording(tmp_path / "log.csv")
+    assert np.allclose(recording.topics[STATES].time(), T, atol=1e-6)
+    assert np.allclose(recording.topics[STATES].signal("joint", "position"), ANGLE, atol=1e-6)

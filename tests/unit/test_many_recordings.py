@@ -8,6 +8,7 @@ import sys
 import time
 from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
 
 import pytest
 from identification_plants import STAGE
@@ -153,12 +154,15 @@ SAID = {
 
 def test_joints_are_diagnosed_in_one_call_and_ranked_by_what_is_wrong(tmp_path, monkeypatch, capsys):
     """The diagnosis itself is tested elsewhere; here it says what is asked of it, and one joint cannot."""
-    monkeypatch.setattr(diagnoses, "load", lambda bag, model, mapping: [bag])
+    monkeypatch.setattr(
+        diagnoses, "load", lambda bag, model, mapping: SimpleNamespace(name=bag, experiment={})
+    )
     monkeypatch.setattr(diagnoses, "refuse_too_long", lambda bags, model: None)
+    monkeypatch.setattr(diagnoses, "refuse_too_many", lambda data: None)
     asked = {}
 
     def diagnosed(model, recordings, folder, options):
-        asked[model.joint] = [one for part in recordings for one in part]
+        asked[model.joint] = [[one.name] for part in recordings for one in part]
         if model.joint == "omni_z":
             raise RecordingError("no omni_z in it.")
         return SAID[model.joint], None

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,6 +19,10 @@ Array = NDArray[np.float64]
 ROWS, COLUMNS = 10_000, 40
 #: Correlation from which one column is the integral of another.
 DERIVED = 0.98
+
+
+def _letters(candidate: Candidate) -> str:
+    return "".join(c for c in candidate.column.label if c.isalpha()).lower()
 
 
 @dataclass(frozen=True)
@@ -129,7 +133,7 @@ class Free:
 
     def _without_derived(self, candidates: list[Candidate], states: Sequence[Candidate]) -> list[Candidate]:
         """The candidates without those that are positions by a letter alone, and go with another column as
-        its velocity or position."""
+        its velocity or position. Numbers behind such a letter (x1, x2) then number columns, and no joints."""
         pairs = [
             p
             for one in states
@@ -139,12 +143,20 @@ class Free:
         ]
         derived = {id(p.velocity) for p in pairs}
         mistaken = {id(p.velocity) for p in pairs if id(p.position) not in derived}
-        joints = {c.joint for c in states if c.role == "position" and not c.weak}
+        joints = {c.joint for c in states if c.role == "position" and id(c.column) not in mistaken}
         for one in states:
             if one.role == "velocity" and not one.weak and one.joint not in joints:
                 pair = self.position_of(one.column)
                 mistaken |= {id(pair.position)} if pair is not None else set()
-        return [c for c in candidates if not (c.weak and id(c.column) in mistaken)]
+        letters = {_letters(c) for c in candidates if c.weak and id(c.column) in mistaken}
+        whole = {id(p.position) for p in pairs}
+        kept = []
+        for c in candidates:
+            if not c.weak or c.role != "position" or _letters(c) not in letters:
+                kept.append(c)
+            elif id(c.column) in whole and id(c.column) not in mistaken:
+                kept.append(replace(c, joint=""))
+        return kept
 
     def _left(self, beside: Column | None) -> list[Column]:
         return [c for c in self._columns if id(c) not in self._used and c is not beside]

@@ -51,7 +51,7 @@ def mapping_text(log: Log, proposal: Proposal, refused: str = "", notes: Sequenc
         else:
             lines.append("    # input: no column was found; without one nothing can be identified")
         for part in ("motor", "arm"):
-            kinds = {n.partition("_")[2]: c for n, c in signals.items() if n.startswith(f"{part}_")}
+            kinds = {n.partition("_")[2]: c for n, c in sorted(signals.items()) if n.startswith(f"{part}_")}
             if kinds:
                 lines.append(f"    {part}:")
                 for kind, choice in kinds.items():

@@ -133,7 +133,8 @@ def _refuse_other_archives(path: Path) -> None:
         ) from error
     if any(name.endswith(".npy") for name in names):
         return
-    if any(name.startswith("xl/") or name == "content.xml" for name in names):
+    sheets = any(name.startswith("xl/") or name == "content.xml" for name in names)
+    if sheets or path.suffix.lower() in (".xlsx", ".ods"):
         raise RecordingError(f"{path} is a spreadsheet: save its sheet as CSV, and import that.")
     shown = ", ".join(names[:3]) + (f" and {len(names) - 3} more" if len(names) > 3 else "")
     raise RecordingError(

@@ -19,6 +19,9 @@ from haptic_teleop_sysid.logs.proposal import GUESSED, LIKELY, MISSING, STATED, 
 from haptic_teleop_sysid.logs.roles import Candidate, candidate, counts_rows, input_unit_by_name, joint_names
 from haptic_teleop_sysid.logs.units import unit_of
 
+#: Share of the rows that a time has to differ from the row before.
+_SELDOM = 0.01
+
 
 def propose(log: Log, by_values: bool = True) -> Proposal:
     """Return the mapping that a log's columns suggest; ``by_values``: columns whose names say nothing are
@@ -81,6 +84,7 @@ def _time(
     if log.stamps:
         return None, None
     found = [c for c in candidates if c.role == "time"]
+    found = [c for c in found if not _dates_alone(c.column)] or found
     stated = [c for c in found if c.stated]
     if len(found) > 1:
         names = " and ".join(repr(c.column.name) for c in found)
@@ -117,6 +121,11 @@ def _time(
             Entry(chosen.column.name, "s"), MISSING, ["its values do not go up: give the unit"]
         ), None
     return Choice(Entry(chosen.column.name, guess.unit), guess.sure, [guess.why]), guess
+
+
+def _dates_alone(column: Column) -> bool:
+    """Whether a column hardly ever changes, as the date does beside a time of day."""
+    return float(np.mean(np.diff(column.values) != 0.0)) < _SELDOM if len(column.values) > 1 else False
 
 
 def _entry(log: Log, column: Column) -> Entry:

@@ -161,9 +161,21 @@ def _numbers(values: Any) -> tuple[NDArray[np.float64], tuple[int, str] | None, 
     first = (int(bad[0]), str(values.iloc[int(bad[0])])) if len(bad) else None
     if first is not None and len(bad) == int(values.notna().sum()):
         instants = _instants(values)
+        instants = _times_of_day(values) if instants is None else instants
         if instants is not None:
             return instants, None, "s"
     return numbers.to_numpy(np.float64), first, ""
+
+
+def _times_of_day(values: Any) -> NDArray[np.float64] | None:
+    """Seconds since the first midnight where all cells are times of day (14:03:07.125), else None."""
+    texts = values.dropna().astype(str).str.strip()
+    if not bool(texts.str.fullmatch(r"\d{1,2}:\d{2}:\d{2}([.,]\d+)?").all()):
+        return None
+    parts: Any = values.astype(str).str.strip().str.replace(",", ".", regex=False).str.split(":", expand=True)
+    numbers = parts.apply(pd.to_numeric, errors="coerce").to_numpy(np.float64)
+    seconds = numbers @ np.array([3600.0, 60.0, 1.0])
+    return seconds + 86400.0 * np.cumsum(np.diff(seconds, prepend=seconds[:1]) < -43200.0)
 
 
 def _instants(values: Any) -> NDArray[np.float64] | None:
