@@ -16,6 +16,7 @@ from haptic_teleop_sysid.estimation_run import Choices, load_one
 from haptic_teleop_sysid.logs.opened import open_recording
 from haptic_teleop_sysid.logs.prose import is_prose
 from haptic_teleop_sysid.logs.reading import read_log
+from haptic_teleop_sysid.many.characterise import damage_of
 from haptic_teleop_sysid.many.each import claim
 from haptic_teleop_sysid.many.folder import find_recordings
 from haptic_teleop_sysid.report import claimed
@@ -145,6 +146,8 @@ def test_how_a_log_was_read_stands_in_the_outcome_of_an_estimate_and_is_not_told
     log, path = rigid
     model = load_model(path)
     assert all(any(words in line for line in load_one(str(log), model, Choices())[2]) for words in SAID)
+    cut = open_recording(log)
+    assert not cut.complete and damage_of(cut, str(log)) == [SAID[0]]
     assert import_log.main([str(log), "--output", str(tmp_path / "bag")]) == 0
     assert not any("each number" in line for line in load_one(str(tmp_path / "bag"), model, Choices())[2])
 

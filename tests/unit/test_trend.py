@@ -106,6 +106,9 @@ def test_recordings_are_ordered_by_their_stamps_and_what_has_no_date_is_listed()
     told = trend_of(NEW, found, {name: Path(name) for name in found}, 12, 0.05)
     assert told.events == {16: ["the simulated response of the model as given runs away"]}
     assert "simulated error, given model is not determined by 1 of the 9" in " ".join(told.told)
+    found["90"]["damaged"] = ["it was cut"]
+    told = trend_of(NEW, found, {name: Path(name) for name in found}, 12, 0.05)
+    assert told.damaged == ["90"] and "90 is broken and used as far as it goes: it was cut" in told.told
     dateless = {name: o | {"start_ns": 10**9} for name, o in found.items() if o["status"] == "done"}
     told = trend_of(NEW, dateless, {name: Path(name) for name in dateless}, 12, 0.05)
     assert [p.name for p in told.points] == sorted(dateless, key=int)

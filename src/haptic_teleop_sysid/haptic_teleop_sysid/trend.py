@@ -29,7 +29,7 @@ from haptic_teleop_sysid.results import tool_version, write_json
 from haptic_teleop_sysid.treatment_options import add_mapping_option, add_treatment_options, treatment_of
 
 OUTSIDE = 3
-"""Exit status with --check when a recording has left the limits, or could not be used."""
+"""Exit status with --check when a recording has left the limits, is broken, or could not be used."""
 
 
 def run(argv: list[str]) -> int:
@@ -103,7 +103,8 @@ def _into(output: Path, arguments: argparse.Namespace, model: Model, listing: Li
     say(f"report: {report}")
     if arguments.diagnose and commands:
         diagnose([*commands[0][2:], "--jobs", "1"] if arguments.jobs == 1 else commands[0][2:])
-    return OUTSIDE if arguments.check and (trend.first is not None or trend.unusable) else 0
+    odd = trend.first is not None or trend.unusable or trend.damaged
+    return OUTSIDE if arguments.check and odd else 0
 
 
 def main(argv: list[str] | None = None) -> int:
@@ -117,8 +118,8 @@ def _parser() -> argparse.ArgumentParser:
         prog="haptic-teleop trend",
         description=__doc__,
         epilog="Exit status: 0 a trend was made (single recordings that cannot be used are listed), 2 bad "
-        "arguments or too few usable recordings, 3 with --check when a recording left the limits or could "
-        "not be used, 1 a failure of the program.",
+        "arguments or too few usable recordings, 3 with --check when a recording left the limits, is "
+        "broken or could not be used, 1 a failure of the program.",
     )
     add = parser.add_argument
     add("--model", required=True, metavar="MODEL.yaml", help="structure, effects and start values")

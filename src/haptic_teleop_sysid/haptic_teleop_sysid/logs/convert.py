@@ -74,6 +74,7 @@ def convert(log: Log, mapping: Mapping) -> Recording:
         experiment=experiment,
         problems=list(story["odd"]),
         counts={n: len(s) for n, s in topics.items()},
+        complete=log.whole,
         types=dict.fromkeys(topics, "sensor_msgs/msg/JointState"),
     )
 

@@ -77,7 +77,7 @@ class Column:
 class Log:
     """What a file holds: ``kind`` ("CSV", ...), ``columns``; ``stamps`` and ``received``: (n,) int64 ns by
     group where the file itself tells when its rows are from; ``remarks``: how it was read and what of it was
-    passed over, in sentences."""
+    passed over, in sentences; ``whole``: whether it ends where it was meant to."""
 
     path: Path
     kind: str
@@ -85,6 +85,7 @@ class Log:
     stamps: dict[str, NDArray[np.int64]] = field(default_factory=dict)
     received: dict[str, NDArray[np.int64]] = field(default_factory=dict)
     remarks: tuple[str, ...] = ()
+    whole: bool = True
 
     def find(self, name: str | int) -> Column:
         """Return the column of a name (with or without its unit) or of a number, from 1.

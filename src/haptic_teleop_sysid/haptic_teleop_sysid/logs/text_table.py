@@ -77,7 +77,7 @@ def read_text(path: Path, stated: Stated | None, rows: tuple[int, int] | None, s
         if not dialect.names[number] and text is None and not np.any(np.isfinite(values)):
             continue  # behind a delimiter that ends the rows
         columns.append(Column(header, values, unit or dialect.units[number], "", text))
-    return Log(path, "CSV", tuple(columns), remarks=tuple(remarks))
+    return Log(path, "CSV", tuple(columns), remarks=tuple(remarks), whole=found.cut is None)
 
 
 def _read_as(dialect: Dialect) -> str:

@@ -75,6 +75,11 @@ class Trend:
     told: tuple[str, ...]
 
     @property
+    def damaged(self) -> list[str]:
+        """The recordings that are broken, and were used as far as they go."""
+        return [p.name for p in self.points if p.found.get("damaged")]
+
+    @property
     def first(self) -> int | None:
         """The first recording behind the reference that leaves the limits, or has an event."""
         return first_outside(self.charts, [i for i in self.events if i >= self.reference])
@@ -114,6 +119,9 @@ def trend_of(
     unusable = [(n, str(o["message"])) for n, o in outcomes.items() if o["status"] != DONE]
     listing = listing or Listing(())
     told: list[str] = [*listing.told]
+    for p in usable:
+        if p.found.get("damaged"):
+            told.append(f"{p.name} is broken and used as far as it goes: {'; '.join(p.found['damaged'])}")
     points = _ordered(usable, unusable, listing.typed, told)
     if len(points) <= reference:
         why = f"; the first that cannot be used: {unusable[0][1]}" if unusable else ""
