@@ -175,3 +175,16 @@ def test_a_date_in_one_column_and_the_time_of_day_in_another_are_a_time(tmp_path
     recording = open_recording(tmp_path / "log.csv")
     assert np.allclose(recording.topics[STATES].time(), T, atol=1e-6)
     assert np.allclose(recording.topics[STATES].signal("joint", "position"), ANGLE, atol=1e-6)
+
+
+def test_a_header_that_is_there_again_is_passed_over_and_told(tmp_path):
+    path = plain_table(tmp_path / "log.csv")
+    lines = path.read_text().splitlines()
+    path.write_text("\n".join([*lines[:700], lines[0], *lines[700:]]) + "\n")
+    recording = open_recording(path)
+    assert np.allclose(recording.topics[STATES].signal("joint", "position"), ANGLE, atol=1e-8)
+    assert "the header is there again in line 701" in " ".join(recording.experiment["import"]["read"])
+    # Where the time starts anew behind it, these are two recordings.
+    path.write_text("\n".join([*lines[:700], *lines]) + "\n")
+    with pytest.raises(ValueError, match="the time starts anew at row 700"):
+        open_recording(path)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from itertools import islice
 from pathlib import Path
 from typing import Any
@@ -25,12 +25,14 @@ _TOLD = 3
 @dataclass
 class _Lines:
     """What was found line by line: ``rows`` in all, ``passed`` (line numbers, from 0, of comments and blank
-    lines), ``ragged`` [(line, cells)], ``cut``: whether the last line is one that was not finished."""
+    lines), ``ragged`` [(line, cells)], ``cut``: whether the last line is one that was not finished;
+    ``again``: lines that repeat the header."""
 
     rows: int
     passed: list[int]
     ragged: list[tuple[int, int]]
     cut: int | None = None
+    again: list[int] = field(default_factory=list)
 
 
 def read_text(path: Path, stated: Stated | None, rows: tuple[int, int] | None, skip_ragged: bool) -> Log:
@@ -49,10 +51,13 @@ def read_text(path: Path, stated: Stated | None, rows: tuple[int, int] | None, s
     if found.rows == 0:
         raise RecordingError(f"{path} has no rows {start + 1} to {stop}: give other --rows.")
     remarks = [_read_as(dialect)]
-    left_out = set(found.passed)
+    left_out = {*found.passed, *found.again}
     if found.cut is not None:
         left_out.add(found.cut)
         remarks.append(f"line {found.cut + 1}, the last, is cut short and was left out")
+    if found.again:
+        more = f" and {len(found.again) - 1} more" if len(found.again) > 1 else ""
+        remarks.append(f"the header is there again in line {found.again[0] + 1}{more}, and was passed over")
     if found.ragged:
         told = ", ".join(f"line {line + 1} has {count}" for line, count in found.ragged[:_TOLD])
         if not skip_ragged:
@@ -91,14 +96,16 @@ def _read_as(dialect: Dialect) -> str:
 
 def _looked_through(path: Path, dialect: Dialect, start: int, stop: int) -> _Lines:
     """Every line of the rows start to stop, counted without being kept."""
-    width = len(dialect.names)
+    width, named = len(dialect.names), any(dialect.names)
     found = _Lines(0, [], [])
     last = ""
     first = number = dialect.first + start
     for number, line in enumerate(_from(path, dialect, first, stop - start), first):
         found.rows += 1
         last = line
-        if not line.strip() or line.lstrip().startswith(COMMENTS):
+        if named and dialect.names[0] in line and tuple(dialect.cells(line)) == dialect.names:
+            found.again.append(number)
+        elif not line.strip() or line.lstrip().startswith(COMMENTS):
             found.passed.append(number)
         elif (count := _width(line, dialect)) != width:
             if count == width + 1 and not cells(line, dialect.delimiter)[-1]:

@@ -32,8 +32,8 @@ def characterise(bag: str, model: Model, choices: Choices, folder: Path | None =
     ``parameters``: value and standard error (both None where undetermined) by name; ``unexplained``: rms of
     the torque that the observer adds to follow the recording, relative to that of the input; ``error``: rms
     over the signals of the error of the simulated response, relative to their spread, with the ``given``
-    model and with the ``estimate``; ``fit``: the same in percent by signal; ``slips``; ``start_ns``; ``damaged``:
-    what of the file is missing, where it is used as far as it goes.
+    model and with the ``estimate``; ``fit``: the same in percent by signal; ``slips``; ``start_ns``;
+    ``damaged``: what of the file is missing, where it is used as far as it goes.
 
     Raises RecordingError or MismatchError for a recording that cannot be estimated from, or whose search
     ended nowhere.
