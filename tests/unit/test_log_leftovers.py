@@ -1,5 +1,7 @@
 """What a proposal makes of columns that names leave open: values decide, and the file tells what is open."""
 
+from datetime import UTC, datetime
+
 import numpy as np
 import pytest
 from joint_logs import machine, plain_table, table
@@ -174,7 +176,16 @@ def test_a_date_in_one_column_and_the_time_of_day_in_another_are_a_time(tmp_path
     (tmp_path / "log.csv").write_text("Datum;Zeit;Moment [Nm];Winkel [rad]\n" + "\n".join(rows) + "\n")
     recording = open_recording(tmp_path / "log.csv")
     assert np.allclose(recording.topics[STATES].time(), T, atol=1e-6)
+    began = datetime(2026, 3, 1, 23, 59, 58, tzinfo=UTC).timestamp()
+    assert recording.topics[STATES].stamp[0] * 1e-9 == pytest.approx(began, abs=1e-3)
     assert np.allclose(recording.topics[STATES].signal("joint", "position"), ANGLE, atol=1e-6)
+
+
+def test_a_date_says_nothing_of_when_elapsed_time_began(tmp_path):
+    rows = [f"2026-03-01,{t:.3f},{u:.6f},{q:.6f}" for t, u, q in zip(T, TORQUE, ANGLE, strict=True)]
+    header = "date,time [s],torque [Nm],angle [rad]\n"
+    (tmp_path / "log.csv").write_text(header + "\n".join(rows) + "\n")
+    assert open_recording(tmp_path / "log.csv").topics[STATES].stamp[0] == 10**18
 
 
 def test_a_header_that_is_there_again_is_passed_over_and_told(tmp_path):

@@ -136,7 +136,7 @@ class Free:
         its velocity or position. Numbers behind such a letter (x1, x2) then number columns, and no joints."""
         pairs = [
             p
-            for one in states
+            for one in states[:COLUMNS]
             for free in self._columns
             if one.column is not free and one.role == "position"
             if (p := self.pair(one.column, free)) is not None and p.units

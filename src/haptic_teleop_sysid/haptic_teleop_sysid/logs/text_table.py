@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from itertools import islice
 from pathlib import Path
 from typing import Any
@@ -18,6 +18,8 @@ from haptic_teleop_sysid.logs.dialect import COMMENTS, DELIMITERS, MISSING, Dial
 from haptic_teleop_sysid.logs.log import MOST_ROWS, Column, Log
 
 _LONGEST_LINE = 1 << 20
+#: s, a day, and what is a date if it is more.
+_DAY_S, _DATE_S = 86400.0, 3e8
 #: Ragged rows that are named.
 _TOLD = 3
 
@@ -74,7 +76,8 @@ def read_text(path: Path, stated: Stated | None, rows: tuple[int, int] | None, s
     first = dialect.first + start
     frame = _parsed(path, dialect, first, found.rows, left_out)
     lines = np.setdiff1d(np.arange(first, first + found.rows), sorted(left_out)) + 1
-    columns = []
+    columns: list[Column] = []
+    clocks: list[Column] = []
     for number in range(len(dialect.names)):
         header = dialect.names[number] or str(number + 1)
         values, bad, unit = _numbers(frame[number])
@@ -82,7 +85,21 @@ def read_text(path: Path, stated: Stated | None, rows: tuple[int, int] | None, s
         if not dialect.names[number] and text is None and not np.any(np.isfinite(values)):
             continue  # behind a delimiter that ends the rows
         columns.append(Column(header, values, unit or dialect.units[number], "", text))
+        if unit and np.all(np.isfinite(values)):
+            clocks.append(columns[-1])
+    columns = _dated(columns, clocks, remarks)
     return Log(path, "CSV", tuple(columns), remarks=tuple(remarks), whole=found.cut is None)
+
+
+def _dated(columns: list[Column], clocks: list[Column], remarks: list[str]) -> list[Column]:
+    """The columns with the time of day counted from the date of the first row, where one column of each is
+    among the ``clocks``: those that were written as dates or times of day."""
+    dates = [c for c in clocks if c.values[0] > _DATE_S and np.all(c.values % _DAY_S == 0.0)]
+    days = [c for c in clocks if c.values[0] < _DAY_S]
+    if len(dates) != 1 or len(days) != 1:
+        return columns
+    remarks.append(f"{days[0].name!r} counts from the date in {dates[0].name!r}, taken for UTC")
+    return [replace(c, values=c.values + dates[0].values[0]) if c is days[0] else c for c in columns]
 
 
 def _read_as(dialect: Dialect) -> str:
