@@ -22,6 +22,7 @@ from haptic_teleop_sim.model import Model, load_model
 from haptic_teleop_sysid.dataset import DataSet, load_dataset
 from haptic_teleop_sysid.excitation import Excitation, excitation, refuse_idle
 from haptic_teleop_sysid.logs.opened import open_recording
+from haptic_teleop_sysid.logs.story import tell
 from haptic_teleop_sysid.preparation import prepare, refuse_huge
 from haptic_teleop_sysid.recorded_parameters import recorded_units
 from haptic_teleop_sysid.report import (
@@ -252,6 +253,7 @@ def run(argv: list[str]) -> int:
     console, screen = Console(), Console(stderr=True)
     with screen.status("reading recordings"):
         looks = {name: look(name, model, arguments) for name in dict.fromkeys(arguments.bag)}
+    tell(screen, {name: one.recording.experiment for name, one in looks.items()})
     output = claim_output_directory(arguments.output, "dataset.json", arguments.overwrite)
     with screen.status("writing the report"):
         for number, one in enumerate(looks.values(), start=1):

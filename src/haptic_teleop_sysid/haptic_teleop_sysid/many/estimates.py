@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 import scipy
 
+from haptic_teleop_control.counted import counted
 from haptic_teleop_sim.model import Model
 from haptic_teleop_sysid.estimation_report import verdict
 from haptic_teleop_sysid.estimation_run import Choices, load, run_estimate, write_results
@@ -107,7 +108,8 @@ def together(outcomes: Mapping[str, Mapping[str, Any]]) -> dict[str, dict[str, A
 
 def estimates_page(model: Model, outcomes: Mapping[str, Mapping[str, Any]], with_page: bool) -> Page:
     """Return the overview: what the recordings say together, and each for itself."""
-    page = Page("Estimates of many recordings", f"{model.robot} {model.joint}, {len(outcomes)} recordings")
+    subtitle = f"{model.robot} {model.joint}, {counted(len(outcomes), 'recording')}"
+    page = Page("Estimates of many recordings", subtitle)
     all_, unusable = (
         together(outcomes),
         [(n, o["message"]) for n, o in outcomes.items() if o["status"] != DONE],
@@ -122,7 +124,7 @@ def estimates_page(model: Model, outcomes: Mapping[str, Mapping[str, Any]], with
     else:
         page.verdict("good", "The recordings agree with each other within their standard errors.")
     if unusable:
-        page.verdict("fair", f"{len(unusable)} recordings could not be used; they are listed below.")
+        page.verdict("fair", f"{counted(len(unusable), 'recording')} could not be used, see below.")
     page.section("Together").table(
         ("parameter", "unit", "weighted mean", "std. error", "recordings", "scatter / errors"),
         [

@@ -11,6 +11,8 @@ from typing import Any
 from matplotlib import rc_context
 from matplotlib.figure import Figure
 
+from haptic_teleop_control.counted import counted
+from haptic_teleop_sysid.diagnosis.adequacy import SLIGHT_ERROR
 from haptic_teleop_sysid.report import Link, Page
 from haptic_teleop_sysid.report.pictures import SERIES_COLOURS, STYLE
 
@@ -18,19 +20,24 @@ from .kept import DONE
 
 Outcomes = Mapping[str, Mapping[str, Any]]
 RULE = (
-    "Ranked: first where something is missing or a parameter is off, then by the error of your model's "
+    "Ranked: first where a parameter is off, or something is missing and a signal of your model's simulated "
+    f"response is off by more than {100 * SLIGHT_ERROR:g} % of its spread; then what differs by less; within "
+    "these by the error of your model's "
     "simulated response (relative to the motion's spread, rms over the signals) on the recordings that were "
     "used least."
 )
+
+
+_STATUS = ("good", "fair", "bad")
 
 
 def ranked(outcomes: Outcomes) -> list[str]:
     """Return the names of the diagnoses that came to an end, the worst first."""
     done = [name for name, o in outcomes.items() if o["status"] == DONE]
 
-    def worth(name: str) -> tuple[bool, float, str]:
+    def worth(name: str) -> tuple[bool, bool, float, str]:
         o = outcomes[name]
-        return not o["wrong"], -(math.inf if o["error"] is None else o["error"]), name
+        return not o["matters"], not o["wrong"], -(math.inf if o["error"] is None else o["error"]), name
 
     return sorted(done, key=worth)
 
@@ -38,13 +45,25 @@ def ranked(outcomes: Outcomes) -> list[str]:
 def overview_sentence(outcomes: Outcomes) -> str:
     """How many are in order, and which is worst."""
     order = ranked(outcomes)
-    wrong = [name for name in order if outcomes[name]["wrong"]]
+    wrong = [name for name in order if outcomes[name]["matters"]]
+    slight = [name for name in order if outcomes[name]["wrong"] and name not in wrong]
     if not order:
         return "Nothing could be diagnosed."
-    if not wrong:
+    if not wrong and not slight:
         return f"Nothing was found missing or off in any of the {len(order)}."
-    worst = outcomes[wrong[0]]
-    return f"Something is wrong with {len(wrong)} of {len(order)}; first {wrong[0]}: {worst['what']}."
+    told = f"Nothing that matters is wrong with any of the {len(order)}"
+    if wrong:
+        told = f"Something is wrong with {len(wrong)} of {len(order)}; first {wrong[0]}: "
+        told += outcomes[wrong[0]]["what"]
+    if not slight:
+        return f"{told}."
+    others = slight[0] if len(slight) == 1 else f"{len(slight)} {'others' if wrong else 'of them'}"
+    if wrong and len(slight) == 1 and len(order) == 2:
+        others = f"the other, {slight[0]},"
+    most = percent(max(outcomes[name]["error"] for name in slight))
+    return f"{told}; {others} {'differs' if len(slight) == 1 else 'differ'} by {most}" + (
+        "." if len(slight) == 1 else " at most."
+    )
 
 
 def overview_content(outcomes: Outcomes) -> dict[str, Any]:
@@ -61,8 +80,9 @@ def overview_content(outcomes: Outcomes) -> dict[str, Any]:
 def overview_page(title: str, outcomes: Outcomes, with_pages: bool) -> Page:
     """Return the overview; ``with_pages``: each diagnosis has a page of its own in its folder."""
     order = ranked(outcomes)
-    page = Page(title, f"{len(outcomes)} diagnoses")
-    page.verdict("bad" if any(outcomes[n]["wrong"] for n in order) else "good", overview_sentence(outcomes))
+    page = Page(title, counted(len(outcomes), "diagnosis", "diagnoses"))
+    worst = max((outcomes[n]["wrong"] + outcomes[n]["matters"] for n in order), default=0)
+    page.verdict(_STATUS[worst], overview_sentence(outcomes))
     if any(outcomes[name]["split"] for name in order):
         page.verdict(
             "fair",

@@ -7,6 +7,7 @@ import shlex
 from collections.abc import Sequence
 from pathlib import Path
 
+from haptic_teleop_control.counted import counted
 from haptic_teleop_sysid.report import Page
 
 from .trend import Trend
@@ -28,7 +29,7 @@ def trend_page(trend: Trend, commands: Sequence[Sequence[str]]) -> Page:
     last = len(trend.points) - 1
     page = Page(
         "What changed since the robot was new",
-        f"{model.robot} {model.joint}, {len(trend.points)} recordings, {trend.points[0].when} to "
+        f"{model.robot} {model.joint}, {counted(len(trend.points), 'recording')}, {trend.points[0].when} to "
         f"{trend.points[last].when}",
     )
     first = trend.first
@@ -39,7 +40,7 @@ def trend_page(trend: Trend, commands: Sequence[Sequence[str]]) -> Page:
     for command, which in zip(commands, ("it", "the newest, where a change has grown"), strict=False):
         page.verdict("plain", f"Look into {which}: {shlex.join(command)}")
     if trend.unusable:
-        page.verdict("fair", f"{len(trend.unusable)} recordings could not be used; they are listed below.")
+        page.verdict("fair", f"{counted(len(trend.unusable), 'recording')} could not be used, see below.")
     for note in trend.told:
         page.verdict("plain", f"{note[0].upper()}{note[1:]}.")
     page.verdict("plain", alarm_sentence(trend))

@@ -6,7 +6,7 @@ joint names, notes) is escaped. `pictures` makes the matplotlib figures in the p
 the directory that a run may write to.
 """
 
-from haptic_teleop_sysid.report.output import claim_output_directory, numbered_output_directory
+from haptic_teleop_sysid.report.output import claim_output_directory, claimed, numbered_output_directory
 from haptic_teleop_sysid.report.page import Link, Page, Section
 from haptic_teleop_sysid.report.pictures import Panel, Series, histogram, inline_svg, save_png, stacked_panels
 
@@ -17,6 +17,7 @@ __all__ = [
     "Section",
     "Series",
     "claim_output_directory",
+    "claimed",
     "histogram",
     "inline_svg",
     "numbered_output_directory",
