@@ -7,7 +7,7 @@ import shlex
 from collections.abc import Sequence
 from pathlib import Path
 
-from haptic_teleop_sysid.report import Page
+from haptic_teleop_sysid.report import Page, unit_text
 
 from .trend import Trend
 from .trend_picture import changes_picture, charts_picture
@@ -32,17 +32,21 @@ def trend_page(trend: Trend, commands: Sequence[Sequence[str]]) -> Page:
         f"{trend.points[last].when}",
     )
     first = trend.first
-    page.verdict("good" if first is None else "bad", change_sentence(trend))
+    look = f"look into it: {shlex.join(commands[0])}" if commands else "nothing."
+    page.conclude("good" if first is None else "bad", change_sentence(trend), look)
     if first is not None:
         reasons = "; ".join(trend.reasons(first))
         page.verdict("fair", f"First outside: {trend.points[first].when}: {reasons}.")
-    for command, which in zip(commands, ("it", "the newest, where a change has grown"), strict=False):
-        page.verdict("plain", f"Look into {which}: {shlex.join(command)}")
     if trend.unusable:
         page.verdict("fair", f"{len(trend.unusable)} recordings could not be used; they are listed below.")
     for note in trend.told:
         page.verdict("plain", f"{note[0].upper()}{note[1:]}.")
     page.verdict("plain", alarm_sentence(trend))
+    if commands:
+        which = ("Look into the first recording outside", "Look into the newest, where a change has grown")
+        page.section("Next").commands(
+            [(what, shlex.join(command)) for what, command in zip(which, commands, strict=False)]
+        )
     page.section("Now against the reference").picture(
         changes_picture(trend), "Change of each quantity in percent, with two standard errors"
     ).table(
@@ -50,7 +54,7 @@ def trend_page(trend: Trend, commands: Sequence[Sequence[str]]) -> Page:
         [
             (
                 c.quantity.name,
-                c.quantity.unit,
+                unit_text(c.quantity.unit) or "1",
                 f"{c.shown(c.centre):.4g}",
                 f"{c.shown(c.now):.4g}",
                 changed(c).split(" (")[0],

@@ -19,7 +19,7 @@ from haptic_teleop_sysid.verification.simulation import SimulatedRun
 Array = NDArray[np.float64]
 ONSET_SHARE = 0.02
 """A command has begun when it is this share of its greatest change away from where it was."""
-SMALLEST_SPREAD = {"rad": 2e-3, "rad/s": 0.02, "N·m": 5e-3}
+SMALLEST_SPREAD = {"rad": 5e-3, "rad/s": 0.02, "N·m": 5e-3}
 """A signal that hardly varies tells nothing about a fit: one whose middle 99 % of samples lie within this."""
 OUTLIERS = 0.01
 """Share of the samples, the greatest and the least together, that make no variation by themselves: the few
