@@ -136,7 +136,7 @@ def _conclusion(result: Comparison) -> tuple[Status, str, str]:
         happened = f"{nearest} follows {bags} with a mean fit of {percent_text(means[best])} %."
     if means[best] >= CLOSE:
         return "good", happened, f"simulate with {nearest}."
-    look = "look at Difference in the picture to see when; `haptic-teleop diagnose` tells what is missing."
+    look = "look at Difference in the picture to see when; haptic-teleop diagnose tells what is missing."
     return ("fair" if means[best] >= ROUGH else "bad"), happened, look
 
 
@@ -181,9 +181,9 @@ def _parameters(page: Page, result: Comparison) -> None:
     for key in names:
         holder = next(m for m in result.models.values() if key in m.parameter_values())
         values = [model.parameter_values().get(key) for model in result.models.values()]
-        unit = unit_text(Units.of(holder, dataset).of_parameter(holder, key)) or "1"
+        unit = unit_text(Units.of(holder, dataset).of_parameter(holder, key))
         rows.append([key, unit, *("–" if value is None else f"{value:.6g}" for value in values)])
     header = ["parameter", "unit", *(short(name, result) for name in result.models)]
     page.section("Parameters").table(
-        header, rows, "As the model files state them; `estimate` gives standard errors."
+        header, rows, "As the model files state them; estimate gives standard errors."
     )

@@ -253,7 +253,7 @@ def _expected(report: Page, name: str, one: Look) -> None:
     rows = [
         [
             n,
-            unit_text(units.of_parameter(e.fit.model, n)) or "1",
+            unit_text(units.of_parameter(e.fit.model, n)),
             f"{values[n]:.4g}",
             "–" if not np.isfinite(s) else f"{s:.2g}",
             e.expected.undetermined.get(n, "" if not values[n] else f"{100 * s / abs(values[n]):.2g} %"),

@@ -252,7 +252,7 @@ def _conclusion(result: Result) -> tuple[Status, str, str]:
     )
     bad = [sentence for status, sentence in told if status == "bad"]
     if bad:
-        return "bad", f"{happened} {bad[0]}", "do not use these numbers; `diagnose` tells what is missing."
+        return "bad", f"{happened} {bad[0]}", "do not use these numbers; diagnose tells what is missing."
     if any(status == "fair" for status, _ in told):
         return "fair", happened, "model.yaml holds the estimate; read the notes below before you use it."
     if after < before:

@@ -83,7 +83,7 @@ def as_text(row: Row) -> list[str]:
     else:
         value, std = rounded(row.value, row.std), error_text(row.std)
         interval = " … ".join(rounded(end, row.std) for end in row.interval)
-    unit = unit_text(row.unit) or "1"
+    unit = unit_text(row.unit)
     return [row.name, unit, f"{row.start:.6g}", value, std, interval, row.note or row.status]
 
 

@@ -53,23 +53,6 @@ def columns(
     return np.array(found)
 
 
-def torque_along(
-    entry: EffectEntry, values: dict[str, float], record: Record, states: FloatArray, place: str
-) -> FloatArray:
-    """Torque (n,), N·m, that an effect of these sizes adds along the motion ``states`` (n, 4); ``place``:
-    motor, arm or joint. Raises ValueError for an effect that is no torque along a motion."""
-    if entry.equation is None or entry.kind not in ("torque", "friction"):
-        raise ValueError(f"{entry.name} is no torque that follows from a motion")
-    variables = _variables(record, states, int(place == "arm"))
-    if place == "joint":
-        variables.position = variables.deflection
-        variables.velocity = states[:, 2] - states[:, 3]
-    p = SimpleNamespace(**values)
-    if entry.rates:
-        _own_states(entry, variables, p, record.dt)
-    return np.array(np.broadcast_to(np.asarray(entry.equation(variables, p), dtype=float), len(record)))
-
-
 def _variables(record: Record, states: FloatArray, channel: int) -> SimpleNamespace:
     """The variables and helpers in which effects write their equations, as arrays (n,) of a recording."""
     velocity = states[:, 2 + channel]

@@ -75,8 +75,8 @@ def _missing(page: Page, verdict: Verdict, curves: Sequence[LawCurve], units: Un
     if plot is None:
         return
     caption = (
-        "Torque that the observer has to add, against what it follows (dots: means of as many samples): "
-        "without the finding, with it, and the law that has been named, with the numbers below."
+        "Torque that the equations of motion lack on the recordings fitted to, against what it follows "
+        "(dots: means of as many samples each): without the finding, with it, and the law that was named."
         if curves
         else "Torque that the observer has to add, against what it follows most (dots: means)."
     )

@@ -51,7 +51,7 @@ def parameters(page: Page, content: dict[str, Any]) -> None:
     rows = [
         (
             name,
-            unit_text(models[2][name]["unit"]) or "1",
+            unit_text(models[2][name]["unit"]),
             f"{models[0][name]['value']:.5g}" if name in models[0] else "–",
             *(cell for column in models[1:] for cell in _cells(column.get(name))),
         )

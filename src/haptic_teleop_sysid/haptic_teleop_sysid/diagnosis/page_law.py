@@ -1,41 +1,41 @@
 """The curve that shows a finding: the torque that is missing without it, against the quantity that it
 follows, what is still missing with it, and the named law through both.
 
-The torque is that of the observer, run once with the augmented model from which the finding alone is taken
-out, and once with it, under the same noise levels: those of the structure alone, whose observer follows what
-is missing.  The law is the finding's own equation along the same motion, so that dots off the line are what
-the name does not say.  (A component-plus-residual plot: Larsen and McCleary, Technometrics 14(3), 1972.)
+The torque is what the equations of motion lack on the recordings that were fitted to, with the parameters of
+the augmented model, in the band of the motion (`inverse_dynamics`): no observer takes part, and no response
+is simulated.  Law and quantity go through the same filter, so that corners are as round as those of the dots.
+(A component-plus-residual plot: Larsen and McCleary, Technometrics 14(3), 1972.)
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
-from haptic_teleop_sim.model import Effect
-from haptic_teleop_sysid.estimation.likelihood import FAILURES, settled
+from haptic_teleop_sim.model import Effect, Model
 from haptic_teleop_sysid.estimation.records import Record
 from haptic_teleop_sysid.parameter_units import Units
 from haptic_teleop_sysid.report import Panel, Plot, Series, unit_text
 
-from .along_motion import torque_along
-from .residual import UNITS, Condition, LeftOver, left_over
+from .inverse_dynamics.motion import BandedMotion, banded, motion_band
+from .inverse_dynamics.terms import Hypothesis, follows_from_motion
+from .residual import UNITS, Condition
 from .search import SearchResult
 from .verdict import Verdict
 
 FloatArray = NDArray[np.float64]
 
-#: Dots of a curve, each the mean of as many samples.
-_DOTS = 60
+#: Most and fewest dots of a curve, and samples that each is the mean of at least.
+_MOST_DOTS, _FEWEST_DOTS, _SAMPLES = 60, 12, 8
 #: What effects follow that no velocity says; all others follow the velocity of their place.
 _ANGLE = (
     *("gravity", "spring_to_ground", "torque_ripple", "hard_stop", "detent"),
     "position_dependent_friction",
 )
-_DEFLECTION = ("backlash", "hardening_spring", "hysteresis", "creep")
+_DEFLECTION = ("backlash", "hardening_spring", "hysteresis")
 
 
 @dataclass(frozen=True)
@@ -59,64 +59,95 @@ class LawCurve:
 
 
 def law_curves(result: SearchResult, records: Sequence[Record]) -> list[LawCurve]:
-    """One curve for each finding that is a torque along the motion; ``records``: what was fitted to."""
+    """One curve for each finding that is a torque along the motion, or what an actuator makes of its input;
+    ``records``: what was fitted to."""
+    model = result.final.model
+    effects = [e for e in model.effects if _has_law(e)]
+    wanted = [(c.chosen.effect.effect, c.chosen.effect.location) for c in result.choices]
+    shown = [e for e in effects if (e.effect, e.location) in wanted]
+    if not shown:
+        return []
+    cutoff = motion_band(records)
+    motions = [banded(r, model.rigid, cutoff) for r in records]
+    return [c for e in shown if (c := law_curve(model, e, effects, motions)) is not None]
+
+
+def law_curve(
+    model: Model, effect: Effect, effects: Sequence[Effect], motions: Sequence[BandedMotion]
+) -> LawCurve | None:
+    """The curve of one effect of the ``effects`` of a model that have a law; None where too few samples
+    count."""
+    name, unit = _quantity(effect)
     found = []
-    for choice in result.choices:
-        name = choice.chosen.effect
-        effects = result.final.model.effects
-        fitted = next((e for e in effects if (e.effect, e.location) == (name.effect, name.location)), None)
-        if fitted is None or fitted.entry.kind not in ("torque", "friction") or fitted.entry.exogenous:
-            continue
-        try:
-            found.append(_curve(result, fitted, records))
-        except FAILURES:  # no observer follows the model without what was found
-            continue
-    return found
+    for motion in motions:
+        laws = {id(e): Hypothesis.of(e, _place(e)).columns(motion, model)[:, 0] for e in effects}
+        lacking = _lacking(model, motion, int(_place(effect) in ("arm", "joint")))
+        others = [e for e in effects if e is not effect and _equation(e) == _equation(effect)]
+        before = lacking - sum(laws[id(e)] for e in others)
+        found.append(np.column_stack([_followed(motion, name, model), before, laws[id(effect)]]))
+    x, before, law = np.concatenate(found).T
+    dots = min(len(x) // _SAMPLES, _MOST_DOTS)
+    if dots < _FEWEST_DOTS or not np.all(np.isfinite([x, before, law])):
+        return None
+    bins = np.array_split(np.argsort(x, kind="stable"), dots)
+    means = [np.array([float(np.mean(v[b])) for b in bins]) for v in (x, before, before - law, law)]
+    return LawCurve(f"{effect.effect} at {effect.location}", name, unit, *means)
 
 
-def _curve(result: SearchResult, effect: Effect, records: Sequence[Record]) -> LawCurve:
+def _has_law(effect: Effect) -> bool:
+    """Whether the effect is a torque that follows from motion or input at each moment."""
+    return follows_from_motion(effect.entry) or effect.entry.kind == "input"
+
+
+def _place(effect: Effect) -> str:
     place = effect.location.rpartition("_")[2]
-    with_it = replace(result.final, noise=result.baseline.noise)
-    others = tuple(e for e in with_it.model.effects if e is not effect)
-    without = replace(with_it, model=replace(with_it.model, effects=others))
-    quantity = _quantity(effect.effect, place)
-    parts: list[FloatArray] = []
-    for record in records:
-        before, after = left_over(without, record), left_over(with_it, record)
-        law = torque_along(effect.entry, effect.values, record, _states(before), place)
-        read = before.read.astype(np.float64)
-        columns = (before.quantities[quantity], _at(before, place), _at(after, place), law, read)
-        parts.append(settled(record, np.column_stack(columns)))
-    x, *torques, read = np.concatenate(parts).T
-    kept = (read > 0.0) & np.all(np.isfinite([x, *torques]), axis=0)
-    if np.count_nonzero(kept) < 2 * _DOTS:
-        raise ValueError(f"{effect.effect}: too few samples for a curve")
-    order = np.argsort(x[kept], kind="stable")
-    bins = np.array_split(order, _DOTS)
-    means = [np.array([float(np.mean(v[kept][b])) for b in bins]) for v in (x, *torques)]
-    called = f"{effect.effect} at {effect.location}"
-    return LawCurve(called, quantity, UNITS[quantity], *means)
+    return "motor" if place == "actuator" else place
 
 
-def _at(found: LeftOver, place: str) -> FloatArray:
-    """Torque (n,) missing at a place; in the joint it acts on the arm, and against the motor."""
-    motor, arm = found.torque.T
-    return motor if place == "motor" else arm if place == "arm" else 0.5 * (arm - motor)
+def _equation(effect: Effect) -> bool:
+    """Whether the effect is told from the arm's equation of motion: the joint's are, too."""
+    return _place(effect) in ("arm", "joint")
 
 
-def _states(found: LeftOver) -> FloatArray:
-    """Angles and velocities (n, 4) of motor and arm along a recording; a rigid body's arm is its motor."""
-    q = found.quantities
-    angle, velocity = q["motor angle"], q["motor velocity"]
-    return np.column_stack([angle, q.get("arm angle", angle), velocity, q.get("arm velocity", velocity)])
+def _lacking(model: Model, motion: BandedMotion, channel: int) -> FloatArray:
+    """What one equation of motion lacks, N·m, at the samples that count: what its effects have to add."""
+    p = model.parameters
+    elastic = 0.0 if model.rigid else p["stiffness"] * (motion.angle[:, 0] - motion.angle[:, 1])
+    a, v = motion.acceleration[:, channel], motion.velocity[:, channel]
+    if channel:
+        return motion.filtered(p["arm_inertia"] * a + p["arm_damping"] * v - elastic)
+    drive = p["torque_constant"] * motion.input
+    return motion.filtered(p["motor_inertia"] * a + p["motor_damping"] * v + elastic - drive)
 
 
-def _quantity(effect: str, place: str) -> str:
-    if effect in _DEFLECTION:
-        return "deflection"
-    if place == "joint":
-        return "rate of deflection"
-    return f"{place} {'angle' if effect in _ANGLE else 'velocity'}"
+def _followed(motion: BandedMotion, name: str, model: Model) -> FloatArray:
+    """The quantity that a law follows, at the samples that count."""
+    if name == "input torque":
+        return motion.filtered(model.parameters["torque_constant"] * motion.input)
+    q, v = motion.angle, motion.velocity
+    values = {
+        "motor angle": q[:, 0],
+        "arm angle": q[:, 1],
+        "motor velocity": v[:, 0],
+        "arm velocity": v[:, 1],
+        "deflection": q[:, 0] - q[:, 1],
+        "rate of deflection": v[:, 0] - v[:, 1],
+    }
+    return motion.filtered(values[name])
+
+
+def _quantity(effect: Effect) -> tuple[str, str]:
+    """What an effect's torque follows, and the unit of that."""
+    place = _place(effect)
+    if effect.entry.kind == "input":
+        name = "input torque"
+    elif effect.effect in _DEFLECTION:
+        name = "deflection"
+    elif place == "joint":
+        name = "rate of deflection"
+    else:
+        name = f"{place} {'angle' if effect.effect in _ANGLE else 'velocity'}"
+    return name, UNITS[name]
 
 
 def law_plot(curves: Sequence[LawCurve], units: Units) -> Plot:
@@ -125,8 +156,8 @@ def law_plot(curves: Sequence[LawCurve], units: Units) -> Plot:
     panels = []
     for c in curves:
         lines = [
-            Series("missing without it", c.centre, c.before, marks=True),
-            Series("still missing with it", c.centre, c.after, "augmented", marks=True),
+            Series("missing without it", c.centre, c.before, marks=True, line=False),
+            Series("still missing with it", c.centre, c.after, "augmented"),
             Series("the named law", c.centre, c.law, "reference"),
         ]
         axis = f"{c.quantity} ({unit_text(units.restated(c.unit))})"

@@ -90,7 +90,7 @@ def _sizes(section: Section, content: Mapping[str, Any], judgement: Judgement) -
     for name, value in truth["parameters"].items():
         found = estimated.get(name)
         text = "–" if found is None else with_error(found["value"], found["std"])
-        rows.append([f"{truth['effect']} {name}", _unit(truth, name) or "1", f"{value:.4g}", text])
+        rows.append([f"{truth['effect']} {name}", _unit(truth, name), f"{value:.4g}", text])
     section.table(["parameter", "unit", "hidden", "estimated"], rows, "Sizes, with their standard errors")
     rows = []
     for finding in judgement.diagnosis.get("findings") or []:

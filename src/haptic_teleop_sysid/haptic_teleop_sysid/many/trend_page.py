@@ -54,7 +54,7 @@ def trend_page(trend: Trend, commands: Sequence[Sequence[str]]) -> Page:
         [
             (
                 c.quantity.name,
-                unit_text(c.quantity.unit) or "1",
+                unit_text(c.quantity.unit),
                 f"{c.shown(c.centre):.4g}",
                 f"{c.shown(c.now):.4g}",
                 changed(c).split(" (")[0],

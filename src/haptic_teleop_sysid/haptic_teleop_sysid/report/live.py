@@ -136,10 +136,12 @@ def _line(plot: Any, series: Series, points: int) -> None:
     source = {"x": np.asarray(time, np.float32), "y": np.asarray(value, np.float32)}
     dash = role.dash if series.dash is None else series.dash
     style = {"line_color": role.light, "line_width": role.width, "line_dash": list(dash) or "solid"}
-    drawn = plot.line(**_columns(source), **style, name=series.label or "value")
-    drawn.glyph.tags = [f"line_color=={variable(series.role)}"]
+    columns = _columns(source)
+    if series.line:
+        drawn = plot.line(**columns, **style, name=series.label or "value")
+        drawn.glyph.tags = [f"line_color=={variable(series.role)}"]
     if series.marks:
-        marks = plot.scatter(x="x", y="y", source=drawn.data_source, size=5, name=series.label)
+        marks = plot.scatter(**columns, size=5, name=series.label or "value")
         marks.glyph.fill_color = marks.glyph.line_color = role.light
         marks.glyph.tags = [f"{part}_color=={variable(series.role)}" for part in ("fill", "line")]
 

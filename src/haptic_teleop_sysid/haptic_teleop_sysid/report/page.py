@@ -157,8 +157,10 @@ class Page:
 
     def _concluded(self) -> tuple[tuple[Status, str, str] | None, list[tuple[Status, str]]]:
         """The first line, and the verdicts that it does not tell."""
-        if self.conclusion is not None or not self.verdicts:
-            return self.conclusion, self.verdicts
+        if self.conclusion is not None:
+            return self.conclusion, [v for v in self.verdicts if v[1] not in self.conclusion[1]]
+        if not self.verdicts:
+            return None, []
         worst = min(self.verdicts, key=lambda v: ("bad", "fair", "good", "plain").index(v[0]))
         return (*worst, ""), [v for v in self.verdicts if v is not worst]
 

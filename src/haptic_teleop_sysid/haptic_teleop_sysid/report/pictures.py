@@ -102,7 +102,7 @@ def _line(axis: Axes, line: Series, points: int) -> None:
         value,
         color=role.light,
         linewidth=width,
-        linestyle=style,
+        linestyle=style if line.line else "none",
         marker="o" if line.marks else None,
         markersize=3,
         label=line.label,

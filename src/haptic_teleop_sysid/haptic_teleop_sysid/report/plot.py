@@ -23,7 +23,8 @@ _ROOM = 0.06
 @dataclass(frozen=True)
 class Series:
     """A line of a panel: ``time`` and ``value``, both (n,); NaN leaves a gap. ``role``: what it means, of
-    `ROLES`; ``dash``: lengths of stroke and gap instead of the role's; ``marks``: a dot at each sample."""
+    `ROLES`; ``dash``: lengths of stroke and gap instead of the role's; ``marks``: a dot at each sample;
+    ``line``: whether they are joined."""
 
     label: str
     time: Array
@@ -31,6 +32,7 @@ class Series:
     role: str = "measured"
     dash: tuple[int, ...] | None = None
     marks: bool = False
+    line: bool = True
 
 
 @dataclass(frozen=True)
