@@ -50,6 +50,9 @@
       const found = Bokeh.documents.flatMap((each) => each.roots()).filter((plot) => plot.id in roots);
       // A finger that drags scrolls the page; the buttons zoom.
       if (this.moves) for (const plot of found) plot.toolbar.active_drag = null;
+      for (const plot of found) {
+        for (const range of [plot.x_range, plot.y_range]) whole.set(range, { start: range.start, end: range.end });
+      }
       this.plots[this.view] = found;
       paint(found);
       this.lines();
@@ -86,8 +89,10 @@
     }
   }
 
+  const whole = new Map();
+
   function reset(range) {
-    [range.start, range.end] = [...range.reset_start === null ? [] : [range.reset_start, range.reset_end]];
+    range.setv(whole.get(range));
   }
 
   function move(range, what) {
@@ -95,8 +100,9 @@
     const middle = (start + end) / 2;
     const step = { left: -0.25, right: 0.25 }[what] || 0;
     const half = ((end - start) / 2) * ({ in: 0.5, out: 2 }[what] || 1);
+    const centre = middle + step * (end - start);
     if (what === "reset") reset(range);
-    else range.setv({ start: middle + step * (end - start) - half, end: middle + step * (end - start) + half });
+    else range.setv({ start: centre - half, end: centre + half });
   }
 
   const lives = new Map();
