@@ -48,8 +48,7 @@ def steps(page: Page, content: dict[str, Any], origin: Origin) -> None:
 def _simulate(content: dict[str, Any], model: str, origin: Origin) -> str:
     """The simulated robot with the model, where it is one of ours; else the model as a Python function."""
     if content["robot"] in ("sfj", "omni"):
-        key = content["joint"] if content["robot"] == "sfj" else content["joint"].removeprefix("omni_")
-        value = f"{key}.model:={Path(model).resolve()}"
+        value = f"{content['joint']}.model:={Path(model).resolve()}"
         return shlex.join(["haptic-teleop", f"{content['robot']}_sim", "--ros-args", "-p", value])
     script = str(origin.output / "augmented_model.py")
     return shlex.join(["haptic-teleop", "export", "--model", model, "--to", "python", "--output", script])
