@@ -15,7 +15,10 @@ Array = NDArray[np.float64]
 
 #: Least height of an axis by unit: what varies by less is noise or rounding, and is shown as the flat line
 #: that it is. A tenth of what an encoder of the 2DSFJ resolves, and as much of torques and currents.
-LEAST_HEIGHT = {"rad": 1e-4, "rad/s": 1e-3, "N·m": 1e-3, "A": 1e-3, "N": 1e-3, "m": 1e-6, "m/s": 1e-5}
+LEAST_HEIGHT = {
+    **{"rad": 1e-4, "rad/s": 1e-3, "N·m": 1e-3, "A": 1e-3, "mJ": 1e-2},
+    **{"m": 1e-6, "m/s": 1e-5, "N": 1e-3},
+}
 #: Room above and below the lines, as a share of the axis.
 _ROOM = 0.06
 
@@ -55,7 +58,7 @@ class Panel:
         low = min((a for a, _ in ends if np.isfinite(a)), default=0.0)
         high = max((b for _, b in ends if np.isfinite(b)), default=0.0)
         least = LEAST_HEIGHT.get(self.unit, 0.0)
-        height = max(high - low, least, 1e-6 * max(abs(low), abs(high)), 1e-300)
+        height = max(high - low, least, 1e-6 * max(abs(low), abs(high))) or 1.0
         middle, half = 0.5 * (low + high), (0.5 + _ROOM) * height
         return middle - half, middle + half
 

@@ -8,6 +8,7 @@ from haptic_teleop_control.robots import STAGES
 from haptic_teleop_control.teleoperation.recorded_energy import PortEnergy
 from haptic_teleop_sysid.report import Panel, Plot, Series
 from haptic_teleop_sysid.report.roles import RUNS
+from haptic_teleop_sysid.verification.tables import number
 
 Energies = Mapping[str, PortEnergy]
 """Port -> its energy, as `port_energies` gives it."""
@@ -42,7 +43,7 @@ def energy_table(
 ) -> tuple[list[str], list[list[object]], str]:
     """Energy at the end and its lowest value, mJ, of every port, stage and run."""
     rows: list[list[object]] = [
-        [label, PORTS[port], stage, f"{1e3 * one.energy[-1, i]:.2f}", f"{1e3 * one.lowest[i]:.2f}"]
+        [label, PORTS[port], stage, *(number(e, 2, 1e3) for e in (one.energy[-1, i], one.lowest[i]))]
         for run, label in zip(energies, labels, strict=True)
         for port, one in run.items()
         for i, stage in enumerate(STAGES)
