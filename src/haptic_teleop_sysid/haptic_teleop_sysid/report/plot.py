@@ -15,9 +15,9 @@ Array = NDArray[np.float64]
 
 #: Least height of an axis by unit: what varies by less is noise or rounding, and is shown as the flat line
 #: that it is. A tenth of what an encoder of the 2DSFJ resolves, and as much of torques and currents.
-LEAST_HEIGHT = {
-    **{"rad": 1e-4, "rad/s": 1e-3, "N·m": 1e-3, "A": 1e-3, "mJ": 1e-2},
-    **{"m": 1e-6, "m/s": 1e-5, "N": 1e-3},
+LEAST_HEIGHT = {"rad": 1e-4, "rad/s": 1e-3, "N·m": 1e-3, "A": 1e-3, "mJ": 1e-2, "m": 1e-6} | {
+    "m/s": 1e-5,
+    "N": 1e-3,
 }
 #: Room above and below the lines, as a share of the axis.
 _ROOM = 0.06
