@@ -4,6 +4,7 @@ means one thing; and how numbers and units are written."""
 import base64
 import gzip
 import itertools
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -25,6 +26,7 @@ from haptic_teleop_sysid.report import (
 from haptic_teleop_sysid.report.live import PAGE_POINTS, live, packed_script
 from haptic_teleop_sysid.report.plot import LEAST_HEIGHT, thinned
 from haptic_teleop_sysid.report.roles import ROLES, model_roles
+from haptic_teleop_sysid.small_motion import hardly_moving, judged, spread
 
 MEGABYTE = 1_000_000
 TIME = np.arange(5000) * 1e-3
@@ -185,3 +187,23 @@ def test_units_are_written_in_one_way():
     )
     for untouched in ("a*b", "N*mass", "s*time", "x_N*m_y", "recordings/m/s2"):
         assert units_in(untouched) == untouched
+
+
+def moving(motor, arm):
+    """A data set whose motor and arm swing so far (rad), slowly."""
+    swing = np.sin(2.0 * np.pi * TIME)
+    return SimpleNamespace(
+        signals=lambda: {"motor.position": motor * swing, "arm.position": arm * swing},
+        units=lambda: {"motor.position": "rad", "arm.position": "rad"},
+    )
+
+
+def test_a_fit_of_three_milliradians_of_motion_is_no_alarm_unless_that_is_all_the_motion_there_is():
+    fits = {"motor.position": 97.0, "arm.position": -32.0}
+    assert hardly_moving([moving(0.4, 0.0015)]) == {"arm.position"}
+    assert judged(fits, hardly_moving([moving(0.4, 0.0015)])) == {"motor.position": 97.0}
+    assert hardly_moving([moving(0.4, 0.0015), moving(0.4, 0.1)]) == set()
+    assert hardly_moving([moving(0.001, 0.0015)]) == set()
+    assert judged(fits, set(fits)) == fits
+    assert spread(np.array([np.nan, 1.0, 3.0])) == pytest.approx(2.0, rel=0.02)
+    assert spread(np.full(3, np.nan)) == 0.0

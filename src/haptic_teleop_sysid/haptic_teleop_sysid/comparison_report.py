@@ -12,6 +12,7 @@ from haptic_teleop_sysid.parameter_units import Units
 from haptic_teleop_sysid.report import Page, Plot, Status, unit_text
 from haptic_teleop_sysid.residual_picture import residual_picture
 from haptic_teleop_sysid.residuals import UNDER_FEEDBACK
+from haptic_teleop_sysid.small_motion import hardly_moving, judged, spread
 from haptic_teleop_sysid.windows import closed_loop
 
 
@@ -67,8 +68,12 @@ def _recording(page: Page, result: Comparison, bag: str, picture: Plot) -> None:
     section = page.section(f"Recording {bag}")
     section.plot(picture, f"Measured and simulated response, {bag}")
     signals, units = list(dataset.signals()), dataset.units()
-    moves = [f"{np.ptp(v):.3g} {units[s]}" for s, v in dataset.signals().items()]
-    rows, errors = [["(range of the recording)", *moves]], []
+    still = hardly_moving([dataset])
+    moves = [
+        f"{spread(v):.3g} {units[s]}{' (hardly moves)' if s in still else ''}"
+        for s, v in dataset.signals().items()
+    ]
+    rows, errors = [["(the recording moves by)", *moves]], []
     for name in result.models:
         fit = result.fits[name, bag]
         rows.append([name, *(percent_text(fit.percent.get(signal, float("nan"))) for signal in signals)])
@@ -117,7 +122,11 @@ def _means(result: Comparison) -> dict[str, float]:
     """Mean fit of each model over signals and recordings, percent; minus infinity for one that runs away."""
     found = {}
     for name in result.models:
-        fits = [p for bag in result.data for p in result.fits[name, bag].percent.values()]
+        fits = [
+            p
+            for bag, dataset in result.data.items()
+            for p in judged(result.fits[name, bag].percent, hardly_moving([dataset])).values()
+        ]
         mean = float(np.mean(fits)) if fits else float("nan")
         found[name] = mean if np.isfinite(mean) else float("-inf")
     return found

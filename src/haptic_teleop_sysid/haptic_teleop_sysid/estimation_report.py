@@ -18,6 +18,7 @@ from haptic_teleop_sysid.parameter_units import Units
 from haptic_teleop_sysid.report import Page, Panel, Plot, Series, Status
 from haptic_teleop_sysid.residual_picture import residual_picture
 from haptic_teleop_sysid.residuals import Residuals, reading
+from haptic_teleop_sysid.small_motion import hardly_moving, judged
 from haptic_teleop_sysid.windows import closed_loop
 
 _DISAGREEMENT = (
@@ -242,9 +243,7 @@ def _conclusion(result: Result) -> tuple[Status, str, str]:
     """What was estimated, whether it may be used, and what to do."""
     found, told = result.estimate, verdict(result)
     count = sum(1 for row in parameter_rows(found, units_of(result)) if row.status != "fixed")
-    judged = [b for b in result.data if b in result.validation] or list(result.data)
-    fits = [np.mean(list(result.fits[w, b].percent.values())) for w in ("start", "estimate") for b in judged]
-    before, after = (float(np.mean(half)) for half in np.split(np.array(fits), 2))
+    before, after = (_mean_fit(result, which) for which in ("start", "estimate"))
     where = "recordings that were not used" if result.validation else "the recordings that were used"
     happened = (
         f"{count} parameters of {found.model.joint} estimated: on {where} the mean fit goes from "
@@ -259,6 +258,13 @@ def _conclusion(result: Result) -> tuple[Status, str, str]:
         return "fair", happened, "the start was nearer: see where in the picture, with Difference."
     todo = "model.yaml holds the estimate: simulate with it"
     return "good", happened, f"{todo}{'' if result.validation else ', and judge it on another recording'}."
+
+
+def _mean_fit(result: Result, which: str) -> float:
+    """Mean fit of start or estimate over the signals of the recordings that judge, percent."""
+    bags = [b for b in result.data if b in result.validation] or list(result.data)
+    fits = [judged(result.fits[which, b].percent, hardly_moving([result.data[b]])) for b in bags]
+    return float(np.mean([p for found in fits for p in found.values()]))
 
 
 def _recording(report: Page, result: Result, bag: str) -> None:

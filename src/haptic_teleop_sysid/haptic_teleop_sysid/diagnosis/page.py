@@ -12,6 +12,7 @@ from haptic_teleop_sysid.dataset import DataSet
 from haptic_teleop_sysid.estimation.records import Record
 from haptic_teleop_sysid.parameter_units import Units
 from haptic_teleop_sysid.report import Page, Panel, Plot, Series, unit_text
+from haptic_teleop_sysid.small_motion import hardly_moving
 
 from . import page_columns
 from .page_law import LawCurve, condition_plot, law_curves, law_plot
@@ -44,7 +45,7 @@ def diagnosis_page(
     model = result.baseline.model
     count = sum(len(proof.parts[part]) for part in PARTS)
     page = Page(f"Diagnosis of {model.robot} {model.joint}", f"{model.structure}; {count} recordings")
-    lead(page, verdict, content)
+    lead(page, verdict, content, {part: hardly_moving(proof.parts[part]) for part in PARTS})
     curves = law_curves(result, estimation)
     _missing(page, verdict, curves, units)
     page_columns.fits(page, content, proof)

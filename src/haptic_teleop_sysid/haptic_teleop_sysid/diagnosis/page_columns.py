@@ -4,9 +4,8 @@ from __future__ import annotations
 
 from typing import Any
 
-import numpy as np
-
 from haptic_teleop_sysid.report import Page, unit_text, with_error
+from haptic_teleop_sysid.small_motion import hardly_moving, spread
 
 from .proof import MODELS, PARTS, Proof
 from .summary import LIMIT, PART_LABELS, percent
@@ -36,13 +35,18 @@ def fits(page: Page, content: dict[str, Any], proof: Proof) -> None:
 
 
 def _moves(proof: Proof, part: str) -> dict[str, str]:
-    """How far each signal moves on the recordings of a part, the one that moves least."""
+    """How far each signal moves on the recordings of a part, the one that moves least, and whether that is
+    hardly."""
     found: dict[str, tuple[float, str]] = {}
+    still = hardly_moving(proof.parts[part])
     for dataset in proof.parts[part]:
         for name, values in dataset.signals().items():
-            one = (float(np.ptp(values)), dataset.units()[name])
+            one = (spread(values), dataset.units()[name])
             found[name] = min(found.get(name, one), one)
-    return {name: f"{size:.3g} {unit}" for name, (size, unit) in found.items()}
+    return {
+        name: f"{size:.3g} {unit}{' (hardly moves)' if name in still else ''}"
+        for name, (size, unit) in found.items()
+    }
 
 
 def parameters(page: Page, content: dict[str, Any]) -> None:

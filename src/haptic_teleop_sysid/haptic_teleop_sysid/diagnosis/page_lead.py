@@ -2,17 +2,21 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import Any
 
 from haptic_teleop_sysid.report import Page, Status, with_error
+from haptic_teleop_sysid.small_motion import judged
 
 from .decide import SURE
 from .summary import LIMIT, PART_LABELS, explains_sentence, moved_sentence, percent
 from .verdict import Verdict
 
 
-def lead(page: Page, verdict: Verdict, content: dict[str, Any]) -> None:
-    """Conclusion, key figures and checks of the page."""
+def lead(
+    page: Page, verdict: Verdict, content: dict[str, Any], still: Mapping[str, set[str]] | None = None
+) -> None:
+    """Conclusion, key figures and checks of the page; ``still``: by part, signals that hardly move."""
     status, happened = _headline(verdict, content)
     worse = content["worse_than_given"]
     if worse is not None:
@@ -21,7 +25,7 @@ def lead(page: Page, verdict: Verdict, content: dict[str, Any]) -> None:
     page.conclude(status, happened, _todo(verdict, content))
     for f in verdict.findings:
         page.key_figure(f"{100 * f['confidence']:.0f} %", f"{f['effect']} at {f['location']}", "confidence")
-    _gained(page, content)
+    _gained(page, content, still or {})
     explained = explains_sentence(content)
     if explained:
         page.verdict("fair", explained)
@@ -83,12 +87,13 @@ def _todo(verdict: Verdict, content: dict[str, Any]) -> str:
     return f"nothing: your model may stay as it is ({model})."
 
 
-def _gained(page: Page, content: dict[str, Any]) -> None:
+def _gained(page: Page, content: dict[str, Any], still: Mapping[str, set[str]]) -> None:
     """The fit of your model and of the augmented one, on recordings of each kind, what says most first."""
     for part in ("test", "validation", "estimation"):
         yours, _, after = (content["fit"][model][part] for model in ("given", "baseline", "augmented"))
         if yours:
-            name = min(yours, key=yours.get)
+            told = judged(yours, still.get(part, set()))
+            name = min(told, key=lambda n: told[n])
             page.key_figure(
                 f"{percent(yours[name])} → {percent(after[name])} %", f"fit of {name}", PART_LABELS[part]
             )
