@@ -29,7 +29,8 @@ def steps(page: Page, content: dict[str, Any], origin: Origin) -> None:
     augmented = str(origin.output / "augmented_model.yaml")
     page.section("The next three steps").commands(
         [
-            (f"Simulate with what augmented_model.yaml holds: {content['augmented_model']['what']}.",
+            (f"Simulate with what augmented_model.yaml holds: {content['augmented_model']['what']} "
+             f"({_means(content)}).",
              _simulate(content, augmented, origin)),
             ("Compare it with your model, on a recording that neither was fitted to.",
              _compare(augmented, origin)),
@@ -52,6 +53,13 @@ def _simulate(content: dict[str, Any], model: str, origin: Origin) -> str:
         return shlex.join(["haptic-teleop", f"{content['robot']}_sim", "--ros-args", "-p", value])
     script = str(origin.output / "augmented_model.py")
     return shlex.join(["haptic-teleop", "export", "--model", model, "--to", "python", "--output", script])
+
+
+def _means(content: dict[str, Any]) -> str:
+    """What the first command gives."""
+    if content["robot"] in ("sfj", "omni"):
+        return "a robot in simulation that speaks its topics; Ctrl-C ends it"
+    return "one Python function; a simulated robot there is for the 2DSFJ and the Omni alone"
 
 
 def _compare(model: str, origin: Origin) -> str:

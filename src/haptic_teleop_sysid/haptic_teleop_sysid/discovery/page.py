@@ -9,7 +9,7 @@ from haptic_teleop_sim.effects import EFFECTS
 from haptic_teleop_sysid.comparison_pictures import percent_text
 from haptic_teleop_sysid.discovery.outcome import Judgement
 from haptic_teleop_sysid.discovery.overlay import AUGMENTED, LAB, REFITTED, Fits, mean
-from haptic_teleop_sysid.report import Page, Plot, Section, unit_text, with_error
+from haptic_teleop_sysid.report import Link, Page, Plot, Section, unit_text, with_error
 
 _GOOD = {"right": "good", "in the set": "fair", "unknown": "fair", "right place": "bad"}
 _ROWS = {
@@ -65,9 +65,16 @@ def discovery_page(
     _sizes(page.section("What was hidden, and what was estimated"), content, judgement)
     _envelope(page.section("The envelope", folded=True), content)
     page.section("To look further").table(
-        ["what", "where"], [[what, where] for what, where in content["files"].items()]
+        ["what", "where"],
+        [[what, _where(where)] for what, where in content["files"].items()],
     )
     return page
+
+
+def _where(path: str) -> str:
+    """A file as a link, a folder or several by their names."""
+    one = path.endswith((".html", ".json", ".yaml")) and "," not in path
+    return Link(path, path) if one else path
 
 
 def _envelope(section: Section, content: Mapping[str, Any]) -> None:

@@ -42,11 +42,6 @@ def trend_page(trend: Trend, commands: Sequence[Sequence[str]]) -> Page:
     for note in trend.told:
         page.verdict("plain", f"{note[0].upper()}{note[1:]}.")
     page.verdict("plain", alarm_sentence(trend))
-    if commands:
-        which = ("Look into the first recording outside", "Look into the newest, where a change has grown")
-        page.section("Next").commands(
-            [(what, shlex.join(command)) for what, command in zip(which, commands, strict=False)]
-        )
     page.section("Now against the reference").picture(
         changes_picture(trend), "Change of each quantity in percent, with two standard errors"
     ).table(
@@ -64,6 +59,11 @@ def trend_page(trend: Trend, commands: Sequence[Sequence[str]]) -> Page:
             for c in trend.charts
         ],
     )
+    if commands:
+        which = ("Look into the first recording outside", "Look into the newest, where a change has grown")
+        page.section("Next").commands(
+            [(what, shlex.join(command)) for what, command in zip(which, commands, strict=False)]
+        )
     page.section("Over time", _STATISTICS).picture(
         charts_picture(trend), "Each quantity over time with its limits; shaded on the left: the reference"
     )

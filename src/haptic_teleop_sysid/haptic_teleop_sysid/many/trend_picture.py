@@ -9,6 +9,7 @@ from matplotlib import rc_context
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
+from haptic_teleop_sysid.report import unit_text
 from haptic_teleop_sysid.report.pictures import COLOUR, INK, SHADE, STYLE
 
 from .charts import Chart
@@ -96,6 +97,6 @@ def _panel(axes: Axes, x: Any, c: Chart, trend: Trend) -> None:
         axes.axvline(x[i], color=COLOUR["fourth"], linewidth=0.8, label=label)
     axes.axvspan(x[0], x[trend.reference - 1], color=INK, alpha=0.06, linewidth=0)
     axes.set_title(c.quantity.name)
-    axes.set_ylabel("" if c.quantity.unit == "1" else c.quantity.unit.replace("*", "·"))
+    axes.set_ylabel(unit_text(c.quantity.unit))
     if c.quantity.logarithmic:
         axes.set_yscale("log")

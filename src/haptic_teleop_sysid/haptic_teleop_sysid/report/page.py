@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import importlib.resources
+import re
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from datetime import datetime
@@ -24,6 +25,8 @@ Status = Literal["good", "fair", "bad", "plain"]
 STATUS_WORD = {"good": "OK", "fair": "NOTE", "bad": "PROBLEM", "plain": "INFO"}
 #: Samples of all lines of a page's still pictures together, and of one line at least and at most.
 _STILL_POINTS, _LEAST_STILL, _MOST_STILL = 36_000, 300, 1500
+#: Cells that say that there is nothing, and how a date begins.
+_NOTHING, _DATE = ("", "–", "—"), re.compile(r"\d{4}-\d\d-\d\d")
 
 
 class Link(str):
@@ -47,6 +50,13 @@ class Block:
     rows: tuple[tuple[str, ...], ...] = ()
     figure: Figure | None = None
     plot: Plot | None = None
+
+    def numeric(self) -> list[bool]:
+        """Which columns of a table are set right-aligned: those most of whose cells are numbers."""
+        columns = zip(*(row for row in self.rows if len(row) == len(self.header)), strict=True)
+        told = [[cell for cell in column if cell not in _NOTHING] for column in columns]
+        found = [2 * sum(map(looks_numeric, cells)) >= max(len(cells), 1) for cells in told]
+        return found or [False] * len(self.header)
 
 
 @dataclass
@@ -122,7 +132,6 @@ class Page:
         environment = jinja2.Environment(
             autoescape=True, undefined=jinja2.StrictUndefined, trim_blocks=True, lstrip_blocks=True
         )
-        environment.tests["numeric"] = looks_numeric
         environment.tests["link"] = lambda cell: isinstance(cell, Link)
         environment.filters["units"] = units_in
         environment.filters["identity"] = id
@@ -198,11 +207,9 @@ def _legend(plot: Plot) -> list[Series]:
 
 
 def looks_numeric(cell: str) -> bool:
-    """True for a cell that begins like a number (or says that there is none), which the table sets
-    right-aligned.
-    """
+    """True for a cell that begins like a number and is no date."""
     text = cell.strip().lstrip("+-−±<>≈ ")
-    return text[:1].isdigit() or text in {"–", "—", "nan", "inf"}
+    return (text[:1].isdigit() or text in ("nan", "inf")) and not _DATE.match(text)
 
 
 __all__ = ["Link", "Page", "Panel", "Section", "Status", "looks_numeric"]
