@@ -155,7 +155,7 @@ def test_one_zooms_by_keyboard_and_by_mouse_hides_lines_and_sees_the_difference(
     inner = page.evaluate(span)
     assert inner[1] - inner[0] == pytest.approx(0.5 * (high - low))
     page.keyboard.press("Tab")
-    assert page.evaluate("document.activeElement.dataset.do") == "out"
+    page.wait_for_function("document.activeElement.dataset.do === 'out'")
     page.click("button[data-do=reset]")
     assert page.evaluate(span) == [low, high]
     page.locator(".canvas").first.scroll_into_view_if_needed()
@@ -212,12 +212,13 @@ def test_a_screen_reader_finds_landmarks_headings_names_and_the_way_past_the_con
     )
     assert unnamed == 0
     page.keyboard.press("Tab")
-    assert page.evaluate("document.activeElement.className") == "skip"
-    assert page.locator(".skip").bounding_box()["x"] >= 0
+    page.wait_for_function("document.activeElement.className === 'skip'")
+    page.wait_for_function("document.querySelector('.skip').getBoundingClientRect().x >= 0")
     page.keyboard.press("Enter")
-    assert page.evaluate("document.activeElement.id") == "report"
+    page.wait_for_function("document.activeElement.id === 'report'")
     page.keyboard.press("Tab")
-    assert page.evaluate("getComputedStyle(document.activeElement).outlineStyle") == "solid"
+    page.wait_for_function("document.activeElement.closest('main > *')")
+    page.wait_for_function("getComputedStyle(document.activeElement).outlineStyle === 'solid'")
     page.click("nav >> text=Details")  # a link opens what is folded
     page.wait_for_function("document.querySelector('#section4 details').open")
     page.close()
