@@ -146,6 +146,18 @@ def test_what_cannot_be_told_apart_and_what_has_no_name_send_for_the_next_experi
     assert status == "fair" and "depends on sign of motor velocity" in happened and "record" in todo
 
 
+def test_where_no_physics_is_missing_the_first_line_says_which_numbers_are_off():
+    off = {"parameter": "motor_inertia", "given": 0.05, "value": 0.0634, "std": 0.0012, "unit": "kg*m^2"}
+    held = {"holds": "baseline", "what": "your structure, re-estimated"}
+    page = first_line("no_mismatch", [], parameters_moved=[off], augmented_model=held)
+    status, happened, todo = page.conclusion
+    assert status == "fair" and "motor inertia 0.05 → 0.0634 ± 0.0012 kg·m²" in happened
+    assert "take the new numbers over" in todo
+    assert page.render().count("motor inertia") == 1
+    status, happened, todo = first_line("no_mismatch", [], augmented_model=held).conclusion
+    assert status == "good" and "nothing is missing" in happened and todo.startswith("nothing")
+
+
 def test_that_your_own_model_is_better_stands_before_everything_else():
     worse = {"models": {"augmented": {}}, "sentence": "Worse than your own model on the test recordings"}
     held = {"holds": "given", "what": "your own model as it came"}

@@ -36,6 +36,7 @@ _ANGLE = (
     "position_dependent_friction",
 )
 _DEFLECTION = ("backlash", "hardening_spring", "hysteresis")
+_INPUT = ("dead_zone", "torque_saturation", "gain_error")
 
 
 @dataclass(frozen=True)
@@ -59,12 +60,12 @@ class LawCurve:
 
 
 def law_curves(result: SearchResult, records: Sequence[Record]) -> list[LawCurve]:
-    """One curve for each finding that is a torque along the motion, or what an actuator makes of its input;
-    ``records``: what was fitted to."""
+    """One curve for each finding that is a torque along the motion, or what an actuator makes of its input at
+    once; ``records``: what was fitted to."""
     model = result.final.model
     effects = [e for e in model.effects if _has_law(e)]
     wanted = [(c.chosen.effect.effect, c.chosen.effect.location) for c in result.choices]
-    shown = [e for e in effects if (e.effect, e.location) in wanted]
+    shown = [e for e in effects if (e.effect, e.location) in wanted and _shows(e)]
     if not shown:
         return []
     cutoff = motion_band(records)
@@ -97,6 +98,11 @@ def law_curve(
 def _has_law(effect: Effect) -> bool:
     """Whether the effect is a torque that follows from motion or input at each moment."""
     return follows_from_motion(effect.entry) or effect.entry.kind == "input"
+
+
+def _shows(effect: Effect) -> bool:
+    """Whether it follows one quantity: what an actuator does late or in time follows none."""
+    return effect.entry.kind != "input" or effect.effect in _INPUT
 
 
 def _place(effect: Effect) -> str:

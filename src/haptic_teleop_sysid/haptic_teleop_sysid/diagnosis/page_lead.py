@@ -49,6 +49,8 @@ def _headline(verdict: Verdict, content: dict[str, Any]) -> tuple[Status, str]:
         return "fair", (
             f"Something is missing that no known effect explains; it sits at {places or 'no single place'}."
         )
+    if content["parameters_moved"]:
+        return "fair", moved_sentence(content).replace("->", "→")
     return "good", (
         "The given structure, re-estimated, explains these recordings; nothing is missing that they "
         "could show."
