@@ -16,7 +16,8 @@ from haptic_teleop_control.command_line import run_command
 from haptic_teleop_control.errors import ConfigurationError
 from haptic_teleop_sim.model import load_model
 from haptic_teleop_sysid.comparison import Comparison, compare
-from haptic_teleop_sysid.comparison_report import comparison_page, comparison_pictures, comparison_table
+from haptic_teleop_sysid.comparison_pictures import comparison_pictures
+from haptic_teleop_sysid.comparison_report import comparison_page, comparison_table
 from haptic_teleop_sysid.logs.opened import open_recording
 from haptic_teleop_sysid.logs.story import tell
 from haptic_teleop_sysid.preparation import refuse_huge

@@ -26,8 +26,7 @@ from haptic_teleop_sysid.many.estimates import estimate_jobs, estimates_page, to
 from haptic_teleop_sysid.many.folder import Listing, find_recordings
 from haptic_teleop_sysid.many.kept import DONE
 from haptic_teleop_sysid.many.options import add_means_options, means_of, refuse_means
-from haptic_teleop_sysid.parameter_table import rounded
-from haptic_teleop_sysid.report import claimed
+from haptic_teleop_sysid.report import claimed, with_error
 from haptic_teleop_sysid.results import tool_version, write_json
 from haptic_teleop_sysid.treatment_options import add_mapping_option, add_treatment_options, treatment_of
 
@@ -114,7 +113,7 @@ def _each_into(
     write_estimates(outcomes, output / "estimates.csv")
     report = estimates_page(model, outcomes, with_page).write(output / "report.html")
     for name, row in all_.items():
-        text = f"{name}: {rounded(row['mean'], row['std'])} ± {row['std']:.2g} {row['unit']}"
+        text = f"{name}: {with_error(row['mean'], row['std'], row['unit'])}"
         say(f"{text} of {counted(row['count'], 'recording')}" + ("" if row["alike"] else ", which differ"))
     unusable = {n: o["message"] for n, o in outcomes.items() if o["status"] != DONE}
     for name, why in unusable.items():

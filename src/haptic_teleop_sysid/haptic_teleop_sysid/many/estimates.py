@@ -17,8 +17,8 @@ from haptic_teleop_control.counted import counted
 from haptic_teleop_sim.model import Model
 from haptic_teleop_sysid.estimation_report import verdict
 from haptic_teleop_sysid.estimation_run import Choices, load, run_estimate, write_results
-from haptic_teleop_sysid.parameter_table import parameter_rows, rounded
-from haptic_teleop_sysid.report import Link, Page
+from haptic_teleop_sysid.parameter_table import parameter_rows
+from haptic_teleop_sysid.report import Link, Page, error_text, rounded, unit_text, with_error
 from haptic_teleop_sysid.results import plain
 
 from .each import Job
@@ -130,9 +130,9 @@ def estimates_page(model: Model, outcomes: Mapping[str, Mapping[str, Any]], with
         [
             (
                 name,
-                row["unit"],
+                unit_text(row["unit"]),
                 rounded(row["mean"], row["std"]),
-                f"{row['std']:.2g}",
+                error_text(row["std"]),
                 row["count"],
                 "–" if row["scatter"] is None else f"{math.sqrt(row['scatter']):.2f}",
             )
@@ -184,7 +184,7 @@ def write_estimates(outcomes: Mapping[str, Mapping[str, Any]], path: Path) -> Pa
 def _cell(row: Mapping[str, Any] | None) -> str:
     if row is None or row["value"] is None:
         return "not determined"
-    return f"{rounded(row['value'], row['std'] or 0.0)}" + (f" ± {row['std']:.2g}" if row["std"] else "")
+    return with_error(row["value"], row["std"])
 
 
 def _least(fit: Mapping[str, float | None]) -> str:

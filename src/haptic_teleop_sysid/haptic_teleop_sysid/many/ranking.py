@@ -14,7 +14,7 @@ from matplotlib.figure import Figure
 from haptic_teleop_control.counted import counted
 from haptic_teleop_sysid.diagnosis.adequacy import SLIGHT_ERROR
 from haptic_teleop_sysid.report import Link, Page
-from haptic_teleop_sysid.report.pictures import SERIES_COLOURS, STYLE
+from haptic_teleop_sysid.report.pictures import COLOUR, STYLE
 
 from .kept import DONE
 
@@ -81,8 +81,12 @@ def overview_page(title: str, outcomes: Outcomes, with_pages: bool) -> Page:
     """Return the overview; ``with_pages``: each diagnosis has a page of its own in its folder."""
     order = ranked(outcomes)
     page = Page(title, counted(len(outcomes), "diagnosis", "diagnoses"))
-    worst = max((outcomes[n]["wrong"] + outcomes[n]["matters"] for n in order), default=0)
-    page.verdict(_STATUS[worst], overview_sentence(outcomes))
+    worst = max((outcomes[n]["wrong"] + outcomes[n]["matters"] for n in order), default=2)
+    page.conclude(
+        _STATUS[worst],
+        overview_sentence(outcomes),
+        f"open the page of {order[0]}, which is the worst: it says what to do." if order and worst else "",
+    )
     if any(outcomes[name]["split"] for name in order):
         page.verdict(
             "fair",
@@ -146,9 +150,12 @@ def _bars(order: Sequence[str], outcomes: Outcomes) -> Figure:
         figure = Figure(figsize=(8.0, 0.4 * len(shown) + 1.0), layout="constrained")
         axes = figure.subplots()
         places = range(len(shown))
-        for key, label, colour, shift in (("error", "your model", 3, 0.18), ("left", "augmented", 1, -0.18)):
+        for key, label, role, shift in (
+            ("error", "your model", "given", 0.18),
+            ("left", "augmented", "augmented", -0.18),
+        ):
             values = [100.0 * (outcomes[n][key] or 0.0) for n in shown]
-            axes.barh([p - shift for p in places], values, 0.34, color=SERIES_COLOURS[colour], label=label)
+            axes.barh([p - shift for p in places], values, 0.34, color=COLOUR[role], label=label)
         axes.set_yticks(list(places), shown)
         axes.invert_yaxis()
         axes.set_xlabel("error of the simulated response (% of the motion's spread)")
