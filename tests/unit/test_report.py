@@ -170,3 +170,6 @@ def test_numbered_directories_follow_each_other(tmp_path):
         (directory / "file").touch()
         names.append(directory.name)
     assert names == ["demo", "demo-2", "demo-3"]
+    (tmp_path / "file").touch()
+    with pytest.raises(ConfigurationError, match="is a file: choose another --output"):
+        numbered_output_directory(tmp_path / "file")
