@@ -118,13 +118,12 @@ def _figure(panel: Panel, x_range: Range1d, x_label: str, last: bool, points: in
 
 
 def _tools(plot: Any) -> None:
-    """Drag to zoom or to pan (the page's buttons choose), the wheel with Ctrl, and values under the mouse."""
-    from bokeh.models import BoxZoomTool, HoverTool, PanTool, WheelZoomTool
+    """Drag to zoom or to pan (the page's buttons choose), and the wheel with Ctrl."""
+    from bokeh.models import BoxZoomTool, PanTool, WheelZoomTool
 
     box, pan = BoxZoomTool(), PanTool()
     wheel = WheelZoomTool(dimensions="width", modifiers={"ctrl": True})
-    hover = HoverTool(tooltips=[("", "$name"), ("", "@x{0.0000}, @y{0.00000}")], line_policy="nearest")
-    plot.add_tools(box, pan, wheel, hover)
+    plot.add_tools(box, pan, wheel)
     plot.toolbar.active_drag = box
     plot.toolbar.active_scroll = wheel
 

@@ -56,6 +56,11 @@
       this.plots[this.view] = found;
       paint(found);
       this.lines();
+      for (const plot of found) {
+        const readout = document.getElementById(roots[plot.id]).closest(".panel").querySelector(".readout");
+        plot.on_event("mousemove", (event) => { readout.textContent = told(plot, event.x); });
+        plot.on_event("mouseleave", () => { readout.textContent = ""; });
+      }
     }
 
     lines() {
@@ -87,6 +92,26 @@
       for (const range of new Set(plots.map((plot) => plot.x_range))) move(range, what);
       if (what === "reset") for (const plot of plots) reset(plot.y_range);
     }
+  }
+
+  // The values of all lines shown, at the samples next to x.
+  function told(plot, x) {
+    const values = new Map();
+    for (const line of plot.renderers) {
+      if (!line.visible || values.has(line.name)) continue;
+      const times = line.data_source.get_column("x");
+      let low = 0;
+      let high = times.length - 1;
+      while (high - low > 1) {
+        const middle = (low + high) >> 1;
+        if (times[middle] > x) high = middle;
+        else low = middle;
+      }
+      const nearest = x - times[low] < times[high] - x ? low : high;
+      values.set(line.name, line.data_source.get_column("y")[nearest]);
+    }
+    const parts = [...values].map(([name, value]) => `${name} ${Number(value.toPrecision(5))}`);
+    return `at ${Number(x.toPrecision(5))}: ${parts.join(", ")}`;
   }
 
   const whole = new Map();
