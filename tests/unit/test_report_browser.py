@@ -146,7 +146,7 @@ def test_every_text_stands_out_from_its_ground_in_the_light_and_in_the_dark(brow
     page.close()
 
 
-#: What waits for a condition evaluates it in the page, whose own policy, which the other tests keep, forbids it.
+#: What waits for a condition evaluates it in the page, whose own policy forbids that; other tests keep it.
 WATCHED = {"viewport": {"width": 1280, "height": 900}, "bypass_csp": True}
 
 
