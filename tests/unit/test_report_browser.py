@@ -179,8 +179,13 @@ def test_one_zooms_by_keyboard_and_by_mouse_hides_lines_and_sees_the_difference(
     page.click("[data-line=yours]")
     shown = "Bokeh.documents[0].roots().map(p => p.renderers.find(r => r.name === 'yours').visible)"
     assert page.evaluate(shown) == [False, False]
+    page.click("button[data-do=drag]")
     page.click("button[data-do=view]")
     page.wait_for_selector("[data-view=difference] canvas", state="attached")
+    page.wait_for_function(
+        "(() => { const seen = Bokeh.documents.at(-1).roots()[0]; return seen.toolbar.active_drag.type === "
+        "'PanTool' && !seen.renderers.find(r => r.name === 'yours').visible; })()"
+    )
     assert not page.is_visible("[data-view=response]") and page.is_visible("[data-view=difference]")
     assert wrong == []
     page.close()

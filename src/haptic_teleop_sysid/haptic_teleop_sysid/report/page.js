@@ -33,7 +33,7 @@
       this.content = JSON.parse(figure.querySelector("script").textContent);
       this.plots = {};
       this.view = "response";
-      this.moves = matchMedia("(pointer: coarse)").matches;
+      this.finger = matchMedia("(pointer: coarse)").matches;
       figure.addEventListener("click", (e) => this.act(e.target.closest("button")));
       figure.addEventListener("change", () => this.lines());
     }
@@ -48,14 +48,13 @@
       const items = [{ docid: "d", roots, root_ids: ids }];
       await Bokeh.embed.embed_items({ d: content }, items);
       const found = Bokeh.documents.flatMap((each) => each.roots()).filter((plot) => plot.id in roots);
-      // A finger that drags scrolls the page; the buttons zoom.
-      if (this.moves) for (const plot of found) plot.toolbar.active_drag = null;
       for (const plot of found) {
         for (const range of [plot.x_range, plot.y_range]) whole.set(range, { start: range.start, end: range.end });
       }
       this.plots[this.view] = found;
       paint(found);
       this.lines();
+      this.drag();
       for (const plot of found) {
         const readout = document.getElementById(roots[plot.id]).closest(".panel").querySelector(".readout");
         plot.on_event("mousemove", (event) => { readout.textContent = told(plot, event.x); });
@@ -71,6 +70,15 @@
       }
     }
 
+    // Zooms into a box, or moves. A finger scrolls the page until it is told to move; the buttons zoom.
+    drag() {
+      const moves = this.figure.querySelector("[data-do=drag]").getAttribute("aria-pressed") === "true";
+      for (const plot of this.plots[this.view] || []) {
+        const wanted = moves ? "PanTool" : this.finger ? null : "BoxZoomTool";
+        plot.toolbar.active_drag = plot.toolbar.tools.find((tool) => tool.type === wanted) || null;
+      }
+    }
+
     act(button) {
       if (!button) return;
       const what = button.dataset.do;
@@ -79,14 +87,11 @@
       if (button.hasAttribute("aria-pressed")) button.setAttribute("aria-pressed", String(pressed));
       if (what === "view") {
         this.view = pressed ? "difference" : "response";
-        this.show();
+        this.show().then(() => { this.lines(); this.drag(); });
         return;
       }
       if (what === "drag") {
-        for (const plot of plots) {
-          const wanted = pressed ? "PanTool" : "BoxZoomTool";
-          plot.toolbar.active_drag = plot.toolbar.tools.find((t) => t.type === wanted);
-        }
+        this.drag();
         return;
       }
       for (const range of new Set(plots.map((plot) => plot.x_range))) move(range, what);
