@@ -12,6 +12,7 @@ import gzip
 import json
 from collections.abc import Sequence
 from functools import cache
+from importlib.util import find_spec
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -32,6 +33,11 @@ _HEIGHT, _AXIS = 165, 42
 def points_for(lines: int) -> int:
     """Samples that each of so many lines of a page may have."""
     return int(np.clip(PAGE_POINTS // max(lines, 1), LEAST_POINTS, MOST_POINTS))
+
+
+def available() -> bool:
+    """Whether Bokeh is installed: a distribution's packages do not bring it, and pages do without."""
+    return find_spec("bokeh") is not None
 
 
 @cache

@@ -12,7 +12,7 @@ from typing import Any, Literal
 import jinja2
 from markupsafe import Markup
 
-from .live import as_script, live, packed_script, points_for
+from .live import as_script, available, live, packed_script, points_for
 from .numbers import units_in
 from .pictures import inline_svg, still
 from .plot import Plot, Series
@@ -115,7 +115,7 @@ def _drawn(sections: Sequence[Section]) -> dict[int, dict[str, Any]]:
         if figure is None:
             continue
         one: dict[str, Any] = {"svg": Markup(inline_svg(figure, name, block.text)), "name": name}
-        if block.plot is not None:
+        if block.plot is not None and available():
             views = {"response": block.plot.panels}
             if block.plot.difference:
                 views["difference"] = block.plot.difference
