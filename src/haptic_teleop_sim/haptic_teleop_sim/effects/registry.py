@@ -33,6 +33,4 @@ def locations(name: str, structure: str) -> tuple[str, ...]:
         if not entry.rigid_body:
             return ()
         return tuple(w for w in entry.where if w in ("motor", "actuator", "motor_encoder"))
-    if name in ("gravity", "payload_change"):
-        return ("arm",)
-    return entry.where
+    return tuple(w for w in entry.where if w != "motor") if entry.motor_of_rigid_body else entry.where

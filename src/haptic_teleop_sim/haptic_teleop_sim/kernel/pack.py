@@ -18,10 +18,11 @@ IntArray = NDArray[np.int64]
 BASE = ("stiffness", "motor_inertia", "motor_damping", "arm_inertia", "arm_damping")
 #: Steps per sample at most: what is stiffer is not worth the time.
 MOST_SUBSTEPS = 400
-_DYNAMIC = ("torque", "friction", "friction_factor", "inertia")
+_DYNAMIC = ("torque", "friction", "friction_factor", "inertia", "relative_inertia")
 _MEMORY = {"": 0, "direction": 1, "ratio": 2, "displacement": 3}
-_KIND = {"torque": 0, "friction": 1, "friction_factor": 2, "inertia": 3}
-_LOCATION = {"motor": 0, "arm": 1, "joint": 2}
+_KIND = {"torque": 0, "friction": 1, "friction_factor": 2, "inertia": 3, "relative_inertia": 4}
+_FIRST = ("friction_factor", "inertia", "relative_inertia")
+_LOCATION = {"motor": 0, "actuator": 0, "arm": 1, "joint": 2}
 _CHANNEL = {"motor_encoder": 0, "arm_encoder": 1}
 #: Code of an effect: its place among the effects of its group, as in ``codegen``.
 _CODES = {
@@ -69,9 +70,12 @@ class Packed:
         ks = float(self.base[0])
         stiffness = {"motor": ks, "arm": ks, "joint": 0.0}
         damping = {"motor": abs(float(self.base[2])), "arm": abs(float(self.base[4])), "joint": 0.0}
+        least = {"motor": 1.0, "arm": 1.0}
         own = 0.0
         for e in self.model.effects:
             place = self.model.place(e.location)
+            if e.entry.lightest is not None:
+                least[place] *= e.entry.lightest(e.values)
             if place in stiffness:
                 k, b, *rest = e.entry.rate(e.values, ks)
                 stiffness[place] += k
@@ -81,8 +85,8 @@ class Packed:
         for place, inertia in (("motor", self.base[1]), ("arm", self.base[3])):
             if place == "arm" and self.rigid:
                 continue
-            k = (stiffness[place] + stiffness["joint"]) / inertia
-            b = (damping[place] + damping["joint"]) / inertia
+            k = (stiffness[place] + stiffness["joint"]) / (inertia * least[place])
+            b = (damping[place] + damping["joint"]) / (inertia * least[place])
             worst = max(worst, b / 2.2 + math.sqrt(max(k, 0.0)) / 1.0)
         return float(worst)
 
@@ -147,7 +151,7 @@ def pack(model: Model) -> Packed:
     velocity_states: list[int] = []
     state, memory = 4, 0
     # Factors and inertias first: the kernel needs them before the torques.
-    order = sorted(model.effects, key=lambda e: e.entry.kind not in ("friction_factor", "inertia"))
+    order = sorted(model.effects, key=lambda e: e.entry.kind not in _FIRST)
     for e in order:
         entry = e.entry
         place = model.place(e.location)

@@ -51,7 +51,6 @@ def bank_step(inputs, external, exogenous, bank):
         rigid = layout[i, 0] == 1
         if rigid:
             torque += outer
-            outer = 0.0
         n = layout[i, 3] - layout[i, 2]
         advance(x[layout[i, 2] : layout[i, 3]], t, dt, layout[i, 1], torque, outer, exogenous[i], rigid,
                 base[i], codes[layout[i, 4] : layout[i, 5]], p, work[:n], work[n : 2 * n], work[2 * n : 3 *
