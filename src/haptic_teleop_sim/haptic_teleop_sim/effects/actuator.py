@@ -170,7 +170,7 @@ TORQUE_SPEED_LIMIT = EffectEntry(
             minimum=1e-9,
             typical=0.9,
             scale="peak",
-            grid=(1.2, 0.9, 0.6),
+            grid=(1.2, 0.8),
             neutral=math.inf,
         ),
         EffectParameter(
@@ -180,7 +180,7 @@ TORQUE_SPEED_LIMIT = EffectEntry(
             minimum=0.0,
             typical=0.3,
             scale="peak_per_speed",
-            grid=(0.15, 0.4),
+            grid=(0.3, 0.8),
             neutral=None,
         ),
     ),
@@ -188,6 +188,14 @@ TORQUE_SPEED_LIMIT = EffectEntry(
     equation=lambda s, p: _within_speed_limit(s, p) - s.input,
     rate=lambda p, ks: (0.0, p["slope"]),
     needs="a recorded command: the measured current shows what is left already",
+    condition="large inputs at speed",
+    form_of="torque_saturation",
+    large=True,
+    # Within the speeds that were reached it takes away some of the torque that was asked for.
+    practical=lambda p, size, span: (
+        p["slope"] * size["fastest"] > 0.02 * size["peak"]
+        and p["limit"] - p["slope"] * size["fastest"] < size["peak"]
+    ),
 )
 DEAD_ZONE = EffectEntry(
     name="dead_zone",

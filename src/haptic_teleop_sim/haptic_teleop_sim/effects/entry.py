@@ -54,6 +54,7 @@ class EffectParameter:
         "inertia",
         "drag",
         "peak_per_speed",
+        "fastest",
         "cubic",
         "steep",
         "duration",
@@ -99,7 +100,10 @@ class EffectEntry:
     physics. A ``momentary`` effect may show at one moment of a recording only. ``unnamed`` physics is not in
     the contract's table: where it explains more than any name, the
     verdict is `unknown`. ``motor_of_rigid_body``: the motor is its place where nothing hangs on a joint.
-    ``needs``: what a recording must have for the effect to show, in words.
+    ``needs``: what a recording must have for the effect to show, in words; ``condition``: what it depends on,
+    in words, with ``{q}`` and ``{v}`` for angle and velocity; ``form_of``: the effect that it is a richer form
+    of; ``large``: it may be so large that structure and noise make up for it; ``practical(p, size, span)``: whether it deserves its name at these parameters where typical sizes are
+    ``size`` (by the names of ``scale``) and its place moved over ``span``, rad.
     """
 
     name: str
@@ -124,6 +128,10 @@ class EffectEntry:
     momentary: bool = False
     unnamed: bool = False
     needs: str = ""
+    condition: str = ""
+    form_of: str = ""
+    large: bool = False
+    practical: Callable[[dict[str, float], dict[str, float], float], bool] | None = None
 
     def __post_init__(self) -> None:
         if self.equation is not None and self.rates and self.states == 0:

@@ -138,6 +138,13 @@ def effect_source(entry: EffectEntry, derivatives: bool = False) -> str:
     return _function(name, entry, _expression(entry, entry.equation), derivatives)
 
 
+def slope_source(entry: EffectEntry) -> str:
+    """Source of ``<name>_slope``, the derivative of an inertia by its angle; "" where it does not depend on
+    it."""
+    slope = _slope(entry, _expression(entry, entry.equation))
+    return "" if slope == 0 else _function(f"{entry.name}_slope", entry, slope, False)
+
+
 def rate_source(entry: EffectEntry, number: int) -> str:
     """Source of ``<name>_state_rate<number>``, the rate of one of an effect's own states."""
     name = f"{entry.name}_state_rate{number}"

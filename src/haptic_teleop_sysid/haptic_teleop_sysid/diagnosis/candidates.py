@@ -38,7 +38,9 @@ FAMILIES = (
 
 def family(name: str) -> set[str]:
     """The effect and all that are forms of the same thing."""
-    return {name}.union(*(set(f) for f in FAMILIES if name in f))
+    forms = {e.name for e in EFFECTS.values() if e.form_of == name}
+    simpler = {EFFECTS[name].form_of} - {""}
+    return {name}.union(forms, simpler, *(set(f) for f in FAMILIES if name in f))
 
 
 def candidates(
