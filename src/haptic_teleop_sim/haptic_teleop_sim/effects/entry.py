@@ -102,7 +102,9 @@ class EffectEntry:
     verdict is `unknown`. ``motor_of_rigid_body``: the motor is its place where nothing hangs on a joint.
     ``needs``: what a recording must have for the effect to show, in words; ``condition``: what it depends on,
     in words, with ``{q}`` and ``{v}`` for angle and velocity; ``form_of``: the effect that it is a richer form
-    of; ``large``: it may be so large that structure and noise make up for it; ``practical(p, size, span)``: whether it deserves its name at these parameters where typical sizes are
+    of; ``tabulated``: its numbers are a
+    `TorqueMap` beside the parameters, which is held fixed, and ``compiled`` (value, and value with derivatives)
+    evaluates it; ``large``: it may be so large that structure and noise make up for it; ``practical(p, size, span)``: whether it deserves its name at these parameters where typical sizes are
     ``size`` (by the names of ``scale``) and its place moved over ``span``, rad.
     """
 
@@ -131,6 +133,7 @@ class EffectEntry:
     condition: str = ""
     form_of: str = ""
     large: bool = False
+    tabulated: bool = False
     practical: Callable[[dict[str, float], dict[str, float], float], bool] | None = None
 
     def __post_init__(self) -> None:

@@ -6,12 +6,12 @@ import difflib
 
 from haptic_teleop_control.errors import ModelError
 
-from . import actuator, friction, joint, position, sensor, unnamed
+from . import actuator, friction, joint, position, sensor, torque_map, unnamed
 from .entry import EffectEntry
 
 EFFECTS: dict[str, EffectEntry] = {
     entry.name: entry
-    for module in (friction, position, joint, actuator, sensor, unnamed)
+    for module in (friction, position, joint, actuator, sensor, torque_map, unnamed)
     for entry in module.ENTRIES
 }
 

@@ -95,8 +95,9 @@ class _Writer:
     def _effect(self, number: int, effect: Effect) -> str:
         entry, place = effect.entry, self.model.place(effect.location)
         values = f"p{number}"
+        numbers = list(effect.values.values()) if effect.table is None else effect.table.packed()
         block = (
-            f"{values} = {list(effect.values.values())!r}  # {entry.name} at {_word(effect.location)}: "
+            f"{values} = {[float(v) for v in numbers]!r}  # {entry.name} at {_word(effect.location)}: "
             f"{', '.join(entry.parameter_names)}\n"
         )
         if entry.kind in ("torque", "friction", *_FACTORS):
@@ -123,7 +124,12 @@ class _Writer:
     def _dynamic(self, values: str, entry: EffectEntry, place: str, effect: Effect) -> None:
         angle, speed = _SEEN[place]
         place = "motor" if place == "actuator" else place
-        self.functions[entry.name] = effect_source(entry).removeprefix("@inner\n")
+        function = f"{entry.name}_value"
+        if entry.compiled is not None:
+            function = entry.compiled[0].__name__
+            self.functions[entry.name] = _source_of(entry.compiled[0])
+        else:
+            self.functions[entry.name] = effect_source(entry).removeprefix("@inner\n")
         own = [f"z[{self.states + i}]" for i in range(entry.states)]
         memory, way = self.states + entry.states, "0.0"
         count = len(entry.parameters)
@@ -135,7 +141,7 @@ class _Writer:
             self.lines["memory"].append(f"z[{memory}] = " + way.replace(speed, f"end_{place}", 1))
         arguments = f"{angle}, {speed}, d, stiffness, t, other, driving, dv"
         states = ", ".join([*own, *["0.0"] * (2 - len(own))])
-        call = f"{entry.name}_value({arguments}, {states}, {way}, {values}, 0)"
+        call = f"{function}({arguments}, {states}, {way}, {values}, 0)"
         self.lines["rates"].append(_TARGETS[entry.kind].format(place=place, call=call))
         if entry.kind in _INERTIAS and (slope := slope_source(entry)):
             self.functions[f"{entry.name}_slope"] = slope.removeprefix("@inner\n")

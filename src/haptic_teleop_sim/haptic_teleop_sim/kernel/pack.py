@@ -10,7 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..effects import EFFECTS
-from ..model import STRUCTURES, Model
+from ..effects.torque_map import TorqueMap
+from ..model import STRUCTURES, Model, other_signals
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
@@ -55,6 +56,11 @@ class Packed:
     velocity_states: tuple[int, ...]
 
     @cached_property
+    def other(self) -> str:
+        """What the effects follow of the robot's other joint (`model.other_signals`), "" for nothing."""
+        return next(iter(other_signals(self.model)), "")
+
+    @cached_property
     def linear(self) -> tuple[float, ...]:
         """What the linearisation about rest at angle zero is made of: ``base``, and the stiffness of motor
         and arm against the ground, N·m/rad."""
@@ -77,7 +83,7 @@ class Packed:
             if e.entry.lightest is not None:
                 least[place] *= e.entry.lightest(e.values)
             if place in stiffness:
-                k, b, *rest = e.entry.rate(e.values, ks)
+                k, b, *rest = e.entry.rate(e.values, ks) if e.table is None else _rate_of(e.table)
                 stiffness[place] += k
                 damping[place] += b
                 own = max(own, *rest) if rest else own
@@ -134,6 +140,11 @@ class Packed:
         return x
 
 
+def _rate_of(table: TorqueMap) -> tuple[float, float]:
+    """Stiffness and damping that a map adds at most."""
+    return table.steepest(("angle", "deflection")), table.steepest(("velocity", "deflection_rate"))
+
+
 def pack(model: Model) -> Packed:
     """Flat arrays of a model."""
     values = {n: float(model.parameters.get(n, 0.0)) for n in BASE}
@@ -159,6 +170,9 @@ def pack(model: Model) -> Packed:
         for name, value in e.values.items():
             index[f"{e.location}.{e.effect}.{name}"] = ("p", len(p))
             p.append(value)
+        if e.table is not None:
+            offset = len(p)
+            p += e.table.packed()
         code = _CODES[entry.name]
         if entry.kind in _DYNAMIC:
             memory_kind = _MEMORY[entry.memory]

@@ -103,7 +103,8 @@ def simulate(
     ``external_torque`` (n,): torque of the environment on the arm (on the body, when rigid), N·m;
     ``motor_torque`` (n,): one on the motor beside what the actuator makes of the input, N·m, which effects
     that follow the acting torque take as part of it;
-    ``exogenous`` (n,): the other stage's arm acceleration, rad/s^2, where an effect asks for it.  Classical
+    ``exogenous`` (n,): the other stage's arm acceleration, rad/s^2, where an effect asks for it (angle or
+    velocity, where a map does: `Packed.other`).  Classical
     Runge-Kutta, steps chosen by the model.
     """
     packed = model if isinstance(model, Packed) else pack(model)

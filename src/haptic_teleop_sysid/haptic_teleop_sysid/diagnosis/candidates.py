@@ -50,7 +50,7 @@ def candidates(
     ``scanned``: the starts of parameters that were scanned, instead of their grids."""
     present = {(n, e.location) for e in model.effects for n in family(e.effect)}
     for name, entry in EFFECTS.items():
-        if entry.nuisance:
+        if entry.nuisance or entry.tabulated:
             continue
         if entry.exogenous and not any(r.exogenous.any() for r in records):
             continue
