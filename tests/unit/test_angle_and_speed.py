@@ -172,7 +172,7 @@ def test_a_light_phase_of_the_inertia_is_given_the_steps_that_it_needs():
 def test_neither_reaches_where_it_cannot_sit():
     with pytest.raises(ValueError, match="cannot sit"):
         rigid(("torque_speed_limit", LIMIT))
-    with pytest.raises(ValueError, match="amplitude is 1.2"):
+    with pytest.raises(ValueError, match=r"amplitude is 1\.2"):
         flexible().with_effects(
             Effect("angle_dependent_inertia", "stage1_arm", {"amplitude": 1.2, "order": 2.0})
         )

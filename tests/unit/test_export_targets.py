@@ -13,6 +13,7 @@ from joint_recordings import TRUTH, excitation, response
 from haptic_teleop_control.errors import ModelError
 from haptic_teleop_sim import mujoco_robot
 from haptic_teleop_sim.effects import EFFECTS, locations
+from haptic_teleop_sim.effects.torque_map import torque_map
 from haptic_teleop_sim.export import mjcf_export, python_export, urdf_export
 from haptic_teleop_sim.export.mujoco_run import run_in_mujoco
 from haptic_teleop_sim.kernel import simulate
@@ -40,6 +41,9 @@ SIZES = {
 
 
 def effect(name, location):
+    if EFFECTS[name].tabulated:
+        curve = {"variable": "velocity", "knots": [-1.0, 0.0, 2.0], "torque": [0.3, 0.0, -0.4]}
+        return Effect(name, location, table=torque_map(curve))
     typical = {p.name: p.default if p.default is not None else max(p.typical, p.minimum)
                for p in EFFECTS[name].parameters}  # fmt: skip
     return Effect(name, location, {**typical, **SIZES.get(name, {})})

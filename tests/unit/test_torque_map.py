@@ -126,7 +126,8 @@ def test_a_straight_curve_is_the_effect_with_a_name(variable, place, named):
     sign = 1.0 if place == "joint" else -1.0
     straight = {"variable": variable, "knots": [-9.0, -1.0, 0.3, 9.0]}
     straight["torque"] = [0.7 * sign * k for k in straight["knots"]]
-    ours, theirs = (simulate(m, drive(), DT).states[:, :4] for m in (with_map(straight, place), flexible(named)))
+    models = (with_map(straight, place), flexible(named))
+    ours, theirs = (simulate(m, drive(), DT).states[:, :4] for m in models)
     assert ours == pytest.approx(theirs, abs=1e-12)
 
 
@@ -143,8 +144,8 @@ def test_a_surface_moves_the_arm_as_a_general_solver_says():
     def rates(t, x):
         spring = b["stiffness"] * (x[0] - x[1])
         push = b["torque_constant"] * current - b["motor_damping"] * x[2] - spring
-        return [x[2], x[3], push / b["motor_inertia"],
-                (spring - b["arm_damping"] * x[3] - 0.3 * x[3] * (1.0 + x[1])) / b["arm_inertia"]]  # fmt: skip
+        pull = spring - b["arm_damping"] * x[3] - 0.3 * x[3] * (1.0 + x[1])
+        return [x[2], x[3], push / b["motor_inertia"], pull / b["arm_inertia"]]
 
     start = np.array([-0.5, -0.6, 0.2, -0.3])
     states = simulate(model, np.full(400, current), DT, start).states

@@ -304,15 +304,17 @@ def other_signals(model: Model) -> set[str]:
 def _check_table(model: Model, effect: Effect) -> None:
     table, source = effect.table, model.source
     if table is None:
-        raise ModelError(f"{source}: {effect.effect} at {effect.location} has no variable, knots and torque; add them")
+        raise ModelError(
+            f"{source}: {effect.effect} at {effect.location} has no variable, knots and torque; add them"
+        )
     bent = [v for v in table.variables if v.startswith("deflection")]
     if model.rigid and bent:
         raise ModelError(f"{source}: {effect.effect} depends on {bent[0]}, which a rigid_body does not have")
     alone = model.robot == "generic" or model.joint not in ("stage1", "stage2")
     if alone and any(v.startswith("other_") for v in table.variables):
         raise ModelError(
-            f"{source}: {effect.effect} follows another joint, which only the stages of the 2DSFJ have; give a "
-            "quantity of this joint"
+            f"{source}: {effect.effect} follows another joint, which only the stages of the 2DSFJ have; give "
+            "a quantity of this joint"
         )
 
 

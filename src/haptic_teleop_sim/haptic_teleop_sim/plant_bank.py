@@ -111,8 +111,8 @@ class PlantBank:
         exogenous: FloatArray | None = None,
     ) -> None:
         """Advance by one sample: `inputs` (m,) in A or N·m, `external_torque` (m,) N·m at the arms (at the
-        body where it is rigid), `exogenous` (m,) what it follows of the other stage's arm (`Packed.other`): acceleration,
-        rad/s², or angle or velocity.
+        body where it is rigid), `exogenous` (m,) what it follows of the other stage's arm
+        (`Packed.other`): acceleration, rad/s², or angle or velocity.
         """
         self._functions.bank_step(
             inputs,

@@ -32,8 +32,8 @@ class DataSet:
     commanded_input  the command that answered each sample, same unit; None when not recorded
     motor_position, motor_velocity, arm_position, arm_velocity
                      rad, rad/s (m, m/s for a linear axis: `position_unit`); arm None when the model has none
-    exogenous        acceleration of the robot's other arm, rad/s², for inertial coupling (its angle or velocity for
-                     a map that follows it); None without it
+    exogenous        acceleration of the robot's other arm, rad/s², for inertial coupling (its angle or
+                     velocity for a map that follows it); None without it
     valid            False inside holes longer than GAP_PERIODS periods and where nothing usable was read
     velocity_filter  (cut-off in Hz, damping) of the filter that made the velocities; None: taken as true
     problems         sentences about the recording, empty when all is well

@@ -50,6 +50,14 @@ def refuse_too_many(data: Sequence[DataSet]) -> None:
         )
 
 
+def write_suggestion(output: Path, content: dict[str, Any]) -> None:
+    """Write the entry of a suggested law beside the results, where there is one; it is for the user to read
+    and never run here."""
+    law = (content["torque_map"] or {}).get("law")
+    if law is not None:
+        (output / law["file"]).write_text(law.pop("entry"), encoding="utf-8")
+
+
 def diagnose_into(
     model: Model,
     recordings: tuple[list[DataSet], list[DataSet], list[DataSet]],
@@ -67,6 +75,7 @@ def diagnose_into(
     units = Units.of(model, estimation[0])
     content = units.restated_all(content)
     content |= {"runtime_s": round(time.perf_counter() - began, 2), "version": tool_version()}
+    write_suggestion(output, content)
     write_json(output / "diagnosis.json", content)
     place = output / "augmented_model.yaml"
     replace(handed_on(proof)[1], source=str(place)).save(place)

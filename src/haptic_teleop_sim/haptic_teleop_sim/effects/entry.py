@@ -14,7 +14,9 @@ from collections.abc import Callable
 from dataclasses import dataclass, field
 from typing import Any, Literal
 
-Kind = Literal["torque", "friction", "friction_factor", "inertia", "relative_inertia", "input", "output", "skew"]
+Kind = Literal[
+    "torque", "friction", "friction_factor", "inertia", "relative_inertia", "input", "output", "skew"
+]
 Place = Literal["motor", "arm", "joint", "actuator", "motor_encoder", "arm_encoder"]
 
 #: Displacement (rad) over which dry friction turns round when the motion does, unless a model says otherwise:
@@ -98,14 +100,14 @@ class EffectEntry:
     (first over second parameter), ``displacement`` (second parameter). A ``nuisance`` belongs to how a
     recording was taken: diagnosis fits it where another effect calls for it and never reports it as missing
     physics. A ``momentary`` effect may show at one moment of a recording only. ``unnamed`` physics is not in
-    the contract's table: where it explains more than any name, the
-    verdict is `unknown`. ``motor_of_rigid_body``: the motor is its place where nothing hangs on a joint.
-    ``needs``: what a recording must have for the effect to show, in words; ``condition``: what it depends on,
-    in words, with ``{q}`` and ``{v}`` for angle and velocity; ``form_of``: the effect that it is a richer form
-    of; ``tabulated``: its numbers are a
-    `TorqueMap` beside the parameters, which is held fixed, and ``compiled`` (value, and value with derivatives)
-    evaluates it; ``large``: it may be so large that structure and noise make up for it; ``practical(p, size, span)``: whether it deserves its name at these parameters where typical sizes are
-    ``size`` (by the names of ``scale``) and its place moved over ``span``, rad.
+    the contract's table: where it explains more than any name, the verdict is `unknown`.
+    ``motor_of_rigid_body``: the motor is its place where nothing hangs on a joint. ``needs``: what a
+    recording must have for the effect to show, in words; ``condition``: what it depends on, in words, with
+    ``{q}`` and ``{v}`` for angle and velocity; ``form_of``: the effect that it is a richer form of;
+    ``large``: it may be so large that structure and noise make up for it; ``practical(p, size, span)``:
+    whether it deserves its name at these parameters where typical sizes are ``size`` (by the names of
+    ``scale``) and its place moved over ``span``, rad. ``tabulated``: its numbers are a `TorqueMap` beside the
+    parameters, which is held fixed, and ``compiled`` (value, and value with derivatives) evaluates it.
     """
 
     name: str

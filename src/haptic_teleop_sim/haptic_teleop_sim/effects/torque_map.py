@@ -78,9 +78,9 @@ class TorqueMap:
         for axis, name in enumerate(self.variables):
             if name in names:
                 steps = np.diff(np.array(self.knots[axis]))
-                slopes = np.diff(table, axis=axis) / (steps[:, None] if axis == 0 and table.ndim == 2 else steps)
+                rises = np.moveaxis(np.diff(table, axis=axis), axis, -1)
                 # Between knots a cubic without overshoot is at most half as steep again.
-                most = max(most, 1.5 * float(np.max(np.abs(slopes))))
+                most = max(most, 1.5 * float(np.max(np.abs(rises / steps))))
         return most
 
     def at(self, *values: FloatArray) -> FloatArray:
@@ -95,7 +95,7 @@ class TorqueMap:
         one = len(self.variables) == 1
         found: dict[str, Any] = {
             "variable": self.variables[0] if one else list(self.variables),
-            "knots": [float(k) for k in self.knots[0]] if one else [[float(k) for k in ks] for ks in self.knots],
+            "knots": list(self.knots[0]) if one else [list(k) for k in self.knots],
             "torque": self.table().tolist(),
         }
         band = self.band()
@@ -113,11 +113,14 @@ def torque_map(parameters: Mapping[str, Any], source: str = "the model") -> Torq
     named = parameters["variable"]
     variables = tuple(named) if isinstance(named, list | tuple) else (named,)
     if not 1 <= len(variables) <= 2 or len(set(map(str, variables))) != len(variables):
-        raise ModelError(f"{source}: torque_map.variable is {named!r}; give one quantity, or two different ones")
+        raise ModelError(
+            f"{source}: torque_map.variable is {named!r}; give one quantity, or two different ones"
+        )
     for variable in variables:
         if variable not in QUANTITIES:
             raise ModelError(
-                f"{source}: torque_map.variable names {variable!r}; give one or two of {', '.join(QUANTITIES)}"
+                f"{source}: torque_map.variable names {variable!r}; give one or two of "
+                + ", ".join(QUANTITIES)
             )
     given = parameters["knots"]
     if len(variables) == 2 and not (isinstance(given, list | tuple) and len(given) == 2):
@@ -129,9 +132,12 @@ def torque_map(parameters: Mapping[str, Any], source: str = "the model") -> Torq
             raise ModelError(f"{source}: torque_map.knots must ascend, two or more for each variable")
     shape = tuple(len(k) for k in knots)
     torque = _table(parameters["torque"], "torque", shape, source)
-    std = _table(parameters["torque_std"], "torque_std", shape, source) if "torque_std" in parameters else None
+    given_std = parameters.get("torque_std")
+    std = None if given_std is None else _table(given_std, "torque_std", shape, source)
     if std is not None and np.any(std < 0.0):
-        raise ModelError(f"{source}: torque_map.torque_std has a number below zero; give standard errors in N·m")
+        raise ModelError(
+            f"{source}: torque_map.torque_std has a number below zero; give standard errors in N·m"
+        )
     return TorqueMap(
         tuple(map(str, variables)),
         tuple(tuple(k.tolist()) for k in knots),
@@ -143,10 +149,9 @@ def torque_map(parameters: Mapping[str, Any], source: str = "the model") -> Torq
 def _numbers(values: object, name: str, source: str) -> FloatArray:
     try:
         found = np.array(values)
-        good = found.dtype.kind in "fi" and bool(np.all(np.isfinite(found)))
     except ValueError:  # rows of different lengths
-        good = False
-    if not good:
+        found = np.array(["?"])
+    if found.dtype.kind not in "fi" or not np.all(np.isfinite(found)):
         raise ModelError(f"{source}: torque_map.{name} must be lists of finite numbers, rows of one length")
     return found.astype(np.float64)
 
@@ -155,8 +160,8 @@ def _table(values: object, name: str, shape: tuple[int, ...], source: str) -> Fl
     found = _numbers(values, name, source)
     if found.shape != shape:
         raise ModelError(
-            f"{source}: torque_map.{name} has {' x '.join(map(str, found.shape))} numbers and the knots ask for "
-            f"{' x '.join(map(str, shape))}; give one torque for each knot"
+            f"{source}: torque_map.{name} has {' x '.join(map(str, found.shape))} numbers and the knots ask "
+            f"for {' x '.join(map(str, shape))}; give one torque for each knot"
         )
     return found
 
@@ -167,8 +172,8 @@ def _slopes(knots: tuple[float, ...], values: FloatArray) -> FloatArray:
 
 
 @njit(cache=True, error_model="numpy", nogil=True)
-def map_value(position, velocity, deflection, stiffness, time, exogenous, input, deflection_rate, state0, state1,
-              direction, p, k):  # fmt: skip
+def map_value(position, velocity, deflection, stiffness, time, exogenous, input, deflection_rate, state0,
+              state1, direction, p, k):  # fmt: skip
     """Torque of the map at ``p[k:]`` (`TorqueMap.packed`), N·m."""
     both = p[k] > 1.5
     at = k + 5
@@ -244,8 +249,8 @@ def map_value_derivatives(position, velocity, deflection, stiffness, time, exoge
                           deflection_rate - r, state0, state1, direction, p, k)  # fmt: skip
         place = 0 if code == 0 else (1 if code == 1 else (2 if code == 2 else (8 if code == 3 else 7)))
         g[place] = (above - below) / (2.0 * h)
-    return map_value(position, velocity, deflection, stiffness, time, exogenous, input, deflection_rate, state0,
-                     state1, direction, p, k)  # fmt: skip
+    return map_value(position, velocity, deflection, stiffness, time, exogenous, input, deflection_rate,
+                     state0, state1, direction, p, k)  # fmt: skip
 
 
 @njit(cache=True, error_model="numpy", nogil=True)

@@ -7,10 +7,11 @@ number of sub-steps is chosen from the stiffest part of the model (``pack.py``).
 State: x = [q_motor, q_arm, v_motor, v_arm, own states of effects ..., disturbance torque at motor, at arm].
 ``base`` = [stiffness, motor_inertia, motor_damping, arm_inertia, arm_damping]. ``codes`` has one row per
 effect: code, location (0 motor or actuator, 1 arm, 2 joint), kind (0 torque, 1 friction, 2 factor on
-friction, 3 inertia, 4 inertia relative to the structure's), offset of its parameters in ``p``, offset of its states in x, number of integrated states, number
-of parameters, kind of memory (0 none, 1 stiction, 2 displacement from the ratio of the first two parameters,
-3 displacement from the second, 4 none but a smoothed sign whose width is the last parameter).  A memory is
-one more state, behind the integrated ones.  Factors and inertias come first.
+friction, 3 inertia, 4 inertia relative to the structure's), offset of its parameters in ``p``, offset of its
+states in x, number of integrated states, number of parameters, kind of memory (0 none, 1 stiction, 2
+displacement from the ratio of the first two parameters, 3 displacement from the second, 4 none but a smoothed
+sign whose width is the last parameter).  A memory is one more state, behind the integrated ones.  Factors and
+inertias come first.
 """
 
 # ruff: noqa: F821

@@ -134,8 +134,8 @@ def advance_sensitive(x, s, i, t, dt, substeps, torque_motor, torque_arm, exogen
             ahead = h if k == 2 else 0.5 * h
             when = ts if k == 0 else (ts + h if k == 3 else ts + 0.5 * h)
             am, aa = rates_sensitive(y0, y1, y2, y3, z, y0 - qm, y1 - qa, when, tm, ta, driving, exogenous,
-                                     rigid, base, codes, p, base_col, p_col, d_torque, driven, i, k, dz, by_state,
-                                     by_parameter, by_start, g)
+                                     rigid, base, codes, p, base_col, p_col, d_torque, driven, i, k, dz,
+                                     by_state, by_parameter, by_start, g)
             wa = 0.0 if rigid else y3
             s0 += weight * y2
             s1 += weight * wa

@@ -198,8 +198,8 @@ def rates_sensitive(qm, qa, vm, va, z, moved_motor, moved_arm, t, torque_motor, 
                     by_parameter[stage, 2, p_col[k + i]] = -im * g[FIRST_PARAMETER + i]
                     by_parameter[stage, 3, p_col[k + i]] = ia * g[FIRST_PARAMETER + i]
         for i in range(nz):
-            dz[o + i] = state_rate_derivatives(2 * code + i, q, v, d, ks, t, exogenous, driving, dv, z0, z1, 0.0,
-                                               p, k, g)
+            dz[o + i] = state_rate_derivatives(2 * code + i, q, v, d, ks, t, exogenous, driving, dv, z0, z1,
+                                               0.0, p, k, g)
             own_state_row(by_state, by_parameter, stage, o + i, g, loc, o, nz, k, npar, base_col, p_col)
     # Acceleration = force / inertia.
     am = (fm + rubm * facm - (0.0 if rigid else tau)) * im

@@ -6,8 +6,9 @@ effects and to the compiled functions of the control package.
 
 A *bank* is m joints that share a clock, as the tuple made by `PlantBank`: dt; clock (1,): samples so far;
 layout (m, 11): rigid, sub-steps, first and last of its states, effects, input effects, output effects, what
-its effects follow of the other arm (0 acceleration, 1 angle, 2 velocity); x: states of all joints; base (m, 5); gain (m,): true torque constants; codes, p, in_codes, out_codes as in
-`integrator.py`; memory of input effects; delay (m, 2): age of the encoders' readings in samples;
+its effects follow of the other arm (0 acceleration, 1 angle, 2 velocity); x: states of all joints; base
+(m, 5); gain (m,): true torque constants; codes, p, in_codes, out_codes as in `integrator.py`; memory of input
+effects; delay (m, 2): age of the encoders' readings in samples;
 past (m, depth, 2): angles of the last samples; work: scratch.
 
 A *device* is the hardware, as the tuple made by `Robot`:

@@ -18,6 +18,7 @@ from haptic_teleop_sysid.report.pictures import STYLE
 
 from . import page_columns
 from .decide import SURE
+from .page_map import map_section
 from .proof import MODELS, PARTS, Proof
 from .residual import Condition, left_over
 from .search import SearchResult
@@ -63,6 +64,7 @@ def diagnosis_page(
     _findings(page, verdict, content)
     page_columns.fits(page, content)
     page_columns.parameters(page, content)
+    map_section(page, content, units)
     testimony_section(page, content)
     section = page.section(
         "Where it sits",
