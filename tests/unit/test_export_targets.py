@@ -227,9 +227,9 @@ def test_the_page_says_of_each_effect_what_the_files_do(repository):
     assert {name for name, *_ in rows} == {name for name, entry in EFFECTS.items() if not entry.unnamed}
     for name, *said in rows:
         for place in locations(name, "flexible_joint"):
-            values = effect(name, f"stage1_{place}").parameters
+            own = effect(name, f"stage1_{place}")
             wide = {"displacement": 0.05} if name == "hysteresis" else {}
-            one = model(Effect(name, f"stage1_{place}", {**values, **wide}))
+            one = model(replace(own, parameters={**own.parameters, **wide}))
             assert [e.sayings[0].how for e in (mjcf_export(one, 1e-4), urdf_export(one))] == said, name
 
 

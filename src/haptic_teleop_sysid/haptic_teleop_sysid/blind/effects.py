@@ -363,6 +363,22 @@ KINDS: tuple[Kind, ...] = (
         True,
     ),
     Kind(
+        "torque_speed_limit",
+        ("actuator",),
+        # The sense is before it here: behind it, the measured current shows what is left.
+        lambda r, s: {
+            "limit": s.torque_constant * s.current * r.uniform(0.9, 1.05),
+            "slope": 0.03 * s.torque_constant * s.current / s.speed,
+        },
+        lambda p, w, s: {
+            "speed_limit": p["limit"] / s.torque_constant,
+            "speed_slope": p["slope"] / s.torque_constant,
+        },
+        ("slope",),
+        ("slope",),
+        most=20.0,
+    ),
+    Kind(
         "dead_zone",
         ("actuator",),
         lambda r, s: {"width": 0.05 * s.torque_constant * s.current},
@@ -421,6 +437,19 @@ KINDS: tuple[Kind, ...] = (
         ("inertia",),
         ("inertia", "time"),
         most=20.0,
+    ),
+    Kind(
+        "angle_dependent_inertia",
+        ("arm",),
+        lambda r, s: {
+            "amplitude": 0.03,
+            "order": float(r.integers(1, 4)) * max(1.0, round(2.0 / s.travel)),
+            "phase": r.uniform(-math.pi, math.pi),
+        },
+        _plain(inertia_amp="amplitude", inertia_order="order", inertia_phase="phase"),
+        ("amplitude",),
+        ("amplitude",),
+        most=25.0,
     ),
     Kind(
         "hard_stop",
