@@ -175,6 +175,11 @@ def _law(search: Search, latent: Latent, effect: Effect) -> Law | None:
     return law
 
 
+def _rows(search: Search, latent: Latent) -> slice | int:
+    """The equations in which a torque stands."""
+    return slice(None) if latent.place == "joint" or search.model.rigid else int(latent.place == "arm")
+
+
 def finer(search: Search, latent: Latent) -> Latent:
     """The curve with twice as many knots, and so on, as long as it explains clearly more where it was not
     fitted; a surface as it is."""
@@ -191,7 +196,7 @@ def finer(search: Search, latent: Latent) -> Latent:
 def explained_there(search: Search, latent: Latent) -> float:
     """Share of what the structure leaves of the equations in which a torque stands that it explains (mean
     square), fitted to either kind of recordings and judged by the other."""
-    rows = slice(None) if latent.place == "joint" or search.model.rigid else int(latent.place == "arm")
+    rows = _rows(search, latent)
     before = after = 0.0
     for k, side in enumerate(search.sides):
         for terms in ((), (latent,)):
@@ -202,26 +207,28 @@ def explained_there(search: Search, latent: Latent) -> float:
 
 
 def drawn(search: Search, latent: Latent) -> Effect:
-    """The map of a torque without a form as the first side's equations have it, with its standard errors:
-    those of a curve that is as smooth as the regression expects, wide where no motion went, with what both
-    sides put it apart."""
+    """The map of a torque without a form as the first side's equations have it, with standard errors beside
+    the structure's parameters as they come out: those of a curve as smooth as the regression expects, wide
+    where no motion went, with what the other side would have it apart."""
     terms, side = (latent,), search.sides[0]
     values = search.fitted(0, terms)
-    information = side.information(terms)[0]
+    own, rest = slice(len(side.side.names), None), slice(len(side.side.names))
+    information = side.information(terms)[0][own, own]
     scale = np.sqrt(np.maximum(np.diag(information), 1e-300))
     inverse = np.diag(np.linalg.pinv(information / np.outer(scale, scale), hermitian=True)) / scale**2
-    square = float(np.mean(side.left(terms, values) ** 2))
+    left = side.left(terms, values).reshape(-1, side.samples)[_rows(search, latent)]
     # Neighbouring samples say the same: so many count for one.
     alike = side.samples / max(min(search.numbers[0], side.samples), 1.0)
-    apart = (values - search.fitted(1, terms)) / math.sqrt(2.0)
-    errors = np.sqrt(np.maximum(inverse, 0.0) * square * alike + apart**2)
-    own = slice(len(side.side.names), None)
-    scale = side.side.arm_scale(values) if latent.place == "arm" else 1.0
+    there, mixed = search.sides[1].information(terms)
+    other = np.linalg.lstsq(there[own, own], mixed[own] - there[own, rest] @ values[rest], rcond=1e-12)[0]
+    apart = (values[own] - other) / math.sqrt(2.0)
+    errors = np.sqrt(np.maximum(inverse, 0.0) * float(np.mean(left**2)) * alike + apart**2)
+    arm = side.side.arm_scale(values) if latent.place == "arm" else 1.0
     table = TorqueMap(
         tuple(_VARIABLES[q] for q in latent.quantities),
         latent.knots,
-        tuple((scale * values[own]).tolist()),
-        tuple((scale * errors[own]).tolist()),
+        tuple((arm * values[own]).tolist()),
+        tuple((arm * errors).tolist()),
     )
     return Effect("torque_map", latent.location, table=table)
 
