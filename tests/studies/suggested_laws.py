@@ -4,7 +4,7 @@ copy of the packages, diagnose the same recordings with that copy again.
     python tests/studies/suggested_laws.py DIR
 
 Prints for each kind the law, the mean simulated fit of the validation recording (re-estimated, with the map,
-with the added effect), and what the second diagnosis finds. Recordings are those of `tests/unit/own_joint.py`.
+with the added effect), and what the second diagnosis finds. Recordings: `tests/unit/own_joint.py`.
 """
 
 from __future__ import annotations
@@ -99,8 +99,9 @@ def main() -> None:
         second = diagnosed(folder, with_entry(folder, folder / "first" / found["file"]), "second")
         named = [(f["effect"], f["location"], f["confidence"]) for f in second["findings"]]
         print(f"{kind}: {first['verdict']}, {found['formula']}")
-        print(f"  validation {fit(first, 'baseline'):.1f} -> map {fit(first, 'augmented'):.1f} -> "
-              f"effect {fit(second, 'augmented'):.1f} %; then {second['verdict']} {named}", flush=True)  # fmt: skip
+        fits = fit(first, "baseline"), fit(first, "augmented"), fit(second, "augmented")
+        print("  validation {:.1f} -> map {:.1f} -> effect {:.1f} %".format(*fits), end="; ")
+        print(f"then {second['verdict']} {named}", flush=True)
 
 
 if __name__ == "__main__":

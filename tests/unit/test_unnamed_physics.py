@@ -15,10 +15,12 @@ from haptic_teleop_sim.kernel import simulate
 from haptic_teleop_sim.kernel.codegen import effect_source
 from haptic_teleop_sim.model import Model
 from haptic_teleop_sysid.diagnosis.measured_map import measured_map
+from haptic_teleop_sysid.diagnosis.page_map import map_picture
 from haptic_teleop_sysid.diagnosis.scales import recording_scales, within_reach
 from haptic_teleop_sysid.diagnosis.search import search
 from haptic_teleop_sysid.estimation.records import Record
 from haptic_teleop_sysid.estimation.whole_fit import fit_from_scratch
+from haptic_teleop_sysid.parameter_units import Units
 
 LAB = Model(
     "sfj", "stage1", "flexible_joint",
@@ -147,3 +149,23 @@ def test_a_model_that_has_a_map_gets_no_second_one():
     again = measured_map(with_one.fit, replace(LAB), learn, judge, errors_of(learn, judge))
     assert again.effect is None
     assert "already" in again.why
+
+
+@pytest.mark.parametrize(
+    "parameters",
+    [
+        {"variable": "angle", "knots": [-1.0, 0.0, 1.0], "torque": [0.1, 0.0, 0.3], "torque_std": [0.1] * 3},
+        {"variable": ["angle", "velocity"], "knots": [[0.0, 1.0], [0.0, 2.0, 3.0]],
+         "torque": [[0.0, 1.0, 2.0], [1.0, 0.0, 2.0]]},
+    ],
+)  # fmt: skip
+def test_the_page_draws_a_curve_and_a_surface_with_their_quantities(parameters):
+    names = ["arm angle", "arm velocity"][: 2 if isinstance(parameters["variable"], list) else 1]
+    figure = map_picture(
+        {"parameters": parameters, "location": "stage1_arm", "depends_on": names}, Units("m", "N")
+    )
+    texts = [text for axes in figure.axes for text in (axes.get_xlabel(), axes.get_ylabel())]
+    assert "arm angle (m)" in texts
+    assert any("torque at stage1_arm (N)" in text for text in texts)
+    assert ("arm velocity (m/s)" in texts) == isinstance(parameters["variable"], list)
+    assert bool(figure.axes[0].get_legend()) == ("torque_std" in parameters)

@@ -58,7 +58,7 @@ def summary(content: dict[str, Any]) -> str:
 
 def map_sentences(content: dict[str, Any]) -> list[str]:
     """What became of a measured torque where no name was found."""
-    found = content["torque_map"]
+    found = content.get("torque_map")  # none in results of earlier versions
     if found is None:
         return []
     law = found.get("law")
