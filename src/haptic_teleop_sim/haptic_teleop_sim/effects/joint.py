@@ -171,7 +171,8 @@ ANGLE_DEPENDENT_INERTIA = EffectEntry(
             "cycles/rev",
             "cycles per revolution",
             minimum=0.1,
-            maximum=50.0,
+            # Linkages and folded arms vary once or twice a turn: an order higher than this is another thing.
+            maximum=12.0,
             typical=2.0,
             grid=(1.0, 2.0, 4.0),
             neutral=None,
