@@ -169,3 +169,39 @@ def test_the_page_draws_a_curve_and_a_surface_with_their_quantities(parameters):
     assert any("torque at stage1_arm (N)" in text for text in texts)
     assert ("arm velocity (m/s)" in texts) == isinstance(parameters["variable"], list)
     assert bool(figure.axes[0].get_legend()) == ("torque_std" in parameters)
+
+
+def swinging(seed):
+    """A rigid body of 0.2 kg*m^2 with drag of power 1.5, pushed by sines."""
+    rng = np.random.default_rng(seed)
+    time = DT * np.arange(3000)
+    push = sum(0.8 * np.sin(2.0 * np.pi * (f * time + rng.uniform())) for f in (0.2, 0.5, 1.1, 1.9))
+    steps, q, v, seen = 20, 0.0, 0.0, []
+    for torque in push.tolist():
+        seen.append(q)
+        for _ in range(steps):
+            q += 0.5 * DT / steps * v
+            v += DT / steps * (torque - 0.1 * v - 0.4 * math.copysign(abs(v) ** 1.5, v)) / 0.2
+            q += 0.5 * DT / steps * v
+    angle = np.round(np.array(seen) / 1e-4) * 1e-4
+    measured = np.column_stack([angle, np.full(len(angle), np.nan)])
+    return Record("swinging", DT, push, measured, np.zeros(len(angle)), (1e-4, 1e-4), at_rest=True)
+
+
+def test_a_rigid_body_s_drag_is_measured_and_its_power_suggested():
+    parameters = {"torque_constant": 1.0, "motor_inertia": 0.22, "motor_damping": 0.12}
+    lab = Model("generic", "j", "rigid_body", parameters, fixed=("torque_constant",))
+    learn, judge = [swinging(1)], [swinging(2)]
+    base = fit_from_scratch(lab, learn, limits=within_reach(lab, recording_scales(lab, learn)))
+
+    def errors(model):
+        shown = [simulate(model, r.input, DT).states[:, 0] - r.measured[:, 0] for r in (learn[0], judge[0])]
+        sizes = [float(np.std(r.measured[:, 0])) for r in (learn[0], judge[0])]
+        return tuple(float(np.std(s)) / size for s, size in zip(shown, sizes, strict=True))
+
+    found = measured_map(base, lab, learn, judge, errors)
+    assert found.effect is not None, found.why
+    assert found.effect.location == "j_motor"
+    assert found.effect.table.variables == ("velocity",)
+    assert [term.text for term in found.law.terms] == ["s.velocity * s.sqrt(s.abs(s.velocity))"]
+    assert found.law.coefficients == pytest.approx([-0.4], rel=0.02)
