@@ -108,6 +108,8 @@ class EffectEntry:
     whether it deserves its name at these parameters where typical sizes are ``size`` (by the names of
     ``scale``) and its place moved over ``span``, rad. ``tabulated``: its numbers are a `TorqueMap` beside the
     parameters, which is held fixed, and ``compiled`` (value, and value with derivatives) evaluates it.
+    ``versatile``: it bends to much that it is not, and is not believed where what it leaves follows its own
+    quantity.
     """
 
     name: str
@@ -135,6 +137,7 @@ class EffectEntry:
     condition: str = ""
     form_of: str = ""
     large: bool = False
+    versatile: bool = False
     tabulated: bool = False
     practical: Callable[[dict[str, float], dict[str, float], float], bool] | None = None
 

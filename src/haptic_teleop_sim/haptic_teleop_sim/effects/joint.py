@@ -186,6 +186,7 @@ ANGLE_DEPENDENT_INERTIA = EffectEntry(
     lightest=lambda p: 1.0 - p["amplitude"],
     needs="travel over a good part of a cycle, with acceleration or speed throughout",
     condition="{q}, with acceleration and {v} squared",
+    versatile=True,
     # A sine of which less than a quarter was seen is a slope, not an order.
     practical=lambda p, size, span: p["amplitude"] > 0.005 and p["order"] * span > math.pi / 2,
 )

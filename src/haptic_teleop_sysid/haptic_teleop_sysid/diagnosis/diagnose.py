@@ -27,6 +27,7 @@ from .inverse_dynamics.witness import witness
 from .measured_map import measured_map
 from .nulls import Null, beyond_chance, nulls
 from .overruled import as_result, believed_instead, beyond_reach, inadequate
+from .own_quantity import follows_still
 from .plausible import refuse_copies, refuse_idle, refuse_kinematic, refuse_motionless
 from .proof import Course, Proof, mean_percent, prove
 from .reasons import Doubt, off_the_mark, runs_away, slipped
@@ -254,7 +255,8 @@ def diagnose(
             result.baseline, result.final, [*found.learn, *found.judge], *map(found.errors, models)
         )
         result, short = short_of(result, adequate)
-        doubt = doubt or short
+        result, bent = follows_still(result, found.learn, found.judge)
+        doubt = doubt or short or bent
     say("deciding")
     verdict = decide_verdict(result, found.learn, found.judge, doubt, stand.spread, adequate)
     mapped = None
