@@ -150,7 +150,8 @@ def test_every_place_of_the_contract_is_planted() -> None:
         "load_dependent_friction torque_ripple": {"motor"},
         "backlash hardening_spring hysteresis joint_damping": {"joint"},
         "input_delay actuator_lag torque_saturation dead_zone gain_error gain_drift": {"actuator"},
-        "gravity inertial_coupling extra_flexible_mode payload_change": {"arm"},
+        "torque_speed_limit": {"actuator"},
+        "gravity inertial_coupling extra_flexible_mode payload_change angle_dependent_inertia": {"arm"},
         "encoder_eccentricity encoder_scale sensor_delay": encoders,
         "channel_skew": {*encoders, "actuator"},
     }

@@ -71,6 +71,8 @@ VOCABULARY = {
     "inertial_coupling": ("arm",),
     "extra_flexible_mode": ("arm",),
     "payload_change": ("arm",),
+    "angle_dependent_inertia": ("arm",),
+    "torque_speed_limit": ("actuator",),
     "hard_stop": BODIES,
     "encoder_eccentricity": ENCODERS,
     "encoder_scale": ENCODERS,

@@ -59,7 +59,8 @@ def test_the_vocabulary_is_the_contract_s():
     position_dependent_friction friction_drift load_dependent_friction gravity spring_to_ground
     constant_torque torque_ripple backlash hardening_spring hysteresis joint_damping input_delay actuator_lag
     torque_saturation dead_zone gain_error gain_drift inertial_coupling extra_flexible_mode payload_change
-    hard_stop encoder_eccentricity encoder_scale sensor_delay channel_skew"""
+    hard_stop encoder_eccentricity encoder_scale sensor_delay channel_skew angle_dependent_inertia
+    torque_speed_limit torque_map"""
     assert set(names.split()) <= set(EFFECTS)
 
 

@@ -13,6 +13,7 @@ from joint_recordings import TRUTH, excitation, response
 from haptic_teleop_control.errors import ModelError
 from haptic_teleop_sim import mujoco_robot
 from haptic_teleop_sim.effects import EFFECTS, locations
+from haptic_teleop_sim.effects.torque_map import torque_map
 from haptic_teleop_sim.export import mjcf_export, python_export, urdf_export
 from haptic_teleop_sim.export.mujoco_run import run_in_mujoco
 from haptic_teleop_sim.kernel import simulate
@@ -40,6 +41,9 @@ SIZES = {
 
 
 def effect(name, location):
+    if EFFECTS[name].tabulated:
+        curve = {"variable": "velocity", "knots": [-1.0, 0.0, 2.0], "torque": [0.3, 0.0, -0.4]}
+        return Effect(name, location, table=torque_map(curve))
     typical = {p.name: p.default if p.default is not None else max(p.typical, p.minimum)
                for p in EFFECTS[name].parameters}  # fmt: skip
     return Effect(name, location, {**typical, **SIZES.get(name, {})})
@@ -223,9 +227,9 @@ def test_the_page_says_of_each_effect_what_the_files_do(repository):
     assert {name for name, *_ in rows} == {name for name, entry in EFFECTS.items() if not entry.unnamed}
     for name, *said in rows:
         for place in locations(name, "flexible_joint"):
-            values = effect(name, f"stage1_{place}").parameters
+            own = effect(name, f"stage1_{place}")
             wide = {"displacement": 0.05} if name == "hysteresis" else {}
-            one = model(Effect(name, f"stage1_{place}", {**values, **wide}))
+            one = model(replace(own, parameters={**own.parameters, **wide}))
             assert [e.sayings[0].how for e in (mjcf_export(one, 1e-4), urdf_export(one))] == said, name
 
 

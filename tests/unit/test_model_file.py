@@ -124,6 +124,8 @@ def test_a_written_model_reads_back_the_same(tmp_path):
 
 def test_every_effect_survives_being_written(tmp_path):
     for name, entry in EFFECTS.items():
+        if entry.tabulated:  # test_torque_map.py
+            continue
         values = {p.name: min(max(p.typical, p.minimum), p.maximum) for p in entry.parameters}
         model = Model("sfj", "stage1", "flexible_joint", GOOD["parameters"]).with_effects(
             Effect(name, f"stage1_{entry.where[0]}", values)

@@ -5,6 +5,7 @@ import pytest
 from plants import flexible, rigid
 
 from haptic_teleop_sim.effects import EFFECTS
+from haptic_teleop_sim.effects.torque_map import torque_map
 from haptic_teleop_sim.kernel import simulate
 from haptic_teleop_sim.model import Effect
 from haptic_teleop_sim.plant import Plant
@@ -39,10 +40,14 @@ def typical(name):
     }
 
 
+CURVE = {"variable": "velocity", "knots": [-1.0, 0.0, 2.0], "torque": [0.3, 0.0, -0.4]}
+
+
 @pytest.mark.parametrize("name", EFFECTS)
 def test_stepping_and_simulating_give_the_same_for_every_effect(name):
     for place in EFFECTS[name].where:
-        model = flexible().with_effects(Effect(name, f"stage1_{place}", typical(name)))
+        table = torque_map(CURVE) if EFFECTS[name].tabulated else None
+        model = flexible().with_effects(Effect(name, f"stage1_{place}", typical(name), table))
         states, readings = stepped(model)
         whole = simulate(model, CURRENT, DT, external_torque=PUSH, exogenous=OTHER)
         if (name, place) == ("channel_skew", "actuator"):

@@ -16,7 +16,8 @@ import yaml
 from haptic_teleop_control.errors import ModelError
 from haptic_teleop_control.strict_yaml import dump_yaml, parse_yaml, yaml_problem
 
-from .effects import EffectEntry, effect_entry, locations
+from .effects import EFFECTS, EffectEntry, effect_entry, locations
+from .effects.torque_map import TorqueMap, torque_map
 
 STRUCTURES: dict[str, tuple[str, ...]] = {
     "flexible_joint": (
@@ -47,12 +48,14 @@ _KEYS = ("haptic_teleop_model", "robot", "joint", "structure", "parameters", "fi
 class Effect:
     """One effect at one place, e.g. ``Effect("coulomb_friction", "stage1_motor", {"torque": 0.4})``.
 
-    Optional parameters that are left out keep their default and are not estimated.
+    Optional parameters that are left out keep their default and are not estimated. ``table``: the numbers of
+    an effect that is a map, which are never estimated.
     """
 
     effect: str
     location: str
     parameters: Mapping[str, float] = field(default_factory=dict)
+    table: TorqueMap | None = None
 
     @property
     def entry(self) -> EffectEntry:
@@ -148,7 +151,8 @@ class Model:
                 {
                     "effect": e.effect,
                     "location": e.location,
-                    "parameters": {n: float(v) for n, v in e.parameters.items()},
+                    "parameters": {n: float(v) for n, v in e.parameters.items()}
+                    | ({} if e.table is None else e.table.to_mapping()),
                 }
                 for e in self.effects
             ],
@@ -226,7 +230,10 @@ def _effect(content: object, source: str) -> Effect:
     parameters = content.get("parameters") or {}
     if not isinstance(parameters, Mapping):
         raise ModelError(f"{source}: 'parameters' of effect {content['effect']} must map names to numbers")
-    return Effect(str(content["effect"]), str(content["location"]), dict(parameters))
+    name, location = str(content["effect"]), str(content["location"])
+    if name in EFFECTS and EFFECTS[name].tabulated:
+        return Effect(name, location, table=torque_map(parameters, source))
+    return Effect(name, location, dict(parameters))
 
 
 def _known(content: Mapping[Any, Any], known: tuple[str, ...], source: str, what: str) -> None:
@@ -269,6 +276,11 @@ def _check(model: Model) -> None:
         if (effect.effect, effect.location) in seen:
             raise ModelError(f"{source}: {effect.effect} at {effect.location} stands there twice; keep one")
         seen.add((effect.effect, effect.location))
+    signals = sorted(other_signals(model))
+    if len(signals) > 1:
+        raise ModelError(
+            f"{source}: its effects ask for {' and '.join(signals)}; a joint can follow one signal of another"
+        )
     known = tuple(model.parameter_values())
     for name in model.fixed:
         if name not in known:
@@ -277,6 +289,33 @@ def _check(model: Model) -> None:
                 f"{source}: 'fixed' names {name!r}, which the model does not have; "
                 + (f"did you mean {near[0]!r}?" if near else f"it has {', '.join(known)}")
             )
+
+
+def other_signals(model: Model) -> set[str]:
+    """What the model's effects ask of the robot's other joint: ``other_arm_acceleration``, ``other_angle``,
+    ``other_velocity``."""
+    found = {e.entry.exogenous for e in model.effects}
+    for e in model.effects:
+        if e.table is not None:
+            found |= {v for v in e.table.variables if v.startswith("other_")}
+    return found - {""}
+
+
+def _check_table(model: Model, effect: Effect) -> None:
+    table, source = effect.table, model.source
+    if table is None:
+        raise ModelError(
+            f"{source}: {effect.effect} at {effect.location} has no variable, knots and torque; add them"
+        )
+    bent = [v for v in table.variables if v.startswith("deflection")]
+    if model.rigid and bent:
+        raise ModelError(f"{source}: {effect.effect} depends on {bent[0]}, which a rigid_body does not have")
+    alone = model.robot == "generic" or model.joint not in ("stage1", "stage2")
+    if alone and any(v.startswith("other_") for v in table.variables):
+        raise ModelError(
+            f"{source}: {effect.effect} follows another joint, which only the stages of the 2DSFJ have; give "
+            "a quantity of this joint"
+        )
 
 
 def _check_effect(model: Model, effect: Effect) -> None:
@@ -292,6 +331,8 @@ def _check_effect(model: Model, effect: Effect) -> None:
             + (f"possible: {', '.join(allowed)}" if allowed else f"a {model.structure} has no place for it")
         )
     _known(effect.parameters, entry.parameter_names, source, f"parameter of {effect.effect}:")
+    if entry.tabulated:
+        _check_table(model, effect)
     for parameter in entry.parameters:
         name = f"{effect.effect}.{parameter.name}"
         if parameter.name not in effect.parameters:

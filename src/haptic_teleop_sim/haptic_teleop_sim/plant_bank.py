@@ -28,7 +28,7 @@ class PlantBank:
         self.dt = float(dt)
         self._packed = packed = [pack(model) for model in self.models]
         m = len(packed)
-        layout = np.zeros((m, 10), dtype=np.int64)
+        layout = np.zeros((m, 11), dtype=np.int64)
         delay = np.zeros((m, 2))
         codes, in_codes, out_codes, p = [], [], [], []
         first = np.zeros(
@@ -37,6 +37,7 @@ class PlantBank:
         for i, one in enumerate(packed):
             layout[i, 0] = one.rigid
             layout[i, 1] = one.substeps(dt)
+            layout[i, 10] = {"other_angle": 1, "other_velocity": 2}.get(one.other, 0)
             counts = (one.states, len(one.codes), len(one.in_codes), len(one.out_codes))
             for g, count in enumerate(counts):
                 layout[i, 2 + 2 * g : 4 + 2 * g] = first[g], first[g] + count
@@ -110,7 +111,8 @@ class PlantBank:
         exogenous: FloatArray | None = None,
     ) -> None:
         """Advance by one sample: `inputs` (m,) in A or N·m, `external_torque` (m,) N·m at the arms (at the
-        body where it is rigid), `exogenous` (m,) the other stage's arm acceleration, rad/s².
+        body where it is rigid), `exogenous` (m,) what it follows of the other stage's arm
+        (`Packed.other`): acceleration, rad/s², or angle or velocity.
         """
         self._functions.bank_step(
             inputs,

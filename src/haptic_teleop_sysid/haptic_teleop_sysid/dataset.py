@@ -12,7 +12,7 @@ from haptic_teleop_control.counted import counted
 from haptic_teleop_control.errors import MismatchError, RecordingError
 from haptic_teleop_control.recording import Recording, bag_problems
 from haptic_teleop_control.robots import SFJ_STAGES, VELOCITY_FILTER_CUTOFF_HZ, VELOCITY_FILTER_DAMPING
-from haptic_teleop_sim.model import Model
+from haptic_teleop_sim.model import Model, other_signals
 from haptic_teleop_sysid.channels import Channels, channels_for
 from haptic_teleop_sysid.damage import encoder_step, refuse_holes
 from haptic_teleop_sysid.motion import Damage, derivative, finite, leave_out_stills, motion
@@ -33,7 +33,8 @@ class DataSet:
     commanded_input  the command that answered each sample, same unit; None when not recorded
     motor_position, motor_velocity, arm_position, arm_velocity
                      rad, rad/s (m, m/s for a linear axis: `position_unit`); arm None when the model has none
-    exogenous        acceleration of the robot's other arm, rad/s², for inertial coupling; None without it
+    exogenous        acceleration of the robot's other arm, rad/s², for inertial coupling (its angle or
+                     velocity for a map that follows it); None without it
     valid            False inside holes longer than GAP_PERIODS periods and where nothing usable was read
     velocity_filter  (cut-off in Hz, damping) of the filter that made the velocities; None: taken as true
     problems         sentences about the recording, empty when all is well
@@ -191,7 +192,7 @@ def load_dataset(recording: Recording, model: Model, name: str = "", allow_gaps:
         arm_position=arm,
         arm_velocity=arm_rate,
         commanded_input=None if commanded is None else finite(commanded, None),
-        exogenous=_other_arm_acceleration(channels, grid),
+        exogenous=_of_other_arm(channels, grid, model),
         valid=valid,
         velocity_filter=None
         if model.robot == "generic"
@@ -224,11 +225,13 @@ def _inputs(channels: Channels, grid: TimeGrid, scale: float) -> tuple[Array | N
     return measured, commanded
 
 
-def _other_arm_acceleration(channels: Channels, grid: TimeGrid) -> Array | None:
+def _of_other_arm(channels: Channels, grid: TimeGrid, model: Model) -> Array | None:
+    """What the model's effects follow of the robot's other arm: its acceleration, unless a map says other."""
     if channels.other_arm is None:
         return None
     position = finite(grid.sampled(channels.other_arm.values("position")), None)
-    return derivative(position, round(0.06 / grid.dt), 2, grid.dt)
+    order = {"other_angle": 0, "other_velocity": 1}.get(next(iter(other_signals(model)), ""), 2)
+    return derivative(position, round(0.06 / grid.dt), order, grid.dt)
 
 
 def _torque_constant(recording: Recording, model: Model) -> float:

@@ -18,6 +18,7 @@ from haptic_teleop_sysid.diagnosis.next_experiment import write_acquire_file
 from haptic_teleop_sysid.diagnosis.page import diagnosis_page
 from haptic_teleop_sysid.diagnosis.page_steps import Origin
 from haptic_teleop_sysid.diagnosis.plausible import refuse_implausible, with_contradictions
+from haptic_teleop_sysid.diagnosis.suggested_law.entry_file import FILE
 from haptic_teleop_sysid.logs.opened import open_recording
 from haptic_teleop_sysid.parameter_units import Units
 from haptic_teleop_sysid.preparation import with_damage_told
@@ -51,6 +52,16 @@ def refuse_too_many(data: Sequence[DataSet]) -> None:
         )
 
 
+def write_suggestion(output: Path, content: dict[str, Any]) -> None:
+    """Write the entry of a suggested law beside the results, where there is one; it is for the user to read
+    and never run here."""
+    law = (content["torque_map"] or {}).get("law")
+    place = output / FILE
+    place.unlink(missing_ok=True)  # of an earlier run
+    if law is not None:
+        place.write_text(law.pop("entry"), encoding="utf-8")
+
+
 def diagnose_into(
     model: Model,
     recordings: tuple[list[DataSet], list[DataSet], list[DataSet]],
@@ -66,6 +77,7 @@ def diagnose_into(
     result, verdict, proof, content = diagnose(model, estimation, validation, say, options.nulls, test)
     say("writing the report")
     units = Units.of(model, estimation[0])
+    write_suggestion(output, content)
     content = units.restated_all(content)
     content |= {"runtime_s": round(time.perf_counter() - began, 2), "version": tool_version()}
     write_json(output / "diagnosis.json", content)

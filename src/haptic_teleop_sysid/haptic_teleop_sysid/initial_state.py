@@ -30,7 +30,10 @@ def without_actuator(model: Model) -> Model:
     return replace(
         model,
         parameters={**model.parameters, "torque_constant": 1.0},
-        effects=tuple(effect for effect in model.effects if effect.location != actuator),
+        # What follows the speed as well acts in the equations of motion.
+        effects=tuple(
+            e for e in model.effects if e.location != actuator or e.entry.kind not in ("input", "skew")
+        ),
         fixed=(),
     )
 

@@ -36,6 +36,8 @@ ANGLE_EFFECTS = frozenset(
         "encoder_eccentricity",
         "viscous_ripple",
         "detent",
+        "angle_dependent_inertia",
+        "torque_map",
     }
 )
 """Effects whose torque depends on where zero is: an offset must not be removed from under them."""

@@ -10,6 +10,7 @@ speed; a delay and a lag therefore also keep the moment of what acted, the integ
 from __future__ import annotations
 
 import math
+from typing import Any
 
 from haptic_teleop_control.compiled import njit
 
@@ -149,6 +150,53 @@ TORQUE_SATURATION = EffectEntry(
     sentence="the actuator gives no more than a certain torque",
     step=saturation_step,
 )
+def _within_speed_limit(s: Any, p: Any) -> Any:
+    """The input held between what is left at this speed in either direction; braking has all of it."""
+    ahead = s.positive_part(p.limit - p.slope * s.positive_part(s.velocity))
+    back = s.positive_part(p.limit - p.slope * s.positive_part(-s.velocity))
+    return s.input - s.positive_part(s.input - ahead) + s.positive_part(-s.input - back)
+
+
+TORQUE_SPEED_LIMIT = EffectEntry(
+    name="torque_speed_limit",
+    kind="torque",
+    where=("actuator",),
+    momentary=True,
+    parameters=(
+        EffectParameter(
+            "limit",
+            "N*m",
+            "largest torque at standstill",
+            minimum=1e-9,
+            typical=0.9,
+            scale="peak",
+            grid=(1.2, 0.8),
+            neutral=math.inf,
+        ),
+        EffectParameter(
+            "slope",
+            "N*m*s/rad",
+            "torque that is lost per speed in the driving direction",
+            minimum=0.0,
+            typical=0.3,
+            scale="peak_per_speed",
+            grid=(0.3, 0.8),
+            neutral=None,
+        ),
+    ),
+    sentence="the faster the drive turns, the less torque is left, as a motor at the end of its voltage",
+    equation=lambda s, p: _within_speed_limit(s, p) - s.input,
+    rate=lambda p, ks: (0.0, p["slope"]),
+    needs="a recorded command: the measured current shows what is left already",
+    condition="large inputs at speed",
+    form_of="torque_saturation",
+    large=True,
+    # Within the speeds that were reached it takes away some of the torque that was asked for.
+    practical=lambda p, size, span: (
+        p["slope"] * size["fastest"] > 0.02 * size["peak"]
+        and p["limit"] - p["slope"] * size["fastest"] < size["peak"]
+    ),
+)
 DEAD_ZONE = EffectEntry(
     name="dead_zone",
     kind="input",
@@ -188,4 +236,12 @@ INPUT_DELAY = EffectEntry(
     spread=True,
 )
 
-ENTRIES = (INPUT_DELAY, ACTUATOR_LAG, TORQUE_SATURATION, DEAD_ZONE, GAIN_ERROR, GAIN_DRIFT)
+ENTRIES = (
+    INPUT_DELAY,
+    ACTUATOR_LAG,
+    TORQUE_SATURATION,
+    TORQUE_SPEED_LIMIT,
+    DEAD_ZONE,
+    GAIN_ERROR,
+    GAIN_DRIFT,
+)

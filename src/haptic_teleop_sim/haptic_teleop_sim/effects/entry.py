@@ -14,7 +14,9 @@ from collections.abc import Callable
 from dataclasses import dataclass, field
 from typing import Any, Literal
 
-Kind = Literal["torque", "friction", "friction_factor", "inertia", "input", "output", "skew"]
+Kind = Literal[
+    "torque", "friction", "friction_factor", "inertia", "relative_inertia", "input", "output", "skew"
+]
 Place = Literal["motor", "arm", "joint", "actuator", "motor_encoder", "arm_encoder"]
 
 #: Displacement (rad) over which dry friction turns round when the motion does, unless a model says otherwise:
@@ -53,6 +55,8 @@ class EffectParameter:
         "damping",
         "inertia",
         "drag",
+        "peak_per_speed",
+        "fastest",
         "cubic",
         "steep",
         "duration",
@@ -72,15 +76,19 @@ class EffectEntry:
 
     ``equation(s, p)`` is written once, with sympy symbols, and returns the torque that the effect adds (N·m,
     in the positive direction of its location; at the joint: added to the coupling torque that the motor
-    exerts on the arm), the factor on friction, the added inertia, or the encoder's reading. ``p`` holds the
+    exerts on the arm), the factor on friction, the added inertia (kg·m²; for ``relative_inertia`` over the
+    structure's), or the encoder's reading. ``p`` holds the
     effect's parameters by name; ``s`` holds ``position``, ``velocity`` (of the location; at the joint motor
     minus arm), ``deflection`` (motor minus arm), ``stiffness`` (of the structure), ``time``, ``exogenous`` (a
-    recorded signal, see ``exogenous``), ``state0`` and ``state1`` (own states), and the helpers of
+    recorded signal, see ``exogenous``), ``input`` (N·m, what the actuator gives over the sample after its
+    input effects), ``deflection_rate``, ``state0`` and ``state1`` (own states), and the helpers of
     ``symbols.py``. ``rates`` gives the time derivatives of the own states in the same symbols. ``rate(p,
     ks)`` bounds the added stiffness (N·m/rad) and damping (N·m·s/rad), from which the step is chosen, and, as
     a third number, the rate of own states (1/s). An ``input`` effect is a compiled function ``step(torque,
     time, dt, parameters, offset, states, state_offset)`` with ``states`` places for its memory, the last of
     them for the moment of what acts where it is ``spread`` unevenly over the sample (``actuator.py``).
+    An inertia may depend on time and on the angle of its location: the kernel adds the velocity-squared
+    torque that belongs to it by Lagrange; ``lightest(p)``: the least that it may become over the structure's.
     ``spring(p)``: what the effect adds to the stiffness against the ground about angle zero, N·m/rad, which
     an observer has to know.
 
@@ -92,8 +100,16 @@ class EffectEntry:
     (first over second parameter), ``displacement`` (second parameter). A ``nuisance`` belongs to how a
     recording was taken: diagnosis fits it where another effect calls for it and never reports it as missing
     physics. A ``momentary`` effect may show at one moment of a recording only. ``unnamed`` physics is not in
-    the contract's table: where it explains more than any name, the
-    verdict is `unknown`.
+    the contract's table: where it explains more than any name, the verdict is `unknown`.
+    ``motor_of_rigid_body``: the motor is its place where nothing hangs on a joint. ``needs``: what a
+    recording must have for the effect to show, in words; ``condition``: what it depends on, in words, with
+    ``{q}`` and ``{v}`` for angle and velocity; ``form_of``: the effect that it is a richer form of;
+    ``large``: it may be so large that structure and noise make up for it; ``practical(p, size, span)``:
+    whether it deserves its name at these parameters where typical sizes are ``size`` (by the names of
+    ``scale``) and its place moved over ``span``, rad. ``tabulated``: its numbers are a `TorqueMap` beside the
+    parameters, which is held fixed, and ``compiled`` (value, and value with derivatives) evaluates it.
+    ``versatile``: it bends to much that it is not, and is not believed where what it leaves follows its own
+    quantity.
     """
 
     name: str
@@ -109,11 +125,21 @@ class EffectEntry:
     states: int = 0
     spread: bool = False
     spring: Callable[[dict[str, float]], float] | None = None
+    lightest: Callable[[dict[str, float]], float] | None = None
+    compiled: tuple[Callable[..., float], Callable[..., float]] | None = None
     memory: Literal["", "direction", "ratio", "displacement"] = ""
     rigid_body: bool = True
+    motor_of_rigid_body: bool = False
     nuisance: bool = False
     momentary: bool = False
     unnamed: bool = False
+    needs: str = ""
+    condition: str = ""
+    form_of: str = ""
+    large: bool = False
+    versatile: bool = False
+    tabulated: bool = False
+    practical: Callable[[dict[str, float], dict[str, float], float], bool] | None = None
 
     def __post_init__(self) -> None:
         if self.equation is not None and self.rates and self.states == 0:

@@ -131,6 +131,7 @@ PAYLOAD_CHANGE = EffectEntry(
     kind="inertia",
     where=("arm", "motor"),
     momentary=True,
+    motor_of_rigid_body=True,
     parameters=(
         EffectParameter(
             "time",
@@ -149,6 +150,45 @@ PAYLOAD_CHANGE = EffectEntry(
     sentence="the load changes in the course of the recording",
     # Attached within some 50 ms: a step in time would have no derivative by its time.
     equation=lambda s, p: p.inertia * (1 + s.tanh((s.time - p.time) / 0.025)) / 2,
+)
+
+ANGLE_DEPENDENT_INERTIA = EffectEntry(
+    name="angle_dependent_inertia",
+    kind="relative_inertia",
+    where=("arm", "motor"),
+    motor_of_rigid_body=True,
+    parameters=(
+        EffectParameter(
+            "amplitude",
+            "1",
+            "how far the inertia varies about its mean, over its mean",
+            minimum=0.0,
+            maximum=0.95,
+            typical=0.2,
+        ),
+        EffectParameter(
+            "order",
+            "cycles/rev",
+            "cycles per revolution",
+            minimum=0.1,
+            # Linkages and folded arms vary once or twice a turn: an order higher than this is another thing.
+            maximum=12.0,
+            typical=2.0,
+            grid=(1.0, 2.0, 4.0),
+            neutral=None,
+            scan="order",
+        ),
+        EffectParameter("phase", "rad", "phase at zero angle", typical=0.5, default=0.0, neutral=None),
+    ),
+    sentence="the inertia varies with the angle, as that of a linkage or of an arm that folds does",
+    # J (1 + a cos(n q + phase)); its torque -J'(q) dq^2 / 2 comes with the kind.
+    equation=lambda s, p: p.amplitude * s.cos(p.order * s.position + p.phase),
+    lightest=lambda p: 1.0 - p["amplitude"],
+    needs="travel over a good part of a cycle, with acceleration or speed throughout",
+    condition="{q}, with acceleration and {v} squared",
+    versatile=True,
+    # A sine of which less than a quarter was seen is a slope, not an order.
+    practical=lambda p, size, span: p["amplitude"] > 0.005 and p["order"] * span > math.pi / 2,
 )
 
 EXTRA_MODE = EffectEntry(
@@ -213,5 +253,6 @@ ENTRIES = (
     PRELOAD,
     INERTIAL_COUPLING,
     PAYLOAD_CHANGE,
+    ANGLE_DEPENDENT_INERTIA,
     EXTRA_MODE,
 )

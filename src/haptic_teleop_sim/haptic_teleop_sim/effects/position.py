@@ -10,6 +10,7 @@ GRAVITY = EffectEntry(
     name="gravity",
     kind="torque",
     where=("motor", "arm"),
+    motor_of_rigid_body=True,
     parameters=(
         EffectParameter(
             "torque",

@@ -6,12 +6,12 @@ import difflib
 
 from haptic_teleop_control.errors import ModelError
 
-from . import actuator, friction, joint, position, sensor, unnamed
+from . import actuator, friction, joint, position, sensor, torque_map, unnamed
 from .entry import EffectEntry
 
 EFFECTS: dict[str, EffectEntry] = {
     entry.name: entry
-    for module in (friction, position, joint, actuator, sensor, unnamed)
+    for module in (friction, position, joint, actuator, sensor, torque_map, unnamed)
     for entry in module.ENTRIES
 }
 
@@ -33,6 +33,4 @@ def locations(name: str, structure: str) -> tuple[str, ...]:
         if not entry.rigid_body:
             return ()
         return tuple(w for w in entry.where if w in ("motor", "actuator", "motor_encoder"))
-    if name in ("gravity", "payload_change"):
-        return ("arm",)
-    return entry.where
+    return tuple(w for w in entry.where if w != "motor") if entry.motor_of_rigid_body else entry.where

@@ -15,6 +15,8 @@ VARIABLES = (
     "stiffness",
     "time",
     "exogenous",
+    "input",
+    "deflection_rate",
     "state0",
     "state1",
     "direction",

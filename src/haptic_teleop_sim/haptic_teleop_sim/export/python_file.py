@@ -12,13 +12,14 @@ from typing import Any
 from haptic_teleop_control.errors import ModelError
 
 from ..effects import EffectEntry
-from ..kernel.codegen import DERIVATIVE_ORDER, effect_source, rate_source
+from ..kernel.codegen import DERIVATIVE_ORDER, effect_source, rate_source, slope_source
 from ..kernel.pack import MOST_SUBSTEPS, pack
 from ..model import Effect, Model
 from .python_text import END, HELPERS, LATE, LOOP, SIGNATURE, indented
 from .target import Exported, said
 
-_FACTORS = ("friction_factor", "inertia")
+_INERTIAS = ("inertia", "relative_inertia")
+_FACTORS = ("friction_factor", *_INERTIAS)
 _WAY = {
     "direction": "direction_of(moved_{0}, {1}, z[{2}], max({3}, 1e-12))",
     "ratio": "direction_of(moved_{0}, {1}, z[{2}], max({3}, 1e-12) / {4})",
@@ -76,7 +77,8 @@ class _Writer:
             steps=steps,
             arm_rate="0.0" if self.model.rigid else "va",
             result=_RIGID if self.model.rigid else _FLEXIBLE,
-            outer="torque, outer = torque + outer, np.zeros(n)" if self.model.rigid else "",
+            outer="torque = torque + outer" if self.model.rigid else "",
+            driving=" - torque_arm" if self.model.rigid else "",
         )
         end = END.format(reading="\n".join(self._readings()))
         functions = "\n".join(self.functions.values())
@@ -93,8 +95,9 @@ class _Writer:
     def _effect(self, number: int, effect: Effect) -> str:
         entry, place = effect.entry, self.model.place(effect.location)
         values = f"p{number}"
+        numbers = list(effect.values.values()) if effect.table is None else effect.table.packed()
         block = (
-            f"{values} = {list(effect.values.values())!r}  # {entry.name} at {_word(effect.location)}: "
+            f"{values} = {[float(v) for v in numbers]!r}  # {entry.name} at {_word(effect.location)}: "
             f"{', '.join(entry.parameter_names)}\n"
         )
         if entry.kind in ("torque", "friction", *_FACTORS):
@@ -103,7 +106,7 @@ class _Writer:
             self._actuator(values, entry)
         elif entry.kind == "output":
             self.functions[entry.name] = effect_source(entry, derivatives=True).removeprefix("@inner\n")
-            zeros = ", ".join(["0.0"] * 8)
+            zeros = ", ".join(["0.0"] * 10)
             self.lines["reading"].append(
                 f"if channel == {0 if place == 'motor_encoder' else 1}:\n"
                 f"    y = {entry.name}_value_derivatives(y, {zeros}, {values}, 0, g)\n"
@@ -119,8 +122,14 @@ class _Writer:
         return block
 
     def _dynamic(self, values: str, entry: EffectEntry, place: str, effect: Effect) -> None:
-        angle, speed = {"motor": ("qm", "vm"), "arm": ("qa", "va"), "joint": ("d", "dv")}[place]
-        self.functions[entry.name] = effect_source(entry).removeprefix("@inner\n")
+        angle, speed = _SEEN[place]
+        place = "motor" if place == "actuator" else place
+        function = f"{entry.name}_value"
+        if entry.compiled is not None:
+            function = entry.compiled[0].__name__
+            self.functions[entry.name] = _source_of(entry.compiled[0])
+        else:
+            self.functions[entry.name] = effect_source(entry).removeprefix("@inner\n")
         own = [f"z[{self.states + i}]" for i in range(entry.states)]
         memory, way = self.states + entry.states, "0.0"
         count = len(entry.parameters)
@@ -130,10 +139,15 @@ class _Writer:
             first = f"{values}[{count - 2}]" if entry.memory == "direction" else f"{values}[0]"
             way = _WAY[entry.memory].format(place, speed, memory, first, f"{values}[1]")
             self.lines["memory"].append(f"z[{memory}] = " + way.replace(speed, f"end_{place}", 1))
-        arguments = f"{angle}, {speed}, d, stiffness, t, other"
+        arguments = f"{angle}, {speed}, d, stiffness, t, other, driving, dv"
         states = ", ".join([*own, *["0.0"] * (2 - len(own))])
-        call = f"{entry.name}_value({arguments}, {states}, {way}, {values}, 0)"
+        call = f"{function}({arguments}, {states}, {way}, {values}, 0)"
         self.lines["rates"].append(_TARGETS[entry.kind].format(place=place, call=call))
+        if entry.kind in _INERTIAS and (slope := slope_source(entry)):
+            self.functions[f"{entry.name}_slope"] = slope.removeprefix("@inner\n")
+            bend = f"{entry.name}_slope({arguments}, {states}, 0.0, {values}, 0)"
+            scale = f"{place}_inertia * " if entry.kind == "relative_inertia" else ""
+            self.lines["rates"].append(f"{place}_torque -= 0.5 * {scale}{bend} * {speed} * {speed}")
         for i in range(entry.states):
             name = f"{entry.name}_state_rate{i}"
             self.functions[name] = rate_source(entry, i).removeprefix("@inner\n")
@@ -169,18 +183,20 @@ class _Writer:
                 lines.append(f"q, v = seen_late(time, q, v, {' + '.join(self.late[place])})")
             if self.lines["reading"]:
                 inner = "\n".join(self.lines["reading"])
-                lines.append(f"channel, g = {channel}, [0.0] * 16\nfor i in range(n):\n    y, w = q[i], v[i]")
+                lines.append(f"channel, g = {channel}, [0.0] * 24\nfor i in range(n):\n    y, w = q[i], v[i]")
                 lines.append(indented(inner.splitlines(), 4) + "\n    q[i], v[i] = y, w")
             lines.append(f'result["{place}_position"], result["{place}_velocity"] = q, v')
         return lines
 
 
+_SEEN = {"motor": ("qm", "vm"), "actuator": ("qm", "vm"), "arm": ("qa", "va"), "joint": ("d", "dv")}
 _SCALED = "moment[i] *= torque[i] / before if before != 0.0 else 1.0"
 _TARGETS = {
     "torque": "{place}_torque += {call}",
     "friction": "{place}_friction += {call}",
     "friction_factor": "{place}_factor *= {call}",
     "inertia": "{place}_mass += {call}",
+    "relative_inertia": "{place}_mass += {place}_inertia * {call}",
 }
 _FLEXIBLE = (
     "(motor_torque + motor_friction * motor_factor - joint_torque) / motor_mass, "

@@ -77,6 +77,7 @@ def seen_late(time, q, v, delay):
 LOOP = '''def rates(qm, qa, vm, va, z, moved_motor, moved_arm, t, torque_motor, torque_arm, other, dz):
     d, dv, moved_joint = qm - qa, vm - va, moved_motor - moved_arm
     motor_torque, arm_torque, joint_torque = torque_motor, torque_arm, stiffness * d
+    driving = torque_motor{driving}
     motor_friction, arm_friction = -motor_damping * vm, -arm_damping * va
     motor_factor, arm_factor, motor_mass, arm_mass = 1.0, 1.0, motor_inertia, arm_inertia
 {rates}

@@ -13,9 +13,24 @@ from ..effects import EFFECTS, EffectEntry
 from ..effects.symbols import VARIABLES, namespaces
 
 #: Derivatives come in this order, then those by the effect's parameters.
-DERIVATIVE_ORDER = ("position", "velocity", "deflection", "stiffness", "state0", "state1", "direction")
-_ARGUMENTS = "position, velocity, deflection, stiffness, time, exogenous, state0, state1, direction, p, k"
-DYNAMIC_KINDS = ("torque", "friction", "friction_factor", "inertia")
+DERIVATIVE_ORDER = (
+    "position",
+    "velocity",
+    "deflection",
+    "stiffness",
+    "state0",
+    "state1",
+    "direction",
+    "input",
+    "deflection_rate",
+)
+_ARGUMENTS = (
+    "position, velocity, deflection, stiffness, time, exogenous, input, deflection_rate, state0, state1, "
+    "direction, p, k"
+)
+DYNAMIC_KINDS = ("torque", "friction", "friction_factor", "inertia", "relative_inertia")
+#: What an inertia may depend on: its velocity-squared torque is that of an angle alone.
+_OF_INERTIA = ("position", "time")
 
 
 def dynamic_entries() -> list[EffectEntry]:
@@ -104,10 +119,30 @@ def _expression(entry: EffectEntry, function) -> sp.Expr:
     return sp.sympify(function(variables, parameters))
 
 
+def _used(expression: sp.Expr) -> set[str]:
+    return {str(symbol) for symbol in expression.free_symbols} & set(VARIABLES)
+
+
+def _slope(entry: EffectEntry, expression: sp.Expr) -> sp.Expr:
+    """Derivative of an inertia by the angle of its location; 0 for what is none."""
+    if entry.kind not in ("inertia", "relative_inertia"):
+        return sp.Integer(0)
+    wrong = _used(expression) - set(_OF_INERTIA)
+    assert not wrong, f"the inertia {entry.name} must not depend on {wrong}"
+    return sp.diff(expression, sp.Symbol("position", real=True))
+
+
 def effect_source(entry: EffectEntry, derivatives: bool = False) -> str:
     """Source of ``<name>_value``, or ``<name>_value_derivatives``, of an effect that has an equation."""
     name = f"{entry.name}_value{'_derivatives' if derivatives else ''}"
     return _function(name, entry, _expression(entry, entry.equation), derivatives)
+
+
+def slope_source(entry: EffectEntry) -> str:
+    """Source of ``<name>_slope``, the derivative of an inertia by its angle; "" where it does not depend on
+    it."""
+    slope = _slope(entry, _expression(entry, entry.equation))
+    return "" if slope == 0 else _function(f"{entry.name}_slope", entry, slope, False)
 
 
 def rate_source(entry: EffectEntry, number: int) -> str:
@@ -125,8 +160,8 @@ def _dispatch(name: str, calls: list[tuple[int, str]], arguments: str) -> str:
 
 
 def dispatch_source() -> str:
-    """Source of ``value``, ``value_derivatives``, ``state_rate``, ``state_rate_derivatives``, ``reading`` and
-    ``reading_derivatives``, which call an effect by its code, and of ``actuate``."""
+    """Source of ``value``, ``state_rate``, ``slope`` (of an inertia by its angle) and ``reading``, each also
+    with ``_derivatives``, which call an effect by its code, and of ``actuate``."""
     assert set(VARIABLES) >= set(DERIVATIVE_ORDER)
     parts: list[str] = []
     tables: dict[str, list[tuple[int, str]]] = {
@@ -136,18 +171,33 @@ def dispatch_source() -> str:
             "value_derivatives",
             "state_rate",
             "state_rate_derivatives",
+            "slope",
+            "slope_derivatives",
             "reading",
             "reading_derivatives",
             "actuate",
         )
     }
     for code, entry in enumerate(dynamic_entries()):
+        if entry.compiled is not None:
+            for table, function in zip(("value", "value_derivatives"), entry.compiled, strict=True):
+                name = f"{entry.name}_{table}"
+                parts.append(f"from {function.__module__} import {function.__name__} as {name}\n")
+                tables[table].append((code, name))
+            continue
         expression = _expression(entry, entry.equation)
         for table, derivatives in (("value", False), ("value_derivatives", True)):
             parts.append(_function(f"{entry.name}_{table}", entry, expression, derivatives))
             tables[table].append((code, f"{entry.name}_{table}"))
+        slope = _slope(entry, expression)
+        if slope != 0:
+            for table, derivatives in (("slope", False), ("slope_derivatives", True)):
+                parts.append(_function(f"{entry.name}_{table}", entry, slope, derivatives))
+                tables[table].append((code, f"{entry.name}_{table}"))
         for i, rate in enumerate(entry.rates):
             expression = _expression(entry, rate)
+            wrong = _used(expression) & {"input", "deflection_rate"}
+            assert not wrong, f"the rates of {entry.name} must not depend on {wrong}"
             for table, derivatives in (("state_rate", False), ("state_rate_derivatives", True)):
                 parts.append(_function(f"{entry.name}_{table}{i}", entry, expression, derivatives))
                 tables[table].append((2 * code + i, f"{entry.name}_{table}{i}"))

@@ -6,11 +6,12 @@ number of sub-steps is chosen from the stiffest part of the model (``pack.py``).
 
 State: x = [q_motor, q_arm, v_motor, v_arm, own states of effects ..., disturbance torque at motor, at arm].
 ``base`` = [stiffness, motor_inertia, motor_damping, arm_inertia, arm_damping]. ``codes`` has one row per
-effect: code, location (0 motor, 1 arm, 2 joint), kind (0 torque, 1 friction, 2 factor on friction, 3
-inertia), offset of its parameters in ``p``, offset of its states in x, number of integrated states, number
-of parameters, kind of memory (0 none, 1 stiction, 2 displacement from the ratio of the first two parameters,
-3 displacement from the second, 4 none but a smoothed sign whose width is the last parameter).  A memory is
-one more state, behind the integrated ones.  Factors and inertias come first.
+effect: code, location (0 motor or actuator, 1 arm, 2 joint), kind (0 torque, 1 friction, 2 factor on
+friction, 3 inertia, 4 inertia relative to the structure's), offset of its parameters in ``p``, offset of its
+states in x, number of integrated states, number of parameters, kind of memory (0 none, 1 stiction, 2
+displacement from the ratio of the first two parameters, 3 displacement from the second, 4 none but a smoothed
+sign whose width is the last parameter).  A memory is one more state, behind the integrated ones.  Factors and
+inertias come first.
 """
 
 # ruff: noqa: F821
@@ -42,6 +43,11 @@ def sech(x):
     """Hyperbolic secant, without the overflow of 1 / cosh(x)."""
     t = math.exp(-abs(x))
     return 2.0 * t / (1.0 + t * t)
+
+
+#: Where the parameters' derivatives begin in ``g`` (`codegen.DERIVATIVE_ORDER`), and its room.
+FIRST_PARAMETER = 9
+G_SIZE = 24
 
 
 # <generated functions are inserted here>
@@ -134,9 +140,10 @@ def update_memories(x, moved_motor, moved_arm, codes, p):
 
 
 @inner
-def rates(qm, qa, vm, va, z, moved_motor, moved_arm, t, torque_motor, torque_arm, exogenous, rigid, base,
-          codes, p, dz):
-    """Accelerations of motor and arm; the rates of the effects' own states ``z[4:]`` into ``dz[4:]``, those
+def rates(qm, qa, vm, va, z, moved_motor, moved_arm, t, torque_motor, torque_arm, driving, exogenous, rigid,
+          base, codes, p, dz):
+    """Accelerations of motor and arm; ``driving``: the part of ``torque_motor`` that the actuator gives. The
+    rates of the effects' own states ``z[4:]`` into ``dz[4:]``, those
     of memories excepted: ``z`` holds them as at the start of the step, since when motor and arm have
     moved by so much.
 
@@ -155,6 +162,9 @@ def rates(qm, qa, vm, va, z, moved_motor, moved_arm, t, torque_motor, torque_arm
     faca = 1.0
     jm = base[1]
     ja = base[3]
+    # Derivatives of the inertias by their own angles.
+    bend_m = 0.0
+    bend_a = 0.0
     for e in range(codes.shape[0]):
         code = codes[e, 0]
         loc = codes[e, 1]
@@ -169,7 +179,7 @@ def rates(qm, qa, vm, va, z, moved_motor, moved_arm, t, torque_motor, torque_arm
             moved = moved_motor if loc == 0 else (moved_arm if loc == 1 else moved_motor - moved_arm)
             s0 = z[o + codes[e, 5]] if codes[e, 7] < 4 else 0.0
             way = direction_of(codes[e, 7], moved, v, s0, p, k, codes[e, 6])
-        f = value(code, q, v, d, ks, t, exogenous, z0, z1, way, p, k)
+        f = value(code, q, v, d, ks, t, exogenous, driving, dv, z0, z1, way, p, k)
         if kind == 0:
             if loc == 0:
                 fm += f
@@ -187,13 +197,22 @@ def rates(qm, qa, vm, va, z, moved_motor, moved_arm, t, torque_motor, torque_arm
                 facm *= f
             else:
                 faca *= f
-        elif loc == 0:
-            jm += f
         else:
-            ja += f
+            bend = slope(code, q, v, d, ks, t, exogenous, driving, dv, z0, z1, way, p, k)
+            if loc == 0:
+                w = base[1] if kind == 4 else 1.0
+                jm += w * f
+                bend_m += w * bend
+            else:
+                w = base[3] if kind == 4 else 1.0
+                ja += w * f
+                bend_a += w * bend
         for i in range(codes[e, 5]):
-            dz[o + i] = state_rate(2 * code + i, q, v, d, ks, t, exogenous, z0, z1, 0.0, p, k)
+            dz[o + i] = state_rate(2 * code + i, q, v, d, ks, t, exogenous, driving, dv, z0, z1, 0.0, p, k)
     im = 1.0 / jm
+    # Lagrange: d(J(q) v)/dt - J'(q) v^2 / 2 = J a + J'(q) v^2 / 2 is what the torques do.
+    fm -= 0.5 * bend_m * vm * vm
+    fa -= 0.5 * bend_a * va * va
     if rigid:
         return (fm + rubm * facm) * im, 0.0
     return (fm + rubm * facm - tau) * im, (fa + ruba * faca + tau) * (1.0 / ja)
@@ -201,13 +220,15 @@ def rates(qm, qa, vm, va, z, moved_motor, moved_arm, t, torque_motor, torque_arm
 
 @inner
 def advance(x, t, dt, substeps, torque_motor, torque_arm, exogenous, rigid, base, codes, p, z, dz, total):
-    """One sample of Runge-Kutta in place; ``z``, ``dz`` and ``total`` are (nx,) scratch."""
+    """One sample of Runge-Kutta in place; ``z``, ``dz`` and ``total`` are (nx,) scratch. A rigid body has
+    the torque of its environment, ``torque_arm``, within ``torque_motor``."""
     n = x.shape[0]
     own = n - 2
     h = dt / substeps
     sixth = h / 6.0
     tm = torque_motor + x[n - 2]
     ta = torque_arm + x[n - 1]
+    driving = torque_motor - (torque_arm if rigid else 0.0)
     qm, qa, vm, va = x[0], x[1], x[2], x[3]
     for s in range(substeps):
         ts = t + s * h
@@ -220,8 +241,8 @@ def advance(x, t, dt, substeps, torque_motor, torque_arm, exogenous, rigid, base
             weight = 1.0 if k == 0 or k == 3 else 2.0
             ahead = h if k == 2 else 0.5 * h
             when = ts if k == 0 else (ts + h if k == 3 else ts + 0.5 * h)
-            am, aa = rates(y0, y1, y2, y3, z, y0 - qm, y1 - qa, when, tm, ta, exogenous, rigid, base,
-                           codes, p, dz)
+            am, aa = rates(y0, y1, y2, y3, z, y0 - qm, y1 - qa, when, tm, ta, driving, exogenous, rigid,
+                           base, codes, p, dz)
             wa = 0.0 if rigid else y3
             s0 += weight * y2
             s1 += weight * wa

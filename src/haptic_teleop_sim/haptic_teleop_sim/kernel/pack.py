@@ -10,7 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..effects import EFFECTS
-from ..model import STRUCTURES, Model
+from ..effects.torque_map import TorqueMap
+from ..model import STRUCTURES, Model, other_signals
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
@@ -18,10 +19,11 @@ IntArray = NDArray[np.int64]
 BASE = ("stiffness", "motor_inertia", "motor_damping", "arm_inertia", "arm_damping")
 #: Steps per sample at most: what is stiffer is not worth the time.
 MOST_SUBSTEPS = 400
-_DYNAMIC = ("torque", "friction", "friction_factor", "inertia")
+_DYNAMIC = ("torque", "friction", "friction_factor", "inertia", "relative_inertia")
 _MEMORY = {"": 0, "direction": 1, "ratio": 2, "displacement": 3}
-_KIND = {"torque": 0, "friction": 1, "friction_factor": 2, "inertia": 3}
-_LOCATION = {"motor": 0, "arm": 1, "joint": 2}
+_KIND = {"torque": 0, "friction": 1, "friction_factor": 2, "inertia": 3, "relative_inertia": 4}
+_FIRST = ("friction_factor", "inertia", "relative_inertia")
+_LOCATION = {"motor": 0, "actuator": 0, "arm": 1, "joint": 2}
 _CHANNEL = {"motor_encoder": 0, "arm_encoder": 1}
 #: Code of an effect: its place among the effects of its group, as in ``codegen``.
 _CODES = {
@@ -54,6 +56,11 @@ class Packed:
     velocity_states: tuple[int, ...]
 
     @cached_property
+    def other(self) -> str:
+        """What the effects follow of the robot's other joint (`model.other_signals`), "" for nothing."""
+        return next(iter(other_signals(self.model)), "")
+
+    @cached_property
     def linear(self) -> tuple[float, ...]:
         """What the linearisation about rest at angle zero is made of: ``base``, and the stiffness of motor
         and arm against the ground, N·m/rad."""
@@ -69,11 +76,14 @@ class Packed:
         ks = float(self.base[0])
         stiffness = {"motor": ks, "arm": ks, "joint": 0.0}
         damping = {"motor": abs(float(self.base[2])), "arm": abs(float(self.base[4])), "joint": 0.0}
+        least = {"motor": 1.0, "arm": 1.0}
         own = 0.0
         for e in self.model.effects:
             place = self.model.place(e.location)
+            if e.entry.lightest is not None:
+                least[place] *= e.entry.lightest(e.values)
             if place in stiffness:
-                k, b, *rest = e.entry.rate(e.values, ks)
+                k, b, *rest = e.entry.rate(e.values, ks) if e.table is None else _rate_of(e.table)
                 stiffness[place] += k
                 damping[place] += b
                 own = max(own, *rest) if rest else own
@@ -81,8 +91,8 @@ class Packed:
         for place, inertia in (("motor", self.base[1]), ("arm", self.base[3])):
             if place == "arm" and self.rigid:
                 continue
-            k = (stiffness[place] + stiffness["joint"]) / inertia
-            b = (damping[place] + damping["joint"]) / inertia
+            k = (stiffness[place] + stiffness["joint"]) / (inertia * least[place])
+            b = (damping[place] + damping["joint"]) / (inertia * least[place])
             worst = max(worst, b / 2.2 + math.sqrt(max(k, 0.0)) / 1.0)
         return float(worst)
 
@@ -130,6 +140,11 @@ class Packed:
         return x
 
 
+def _rate_of(table: TorqueMap) -> tuple[float, float]:
+    """Stiffness and damping that a map adds at most."""
+    return table.steepest(("angle", "deflection")), table.steepest(("velocity", "deflection_rate"))
+
+
 def pack(model: Model) -> Packed:
     """Flat arrays of a model."""
     values = {n: float(model.parameters.get(n, 0.0)) for n in BASE}
@@ -147,7 +162,7 @@ def pack(model: Model) -> Packed:
     velocity_states: list[int] = []
     state, memory = 4, 0
     # Factors and inertias first: the kernel needs them before the torques.
-    order = sorted(model.effects, key=lambda e: e.entry.kind not in ("friction_factor", "inertia"))
+    order = sorted(model.effects, key=lambda e: e.entry.kind not in _FIRST)
     for e in order:
         entry = e.entry
         place = model.place(e.location)
@@ -155,6 +170,9 @@ def pack(model: Model) -> Packed:
         for name, value in e.values.items():
             index[f"{e.location}.{e.effect}.{name}"] = ("p", len(p))
             p.append(value)
+        if e.table is not None:
+            offset = len(p)
+            p += e.table.packed()
         code = _CODES[entry.name]
         if entry.kind in _DYNAMIC:
             memory_kind = _MEMORY[entry.memory]

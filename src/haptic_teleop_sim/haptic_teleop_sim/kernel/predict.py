@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from ..effects import EFFECTS
 from ..model import parameter_bounds
 from .build import kernel
 from .pack import Packed
@@ -17,6 +18,9 @@ FloatArray = NDArray[np.float64]
 #: Columns of sensitivities come in multiples of this, the last ones unused: as many as compiled code takes at
 #: once; a rest is taken one by one, which takes as long as all of them.
 _ROOM = 16
+
+#: Effects that change the torque before anything moves.
+_BEFORE_THE_MOTION = frozenset(e.name for e in EFFECTS.values() if e.kind == "input")
 
 #: Names by which the initial state may be estimated.
 INITIAL = ("initial.motor_position", "initial.arm_position", "initial.motor_velocity", "initial.arm_velocity")
@@ -106,7 +110,7 @@ def predict(
                     through_actuator(column, name)
                 else:
                     skew_col[channel] = column
-            elif name.split(".")[0].endswith("_actuator"):
+            elif name.split(".")[1] in _BEFORE_THE_MOTION:
                 through_actuator(column, name)
     # A reading that is late by d shows at t + d what the axis did at t: whole samples are shifted in the
     # data, which keeps every reading as it is, and the rest is left to the prediction.
@@ -122,7 +126,7 @@ def predict(
         np.zeros(n) if external_torque is None else np.ascontiguousarray(external_torque, dtype=np.float64)
     )
     if packed.rigid:
-        torque, outer = torque + outer, np.zeros(n)
+        torque = torque + outer
     other = np.zeros(n) if exogenous is None else np.ascontiguousarray(exogenous, dtype=np.float64)
     x = packed.initial_state()
     if initial_state is not None:

@@ -23,20 +23,20 @@ def encoder_reading(angle, channel, codes, p):
     y = angle
     for e in range(codes.shape[0]):
         if codes[e, 1] == channel:
-            y = reading(codes[e, 0], y, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, p, codes[e, 2])
+            y = reading(codes[e, 0], y, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, p, codes[e, 2])
     return y
 
 
 @njit
 def encoder_series(angle, velocity, channel, codes, p, reading_out, velocity_out):
     """Readings (n,) of an encoder and their rates for true angles and velocities (n,)."""
-    g = np.zeros(16)
+    g = np.zeros(G_SIZE)
     for i in range(angle.shape[0]):
         y = angle[i]
         v = velocity[i]
         for e in range(codes.shape[0]):
             if codes[e, 1] == channel:
-                y = reading_derivatives(codes[e, 0], y, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, p,
+                y = reading_derivatives(codes[e, 0], y, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, p,
                                         codes[e, 2], g)
                 v *= g[0]
         reading_out[i] = y
@@ -54,13 +54,13 @@ def encoder_reading_sensitive(angle, channel, codes, p, p_col, slope_out, ncol, 
     for e in range(codes.shape[0]):
         if codes[e, 1] == channel:
             k = codes[e, 2]
-            y = reading_derivatives(codes[e, 0], y, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, p, k, g)
+            y = reading_derivatives(codes[e, 0], y, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, p, k, g)
             for c in range(ncol):
                 dparam[c] *= g[0]
             slope *= g[0]
             for i in range(codes[e, 3]):
                 if p_col[k + i] >= 0:
-                    dparam[p_col[k + i]] += g[7 + i]
+                    dparam[p_col[k + i]] += g[FIRST_PARAMETER + i]
     slope_out[0] = slope
     return y
 
@@ -115,7 +115,7 @@ def predict_series(x, s, measured, gain, d_gain, decay, d_decay, torque, d_torqu
     for e in range(codes.shape[0]):
         own += codes[e, 5]
     remembering = own == 0
-    g = np.zeros(16)
+    g = np.zeros(G_SIZE)
     slope = np.zeros(1)
     dpar = np.zeros((2, ncol))
     slopes = np.zeros(2)

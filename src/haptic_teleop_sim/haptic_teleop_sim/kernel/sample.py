@@ -105,7 +105,7 @@ def sensitive_scratch(n, wide):
     by_state, by_parameter = np.zeros((4, n, n)), np.zeros((4, n, wide))
     by_start, began = np.zeros((4, 4, 2)), np.zeros((2, wide))
     stage, total, changes = np.zeros((n, wide)), np.zeros((n, wide)), np.zeros((n, wide))
-    forced, g = np.zeros((4, 4, wide)), np.zeros(16)
+    forced, g = np.zeros((4, 4, wide)), np.zeros(G_SIZE)
     return z, dz, sums, by_state, by_parameter, by_start, began, stage, total, changes, forced, g
 
 
@@ -121,6 +121,7 @@ def advance_sensitive(x, s, i, t, dt, substeps, torque_motor, torque_arm, exogen
     h = dt / substeps
     tm = torque_motor + x[n - 2]
     ta = torque_arm + x[n - 1]
+    driving = torque_motor - (torque_arm if rigid else 0.0)
     for sub in range(substeps):
         ts = t + sub * h
         qm, qa, vm, va = x[0], x[1], x[2], x[3]
@@ -133,9 +134,9 @@ def advance_sensitive(x, s, i, t, dt, substeps, torque_motor, torque_arm, exogen
             weight = 1.0 if k == 0 or k == 3 else 2.0
             ahead = h if k == 2 else 0.5 * h
             when = ts if k == 0 else (ts + h if k == 3 else ts + 0.5 * h)
-            am, aa = rates_sensitive(y0, y1, y2, y3, z, y0 - qm, y1 - qa, when, tm, ta, exogenous, rigid,
-                                     base, codes, p, base_col, p_col, d_torque, driven, i, k, dz, by_state,
-                                     by_parameter, by_start, g)
+            am, aa = rates_sensitive(y0, y1, y2, y3, z, y0 - qm, y1 - qa, when, tm, ta, driving, exogenous,
+                                     rigid, base, codes, p, base_col, p_col, d_torque, driven, i, k, dz,
+                                     by_state, by_parameter, by_start, g)
             wa = 0.0 if rigid else y3
             s0 += weight * y2
             s1 += weight * wa

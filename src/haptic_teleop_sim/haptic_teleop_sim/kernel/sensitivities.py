@@ -13,8 +13,8 @@ from __future__ import annotations
 
 
 @inner
-def rates_sensitive(qm, qa, vm, va, z, moved_motor, moved_arm, t, torque_motor, torque_arm, exogenous, rigid,
-                    base, codes, p,
+def rates_sensitive(qm, qa, vm, va, z, moved_motor, moved_arm, t, torque_motor, torque_arm, driving,
+                    exogenous, rigid, base, codes, p,
                     base_col, p_col, d_torque, driven, i_torque, stage, dz, by_state, by_parameter,
                     by_start, g):
     """`rates`, and their derivatives into ``by_state[stage]`` (rows, nx) and ``by_parameter[stage]`` (rows,
@@ -40,7 +40,10 @@ def rates_sensitive(qm, qa, vm, va, z, moved_motor, moved_arm, t, torque_motor, 
     faca = 1.0
     jm = base[1]
     ja = base[3]
-    # First the factors and inertias, which scale what the others add.
+    # First the factors and inertias, which scale what the others add: the inertias' first and second
+    # derivatives by their angles, and how much of all three grows with the structure's inertia.
+    bend_m, curve_m, share_m, share_bend_m = 0.0, 0.0, 1.0, 0.0
+    bend_a, curve_a, share_a, share_bend_a = 0.0, 0.0, 1.0, 0.0
     first = 0
     for e in range(codes.shape[0]):
         if codes[e, 2] < 2:
@@ -48,28 +51,46 @@ def rates_sensitive(qm, qa, vm, va, z, moved_motor, moved_arm, t, torque_motor, 
         first += 1
         loc = codes[e, 1]
         q, v = (qm, vm) if loc == 0 else (qa, va)
-        f = value(codes[e, 0], q, v, d, ks, t, exogenous, 0.0, 0.0, 0.0, p, codes[e, 3])
+        f = value(codes[e, 0], q, v, d, ks, t, exogenous, driving, dv, 0.0, 0.0, 0.0, p, codes[e, 3])
         if codes[e, 2] == 2:
             if loc == 0:
                 facm *= f
             else:
                 faca *= f
-        elif loc == 0:
-            jm += f
+            continue
+        g[0] = 0.0
+        bend = slope_derivatives(codes[e, 0], q, v, d, ks, t, exogenous, driving, dv, 0.0, 0.0, 0.0, p,
+                                 codes[e, 3], g)
+        if loc == 0:
+            w = base[1] if codes[e, 2] == 4 else 1.0
+            jm += w * f
+            bend_m += w * bend
+            curve_m += w * g[0]
+            if codes[e, 2] == 4:
+                share_m += f
+                share_bend_m += bend
         else:
-            ja += f
+            w = base[3] if codes[e, 2] == 4 else 1.0
+            ja += w * f
+            bend_a += w * bend
+            curve_a += w * g[0]
+            if codes[e, 2] == 4:
+                share_a += f
+                share_bend_a += bend
     im = 1.0 / jm
+    fm -= 0.5 * bend_m * vm * vm
+    fa -= 0.5 * bend_a * va * va
     ia = 0.0 if rigid else 1.0 / ja
     for r in range(2, 4):
         by_start[stage, r, 0] = 0.0
         by_start[stage, r, 1] = 0.0
-    for c in range(driven.shape[0]):
-        by_parameter[stage, 2, driven[c]] = d_torque[i_torque, c] * im
-    # Derivatives of the torque at the motor and at the arm by own angle and velocity and by deflection; of
-    # the coupling torque by deflection and its rate; of each by the stiffness.
-    m_q, m_v, m_d, m_k = 0.0, -base[2] * facm, 0.0, 0.0
-    a_q, a_v, a_d, a_k = 0.0, -base[4] * faca, 0.0, 0.0
+    # Derivatives of the torque at the motor and at the arm by own angle and velocity, by deflection and its
+    # rate; of the coupling torque by the latter; of each by the stiffness and by what the actuator gives.
+    m_q, m_v, m_d, m_k = -0.5 * curve_m * vm * vm, -base[2] * facm - bend_m * vm, 0.0, 0.0
+    a_q, a_v, a_d, a_k = -0.5 * curve_a * va * va, -base[4] * faca - bend_a * va, 0.0, 0.0
     t_d, t_v, t_k = ks, 0.0, d
+    m_r, a_r = 0.0, 0.0
+    m_u, a_u, t_u = 1.0, 0.0, 0.0
     for e in range(first, codes.shape[0]):
         code = codes[e, 0]
         loc = codes[e, 1]
@@ -88,14 +109,14 @@ def rates_sensitive(qm, qa, vm, va, z, moved_motor, moved_arm, t, torque_motor, 
             moved = moved_motor if loc == 0 else (moved_arm if loc == 1 else moved_motor - moved_arm)
             s0 = z[o + nz] if memory < 4 else 0.0
             way = direction_of(memory, moved, v, s0, p, k, npar)
-        f = value_derivatives(code, q, v, d, ks, t, exogenous, z0, z1, way, p, k, g)
+        f = value_derivatives(code, q, v, d, ks, t, exogenous, driving, dv, z0, z1, way, p, k, g)
         slope = 0.0
         keeps = 0.0
         if memory == 4:
             width = p[k + npar - 1]
             bend = g[6] * (1.0 - way * way) / width
             g[1] += bend
-            g[7 + npar - 1] -= bend * v / width
+            g[FIRST_PARAMETER + npar - 1] -= bend * v / width
         elif memory > 0:
             dm = memory_displacement(memory, p, k, npar)
             side = side_of(moved, v)
@@ -106,12 +127,12 @@ def rates_sensitive(qm, qa, vm, va, z, moved_motor, moved_arm, t, torque_motor, 
                 by_displacement = keeps * (s0 - side) * abs(moved) / (dm * dm)
                 g[0] += slope
                 if memory == 2:
-                    g[7] += by_displacement / p[k + 1]
-                    g[8] -= by_displacement * dm / p[k + 1]
+                    g[FIRST_PARAMETER] += by_displacement / p[k + 1]
+                    g[FIRST_PARAMETER + 1] -= by_displacement * dm / p[k + 1]
                 elif memory == 3:
-                    g[8] += by_displacement
+                    g[FIRST_PARAMETER + 1] += by_displacement
                 else:
-                    g[7 + npar - 2] += by_displacement
+                    g[FIRST_PARAMETER + npar - 2] += by_displacement
         if loc == 0:
             w = 1.0
             if codes[e, 2] == 1:
@@ -123,6 +144,8 @@ def rates_sensitive(qm, qa, vm, va, z, moved_motor, moved_arm, t, torque_motor, 
             m_v += w * g[1]
             m_d += w * g[2]
             m_k += w * g[3]
+            m_u += w * g[7]
+            m_r += w * g[8]
             w *= im
             if 0 < memory < 4:
                 by_state[stage, 2, o + nz] = w * keeps
@@ -131,7 +154,7 @@ def rates_sensitive(qm, qa, vm, va, z, moved_motor, moved_arm, t, torque_motor, 
                 by_state[stage, 2, o + i] = w * g[4 + i]
             for i in range(npar):
                 if p_col[k + i] >= 0:
-                    by_parameter[stage, 2, p_col[k + i]] = w * g[7 + i]
+                    by_parameter[stage, 2, p_col[k + i]] = w * g[FIRST_PARAMETER + i]
         elif loc == 1:
             w = 1.0
             if codes[e, 2] == 1:
@@ -143,6 +166,8 @@ def rates_sensitive(qm, qa, vm, va, z, moved_motor, moved_arm, t, torque_motor, 
             a_v += w * g[1]
             a_d += w * g[2]
             a_k += w * g[3]
+            a_u += w * g[7]
+            a_r += w * g[8]
             w *= ia
             if 0 < memory < 4:
                 by_state[stage, 3, o + nz] = w * keeps
@@ -151,12 +176,13 @@ def rates_sensitive(qm, qa, vm, va, z, moved_motor, moved_arm, t, torque_motor, 
                 by_state[stage, 3, o + i] = w * g[4 + i]
             for i in range(npar):
                 if p_col[k + i] >= 0:
-                    by_parameter[stage, 3, p_col[k + i]] = w * g[7 + i]
+                    by_parameter[stage, 3, p_col[k + i]] = w * g[FIRST_PARAMETER + i]
         else:
             tau += f
             t_d += g[0] + g[2]
-            t_v += g[1]
+            t_v += g[1] + g[8]
             t_k += g[3]
+            t_u += g[7]
             if 0 < memory < 4:
                 by_state[stage, 2, o + nz] = -im * keeps
                 by_state[stage, 3, o + nz] = ia * keeps
@@ -169,51 +195,69 @@ def rates_sensitive(qm, qa, vm, va, z, moved_motor, moved_arm, t, torque_motor, 
                 by_state[stage, 3, o + i] = ia * g[4 + i]
             for i in range(npar):
                 if p_col[k + i] >= 0:
-                    by_parameter[stage, 2, p_col[k + i]] = -im * g[7 + i]
-                    by_parameter[stage, 3, p_col[k + i]] = ia * g[7 + i]
+                    by_parameter[stage, 2, p_col[k + i]] = -im * g[FIRST_PARAMETER + i]
+                    by_parameter[stage, 3, p_col[k + i]] = ia * g[FIRST_PARAMETER + i]
         for i in range(nz):
-            dz[o + i] = state_rate_derivatives(2 * code + i, q, v, d, ks, t, exogenous, z0, z1, 0.0, p, k, g)
+            dz[o + i] = state_rate_derivatives(2 * code + i, q, v, d, ks, t, exogenous, driving, dv, z0, z1,
+                                               0.0, p, k, g)
             own_state_row(by_state, by_parameter, stage, o + i, g, loc, o, nz, k, npar, base_col, p_col)
     # Acceleration = force / inertia.
     am = (fm + rubm * facm - (0.0 if rigid else tau)) * im
     aa = (fa + ruba * faca + tau) * ia
     if rigid:
-        t_d, t_v, t_k = 0.0, 0.0, 0.0
-    by_state[stage, 2, 0] = (m_q + m_d - t_d) * im
+        t_d, t_v, t_k, t_u = 0.0, 0.0, 0.0, 0.0
+    by_state[stage, 2, 0] = (m_q + m_d - t_d - am * bend_m) * im
     by_state[stage, 2, 1] = (t_d - m_d) * im
-    by_state[stage, 2, 2] = (m_v - t_v) * im
-    by_state[stage, 2, 3] = t_v * im
+    by_state[stage, 2, 2] = (m_v + m_r - t_v) * im
+    by_state[stage, 2, 3] = (t_v - m_r) * im
     by_state[stage, 2, n - 2] = im
     by_state[stage, 3, 0] = (t_d + a_d) * ia
-    by_state[stage, 3, 1] = (a_q - a_d - t_d) * ia
-    by_state[stage, 3, 2] = t_v * ia
-    by_state[stage, 3, 3] = (a_v - t_v) * ia
+    by_state[stage, 3, 1] = (a_q - a_d - t_d - aa * bend_a) * ia
+    by_state[stage, 3, 2] = (t_v + a_r) * ia
+    by_state[stage, 3, 3] = (a_v - a_r - t_v) * ia
     by_state[stage, 3, n - 1] = ia
     if base_col[0] >= 0:
         by_parameter[stage, 2, base_col[0]] = (m_k - t_k) * im
         by_parameter[stage, 3, base_col[0]] = (a_k + t_k) * ia
     if base_col[1] >= 0:
-        by_parameter[stage, 2, base_col[1]] = -am * im
+        by_parameter[stage, 2, base_col[1]] = -(am * share_m + 0.5 * share_bend_m * vm * vm) * im
     if base_col[2] >= 0:
         by_parameter[stage, 2, base_col[2]] = -vm * facm * im
     if base_col[3] >= 0:
-        by_parameter[stage, 3, base_col[3]] = -aa * ia
+        by_parameter[stage, 3, base_col[3]] = -(aa * share_a + 0.5 * share_bend_a * va * va) * ia
     if base_col[4] >= 0:
         by_parameter[stage, 3, base_col[4]] = -va * faca * ia
+    for c in range(driven.shape[0]):
+        by_parameter[stage, 2, driven[c]] = d_torque[i_torque, c] * (m_u - t_u) * im
+        by_parameter[stage, 3, driven[c]] = d_torque[i_torque, c] * (a_u + t_u) * ia
     for e in range(first):
         loc = codes[e, 1]
         k = codes[e, 3]
         q, v = (qm, vm) if loc == 0 else (qa, va)
-        f = value_derivatives(codes[e, 0], q, v, d, ks, t, exogenous, 0.0, 0.0, 0.0, p, k, g)
+        f = value_derivatives(codes[e, 0], q, v, d, ks, t, exogenous, driving, dv, 0.0, 0.0, 0.0, p, k, g)
         if codes[e, 2] == 2:
             others = (facm if loc == 0 else faca) / f if f != 0.0 else 0.0
             weight = (rubm if loc == 0 else ruba) * others
         else:
             weight = -(am if loc == 0 else aa)
         weight *= im if loc == 0 else ia
+        if codes[e, 2] == 4:
+            weight *= base[1] if loc == 0 else base[3]
         for i in range(codes[e, 6]):
             if p_col[k + i] >= 0:
-                by_parameter[stage, 2 + loc, p_col[k + i]] = weight * g[7 + i]
+                by_parameter[stage, 2 + loc, p_col[k + i]] = weight * g[FIRST_PARAMETER + i]
+        if codes[e, 2] > 2:
+            # Where no slope was generated `g` would keep the values of the inertia itself.
+            for i in range(codes[e, 6]):
+                g[FIRST_PARAMETER + i] = 0.0
+            slope_derivatives(codes[e, 0], q, v, d, ks, t, exogenous, driving, dv, 0.0, 0.0, 0.0, p, k, g)
+            speed = vm if loc == 0 else va
+            weight = -0.5 * speed * speed * (im if loc == 0 else ia)
+            if codes[e, 2] == 4:
+                weight *= base[1] if loc == 0 else base[3]
+            for i in range(codes[e, 6]):
+                if p_col[k + i] >= 0:
+                    by_parameter[stage, 2 + loc, p_col[k + i]] += weight * g[FIRST_PARAMETER + i]
     return am, aa
 
 
@@ -231,7 +275,7 @@ def own_state_row(by_state, by_parameter, stage, row, g, loc, o, nz, k, npar, ba
         by_parameter[stage, row, base_col[0]] = g[3]
     for i in range(npar):
         if p_col[k + i] >= 0:
-            by_parameter[stage, row, p_col[k + i]] = g[7 + i]
+            by_parameter[stage, row, p_col[k + i]] = g[FIRST_PARAMETER + i]
 
 
 @inner

@@ -101,8 +101,10 @@ def simulate(
     ``input_`` (n,): current in A for sfj models, torque otherwise; ``dt`` > 0 in s; ``initial_state``: (4,)
     motor and arm angle, motor and arm velocity, or a full state; at rest at zero by default.
     ``external_torque`` (n,): torque of the environment on the arm (on the body, when rigid), N·m;
-    ``motor_torque`` (n,): one on the motor beside what the actuator makes of the input, N·m;
-    ``exogenous`` (n,): the other stage's arm acceleration, rad/s^2, where an effect asks for it.  Classical
+    ``motor_torque`` (n,): one on the motor beside what the actuator makes of the input, N·m, which effects
+    that follow the acting torque take as part of it;
+    ``exogenous`` (n,): the other stage's arm acceleration, rad/s^2, where an effect asks for it (angle or
+    velocity, where a map does: `Packed.other`).  Classical
     Runge-Kutta, steps chosen by the model.
     """
     packed = model if isinstance(model, Packed) else pack(model)
@@ -114,7 +116,7 @@ def simulate(
         np.zeros(n) if external_torque is None else np.ascontiguousarray(external_torque, dtype=np.float64)
     )
     if packed.rigid:
-        torque, outer = torque + outer, np.zeros(n)
+        torque = torque + outer
     other = np.zeros(n) if exogenous is None else np.ascontiguousarray(exogenous, dtype=np.float64)
     x = packed.initial_state()
     if initial_state is not None:

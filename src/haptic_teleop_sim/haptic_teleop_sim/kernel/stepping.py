@@ -5,9 +5,10 @@ Like `integrator.py` this text is not imported by itself: `build.py` joins it to
 effects and to the compiled functions of the control package.
 
 A *bank* is m joints that share a clock, as the tuple made by `PlantBank`: dt; clock (1,): samples so far;
-layout (m, 10): rigid, sub-steps, first and last of its states, effects, input effects, output effects; x:
-states of all joints; base (m, 5); gain (m,): true torque constants; codes, p, in_codes, out_codes as in
-`integrator.py`; memory of input effects; delay (m, 2): age of the encoders' readings in samples;
+layout (m, 11): rigid, sub-steps, first and last of its states, effects, input effects, output effects, what
+its effects follow of the other arm (0 acceleration, 1 angle, 2 velocity); x: states of all joints; base
+(m, 5); gain (m,): true torque constants; codes, p, in_codes, out_codes as in `integrator.py`; memory of input
+effects; delay (m, 2): age of the encoders' readings in samples;
 past (m, depth, 2): angles of the last samples; work: scratch.
 
 A *device* is the hardware, as the tuple made by `Robot`:
@@ -51,7 +52,6 @@ def bank_step(inputs, external, exogenous, bank):
         rigid = layout[i, 0] == 1
         if rigid:
             torque += outer
-            outer = 0.0
         n = layout[i, 3] - layout[i, 2]
         advance(x[layout[i, 2] : layout[i, 3]], t, dt, layout[i, 1], torque, outer, exogenous[i], rigid,
                 base[i], codes[layout[i, 4] : layout[i, 5]], p, work[:n], work[n : 2 * n], work[2 * n : 3 *
@@ -131,7 +131,10 @@ def robot_step(effort, external, bank, device, noise):
         outer[i] = external[i] if math.isfinite(external[i]) else 0.0
         before[i] = x[layout[i, 2] + 3]
         # Of two arms each feels the other's acceleration, one sample late.
-        exogenous[i] = acceleration[1 - i] if m == 2 else 0.0
+        exogenous[i] = 0.0
+        if m == 2:
+            followed = layout[i, 10]
+            exogenous[i] = acceleration[1 - i] if followed == 0 else x[layout[1 - i, 2] + 2 * followed - 1]
     bank_step(flow, outer, exogenous, bank)
     for i in range(m):
         first, last = layout[i, 2], layout[i, 3]

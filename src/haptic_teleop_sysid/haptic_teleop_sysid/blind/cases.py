@@ -225,7 +225,8 @@ def _family(kind: Kind) -> set[str]:
     for family in (
         {k.effect for k in effects.KINDS if "friction" in k.effect and "drift" not in k.effect}
         | {"friction_after_rest"},
-        {"input_delay", "actuator_lag", "torque_saturation", "dead_zone", "channel_skew", "sensor_delay"},
+        {"input_delay", "actuator_lag", "torque_saturation", "torque_speed_limit", "dead_zone"}
+        | {"channel_skew", "sensor_delay"},
         {"gravity", "spring_to_ground", "constant_torque"},
     ):
         if kind.effect in family:

@@ -140,6 +140,17 @@ def _draw_position_friction(rng: np.random.Generator, scene: Scene) -> Parameter
     }
 
 
+def _draw_inertia(rng: np.random.Generator, scene: Scene) -> Parameters:
+    order = float(rng.integers(1, 4)) * min(max(1.0, round(2.0 / scene.travel)), 4.0)
+    return {"amplitude": 0.03, "order": order, "phase": rng.uniform(-math.pi, math.pi)}
+
+
+def _draw_speed_limit(rng: np.random.Generator, scene: Scene) -> Parameters:
+    # The sense is before it here: behind it, the measured current shows what is left.
+    peak = scene.torque_constant * scene.current
+    return {"limit": peak * rng.uniform(0.9, 1.05), "slope": 0.03 * peak / scene.speed}
+
+
 def _draw_presliding(rng: np.random.Generator, scene: Scene) -> Parameters:
     level = _share(rng, scene)
     return {"torque": level, "stiffness": level / (scene.travel * rng.uniform(0.01, 0.05))}
@@ -362,6 +373,9 @@ KINDS: tuple[Kind, ...] = (
         45.0,
         True,
     ),
+    Kind("torque_speed_limit", ("actuator",), _draw_speed_limit,
+         lambda p, w, s: {f"speed_{key}": p[key] / s.torque_constant for key in ("limit", "slope")},
+         ("slope",), ("slope",), most=20.0),
     Kind(
         "dead_zone",
         ("actuator",),
@@ -422,6 +436,9 @@ KINDS: tuple[Kind, ...] = (
         ("inertia", "time"),
         most=20.0,
     ),
+    Kind("angle_dependent_inertia", ("arm",), _draw_inertia,
+         _plain(inertia_amp="amplitude", inertia_order="order", inertia_phase="phase"),
+         ("amplitude",), ("amplitude",), most=25.0),
     Kind(
         "hard_stop",
         ("arm", "motor"),

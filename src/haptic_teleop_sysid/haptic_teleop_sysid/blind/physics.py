@@ -86,6 +86,9 @@ DELAY, LAG, LIMIT, DEAD, GAIN_ERROR, GAIN_CHANGE, GAIN_TIME, CURRENT_STEP, SENSE
         "sense_sees",
     )
 )
+SPEED_LIMIT, SPEED_SLOPE, INERTIA_AMP, INERTIA_ORDER, INERTIA_PHASE = (
+    INDEX[n] for n in ("speed_limit", "speed_slope", "inertia_amp", "inertia_order", "inertia_phase")
+)
 COUPLING, MODE_K, MODE_J, MODE_D, PAYLOAD, PAYLOAD_TIME = (
     INDEX[n]
     for n in ("coupling", "mode_stiffness", "mode_inertia", "mode_damping", "payload", "payload_time")
@@ -254,6 +257,12 @@ def integrate(
                 amp = min(max(amp, -e[LIMIT]), e[LIMIT])
             if e[DEAD] != 0.0:
                 amp = math.copysign(max(abs(amp) - e[DEAD], 0.0), amp)
+            if e[SPEED_LIMIT] != 0.0:
+                # Braking has the whole limit, driving what the speed leaves of it.
+                left = e[SPEED_LIMIT]
+                if amp * vm > 0.0:
+                    left = max(left - e[SPEED_SLOPE] * abs(vm), 0.0)
+                amp = min(max(amp, -left), left)
             sensed = amp if e[SENSE_SEES] != 0.0 else command
             drive = amp * (1.0 + e[GAIN_ERROR])
             if e[GAIN_CHANGE] != 0.0:
@@ -313,14 +322,18 @@ def integrate(
                 between = e[MODE_K] * (q2 - qa) + e[MODE_D] * (v2 - va)
                 ea += between
                 v2 -= dt * between / e[MODE_J]
+            load = ja
+            if e[INERTIA_AMP] != 0.0:
+                turn = e[INERTIA_ORDER] * qa + e[INERTIA_PHASE]
+                load += ja * e[INERTIA_AMP] * math.cos(turn)
+                ea += 0.5 * ja * e[INERTIA_AMP] * e[INERTIA_ORDER] * math.sin(turn) * va * va
             noise_m = push[k, 0] + share * (push[k + 1, 0] - push[k, 0])
             noise_a = push[k, 1] + share * (push[k + 1, 1] - push[k, 1])
             # --- the kick, viscous terms at its middle
             total_m = kt * drive - stiffness * stretch + em + noise_m
             total_a = stiffness * stretch + ea + noise_a
-            load = ja
             if e[PAYLOAD] != 0.0 and t >= e[PAYLOAD_TIME]:
-                load = ja + e[PAYLOAD]
+                load += e[PAYLOAD]
             hm, ha = 0.5 * dt * bm / jm, 0.5 * dt * ba / load
             vm = (vm * (1.0 - hm) + dt * total_m / jm) / (1.0 + hm)
             before = va

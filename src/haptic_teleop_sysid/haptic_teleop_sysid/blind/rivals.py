@@ -7,6 +7,7 @@ the recordings tell the two apart. Shapes lie on a grid, so the distance is an u
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Any
@@ -29,6 +30,7 @@ CONTAINS: dict[str, frozenset[str]] = {
     "spring_to_ground": frozenset({"constant_torque"}),
     "gravity": frozenset({"constant_torque"}),
     "encoder_eccentricity": frozenset({"encoder_scale"}),
+    "torque_speed_limit": frozenset({"torque_saturation"}),
 }
 """Effects that hold simpler ones as a special case: explaining them is no rivalry, the simpler name is right.
 Gravity and a spring to ground, alike over small angles, have as many parameters: neither is the simpler."""
@@ -186,6 +188,16 @@ def _joint(d: Driven, like: Driven, stiffness: float) -> Iterator[Rival]:
     for share in (0.2, 0.35, 0.5, 0.65, 0.8):
         later = d.time >= share * d.time[-1]
         yield Rival("payload_change", "arm", (Column(arm_force=-d.arm_acceleration * later),), (1,))
+    travel = float(np.ptp(like.arm)) + 1e-9
+    for turn in (0.5, 1.0, 2.0, 4.0):
+        order = max(1.0, round(turn * 2.0 / travel))
+        sine, cosine = np.sin(order * d.arm), np.cos(order * d.arm)
+        waves = ((cosine, -order * sine), (sine, order * cosine))
+        columns = (
+            Column(arm_force=-(wave * d.arm_acceleration + 0.5 * slope * d.arm_speed**2))
+            for wave, slope in waves
+        )
+        yield Rival("angle_dependent_inertia", "arm", tuple(columns), (0, 0))
     for frequency in (0.7, 1.2, 2.0, 3.5, 6.0, 10.0):
         yield Rival("extra_flexible_mode", "arm", (Column(arm_force=_mode_force(d, frequency)),), (1,))
 
@@ -220,6 +232,12 @@ def _actuator(
         yield from both("actuator_lag", _lagged(u, time, period) - u)
     for share in (0.5, 0.7, 0.85, 0.95):
         yield from both("torque_saturation", np.clip(u, -share * peak, share * peak) - u)
+    fastest = float(np.max(np.abs(like.motor_speed))) + 1e-9
+    for level, share in itertools.product((0.8, 1.0), (0.15, 0.4, 0.8)):
+        left = np.where(u * d.motor_speed > 0.0, level - share * np.abs(d.motor_speed) / fastest, level)
+        left = peak * np.maximum(left, 0.0)
+        change = np.clip(u, -left, left) - u
+        yield Rival("torque_speed_limit", "actuator", (Column(motor_force=kt * change),), (1,))
     for share in (0.03, 0.1, 0.25):
         yield from both("dead_zone", -np.clip(u, -share * peak, share * peak))
     if known_gain:

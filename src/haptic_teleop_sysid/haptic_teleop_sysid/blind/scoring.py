@@ -156,7 +156,7 @@ def _conventions(
     of the messages; a scale as factor or as deviation from one.
     """
     values = [truth]
-    if effect in ("torque_saturation", "dead_zone") and torque_constant:
+    if effect in ("torque_saturation", "torque_speed_limit", "dead_zone") and torque_constant:
         nominal = {"stage1": 8.925, "stage2": 1.392}[label["stage"]]
         values.append(truth * nominal / torque_constant)
     if key in ("scale", "gain"):

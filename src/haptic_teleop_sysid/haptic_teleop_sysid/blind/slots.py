@@ -75,6 +75,11 @@ _OTHERS = (
     "mode_damping",
     "payload",
     "payload_time",
+    "speed_limit",
+    "speed_slope",
+    "inertia_amp",
+    "inertia_order",
+    "inertia_phase",
 )
 NAMES = tuple(f"{side}_{name}" for side in ("m", "a") for name in _SIDE) + _OTHERS
 INDEX = {name: number for number, name in enumerate(NAMES)}

@@ -18,6 +18,8 @@ FloatArray = NDArray[np.float64]
 
 #: Width with which a place is scanned, as a share of the travel.
 _WIDTH = 0.05
+#: Places about an angle, rad, from which the slope of an inertia there is taken.
+_ASIDE = (-1e-5, 0.0, 1e-5)
 
 
 def columns(
@@ -48,9 +50,22 @@ def columns(
         p = SimpleNamespace(**numbers)
         if entry.rates:
             _own_states(entry, variables, p, record.dt)
-        torque = np.broadcast_to(np.asarray(equation(variables, p), dtype=float), len(record))
+        if entry.kind == "relative_inertia":
+            torque = inertia_torque(entry, variables, p)
+        else:
+            torque = np.broadcast_to(np.asarray(equation(variables, p), dtype=float), len(record))
         found.append(torque - variables.position if entry.kind == "output" else torque)
     return np.array(found)
+
+
+def inertia_torque(entry: EffectEntry, variables: SimpleNamespace, p: SimpleNamespace) -> FloatArray:
+    """Torque (n,) of an inertia f(q) along a motion, for one kg·m² of structure: -(f a + f' v² / 2)."""
+    equation = entry.equation
+    assert equation is not None
+    at = [SimpleNamespace(**{**vars(variables), "position": variables.position + h}) for h in _ASIDE]
+    before, value, after = (np.asarray(equation(one, p), dtype=float) for one in at)
+    slope = (after - before) / (_ASIDE[2] - _ASIDE[0])
+    return -(value * variables.acceleration + 0.5 * slope * variables.velocity**2)
 
 
 def _variables(record: Record, states: FloatArray, channel: int) -> SimpleNamespace:
@@ -59,6 +74,7 @@ def _variables(record: Record, states: FloatArray, channel: int) -> SimpleNamesp
     return SimpleNamespace(
         position=states[:, channel],
         velocity=velocity,
+        acceleration=np.gradient(velocity, record.dt) if len(velocity) > 1 else 0.0 * velocity,
         deflection=states[:, 0] - states[:, 1],
         time=record.start + record.dt * np.arange(len(record)),
         exogenous=record.exogenous,

@@ -38,7 +38,9 @@ FAMILIES = (
 
 def family(name: str) -> set[str]:
     """The effect and all that are forms of the same thing."""
-    return {name}.union(*(set(f) for f in FAMILIES if name in f))
+    forms = {e.name for e in EFFECTS.values() if e.form_of == name}
+    simpler = {EFFECTS[name].form_of} - {""}
+    return {name}.union(forms, simpler, *(set(f) for f in FAMILIES if name in f))
 
 
 def candidates(
@@ -48,7 +50,7 @@ def candidates(
     ``scanned``: the starts of parameters that were scanned, instead of their grids."""
     present = {(n, e.location) for e in model.effects for n in family(e.effect)}
     for name, entry in EFFECTS.items():
-        if entry.nuisance:
+        if entry.nuisance or entry.tabulated:
             continue
         if entry.exogenous and not any(r.exogenous.any() for r in records):
             continue

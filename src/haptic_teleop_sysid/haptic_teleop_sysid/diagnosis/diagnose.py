@@ -16,7 +16,7 @@ from haptic_teleop_sysid.estimation.records import Record, records_from
 from haptic_teleop_sysid.estimation.whole_fit import fit_from_scratch
 
 from .adequacy import adequacy, short_of
-from .columns import three_columns, with_bounds
+from .columns import column, errors_of, three_columns, with_bounds
 from .consistency import refuse_other_units, refuse_unrelated
 from .contents import contents
 from .current import shown_by_current
@@ -25,8 +25,10 @@ from .decide import Choice
 from .doubt import coloured, doubted
 from .inverse_dynamics.motion import motion_band
 from .inverse_dynamics.witness import witness
+from .measured_map import measured_map
 from .nulls import Null, beyond_chance, nulls
 from .overruled import as_result, believed_instead, beyond_reach, inadequate
+from .own_quantity import follows_still
 from .plausible import refuse_copies, refuse_idle, refuse_kinematic, refuse_motionless
 from .proof import Course, Proof, mean_percent, prove
 from .reasons import Doubt, off_the_mark, runs_away, slipped
@@ -256,16 +258,25 @@ def diagnose(
             result.baseline, result.final, [*found.learn, *found.judge], *map(found.errors, models)
         )
         result, short = short_of(result, adequate)
-        doubt = doubt or short
+        result, bent = follows_still(result, found.learn, found.judge)
+        doubt = doubt or short or bent
     say("deciding")
     verdict = decide_verdict(result, found.learn, found.judge, doubt, stand.spread, adequate)
+    mapped = None
+    if verdict.kind == "unknown":
+        mapped = measured_map(result.final, found.given, found.learn, found.judge, found.errors, say)
+        result = replace(result, final=mapped.fit or result.final)
     say("simulating all three models on all recordings")
     proof = prove(model, result.baseline.model, result.final.model, found.course, uses)
     columns = three_columns(model, result, verdict, found.judge)
+    if mapped is not None and mapped.fit is not None:
+        errors = errors_of(mapped.fit, found.judge)
+        columns["augmented"] = column(mapped.fit.model, model, mapped.fit, errors)
     verdict = replace(verdict, findings=with_bounds(verdict.findings, columns["augmented"]))
     say("choosing the next experiment")
     content = contents(result, verdict, proof, columns, stand, doubt, (chance, dropped), uses, found.learn)
     believed = [c.chosen for c in (*result.choices, *([doubt.choice] if doubt and doubt.choice else []))]
     from_here = any(e.witnessed is not None for e in believed)
+    content["torque_map"] = None if mapped is None else mapped.content()
     content["inverse_dynamics"] = testimony(found.opinion, verdict, from_here) if found.opinion else None
     return result, verdict, proof, content

@@ -105,4 +105,5 @@ def material(effect: Effect, scales: Scales) -> bool:
             and reach * p["angle"] > 0
             and p["stiffness"] > _A_STOP * scales.size["stiffness"]
         )
-    return True
+    practical = effect.entry.practical
+    return practical is None or practical(p, scales.size, scales.span(channel))

@@ -17,6 +17,7 @@ from haptic_teleop_sysid.small_motion import hardly_moving
 from . import page_columns
 from .page_law import LawCurve, condition_plot, law_curves, law_plot
 from .page_lead import lead
+from .page_map import map_section
 from .page_reasons import curves_table, reasons, tried
 from .page_steps import Origin, steps
 from .proof import MODELS, PARTS, Proof
@@ -51,6 +52,7 @@ def diagnosis_page(
     page_columns.fits(page, content, proof)
     _best(page, proof)
     page_columns.parameters(page, content)
+    map_section(page, content, units)
     reasons(page, verdict, content, curves)
     steps(page, content, origin)
     curves_table(page, verdict)

@@ -55,7 +55,9 @@ def plain(
     from nothing."""
     noise = noise_starts(lab, records)[1]
     places = dict.fromkeys(
-        (e.effect, e.location) for e in candidates(lab, records, scales, {}) if e.effect in LARGE
+        (e.effect, e.location)
+        for e in candidates(lab, records, scales, {})
+        if e.effect in LARGE or e.entry.large
     )
     starts: list[Effect] = []
     for name, location in places:

@@ -92,11 +92,13 @@ def velocity_of(angle: np.ndarray, dt: float) -> np.ndarray:
 
 def recording_scales(model: Model, records: Sequence[Record]) -> Scales:
     """Scales of recordings for a model: rms torque, largest angle and deflection, rms velocity, and so on."""
-    torque = peak = velocity = deflection = duration = 0.0
+    torque = peak = velocity = fastest = deflection = duration = 0.0
     for r in records:
         torque = max(torque, model.parameters["torque_constant"] * float(np.sqrt(np.mean(r.input**2))))
         peak = max(peak, model.parameters["torque_constant"] * float(np.max(np.abs(r.input))))
-        velocity = max(velocity, float(np.sqrt(np.mean(velocity_of(r.measured[:, 0], r.dt) ** 2))))
+        speed = np.abs(velocity_of(r.measured[:, 0], r.dt))
+        velocity = max(velocity, float(np.sqrt(np.mean(speed**2))))
+        fastest = max(fastest, float(np.max(speed, initial=0.0)))
         if not model.rigid:
             bent = np.abs(r.measured[:, 0] - r.measured[:, 1])
             deflection = max(deflection, float(np.max(bent[np.isfinite(bent)], initial=0.0)))
@@ -123,6 +125,8 @@ def recording_scales(model: Model, records: Sequence[Record]) -> Scales:
         "inertia": float(p.get("arm_inertia", p["motor_inertia"])),
         "drag": 0.3 * torque / velocity**2,
         "cubic": stiffness / deflection**2,
+        "fastest": max(fastest, velocity),
+        "peak_per_speed": max(peak, 1e-12) / max(fastest, velocity),
         "steep": 0.2 * torque / velocity**3,
         "duration": duration,
         "furthest": angle,

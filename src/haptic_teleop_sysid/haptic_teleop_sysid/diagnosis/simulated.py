@@ -49,7 +49,12 @@ def mechanical(effects: Iterable[Effect]) -> list[Effect]:
     """Torques on motor, arm and joint: what changes the scale of the input or of a reading could imitate
     anything when a model runs freely, by making it forget its input.
     """
-    return [e for e in effects if e.entry.kind in ("torque", "friction") and not e.entry.unnamed]
+    return [
+        e
+        for e in effects
+        if e.entry.kind in ("torque", "friction")
+        and not (e.entry.unnamed or e.location.endswith("_actuator"))
+    ]
 
 
 def explore_simulated(

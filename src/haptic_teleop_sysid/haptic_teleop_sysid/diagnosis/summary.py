@@ -40,6 +40,7 @@ def summary(content: dict[str, Any]) -> str:
         lines.append(f"  {sentence}")
     if "beside" in content:
         lines.append(f"  beside it {content['beside']}")
+    lines += map_sentences(content)
     sentence = moved_sentence(content)
     if sentence:
         lines.append(f"  {sentence}")
@@ -55,6 +56,15 @@ def summary(content: dict[str, Any]) -> str:
         if told:
             lines.append(f"  {part} ({label}): {', '.join(told)}")
     return "\n".join(lines)
+
+
+def map_sentences(content: dict[str, Any]) -> list[str]:
+    """What became of a measured torque where no name was found."""
+    found = content.get("torque_map")  # none in results of earlier versions
+    if found is None:
+        return []
+    law = found.get("law")
+    return [f"  {found['what']}", *([] if law is None else [f"  {law['what']}"])]
 
 
 def explains_sentence(content: dict[str, Any]) -> str:

@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from haptic_teleop_sim.effects import EffectParameter
+from haptic_teleop_sim.effects import EffectParameter, effect_entry
 from haptic_teleop_sim.model import Effect, Model
 from haptic_teleop_sysid.estimation.gauss_newton import Fit
 from haptic_teleop_sysid.estimation.records import Record
@@ -248,4 +248,5 @@ def condition_of(model: Model, effect: str, location: str, before: Sequence[Cond
     if location == model.location("actuator") and effect == "channel_skew":
         effect = "input_delay"  # its twin there
     part = "arm" if "_arm" in location else "motor"
-    return _CONDITION.get(effect, "input").format(v=f"{part} velocity", q=f"{part} angle")
+    words = _CONDITION.get(effect) or effect_entry(effect).condition or "input"
+    return words.format(v=f"{part} velocity", q=f"{part} angle")

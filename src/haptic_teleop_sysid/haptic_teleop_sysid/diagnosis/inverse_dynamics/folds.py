@@ -10,10 +10,9 @@ from numpy.typing import NDArray
 
 from haptic_teleop_sim.model import Model
 
-from .latent import Latent
 from .motion import BandedMotion
 from .regression import Equations
-from .terms import Hypothesis
+from .term import Term
 
 FloatArray = NDArray[np.float64]
 
@@ -52,7 +51,7 @@ class Fold:
     def base(self) -> FloatArray:
         return np.moveaxis(self._rows(lambda part: np.moveaxis(part.base, 1, 0)), 0, 1)
 
-    def torque(self, term: Hypothesis | Latent) -> FloatArray:
+    def torque(self, term: Term) -> FloatArray:
         """See `Equations.torque`."""
         return self._rows(lambda part: part.torque(term))
 

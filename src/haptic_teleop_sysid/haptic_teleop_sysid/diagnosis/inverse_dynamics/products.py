@@ -13,10 +13,9 @@ from numpy.typing import NDArray
 from .folds import Fold
 from .latent import Latent
 from .regression import Equations, signs
-from .terms import Hypothesis
+from .term import Term
 
 FloatArray = NDArray[np.float64]
-Term = Hypothesis | Latent
 Terms = tuple[Term, ...]
 
 #: Weight that keeps a torque without a form straight, relative to the best visited knot.
@@ -66,9 +65,15 @@ class Products:
 
     def fitted(self, terms: Terms) -> FloatArray:
         """Least squares (p,) within the bounds of structure and terms."""
-        products, mixed, _ = self._group(terms)
+        products, mixed = self.information(terms)
         limits = [self.side.bounds(), *(t.bounds() for t in terms)]
         low, high = (np.concatenate([pair[i] for pair in limits]) for i in (0, 1))
+        return solved(products, mixed, low, high)
+
+    def information(self, terms: Terms) -> tuple[FloatArray, FloatArray]:
+        """Products (p, p) of the columns of a group, with what keeps torques without a form straight, and
+        those with the target (p,)."""
+        products, mixed, _ = self._group(terms)
         place = len(self.side.names)
         for term in terms:
             own = slice(place, place := place + self._width(term))
@@ -76,7 +81,7 @@ class Products:
                 bends = term.bends()
                 most = float(np.max(np.diag(products)[own]))
                 products[own, own] += STIFF**2 * most * bends.T @ bends
-        return solved(products, mixed, low, high)
+        return products, mixed
 
     def unlike(self, term: Term, other: Term) -> float:
         """Share (mean square) of the torque of a term that no columns of another at the same place give."""

@@ -25,8 +25,8 @@ from haptic_teleop_sysid.estimation.records import Record
 from haptic_teleop_sysid.scores import score_covariance
 
 from ..scales import within_reach
-from .latent import Latent
 from .motion import BandedMotion, banded
+from .term import Term
 from .terms import Hypothesis, follows_from_motion
 
 FloatArray = NDArray[np.float64]
@@ -46,7 +46,7 @@ class Equations:
     names: tuple[str, ...]
     target: FloatArray
     base: FloatArray
-    _known: dict[Hypothesis | Latent, FloatArray] = field(default_factory=dict, compare=False)
+    _known: dict[Term, FloatArray] = field(default_factory=dict, compare=False)
 
     def bounds(self) -> tuple[FloatArray, FloatArray]:
         """Lowest and highest value of the structure's parameters, (p,) each."""
@@ -69,7 +69,7 @@ class Equations:
         """Rows of one equation."""
         return len(self.target)
 
-    def torque(self, term: Hypothesis | Latent) -> FloatArray:
+    def torque(self, term: Term) -> FloatArray:
         """Torques (n, columns) of an effect or of one without a form, by unit size."""
         if term not in self._known:
             self._known[term] = np.concatenate([term.columns(m, self.model) for m in self.motions])

@@ -22,6 +22,7 @@ from haptic_teleop_sim.kernel import acting_torque, pack
 from haptic_teleop_sim.model import Effect, Model
 from haptic_teleop_sysid.estimation.records import Record
 
+from ..along_motion import inertia_torque
 from ..candidates import family
 from ..scales import Scales
 from ..scan import scanned_values
@@ -66,6 +67,7 @@ class Hypothesis:
             effect = Effect(self.entry.name, self.location, dict(self.shape))
             return motion.filtered(motion.of_input(_acting_less(motion.record, model, effect)))[:, None]
         variables = _variables(motion, self.place, model.parameters.get("stiffness", 0.0), self.gives)
+        variables.inertia = model.parameters["arm_inertia" if self.place == "arm" else "motor_inertia"]
         found = [self._torque(variables, size) for size in self.sizes]
         if self.angle is not None:
             found.append(self._turned(variables))
@@ -144,6 +146,8 @@ class Hypothesis:
         p |= dict(self.shape) | more
         if not self.held:
             p |= {n: 1.0 if n == size else 0.0 for n in self.sizes}
+        if self.entry.kind == "relative_inertia":
+            return variables.inertia * inertia_torque(self.entry, variables, SimpleNamespace(**p))
         equation = self.entry.equation
         assert equation is not None
         torque = np.asarray(equation(variables, SimpleNamespace(**p)), dtype=float)
@@ -174,8 +178,9 @@ def hypotheses(model: Model, scales: Scales) -> Iterator[Hypothesis]:
 def follows_from_motion(entry: EffectEntry) -> bool:
     """Whether the effect is a torque that its equation gives along a motion, without states of its own."""
     return (
-        entry.kind in ("torque", "friction")
+        entry.kind in ("torque", "friction", "relative_inertia")
         and entry.equation is not None
+        and entry.where != ("actuator",)
         and not (entry.rates or entry.nuisance or entry.unnamed or entry.exogenous)
     )
 
@@ -261,9 +266,11 @@ def _variables(motion: BandedMotion, place: str, stiffness: float, gives: float)
     deflection = motion.angle[:, 0] - motion.angle[:, 1]
     if place == "joint":
         position, velocity = deflection, motion.velocity[:, 0] - motion.velocity[:, 1]
+        acceleration = motion.acceleration[:, 0] - motion.acceleration[:, 1]
     else:
         channel = int(place == "arm")
         position, velocity = motion.angle[:, channel], motion.velocity[:, channel]
+        acceleration = motion.acceleration[:, channel]
     if gives > 0.0:
         direction = turning(np.ascontiguousarray(position), gives)
     else:
@@ -271,6 +278,7 @@ def _variables(motion: BandedMotion, place: str, stiffness: float, gives: float)
     return SimpleNamespace(
         position=position,
         velocity=velocity,
+        acceleration=acceleration,
         deflection=deflection,
         stiffness=stiffness,
         time=motion.time,
