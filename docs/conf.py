@@ -14,7 +14,13 @@ author = _PROJECT["authors"][0]["name"]
 version = release = _PROJECT["version"]
 language = "en"
 
-extensions = ["myst_parser", "sphinx.ext.autodoc", "sphinx.ext.viewcode", "plain_docstrings", "reference_pages"]
+extensions = [
+    "myst_parser",
+    "sphinx.ext.autodoc",
+    "sphinx.ext.viewcode",
+    "plain_docstrings",
+    "reference_pages",
+]
 # reference_pages writes into `generated`; `examples` and `blind` hold data.
 exclude_patterns = ["_ext", "examples", "blind"]
 
@@ -31,4 +37,3 @@ html_theme = "furo"
 html_title = f"haptic-teleop {version}"
 html_show_sphinx = False
 html_copy_source = False
-html_static_path = ["_static"]

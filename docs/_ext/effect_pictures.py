@@ -26,11 +26,13 @@ SCALES = {
 """What a typical size is relative to (`EffectParameter.scale`) in these pictures."""
 LABELS = {
     "time": "time / s", "position": "angle / rad", "velocity": "velocity / (rad/s)",
-    "deflection": "deflection / rad", "input": "commanded torque / N·m", "other": "acceleration of the other arm / (rad/s²)",
+    "deflection": "deflection / rad", "input": "commanded torque / N·m",
+    "other": "acceleration of the other arm / (rad/s²)",
 }  # fmt: skip
 RESULTS = {
     "torque": "torque added / N·m", "friction": "torque added / N·m", "friction_factor": "factor on friction",
-    "inertia": "inertia added / kg·m²", "input": "acting torque / N·m", "output": "error of the reading / rad",
+    "inertia": "inertia added / kg·m²", "input": "acting torque / N·m",
+    "output": "error of the reading / rad",
     "skew": "error of the reading / rad",
 }  # fmt: skip
 
@@ -95,7 +97,9 @@ def _acting(entry, torque, t, values):
     """The acting torque: as at 500 Hz, held over each sample."""
     step, dt, memory = getattr(entry.step, "py_func", entry.step), 0.002, np.zeros(max(1, entry.states))
     every = round(dt / DT)
-    acting = [step(u, at, dt, values, 0, memory, 0) for u, at in zip(torque[::every], t[::every], strict=True)]
+    acting = [
+        step(u, at, dt, values, 0, memory, 0) for u, at in zip(torque[::every], t[::every], strict=True)
+    ]
     return np.repeat(acting, every)[: len(t)]
 
 

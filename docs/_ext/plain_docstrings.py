@@ -13,7 +13,7 @@ _ITEM = re.compile(r"- ")
 
 def to_rst(lines):
     """The lines of a docstring as reStructuredText that reads as they do."""
-    text = inspect.cleandoc("\n".join(lines))
+    text = inspect.cleandoc("\n".join(line.rstrip() for line in lines))
     made = []
     for paragraph in re.split(r"\n\s*\n", text):
         if any(line.startswith((" ", "\t")) for line in paragraph.splitlines()):
@@ -35,7 +35,7 @@ def _prose(text):
 
 
 def _plain(text):
-    return re.sub(r"([\\*|_`])", r"\\\1", text)
+    return re.sub(r"([\\*|_`])", r"\\\1", text).replace("::", ":\\ :")
 
 
 def _laid_out(paragraph):

@@ -21,8 +21,8 @@ from haptic_teleop_sysid.blind.bags import record
 from haptic_teleop_sysid.blind.cases import Case, draw_case
 from haptic_teleop_sysid.blind.robot import PERIOD
 
-#: The case: a second stage with play in its joint, and 9 of its 24 s.
-SEED, KIND, INDEX, SECONDS = 1, "single", 163, 9.0
+#: The case: a second stage with play in its joint, and 9 (logs) and 5 (recordings) of its 24 s.
+SEED, KIND, INDEX, SECONDS, RECORDED = 1, "single", 163, 9.0, 5.0
 FILES = ("learn.csv", "check.csv")
 HEADER = "time [s],torque 2 [Nm],motor angle 2 [deg],arm angle 2 [deg]"
 
@@ -41,7 +41,7 @@ def write(case: Case, folder: Path) -> None:
         rows = round(SECONDS / PERIOD)
         write_log(case, topics, rows, folder / name)
         about = {"kind": setting.experiment.kind, "note": "made by docs/examples/make.py"}
-        short = {topic: cut(series, rows) for topic, series in topics.items()}
+        short = {topic: cut(series, round(RECORDED / PERIOD)) for topic, series in topics.items()}
         with RecordingWriter(bags / Path(name).stem, experiment=about, compression="zstd") as writer:
             writer.write_series(short)
     (bags / "model.yaml").write_text(yaml.safe_dump(case.model, sort_keys=False), encoding="utf-8")
