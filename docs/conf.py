@@ -30,10 +30,11 @@ myst_heading_anchors = 4
 autodoc_default_options = {"members": True, "member-order": "bysource"}
 autodoc_typehints = "signature"
 autodoc_preserve_defaults = True
+autodoc_type_aliases = {"ArrayLike": "ArrayLike", "Array": "Array"}
 python_display_short_literal_types = True
 python_maximum_signature_line_length = 88
 
 html_theme = "furo"
 html_title = f"haptic-teleop {version}"
-html_show_sphinx = False
+html_show_sphinx = html_show_copyright = False
 html_copy_source = False

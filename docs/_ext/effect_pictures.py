@@ -141,7 +141,8 @@ def draw(entry, path):
     axis.axhline(0.0, color="0.75", linewidth=0.8)
     if entry.kind == "input":
         axis.plot(known[over], known["input"], color="0.6", linestyle="--", linewidth=1.0, label="commanded")
-    shown = slice(None, None, 5)
+    # The first half period is how the motion sets in, of interest over time only.
+    shown = slice(0 if over == "time" else round(PERIOD / 2 / DT), None, 5)
     axis.plot(known[over][shown], result[shown], color="#0072B2", linewidth=1.6, label="acting")
     if entry.kind == "input":
         axis.legend(frameon=False, fontsize=8)
