@@ -57,10 +57,11 @@ def test_set_refuses_a_value_that_is_none(capsys):
     assert "write a number, true, a text or a list" in capsys.readouterr().err
 
 
-def test_echo_prints_what_is_kept_for_late_comers(graph, capsys):
-    kept = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
+def test_echo_prints_the_latest_of_what_is_kept_for_late_comers(graph, capsys):
+    kept = QoSProfile(depth=5, durability=DurabilityPolicy.TRANSIENT_LOCAL)
     publisher = graph.probe.create_publisher(String, "/probe/state", kept)
-    publisher.publish(String(data="devices_ready"))
+    for state in ("off", "devices_ready"):
+        publisher.publish(String(data=state))
     assert echo_topic.main(["probe/state", "--once"]) == 0
     assert capsys.readouterr().out == "data: devices_ready\n---\n"
     assert echo_topic.main(["/probe/stat", "--once", "--wait", "0.3"]) == 2

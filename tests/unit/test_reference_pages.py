@@ -6,13 +6,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from haptic_teleop_sim.effects import EFFECTS
-
-DOCS = Path(__file__).resolve().parents[2] / "docs"
-sys.path.insert(0, str(DOCS / "_ext"))
+sys.path.insert(0, str(Path(__file__).resolve().parents[2] / "docs" / "_ext"))
 
 from effect_pictures import AMPLITUDE, DT, PERIOD, followed, response
 from plain_docstrings import to_rst
+
+from haptic_teleop_sim.effects import EFFECTS
 
 
 @pytest.fixture(scope="module")

@@ -24,7 +24,7 @@ def _main(argv: list[str]) -> int:
         epilog="example: haptic-teleop echo /sfj/joint_states --once",
     )
     parser.add_argument("topic", metavar="TOPIC", help="such as /sfj/joint_states")
-    parser.add_argument("--once", action="store_true", help="the first message only")
+    parser.add_argument("--once", action="store_true", help="one message: the next, or the latest kept")
     parser.add_argument("--count", type=_count, metavar="N", help="so many messages")
     parser.add_argument(
         "--wait", type=float, default=10.0, metavar="S", help="for a publisher to be found (default: 10 s)"

@@ -14,18 +14,29 @@ from haptic_teleop_control.nodes.graph_client import GraphClient, graph_client, 
 from haptic_teleop_control.strict_yaml import dump_yaml
 
 DEPTH = 100
+SETTLE = 0.2
+"""s in which all messages arrive that are kept for late comers."""
 POLL = 1.0
 """s between two looks whether Ctrl-C came, while nothing is published."""
 
 
 def print_messages(topic: str, count: int | None, wait: float, show: Callable[[str], None] = print) -> None:
-    """Shows `count` messages, or all until Ctrl-C. Raises ConfigurationError when nobody publishes on `topic`
-    within `wait` s, or in a type of message that is not installed."""
+    """Shows `count` messages, or all until Ctrl-C; one alone is the latest of those kept.
+
+    Raises ConfigurationError when nobody publishes on `topic` within `wait` s, or in a type of message that
+    is not installed.
+    """
     full = f"/{topic.strip('/')}"
     with graph_client("echo") as client:
         kind = _type(client, full, wait)
         waiting: deque[Any] = deque()
-        client.node.create_subscription(kind, full, lambda m: waiting.append(m), _quality(client, full))
+        quality = _quality(client, full)
+        client.node.create_subscription(kind, full, lambda m: waiting.append(m), quality)
+        if count == 1 and quality.durability == DurabilityPolicy.TRANSIENT_LOCAL:
+            client.until(lambda: bool(waiting), wait)
+            client.until(lambda: False, SETTLE)
+            while len(waiting) > 1:
+                waiting.popleft()
         shown = 0
         while count is None or shown < count:
             client.until(lambda: bool(waiting), POLL)
