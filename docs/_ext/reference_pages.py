@@ -7,6 +7,7 @@ import contextlib
 import importlib
 import io
 import os
+import re
 from pathlib import Path
 
 from effects_page import effects_page
@@ -110,8 +111,7 @@ def node_pages():
     """A page for each node from what it states of itself, and their list."""
     pages, lines = {}, []
     for name, node in sorted(nodes().items()):
-        # In a table `0 < value <= 1` must not be taken for HTML.
-        table = node.TABLE.markdown().replace("<", "&lt;").replace(">", "&gt;")
+        table = in_words(node.TABLE.markdown())
         told = ", ".join(f"[`{fault}`](../faults.md)" for fault in node.FAULTS)
         pages[f"nodes/{name}.md"] = NODE_PAGE.format(
             name=name,
@@ -133,6 +133,24 @@ def node_pages():
         ]
     )
     return pages
+
+
+def in_words(table):
+    """A parameter table with ranges that take less room, and that cannot be taken for HTML: `above 0, to 1`
+    for `0 < value <= 1`."""
+    return _RANGE.sub(_range_in_words, table).replace("<", "&lt;").replace(">", "&gt;")
+
+
+_RANGE = re.compile(r"(?:(\S+) (<=?) )?\bvalue\b(?: (<=?) (\S+))?(?= \|)")
+
+
+def _range_in_words(found):
+    lowest, at_least, at_most, highest = found.groups()
+    if at_least == at_most == "<=":
+        return f"{lowest} to {highest}"
+    words = [f"{'from' if at_least == '<=' else 'above'} {lowest}"] if lowest else []
+    words += [f"{'to' if at_most == '<=' else 'below'} {highest}"] if highest else []
+    return ", ".join(words) or found[0]
 
 
 def toctree(names):

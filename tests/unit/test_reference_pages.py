@@ -42,6 +42,18 @@ def test_each_node_has_a_page_with_all_its_parameters_and_faults(pages):
     assert {"sfj_driver", "omni_driver", "force_controller", "recorder"} <= set(pages.nodes())
 
 
+@pytest.mark.parametrize(
+    ("limits", "told"),
+    [
+        ("0 <= value <= 2", "0 to 2"), ("0 <= value", "from 0"), ("0 < value", "above 0"),
+        ("0 < value <= 1", "above 0, to 1"), ("-1 <= value < 1", "from -1, below 1"), ("a \\| b", "a \\| b"),
+        ("0 < value < 1", "above 0, below 1"), ("value <= 3", "to 3"),
+    ],
+)  # fmt: skip
+def test_ranges_are_told_in_words(pages, limits, told):
+    assert pages.in_words(f"| {limits} | <x>") == f"| {told} | &lt;x&gt;"
+
+
 def test_the_modules_of_the_programming_interface_are_there(pages):
     made = pages.api_pages()
     assert "api/haptic_teleop_control.laws.stage_law.md" in made and len(made) > 50
