@@ -13,6 +13,7 @@ project = _PROJECT["name"]
 author = _PROJECT["authors"][0]["name"]
 version = release = _PROJECT["version"]
 language = "en"
+highlight_language = "none"
 
 extensions = [
     "myst_parser",

@@ -44,7 +44,7 @@ def write_pages(app):
     """Make docs/generated anew, but leave a file alone whose text is the same: Sphinx then builds only what
     changed."""
     folder = Path(app.srcdir) / "generated"
-    os.environ["COLUMNS"] = "100"  # of `--help`
+    os.environ["COLUMNS"] = "88"  # of `--help`
     folder.mkdir(exist_ok=True)
     pages = node_pages() | {
         "faults.md": faults_page(),

@@ -1,5 +1,5 @@
 """Writes the example data of the docs: one robot that the blind benchmark's generator draws, as a lab would
-have it. `python docs/examples/make.py FOLDER` makes them again.
+have it. `python docs/examples/make.py FOLDER` makes them again, in a new folder.
 
     learn.csv, check.csv            logs (bring_your_own_robot.md)
     stage2/learn, stage2/check      the same experiments as recordings of the 2DSFJ (first_hour.md)

@@ -34,6 +34,12 @@ def test_an_acquisition_is_told_in_amperes_with_its_warnings(tmp_path, capsys):
     assert "above 0.1 A the response may be very quick" in lines[1]
 
 
+def test_steps_without_end_are_drawn_to_a_little_beyond_the_last_one(tmp_path, capsys):
+    assert main([str(CONFIG / "scenario1_real.yaml"), "--output", str(tmp_path / "p.png")]) == 0
+    # The file's last step lies at 1 + 11 s.
+    assert "(looked at up to 14.4 s)" in capsys.readouterr().out
+
+
 def test_the_picture_is_of_the_steps_that_the_file_states():
     command, _ = command_of(CONFIG / "scenario1_sim.yaml")
     # The file's steps: 0.06 rad at 4 s, -0.06 at 14 s, 0 at 15 s.

@@ -116,6 +116,7 @@ def _main(argv: list[str]) -> int:
     span = options.span
     if span is None:
         span = parameters_for(load_parameter_file(options.file), "scenario").get("duration") or None
+        span = span or _to_the_last_step(command)
     times = times_to_draw(command.end, command.rate, span)
     values = command.series(times)
     picture = options.output or Path(f"{options.file.stem}.png")
@@ -123,6 +124,14 @@ def _main(argv: list[str]) -> int:
     for line in (*in_words(command, times, values), *warnings, f"picture: {picture}"):
         print(line)
     return 0
+
+
+def _to_the_last_step(command: Command) -> float | None:
+    """s, a little beyond the last step, where steps without end are all that is commanded; else None."""
+    enabled = [own for own in command.settings.values() if own.enabled]
+    if not enabled or not all(own.steps.enabled and math.isinf(own.duration) for own in enabled):
+        return None
+    return 1.2 * max(own.delay + own.steps.times[-1] for own in enabled)
 
 
 def _stated(sections: Mapping[str, Mapping[str, Any]], node: str) -> bool:

@@ -14,6 +14,7 @@ from haptic_teleop_control.nodes.graph_client import GraphClient, graph_client, 
 from haptic_teleop_control.strict_yaml import dump_yaml
 
 DEPTH = 100
+OF_EVERY_NODE = ("/parameter_events", "/rosout")
 SETTLE = 0.2
 """s in which all messages arrive that are kept for late comers."""
 POLL = 1.0
@@ -62,7 +63,8 @@ def _type(client: GraphClient, topic: str, wait: float) -> Any:
         return {name: types for name, types in there.items() if client.node.count_publishers(name)}
 
     if not client.until(lambda: topic in published(), wait):
-        raise ConfigurationError(f"nobody publishes {topic} within {wait:g} s; {known(published(), topic)}")
+        others = [name for name in published() if name not in OF_EVERY_NODE]
+        raise ConfigurationError(f"nobody publishes {topic} within {wait:g} s; {known(others, topic)}")
     package, _, name = published()[topic][0].partition("/msg/")
     try:
         return getattr(importlib.import_module(f"{package}.msg"), name)
