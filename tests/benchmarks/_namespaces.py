@@ -4,12 +4,18 @@ They have no names. Each lives as long as a process in it, and that ends when th
 also at a SIGKILL.
 """
 
+import os
 import subprocess
 import types
 
 AT_SERVER, AT_CLIENT = "10.76.5.1", "10.76.5.2"
-ENDS_WITH_US = ["setpriv", "--pdeathsig", "TERM"]
-"""Before a command: it ends when the program that started it does."""
+
+
+def ends_with_us() -> list[str]:
+    """Before a command: it ends when this program does, also where that has ended before the kernel was told
+    so."""
+    still_here = f'[ "$PPID" = {os.getpid()} ] && exec "$@"'
+    return ["setpriv", "--pdeathsig", "TERM", "sh", "-c", still_here, "sh"]
 
 
 class Namespaces:

@@ -16,7 +16,7 @@ import time
 from pathlib import Path
 
 sys.path.insert(0, str(Path(__file__).resolve().parent))
-from _namespaces import AT_CLIENT, AT_SERVER, ENDS_WITH_US, Namespaces
+from _namespaces import AT_CLIENT, AT_SERVER, Namespaces, ends_with_us
 
 SECONDS = 20.0
 MEDIAN = 1e-3
@@ -88,7 +88,7 @@ def measure(kind: str, before: list[list[str]], host: str, peer: str, key: str, 
     else:
         rules = (f"host:={host}", f"peer:={peer}", "port:=0", "device:=emulated", f'key.file:="{key}"')
         command = [*SERVER, *(part for rule in rules for part in ("-p", rule))]
-    command = [*ENDS_WITH_US, *before[0], *realtime, *command]
+    command = [*ends_with_us(), *before[0], *realtime, *command]
     server = subprocess.Popen(command, stdout=subprocess.PIPE, text=True)
     try:
         assert server.stdout is not None
@@ -99,7 +99,7 @@ def measure(kind: str, before: list[list[str]], host: str, peer: str, key: str, 
             found = re.search(rf"{re.escape(host)}:(\d+) for", line)
         client = [PYTHON, __file__, kind, host, found[1], key, str(SECONDS)]
         done = subprocess.run(
-            [*ENDS_WITH_US, *before[1], *realtime, *client], check=True, stdout=subprocess.PIPE, text=True
+            [*ends_with_us(), *before[1], *realtime, *client], check=True, stdout=subprocess.PIPE, text=True
         )
         return json.loads(done.stdout)
     finally:

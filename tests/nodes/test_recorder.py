@@ -17,6 +17,7 @@ from rclpy.qos import QoSProfile, ReliabilityPolicy
 from ros_graph import Graph
 from sensor_msgs.msg import JointState
 
+from haptic_teleop_control.nodes.recorder import Recorder as RecorderNode
 from haptic_teleop_control.nodes.streams.joint_states import STREAM_QOS
 from haptic_teleop_control.recording import bag_problems, read_recording
 from haptic_teleop_control.recording.recover import main as recover
@@ -197,3 +198,24 @@ def test_it_ends_cleanly_when_too_little_space_is_free(graph, start_recorder, tm
     assert "MB are free" in err
     assert "with errors" in out
     assert "MB are free" in (tmp_path / "a" / "metadata.yaml").read_text(), "for `verify`"
+
+
+class Late:
+    """A recorder's messages, of which one arrives with each turn; the last one was sent after the end."""
+
+    _take_the_last, _wall_seconds = RecorderNode._take_the_last, staticmethod(time.monotonic)
+
+    def __init__(self, turns: list[int]) -> None:
+        self.turns, self.received = turns, {"/sfj/effort_command": 0}
+
+    def spin_once(self, executor: object) -> None:
+        time.sleep(0.001)
+        if self.turns:
+            self.received["/sfj/effort_command"] += self.turns.pop(0)
+
+
+def test_what_was_sent_before_the_end_is_taken_though_it_comes_later():
+    late = Late([3, *[0] * 10, 1, 0])
+    late._take_the_last(None)
+    assert late.received == {"/sfj/effort_command": 4}
+    assert late._last <= time.time_ns()

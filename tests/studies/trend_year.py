@@ -2,6 +2,7 @@
 figures of docs/many_recordings.md.
 
     python tests/studies/trend_year.py FOLDER [--aged A] [--clean N] [--years Y] [--jobs J]
+    python tests/studies/trend_year.py FOLDER --picture docs/many_recordings.png    # the picture alone
 
 The year: friction grows by 1.5 % a week from week 18 on, a belt softens by 1 % a week from week 30 on, the
 motor's encoder slips once, in week 40. Friction and damping also differ by 1 % (rms) from week to week, as
@@ -15,6 +16,7 @@ from __future__ import annotations
 import argparse
 import sys
 from collections import Counter
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -24,14 +26,18 @@ from haptic_teleop_sysid.estimation_run import Choices
 from haptic_teleop_sysid.many.characterise import characterise
 from haptic_teleop_sysid.many.each import Job, Means, each
 from haptic_teleop_sysid.many.kept import DONE
-from haptic_teleop_sysid.many.trend import trend_of
+from haptic_teleop_sysid.many.trend import GIVEN_ERROR, UNEXPLAINED, Trend, trend_of
+from haptic_teleop_sysid.many.trend_picture import charts_picture
+from haptic_teleop_sysid.report import save_png
 from haptic_teleop_sysid.trend import main as trend
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "unit"))
-from weekly_recordings import FIRST_WEEK, NEW, WEEK, Ageing, write_week
+from weekly_recordings import FIRST_WEEK, FRICTION, NEW, WEEK, Ageing, write_week
 
 AGEING = Ageing(friction=(18, 0.015), stiffness=(30, -0.01), slip=40)
 WEEKS, REFERENCE = 52, 12
+SHOWN = (FRICTION, "stiffness", "motor_damping", UNEXPLAINED, GIVEN_ERROR)
+"""The charts of the picture."""
 
 
 def recording(week: int, seed: int, ageing: Ageing | None, folder: Path) -> dict[str, Any]:
@@ -45,14 +51,18 @@ def recording(week: int, seed: int, ageing: Ageing | None, folder: Path) -> dict
         bag.rmdir()
 
 
-def aged(seed: int, folder: Path, jobs: int) -> dict[str, Any]:
-    """Return the week in which each chart of an ageing robot first leaves its limits, by name."""
+def ageing(seed: int, folder: Path, jobs: int) -> Trend:
+    """Return the trend of an ageing robot."""
     weeks = [
         Job(f"{w:02d}", folder / f"{w:02d}", (), recording, (w, seed, AGEING), (NEW, w, seed, AGEING))
         for w in range(1, WEEKS + 1)
     ]
     outcomes, _ = each(f"ageing robot {seed}", weeks, Means(jobs))
-    told = trend_of(NEW, outcomes, {name: Path(name) for name in outcomes}, REFERENCE, 0.05)
+    return trend_of(NEW, outcomes, {name: Path(name) for name in outcomes}, REFERENCE, 0.05)
+
+
+def aged(told: Trend) -> dict[str, Any]:
+    """Return the week in which each chart of an ageing robot first leaves its limits, by name."""
     first = {c.quantity.name: told.points[c.first].name for c in told.charts if c.first is not None}
     return first | {"slip": [told.points[i].name for i in told.events]}
 
@@ -82,8 +92,14 @@ def main() -> None:
     parser.add_argument("--clean", type=int, default=1000)
     parser.add_argument("--years", type=int, default=2000)
     parser.add_argument("--jobs", type=int, default=-1)
+    parser.add_argument("--picture", type=Path, metavar="PNG", help="draw the first robot, and do no more")
     arguments = parser.parse_args()
     folder: Path = arguments.folder.resolve()
+    if arguments.picture is not None:
+        first = ageing(1, folder / "aged1", arguments.jobs)
+        shown = tuple(c for c in first.charts if c.quantity.name in SHOWN)
+        save_png(charts_picture(replace(first, charts=shown)), arguments.picture)
+        return
     bags = folder / "year"
     if not bags.exists():
         for week in range(1, WEEKS + 1):
@@ -91,7 +107,7 @@ def main() -> None:
     NEW.save(folder / "new.yaml")
     trend(["--model", str(folder / "new.yaml"), "--bags", str(bags), "--output", str(folder / "trend")])
     for seed in range(2, 2 + arguments.aged):
-        print(f"robot {seed}: {aged(seed, folder / f'aged{seed}', arguments.jobs)}")
+        print(f"robot {seed}: {aged(ageing(seed, folder / f'aged{seed}', arguments.jobs))}")
     jobs = [
         Job(f"{n:04d}", folder / "clean" / f"{n:04d}", (), recording, (n, 7, None), (NEW, n))
         for n in range(arguments.clean)

@@ -14,7 +14,7 @@ from haptic_teleop_sysid.diagnosis.reasons import Doubt
 from haptic_teleop_sysid.diagnosis.residual import shares
 from haptic_teleop_sysid.diagnosis.scales import recording_scales
 from haptic_teleop_sysid.diagnosis.search import SearchResult
-from haptic_teleop_sysid.diagnosis.summary import deviation, explains_sentence
+from haptic_teleop_sysid.diagnosis.summary import explains_sentence
 from haptic_teleop_sysid.diagnosis.verdict import decide_verdict
 from haptic_teleop_sysid.estimation.whole_fit import fit_whole, noise_starts
 
@@ -180,10 +180,3 @@ def test_a_reader_is_told_how_much_was_explained_unless_it_is_nearly_all():
     assert explains_sentence(content | {"adequacy": {"torque": 0.95, "free_run": 0.92}}) == ""
     assert explains_sentence(content | {"findings": []}) == ""
     assert explains_sentence(content | {"adequacy": None}) == ""
-
-
-@pytest.mark.parametrize(
-    ("std", "text"), [(60.0, "60"), (61.3, "61"), (0.0123, "0.012"), (4.4, "4.4"), (2e6, "2e+06")]
-)
-def test_standard_errors_are_told_without_an_exponent_where_that_can_be_read(std, text):
-    assert deviation(std) == text

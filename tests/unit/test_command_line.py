@@ -54,9 +54,11 @@ def test_sys_exit_means_what_python_says_it_means(code, status):
     assert run_command(raising(SystemExit(code)), []) == status
 
 
-def test_interrupting_is_silent(capsys):
+def test_interrupting_says_what_the_interrupt_carries_and_no_more(capsys):
     assert run_command(raising(KeyboardInterrupt()), []) == 130
     assert capsys.readouterr().err == ""
+    assert run_command(raising(KeyboardInterrupt("interrupted;\nnothing was written")), []) == 130
+    assert capsys.readouterr().err.strip() == "interrupted; nothing was written"
 
 
 def test_without_arguments_it_takes_those_of_the_process(monkeypatch):

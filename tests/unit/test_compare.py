@@ -76,7 +76,7 @@ def test_models_are_told_apart_under_the_names_given(compared, bag, models):
 def test_the_report_shows_a_picture_and_escapes_names(compared, models):
     output, _ = compared
     page = (output / "report.html").read_text()
-    assert page.count("<svg") == 1 + len(models)  # the responses, and the residuals of each model
+    assert page.count("<svg role=") == 1 + len(models)  # the responses, and the residuals of each model
     assert "recordings &lt;i&gt;" in page
     assert "<i>" not in page
     # One file that needs nothing else.

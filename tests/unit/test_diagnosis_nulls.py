@@ -110,7 +110,7 @@ def test_nulls_go_through_the_diagnosis_itself(stage, monkeypatch):
         course = diagnosis.Course.of(fit.model, [*estimation, *validation])
         testimony = diagnosis.witness(model, *records, result.scales)
         opinion = diagnosis.second_opinion(testimony, result.scales, lambda m: (0.5, 0.5), (0.5, 0.5))
-        return diagnosis.Explained(model, *records, course, 1, result, result, False, opinion)
+        return diagnosis.Explained(model, *records, course, course, 1, result, result, False, opinion)
 
     monkeypatch.setattr(diagnosis, "explain", explain)
     diagnosis.diagnose(STAGE, [data], [other], null_count=0)

@@ -215,7 +215,7 @@ def test_the_data_set_report_judges_recording_and_excitation(tmp_path, model, re
     assert dataset_main([*arguments, "--model", str(model)]) == 0
     found = json.loads((tmp_path / "look" / "dataset.json").read_text())["recordings"][0]
     assert found["topics"]["/sfj/joint_states"]["lost"] == 50
-    assert any("gaps" in problem for problem in found["problems"])
+    assert any("1 gap of" in problem for problem in found["problems"])
     assert set(found["expected_std"]) == set(STAGE.free_parameters())
     low, high = found["band_hz"]
     assert 0.1 <= low < high <= 13.0

@@ -251,10 +251,10 @@ def test_time_that_goes_back_or_has_holes_is_kept_and_told(tmp_path):
     back = np.concatenate([back[:500], back[500:] - 4.0])
     holes = np.concatenate([holes[:500], holes[500:] + 300.0])
     recording = open_recording(table(tmp_path / "back.csv", HEADER, (back, *DATA[1:])))
-    assert "time goes back 1 times, first at row 501" in notes(recording)
+    assert "time goes back 1 time, first at row 501" in notes(recording)
     assert len(recording.topics[STATES]) == len(T)
     recording = open_recording(table(tmp_path / "holes.csv", HEADER, (holes, *DATA[1:])))
-    assert "1 holes in time" in notes(recording) and "behind row 500" in notes(recording)
+    assert "1 hole in time" in notes(recording) and "behind row 500" in notes(recording)
     with pytest.raises(RecordingError, match="--allow-gaps"):
         load_dataset(recording, model())
 

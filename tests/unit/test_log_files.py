@@ -121,7 +121,7 @@ def test_ragged_rows_are_refused_by_line_or_left_out_on_demand(tmp_path, row):
         read_log(path)
     log = read_log(path, ReadOptions(skip_ragged=True))
     assert np.array_equal(log.columns[0].values, 2.0 * np.arange(1500))
-    assert any("1 ragged rows were left out" in remark for remark in log.remarks)
+    assert any("1 ragged row was left out" in remark for remark in log.remarks)
 
 
 def test_decimal_points_and_commas_in_one_file_are_refused(tmp_path):
@@ -413,7 +413,7 @@ def damaged(tmp_path):
         "empty.csv": (b"", "is empty"),
         "words.csv": (b"hello\nworld\n", "no row of it holds numbers"),
         "random.csv": (rng.bytes(4096), "encrypted or packed"),
-        "cut.npz": ((tmp_path / "good.npz").read_bytes()[:200], "damaged NumPy file"),
+        "cut.npz": ((tmp_path / "good.npz").read_bytes()[:200], "begins as an npz file and is damaged"),
         "cut.parquet": ((tmp_path / "good.parquet").read_bytes()[:200], "damaged or encrypted Parquet"),
         "cut.mat": ((tmp_path / "good.mat").read_bytes()[:300], "damaged or no MAT file"),
         "cut.bag": ((tmp_path / "good.bag").read_bytes()[:600], "damaged bag"),

@@ -8,6 +8,7 @@ import sys
 import time
 from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
 
 import pytest
 from identification_plants import STAGE
@@ -33,12 +34,14 @@ def test_bags_and_logs_are_found_at_any_depth_whatever_state_they_are_in(tmp_pat
     for name in ("a/metadata.yaml", "deep/er/b/b_0.mcap", "log.csv", "notes.md", ".hidden/c.csv", "d.mcap"):
         (tmp_path / name).parent.mkdir(parents=True, exist_ok=True)
         (tmp_path / name).write_text("")
-    names = [f.name for f in find_recordings([tmp_path])]
+    names = [f.name for f in find_recordings([tmp_path]).found]
     assert names == ["a", "d.mcap", "deep/er/b", "log.csv"]
     (tmp_path / "deep" / "trend.json").write_text("")
-    assert [f.name for f in find_recordings([tmp_path])] == ["a", "d.mcap", "log.csv"]
+    assert [f.name for f in find_recordings([tmp_path]).found] == ["a", "d.mcap", "log.csv"]
     (tmp_path / "deep" / "trend.json").unlink()
-    assert [f.name for f in find_recordings([tmp_path / "a", tmp_path / "deep"])] == ["a", "er/b"]
+    assert [f.name for f in find_recordings([tmp_path / "a", tmp_path / "deep"]).found] == ["a", "er/b"]
+    typed = find_recordings([tmp_path / "log.csv", tmp_path / "a"])
+    assert typed.typed and [f.name for f in typed.found] == ["log.csv", "a"]
     with pytest.raises(ConfigurationError, match="given twice"):
         find_recordings([tmp_path / "a", tmp_path])
     with pytest.raises(ConfigurationError, match="is not there"):
@@ -151,12 +154,15 @@ SAID = {
 
 def test_joints_are_diagnosed_in_one_call_and_ranked_by_what_is_wrong(tmp_path, monkeypatch, capsys):
     """The diagnosis itself is tested elsewhere; here it says what is asked of it, and one joint cannot."""
-    monkeypatch.setattr(diagnoses, "load", lambda bag, model, mapping: [bag])
+    monkeypatch.setattr(
+        diagnoses, "load", lambda bag, model, mapping: SimpleNamespace(name=bag, experiment={})
+    )
     monkeypatch.setattr(diagnoses, "refuse_too_long", lambda bags, model: None)
+    monkeypatch.setattr(diagnoses, "refuse_too_many", lambda data: None)
     asked = {}
 
     def diagnosed(model, recordings, folder, options):
-        asked[model.joint] = [one for part in recordings for one in part]
+        asked[model.joint] = [[one.name] for part in recordings for one in part]
         if model.joint == "omni_z":
             raise RecordingError("no omni_z in it.")
         return SAID[model.joint], None
@@ -188,6 +194,27 @@ def _io():
         "motor": {"topic": "/p", "joint": "j"},
         "arm": {"topic": "/p", "joint": "k"},
     }
+
+
+def outcome(verdict, given, moved=()):
+    return {"status": DONE, **overview(content(verdict, given, moved=moved))}
+
+
+def test_what_differs_by_what_is_not_worth_a_word_is_counted_apart():
+    moved = [{"parameter": "stiffness", "given": 1.0, "value": 2.0, "std": 0.1, "unit": "1"}]
+    large, slight = outcome("unknown", 80.0), outcome("identified", 99.91)
+    both = {"a": slight, "b": large}
+    assert ranked(both) == ["b", "a"]
+    said = overview_sentence(both)
+    assert said.startswith("Something is wrong with 1 of 2; first b: ")
+    assert said.endswith("; the other, a, differs by 0.09 %.")
+    said = overview_sentence({"a": slight, "c": outcome("ambiguous", 98.0)})
+    assert said == "Nothing that matters is wrong with any of the 2; 2 of them differ by 2 % at most."
+    # A parameter that is off matters however well its model simulates, and so does one signal among many.
+    assert outcome("no_mismatch", 99.91, moved)["matters"] and not outcome("no_mismatch", 50.0)["matters"]
+    one = content("identified")
+    one["fit"]["given"]["validation"] = {"p": 99.9, "q": 99.9, "r": 99.9, "v": 94.0}
+    assert overview(one)["error"] < 0.05 and overview(one)["matters"]
 
 
 def test_an_error_is_that_of_the_recordings_that_were_used_least():

@@ -12,14 +12,17 @@ from pathlib import Path
 import pytest
 
 BENCHMARKS = Path(__file__).resolve().parents[1] / "benchmarks"
+sys.path.insert(0, str(BENCHMARKS))
+from _namespaces import ends_with_us  # noqa: E402
+
 HOLDS = """
 import signal, subprocess, sys
 signal.signal(signal.SIGINT, signal.default_int_handler)  # a background job of a shell begins deaf to it
 sys.path.insert(0, sys.argv[1])
-from _namespaces import AT_SERVER, ENDS_WITH_US, Namespaces
+from _namespaces import AT_SERVER, Namespaces, ends_with_us
 with Namespaces() as joined:
     subprocess.run([*joined.enter[1], sys.executable, "-c", sys.argv[2], AT_SERVER], check=True)
-    inside = subprocess.Popen([*ENDS_WITH_US, *joined.enter[0], "sleep", "60"])
+    inside = subprocess.Popen([*ends_with_us(), *joined.enter[0], "sleep", "60"])
     print(*joined.keepers, inside.pid, flush=True)
     sys.stdin.read()
 """
@@ -73,3 +76,18 @@ def test_of_the_namespaces_nothing_is_left_however_their_program_ends(number):
     finally:
         program.kill()
         program.communicate()
+
+
+def test_what_is_to_end_with_a_program_does_not_begin_when_that_has_ended_already():
+    """The kernel tells of a parent's end only who asked for it before."""
+    if shutil.which("setpriv") is None:
+        pytest.skip("setpriv is not here")
+    asks = (
+        "import sys; sys.path.insert(0, sys.argv[1]); import _namespaces\n"
+        "print(*_namespaces.ends_with_us(), sep='\\n')"
+    )
+    other = [sys.executable, "-c", asks, str(BENCHMARKS)]
+    ended = subprocess.run(other, check=True, stdout=subprocess.PIPE, text=True).stdout.splitlines()
+    for command, said in ((ended, ""), (ends_with_us(), "begun\n")):
+        done = subprocess.run([*command, "echo", "begun"], check=False, stdout=subprocess.PIPE, text=True)
+        assert done.stdout == said

@@ -100,7 +100,7 @@ def test_a_gap_is_told_with_its_place_and_length():
     assert quality.gaps == ((pytest.approx(0.099), pytest.approx(0.061)),)
     assert quality.lost == 60
     assert any(
-        p.startswith("/sfj/joint_states: 1 gaps") and "0.061 s after 0.099 s" in p for p in quality.problems
+        p.startswith("/sfj/joint_states: 1 gap ") and "0.061 s after 0.099 s" in p for p in quality.problems
     )
 
 

@@ -10,7 +10,7 @@ from weekly_recordings import FIRST_WEEK, FRICTION, NEW, WEEK, Ageing, write_wee
 
 from haptic_teleop_control.errors import ConfigurationError
 from haptic_teleop_sysid.many.charts import Quantity, chart
-from haptic_teleop_sysid.many.folder import in_order
+from haptic_teleop_sysid.many.folder import Listing, in_order
 from haptic_teleop_sysid.many.limits import limits, moving
 from haptic_teleop_sysid.many.trend import trend_of
 from haptic_teleop_sysid.many.trend_words import change_sentence
@@ -106,9 +106,22 @@ def test_recordings_are_ordered_by_their_stamps_and_what_has_no_date_is_listed()
     told = trend_of(NEW, found, {name: Path(name) for name in found}, 12, 0.05)
     assert told.events == {16: ["the simulated response of the model as given runs away"]}
     assert "simulated error, given model is not determined by 1 of the 9" in " ".join(told.told)
+    found["90"]["damaged"] = ["it was cut"]
+    told = trend_of(NEW, found, {name: Path(name) for name in found}, 12, 0.05)
+    assert told.damaged == ["90"] and "90 is broken and used as far as it goes: it was cut" in told.told
     dateless = {name: o | {"start_ns": 10**9} for name, o in found.items() if o["status"] == "done"}
     told = trend_of(NEW, dateless, {name: Path(name) for name in dateless}, 12, 0.05)
     assert [p.name for p in told.points] == sorted(dateless, key=int)
+    typed = trend_of(NEW, dateless, {n: Path(n) for n in dateless}, 12, 0.05, listing=Listing((), (), True))
+    assert [p.name for p in typed.points] == list(dateless)
+    assert "in the order in which they were given" in " ".join(typed.told)
+    dated = {name: o for name, o in found.items() if o["status"] == "done" and name not in ("200", "400")}
+    typed = trend_of(NEW, dated, {n: Path(n) for n in dated}, 12, 0.05, listing=Listing((), (), True))
+    assert "not as given" not in " ".join(typed.told)
+    turned = dict(reversed(dated.items()))
+    typed = trend_of(NEW, turned, {n: Path(n) for n in turned}, 12, 0.05, listing=Listing((), (), True))
+    assert [p.name for p in typed.points] == list(dated)
+    assert "in order of their own dates, not as given: 100, 99, 98" in " ".join(typed.told)
     with pytest.raises(ConfigurationError, match=r"22 recordings can be used.*smaller --reference"):
         trend_of(NEW, dateless, {name: Path(name) for name in dateless}, 22, 0.05)
 

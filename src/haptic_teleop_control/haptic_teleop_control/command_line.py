@@ -17,7 +17,8 @@ def run_command(main: Callable[[list[str]], int | None], argv: Sequence[str] | N
     `main` receives the arguments without the program's name, those of the process when `argv` is None; its
     result is the exit status, None meaning 0. A `HapticTeleopError` becomes one line on standard error and
     status 2; leaving through `argparse` (`--help` is 0, a bad argument 2) becomes that status; Ctrl-C becomes
-    130 and a reader that closed our output (`| head`) 141, both silently. Any other exception passes
+    130, with the sentence that the interrupt carries, if any, and a reader that closed our output (`| head`)
+    141, silently. Any other exception passes
     through: it is a defect of the program, and Python then prints the traceback and exits with 1.
     """
     try:
@@ -29,7 +30,9 @@ def run_command(main: Callable[[list[str]], int | None], argv: Sequence[str] | N
         return USAGE_ERROR
     except SystemExit as leaving:
         return _status_of(leaving)
-    except KeyboardInterrupt:
+    except KeyboardInterrupt as leaving:
+        if leaving.args:
+            print(f"\n{' '.join(str(leaving).split())}", file=sys.stderr)  # below a shell's ^C
         return INTERRUPTED
     except BrokenPipeError:
         # Python flushes standard output once more while it exits, and would complain about the same pipe.

@@ -117,7 +117,10 @@ def start(name: str, arguments: Sequence[str]) -> int:
     # and the control loops (measured: 24 ms instead of 0.3 ms for an observer gain on two busy cores).
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
     refuse_untrusted_numba_cache()
-    main_of_executable = load(name)
+    try:
+        main_of_executable = load(name)
+    except KeyboardInterrupt:
+        raise KeyboardInterrupt("interrupted before it began; nothing was written") from None
     # What asks for the process' own arguments (argparse for the program's name, rclpy.init) must see the
     # executable's.
     sys.argv = [f"{PROGRAM} {name}", *arguments]

@@ -16,8 +16,10 @@ from haptic_teleop_control.command_line import run_command
 from haptic_teleop_control.errors import ConfigurationError
 from haptic_teleop_sim.model import load_model
 from haptic_teleop_sysid.comparison import Comparison, compare
-from haptic_teleop_sysid.comparison_report import comparison_page, comparison_pictures, comparison_table
+from haptic_teleop_sysid.comparison_pictures import comparison_pictures
+from haptic_teleop_sysid.comparison_report import comparison_page, comparison_table
 from haptic_teleop_sysid.logs.opened import open_recording
+from haptic_teleop_sysid.logs.story import tell
 from haptic_teleop_sysid.preparation import refuse_huge
 from haptic_teleop_sysid.report import claim_output_directory, save_png
 from haptic_teleop_sysid.results import tool_version, write_json
@@ -86,6 +88,7 @@ def run(argv: list[str]) -> int:
     console, progress = Console(), Console(stderr=True)
     with progress.status("reading recordings"):
         recordings = {bag: open_recording(bag, arguments.mapping) for bag in arguments.bag}
+    tell(progress, {bag: recording.experiment for bag, recording in recordings.items()})
     with progress.status("simulating"):
         span = None if arguments.range is None else (arguments.range[0], arguments.range[1])
         result = compare(

@@ -8,6 +8,7 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
+from haptic_teleop_control.counted import counted
 from haptic_teleop_control.errors import RecordingError
 from haptic_teleop_sysid.slips import SLOWEST
 from haptic_teleop_sysid.time_grid import GAP_PERIODS
@@ -152,7 +153,8 @@ def refuse_holes(valid: NDArray[np.bool_], dt: float, name: str, why: list[str])
         return
     first, stop = max(long.tolist(), key=lambda s: s[1] - s[0])
     raise RecordingError(
-        f"{name} has {len(long)} stretches of more than {GAP_PERIODS:g} samples without a usable reading, "
+        f"{name} has {counted(len(long), 'stretch', 'stretches')} of more than {GAP_PERIODS:g} samples "
+        "without a usable reading, "
         f"the longest of {(stop - first) * dt:.3f} s at {first * dt:.3f} s"
         + (f" ({'; '.join(why)})" if why else "")
         + ": record again, or say --allow-gaps to leave them out."

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from haptic_teleop_control.counted import counted
 from haptic_teleop_control.errors import MismatchError, RecordingError
 from haptic_teleop_control.recording import Recording, bag_problems
 from haptic_teleop_control.robots import SFJ_STAGES, VELOCITY_FILTER_CUTOFF_HZ, VELOCITY_FILTER_DAMPING
@@ -134,8 +135,9 @@ def load_dataset(recording: Recording, model: Model, name: str = "", allow_gaps:
     if quality.gaps and not allow_gaps:
         start, length = max(quality.gaps, key=lambda gap: gap[1])
         raise RecordingError(
-            f"{name}: {channels.topic} has {len(quality.gaps)} holes longer than {GAP_PERIODS:g} periods, "
-            f"the longest of "
+            f"{name}: {channels.topic} has {counted(len(quality.gaps), 'hole')} longer than "
+            f"{GAP_PERIODS:g} periods, "
+            "the longest of "
             f"{length:.3f} s at {start:.3f} s: record again, or say --allow-gaps to leave them out."
         )
     if grid.set_back and not allow_gaps:

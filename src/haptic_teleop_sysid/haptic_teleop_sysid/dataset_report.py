@@ -13,24 +13,28 @@ from dataclasses import asdict, dataclass
 from typing import Any
 
 import numpy as np
-from matplotlib.figure import Figure
 from rich.console import Console
 
 from haptic_teleop_control.command_line import run_command
 from haptic_teleop_control.recording import JointStateSeries, Recording, bag_problems
 from haptic_teleop_sim.model import Model, load_model
+from haptic_teleop_sysid.comparison_pictures import input_panel
 from haptic_teleop_sysid.dataset import DataSet, load_dataset
 from haptic_teleop_sysid.excitation import Excitation, excitation, refuse_idle
 from haptic_teleop_sysid.logs.opened import open_recording
+from haptic_teleop_sysid.logs.story import tell
+from haptic_teleop_sysid.parameter_units import Units
 from haptic_teleop_sysid.preparation import prepare, refuse_huge
 from haptic_teleop_sysid.recorded_parameters import recorded_units
 from haptic_teleop_sysid.report import (
     Page,
     Panel,
+    Plot,
     Series,
+    Status,
     claim_output_directory,
     save_png,
-    stacked_panels,
+    unit_text,
 )
 from haptic_teleop_sysid.results import tool_version, write_json
 from haptic_teleop_sysid.treatment_options import add_mapping_option, add_treatment_options, treatment_of
@@ -147,14 +151,13 @@ def as_json(name: str, one: Look) -> dict[str, Any]:
     return content
 
 
-def picture(one: Look) -> Figure:
+def picture(one: Look) -> Plot:
     """The data set's input and outputs; without a model the signals of the recording's topics."""
     if one.dataset is not None:
         d = one.dataset
-        unit = d.input_unit.replace("*", "·")
-        panels = [Panel(f"input ({d.input_source})", unit, [Series("", d.time, d.input, colour=0)])]
-        panels += [Panel(n, d.units()[n], [Series("", d.time, v)]) for n, v in d.signals().items()]
-        return stacked_panels(panels, x_label="time since the recording's first sample (s)")
+        panels = [input_panel(d)]
+        panels += [Panel(n, d.units()[n], [Series("measured", d.time, v)]) for n, v in d.signals().items()]
+        return Plot(panels, "time since the recording's first sample (s)")
     panels = []
     for topic, series in one.recording.topics.items():
         for joint in series.names:
@@ -162,15 +165,15 @@ def picture(one: Look) -> Figure:
             for field, unit in (("position", units["position"]), ("effort", units["input"])):
                 if len(panels) < SIGNALS_DRAWN and _holds(series, joint, field):
                     line = Series("", series.time(), series.signal(joint, field))
-                    panels.append(Panel(f"{topic} {joint}.{field}", unit.replace("*", "·"), [line]))
-    return stacked_panels(panels, x_label="time (s)", height=1.1)
+                    panels.append(Panel(f"{topic} {joint}.{field}", unit_text(unit), [line]))
+    return Plot(panels)
 
 
 def _holds(series: JointStateSeries, joint: str, field: str) -> bool:
     return getattr(series, field) is not None and bool(np.any(np.isfinite(series.signal(joint, field))))
 
 
-def spectrum_picture(one: Excitation, unit: str) -> Figure:
+def spectrum_picture(one: Excitation, unit: str) -> Plot:
     """Power density of input and motor speed over frequency, in decibels."""
     inside = (one.frequency > 0.0) & (one.frequency < 0.5 * one.frequency[-1])
     panels = []
@@ -181,67 +184,90 @@ def spectrum_picture(one: Excitation, unit: str) -> Figure:
         decibels = 10.0 * np.log10(np.maximum(power[inside], 1e-30))
         line = Series("", np.asarray(one.frequency[inside]), np.asarray(decibels))
         panels.append(Panel(title, "dB", [line], spans=[one.band]))
-    return stacked_panels(panels, x_label="frequency (Hz); shaded: 95 % of the input's power")
+    return Plot(panels, "frequency (Hz); shaded: 95 % of the input's power")
 
 
 def page(looks: dict[str, Look]) -> Page:
     """The report."""
     report = Page("Recordings before identification", ", ".join(looks))
+    report.conclude(*_conclusion(looks))
     for name, one in looks.items():
         for status, sentence in judgement(one):
             report.verdict(status, f"{name}: {sentence}")  # pyright: ignore[reportArgumentType]
+    for name, one in looks.items():
         section = report.section(name)
+        section.plot(picture(one), f"Signals of {name}")
         for sentence in one.told:
             section.text(f"{sentence[0].upper()}{sentence[1:]}.")
-        rows = [
-            [
-                topic,
-                q.count,
-                f"{q.rate:.4g}",
-                f"{q.duration:.3f}",
-                f"{q.jitter * 1e3:.3f}",
-                q.lost,
-                len(q.gaps),
-                q.duplicates,
-                q.backwards,
-                sum(q.non_finite.values()),
-            ]
-            for topic, q in one.quality.items()
-        ]
-        header = [
-            "topic",
-            "samples",
-            "rate (Hz)",
-            "length (s)",
-            "jitter (ms)",
-            "lost",
-            "gaps",
-            "duplicates",
-            "backward",
-            "not finite",
-        ]
-        section.table(header, rows, "Stamps and values")
-        section.picture(picture(one), f"Signals of {name}")
-        if one.excitation is not None and one.dataset is not None:
-            e = one.excitation
-            values = e.fit.model.parameter_values()
-            rows = [
-                [
-                    n,
-                    f"{values[n]:.4g}",
-                    "–" if not np.isfinite(s) else f"{s:.2g}",
-                    e.expected.undetermined.get(
-                        n, "" if not values[n] else f"{100 * s / abs(values[n]):.2g} %"
-                    ),
-                ]
-                for n, s in zip(e.expected.names, e.expected.std, strict=True)
-            ]
-            caption = "What an estimate could reach if the model were true at these values"
-            section.table(["parameter", "model's value", "std. error to expect", "relative"], rows, caption)
-            section.picture(
-                spectrum_picture(e, one.dataset.input_unit), "Power density of input and response"
-            )
+        _expected(report, name, one)
+    _quality(report, looks)
     return report
+
+
+def _conclusion(looks: dict[str, Look]) -> tuple[Status, str, str]:
+    """Whether these recordings can be used, and what to do."""
+    said = [(status, f"{name}: {text}") for name, one in looks.items() for status, text in judgement(one)]
+    count = f"{len(looks)} recordings" if len(looks) > 1 else "The recording"
+    bad, fair = ([text for status, text in said if status == which] for which in ("bad", "fair"))
+    if bad:
+        todo = "record again with a richer excitation, or fix in the model what cannot be determined."
+        return "bad", f"{count} cannot teach this model everything. {bad[0]}", todo
+    if fair:
+        return "fair", f"{count} can be read, with something to know first. {fair[0]}", (
+            "see at that time in the picture what happened; then estimate, or record again."
+        )  # fmt: skip
+    judged = any(one.excitation is not None for one in looks.values())
+    todo = "estimate from it." if judged else "give --model to hear whether the excitation teaches it."
+    return "good", f"{count} {'are' if len(looks) > 1 else 'is'} complete and clean.", todo
+
+
+def _quality(report: Page, looks: dict[str, Look]) -> None:
+    """Stamps and values of every topic."""
+    rows = [
+        [
+            topic,
+            q.count,
+            f"{q.rate:.4g}",
+            f"{q.duration:.3f}",
+            f"{q.jitter * 1e3:.3f}",
+            q.lost,
+            len(q.gaps),
+            q.duplicates,
+            q.backwards,
+            sum(q.non_finite.values()),
+            name,
+        ]
+        for name, one in looks.items()
+        for topic, q in one.quality.items()
+    ]
+    header = ["topic", "samples", "rate (Hz)", "length (s)", "jitter (ms)", "lost", "gaps", "duplicates"]
+    header += ["backward", "not finite", "recording"]
+    report.section("Stamps and values").table(header, rows, "Every topic of every recording")
+
+
+def _expected(report: Page, name: str, one: Look) -> None:
+    """What an estimate could reach, and the spectra that say why."""
+    if one.excitation is None or one.dataset is None:
+        return
+    e, values = one.excitation, one.excitation.fit.model.parameter_values()
+    units = Units.of(e.fit.model, one.dataset)
+    rows = [
+        [
+            n,
+            unit_text(units.of_parameter(e.fit.model, n)),
+            f"{values[n]:.4g}",
+            "–" if not np.isfinite(s) else f"{s:.2g}",
+            e.expected.undetermined.get(n, "" if not values[n] else f"{100 * s / abs(values[n]):.2g} %"),
+        ]
+        for n, s in zip(e.expected.names, e.expected.std, strict=True)
+    ]
+    section = report.section(f"What {name} can teach")
+    section.table(
+        ["parameter", "unit", "model's value", "std. error to expect", "relative"],
+        rows,
+        "What an estimate could reach if the model were true at these values",
+    )
+    section.plot(spectrum_picture(e, one.dataset.input_unit), "Power density of input and response")
 
 
 def run(argv: list[str]) -> int:
@@ -252,6 +278,7 @@ def run(argv: list[str]) -> int:
     console, screen = Console(), Console(stderr=True)
     with screen.status("reading recordings"):
         looks = {name: look(name, model, arguments) for name in dict.fromkeys(arguments.bag)}
+    tell(screen, {name: one.recording.experiment for name, one in looks.items()})
     output = claim_output_directory(arguments.output, "dataset.json", arguments.overwrite)
     with screen.status("writing the report"):
         for number, one in enumerate(looks.values(), start=1):

@@ -22,8 +22,9 @@ from haptic_teleop_sysid.diagnosis.forecast import DiagnosisForecast, pass_secon
 from haptic_teleop_sysid.diagnosis.summary import summary
 from haptic_teleop_sysid.diagnosis_run import Options, diagnose_into, load, refuse_too_many
 from haptic_teleop_sysid.logs.reading import is_foreign
+from haptic_teleop_sysid.logs.story import tell
 from haptic_teleop_sysid.many.options import add_means_options, refuse_means
-from haptic_teleop_sysid.report import claim_output_directory
+from haptic_teleop_sysid.report import claimed
 from haptic_teleop_sysid.run_progress import RunProgress
 from haptic_teleop_sysid.treatment_options import add_mapping_option
 
@@ -48,18 +49,22 @@ def run_one(arguments: argparse.Namespace, model: Model, began: float) -> int:
     bags = [*arguments.estimation, *arguments.validation, *arguments.test]
     refuse_too_long([bag for bag in bags if not is_foreign(Path(bag))], model)
     console, screen = Console(), Console(stderr=True)
-    output = claim_output_directory(arguments.output, "diagnosis.json", arguments.overwrite)
     forecast = DiagnosisForecast(arguments.nulls, os.cpu_count() or 1)
     options = Options(arguments.nulls, arguments.mapping, not arguments.no_report)
-    with RunProgress(screen, "diagnose", forecast) as progress:
+    with (
+        claimed(arguments.output, "diagnosis.json", arguments.overwrite) as output,
+        RunProgress(screen, "diagnose", forecast) as progress,
+    ):
         progress.say("reading recordings")
         groups = (arguments.estimation, arguments.validation, arguments.test)
         estimation, validation, test = ([load(bag, model, arguments.mapping) for bag in g] for g in groups)
         refuse_too_many([*estimation, *validation, *test])
+        read = {d.name: d.experiment for d in (*estimation, *validation, *test)}
         forecast.unit = pass_seconds(model, records_of(estimation))
         content, report = diagnose_into(
             model, (estimation, validation, test), output, options, began, progress.say
         )
+    tell(screen, read)
     for name, problems in content["recordings"].items():
         for problem in problems:
             screen.print(f"note: {name}: {problem}", markup=False, highlight=False)

@@ -14,7 +14,7 @@ from haptic_teleop_sim.model import Model
 from haptic_teleop_sysid.diagnosis_run import Options
 from haptic_teleop_sysid.many.diagnoses import folder_jobs, joint_jobs, refuse_twins
 from haptic_teleop_sysid.many.each import claim, each
-from haptic_teleop_sysid.many.folder import find_recordings
+from haptic_teleop_sysid.many.folder import Listing, find_recordings
 from haptic_teleop_sysid.many.kept import DONE
 from haptic_teleop_sysid.many.options import means_of
 from haptic_teleop_sysid.many.ranking import (
@@ -31,20 +31,28 @@ from haptic_teleop_sysid.results import tool_version, write_json
 def run_many(arguments: argparse.Namespace, models: list[Model], began: float) -> int:
     """Diagnose each joint, and with --bags each recording, for itself, with one overview."""
     refuse_twins(models)
-    output = claim(Path(arguments.output))
+    listing = find_recordings(arguments.bags) if arguments.bags else Listing(())
+    with claim(Path(arguments.output)) as output:
+        return _into(output, arguments, models, listing, began)
+
+
+def _into(
+    output: Path, arguments: argparse.Namespace, models: list[Model], listing: Listing, began: float
+) -> int:
     mapping = None if arguments.mapping is None else str(Path(arguments.mapping).resolve())
     options = Options(arguments.nulls, mapping, not arguments.no_report)
     groups = (tuple(arguments.estimation or ()), tuple(arguments.validation), tuple(arguments.test))
     if arguments.bags:
-        found = find_recordings(arguments.bags)
-        jobs = folder_jobs(models, found, groups, options, output)
+        jobs = folder_jobs(models, listing.found, groups, options, output)
     else:
         jobs = joint_jobs(models, groups, options, output)
     screen = Console(stderr=True)
+    for line in listing.told:
+        screen.print(line, markup=False, highlight=False, soft_wrap=True)
     outcomes, known = each("diagnosing", jobs, means_of(arguments))
     if known:
         screen.print(f"{known} of {len(jobs)} were known from earlier runs", highlight=False)
-    content = overview_content(outcomes)
+    content = overview_content(outcomes) | {"passed_over": listing.passed}
     content |= {"runtime_s": round(time.perf_counter() - began, 2), "version": tool_version()}
     write_json(output / "overview.json", content)
     write_overview(outcomes, output / "overview.csv")
@@ -60,7 +68,8 @@ def told(outcomes: dict[str, dict[str, Any]], report: Path) -> int:
     for number, name in enumerate(ranked(outcomes), start=1):
         o = outcomes[name]
         errors = f"error {percent(o['error'])} -> {percent(o['left'])}"
-        say(f"{number}. {name}: {o['verdict']}: {o['what']} ({errors})")
+        slight = "slight, " if o["wrong"] and not o["matters"] else ""
+        say(f"{number}. {name}: {o['verdict']}: {o['what']} ({slight}{errors})")
     for name, outcome in outcomes.items():
         if outcome["status"] != DONE:
             say(f"not diagnosed: {name}: {outcome['message']}")

@@ -16,6 +16,7 @@ from haptic_teleop_sysid.diagnosis.cuts import MOST_SAMPLES, with_cuts_told
 from haptic_teleop_sysid.diagnosis.diagnose import diagnose, records_of
 from haptic_teleop_sysid.diagnosis.next_experiment import write_acquire_file
 from haptic_teleop_sysid.diagnosis.page import diagnosis_page
+from haptic_teleop_sysid.diagnosis.page_steps import Origin
 from haptic_teleop_sysid.diagnosis.plausible import refuse_implausible, with_contradictions
 from haptic_teleop_sysid.logs.opened import open_recording
 from haptic_teleop_sysid.parameter_units import Units
@@ -73,5 +74,7 @@ def diagnose_into(
     write_acquire_file(output, model, content["next_experiment"])
     if not options.page:
         return content, None
-    page = diagnosis_page(result, verdict, content, proof, records_of(estimation), units)
+    judge = tuple(d.name for d in (validation if validation else estimation))
+    origin = Origin(model.source, judge, output, options.mapping)
+    page = diagnosis_page(result, verdict, content, proof, records_of(estimation), units, origin)
     return content, page.write(output / "report.html")

@@ -14,18 +14,19 @@ from rich.console import Console
 from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
 
 from haptic_teleop_control.command_line import run_command
+from haptic_teleop_control.counted import counted
 from haptic_teleop_control.errors import ConfigurationError
 from haptic_teleop_sim.model import Model, load_model
 from haptic_teleop_sysid.estimation.strategies import METHODS, check_start
 from haptic_teleop_sysid.estimation_report import tables, verdict
 from haptic_teleop_sysid.estimation_run import Choices, load, run_estimate, write_results
+from haptic_teleop_sysid.logs.story import tell
 from haptic_teleop_sysid.many.each import claim, each
 from haptic_teleop_sysid.many.estimates import estimate_jobs, estimates_page, together, write_estimates
-from haptic_teleop_sysid.many.folder import find_recordings
+from haptic_teleop_sysid.many.folder import Listing, find_recordings
 from haptic_teleop_sysid.many.kept import DONE
 from haptic_teleop_sysid.many.options import add_means_options, means_of, refuse_means
-from haptic_teleop_sysid.parameter_table import rounded
-from haptic_teleop_sysid.report import claim_output_directory
+from haptic_teleop_sysid.report import claimed, with_error
 from haptic_teleop_sysid.results import tool_version, write_json
 from haptic_teleop_sysid.treatment_options import add_mapping_option, add_treatment_options, treatment_of
 
@@ -57,14 +58,15 @@ def run(argv: list[str]) -> int:
         return _each(arguments, model, choices, began)
     refuse_means(arguments, "--bags")
     console, screen = Console(), Console(stderr=True)
-    with screen.status("reading recordings"):
-        data, told = load([*bags, *validation], model, choices)
-    output = claim_output_directory(arguments.output, "estimate.json", arguments.overwrite)
-    columns = (TextColumn("{task.description}"), BarColumn(), TimeElapsedColumn())
-    with Progress(*columns, console=screen, transient=True) as progress:
-        result = run_estimate(model, data, told, validation, choices, progress)
-    with screen.status("writing the report"):
-        path = write_results(result, output, began)
+    with claimed(arguments.output, "estimate.json", arguments.overwrite) as output:
+        with screen.status("reading recordings"):
+            data, told = load([*bags, *validation], model, choices)
+        tell(screen, {bag: dataset.experiment for bag, dataset in data.items()})
+        columns = (TextColumn("{task.description}"), BarColumn(), TimeElapsedColumn())
+        with Progress(*columns, console=screen, transient=True) as progress:
+            result = run_estimate(model, data, told, validation, choices, progress)
+        with screen.status("writing the report"):
+            path = write_results(result, output, began)
     for table in tables(result):
         console.print(table)
     for _, sentence in verdict(result):
@@ -75,13 +77,26 @@ def run(argv: list[str]) -> int:
 
 def _each(arguments: argparse.Namespace, model: Model, choices: Choices, began: float) -> int:
     """Estimate from each recording of a folder for itself; returns the exit status."""
-    found = find_recordings(arguments.bags)
-    output = claim(Path(arguments.output))
+    listing = find_recordings(arguments.bags)
+    with claim(Path(arguments.output)) as output:
+        return _each_into(output, arguments, model, choices, listing, began)
+
+
+def _each_into(
+    output: Path,
+    arguments: argparse.Namespace,
+    model: Model,
+    choices: Choices,
+    listing: Listing,
+    began: float,
+) -> int:
     if choices.mapping is not None:
         choices = replace(choices, mapping=str(Path(choices.mapping).resolve()))
     with_page = not arguments.no_report
-    jobs = estimate_jobs(found, model, arguments.validation or [], choices, with_page, output)
+    jobs = estimate_jobs(listing.found, model, arguments.validation or [], choices, with_page, output)
     say = partial(Console().print, markup=False, highlight=False, soft_wrap=True)
+    for line in listing.told:
+        say(line)
     outcomes, known = each("estimating", jobs, means_of(arguments))
     if known:
         Console(stderr=True).print(f"{known} of {len(jobs)} were known from earlier runs", highlight=False)
@@ -89,6 +104,7 @@ def _each(arguments: argparse.Namespace, model: Model, choices: Choices, began: 
     content = {
         "schema": 1,
         "together": all_,
+        "passed_over": listing.passed,
         "recordings": {n: {k: v for k, v in o.items() if k != "key"} for n, o in outcomes.items()},
         "runtime_s": round(time.perf_counter() - began, 2),
         "version": tool_version(),
@@ -97,8 +113,8 @@ def _each(arguments: argparse.Namespace, model: Model, choices: Choices, began: 
     write_estimates(outcomes, output / "estimates.csv")
     report = estimates_page(model, outcomes, with_page).write(output / "report.html")
     for name, row in all_.items():
-        text = f"{name}: {rounded(row['mean'], row['std'])} ± {row['std']:.2g} {row['unit']}"
-        say(f"{text} of {row['count']} recordings" + ("" if row["alike"] else ", which differ"))
+        text = f"{name}: {with_error(row['mean'], row['std'], row['unit'])}"
+        say(f"{text} of {counted(row['count'], 'recording')}" + ("" if row["alike"] else ", which differ"))
     unusable = {n: o["message"] for n, o in outcomes.items() if o["status"] != DONE}
     for name, why in unusable.items():
         say(f"not used: {name}: {why}")

@@ -6,19 +6,19 @@ from dataclasses import asdict, dataclass
 from typing import Any
 
 import numpy as np
-from matplotlib.figure import Figure
 from rich.table import Table
 from rich.text import Text
 
-from haptic_teleop_sysid.comparison_report import percent_text, within
+from haptic_teleop_sysid.comparison_pictures import input_panel, percent_text, within
 from haptic_teleop_sysid.dataset import DataSet
 from haptic_teleop_sysid.estimation.result import Estimate
 from haptic_teleop_sysid.fit import SimulatedFit
 from haptic_teleop_sysid.parameter_table import HEADER, Row, as_text, parameter_rows
 from haptic_teleop_sysid.parameter_units import Units
-from haptic_teleop_sysid.report import Page, Panel, Series, stacked_panels
+from haptic_teleop_sysid.report import Page, Panel, Plot, Series, Status
 from haptic_teleop_sysid.residual_picture import residual_picture
 from haptic_teleop_sysid.residuals import Residuals, reading
+from haptic_teleop_sysid.small_motion import hardly_moving, judged
 from haptic_teleop_sysid.windows import closed_loop
 
 _DISAGREEMENT = (
@@ -211,40 +211,74 @@ def page(result: Result) -> Page:
     """The report."""
     found = result.estimate
     report = Page("Estimated parameters", f"{found.model.robot} {found.model.joint}, {found.method}")
+    report.conclude(*_conclusion(result))
     for status, sentence in verdict(result):
         report.verdict(status, sentence)  # pyright: ignore[reportArgumentType]
+    for bag in result.data:
+        _recording(report, result, bag)
     rows = parameter_rows(found, units_of(result))
-    report.section("Parameters").table(HEADER, [as_text(row) for row in rows], "SI units; intervals of 95 %")
-    _correlation(report, result)
+    report.section("Parameters").table(
+        HEADER, [as_text(row) for row in rows], "Estimates with their standard errors and intervals of 95 %"
+    )
     section = report.section(
         "Fit",
         "Simulated response to the recorded input, 100·(1 − ‖y − ŷ‖ / ‖y − mean y‖); "
         "initial state estimated for each window, nothing corrected along the way.",
     )
     section.table(["recording", "signal", "start", "estimate"], fit_rows(result), "in percent")
+    _correlation(report, result)
     for bag, dataset in result.data.items():
-        role = "validation" if bag in result.validation else "estimation"
-        part = report.section(f"{bag} ({role})")
-        windows = result.fits["estimate", bag].windows
-        extent = (
-            "the whole"
-            if windows.seconds is None
-            else f"{len(windows.spans)} windows of {windows.seconds:.2f} s"
-        )
-        part.text(
-            f"{len(dataset)} samples of {dataset.dt * 1e3:.3g} ms; simulated over {extent} ({windows.why})."
-        )
-        for sentence in result.told[bag]:
-            part.text(f"{sentence[0].upper()}{sentence[1:]}.")
-        part.picture(fit_picture(result, bag), f"Measured and simulated response, {bag}")
         residuals = result.residuals.get(bag, [])
         if residuals:
+            part = report.section(f"One-step errors, {bag}", folded=True)
             for sentence in reading(residuals, closed_loop(dataset)):
                 part.text(sentence)
-            part.picture(
+            part.plot(
                 residual_picture(residuals, dataset.dt), "Correlation of the one-step prediction errors"
             )
     return report
+
+
+def _conclusion(result: Result) -> tuple[Status, str, str]:
+    """What was estimated, whether it may be used, and what to do."""
+    found, told = result.estimate, verdict(result)
+    count = sum(1 for row in parameter_rows(found, units_of(result)) if row.status != "fixed")
+    before, after = (_mean_fit(result, which) for which in ("start", "estimate"))
+    where = "recordings that were not used" if result.validation else "the recordings that were used"
+    happened = (
+        f"{count} parameters of {found.model.joint} estimated: on {where} the mean fit goes from "
+        f"{percent_text(before)} to {percent_text(after)} %."
+    )
+    bad = [sentence for status, sentence in told if status == "bad"]
+    if bad:
+        return "bad", f"{happened} {bad[0]}", "do not use these numbers; diagnose tells what is missing."
+    if any(status == "fair" for status, _ in told):
+        return "fair", happened, "model.yaml holds the estimate; read the notes below before you use it."
+    if after < before:
+        return "fair", happened, "the start was nearer: see where in the picture, with Difference."
+    todo = "model.yaml holds the estimate: simulate with it"
+    return "good", happened, f"{todo}{'' if result.validation else ', and judge it on another recording'}."
+
+
+def _mean_fit(result: Result, which: str) -> float:
+    """Mean fit of start or estimate over the signals of the recordings that judge, percent."""
+    bags = [b for b in result.data if b in result.validation] or list(result.data)
+    fits = [judged(result.fits[which, b].percent, hardly_moving([result.data[b]])) for b in bags]
+    return float(np.mean([p for found in fits for p in found.values()]))
+
+
+def _recording(report: Page, result: Result, bag: str) -> None:
+    """The response to one recording, and what was done to that."""
+    dataset, windows = result.data[bag], result.fits["estimate", bag].windows
+    part = report.section(f"{bag} ({'validation' if bag in result.validation else 'estimation'})")
+    part.plot(fit_picture(result, bag), f"Measured and simulated response, {bag}")
+    extent = (
+        "the whole" if windows.seconds is None else f"{len(windows.spans)} windows of {windows.seconds:.2f} s"
+    )
+    samples = f"{len(dataset)} samples of {dataset.dt * 1e3:.3g} ms"
+    part.text(f"{samples}; simulated over {extent} ({windows.why}).")
+    for sentence in result.told[bag]:
+        part.text(f"{sentence[0].upper()}{sentence[1:]}.")
 
 
 def _correlation(report: Page, result: Result) -> None:
@@ -255,29 +289,23 @@ def _correlation(report: Page, result: Result) -> None:
         [name, *("–" if not np.isfinite(c) else f"{c:+.2f}" for c in line)]
         for name, line in zip(unsure.names, unsure.correlation, strict=True)
     ]
-    report.section(
-        "Correlation of the estimates", "Near ±1 only a combination of the two is known well."
-    ).table(["", *unsure.names], rows)
+    text = "Near ±1 only a combination of the two is known well."
+    report.section("Correlation of the estimates", text, folded=True).table(["", *unsure.names], rows)
 
 
-def fit_picture(result: Result, bag: str) -> Figure:
+def fit_picture(result: Result, bag: str) -> Plot:
     """Each output as measured, as the start and as the estimate simulate it, and the input."""
     dataset = result.data[bag]
     panels = []
     for signal, measured in dataset.signals().items():
-        lines = [Series("measured", dataset.time, measured, colour=0, width=1.8)]
-        for number, which in enumerate(("start", "estimate"), start=1):
+        lines, fits = [Series("measured", dataset.time, measured)], []
+        for which, role in (("start", "given"), ("estimate", "re-estimated")):
             fit = result.fits[which, bag]
-            label = f"{which}  {percent_text(fit.percent[signal])} %"
-            lines.append(
-                Series(label, dataset.time, within(fit.simulated[signal], measured), colour=3 - number)
-            )
-        panels.append(Panel(signal, dataset.units()[signal], lines))
-    unit = dataset.input_unit.replace("*", "·")
-    panels.append(
-        Panel(f"input ({dataset.input_source})", unit, [Series("", dataset.time, dataset.input, colour=0)])
-    )
-    return stacked_panels(panels, x_label="time since the recording's first sample (s)")
+            fits.append(f"{which} {percent_text(fit.percent[signal])} %")
+            lines.append(Series(which, dataset.time, within(fit.simulated[signal], measured), role))
+        panels.append(Panel(signal, dataset.units()[signal], lines, note=", ".join(fits)))
+    panels.append(input_panel(dataset))
+    return Plot(panels, "time since the recording's first sample (s)").with_difference()
 
 
 __all__ = ["Result", "Row", "as_json", "fit_picture", "page", "residual_picture", "tables", "verdict"]

@@ -21,6 +21,7 @@ from haptic_teleop_sysid.estimation_report import Result, as_json, fit_picture, 
 from haptic_teleop_sysid.excitation import at_values, refuse_idle
 from haptic_teleop_sysid.fit import choose_windows, simulated_fit
 from haptic_teleop_sysid.logs.opened import open_recording
+from haptic_teleop_sysid.logs.story import how_read
 from haptic_teleop_sysid.preparation import (
     MOST_SAMPLES,
     Treatment,
@@ -58,7 +59,7 @@ def load_one(bag: str, model: Model, choices: Choices) -> tuple[Recording, DataS
     refuse_idle(dataset)
     treated, told = prepare(dataset, recording, model, choices.treatment)
     refuse_idle(treated)
-    return recording, with_trusted_input(treated), told
+    return recording, with_trusted_input(treated), [*how_read(recording.experiment, bag), *told]
 
 
 def load(

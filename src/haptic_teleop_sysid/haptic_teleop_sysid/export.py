@@ -18,7 +18,9 @@ from haptic_teleop_sim.model import Model, load_model
 from haptic_teleop_sim.mujoco_robot import TIMESTEP
 from haptic_teleop_sysid.export_cost import costs, simulated_there
 from haptic_teleop_sysid.export_reference import multisine, recorded
+from haptic_teleop_sysid.logs.story import tell
 from haptic_teleop_sysid.results import tool_version, write_json
+from haptic_teleop_sysid.treatment_options import add_mapping_option
 
 TARGETS = ("mujoco", "urdf", "python")
 
@@ -41,7 +43,8 @@ def run(argv: list[str]) -> int:
         if arguments.bag is None:
             reference = multisine(model, arguments.rms, arguments.seconds)
         else:
-            reference = recorded(model, arguments.bag, arguments.allow_gaps)
+            reference = recorded(model, arguments.bag, arguments.allow_gaps, arguments.mapping)
+            tell(progress, {arguments.bag: reference.dataset.experiment})
         content: dict[str, Any] = {
             "schema": 1,
             "model": arguments.model,
@@ -170,7 +173,7 @@ def _parser() -> argparse.ArgumentParser:
         help="the file to write; FILE.json beside it says what it lacks and what that costs",
     )  # fmt: skip
     parser.add_argument(
-        "--bag", metavar="BAG", help="measure on this recording (default: a simulated multisine)"
+        "--bag", metavar="BAG", help="measure on this recording or log (default: a simulated multisine)"
     )
     parser.add_argument(
         "--rms", type=_positive, help="root mean square of the multisine, in the model's input"
@@ -184,6 +187,7 @@ def _parser() -> argparse.ArgumentParser:
         "--allow-gaps", action="store_true", help="leave holes in the recording out instead of refusing it"
     )
     parser.add_argument("--overwrite", action="store_true", help="replace FILE and FILE.json")
+    add_mapping_option(parser)
     return parser
 
 

@@ -9,7 +9,6 @@ from typing import Any, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from haptic_teleop_control.recording import read_recording
 from haptic_teleop_control.robots import OMNI_PEAK_TORQUE, OMNI_RATE_HZ, SFJ_RATE_HZ, SFJ_STAGES
 from haptic_teleop_control.signals.multisine import multisine_coefficients
 from haptic_teleop_control.signals.settings import Multisine
@@ -18,6 +17,7 @@ from haptic_teleop_sim.model import Model
 from haptic_teleop_sysid.dataset import DataSet, load_dataset
 from haptic_teleop_sysid.estimation.records import with_trusted_input
 from haptic_teleop_sysid.fit import choose_windows, fit_percent, simulated_fit
+from haptic_teleop_sysid.logs.opened import open_recording
 from haptic_teleop_sysid.preparation import refuse_huge, with_damage_told
 from haptic_teleop_sysid.windows import Windows
 
@@ -120,10 +120,12 @@ class Recorded:
                 "window_s": w.seconds, "why": w.why}  # fmt: skip
 
 
-def recorded(model: Model, bag: str | Path, allow_gaps: bool = False) -> Recorded:
-    """Return the recording; errors as `load_dataset`."""
+def recorded(
+    model: Model, bag: str | Path, allow_gaps: bool = False, mapping: str | Path | None = None
+) -> Recorded:
+    """Return the recording, or a log by a ``mapping``; errors as `open_recording` and `load_dataset`."""
     refuse_huge(bag)
-    recording = read_recording(bag)
+    recording = open_recording(bag, mapping)
     dataset = with_trusted_input(load_dataset(recording, model, str(bag), allow_gaps))
     dataset = with_damage_told(dataset, recording)
     return Recorded(dataset, choose_windows(model, dataset))

@@ -17,12 +17,14 @@ import numpy as np
 from rich.console import Console
 
 from haptic_teleop_control.command_line import run_command
+from haptic_teleop_control.counted import counted
 from haptic_teleop_control.errors import ConfigurationError, HapticTeleopError, RecordingError
 from haptic_teleop_control.recording import Recording, write_recording
 from haptic_teleop_control.strict_yaml import dump_yaml
 from haptic_teleop_sysid.logs.mapping import Mapping, load_mapping
 from haptic_teleop_sysid.logs.opened import imported
 from haptic_teleop_sysid.logs.proposal_text import mapping_text
+from haptic_teleop_sysid.logs.prose import is_prose
 from haptic_teleop_sysid.logs.reading import SUFFIXES, ReadOptions, read_log
 from haptic_teleop_sysid.logs.second_look import mend, tried
 from haptic_teleop_sysid.logs.suggest import propose
@@ -34,7 +36,7 @@ PARTLY = 1
 def run(argv: list[str]) -> int:
     """Do what the arguments say; returns the exit status."""
     arguments = _parser().parse_args(argv)
-    files = logs_in([Path(name) for name in arguments.files])
+    files, passed = logs_in([Path(name) for name in arguments.files])
     rows = None if arguments.rows is None else (arguments.rows[0], arguments.rows[1])
     if rows is not None and not 1 <= rows[0] < rows[1]:
         raise ConfigurationError(f"--rows {rows[0]} {rows[1]}: give the first row, from 1, and a later one.")
@@ -53,6 +55,8 @@ def run(argv: list[str]) -> int:
             f"{output}: it exists already and is not overwritten: name another output, or remove it"
         )
     console, screen = Console(), Console(stderr=True)
+    if passed:
+        _say(screen, f"passed over, being no recording: {', '.join(map(str, passed))}")
     if (len(files) == 1 and not Path(arguments.files[0]).is_dir()) or _is_bag(Path(arguments.files[0])):
         recording = imported(files[0], mapping, options)
         _written(recording, output)
@@ -86,7 +90,7 @@ def _several(
             _say(screen, f"failed: {failed[file]}")
             continue
         odd = recording.experiment["import"]["odd"]
-        about = f"{_samples(recording)}" + (f"; {len(odd)} things to look at" if odd else "")
+        about = f"{_samples(recording)}" + (f"; {counted(len(odd), 'thing')} to look at" if odd else "")
         _say(console, f"{output / name}: {about}")
     _say(
         console,
@@ -108,12 +112,13 @@ def _suggest(files: list[Path], options: ReadOptions, mapping: Mapping | None) -
     refused, odd = tried(log, proposal)
     mended = bool(refused) and mend(log, proposal)
     again, odd = tried(log, proposal) if mended else (refused, odd)
-    print(mapping_text(log, proposal, again), end="")
+    notes = (*log.remarks, *proposal.notes, *odd)
+    print(mapping_text(log, proposal, again, notes), end="")
     screen = Console(stderr=True)
-    for remark in (*log.remarks, *proposal.notes, *odd):
+    for remark in notes:
         _say(screen, f"note: {remark}")
     for doubt in proposal.doubts:
-        _say(screen, f"open: {doubt}")
+        _say(screen, f"open: {doubt.text}")
     every = [c.sure for signals in proposal.joints.values() for c in signals.values()]
     every += [proposal.time.sure] if proposal.time else []
     counted = Counter(every)
@@ -129,21 +134,24 @@ def _suggest(files: list[Path], options: ReadOptions, mapping: Mapping | None) -
     return 0
 
 
-def logs_in(paths: Sequence[Path]) -> list[Path]:
+def logs_in(paths: Sequence[Path]) -> tuple[list[Path], list[Path]]:
     """The logs that the arguments name: files, bags, and everything in a folder that looks like one or the
-    other. ConfigurationError for a folder without any."""
+    other; and the texts there that do not. ConfigurationError for a folder without any log."""
     found: list[Path] = []
+    passed: list[Path] = []
     for path in paths:
         if not path.is_dir() or _is_bag(path):
             found.append(path)
             continue
-        inside = sorted(p for p in path.iterdir() if _is_bag(p) or p.suffix.lower() in SUFFIXES)
+        here = sorted(p for p in path.iterdir() if _is_bag(p) or p.suffix.lower() in SUFFIXES)
+        inside = [p for p in here if not is_prose(p)]
+        passed += [p for p in here if p not in inside]
         if not inside:
             raise ConfigurationError(
                 f"{path}: no log in it ({', '.join(SUFFIXES)} or a bag): name another folder."
             )
         found += inside
-    return found
+    return found, passed
 
 
 def _is_bag(path: Path) -> bool:

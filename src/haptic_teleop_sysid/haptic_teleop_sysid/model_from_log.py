@@ -15,6 +15,7 @@ from haptic_teleop_control.errors import ConfigurationError, HapticTeleopError, 
 from haptic_teleop_control.recording import Recording
 from haptic_teleop_sim.model import STRUCTURES
 from haptic_teleop_sysid.logs.opened import open_recording
+from haptic_teleop_sysid.logs.story import tell
 from haptic_teleop_sysid.parameter_units import Units
 from haptic_teleop_sysid.recorded_parameters import recorded_units
 from haptic_teleop_sysid.results import tool_version
@@ -33,6 +34,7 @@ def run(argv: list[str]) -> int:
     console, screen = Console(), Console(stderr=True)
     with screen.status("reading"):
         recordings = {name: open_recording(name, arguments.mapping) for name in dict.fromkeys(arguments.logs)}
+    tell(screen, {name: recording.experiment for name, recording in recordings.items()})
     for name, recording in recordings.items():
         for odd in recording.experiment.get("import", {}).get("odd", ()):
             _say(screen, f"note: {name}: {odd}")

@@ -8,6 +8,7 @@ import numpy as np
 import scipy
 from numpy.typing import NDArray
 
+from haptic_teleop_control.counted import counted
 from haptic_teleop_control.robots import VELOCITY_FILTER_CUTOFF_HZ, VELOCITY_FILTER_DAMPING
 from haptic_teleop_sysid.channels import Channel
 from haptic_teleop_sysid.damage import SETTLES, held, leaps, stood_still
@@ -49,13 +50,15 @@ def _mended(read: Array, joint: str, grid: TimeGrid, damage: Damage) -> Array:
     unread = leaps(kept)
     if unread.any():
         damage.told.append(
-            f"{joint}.position leaps away and back at {int(np.sum(unread))} samples, which no joint does: "
+            f"{joint}.position leaps away and back at {counted(int(np.sum(unread)), 'sample')}, which "
+            "no joint does: "
             "they count as not read"
         )
     stale = held(np.where(unread, np.nan, kept))
     if stale.any():
         damage.told.append(
-            f"{joint}.position repeats one value at {int(np.sum(stale))} samples while the joint moves on: "
+            f"{joint}.position repeats one value at {counted(int(np.sum(stale)), 'sample')} while the "
+            "joint moves on: "
             "they count as not read"
         )
     unread |= stale
@@ -68,7 +71,8 @@ def _mended(read: Array, joint: str, grid: TimeGrid, damage: Damage) -> Array:
             unread[start:stop] = True
         if away:
             damage.told.append(
-                f"{joint}.position is elsewhere for some samples {len(away)} times and comes back: they "
+                f"{joint}.position is elsewhere for some samples {counted(len(away), 'time')} and comes "
+                "back: they "
                 "count as not read"
             )
     if len(found) > MOST:
@@ -110,7 +114,7 @@ def leave_out_stills(
             start, stop, sure = max(found, key=lambda s: (s[2], s[1] - s[0]))
             why = "its encoder or the line to it failed" + ("" if sure else ", or it was held")
             damage.told.append(
-                f"{joint}.position stands still {len(found)} times while {other} moves on, "
+                f"{joint}.position stands still {counted(len(found), 'time')} while {other} moves on, "
                 f"{(stop - start) * dt:.3f} s from {start * dt:.3f} s: {why}"
             )
 

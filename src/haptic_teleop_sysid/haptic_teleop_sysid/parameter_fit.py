@@ -16,8 +16,8 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
-from scipy.optimize import least_squares
 
 from haptic_teleop_control.errors import ModelError
 from haptic_teleop_sim.kernel import pack
@@ -101,7 +101,7 @@ def fit_parameters(
     free_states = states[:, list(used)].ravel()
     unbounded = np.full(len(free_states), np.inf)
     typical = np.array([1.0 if name in LOGARITHMIC else max(abs(values[name]), 1e-3) for name in names])
-    found = least_squares(
+    found = scipy.optimize.least_squares(
         evaluate,
         np.concatenate([start, free_states]),
         jac=jacobian,  # pyright: ignore[reportArgumentType]

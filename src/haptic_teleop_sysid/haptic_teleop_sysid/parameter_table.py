@@ -7,6 +7,7 @@ from dataclasses import dataclass
 
 from haptic_teleop_sysid.estimation.result import Estimate
 from haptic_teleop_sysid.parameter_units import Units
+from haptic_teleop_sysid.report import error_text, rounded, unit_text
 
 
 @dataclass(frozen=True)
@@ -78,19 +79,12 @@ def as_text(row: Row) -> list[str]:
     elif row.std is None:
         value, std, interval = f"{row.value:.6g}", "–", "–"
     elif row.interval is None:
-        value, std, interval = rounded(row.value, row.std), f"{row.std:.2g}", "–"
+        value, std, interval = rounded(row.value, row.std), error_text(row.std), "–"
     else:
-        value, std = rounded(row.value, row.std), f"{row.std:.2g}"
+        value, std = rounded(row.value, row.std), error_text(row.std)
         interval = " … ".join(rounded(end, row.std) for end in row.interval)
-    return [row.name, row.unit, f"{row.start:.6g}", value, std, interval, row.note or row.status]
-
-
-def rounded(value: float, std: float) -> str:
-    """The value with as many digits as its standard error (two of its own) leaves meaningful."""
-    if not (std > 0.0 and math.isfinite(std) and value != 0.0):
-        return f"{value:.6g}"
-    digits = math.floor(math.log10(abs(value))) - math.floor(math.log10(std)) + 2
-    return f"{value:.{min(max(digits, 2), 12)}g}"
+    unit = unit_text(row.unit)
+    return [row.name, unit, f"{row.start:.6g}", value, std, interval, row.note or row.status]
 
 
 HEADER = ["parameter", "unit", "start", "estimate", "std. error", "95 % interval", "remark"]

@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 import numpy as np
-from matplotlib.figure import Figure
 
-from haptic_teleop_sysid.report import Panel, Series, stacked_panels
+from haptic_teleop_sysid.report import Panel, Plot, Series
 from haptic_teleop_sysid.residuals import Residuals
 
 
-def residual_picture(residuals: list[Residuals], dt: float) -> Figure:
+def residual_picture(residuals: list[Residuals], dt: float) -> Plot:
     """Auto- and cross-correlation with their 99 % bounds."""
     panels = []
     for one in residuals:
@@ -20,7 +19,7 @@ def residual_picture(residuals: list[Residuals], dt: float) -> Figure:
             Panel(
                 f"{one.signal}: error with itself later",
                 "1",
-                [Series("", time[later], np.asarray(one.auto[later]), colour=1)],
+                [Series("", time[later], np.asarray(one.auto[later]))],
                 guides=bounds,
             )
         )
@@ -28,8 +27,8 @@ def residual_picture(residuals: list[Residuals], dt: float) -> Figure:
             Panel(
                 f"{one.signal}: input with error later (left of 0: feedback)",
                 "1",
-                [Series("", time, one.cross, colour=2)],
+                [Series("", time, one.cross, "input")],
                 guides=bounds,
             )
         )
-    return stacked_panels(panels, x_label="lag (s)", height=1.4)
+    return Plot(panels, x_label="lag (s)")

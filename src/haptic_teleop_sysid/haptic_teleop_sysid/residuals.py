@@ -15,7 +15,6 @@ from dataclasses import dataclass
 import numpy as np
 import scipy
 from numpy.typing import NDArray
-from scipy.linalg import solve_toeplitz
 
 from haptic_teleop_sim.kernel import pack
 from haptic_teleop_sim.model import Model
@@ -105,7 +104,7 @@ def whitened(u: Array) -> Array:
         return u
     # A ridge, because the power of a smooth input falls by more than the arithmetic resolves.
     r[0] *= 1.0 + 1e-6
-    coefficients = np.concatenate([[1.0], -solve_toeplitz(r[:-1], r[1:])])
+    coefficients = np.concatenate([[1.0], -scipy.linalg.solve_toeplitz(r[:-1], r[1:])])
     return np.asarray(scipy.signal.lfilter(coefficients, [1.0], u), dtype=np.float64)
 
 

@@ -13,13 +13,13 @@ from pathlib import Path
 from rich.console import Console
 
 from haptic_teleop_control.command_line import run_command
-from haptic_teleop_sim.model import load_model
+from haptic_teleop_sim.model import Model, load_model
 from haptic_teleop_sysid.diagnose import run as diagnose
 from haptic_teleop_sysid.estimation.strategies import check_start
 from haptic_teleop_sysid.estimation_run import Choices
 from haptic_teleop_sysid.many.characterise import characterise
 from haptic_teleop_sysid.many.each import Job, claim, each
-from haptic_teleop_sysid.many.folder import find_recordings
+from haptic_teleop_sysid.many.folder import Listing, find_recordings
 from haptic_teleop_sysid.many.limits import FEWEST, refuse_rare
 from haptic_teleop_sysid.many.options import add_means_options, chance, means_of, whole_number
 from haptic_teleop_sysid.many.trend import BESIDE, trend_of
@@ -29,7 +29,7 @@ from haptic_teleop_sysid.results import tool_version, write_json
 from haptic_teleop_sysid.treatment_options import add_mapping_option, add_treatment_options, treatment_of
 
 OUTSIDE = 3
-"""Exit status with --check when a recording has left the limits, or could not be used."""
+"""Exit status with --check when a recording has left the limits, is broken, or could not be used."""
 
 
 def run(argv: list[str]) -> int:
@@ -39,8 +39,13 @@ def run(argv: list[str]) -> int:
     model = replace(load_model(arguments.model), source=arguments.model)
     check_start(model, {})
     refuse_rare(arguments.false_alarms / (len(model.free_parameters()) + BESIDE))  # now, not after hours
-    found = find_recordings(arguments.bags)
-    output = claim(Path(arguments.output))
+    listing = find_recordings(arguments.bags)
+    with claim(Path(arguments.output)) as output:
+        return _into(output, arguments, model, listing, began)
+
+
+def _into(output: Path, arguments: argparse.Namespace, model: Model, listing: Listing, began: float) -> int:
+    """Characterise what is new, draw and tell; returns the exit status."""
     choices = Choices(
         treatment=treatment_of(arguments),
         allow_gaps=True,
@@ -57,7 +62,7 @@ def run(argv: list[str]) -> int:
             (str(f.path.resolve()), model, choices),
             settings,
         )
-        for f in found
+        for f in listing.found
     ]
     console, screen = Console(), Console(stderr=True)
     outcomes, known = each("estimating", jobs, means_of(arguments))
@@ -66,10 +71,11 @@ def run(argv: list[str]) -> int:
     trend = trend_of(
         model,
         outcomes,
-        {f.name: f.path for f in found},
+        {f.name: f.path for f in listing.found},
         arguments.reference,
         arguments.false_alarms,
         arguments.per_year,
+        listing,
     )
     values = {c.quantity.name: c.centre for c in trend.charts if c.quantity.name in model.free_parameters()}
     new = output / "reference_model.yaml"
@@ -97,7 +103,8 @@ def run(argv: list[str]) -> int:
     say(f"report: {report}")
     if arguments.diagnose and commands:
         diagnose([*commands[0][2:], "--jobs", "1"] if arguments.jobs == 1 else commands[0][2:])
-    return OUTSIDE if arguments.check and (trend.first is not None or trend.unusable) else 0
+    odd = trend.first is not None or trend.unusable or trend.damaged
+    return OUTSIDE if arguments.check and odd else 0
 
 
 def main(argv: list[str] | None = None) -> int:
@@ -111,8 +118,8 @@ def _parser() -> argparse.ArgumentParser:
         prog="haptic-teleop trend",
         description=__doc__,
         epilog="Exit status: 0 a trend was made (single recordings that cannot be used are listed), 2 bad "
-        "arguments or too few usable recordings, 3 with --check when a recording left the limits or could "
-        "not be used, 1 a failure of the program.",
+        "arguments or too few usable recordings, 3 with --check when a recording left the limits, is "
+        "broken or could not be used, 1 a failure of the program.",
     )
     add = parser.add_argument
     add("--model", required=True, metavar="MODEL.yaml", help="structure, effects and start values")
@@ -121,7 +128,8 @@ def _parser() -> argparse.ArgumentParser:
         required=True,
         nargs="+",
         metavar="DIR",
-        help="a folder of recordings (or recordings); they are put in order by their own time stamps",
+        help="a folder of recordings (or recordings); their own time stamps put them in order, without any "
+        "their names in a folder, else the order that is given",
     )
     add(
         "--output",

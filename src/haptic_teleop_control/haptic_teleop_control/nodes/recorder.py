@@ -45,6 +45,8 @@ FOLLOW_PERIOD = 0.1
 DRAIN_PERIOD = 0.005
 """Seconds between two looks for messages; the time of reception is the middleware's, not that of the look."""
 LOG_PERIOD = 10.0
+LAST_MESSAGES, NOTHING_FOR = 0.5, 0.05
+"""Seconds that messages may take to arrive after the end, and without any after which none is awaited."""
 ACKNOWLEDGED = 20_000_000
 """ns of simulated time after which the coordinator is told again what is kept."""
 
@@ -75,6 +77,7 @@ class Recorder(HapticNode):
             numbered=values["existing"] == "number" or not values["output"],
         )
         self.stop = False
+        self._last = sys.maxsize  # ns of the machine's clock, up to which messages count
         self.armed: ArmedStart | None = None
         self._parent: ArmedStart | None = None  # heard again at the end
         self.problems: list[str] = []
@@ -126,7 +129,7 @@ class Recorder(HapticNode):
                 if "problem" in message:
                     self._problem(message["problem"])
         self._collector.ask_again()
-        self.spin_once(executor)
+        self._take_the_last(executor)
         until = self._wall_seconds() + self.values["parameter_wait"]
         while self._collector.waiting and self._wall_seconds() < until:
             self.spin_once(executor)
@@ -147,6 +150,17 @@ class Recorder(HapticNode):
         except RecordingError as refusal:
             self._problem(str(refusal))
         return print_verdict(self.writer.path, self._topics, self.received, self.problems, elapsed)
+
+    def _take_the_last(self, executor: Executor) -> None:
+        """Takes what was sent before the end and is still on its way: on a busy machine a message arrives
+        some time after its sender is gone. Of what is still being sent, nothing more."""
+        self._last = time.time_ns()
+        ends = quiet = self._wall_seconds() + LAST_MESSAGES
+        count = -1
+        while self._wall_seconds() < min(ends, quiet):
+            self.spin_once(executor)
+            if count != (count := sum(self.received.values())):
+                quiet = self._wall_seconds() + NOTHING_FOR
 
     def withdraw(self) -> int:
         """Removes the recording, which holds nothing because the start never came; 0."""
@@ -217,8 +231,8 @@ class Recorder(HapticNode):
         if self.armed is not None:
             return
         name = topic.name
-        if self.stop and self.problems:
-            return  # the disk refuses; what is written stays readable
+        if published > self._last or (self.stop and self.problems):
+            return  # too late, or the disk refuses; what is written stays readable
         try:
             if self.time.simulated:
                 stamp = header_stamp(data) if topic.kind == JOINT_STATE else 0

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from haptic_teleop_control.counted import counted
 from haptic_teleop_control.recording.series import FIELDS, NANOSECONDS, JointStateSeries
 
 SETTLED = 10  # periods after a late sample within which the following ones may catch up
@@ -129,21 +130,27 @@ def _sentences(quality: dict, gap_periods: float) -> list[str]:
     told = []
     if quality["lost"]:
         share = 100.0 * quality["lost"] / (quality["count"] + quality["lost"])
-        told.append(f"about {quality['lost']} samples are lost ({share:.2g} %)")
+        told.append(f"about {counted(quality['lost'], 'sample is', 'samples are')} lost ({share:.2g} %)")
     if quality["gaps"]:
         start, length = max(quality["gaps"], key=lambda g: g[1])
         told.append(
-            f"{len(quality['gaps'])} gaps of more than {gap_periods:g} periods, "
+            f"{counted(len(quality['gaps']), 'gap')} of more than {gap_periods:g} periods, "
             f"the longest of {length:.3f} s after {start:.3f} s"
         )
     if quality["duplicates"]:
-        told.append(f"{quality['duplicates']} samples repeat the stamp of the one before")
+        told.append(
+            f"{counted(quality['duplicates'], 'sample repeats', 'samples repeat')} the stamp of the one "
+            "before"
+        )
     if quality["backwards"]:
-        told.append(f"{quality['backwards']} samples are stamped earlier than the one before")
+        told.append(
+            f"{counted(quality['backwards'], 'sample is', 'samples are')} stamped earlier than the one before"
+        )
     if quality["behind"] > quality["backwards"]:
         told.append(
-            f"the clock was set back, by {quality['set_back']:.3f} s at most: {quality['behind']} samples "
-            "are stamped earlier than one before them and cannot be placed in time"
+            f"the clock was set back, by {quality['set_back']:.3f} s at most: "
+            f"{counted(quality['behind'], 'sample is', 'samples are')} "
+            "stamped earlier than one before and cannot be placed in time"
         )
     if quality["jitter_99"] > 0.5 * quality["period"]:
         told.append(
@@ -151,5 +158,5 @@ def _sentences(quality: dict, gap_periods: float) -> list[str]:
             f"{quality['jitter_99'] * 1e3:.2f} ms off a period of {quality['period'] * 1e3:.2f} ms"
         )
     for signal, number in quality["non_finite"].items():
-        told.append(f"{signal} has {number} values that are no finite number")
+        told.append(f"{signal} has {counted(number, 'value that is', 'values that are')} no finite number")
     return told

@@ -6,8 +6,8 @@ import math
 from types import SimpleNamespace
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
-from scipy.linalg import expm
 
 from haptic_teleop_control.compiled import njit
 from haptic_teleop_sim.effects import EffectEntry, EffectParameter
@@ -84,7 +84,7 @@ def _own_states(entry: EffectEntry, variables: SimpleNamespace, p: SimpleNamespa
     n = len(names)
     whole = np.zeros((2 * n, 2 * n))
     whole[:n, :n], whole[:n, n:] = matrix, np.eye(n)
-    step = np.asarray(expm(whole * dt), dtype=np.float64)
+    step = np.asarray(scipy.linalg.expm(whole * dt), dtype=np.float64)
     # Each rate's drive as it was in the middle of the step.
     drive = np.concatenate([0.5 * (drive[:, 1:] + drive[:, :-1]), drive[:, -1:]], axis=1)
     followed = _followed(np.ascontiguousarray(step[:n, :n]), np.ascontiguousarray(step[:n, n:] @ drive))

@@ -14,8 +14,8 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
-from scipy.optimize import minimize_scalar
 
 from haptic_teleop_sim.effects import EFFECTS
 from haptic_teleop_sim.kernel import acting_torque, pack
@@ -108,7 +108,7 @@ def _fitted(
     edges = starts[max(best - 1, 0)], starts[min(best + 1, len(starts) - 1)]
     if edges[0] == edges[1]:
         return None
-    ended: Any = minimize_scalar(
+    ended: Any = scipy.optimize.minimize_scalar(
         lambda v: -nats(float(v), estimation),
         bounds=edges,
         method="bounded",

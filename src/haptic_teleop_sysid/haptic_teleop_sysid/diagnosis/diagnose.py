@@ -23,6 +23,7 @@ from .current import shown_by_current
 from .cuts import FEWEST_SAMPLES
 from .decide import Choice
 from .doubt import coloured, doubted
+from .inverse_dynamics.motion import motion_band
 from .inverse_dynamics.witness import witness
 from .nulls import Null, beyond_chance, nulls
 from .overruled import as_result, believed_instead, beyond_reach, inadequate
@@ -89,14 +90,15 @@ def unharmful(result: SearchResult, percent: Callable[[Model], float]) -> Search
 class Explained:
     """What the search makes of recordings, before chance and doubt: the ``given`` model; the records of both
     kinds of recordings (``learn``, ``judge``), ``course`` of all data sets, of which the first ``count`` are
-    the estimation's; ``result`` of the search by prediction, ``kept``: that without what harms, or what only
-    the search by simulation found (``freely``); ``opinion``: the second one, None where the arithmetic of the
-    inverse dynamics failed."""
+    the estimation's, and ``coarse``: the same, thinned, where models are compared; ``result`` of the search
+    by prediction, ``kept``: that without what harms, or what only the search by simulation found
+    (``freely``); ``opinion``: the second one, None where the arithmetic of the inverse dynamics failed."""
 
     given: Model
     learn: list[Record]
     judge: list[Record]
     course: Course
+    coarse: Course
     count: int
     result: SearchResult
     kept: SearchResult
@@ -105,11 +107,11 @@ class Explained:
 
     def chosen_by(self, candidate: Model) -> float:
         """Simulated fit of a model on the validation recordings, percent."""
-        return float(np.mean(self.course.percent(candidate)[self.count :]))
+        return float(np.mean(self.coarse.percent(candidate)[self.count :]))
 
     def errors(self, candidate: Model) -> tuple[float, float]:
         """See `second_opinion.Errors`."""
-        return free_errors(self.course, self.count, candidate)
+        return free_errors(self.coarse, self.count, candidate)
 
 
 def free_errors(course: Course, count: int, candidate: Model) -> tuple[float, float]:
@@ -142,6 +144,7 @@ def explain(
             "its inertias, and the units and signs of the recording, are what they should be."
         )
     course = Course.of(baseline.model, everything)
+    coarse = course.coarse(motion_band([*learn, *judge]))
     result = search(
         model,
         baseline,
@@ -149,15 +152,15 @@ def explain(
         judge,
         sense_follows=sense_follows(estimation),
         shown=shown_by_current(model, estimation, validation),
-        percent=lambda candidate: float(np.mean(course.percent(candidate))),
+        percent=lambda candidate: float(np.mean(coarse.percent(candidate))),
         progress=say,
     )
 
     def percent(candidate: Model) -> tuple[float, float]:
-        fits = course.percent(candidate, "position")
+        fits = coarse.percent(candidate, "position")
         return float(np.mean(fits[:n])), float(np.mean(fits[n:]))
 
-    kept = unharmful(result, lambda candidate: float(np.mean(course.percent(candidate)[n:])))
+    kept = unharmful(result, lambda candidate: float(np.mean(coarse.percent(candidate)[n:])))
     freely = False
     poor = min(percent(kept.final.model)) < POOR_FIT or (result.choices and not kept.choices)
     if poor and result.nameless is None:
@@ -169,7 +172,7 @@ def explain(
     say("asking the inverse dynamics")
 
     def errors(candidate: Model) -> tuple[float, float]:
-        return free_errors(course, n, candidate)
+        return free_errors(coarse, n, candidate)
 
     scales = result.scales
     try:
@@ -178,7 +181,7 @@ def explain(
         opinion = second_opinion(said, scales, errors, min(map(errors, alone)))
     except FAILURES:
         opinion = None
-    return Explained(model, learn, judge, course, n, result, kept, freely, opinion)
+    return Explained(model, learn, judge, course, coarse, n, result, kept, freely, opinion)
 
 
 def questioned(

@@ -6,8 +6,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
-from scipy.ndimage import median_filter
 
 from haptic_teleop_sim.kernel import pack
 from haptic_teleop_sysid.estimation.gauss_newton import Fit, whiten
@@ -139,9 +139,9 @@ def _lines(errors: FloatArray, drive: FloatArray, dt: float) -> list[float]:
     """Frequencies, Hz, strongest first, that stand out of the spectrum of the errors (n, channels)."""
     window = np.hanning(len(errors))[:, None]
     power = np.sum(np.abs(np.fft.rfft(window * (errors - errors.mean(axis=0)), axis=0)) ** 2, axis=1)
-    around = median_filter(power, 2 * _AROUND + 1, mode="nearest") / np.log(2.0)
+    around = scipy.ndimage.median_filter(power, 2 * _AROUND + 1, mode="nearest") / np.log(2.0)
     driven = np.abs(np.fft.rfft(window[:, 0] * (drive - drive.mean()))) ** 2
-    usual = median_filter(driven, 2 * _AROUND + 1, mode="nearest")
+    usual = scipy.ndimage.median_filter(driven, 2 * _AROUND + 1, mode="nearest")
     out = (power > LINE * around) & ~((driven > LINE * usual) & (driven > 1e-6 * driven.max()))
     white = float(np.median(power)) / np.log(2.0)
     left = float(np.sum(power[power > EXCEEDS * white]))

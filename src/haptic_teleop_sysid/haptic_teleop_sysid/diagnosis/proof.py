@@ -15,6 +15,7 @@ from haptic_teleop_sysid.dataset import DataSet
 from haptic_teleop_sysid.fit import SimulatedFit, choose_windows, simulated_fit
 from haptic_teleop_sysid.windows import Windows
 
+from .coarse import coarser, thinned_data
 from .uses import Uses, with_command
 
 MODELS: tuple[str, ...] = ("given", "baseline", "augmented")
@@ -75,6 +76,12 @@ class Course:
         """The recordings, driven by the command; the baseline says whether windows are needed."""
         driven = tuple(with_command(d) for d in data)
         return Course(driven, tuple(choose_windows(baseline, d) for d in driven))
+
+    def coarse(self, cutoff: float) -> Course:
+        """The same windows of thinned recordings, for motion in the band up to ``cutoff``, Hz."""
+        thin = thinned_data(self.data, cutoff)
+        windows = tuple(coarser(w, k) for w, (_, k) in zip(self.windows, thin, strict=True))
+        return Course(tuple(d for d, _ in thin), windows)
 
     def simulate(self, model: Model) -> tuple[SimulatedFit, ...]:
         """The model's simulated responses, recording by recording."""

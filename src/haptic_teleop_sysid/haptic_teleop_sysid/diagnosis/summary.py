@@ -5,6 +5,8 @@ from __future__ import annotations
 from collections.abc import Iterator
 from typing import Any
 
+from haptic_teleop_sysid.report.numbers import with_error
+
 from .adequacy import NEARLY_ALL
 from .words import chance_sentence
 
@@ -86,14 +88,8 @@ def moved_sentence(content: dict[str, Any]) -> str:
 
 def moved_words(moved: dict[str, Any]) -> str:
     """A parameter that moved: name, both values, standard error, unit."""
-    unit = "" if moved["unit"] == "1" else f" {moved['unit']}"
     name = moved["parameter"].replace("_", " ")
-    return f"{name} {moved['given']:.4g} -> {moved['value']:.4g} ± {deviation(moved['std'])}{unit}"
-
-
-def deviation(std: float) -> str:
-    """A standard error to two digits, without an exponent where that can be read."""
-    return f"{std:.0f}" if 10.0 <= std < 1e5 else f"{std:.2g}"
+    return f"{name} {moved['given']:.4g} -> {with_error(moved['value'], moved['std'], moved['unit'])}"
 
 
 def percent(fit: float | None) -> str:
@@ -104,9 +100,8 @@ def percent(fit: float | None) -> str:
 
 
 def _finding_number(name: str, p: dict[str, Any]) -> str:
-    unit = "" if p["unit"] == "1" else f" {p['unit']}"
     bound = f" ({LIMIT[p['at_bound']]})" if "at_bound" in p else ""
-    return f"{name} {p['value']:.4g} ± {deviation(p['std'])}{unit}{bound}"
+    return f"{name} {with_error(p['value'], p['std'], p['unit'])}{bound}"
 
 
 def _at_bounds(content: dict[str, Any]) -> Iterator[str]:
@@ -114,5 +109,5 @@ def _at_bounds(content: dict[str, Any]) -> Iterator[str]:
     told = {f"{f['location']}.{f['effect']}.{n}" for f in content["findings"] for n in f["parameters"]}
     for name, p in content["models"]["augmented"]["parameters"].items():
         if p["at_bound"] is not None and name not in told:
-            unit = "" if p["unit"] == "1" else f" {p['unit']}"
-            yield f"{name.replace('_', ' ')} {p['value']:.4g}{unit} is {LIMIT[p['at_bound']]}"
+            number = with_error(p["value"], None, p["unit"])
+            yield f"{name.replace('_', ' ')} {number} is {LIMIT[p['at_bound']]}"

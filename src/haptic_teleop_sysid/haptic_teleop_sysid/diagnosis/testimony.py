@@ -70,7 +70,7 @@ def testimony_section(page: Page, content: dict[str, Any]) -> None:
     if found is None:
         page.section(title, "Nothing: their arithmetic failed on these recordings.")
         return
-    section = page.section(title, _sentence(found))
+    section = page.section(title, _sentence(found), folded=True)
     if found["groups"]:
         section.table(
             ("effects", "torque fit of validation", "explained of what is missing", "error of free runs"),

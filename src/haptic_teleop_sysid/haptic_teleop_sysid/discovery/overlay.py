@@ -12,22 +12,22 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-from matplotlib.figure import Figure
 
 from haptic_teleop_control.recording import read_recording
 from haptic_teleop_control.robots import STAGES
 from haptic_teleop_sim.lockstep import load_scenario, record_scenario
 from haptic_teleop_sim.model import Model
-from haptic_teleop_sysid.comparison_report import within
+from haptic_teleop_sysid.comparison_pictures import percent_text, within
 from haptic_teleop_sysid.dataset import load_dataset
 from haptic_teleop_sysid.diagnosis.uses import with_command
 from haptic_teleop_sysid.discovery.campaign import scenario_content, with_plant, without_wall, write_files
 from haptic_teleop_sysid.fit import choose_windows, fit_percent, simulated_fit
-from haptic_teleop_sysid.report import Panel, Series, stacked_panels
+from haptic_teleop_sysid.report import Panel, Plot, Series
 from haptic_teleop_sysid.verification.pictures import stage_picture
 from haptic_teleop_sysid.verification.run import Run, agreement, examine
 
 LAB, REFITTED, AUGMENTED = "lab", "re-estimated", "augmented"
+_ROLES = {LAB: "given", REFITTED: "re-estimated", AUGMENTED: "augmented"}
 Fits = dict[str, float]
 
 
@@ -38,7 +38,7 @@ class Overlay:
     """
 
     fits: dict[str, Fits]
-    picture: Figure
+    picture: Plot
     notes: list[str]
 
 
@@ -85,14 +85,18 @@ def _fits(real: Run, simulated: Run, stage: str) -> Fits:
     return fits
 
 
-def _picture(real: Run, runs: Mapping[str, Run], stage: str) -> Figure:
+def _picture(real: Run, runs: Mapping[str, Run], stage: str) -> Plot:
     shown = [name for name in (LAB, AUGMENTED) if name in runs]
     return stage_picture(
-        [real, *(runs[name] for name in shown)], stage, ["recorded", *shown], remove_delay=True
+        [real, *(runs[name] for name in shown)],
+        stage,
+        ["recorded", *shown],
+        remove_delay=True,
+        roles=["measured", *(_ROLES[name] for name in shown)],
     )
 
 
-def open_loop(models: Mapping[str, Model], recording: Path) -> tuple[dict[str, Fits], Figure]:
+def open_loop(models: Mapping[str, Model], recording: Path) -> tuple[dict[str, Fits], Plot]:
     """model -> signal -> simulated fit in percent on an acquisition, and a picture of the positions.
 
     Driven by the command, as the diagnosis was, over the same windows for all models, those of the
@@ -104,12 +108,13 @@ def open_loop(models: Mapping[str, Model], recording: Path) -> tuple[dict[str, F
     fits = {name: simulated_fit(model, data, windows) for name, model in models.items()}
     measured, panels = data.signals(), []
     for signal in measured:
-        lines = [Series("recorded", data.time, measured[signal], colour=0, width=1.8)]
-        for colour, name in enumerate((LAB, AUGMENTED), start=1):
+        lines = [Series("recorded", data.time, measured[signal])]
+        for name, role in _ROLES.items():
             values = within(fits[name].simulated[signal], measured[signal])
-            lines.append(Series(f"{name}  {fits[name].percent[signal]:.1f} %", data.time, values, colour))
-        panels.append(Panel(signal, data.units()[signal], lines))
-    return {name: fit.percent for name, fit in fits.items()}, stacked_panels(panels)
+            lines.append(Series(name, data.time, values, role))
+        told = ", ".join(f"{name} {percent_text(fits[name].percent[signal])} %" for name in _ROLES)
+        panels.append(Panel(signal, data.units()[signal], lines, note=told))
+    return {name: fit.percent for name, fit in fits.items()}, Plot(panels).with_difference()
 
 
 def mean(fits: Fits) -> float:

@@ -5,12 +5,11 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
-from matplotlib.figure import Figure
-
-from haptic_teleop_sysid.comparison_report import percent_text
+from haptic_teleop_sim.effects import EFFECTS
+from haptic_teleop_sysid.comparison_pictures import percent_text
 from haptic_teleop_sysid.discovery.outcome import Judgement
 from haptic_teleop_sysid.discovery.overlay import AUGMENTED, LAB, REFITTED, Fits, mean
-from haptic_teleop_sysid.report import Page, Section
+from haptic_teleop_sysid.report import Link, Page, Plot, Section, unit_text, with_error
 
 _GOOD = {"right": "good", "in the set": "fair", "unknown": "fair", "right place": "bad"}
 _ROWS = {
@@ -23,8 +22,8 @@ _ROWS = {
 def discovery_page(
     content: Mapping[str, Any],
     judgement: Judgement,
-    scenario1: Figure,
-    validation: Figure,
+    scenario1: Plot,
+    validation: Plot,
 ) -> Page:
     """Return the page; `content` is what discover.json holds."""
     hidden, plant = content["label"]["truth"][0], content["plant"]
@@ -35,10 +34,11 @@ def discovery_page(
         f"{content['mode']}",
     )
     said = "; ".join(judgement.score["said"]) or "nothing named"
-    page.verdict(
+    page.conclude(
         _GOOD.get(judgement.outcome, "bad"),  # type: ignore[arg-type]
         f"Hidden: {_named(hidden)}. Verdict {judgement.diagnosis['verdict']}: {said}. "
         f"{judgement.sentence.capitalize()}.",
+        "open the diagnosis' own report (the last section says where): it tells what it rests on.",
     )
     if judgement.beside and judgement.outcome in ("right", "in the set"):
         page.verdict("fair", f"Also stated, and not hidden: {'; '.join(judgement.beside)}.")
@@ -48,25 +48,33 @@ def discovery_page(
     for part, label in (("scenario1", "scenario 1"), ("validation", "validation")):
         values = [f"{percent_text(mean(fits[part][name]))}" for name in (LAB, REFITTED, AUGMENTED)]
         page.key_figure(f"{values[0]} → {values[2]} %", f"fit to {label}", f"re-estimated: {values[1]} %")
-    _envelope(page.section("The envelope"), content)
-    _sizes(page.section("What was hidden, and what was estimated"), content, judgement)
-    force = page.section(
-        "Scenario 1: force control with contact",
-        "The recording of the real robot, and the scenario run once more with the model in the simulated "
-        "plant, in closed loop: nothing but the command is the same. Times count from the command's onset.",
-    )
+    force = page.section("Scenario 1: force control with contact")
+    force.plot(scenario1, "Scenario 1: recorded, and simulated before and after")
     _table(force, fits["scenario1"])
-    force.picture(scenario1, "Scenario 1: recorded, and simulated before and after")
-    open_ = page.section(
-        "Validation: an acquisition that nothing was fitted to, and that chose among explanations",
-        "The simulated response to the recorded command, nothing corrected along the way.",
+    force.text(
+        "The recording of the real robot, and the scenario run once more with the model in the simulated "
+        "plant, in closed loop: nothing but the command is the same. Times count from the command's onset."
     )
+    open_ = page.section("Validation: an acquisition that nothing was fitted to")
+    open_.plot(validation, "Validation: recorded, and simulated before and after")
     _table(open_, fits["validation"])
-    open_.picture(validation, "Validation: recorded, and simulated before and after")
+    open_.text(
+        "It chose among explanations. The simulated response to the recorded command, nothing corrected "
+        "along the way."
+    )
+    _sizes(page.section("What was hidden, and what was estimated"), content, judgement)
+    _envelope(page.section("The envelope", folded=True), content)
     page.section("To look further").table(
-        ["what", "where"], [[what, where] for what, where in content["files"].items()]
+        ["what", "where"],
+        [[what, _where(where)] for what, where in content["files"].items()],
     )
     return page
+
+
+def _where(path: str) -> str:
+    """A file as a link, a folder or several by their names."""
+    one = path.endswith((".html", ".json", ".yaml")) and "," not in path
+    return Link(path, path) if one else path
 
 
 def _envelope(section: Section, content: Mapping[str, Any]) -> None:
@@ -88,12 +96,14 @@ def _sizes(section: Section, content: Mapping[str, Any], judgement: Judgement) -
     rows = []
     for name, value in truth["parameters"].items():
         found = estimated.get(name)
-        text = "–" if found is None else f"{found['value']:.4g} ± {found['std'] or 0.0:.1g}"
-        rows.append([f"{truth['effect']} {name}", f"{value:.4g}", text])
-    section.table(["parameter", "hidden", "estimated"], rows, "SI units")
+        text = "–" if found is None else with_error(found["value"], found["std"])
+        rows.append([f"{truth['effect']} {name}", _unit(truth, name), f"{value:.4g}", text])
+    section.table(["parameter", "unit", "hidden", "estimated"], rows, "Sizes, with their standard errors")
     rows = []
     for finding in judgement.diagnosis.get("findings") or []:
-        numbers = ", ".join(f"{n} {p['value']:.4g}" for n, p in finding["parameters"].items())
+        numbers = ", ".join(
+            f"{n} {with_error(p['value'], p['std'], p['unit'])}" for n, p in finding["parameters"].items()
+        )
         others = ", ".join(f"{a['effect']} @ {a['location']}" for a in finding["alternatives"])
         rows.append(
             [
@@ -118,5 +128,14 @@ def _table(section: Section, fits: Mapping[str, Fits]) -> None:
 
 
 def _named(truth: Mapping[str, Any]) -> str:
-    numbers = ", ".join(f"{name} {value:.4g}" for name, value in truth["parameters"].items())
+    numbers = ", ".join(
+        f"{name} {value:.4g} {_unit(truth, name)}".rstrip() for name, value in truth["parameters"].items()
+    )
     return f"{truth['effect']} @ {truth['location']} ({numbers})"
+
+
+def _unit(truth: Mapping[str, Any], name: str) -> str:
+    """Unit of a hidden effect's parameter as a reader writes it; none where the table does not have it."""
+    entry = EFFECTS.get(truth["effect"])
+    known = entry is not None and name in entry.parameter_names
+    return unit_text(entry.parameter(name).unit) if entry is not None and known else ""

@@ -10,6 +10,7 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
+from haptic_teleop_control.counted import counted
 from haptic_teleop_sysid.logs.log import Column
 
 #: Rows below which an array is a setting and no log; columns of a matrix beyond which it is a picture.
@@ -29,10 +30,12 @@ def columns_of(content: Mapping[str, Any]) -> tuple[list[Column], list[str]]:
         for path, array in _leaves(name, value, _DEEPEST):
             _gathered(path, array, found, passed)
     counts = Counter(len(values) for _, values in found)
-    columns = [Column(name, values, "", f"{len(values)} rows") for name, values in found]
+    columns = [Column(name, values, "", counted(len(values), "row")) for name, values in found]
     remarks = []
     if len(counts) > 1:
-        told = ", ".join(f"{count} columns of {rows} rows" for rows, count in counts.most_common(5))
+        told = ", ".join(
+            f"{counted(count, 'column')} of {counted(rows, 'row')}" for rows, count in counts.most_common(5)
+        )
         remarks.append(f"its arrays are of different lengths: {told}")
     if passed:
         shown = ", ".join(passed[:6]) + (f" and {len(passed) - 6} more" if len(passed) > 6 else "")

@@ -7,8 +7,8 @@ from collections.abc import Sequence
 from itertools import permutations
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
-from scipy.signal import savgol_filter
 
 from haptic_teleop_sysid.logs.evidence import NEAR, derivative_relation, relation, still
 from haptic_teleop_sysid.logs.guess import PAIRS
@@ -105,8 +105,8 @@ def _without_velocity(columns: Sequence[Column], time: Array) -> list[Candidate]
         values = [c.values[: len(time)] for c in (position, drive)]
         if not all(np.all(np.isfinite(v)) for v in values):
             continue
-        speed = np.asarray(savgol_filter(values[0], _WINDOW, 3, deriv=1, delta=step))
-        smooth = np.asarray(savgol_filter(values[1], _WINDOW, 3))
+        speed = np.asarray(scipy.signal.savgol_filter(values[0], _WINDOW, 3, deriv=1, delta=step))
+        smooth = np.asarray(scipy.signal.savgol_filter(values[1], _WINDOW, 3))
         tried.append((_share(smooth, time, speed), position, drive))
     if not tried or (best := max(tried, key=lambda t: t[0]))[0] < _DRIVES_ALONE:
         return []
@@ -129,7 +129,7 @@ def _share(drive: Array, time: Array, speed: Array) -> float:
     if np.sum(good) < 2 * _WINDOW:
         return 0.0
     u, v = drive[good], speed[good]
-    smooth = np.asarray(savgol_filter(v, _WINDOW, 3))
+    smooth = np.asarray(scipy.signal.savgol_filter(v, _WINDOW, 3))
     acceleration = np.gradient(smooth)
     columns = np.column_stack([acceleration, smooth, np.sign(smooth), np.ones_like(smooth)])
     columns /= np.maximum(np.linalg.norm(columns, axis=0), 1e-300)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from haptic_teleop_control.counted import counted
 from haptic_teleop_control.errors import ConfigurationError, RecordingError
 from haptic_teleop_sysid.logs.log import Column, Log
 from haptic_teleop_sysid.logs.mapping import Mapping
@@ -19,6 +20,8 @@ _FEWEST = 10
 _COARSE = 0.2
 #: Rates, Hz, outside of which a unit of time is in doubt.
 SLOWEST, FASTEST = 5.0, 100_000.0
+BACK = "time goes back"
+"""How a sentence on times that do so begins."""
 
 
 def stamps_of(
@@ -58,10 +61,12 @@ def stamps_of(
         raise ConfigurationError(f"{mapping.source}: time is in {unit.text}: give s, ms, us or ns.")
     rows = np.flatnonzero(np.isfinite(clock.values))
     if len(rows) < len(clock.values):
-        told.append(f"{len(clock.values) - len(rows)} rows without a time were left out")
+        told.append(f"{counted(len(clock.values) - len(rows), 'row')} without a time left out")
     seconds = clock.values[rows] * unit.factor
     if len(rows) < _FEWEST:
-        raise RecordingError(f"{log.path} has {len(rows)} rows with a time: at least {_FEWEST} are needed.")
+        raise RecordingError(
+            f"{log.path} has {counted(len(rows), 'row')} with a time: at least {_FEWEST} are needed."
+        )
     told.append(f"time: column {clock.name!r} in {unit.text}")
     origin = 0.0
     if not _DATES[0] < float(np.min(seconds)) < _DATES[1]:
@@ -75,6 +80,10 @@ def stamps_of(
     stamps = np.rint(1e9 * seconds).astype(np.int64) + int(origin) * 10**9
     _judge(stamps, log, told)
     return stamps, rows, f"column {clock.name!r}"
+
+
+def _since(stamps: NDArray[np.int64], row: int) -> float:
+    return float(stamps[row] - stamps[0]) * 1e-9
 
 
 def _judge(stamps: NDArray[np.int64], log: Log, told: list[str]) -> None:
@@ -95,8 +104,9 @@ def _judge(stamps: NDArray[np.int64], log: Log, told: list[str]) -> None:
             )
     if len(back):
         told.append(
-            f"time goes back {len(back)} times, first at row {int(back[0]) + 2} by {-steps[back[0]]:.6g} s: "
-            "these stamps are kept, and what uses the recording leaves such samples out or refuses them"
+            f"{BACK} {counted(len(back), 'time')}, first at row {int(back[0]) + 2}, from "
+            f"{_since(stamps, back[0]):.6g} s to {_since(stamps, back[0] + 1):.6g} s after the first: these "
+            "stamps are kept, and what uses the recording leaves such samples out or refuses them"
         )
     repeats = int(np.sum(steps == 0.0))
     if repeats > _COARSE * len(steps):
@@ -105,12 +115,12 @@ def _judge(stamps: NDArray[np.int64], log: Log, told: list[str]) -> None:
             "too coarsely; give time: {rate: HZ} in the mapping."
         )
     if repeats:
-        told.append(f"{repeats} rows repeat the time of the one before")
+        told.append(f"{counted(repeats, 'row repeats', 'rows repeat')} the time of the one before")
     holes = np.flatnonzero(steps > GAP_PERIODS * period)
     if len(holes):
         worst = int(holes[np.argmax(steps[holes])])
         told.append(
-            f"{len(holes)} holes in time of more than {GAP_PERIODS:g} periods, the longest of "
+            f"{counted(len(holes), 'hole')} in time of more than {GAP_PERIODS:g} periods, the longest of "
             f"{steps[worst]:.6g} s behind row {worst + 1}"
         )
     if not SLOWEST <= 1.0 / period <= FASTEST:

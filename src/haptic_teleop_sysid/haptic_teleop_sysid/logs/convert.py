@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from haptic_teleop_control.errors import ConfigurationError, MismatchError, RecordingError
 from haptic_teleop_control.recording import JointStateSeries, Recording
-from haptic_teleop_sysid.logs.clock import stamps_of
+from haptic_teleop_sysid.logs.clock import BACK, stamps_of
 from haptic_teleop_sysid.logs.evidence import contradictions
 from haptic_teleop_sysid.logs.log import Log
 from haptic_teleop_sysid.logs.mapping import Mapping
@@ -74,6 +74,7 @@ def convert(log: Log, mapping: Mapping) -> Recording:
         experiment=experiment,
         problems=list(story["odd"]),
         counts={n: len(s) for n, s in topics.items()},
+        complete=log.whole,
         types=dict.fromkeys(topics, "sensor_msgs/msg/JointState"),
     )
 
@@ -110,8 +111,9 @@ def _one_joint(
             )
     refuted, doubtful = contradictions(time, aligned)
     if refuted:
+        back = next((f" But {one.partition(':')[0]}." for one in told if one.startswith(BACK)), "")
         raise MismatchError(
-            f"{log.path}: {refuted[0]} Correct the unit or sign in "
+            f"{log.path}: {refuted[0]}{back} Correct the unit or sign in "
             f"{'the header or ' if mapping.source == 'header' else ''}a mapping, or give a gain."
         )
     odd += doubtful

@@ -70,6 +70,11 @@ def is_number(cell: str, decimal: str) -> bool:
     return cell.lower() in MISSING or bool(_NUMBER[decimal].match(cell))
 
 
+def holds_number(cell: str, decimal: str) -> bool:
+    """Whether a cell is a number."""
+    return bool(_NUMBER[decimal].match(cell))
+
+
 def dialect_of(path: Path, stated: Stated | None = None) -> Dialect:
     """Return how the table at ``path`` is written. Raises RecordingError where it is no table of numbers."""
     stated = stated or Stated()

@@ -10,6 +10,7 @@ import numpy as np
 import scipy
 from numpy.typing import NDArray
 
+from haptic_teleop_control.counted import counted
 from haptic_teleop_sysid.logs.signals import Signal, wraps
 
 Array = NDArray[np.float64]
@@ -52,14 +53,18 @@ class Relation:
 
 def derivative_relation(time: Array, position: Array, velocity: Array) -> Relation | None:
     """Relation of a position (n,) to the integral of a velocity (n,), both without their trend; None where
-    either hardly moves or there are too few samples."""
-    good = np.isfinite(position) & np.isfinite(velocity)
-    good[1:] &= np.diff(time) > 0.0
+    either hardly moves or there are too few samples. A step back in time counts for neither: nobody knows how
+    long it took."""
+    good = np.isfinite(position) & np.isfinite(velocity) & np.isfinite(time)
+    good[1:] &= np.diff(time) != 0.0
     if np.sum(good) < 20:
         return None
     t, p, v = time[good], position[good], velocity[good]
-    way = np.concatenate([[0.0], np.cumsum(0.5 * (v[1:] + v[:-1]) * np.diff(t))])
-    return relation(p, way)
+    steps = np.diff(t)
+    forward = steps > 0.0
+    way = np.cumsum(np.where(forward, 0.5 * (v[1:] + v[:-1]) * steps, 0.0))
+    moved = np.cumsum(np.where(forward, np.diff(p), 0.0))
+    return relation(np.r_[p[0], p[0] + moved], np.r_[0.0, way])
 
 
 def relation(one: Array, other: Array) -> Relation | None:
@@ -130,7 +135,9 @@ def contradictions(time: Array, signals: Mapping[str, Signal]) -> tuple[list[str
             )
     for name in ("motor_position", "arm_position"):
         if name in signals and signals[name].quantity == "angle" and (times := wraps(signals[name].values)):
-            odd.append(f"{_of(signals[name])} jumps by a whole turn {times} times: give it unwrap: true")
+            odd.append(
+                f"{_of(signals[name])} jumps by a whole turn {counted(times, 'time')}: give it unwrap: true"
+            )
         elif name in signals:
             odd += _far(signals[name])
     return refuted, odd

@@ -6,6 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from haptic_teleop_control.counted import counted
 from haptic_teleop_sysid.logs.log import Column
 
 _FILL = (
@@ -33,7 +34,7 @@ def without_fill(column: Column) -> Column:
         if not len(others) or most < _BEYOND * float(np.max(others)):
             break
         shown = values[np.argmax(filled)]
-        told.append(f"{shown:.7g} in {int(np.sum(filled))} rows")
+        told.append(f"{shown:.7g} in {counted(int(np.sum(filled)), 'row')}")
         values = np.where(filled, np.nan, values)
     if not told:
         return column

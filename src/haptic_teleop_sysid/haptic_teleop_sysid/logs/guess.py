@@ -9,8 +9,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from haptic_teleop_control.counted import counted
 from haptic_teleop_sysid.logs.evidence import ALIKE, NEAR, brakes, derivative_relation
-from haptic_teleop_sysid.logs.log import Log
+from haptic_teleop_sysid.logs.log import Column, Log
 from haptic_teleop_sysid.logs.roles import Candidate, input_unit_by_name
 from haptic_teleop_sysid.logs.signals import wraps
 from haptic_teleop_sysid.logs.units import unit_of
@@ -25,6 +26,8 @@ PAIRS = (
     ("rad", "rpm"),
     ("deg", "rpm"),
     ("rev", "rpm"),
+    ("rev", "rev/s"),
+    ("rev", "rad/s"),
     ("mm", "mm/s"),
     ("mm", "m/s"),
     ("m", "m/s"),
@@ -86,12 +89,12 @@ def guess_units(
         linear = {"force": True, "torque": False}.get(drive.quantity) if drive else None
     for part in ("motor", "arm"):
         names = [n for n in (f"{part}_position", f"{part}_velocity") if n in chosen]
-        counted = [n for n in names if _in_counts(chosen[n].column.known)]
-        if len(names) == 2 and (counted or not all(chosen[n].column.known for n in names)):
+        coded = [n for n in names if _in_counts(chosen[n].column.known)]
+        if len(names) == 2 and (coded or not all(chosen[n].column.known for n in names)):
             _by_derivative(log, chosen, found, names, time, linear)
         for name in names:
             choice, column = found[name], chosen[name].column
-            if name in counted and choice.entry.counts_per_turn is None:
+            if name in coded and choice.entry.counts_per_turn is None:
                 choice.entry = replace(choice.entry, unit="counts")
                 choice.less("missing", "fill in counts_per_turn (of the joint, behind quadrature and gear)")
             if column.known or choice.entry.unit:
@@ -103,7 +106,7 @@ def guess_units(
         unit = unit_of(found[name].entry.unit or chosen[name].column.known) if name in found else None
         if unit and unit.quantity == "angle" and (times := wraps(unit.factor * chosen[name].column.values)):
             found[name].entry = replace(found[name].entry, unwrap=True)
-            found[name].less("likely", f"it jumps by a whole turn {times} times")
+            found[name].less("likely", f"it jumps by a whole turn {counted(times, 'time')}")
     _sign(chosen, found)
     if "input" in chosen and not chosen["input"].column.known:
         choice = found["input"]
@@ -149,16 +152,14 @@ def _by_derivative(
         pair
         for pair in PAIRS
         if abs(abs(related.ratio) * _factor(pair[0]) / _factor(pair[1]) - 1.0) < NEAR
-        and position.known in ("", pair[0])
-        and velocity.known in ("", pair[1])
+        and _may_be(position.known, pair[0])
+        and _may_be(velocity.known, pair[1])
         and linear in (None, pair[0] in ("m", "mm"))
     ]
-    if position.known and not velocity.known:
-        fitting = [p for p in fitting if p[0] == position.known]
     why = f"the position moves {abs(related.ratio):.4g} times as far as the integral of the velocity"
     if not fitting:
         speed, counts = _encoder(abs(related.ratio), velocity.known)
-        if np.all(position.values[np.isfinite(position.values)] % 1.0 == 0.0) and counts > 50.0:
+        if _whole(position.values) and counts > 50.0:
             found[names[0]].entry = replace(
                 found[names[0]].entry, unit="counts", counts_per_turn=round(counts)
             )
@@ -181,6 +182,33 @@ def _by_derivative(
     if related.ratio < 0.0:
         found[names[1]].entry = replace(found[names[1]].entry, sign=-1)
         found[names[1]].less("likely", "against the position, so its sign is reversed")
+
+
+def between_units(ratio: float, position: Column, velocity: Column) -> bool:
+    """Whether a position and a velocity that go together by this ratio do so by units that either may have:
+    by a pair of PAIRS, or as the counts of an encoder that is made."""
+    if any(
+        abs(abs(ratio) * _factor(one) / _factor(other) - 1.0) < NEAR
+        and _may_be(position.known, one)
+        and _may_be(velocity.known, other)
+        for one, other in PAIRS
+    ):
+        return True
+    coded = _in_counts(position.known) or (not position.known and _whole(position.values))
+    return coded and not velocity.known and _encoder(abs(ratio), "")[1] in _ENCODERS
+
+
+def _may_be(known: str, unit: str) -> bool:
+    """Whether a column of this stated unit ("" for none) may be in another one: they are the same."""
+    one, other = unit_of(known), unit_of(unit)
+    if not known or one is None or other is None:
+        return not known
+    return one.powers == other.powers and abs(one.factor / other.factor - 1.0) < 1e-9
+
+
+def _whole(values: Array) -> bool:
+    good = values[np.isfinite(values)]
+    return bool(np.all(good == np.rint(good)))
 
 
 def _encoder(ratio: float, speed: str) -> tuple[str, float]:

@@ -61,6 +61,13 @@ class Column:
         return f"{self.name!r} holds text, first {cell[:40]!r} in line {line}: {remedy}"
 
     @property
+    def unusable(self) -> str:
+        """Why no signal can be made of it, in a few words; "" where one can."""
+        if self.text is not None:
+            return f"{self.name!r} holds text"
+        return "" if np.any(np.isfinite(self.values)) else f"{self.name!r} holds no number"
+
+    @property
     def known(self) -> str:
         """The unit that the file states, else the usual one."""
         return self.stated or self.usual
@@ -70,7 +77,7 @@ class Column:
 class Log:
     """What a file holds: ``kind`` ("CSV", ...), ``columns``; ``stamps`` and ``received``: (n,) int64 ns by
     group where the file itself tells when its rows are from; ``remarks``: how it was read and what of it was
-    passed over, in sentences."""
+    passed over, in sentences; ``whole``: whether it ends where it was meant to."""
 
     path: Path
     kind: str
@@ -78,6 +85,7 @@ class Log:
     stamps: dict[str, NDArray[np.int64]] = field(default_factory=dict)
     received: dict[str, NDArray[np.int64]] = field(default_factory=dict)
     remarks: tuple[str, ...] = ()
+    whole: bool = True
 
     def find(self, name: str | int) -> Column:
         """Return the column of a name (with or without its unit) or of a number, from 1.

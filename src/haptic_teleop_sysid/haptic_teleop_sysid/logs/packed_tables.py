@@ -24,10 +24,6 @@ def read_numpy(path: Path) -> Log:
             with zipfile.ZipFile(path) as packed:
                 if any(one.flag_bits & 1 for one in packed.infolist()):
                     raise RecordingError(f"{path} is encrypted: decrypt it, and import what comes out.")
-                if not any(one.filename.endswith(".npy") for one in packed.infolist()):
-                    raise RecordingError(
-                        f"{path} is a zip file without NumPy arrays: unpack it, or save a spreadsheet as CSV."
-                    )
                 refuse_bytes(path, sum(one.file_size for one in packed.infolist()), _PART)
             with np.load(path, allow_pickle=False) as file:
                 content = {name: _array(file, name) for name in file.files}

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import zipfile
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -99,8 +100,11 @@ def kind_of(path: Path) -> str:
         raise RecordingError(f"{path} cannot be read ({error.strerror or error}): name another.") from error
     if head.startswith(_ENCRYPTED):
         raise RecordingError(f"{path} is encrypted: decrypt it, and import what comes out.")
-    if head.startswith(_SPREADSHEET) or (head.startswith(b"PK") and path.suffix.lower() in (".xlsx", ".ods")):
+    if head.startswith(_SPREADSHEET):
         raise RecordingError(f"{path} is a spreadsheet: save its sheet as CSV, and import that.")
+    if head.startswith((b"PK\x03\x04", b"PK\x05\x06")):
+        _refuse_other_archives(path)
+        return "numpy"
     for magic, command in _PACKED.items():
         if head.startswith(magic):
             raise RecordingError(f"{path} is packed: unpack it with `{command}`, and import what comes out.")
@@ -110,11 +114,33 @@ def kind_of(path: Path) -> str:
         return "matlab"
     if head.startswith(b"\x89HDF"):
         return "matlab"
-    if head.startswith((b"\x93NUMPY", b"PK\x03\x04")):
+    if head.startswith(b"\x93NUMPY"):
         return "numpy"
     if head.startswith(b"PAR1"):
         return "parquet"
     return "text"
+
+
+def _refuse_other_archives(path: Path) -> None:
+    """Raise RecordingError for a zip file that is not npz, saying what it is."""
+    try:
+        with zipfile.ZipFile(path) as packed:
+            names = packed.namelist()
+    except (zipfile.BadZipFile, OSError, ValueError, NotImplementedError) as error:
+        what = "an npz file" if path.suffix.lower() == ".npz" else "a zip file"
+        raise RecordingError(
+            f"{path} begins as {what} and is damaged or cut short ({error}): copy or write it again."
+        ) from error
+    if any(name.endswith(".npy") for name in names):
+        return
+    sheets = any(name.startswith("xl/") or name == "content.xml" for name in names)
+    if sheets or path.suffix.lower() in (".xlsx", ".ods"):
+        raise RecordingError(f"{path} is a spreadsheet: save its sheet as CSV, and import that.")
+    shown = ", ".join(names[:3]) + (f" and {len(names) - 3} more" if len(names) > 3 else "")
+    raise RecordingError(
+        f"{path} is a zip file with {shown or 'nothing'} in it, and no NumPy array: unpack it with `unzip`, "
+        "and import what comes out."
+    )
 
 
 def _matlab_4(path: Path, head: bytes) -> bool:

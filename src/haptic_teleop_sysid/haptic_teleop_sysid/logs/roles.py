@@ -21,8 +21,8 @@ _POSITION = _set(
     "deflection stellung alpha x qm qa ql"
 )
 _VELOCITY = _set(
-    "vel velocity velocities speed dq qd qdot dtheta thetad thetadot omega drehzahl geschwindigkeit rpm v w "
-    "dqm dqa dx xd"
+    "vel velocity velocities speed spd vitesse velocidad dq qd qdot dtheta thetad thetadot omega drehzahl "
+    "geschwindigkeit rpm v w dqm dqa dx xd"
 )
 _TORQUE = _set("torque torques tau moment drehmoment effort efforts trq")
 _FORCE = _set("force kraft f fx")
@@ -62,7 +62,7 @@ class Candidate:
     """A column as it may be taken: ``role`` ("time", "input", "position", "velocity"), ``part`` ("motor",
     "arm" or "" for not said), ``joint``: what its name says of which joint it is ("" for nothing),
     ``stated``: its unit says the role; ``command``: it names what was asked for, not what was measured;
-    ``why``: what says its role, "" for its name."""
+    ``why``: what says its role, "" for its name; ``weak``: its name is letters of one character alone."""
 
     column: Column
     role: str
@@ -72,6 +72,7 @@ class Candidate:
     command: bool
     measured: bool
     why: str = ""
+    weak: bool = False
 
 
 def candidate(column: Column) -> Candidate | None:
@@ -94,7 +95,16 @@ def candidate(column: Column) -> Candidate | None:
         return None
     part = "motor" if known & _MOTOR else "arm" if known & _ARM else ""
     why = f"{role} in {column.usual} by REP 103; of a linear joint, give m, m/s, N" if column.usual else ""
-    return Candidate(column, role, part, joint, stated, bool(known & _COMMAND), bool(known & _ACTUAL), why)
+    weak = not stated and all(len(w) == 1 or w.isdigit() for w in words)
+    command, measured = bool(known & _COMMAND), bool(known & _ACTUAL)
+    return Candidate(column, role, part, joint, stated, command, measured, why, weak)
+
+
+def says_nothing(column: Column) -> bool:
+    """Whether neither name nor unit of a column says what it is, or that it is none of a joint's signals."""
+    words = words_of(_joint_of(column)[1])
+    said = {*words, "".join(words)} & (_NEITHER | _COMMAND)
+    return candidate(column) is None and not said and unit_of(column.known) is None
 
 
 def counts_rows(column: Column) -> bool:

@@ -11,6 +11,7 @@ import numpy as np
 from rosbags.highlevel import AnyReader, AnyReaderError
 from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
+from haptic_teleop_control.counted import counted
 from haptic_teleop_control.errors import ConfigurationError, RecordingError
 from haptic_teleop_sysid.logs.log import MOST_ROWS, Column, Log
 from haptic_teleop_sysid.logs.messages import getters, joints_of, stamp_of
@@ -108,7 +109,10 @@ def _read(path: Path, reader: AnyReader, topics: Sequence[str] | None) -> Log:
         if not np.all(stamped > 0):
             remarks.append(f"{topic}: its messages carry no stamp: the times of their reception are taken")
         if one.odd:
-            remarks.append(f"{topic}: {one.odd} messages name other joints than the first and are left out")
+            remarks.append(
+                f"{topic}: {counted(one.odd, 'message names', 'messages name')} other joints than the "
+                "first and left out"
+            )
     if not columns:
         why = f": {remarks[1]}" if len(remarks) > 1 else ""
         raise RecordingError(f"{path} holds no messages with numbers{why}: name another bag.")

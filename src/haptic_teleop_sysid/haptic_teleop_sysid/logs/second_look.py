@@ -12,9 +12,9 @@ from haptic_teleop_sysid.logs.evidence import ALIKE, NEAR, Relation, derivative_
 from haptic_teleop_sysid.logs.guess import PAIRS
 from haptic_teleop_sysid.logs.log import Log
 from haptic_teleop_sysid.logs.mapping import mapping_from
+from haptic_teleop_sysid.logs.proposal import GUESSED, Choice, Proposal
 from haptic_teleop_sysid.logs.proposal_text import mapping_text
 from haptic_teleop_sysid.logs.signals import Signal, signals_of
-from haptic_teleop_sysid.logs.suggest import GUESSED, Choice, Proposal
 from haptic_teleop_sysid.logs.units import unit_of
 
 SOURCE = "the proposal"

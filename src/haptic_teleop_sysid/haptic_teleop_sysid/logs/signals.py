@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from haptic_teleop_control.counted import counted
 from haptic_teleop_control.errors import ConfigurationError, MismatchError, RecordingError
 from haptic_teleop_sysid.logs.log import Column, Log
 from haptic_teleop_sysid.logs.mapping import QUANTITIES, Entry
@@ -140,7 +141,7 @@ def _signal(log: Log, name: str, entry: Entry, source: str) -> Signal:
         if unit.quantity != "angle":
             raise ConfigurationError(f"{source}: {where} has unwrap, and is no angle: leave it out.")
         values, count = unwrapped(values)
-        told += f", unwrapped at {count} jumps by a turn"
+        told += f", unwrapped at {counted(count, 'jump')} by a turn"
     return Signal(name, column, values, unit.quantity, factor, unit.text, told)
 
 

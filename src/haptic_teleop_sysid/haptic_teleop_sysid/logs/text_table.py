@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
 from itertools import islice
 from pathlib import Path
 from typing import Any
@@ -12,11 +12,14 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
+from haptic_teleop_control.counted import counted
 from haptic_teleop_control.errors import RecordingError
 from haptic_teleop_sysid.logs.dialect import COMMENTS, DELIMITERS, MISSING, Dialect, Stated, cells, dialect_of
 from haptic_teleop_sysid.logs.log import MOST_ROWS, Column, Log
 
 _LONGEST_LINE = 1 << 20
+#: s, a day, and what is a date if it is more.
+_DAY_S, _DATE_S = 86400.0, 3e8
 #: Ragged rows that are named.
 _TOLD = 3
 
@@ -24,12 +27,14 @@ _TOLD = 3
 @dataclass
 class _Lines:
     """What was found line by line: ``rows`` in all, ``passed`` (line numbers, from 0, of comments and blank
-    lines), ``ragged`` [(line, cells)], ``cut``: whether the last line is one that was not finished."""
+    lines), ``ragged`` [(line, cells)], ``cut``: whether the last line is one that was not finished;
+    ``again``: lines that repeat the header."""
 
     rows: int
     passed: list[int]
     ragged: list[tuple[int, int]]
     cut: int | None = None
+    again: list[int] = field(default_factory=list)
 
 
 def read_text(path: Path, stated: Stated | None, rows: tuple[int, int] | None, skip_ragged: bool) -> Log:
@@ -48,24 +53,31 @@ def read_text(path: Path, stated: Stated | None, rows: tuple[int, int] | None, s
     if found.rows == 0:
         raise RecordingError(f"{path} has no rows {start + 1} to {stop}: give other --rows.")
     remarks = [_read_as(dialect)]
-    left_out = set(found.passed)
+    left_out = {*found.passed, *found.again}
     if found.cut is not None:
         left_out.add(found.cut)
         remarks.append(f"line {found.cut + 1}, the last, is cut short and was left out")
+    if found.again:
+        more = f" and {len(found.again) - 1} more" if len(found.again) > 1 else ""
+        remarks.append(f"the header is there again in line {found.again[0] + 1}{more}, and was passed over")
     if found.ragged:
         told = ", ".join(f"line {line + 1} has {count}" for line, count in found.ragged[:_TOLD])
         if not skip_ragged:
             raise RecordingError(
-                f"{path}: {len(found.ragged)} rows have another number of cells than the "
+                f"{path}: {counted(len(found.ragged), 'row has', 'rows have')} another number of cells "
+                "than the "
                 f"{len(dialect.names)} of the others ({told}): mend them, or leave them out with "
                 "--skip-ragged."
             )
         left_out |= {line for line, _ in found.ragged}
-        remarks.append(f"{len(found.ragged)} ragged rows were left out ({told})")
+        remarks.append(
+            f"{counted(len(found.ragged), 'ragged row was', 'ragged rows were')} left out ({told})"
+        )
     first = dialect.first + start
     frame = _parsed(path, dialect, first, found.rows, left_out)
     lines = np.setdiff1d(np.arange(first, first + found.rows), sorted(left_out)) + 1
-    columns = []
+    columns: list[Column] = []
+    clocks: list[Column] = []
     for number in range(len(dialect.names)):
         header = dialect.names[number] or str(number + 1)
         values, bad, unit = _numbers(frame[number])
@@ -73,27 +85,44 @@ def read_text(path: Path, stated: Stated | None, rows: tuple[int, int] | None, s
         if not dialect.names[number] and text is None and not np.any(np.isfinite(values)):
             continue  # behind a delimiter that ends the rows
         columns.append(Column(header, values, unit or dialect.units[number], "", text))
-    return Log(path, "CSV", tuple(columns), remarks=tuple(remarks))
+        if unit and np.all(np.isfinite(values)):
+            clocks.append(columns[-1])
+    columns = _dated(columns, clocks, remarks)
+    return Log(path, "CSV", tuple(columns), remarks=tuple(remarks), whole=found.cut is None)
+
+
+def _dated(columns: list[Column], clocks: list[Column], remarks: list[str]) -> list[Column]:
+    """The columns with the time of day counted from the date of the first row, where one column of each is
+    among the ``clocks``: those that were written as dates or times of day."""
+    dates = [c for c in clocks if c.values[0] > _DATE_S and np.all(c.values % _DAY_S == 0.0)]
+    days = [c for c in clocks if c.values[0] < _DAY_S]
+    if len(dates) != 1 or len(days) != 1:
+        return columns
+    remarks.append(f"{days[0].name!r} counts from the date in {dates[0].name!r}, taken for UTC")
+    return [replace(c, values=c.values + dates[0].values[0]) if c is days[0] else c for c in columns]
 
 
 def _read_as(dialect: Dialect) -> str:
     decimal = "comma" if dialect.decimal == "," else "point"
     header = "with a header" if any(dialect.names) else "without a header"
-    before = f", behind {dialect.passed_over} lines that were passed over" if dialect.passed_over else ""
+    passed = counted(dialect.passed_over, "line that was", "lines that were")
+    before = f", behind {passed} passed over" if dialect.passed_over else ""
     return f"read as text, {DELIMITERS.get(dialect.delimiter, dialect.delimiter)} between cells, decimal " \
            f"{decimal}, {header}{before}"  # fmt: skip
 
 
 def _looked_through(path: Path, dialect: Dialect, start: int, stop: int) -> _Lines:
     """Every line of the rows start to stop, counted without being kept."""
-    width = len(dialect.names)
+    width, named = len(dialect.names), any(dialect.names)
     found = _Lines(0, [], [])
     last = ""
     first = number = dialect.first + start
     for number, line in enumerate(_from(path, dialect, first, stop - start), first):
         found.rows += 1
         last = line
-        if not line.strip() or line.lstrip().startswith(COMMENTS):
+        if named and dialect.names[0] in line and tuple(dialect.cells(line)) == dialect.names:
+            found.again.append(number)
+        elif not line.strip() or line.lstrip().startswith(COMMENTS):
             found.passed.append(number)
         elif (count := _width(line, dialect)) != width:
             if count == width + 1 and not cells(line, dialect.delimiter)[-1]:
@@ -156,9 +185,21 @@ def _numbers(values: Any) -> tuple[NDArray[np.float64], tuple[int, str] | None, 
     first = (int(bad[0]), str(values.iloc[int(bad[0])])) if len(bad) else None
     if first is not None and len(bad) == int(values.notna().sum()):
         instants = _instants(values)
+        instants = _times_of_day(values) if instants is None else instants
         if instants is not None:
             return instants, None, "s"
     return numbers.to_numpy(np.float64), first, ""
+
+
+def _times_of_day(values: Any) -> NDArray[np.float64] | None:
+    """Seconds since the first midnight where all cells are times of day (14:03:07.125), else None."""
+    texts = values.dropna().astype(str).str.strip()
+    if not bool(texts.str.fullmatch(r"\d{1,2}:\d{2}:\d{2}([.,]\d+)?").all()):
+        return None
+    parts: Any = values.astype(str).str.strip().str.replace(",", ".", regex=False).str.split(":", expand=True)
+    numbers = parts.apply(pd.to_numeric, errors="coerce").to_numpy(np.float64)
+    seconds = numbers @ np.array([3600.0, 60.0, 1.0])
+    return seconds + 86400.0 * np.cumsum(np.diff(seconds, prepend=seconds[:1]) < -43200.0)
 
 
 def _instants(values: Any) -> NDArray[np.float64] | None:

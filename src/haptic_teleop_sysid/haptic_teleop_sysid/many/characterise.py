@@ -21,6 +21,7 @@ from haptic_teleop_sysid.estimation.strategies import estimate
 from haptic_teleop_sysid.estimation_run import Choices, load_one
 from haptic_teleop_sysid.excitation import at_values
 from haptic_teleop_sysid.fit import SimulatedFit, choose_windows, simulated_fit
+from haptic_teleop_sysid.logs.story import how_read
 from haptic_teleop_sysid.parameter_units import Units
 from haptic_teleop_sysid.results import plain
 
@@ -31,7 +32,8 @@ def characterise(bag: str, model: Model, choices: Choices, folder: Path | None =
     ``parameters``: value and standard error (both None where undetermined) by name; ``unexplained``: rms of
     the torque that the observer adds to follow the recording, relative to that of the input; ``error``: rms
     over the signals of the error of the simulated response, relative to their spread, with the ``given``
-    model and with the ``estimate``; ``fit``: the same in percent by signal; ``slips``; ``start_ns``.
+    model and with the ``estimate``; ``fit``: the same in percent by signal; ``slips``; ``start_ns``;
+    ``damaged``: what of the file is missing, where it is used as far as it goes.
 
     Raises RecordingError or MismatchError for a recording that cannot be estimated from, or whose search
     ended nowhere.
@@ -77,9 +79,15 @@ def characterise(bag: str, model: Model, choices: Choices, folder: Path | None =
             "fit": {which: fit.percent for which, fit in fits.items()},
             "slips": [asdict(s) for s in data.slips],
             "problems": list(data.problems),
+            "damaged": [] if recording.complete else damage_of(recording, bag),
             "treatment": told,
         }
     )
+
+
+def damage_of(recording: Recording, bag: str) -> list[str]:
+    """What is told of a recording of which something is missing."""
+    return [*recording.problems, *(line for line in how_read(recording.experiment, bag) if "cut" in line)]
 
 
 def error_of(fit: SimulatedFit) -> float:

@@ -6,9 +6,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
-from scipy.special import chdtri
-from scipy.stats import t as student
 
 from .limits import FEWEST, limits, moving
 
@@ -120,7 +119,8 @@ def _still_moves(values: FloatArray, errors: FloatArray) -> bool:
     it was some time ago."""
     weight = 1.0 / errors**2
     mean = float(np.sum(weight * values) / np.sum(weight))
-    return float(np.sum(weight * (values - mean) ** 2)) > float(chdtri(len(values) - 1, _OUTLIER))
+    apart = float(np.sum(weight * (values - mean) ** 2))
+    return apart > float(scipy.special.chdtri(len(values) - 1, _OUTLIER))
 
 
 def _odd(first: NDArray[np.intp], left: FloatArray) -> int | None:
@@ -130,7 +130,7 @@ def _odd(first: NDArray[np.intp], left: FloatArray) -> int | None:
     if spread == 0.0:
         return None
     most = int(np.argmax(np.abs(values - values.mean())))
-    quantile = float(student.ppf(1.0 - _OUTLIER / (2 * n), n - 2)) ** 2
+    quantile = float(scipy.special.stdtrit(n - 2, 1.0 - _OUTLIER / (2 * n))) ** 2
     limit = (n - 1) / np.sqrt(n) * np.sqrt(quantile / (n - 2 + quantile))
     return int(first[most]) if abs(values[most] - values.mean()) / spread > limit else None
 

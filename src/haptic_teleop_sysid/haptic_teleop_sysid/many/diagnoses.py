@@ -11,11 +11,13 @@ from typing import Any
 from haptic_teleop_control.errors import ConfigurationError, RecordingError
 from haptic_teleop_sim.model import Model
 from haptic_teleop_sysid.dataset import DataSet
+from haptic_teleop_sysid.diagnosis.adequacy import SLIGHT_ERROR
 from haptic_teleop_sysid.diagnosis.cuts import FEWEST_SAMPLES, refuse_too_long
 from haptic_teleop_sysid.diagnosis.summary import moved_words
 from haptic_teleop_sysid.diagnosis.uses import cut_behind, longest_stretch, usable_seconds
 from haptic_teleop_sysid.diagnosis_run import Options, diagnose_into, load, refuse_too_many
 from haptic_teleop_sysid.logs.reading import is_foreign
+from haptic_teleop_sysid.logs.story import how_read
 
 from .each import Job
 from .folder import Found
@@ -65,12 +67,15 @@ def diagnose_one(model: Model, groups: Groups, options: Options, folder: Path) -
     """Diagnose into a folder; return what the overview shows of it."""
     bags = [bag for group in groups for bag in group]
     refuse_too_long([bag for bag in bags if not is_foreign(Path(bag))], model)
-    estimation, validation, test = ([load(b, model, options.mapping) for b in group] for group in groups)
-    refuse_too_many([*estimation, *validation, *test])
+    data = ([load(b, model, options.mapping) for b in group] for group in groups)
+    estimation, validation, test = data
+    every = [*estimation, *validation, *test]
+    refuse_too_many(every)
+    read = {Path(d.name).name: lines for d in every if (lines := how_read(d.experiment, d.name))}
     if not validation:
         estimation, validation = split(estimation[0])
     content, _ = diagnose_into(model, (estimation, validation, test), folder, options)
-    return {"joint": model.joint, "split": not groups[1], **overview(content)}
+    return {"joint": model.joint, "split": not groups[1], "read": read, **overview(content)}
 
 
 def split(data: DataSet) -> tuple[list[DataSet], list[DataSet]]:
@@ -88,7 +93,8 @@ def split(data: DataSet) -> tuple[list[DataSet], list[DataSet]]:
 def overview(content: Mapping[str, Any]) -> dict[str, Any]:
     """What is wrong, in a line and in numbers: ``error``, rms over the signals of 1 - fit/100 of the given
     model, ``left`` that of the augmented one, on the recordings that were least used; ``wrong``: whether
-    anything is missing or off."""
+    anything is missing or off; ``matters``: whether by so much that it is worth a word, which is a parameter
+    that moved, or an error of any signal above the diagnosis' SLIGHT_ERROR."""
     fit = content["fit"]
     part = "test" if fit["given"]["test"] else "validation"
     moved = [moved_words(m) for m in content["parameters_moved"]]
@@ -96,10 +102,13 @@ def overview(content: Mapping[str, Any]) -> dict[str, Any]:
     where = content["where"][0] if content["where"] else None
     if not named and content["verdict"] == "unknown":
         named = ["nothing that has a name" + (f", at {where['equation']}" if where else "")]
+    worst = max(_errors(fit["given"][part]), default=math.inf)
+    wrong = content["verdict"] != "no_mismatch" or bool(moved)
     words = [*named, *(f"off: {text}" for text in moved)]
     return {
         "verdict": content["verdict"],
-        "wrong": content["verdict"] != "no_mismatch" or bool(moved),
+        "wrong": wrong,
+        "matters": wrong and (bool(moved) or worst > SLIGHT_ERROR),
         "what": "; ".join(words) or "nothing",
         "error": _error(fit["given"][part]),
         "left": _error(fit["augmented"][part]),
@@ -109,7 +118,12 @@ def overview(content: Mapping[str, Any]) -> dict[str, Any]:
 
 def _error(fit: Mapping[str, float | None]) -> float | None:
     """None where a response runs away."""
-    values = list(fit.values())
-    if not values or any(v is None or not math.isfinite(v) for v in values):
+    errors = _errors(fit)
+    if not errors or math.inf in errors:
         return None
-    return math.sqrt(sum((1.0 - v / 100.0) ** 2 for v in values if v is not None) / len(values))
+    return math.sqrt(sum(e**2 for e in errors) / len(errors))
+
+
+def _errors(fit: Mapping[str, float | None]) -> list[float]:
+    """1 - fit/100 of each signal, infinite where its response runs away."""
+    return [math.inf if v is None or not math.isfinite(v) else 1.0 - v / 100.0 for v in fit.values()]

@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from haptic_teleop_sysid.estimation.parallel import VARIABLE
-from haptic_teleop_sysid.report.output import make_output_directory
+from haptic_teleop_sysid.report.output import left_tidy, make_output_directory
 from haptic_teleop_sysid.spread import ONE_THREAD, spread
 
 from .kept import attempt, kept, key_of
@@ -70,10 +70,15 @@ def _threads(waiting: int, jobs: int) -> Iterator[None]:
                 os.environ[name] = before[name]
 
 
-def claim(output: Path) -> Path:
-    """Return the folder of results, made if needed. Raises ConfigurationError where it cannot be one."""
+@contextmanager
+def claim(output: Path) -> Iterator[Path]:
+    """The folder of results, made if needed, for as long as they are computed; see `left_tidy` for who leaves
+    early. Raises ConfigurationError where it cannot be one."""
+    whole = output.resolve()  # workers of a cluster stand elsewhere
+    missing = [folder for folder in (whole, *whole.parents) if not folder.exists()]
     make_output_directory(output)
-    return output.resolve()  # workers of a cluster stand elsewhere
+    with left_tidy(whole, missing, goes_on=True):
+        yield whole
 
 
 def _named(

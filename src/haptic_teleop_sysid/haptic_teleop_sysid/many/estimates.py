@@ -11,13 +11,14 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from scipy.stats import chi2
+import scipy
 
+from haptic_teleop_control.counted import counted
 from haptic_teleop_sim.model import Model
 from haptic_teleop_sysid.estimation_report import verdict
 from haptic_teleop_sysid.estimation_run import Choices, load, run_estimate, write_results
-from haptic_teleop_sysid.parameter_table import parameter_rows, rounded
-from haptic_teleop_sysid.report import Link, Page
+from haptic_teleop_sysid.parameter_table import parameter_rows
+from haptic_teleop_sysid.report import Link, Page, error_text, rounded, unit_text, with_error
 from haptic_teleop_sysid.results import plain
 
 from .each import Job
@@ -100,14 +101,15 @@ def together(outcomes: Mapping[str, Mapping[str, Any]]) -> dict[str, dict[str, A
             "unit": rows[0]["unit"],
             "count": len(values),
             "scatter": total / free if free else None,
-            "alike": not free or float(chi2.sf(total, free)) > _UNLIKELY,
+            "alike": not free or float(scipy.special.chdtrc(free, total)) > _UNLIKELY,
         }
     return found
 
 
 def estimates_page(model: Model, outcomes: Mapping[str, Mapping[str, Any]], with_page: bool) -> Page:
     """Return the overview: what the recordings say together, and each for itself."""
-    page = Page("Estimates of many recordings", f"{model.robot} {model.joint}, {len(outcomes)} recordings")
+    subtitle = f"{model.robot} {model.joint}, {counted(len(outcomes), 'recording')}"
+    page = Page("Estimates of many recordings", subtitle)
     all_, unusable = (
         together(outcomes),
         [(n, o["message"]) for n, o in outcomes.items() if o["status"] != DONE],
@@ -122,15 +124,15 @@ def estimates_page(model: Model, outcomes: Mapping[str, Mapping[str, Any]], with
     else:
         page.verdict("good", "The recordings agree with each other within their standard errors.")
     if unusable:
-        page.verdict("fair", f"{len(unusable)} recordings could not be used; they are listed below.")
+        page.verdict("fair", f"{counted(len(unusable), 'recording')} could not be used, see below.")
     page.section("Together").table(
         ("parameter", "unit", "weighted mean", "std. error", "recordings", "scatter / errors"),
         [
             (
                 name,
-                row["unit"],
+                unit_text(row["unit"]),
                 rounded(row["mean"], row["std"]),
-                f"{row['std']:.2g}",
+                error_text(row["std"]),
                 row["count"],
                 "–" if row["scatter"] is None else f"{math.sqrt(row['scatter']):.2f}",
             )
@@ -182,7 +184,7 @@ def write_estimates(outcomes: Mapping[str, Mapping[str, Any]], path: Path) -> Pa
 def _cell(row: Mapping[str, Any] | None) -> str:
     if row is None or row["value"] is None:
         return "not determined"
-    return f"{rounded(row['value'], row['std'] or 0.0)}" + (f" ± {row['std']:.2g}" if row["std"] else "")
+    return with_error(row["value"], row["std"])
 
 
 def _least(fit: Mapping[str, float | None]) -> str:

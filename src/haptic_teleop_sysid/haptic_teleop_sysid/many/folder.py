@@ -9,6 +9,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from haptic_teleop_control.errors import ConfigurationError
+from haptic_teleop_sysid.logs.prose import is_prose
 from haptic_teleop_sysid.logs.reading import BAG_SUFFIXES, SUFFIXES
 
 _STORED = (*(s for s in BAG_SUFFIXES if s != ".bag"), ".mcap.zstd", ".db3.zstd")
@@ -25,16 +26,38 @@ class Found:
     path: Path
 
 
-def find_recordings(places: Sequence[str | Path]) -> list[Found]:
-    """Return the recordings in folders, at any depth, and those that are named themselves, by name.
+@dataclass(frozen=True)
+class Listing:
+    """``found``: recordings in the order of the places where they were found, within a folder by name;
+    ``passed``: texts that are none; ``typed``: whether recordings were named themselves."""
 
-    What looks like a recording counts, whether it can be read or not; folders with results of
-    these commands are passed over. Raises ConfigurationError for a place
-    that is not there or holds none.
+    found: tuple[Found, ...]
+    passed: tuple[str, ...] = ()
+    typed: bool = False
+
+    @property
+    def told(self) -> list[str]:
+        """What was passed over, in a sentence."""
+        return [f"passed over, being no recording: {', '.join(self.passed)}"] if self.passed else []
+
+
+def find_recordings(places: Sequence[str | Path]) -> Listing:
+    """Return the recordings in folders, at any depth, and those that are named themselves.
+
+    What looks like a recording counts, whether it can be read or not; texts in folders that are no table, and
+    folders with results of these commands, are passed over. Raises ConfigurationError for a place that is not
+    there or holds none.
     """
     found: dict[str, Found] = {}
+    passed: list[str] = []
+    typed = False
     for place in map(Path, places):
-        here = [(p, Path(p.name)) for p in [place] if _is_recording(p)] or list(_within(place))
+        if _is_recording(place):
+            here, typed = [(place, Path(place.name))], True
+        else:
+            within = sorted(_within(place), key=lambda one: in_order(str(one[1])))
+            here = [one for one in within if not is_prose(one[0])]
+            passed += [str(relative) for path, relative in within if (path, relative) not in here]
         if not here:
             why = "holds no recording" if place.is_dir() else "is no recording" if place.exists() else None
             raise ConfigurationError(
@@ -48,7 +71,7 @@ def find_recordings(places: Sequence[str | Path]) -> list[Found]:
                 number += 1
                 name = f"{relative}_{number}"
             found[name] = Found(name, path)
-    return [found[name] for name in sorted(found, key=in_order)]
+    return Listing(tuple(found.values()), tuple(passed), typed)
 
 
 def in_order(name: str) -> list[tuple[int, str]]:

@@ -17,6 +17,8 @@ from haptic_teleop_sysid.results import tool_version, write_json
 DONE, UNUSABLE, FAILED = "done", "unusable", "failed"
 """How a recording ended: with a result; with a sentence about it; with a failure of the program."""
 OUTCOME = "outcome.json"
+FORMAT = 2
+"""Of what an outcome holds: one of another format is computed again."""
 
 
 def key_of(task: str, recordings: Sequence[Path], settings: object) -> str:
@@ -26,7 +28,7 @@ def key_of(task: str, recordings: Sequence[Path], settings: object) -> str:
     for recording in recordings:
         parts = sorted(p for p in recording.rglob("*") if p.is_file()) if recording.is_dir() else [recording]
         files += [[p.name, p.stat().st_size, p.stat().st_mtime_ns] for p in parts if p.exists()]
-    text = json.dumps([tool_version(), task, files, repr(settings)])
+    text = json.dumps([tool_version(), FORMAT, task, files, repr(settings)])
     return hashlib.sha256(text.encode()).hexdigest()
 
 

@@ -11,26 +11,33 @@ from typing import Any
 from matplotlib import rc_context
 from matplotlib.figure import Figure
 
+from haptic_teleop_control.counted import counted
+from haptic_teleop_sysid.diagnosis.adequacy import SLIGHT_ERROR
 from haptic_teleop_sysid.report import Link, Page
-from haptic_teleop_sysid.report.pictures import SERIES_COLOURS, STYLE
+from haptic_teleop_sysid.report.pictures import COLOUR, STYLE
 
 from .kept import DONE
 
 Outcomes = Mapping[str, Mapping[str, Any]]
 RULE = (
-    "Ranked: first where something is missing or a parameter is off, then by the error of your model's "
+    "Ranked: first where a parameter is off, or something is missing and a signal of your model's simulated "
+    f"response is off by more than {100 * SLIGHT_ERROR:g} % of its spread; then what differs by less; within "
+    "these by the error of your model's "
     "simulated response (relative to the motion's spread, rms over the signals) on the recordings that were "
     "used least."
 )
+
+
+_STATUS = ("good", "fair", "bad")
 
 
 def ranked(outcomes: Outcomes) -> list[str]:
     """Return the names of the diagnoses that came to an end, the worst first."""
     done = [name for name, o in outcomes.items() if o["status"] == DONE]
 
-    def worth(name: str) -> tuple[bool, float, str]:
+    def worth(name: str) -> tuple[bool, bool, float, str]:
         o = outcomes[name]
-        return not o["wrong"], -(math.inf if o["error"] is None else o["error"]), name
+        return not o["matters"], not o["wrong"], -(math.inf if o["error"] is None else o["error"]), name
 
     return sorted(done, key=worth)
 
@@ -38,13 +45,25 @@ def ranked(outcomes: Outcomes) -> list[str]:
 def overview_sentence(outcomes: Outcomes) -> str:
     """How many are in order, and which is worst."""
     order = ranked(outcomes)
-    wrong = [name for name in order if outcomes[name]["wrong"]]
+    wrong = [name for name in order if outcomes[name]["matters"]]
+    slight = [name for name in order if outcomes[name]["wrong"] and name not in wrong]
     if not order:
         return "Nothing could be diagnosed."
-    if not wrong:
+    if not wrong and not slight:
         return f"Nothing was found missing or off in any of the {len(order)}."
-    worst = outcomes[wrong[0]]
-    return f"Something is wrong with {len(wrong)} of {len(order)}; first {wrong[0]}: {worst['what']}."
+    told = f"Nothing that matters is wrong with any of the {len(order)}"
+    if wrong:
+        told = f"Something is wrong with {len(wrong)} of {len(order)}; first {wrong[0]}: "
+        told += outcomes[wrong[0]]["what"]
+    if not slight:
+        return f"{told}."
+    others = slight[0] if len(slight) == 1 else f"{len(slight)} {'others' if wrong else 'of them'}"
+    if wrong and len(slight) == 1 and len(order) == 2:
+        others = f"the other, {slight[0]},"
+    most = percent(max(outcomes[name]["error"] for name in slight))
+    return f"{told}; {others} {'differs' if len(slight) == 1 else 'differ'} by {most}" + (
+        "." if len(slight) == 1 else " at most."
+    )
 
 
 def overview_content(outcomes: Outcomes) -> dict[str, Any]:
@@ -61,8 +80,13 @@ def overview_content(outcomes: Outcomes) -> dict[str, Any]:
 def overview_page(title: str, outcomes: Outcomes, with_pages: bool) -> Page:
     """Return the overview; ``with_pages``: each diagnosis has a page of its own in its folder."""
     order = ranked(outcomes)
-    page = Page(title, f"{len(outcomes)} diagnoses")
-    page.verdict("bad" if any(outcomes[n]["wrong"] for n in order) else "good", overview_sentence(outcomes))
+    page = Page(title, counted(len(outcomes), "diagnosis", "diagnoses"))
+    worst = max((outcomes[n]["wrong"] + outcomes[n]["matters"] for n in order), default=2)
+    page.conclude(
+        _STATUS[worst],
+        overview_sentence(outcomes),
+        f"open the page of {order[0]}, which is the worst: it says what to do." if order and worst else "",
+    )
     if any(outcomes[name]["split"] for name in order):
         page.verdict(
             "fair",
@@ -126,9 +150,12 @@ def _bars(order: Sequence[str], outcomes: Outcomes) -> Figure:
         figure = Figure(figsize=(8.0, 0.4 * len(shown) + 1.0), layout="constrained")
         axes = figure.subplots()
         places = range(len(shown))
-        for key, label, colour, shift in (("error", "your model", 3, 0.18), ("left", "augmented", 1, -0.18)):
+        for key, label, role, shift in (
+            ("error", "your model", "given", 0.18),
+            ("left", "augmented", "augmented", -0.18),
+        ):
             values = [100.0 * (outcomes[n][key] or 0.0) for n in shown]
-            axes.barh([p - shift for p in places], values, 0.34, color=SERIES_COLOURS[colour], label=label)
+            axes.barh([p - shift for p in places], values, 0.34, color=COLOUR[role], label=label)
         axes.set_yticks(list(places), shown)
         axes.invert_yaxis()
         axes.set_xlabel("error of the simulated response (% of the motion's spread)")

@@ -11,11 +11,12 @@ from typing import Any
 
 import numpy as np
 
+from haptic_teleop_control.counted import counted
 from haptic_teleop_control.errors import ConfigurationError
 from haptic_teleop_sim.model import Model
 
 from .charts import Chart, Quantity, chart, first_outside
-from .folder import in_order
+from .folder import Listing, in_order
 from .kept import DONE
 from .limits import FEWEST
 
@@ -74,6 +75,11 @@ class Trend:
     told: tuple[str, ...]
 
     @property
+    def damaged(self) -> list[str]:
+        """The recordings that are broken, and were used as far as they go."""
+        return [p.name for p in self.points if p.found.get("damaged")]
+
+    @property
     def first(self) -> int | None:
         """The first recording behind the reference that leaves the limits, or has an event."""
         return first_outside(self.charts, [i for i in self.events if i >= self.reference])
@@ -101,21 +107,27 @@ def trend_of(
     reference: int,
     alarms: float,
     per_year: int | None = None,
+    listing: Listing | None = None,
 ) -> Trend:
     """Return the trend of outcomes of `characterise` by name. ``alarms``: probability that a year in which
     nothing changes has any alarm on any chart, shared evenly among the charts (Bonferroni, so that it holds
-    however they depend on each other).
+    however they depend on each other). ``listing``: where they were found, by which undated ones are ordered.
 
     Raises ConfigurationError where the recordings that can be used are no more than the reference.
     """
     usable = [Point(n, paths[n], o) for n, o in outcomes.items() if o["status"] == DONE]
     unusable = [(n, str(o["message"])) for n, o in outcomes.items() if o["status"] != DONE]
-    told: list[str] = []
-    points = _ordered(usable, unusable, told)
+    listing = listing or Listing(())
+    told: list[str] = [*listing.told]
+    for p in usable:
+        if p.found.get("damaged"):
+            told.append(f"{p.name} is broken and used as far as it goes: {'; '.join(p.found['damaged'])}")
+    points = _ordered(usable, unusable, listing.typed, told)
     if len(points) <= reference:
         why = f"; the first that cannot be used: {unusable[0][1]}" if unusable else ""
         raise ConfigurationError(
-            f"{len(points)} recordings can be used, and the first {reference} are the reference: record "
+            f"{counted(len(points), 'recording')} can be used, and the first {reference} are the "
+            "reference: record "
             f"more, or give a smaller --reference (from {FEWEST} on){why}"
         )
     year = per_year or _per_year(points, told)
@@ -164,8 +176,14 @@ def _number(value: float | None) -> float:
     return float("nan") if value is None else float(value)
 
 
-def _ordered(usable: Sequence[Point], unusable: list[tuple[str, str]], told: list[str]) -> list[Point]:
-    """By the first stamp of each recording's own states; names decide only between equal ones."""
+def _ordered(
+    usable: Sequence[Point], unusable: list[tuple[str, str]], typed: bool, told: list[str]
+) -> list[Point]:
+    """By the first stamp of each recording's own states; names decide only between equal ones. Without any
+    date as they were ``typed``, else by name."""
+    if typed and not any(p.dated for p in usable):
+        told.append("no recording has a date: they are in the order in which they were given")
+        return list(usable)
     if not any(p.dated for p in usable):
         points = sorted(usable, key=lambda p: in_order(p.name))
         if points:
@@ -178,10 +196,16 @@ def _ordered(usable: Sequence[Point], unusable: list[tuple[str, str]], told: lis
         if not point.dated:
             unusable.append((point.name, "it has no date, and the others have one: its place is unknown"))
     points = sorted((p for p in usable if p.dated), key=lambda p: (p.found["start_ns"], in_order(p.name)))
+    if typed and [p.name for p in points] != [p.name for p in usable if p.dated]:
+        told.append(f"in order of their own dates, not as given: {_in_a_line([p.name for p in points])}")
     for one, other in pairwise(points):
         if one.found["start_ns"] == other.found["start_ns"]:
             told.append(f"{one.name} and {other.name} begin at the same instant (copies?): ordered by name")
     return points
+
+
+def _in_a_line(names: Sequence[str]) -> str:
+    return ", ".join(names) if len(names) <= 12 else f"{', '.join(names[:10])}, ... {names[-1]}"
 
 
 def _per_year(points: Sequence[Point], told: list[str]) -> int:

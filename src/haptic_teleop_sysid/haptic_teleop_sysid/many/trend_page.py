@@ -7,7 +7,8 @@ import shlex
 from collections.abc import Sequence
 from pathlib import Path
 
-from haptic_teleop_sysid.report import Page
+from haptic_teleop_control.counted import counted
+from haptic_teleop_sysid.report import Page, unit_text
 
 from .trend import Trend
 from .trend_picture import changes_picture, charts_picture
@@ -28,18 +29,17 @@ def trend_page(trend: Trend, commands: Sequence[Sequence[str]]) -> Page:
     last = len(trend.points) - 1
     page = Page(
         "What changed since the robot was new",
-        f"{model.robot} {model.joint}, {len(trend.points)} recordings, {trend.points[0].when} to "
+        f"{model.robot} {model.joint}, {counted(len(trend.points), 'recording')}, {trend.points[0].when} to "
         f"{trend.points[last].when}",
     )
     first = trend.first
-    page.verdict("good" if first is None else "bad", change_sentence(trend))
+    look = f"look into it: {shlex.join(commands[0])}" if commands else "nothing."
+    page.conclude("good" if first is None else "bad", change_sentence(trend), look)
     if first is not None:
         reasons = "; ".join(trend.reasons(first))
         page.verdict("fair", f"First outside: {trend.points[first].when}: {reasons}.")
-    for command, which in zip(commands, ("it", "the newest, where a change has grown"), strict=False):
-        page.verdict("plain", f"Look into {which}: {shlex.join(command)}")
     if trend.unusable:
-        page.verdict("fair", f"{len(trend.unusable)} recordings could not be used; they are listed below.")
+        page.verdict("fair", f"{counted(len(trend.unusable), 'recording')} could not be used, see below.")
     for note in trend.told:
         page.verdict("plain", f"{note[0].upper()}{note[1:]}.")
     page.verdict("plain", alarm_sentence(trend))
@@ -50,7 +50,7 @@ def trend_page(trend: Trend, commands: Sequence[Sequence[str]]) -> Page:
         [
             (
                 c.quantity.name,
-                c.quantity.unit,
+                unit_text(c.quantity.unit),
                 f"{c.shown(c.centre):.4g}",
                 f"{c.shown(c.now):.4g}",
                 changed(c).split(" (")[0],
@@ -60,6 +60,11 @@ def trend_page(trend: Trend, commands: Sequence[Sequence[str]]) -> Page:
             for c in trend.charts
         ],
     )
+    if commands:
+        which = ("Look into the first recording outside", "Look into the newest, where a change has grown")
+        page.section("Next").commands(
+            [(what, shlex.join(command)) for what, command in zip(which, commands, strict=False)]
+        )
     page.section("Over time", _STATISTICS).picture(
         charts_picture(trend), "Each quantity over time with its limits; shaded on the left: the reference"
     )

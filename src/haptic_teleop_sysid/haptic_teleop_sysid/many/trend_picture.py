@@ -9,12 +9,13 @@ from matplotlib import rc_context
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from haptic_teleop_sysid.report.pictures import INK, SERIES_COLOURS, SHADE, STYLE
+from haptic_teleop_sysid.report import unit_text
+from haptic_teleop_sysid.report.pictures import COLOUR, INK, SHADE, STYLE
 
 from .charts import Chart
 from .trend import Trend
 
-_VALUE, _OUT, _CREPT = SERIES_COLOURS[1], SERIES_COLOURS[5], SERIES_COLOURS[2]
+_VALUE, _OUT, _CREPT = COLOUR["measured"], COLOUR["alarm"], COLOUR["given"]
 
 
 def charts_picture(trend: Trend) -> Figure:
@@ -93,9 +94,9 @@ def _panel(axes: Axes, x: Any, c: Chart, trend: Trend) -> None:
         axes.plot(x[which], values[which], mark, color=colour, markersize=5, fillstyle="none", label=label)
     for i in trend.events:
         label = "event" if i == min(trend.events) else ""
-        axes.axvline(x[i], color=SERIES_COLOURS[4], linewidth=0.8, label=label)
+        axes.axvline(x[i], color=COLOUR["fourth"], linewidth=0.8, label=label)
     axes.axvspan(x[0], x[trend.reference - 1], color=INK, alpha=0.06, linewidth=0)
     axes.set_title(c.quantity.name)
-    axes.set_ylabel("" if c.quantity.unit == "1" else c.quantity.unit.replace("*", "·"))
+    axes.set_ylabel(unit_text(c.quantity.unit))
     if c.quantity.logarithmic:
         axes.set_yscale("log")

@@ -91,6 +91,7 @@ def content(trend: Trend, commands: Sequence[Sequence[str]]) -> dict[str, Any]:
             for i, p in enumerate(trend.points)
         ],
         "unusable": [{"name": name, "why": why} for name, why in trend.unusable],
+        "damaged": trend.damaged,
         "notes": list(trend.told),
     }
 

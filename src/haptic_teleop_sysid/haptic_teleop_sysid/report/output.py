@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 
 from haptic_teleop_control.errors import ConfigurationError
@@ -21,6 +23,45 @@ def claim_output_directory(directory: str | Path, result_name: str, overwrite: b
         )
     make_output_directory(path)
     return path
+
+
+@contextmanager
+def claimed(directory: str | Path, result_name: str, overwrite: bool = False) -> Iterator[Path]:
+    """As `claim_output_directory`, for as long as results are computed: whoever leaves early (an error,
+    Ctrl-C) leaves no empty folder behind. An interrupt then carries a sentence on what was written."""
+    path = Path(directory)
+    missing = [folder for folder in (path, *path.parents) if not folder.exists()]
+    claim_output_directory(path, result_name, overwrite)
+    with left_tidy(path, missing):
+        yield path
+
+
+@contextmanager
+def left_tidy(path: Path, missing: list[Path], goes_on: bool = False) -> Iterator[None]:
+    """Remove what is empty of the folders that were ``missing``, and within ``path`` of those that were made,
+    when what is done in it ends early. ``goes_on``: the same command goes on from what is kept there."""
+    before = _inside(path)
+    try:
+        yield
+    except BaseException as leaving:
+        made = sorted((p for p in path.rglob("*") if p.is_dir() and p not in before), reverse=True)
+        for folder in (*made, *missing):
+            try:
+                folder.rmdir()
+            except OSError:  # it holds something
+                continue
+        if not isinstance(leaving, KeyboardInterrupt):
+            raise
+        told = "interrupted; nothing was written"
+        if path.exists() and _inside(path) != before:
+            told = f"interrupted; {path} holds what was written so far"
+            told += ": the same command goes on from there" if goes_on else ", which is no whole result"
+        raise KeyboardInterrupt(told) from leaving
+
+
+def _inside(path: Path) -> dict[Path, int]:
+    """What a folder holds, with times of change."""
+    return {p: p.stat().st_mtime_ns if p.is_file() else 0 for p in path.rglob("*")}
 
 
 def make_output_directory(path: Path) -> None:

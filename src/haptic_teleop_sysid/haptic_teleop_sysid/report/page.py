@@ -3,21 +3,30 @@
 from __future__ import annotations
 
 import importlib.resources
+import re
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from datetime import datetime
 from pathlib import Path
-from typing import Literal
+from typing import Any, Literal
 from urllib.parse import quote
 
 import jinja2
 from markupsafe import Markup
 from matplotlib.figure import Figure
 
-from haptic_teleop_sysid.report.pictures import inline_svg
+from .live import as_script, live, packed_script, points_for
+from .numbers import units_in
+from .pictures import inline_svg, still
+from .plot import Panel, Plot, Series
+from .roles import ROLES, variables
 
 Status = Literal["good", "fair", "bad", "plain"]
 STATUS_WORD = {"good": "OK", "fair": "NOTE", "bad": "PROBLEM", "plain": "INFO"}
+#: Samples of all lines of a page's still pictures together, and of one line at least and at most.
+_STILL_POINTS, _LEAST_STILL, _MOST_STILL = 36_000, 300, 1500
+#: Cells that say that there is nothing, and how a date begins.
+_NOTHING, _DATE = ("", "–", "—"), re.compile(r"\d{4}-\d\d-\d\d")
 
 
 class Link(str):
@@ -35,19 +44,28 @@ class Link(str):
 class Block:
     """One piece of a section; `kind` selects how the template draws it."""
 
-    kind: Literal["text", "table", "picture"]
+    kind: Literal["text", "table", "picture", "plot", "commands"]
     text: str = ""
-    svg: str = ""
     header: tuple[str, ...] = ()
     rows: tuple[tuple[str, ...], ...] = ()
+    figure: Figure | None = None
+    plot: Plot | None = None
+
+    def numeric(self) -> list[bool]:
+        """Which columns of a table are set right-aligned: those most of whose cells are numbers."""
+        columns = zip(*(row for row in self.rows if len(row) == len(self.header)), strict=True)
+        told = [[cell for cell in column if cell not in _NOTHING] for column in columns]
+        found = [2 * sum(map(looks_numeric, cells)) >= max(len(cells), 1) for cells in told]
+        return found or [False] * len(self.header)
 
 
 @dataclass
 class Section:
-    """A heading with texts, tables and pictures in the order in which they were added."""
+    """A heading with texts, tables, plots and pictures in the order in which they were added; a ``folded``
+    one shows its heading until it is opened."""
 
     title: str
-    page: Page
+    folded: bool = False
     blocks: list[Block] = field(default_factory=list)
 
     def text(self, text: str) -> Section:
@@ -63,36 +81,49 @@ class Section:
         self.blocks.append(Block("table", text=caption, header=tuple(header), rows=cells))
         return self
 
+    def plot(self, plot: Plot, caption: str = "") -> Section:
+        """Add lines on which one zooms and pans; `caption` is also what a screen reader says."""
+        self.blocks.append(Block("plot", text=caption, plot=plot))
+        return self
+
     def picture(self, figure: Figure, caption: str = "") -> Section:
         """Add a matplotlib figure as inline SVG; `caption` is also what a screen reader says."""
-        self.page.picture_count += 1
-        svg = inline_svg(figure, prefix=f"picture{self.page.picture_count}", description=caption)
-        self.blocks.append(Block("picture", text=caption, svg=svg))
+        self.blocks.append(Block("picture", text=caption, figure=figure))
+        return self
+
+    def commands(self, steps: Sequence[tuple[str, str]]) -> Section:
+        """Add numbered steps, each with what it is for and a command to paste."""
+        self.blocks.append(Block("commands", rows=tuple(steps)))
         return self
 
 
 @dataclass
 class Page:
-    """A report. Add verdicts, key figures and sections, then `write`."""
+    """A report. Add the conclusion, verdicts, key figures and sections, then `write`."""
 
     title: str
     subtitle: str = ""
+    conclusion: tuple[Status, str, str] | None = None
     verdicts: list[tuple[Status, str]] = field(default_factory=list)
     figures: list[tuple[str, str, str]] = field(default_factory=list)
     sections: list[Section] = field(default_factory=list)
-    picture_count: int = 0
+
+    def conclude(self, status: Status, happened: str, todo: str = "") -> None:
+        """State the page's first line: ``status`` says how good it is, ``happened`` what happened, and
+        ``todo`` what to do. Without it the first of the worst verdicts stands there."""
+        self.conclusion = (status, happened, todo)
 
     def verdict(self, status: Status, text: str) -> None:
-        """Add a line to the summary at the top; `status` says how good the news is."""
+        """Add a check: what is not good stands below the conclusion, what is good is folded away."""
         self.verdicts.append((status, text))
 
     def key_figure(self, value: str, label: str, note: str = "") -> None:
         """Add one large number to the summary, with what it is and what to hold it against."""
         self.figures.append((value, label, note))
 
-    def section(self, title: str, text: str = "") -> Section:
+    def section(self, title: str, text: str = "", folded: bool = False) -> Section:
         """Add and return a section."""
-        section = Section(title, self)
+        section = Section(title, folded)
         self.sections.append(section)
         return section.text(text) if text else section
 
@@ -101,15 +132,29 @@ class Page:
         environment = jinja2.Environment(
             autoescape=True, undefined=jinja2.StrictUndefined, trim_blocks=True, lstrip_blocks=True
         )
-        environment.tests["numeric"] = looks_numeric
         environment.tests["link"] = lambda cell: isinstance(cell, Link)
+        environment.filters["units"] = units_in
+        environment.filters["identity"] = id
         files = importlib.resources.files("haptic_teleop_sysid.report")
-        template = environment.from_string(files.joinpath("page.html.j2").read_text(encoding="utf-8"))
-        style = files.joinpath("page.css").read_text(encoding="utf-8")
-        return template.render(
+        text = {
+            name: files.joinpath(name).read_text(encoding="utf-8")
+            for name in ("page.html.j2", "page.css", "page.js")
+        }
+        conclusion, verdicts = self._concluded()
+        drawn = _drawn(self.sections)
+        return environment.from_string(text["page.html.j2"]).render(
             page=self,
+            conclusion=conclusion,
+            noted=[v for v in verdicts if v[0] in ("bad", "fair")],
+            checks=[v for v in verdicts if v[0] in ("good", "plain")],
+            drawn=drawn,
             status_word=STATUS_WORD,
-            style=Markup(style),
+            roles=ROLES,
+            style=Markup(text["page.css"]),
+            light=Markup(variables(dark=False)),
+            dark=Markup(variables(dark=True)),
+            script=Markup(text["page.js"]),
+            bokeh=Markup(packed_script()) if any("script" in d for d in drawn.values()) else "",
             written=datetime.now().astimezone().strftime("%Y-%m-%d %H:%M %Z"),
         )
 
@@ -119,10 +164,52 @@ class Page:
         target.write_text(self.render(), encoding="utf-8")
         return target
 
+    def _concluded(self) -> tuple[tuple[Status, str, str] | None, list[tuple[Status, str]]]:
+        """The first line, and the verdicts that it does not tell."""
+        if self.conclusion is not None:
+            return self.conclusion, [v for v in self.verdicts if v[1] not in self.conclusion[1]]
+        if not self.verdicts:
+            return None, []
+        worst = min(self.verdicts, key=lambda v: ("bad", "fair", "good", "plain").index(v[0]))
+        return (*worst, ""), [v for v in self.verdicts if v is not worst]
+
+
+def _drawn(sections: Sequence[Section]) -> dict[int, dict[str, Any]]:
+    """What the template draws of each plot and picture, by the identity of its block."""
+    blocks = [b for s in sections for b in s.blocks]
+    lines = sum(b.plot.lines() for b in blocks if b.plot is not None)
+    points = points_for(lines)
+    fewer = max(_LEAST_STILL, min(_MOST_STILL, _STILL_POINTS // max(lines, 1)))
+    found: dict[int, dict[str, Any]] = {}
+    for number, block in enumerate(blocks):
+        name = f"picture{number}"
+        figure = block.figure if block.plot is None else still(block.plot, fewer)
+        if figure is None:
+            continue
+        one: dict[str, Any] = {"svg": Markup(inline_svg(figure, name, block.text)), "name": name}
+        if block.plot is not None:
+            views = {"response": block.plot.panels}
+            if block.plot.difference:
+                views["difference"] = block.plot.difference
+            content = {
+                view: live(panels, block.plot.x_label, f"{name}-{view}", points)
+                for view, panels in views.items()
+            }
+            one |= {"script": Markup(as_script(content)), "views": views, "legend": _legend(block.plot)}
+        found[id(block)] = one
+    return found
+
+
+def _legend(plot: Plot) -> list[Series]:
+    """The lines that the legend switches, with a word for those that have none."""
+    found = list(plot.roles().values())
+    return [replace(s, label=s.label or "value") for s in found] if len(found) > 1 else []
+
 
 def looks_numeric(cell: str) -> bool:
-    """True for a cell that begins like a number (or says that there is none), which the table sets
-    right-aligned.
-    """
+    """True for a cell that begins like a number and is no date."""
     text = cell.strip().lstrip("+-−±<>≈ ")
-    return text[:1].isdigit() or text in {"–", "—", "nan", "inf"}
+    return (text[:1].isdigit() or text in ("nan", "inf")) and not _DATE.match(text)
+
+
+__all__ = ["Link", "Page", "Panel", "Section", "Status", "looks_numeric"]

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 
-from matplotlib.figure import Figure
-
 from haptic_teleop_control.robots import STAGES
 from haptic_teleop_control.teleoperation.recorded_energy import PortEnergy
-from haptic_teleop_sysid.report import Panel, Series, stacked_panels
+from haptic_teleop_sysid.report import Panel, Plot, Series
+from haptic_teleop_sysid.report.roles import RUNS
+from haptic_teleop_sysid.verification.tables import number
 
 Energies = Mapping[str, PortEnergy]
 """Port -> its energy, as `port_energies` gives it."""
@@ -24,18 +24,18 @@ EXPLANATION = (
 )
 
 
-def energy_picture(energies: Energies) -> Figure | None:
+def energy_plot(energies: Energies) -> Plot | None:
     """One panel for each port, both stages; None where the recording holds neither."""
     panels = []
     for port, title in PORTS.items():
         if port in energies:
             one = energies[port]
             lines = [
-                Series(stage.replace("stage", "stage "), one.time, 1e3 * one.energy[:, i], colour=1 + i)
+                Series(stage.replace("stage", "stage "), one.time, 1e3 * one.energy[:, i], RUNS[i])
                 for i, stage in enumerate(STAGES)
             ]
             panels.append(Panel(title, "mJ", lines, guides=(0.0,)))
-    return stacked_panels(panels) if panels else None
+    return Plot(panels) if panels else None
 
 
 def energy_table(
@@ -43,7 +43,7 @@ def energy_table(
 ) -> tuple[list[str], list[list[object]], str]:
     """Energy at the end and its lowest value, mJ, of every port, stage and run."""
     rows: list[list[object]] = [
-        [label, PORTS[port], stage, f"{1e3 * one.energy[-1, i]:.2f}", f"{1e3 * one.lowest[i]:.2f}"]
+        [label, PORTS[port], stage, *(number(e, 2, 1e3) for e in (one.energy[-1, i], one.lowest[i]))]
         for run, label in zip(energies, labels, strict=True)
         for port, one in run.items()
         for i, stage in enumerate(STAGES)

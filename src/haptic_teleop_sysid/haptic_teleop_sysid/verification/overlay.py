@@ -13,17 +13,13 @@ from numpy.typing import NDArray
 from haptic_teleop_control.recording import JointStateSeries, Recording
 from haptic_teleop_control.robots import PAIRS
 from haptic_teleop_sysid.fit import fit_percent
+from haptic_teleop_sysid.small_motion import SMALLEST_SPREAD, spread
 from haptic_teleop_sysid.verification.signals import MASTER_TOPIC, REFERENCE_TOPIC, STATE_TOPIC
 from haptic_teleop_sysid.verification.simulation import SimulatedRun
 
 Array = NDArray[np.float64]
 ONSET_SHARE = 0.02
 """A command has begun when it is this share of its greatest change away from where it was."""
-SMALLEST_SPREAD = {"rad": 2e-3, "rad/s": 0.02, "N·m": 5e-3}
-"""A signal that hardly varies tells nothing about a fit: one whose middle 99 % of samples lie within this."""
-OUTLIERS = 0.01
-"""Share of the samples, the greatest and the least together, that make no variation by themselves: the few
-before a device is driven, for example."""
 
 
 @dataclass(frozen=True)
@@ -112,12 +108,6 @@ def overlay(recording: Recording, simulated: SimulatedRun, remove_delay: bool = 
         fit = fit_percent(measured, model) if spread(measured) >= SMALLEST_SPREAD[unit] else None
         found.append(Comparison(group, name, unit, time - shift, measured, model, fit))
     return Overlay(found, delay, remove_delay, simulated.command, simulated.plants)
-
-
-def spread(values: Array) -> float:
-    """How far the greatest and the least of `values` (n,) lie apart, without the OUTLIERS."""
-    least, greatest = np.quantile(values, [0.5 * OUTLIERS, 1.0 - 0.5 * OUTLIERS])
-    return float(greatest - least)
 
 
 def _signal(

@@ -5,15 +5,15 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 
-from matplotlib.figure import Figure
-
 from haptic_teleop_control.errors import HapticTeleopError
 from haptic_teleop_control.recording import Recording
-from haptic_teleop_sysid.report import Panel, Series, stacked_panels
-from haptic_teleop_sysid.verification.overlay import SMALLEST_SPREAD, Overlay, overlay
+from haptic_teleop_sysid.report import Panel, Plot, Series
+from haptic_teleop_sysid.small_motion import SMALLEST_SPREAD, spread
+from haptic_teleop_sysid.verification.overlay import Comparison, Overlay, overlay
 from haptic_teleop_sysid.verification.simulation import can_be_simulated, simulate_recording
 
-HARDLY = "hardly varies"
+#: What is said instead of a fit of a signal that hardly varies, by its unit.
+HARDLY = {"rad": "hardly moves", "rad/s": "hardly moves", "N·m": "hardly varies"}
 
 
 @dataclass(frozen=True)
@@ -21,7 +21,7 @@ class Overlays:
     """By a run's label: what was laid over it, the pictures of that by group, or why there is nothing."""
 
     done: dict[str, Overlay]
-    pictures: dict[str, dict[str, Figure]]
+    pictures: dict[str, dict[str, Plot]]
     reasons: dict[str, str]
 
 
@@ -49,13 +49,14 @@ def overlay_all(
     return Overlays(done, {label: overlay_pictures(one) for label, one in done.items()}, reasons)
 
 
-def fit_in_words(fit: float | None, unit: str = "") -> str:
-    """The fit as text, or that there is none because the signal hardly varies."""
-    return HARDLY if fit is None else f"{fit:.1f}{unit}"
+def fit_in_words(one: Comparison, unit: str = "") -> str:
+    """The fit as text, or that there is none because the signal hardly varies: what is a large share of next
+    to nothing is no alarm."""
+    return HARDLY[one.unit] if one.fit is None else f"{one.fit:.1f}{unit}"
 
 
-def overlay_pictures(result: Overlay) -> dict[str, Figure]:
-    """Return a figure for each group of which a signal varies: simulation over recording."""
+def overlay_pictures(result: Overlay) -> dict[str, Plot]:
+    """Return a plot for each group of which a signal varies: the recording over its simulation."""
     pictures = {}
     for group in dict.fromkeys(one.group for one in result.comparisons):
         members = [one for one in result.comparisons if one.group == group]
@@ -63,33 +64,35 @@ def overlay_pictures(result: Overlay) -> dict[str, Figure]:
             continue
         panels = [
             Panel(
-                f"{one.name.capitalize()}: {'' if one.fit is None else 'fit '}{fit_in_words(one.fit, ' %')}",
+                one.name.capitalize(),
                 one.unit,
                 [
-                    Series("recording", one.time, one.recorded, colour=1),
-                    Series("simulation", one.time, one.simulated, colour=2, style="--"),
+                    Series("recording", one.time, one.recorded),
+                    Series("simulation", one.time, one.simulated, "given"),
                 ],
+                note=f"{'' if one.fit is None else 'fit '}{fit_in_words(one, ' %')}",
             )
             for one in members
         ]
         since = "the simulation's first state, delay removed" if result.removed else "the first state of each"
-        pictures[group] = stacked_panels(panels, x_label=f"time since {since} (s)", height=1.6)
+        pictures[group] = Plot(panels, x_label=f"time since {since} (s)").with_difference()
     return pictures
 
 
 def overlay_table(overlays: Mapping[str, Overlay]) -> tuple[list[str], list[list[object]], str]:
     """Return header, rows and caption of all fits."""
-    header = ["run", "delay (s)", "signal", "fit (%)"]
+    header = ["run", "delay (s)", "signal", "moves by", "fit (%)"]
     rows: list[list[object]] = [
         [
             label,
             f"{one.delay:.3f}",
             f"{entry.group}, {entry.name}",
-            fit_in_words(entry.fit),
+            f"{spread(entry.recorded):.3g} {entry.unit}",
+            fit_in_words(entry),
         ]
         for label, one in overlays.items()
         for entry in one.comparisons
     ]
     least = ", ".join(f"{value:g} {unit}" for unit, value in SMALLEST_SPREAD.items())
-    caption = f"100·(1 − ‖y − ŷ‖/‖y − mean y‖) over the recording; {HARDLY}: by less than {least}"
+    caption = f"100·(1 − ‖y − ŷ‖/‖y − mean y‖) over the recording; hardly: by less than {least}"
     return header, rows, caption

@@ -5,12 +5,11 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-from matplotlib.figure import Figure
-
-from haptic_teleop_sysid.report import Page
+from haptic_teleop_sysid.report import Page, Plot, Status
 from haptic_teleop_sysid.verification import tables
 from haptic_teleop_sysid.verification.clock import LOCKSTEP, Clock
-from haptic_teleop_sysid.verification.energy import EXPLANATION, energy_picture, energy_table
+from haptic_teleop_sysid.verification.conclusion import conclusion
+from haptic_teleop_sysid.verification.energy import EXPLANATION, energy_plot, energy_table
 from haptic_teleop_sysid.verification.overlay_report import Overlays, overlay_table
 from haptic_teleop_sysid.verification.pictures import latency_picture
 from haptic_teleop_sysid.verification.run import Run
@@ -74,50 +73,67 @@ def verification_page(
     runs: Sequence[Run],
     labels: Sequence[str],
     agreements: Mapping[str, Any],
-    pictures: Mapping[str, Figure],
+    pictures: Mapping[str, Plot],
     overlays: Overlays,
 ) -> Page:
-    """Return the page: summary, each stage's pictures and figures, simulation over recording, the graph's
-    health, the settings and their sources.
+    """Return the page: the conclusion, each stage's pictures and figures, simulation over recording; then,
+    folded, energies, the graph's health, the settings and their sources.
     """
     kind = runs[0].experiment.get("kind")
     page = Page(
         TITLES[runs[0].scenario],
         ", ".join(run.name for run in runs) + (f" ({kind})" if kind else ""),
     )
-    named = [(run, f"{label}: " if len(runs) > 1 else "") for run, label in zip(runs, labels, strict=True)]
-    # What failed in any of them stands before all else.
-    sentences = [(run, prefix, failures(run)) for run, prefix in named]
-    sentences += [(run, prefix, verdicts(run)[len(failures(run)) :]) for run, prefix in named]
-    for _, prefix, found in sentences:
-        for status, text in found:
-            page.verdict(status, prefix + text)
+    page.conclude(*conclusion(runs, labels))
+    for status, text in _checks(runs, labels):
+        page.verdict(status, text)
     for figure in key_figures(runs[0]):
         page.key_figure(*figure)
     for stage, picture in pictures.items():
         _stage_section(page, runs, labels, stage, picture)
     _overlay_section(page, overlays)
     _agreement_section(page, labels, agreements)
+    _figures_section(page, runs, labels, list(pictures))
     _energy_section(page, runs, labels)
     _graph_section(page, runs, labels)
     _settings_section(page, runs, labels)
     return page
 
 
-def _stage_section(
-    page: Page, runs: Sequence[Run], labels: Sequence[str], stage: str, picture: Figure
-) -> None:
-    title = next(run.merits[stage].title for run in runs if stage in run.merits)
-    section = page.section(title)
+def _checks(runs: Sequence[Run], labels: Sequence[str]) -> list[tuple[Status, str]]:
+    """What failed in any of the runs, then what else is to be said of them."""
+    named = [(run, f"{label}: " if len(runs) > 1 else "") for run, label in zip(runs, labels, strict=True)]
+    sentences = [(prefix, failures(run)) for run, prefix in named]
+    sentences += [(prefix, verdicts(run)[len(failures(run)) :]) for run, prefix in named]
+    return [(status, prefix + text) for prefix, found in sentences for status, text in found]
+
+
+def _stage_section(page: Page, runs: Sequence[Run], labels: Sequence[str], stage: str, picture: Plot) -> None:
     whose = f" of {labels[0]}" if len(runs) > 1 else ""
-    section.picture(
+    page.section(_title(runs, stage)).plot(
         picture,
-        f"Shaded: contact and release{whose}. Dashed: what the force law promises.",
+        f"{_title(runs, stage)}. Shaded: contact and release{whose}. Td and Td / λ: what the force law "
+        "promises.",
     )
-    named = zip(runs, labels, strict=True)
-    merits = [(label, run.merits[stage]) for run, label in named if stage in run.merits]
-    for table in (tables.free_table(merits), tables.contact_table(merits), tables.phase_table(merits)):
-        section.table(*table)
+
+
+def _title(runs: Sequence[Run], stage: str) -> str:
+    return next(run.merits[stage].title for run in runs if stage in run.merits)
+
+
+def _figures_section(page: Page, runs: Sequence[Run], labels: Sequence[str], stages: Sequence[str]) -> None:
+    """Free motion, contacts and phases of all stages."""
+    section = page.section("Motion and contact in figures")
+    for stage in stages:
+        named = zip(runs, labels, strict=True)
+        merits = [(label, run.merits[stage]) for run, label in named if stage in run.merits]
+        for header, rows, caption in (
+            tables.free_table(merits),
+            tables.contact_table(merits),
+            tables.phase_table(merits),
+        ):
+            if rows:
+                section.table(header, rows, f"{_title(runs, stage)}. {caption}")
 
 
 def _overlay_section(page: Page, overlays: Overlays) -> None:
@@ -132,10 +148,13 @@ def _overlay_section(page: Page, overlays: Overlays) -> None:
             f"{label}: plants from {one.plants}; command from {one.command}. The recording's command begins "
             f"{one.delay:+.3f} s against the simulation's; this delay is {delay}."
         )
-        for group, picture in overlays.pictures[label].items():
-            section.picture(picture, f"{label}, {group}: recording, and simulation dashed")
     if overlays.done:
         section.table(*overlay_table(overlays.done))
+    for label in overlays.done:
+        for group, picture in overlays.pictures[label].items():
+            page.section(f"{label} and its simulation: {group}", folded=True).plot(
+                picture, f"{label}, {group}: recording and simulation"
+            )
 
 
 def _agreement_section(page: Page, labels: Sequence[str], agreements: Mapping[str, Any]) -> None:
@@ -145,9 +164,10 @@ def _agreement_section(page: Page, labels: Sequence[str], agreements: Mapping[st
 
 
 def _energy_section(page: Page, runs: Sequence[Run], labels: Sequence[str]) -> None:
-    picture = energy_picture(runs[0].energies)
-    if picture is not None:
-        section = page.section("Energy at the ports", EXPLANATION).picture(picture, f"Energy, {labels[0]}")
+    plot = energy_plot(runs[0].energies)
+    if plot is not None:
+        section = page.section("Energy at the ports", EXPLANATION, folded=True)
+        section.plot(plot, f"Energy, {labels[0]}")
         section.table(*energy_table([run.energies for run in runs], labels))
 
 
@@ -162,7 +182,7 @@ def _graph_section(page: Page, runs: Sequence[Run], labels: Sequence[str]) -> No
             " In simulated time and in lockstep nothing is late: rates count simulated seconds, and an "
             "answer takes none, so that there is no latency to tell."
         )
-    section = page.section("Graph: rates, missing samples, latency", text)
+    section = page.section("Graph: rates, missing samples, latency", text, folded=True)
     section.table(*tables.topic_table(runs, labels)).table(*tables.latency_table(runs, labels))
     picture = latency_picture(runs, labels)
     if picture is not None:
@@ -170,4 +190,5 @@ def _graph_section(page: Page, runs: Sequence[Run], labels: Sequence[str]) -> No
 
 
 def _settings_section(page: Page, runs: Sequence[Run], labels: Sequence[str]) -> None:
-    page.section("Settings, and who says so").table(*tables.settings_table(runs, labels))
+    section = page.section("Settings, and who says so", folded=True)
+    section.table(*tables.settings_table(runs, labels))

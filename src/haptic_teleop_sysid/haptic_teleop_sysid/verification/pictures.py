@@ -9,54 +9,59 @@ from collections.abc import Sequence
 import numpy as np
 from matplotlib.figure import Figure
 
-from haptic_teleop_sysid.report import Panel, Series, histogram, stacked_panels
+from haptic_teleop_sysid.report import Panel, Plot, Series, histogram
+from haptic_teleop_sysid.report.roles import RUNS
 from haptic_teleop_sysid.verification.run import Run
+
+#: Dashes of an arm where colours tell runs apart, and of the speed that the force law promises.
+_ARM, _PROMISE = (2, 3), (3, 3)
 
 
 def stage_picture(
-    runs: Sequence[Run], stage: str, labels: Sequence[str], remove_delay: bool = False
-) -> Figure:
+    runs: Sequence[Run],
+    stage: str,
+    labels: Sequence[str],
+    remove_delay: bool = False,
+    roles: Sequence[str] = (),
+) -> Plot:
     """Return the stage's panels over time; contact and release of the first run are shaded.
 
-    With `remove_delay` each run's time counts from the onset of its command.
+    With `remove_delay` each run's time counts from the onset of its command. ``roles``: what each of several
+    runs means, see `ROLES`; without them they are told apart by their order.
     """
     shown = [
-        (run, label, number)
-        for number, (run, label) in enumerate(zip(runs, labels, strict=True), start=1)
+        (run, label, roles[number] if roles else RUNS[number % len(RUNS)])
+        for number, (run, label) in enumerate(zip(runs, labels, strict=True))
         if stage in run.stages
     ]
     single = len(shown) == 1
     first = shown[0][0]
     of_omni = first.merits[stage].of_omni
     command, position, velocity, torque, current = [], [], [], [], []
-    for run, label, number in shown:
+    for run, label, role in shown:
         data = run.stages[stage]
         time = data.time - run.onset if remove_delay else data.time
         name = "" if single else f"{label}: "
-        # One run: a colour for each signal. Several: a colour for each run, and the line's style for the
-        # signal.
-        motor, arm, wanted = (1, 2, 0) if single else (number, number, number)
-        dotted = "-" if single else ":"
-        command.append(Series(f"{name}desired torque", time, data.desired_torque, colour=wanted))
+        # One run: a colour for each signal. Several: a colour for each run, and dots for its arm.
+        arm, dots = ("second", None) if single else (role, _ARM)
+        moving = f"{name}{'axis' if of_omni else 'motor'}"
+        wanted = Series(f"{name}Td", time, data.desired_torque, "reference" if single else role)
+        command.append(wanted)
         if of_omni:
-            position.append(Series(f"{name}axis", time, data.arm_position, colour=motor))
+            position.append(Series(moving, time, data.arm_position, role))
         else:
-            position.append(Series(f"{name}motor", time, data.motor_position, colour=motor))
-            position.append(Series(f"{name}arm", time, data.arm_position, colour=arm, style=dotted))
-        velocity.append(
-            Series(
-                f"{name}{'axis' if of_omni else 'motor'}", time, data.motor_velocity, colour=motor, width=1.0
-            )
-        )
+            position.append(Series(moving, time, data.motor_position, role))
+            position.append(Series(f"{name}arm", time, data.arm_position, arm, dots))
+        velocity.append(Series(moving, time, data.motor_velocity, role))
         if data.settings.lambda_ and run is shown[0][0]:
             expected = data.desired_torque / data.settings.lambda_
-            velocity.append(Series("Td / λ", time, expected, colour=0, style="--", width=1.0))
-        torque.append(Series(f"{name}Te", time, data.environment_torque, colour=motor))
-        if run is shown[0][0]:
-            torque.append(Series("Td", time, data.desired_torque, colour=0, style="--", width=1.0))
-        current.append(Series(f"{name}measured", time, data.current, colour=motor, width=0.9))
+            velocity.append(Series("Td / λ", time, expected, "reference", _PROMISE))
+        torque.append(Series(f"{name}Te" if single else moving, time, data.environment_torque, role))
+        if single:
+            torque.append(wanted)
+        current.append(Series(f"{name}current" if single else moving, time, data.current, role))
         if single and data.commanded_current is not None:
-            current.append(Series("commanded", time, data.commanded_current, colour=2, width=0.9))
+            current.append(Series("commanded current", time, data.commanded_current, "input", (3, 3)))
     shift = first.onset if remove_delay else 0.0
     spans = [
         (a - shift, b - shift) for kind, a, b in first.merits[stage].phases if kind in ("contact", "release")
@@ -67,7 +72,7 @@ def stage_picture(
     limit = settings.current_limit
     reached = max(float(np.nanmax(np.abs(run.stages[stage].current))) for run, _, _ in shown)
     limits = (-limit, limit) if reached > 0.8 * limit else ()
-    return stacked_panels(
+    return Plot(
         [
             Panel("Command: desired torque Td", "N·m", command, spans=spans),
             Panel("Position", "rad", position, guides=walls, spans=spans),

@@ -10,7 +10,6 @@ from itertools import pairwise
 import numpy as np
 import scipy
 from numpy.typing import NDArray
-from scipy.fft import irfft, next_fast_len, rfft
 
 from haptic_teleop_sysid.estimation.records import Record
 
@@ -79,9 +78,9 @@ def low_passed(values: FloatArray, dt: float, cutoff: float, times: int = 1) -> 
     pad = min(n - 1, round(PADDED / (cutoff * dt)))
     before = 2.0 * rows[..., :1] - rows[..., pad:0:-1]
     after = 2.0 * rows[..., -1:] - rows[..., -2 : -pad - 2 : -1]
-    length = next_fast_len(n + 2 * pad, real=True)
-    spectrum = np.asarray(rfft(np.concatenate([before, rows, after], axis=-1), length))
-    found = np.asarray(irfft(spectrum * _response(length, round(cutoff * dt, 15), times), length))
+    length = scipy.fft.next_fast_len(n + 2 * pad, real=True)
+    spectrum = np.asarray(scipy.fft.rfft(np.concatenate([before, rows, after], axis=-1), length))
+    found = np.asarray(scipy.fft.irfft(spectrum * _response(length, round(cutoff * dt, 15), times), length))
     return np.moveaxis(found[..., pad : pad + n], -1, 0)
 
 

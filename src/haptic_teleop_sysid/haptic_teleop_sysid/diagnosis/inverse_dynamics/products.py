@@ -7,8 +7,8 @@ then solved, and judged on other equations, in the few numbers that it has, howe
 from __future__ import annotations
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
-from scipy.optimize import lsq_linear
 
 from .folds import Fold
 from .latent import Latent
@@ -148,7 +148,7 @@ def solved(products: FloatArray, mixed: FloatArray, low: FloatArray, high: Float
     free = vectors @ (right / root) / scale
     if np.all(free >= low) and np.all(free <= high):
         return free
-    found = lsq_linear(rows, right, bounds=(low * scale, high * scale), method="bvls")
+    found = scipy.optimize.lsq_linear(rows, right, bounds=(low * scale, high * scale), method="bvls")
     return np.asarray(found.x, dtype=np.float64) / scale
 
 

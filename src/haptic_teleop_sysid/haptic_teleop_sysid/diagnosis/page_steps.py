@@ -1,0 +1,76 @@
+"""The next three steps after a diagnosis, as commands to paste."""
+
+from __future__ import annotations
+
+import shlex
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from haptic_teleop_sysid.report import Page
+
+from .next_experiment import FILE
+
+
+@dataclass(frozen=True)
+class Origin:
+    """What a diagnosis was made from, as it was named on the command line: the ``model`` file, the
+    recordings that ``judge``, the ``mapping`` of logs; and the folder ``output``."""
+
+    model: str
+    judge: tuple[str, ...]
+    output: Path
+    mapping: str | None = None
+
+
+def steps(page: Page, content: dict[str, Any], origin: Origin) -> None:
+    """Simulate, compare, record: the section with the commands."""
+    experiment = content["next_experiment"]
+    augmented = str(origin.output / "augmented_model.yaml")
+    page.section("The next three steps").commands(
+        [
+            (f"Simulate with what augmented_model.yaml holds: {content['augmented_model']['what']} "
+             f"({_means(content)}).",
+             _simulate(content, augmented, origin)),
+            ("Compare it with your model, on a recording that neither was fitted to.",
+             _compare(augmented, origin)),
+            (f"Run the next experiment: {experiment['why']}.", _record(content, origin)),
+        ]
+    )  # fmt: skip
+    if experiment["signal_generator"]:
+        page.sections[-1].table(
+            ("parameter of acquire", "setting"),
+            sorted(experiment["signal_generator"].items()),
+            f"The next experiment; expected to tell them apart with probability "
+            f"{experiment['expected_discrimination']:.2f}",
+        )
+
+
+def _simulate(content: dict[str, Any], model: str, origin: Origin) -> str:
+    """The simulated robot with the model, where it is one of ours; else the model as a Python function."""
+    if content["robot"] in ("sfj", "omni"):
+        value = f"{content['joint']}.model:={Path(model).resolve()}"
+        return shlex.join(["haptic-teleop", f"{content['robot']}_sim", "--ros-args", "-p", value])
+    script = str(origin.output / "augmented_model.py")
+    return shlex.join(["haptic-teleop", "export", "--model", model, "--to", "python", "--output", script])
+
+
+def _means(content: dict[str, Any]) -> str:
+    """What the first command gives."""
+    if content["robot"] in ("sfj", "omni"):
+        return "a robot in simulation that speaks its topics; Ctrl-C ends it"
+    return "one Python function; a simulated robot there is for the 2DSFJ and the Omni alone"
+
+
+def _compare(model: str, origin: Origin) -> str:
+    words = ["haptic-teleop", "compare", "--model", origin.model, model, "--bag", *origin.judge]
+    words += ["--mapping", origin.mapping] if origin.mapping else []
+    return shlex.join([*words, "--allow-gaps", "--output", str(origin.output / "compare")])
+
+
+def _record(content: dict[str, Any], origin: Origin) -> str:
+    """What records it; empty where no excitation is proposed, or the robot is none that `acquire` drives."""
+    if content["robot"] not in ("sfj", "omni") or not content["next_experiment"]["signal_generator"]:
+        return ""
+    place, recording = str(origin.output / FILE), str(origin.output / "next_recording")
+    return shlex.join(["haptic-teleop", "acquire", "--config", place, "--output", recording])

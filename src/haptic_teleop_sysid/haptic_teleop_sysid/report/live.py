@@ -1,0 +1,165 @@
+"""Plots on which one zooms and pans: Bokeh documents, and its scripts, packed into the page.
+
+A page needs no network: BokehJS travels inside, compressed (the browser unpacks it), and so do the samples,
+thinned so that the page stays small.  Colours are names of CSS variables (``tags`` such as
+``line_color=--measured``), which the page's script looks up, in the light and in the dark.
+"""
+
+from __future__ import annotations
+
+import base64
+import gzip
+import json
+from collections.abc import Sequence
+from functools import cache
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from .plot import Panel, Series, thinned
+from .roles import ROLES, variable
+
+if TYPE_CHECKING:
+    from bokeh.models import Plot as BokehPlot
+    from bokeh.models import Range1d
+
+#: Samples of all lines of a page together, and of one line at least and at most: 100 000 are about 1 MB.
+PAGE_POINTS, LEAST_POINTS, MOST_POINTS = 80_000, 600, 20_000
+#: Height of a panel, pixels; the last one has the axis' numbers and name beside.
+_HEIGHT, _AXIS = 165, 42
+
+
+def points_for(lines: int) -> int:
+    """Samples that each of so many lines of a page may have."""
+    return int(np.clip(PAGE_POINTS // max(lines, 1), LEAST_POINTS, MOST_POINTS))
+
+
+@cache
+def packed_script() -> str:
+    """BokehJS, without its widgets, compressed by gzip, as base64."""
+    from bokeh.resources import Resources
+
+    text = "\n".join(Resources(mode="inline", components=["bokeh"], log_level="warn").js_raw)
+    return base64.b64encode(gzip.compress(text.encode(), 9, mtime=0)).decode("ascii")
+
+
+def live(panels: Sequence[Panel], x_label: str, prefix: str, points: int) -> dict[str, Any]:
+    """What the page's script embeds: ``document`` (BokehJS' JSON), and ``roots``: id of each panel's plot
+    -> id of the element that it is drawn into, ``prefix`` and the panel's number."""
+    from bokeh.document import Document
+
+    spans = [s for p in panels for s in (_span(line) for line in p.series) if s is not None]
+    shared = _range(spans)
+    document, roots = Document(), {}
+    for number, panel in enumerate(panels):
+        own = shared
+        if panel.x_label:
+            own = _range([s for s in map(_span, panel.series) if s is not None])
+        last = number == len(panels) - 1 or bool(panel.x_label)
+        label = panel.x_label or (x_label if last else "")
+        plot = _figure(panel, own, label, last, points)
+        document.add_root(plot)
+        roots[plot.id] = f"{prefix}-{number}"
+    return {"document": document.to_json(deferred=False), "roots": roots}
+
+
+def as_script(content: Any) -> str:
+    """JSON that may stand inside a `<script>` element: nothing in it ends that."""
+    text = json.dumps(content, separators=(",", ":"), allow_nan=False)
+    return text.replace("<", "\\u003c").replace(">", "\\u003e").replace("&", "\\u0026")
+
+
+def _figure(panel: Panel, x_range: Range1d, x_label: str, last: bool, points: int) -> BokehPlot:
+    from bokeh.models import BasicTickFormatter, BoxAnnotation, Range1d, Span
+    from bokeh.plotting import figure
+
+    low, high = panel.limits()
+    plot = figure(
+        height=_HEIGHT + (_AXIS if last else 0),
+        sizing_mode="stretch_width",
+        x_range=x_range,
+        y_range=Range1d(start=low, end=high),
+        toolbar_location=None,
+        tools="",
+        output_backend="canvas",
+        background_fill_color=None,
+        border_fill_color=None,
+        outline_line_color=None,
+        min_border_left=66,
+        min_border_right=12,
+        min_border_top=4,
+    )
+    _tools(plot)
+    for start, end in panel.spans:
+        # As dark as the page's shade, on white and on black.
+        box = BoxAnnotation(left=start, right=end, fill_alpha=1.0, line_color=None, level="image")
+        box.fill_color, box.tags = "#e9edf4", ["fill_color=--shade"]
+        plot.add_layout(box)
+    for guide in panel.guides:
+        line = Span(location=guide, dimension="width", line_dash=[2, 3], level="underlay")
+        line.tags = ["line_color=--ink"]
+        plot.add_layout(line)
+    # Wide lines first, what was measured last and on top.
+    for series in sorted(panel.series, key=lambda s: (s.role == "measured", -ROLES[s.role].width)):
+        _line(plot, series, points)
+    for axis in plot.axis:
+        axis.tags = [f"{part}_color=--ink" for part in ("axis_line", "major_tick_line", "minor_tick_line")]
+        axis.tags += ["major_label_text_color=--text", "axis_label_text_color=--text"]
+        axis.major_label_text_font_size = axis.axis_label_text_font_size = "12px"
+        axis.axis_label_text_font_style = "normal"
+    plot.yaxis.formatter = BasicTickFormatter(power_limit_low=-5, power_limit_high=6)  # pyright: ignore[reportAttributeAccessIssue]
+    plot.grid.grid_line_color = "#dfe3ea"
+    for grid in plot.grid:
+        grid.tags = ["grid_line_color=--grid"]
+    plot.yaxis.ticker.desired_num_ticks = 4  # pyright: ignore[reportAttributeAccessIssue]
+    plot.xaxis.axis_label = x_label
+    plot.xaxis.visible = last
+    return plot
+
+
+def _tools(plot: Any) -> None:
+    """Drag to zoom or to pan (the page's buttons choose), the wheel with Ctrl, and values under the mouse."""
+    from bokeh.models import BoxZoomTool, HoverTool, PanTool, WheelZoomTool
+
+    box, pan = BoxZoomTool(), PanTool()
+    wheel = WheelZoomTool(dimensions="width", modifiers={"ctrl": True})
+    hover = HoverTool(tooltips=[("", "$name"), ("", "@x{0.0000}, @y{0.00000}")], line_policy="nearest")
+    plot.add_tools(box, pan, wheel, hover)
+    plot.toolbar.active_drag = box
+    plot.toolbar.active_scroll = wheel
+
+
+def _line(plot: Any, series: Series, points: int) -> None:
+    role = ROLES[series.role]
+    time, value = thinned(np.asarray(series.time), np.asarray(series.value), points)
+    # Times are told from each other and values drawn: single precision does for both.
+    source = {"x": np.asarray(time, np.float32), "y": np.asarray(value, np.float32)}
+    dash = role.dash if series.dash is None else series.dash
+    style = {"line_color": role.light, "line_width": role.width, "line_dash": list(dash) or "solid"}
+    columns = _columns(source)
+    if series.line:
+        drawn = plot.line(**columns, **style, name=series.label or "value")
+        drawn.glyph.tags = [f"line_color=={variable(series.role)}"]
+    if series.marks:
+        marks = plot.scatter(**columns, size=5, name=series.label or "value")
+        marks.glyph.fill_color = marks.glyph.line_color = role.light
+        marks.glyph.tags = [f"{part}_color=={variable(series.role)}" for part in ("fill", "line")]
+
+
+def _columns(source: dict[str, Any]) -> dict[str, Any]:
+    from bokeh.models import ColumnDataSource
+
+    return {"x": "x", "y": "y", "source": ColumnDataSource(source)}
+
+
+def _span(series: Series) -> tuple[float, float] | None:
+    finite = np.asarray(series.time)[np.isfinite(series.time)]
+    return (float(finite.min()), float(finite.max())) if len(finite) else None
+
+
+def _range(spans: Sequence[tuple[float, float]]) -> Range1d:
+    from bokeh.models import Range1d
+
+    low, high = min((a for a, _ in spans), default=0.0), max((b for _, b in spans), default=1.0)
+    room = 0.01 * (high - low) or 0.5
+    return Range1d(start=low - room, end=high + room)

@@ -1,0 +1,47 @@
+"""Numbers and units as every page writes them: 0.412 ± 0.010 N·m."""
+
+from __future__ import annotations
+
+import math
+import re
+
+_EXPONENT = {"2": "²", "3": "³"}
+_UNIT = re.compile(
+    r"(?<![\w·])(?:N|kg|rad|m|s|A|V)(?:[*·](?:m|s|rad)(?:\^[23])?|/(?:rad|A|V|s|m)(?:\^[23])?)+(?![\w*/])"
+)
+
+
+def unit_text(unit: str) -> str:
+    """A unit as a reader writes it: N*m*s/rad -> N·m·s/rad, kg*m^2 -> kg·m²; none for a plain number."""
+    if unit == "1":
+        return ""
+    return re.sub(r"\^([23])", lambda m: _EXPONENT[m[1]], unit.replace("*", "·"))
+
+
+def units_in(text: str) -> str:
+    """A sentence with its units, wherever they stand, written that way."""
+    return _UNIT.sub(lambda m: unit_text(m[0]), text)
+
+
+def rounded(value: float, std: float | None) -> str:
+    """A number to the digit at which its standard error has its second; to four digits without one."""
+    if std is None or not (math.isfinite(std) and std > 0.0 and math.isfinite(value)):
+        return f"{value:.4g}"
+    digits = 1 - math.floor(math.log10(std))
+    if digits - 1 >= -3 and abs(value) < 1e6 and digits <= 7:
+        return f"{round(value, digits) + 0.0:.{max(digits, 0)}f}"
+    return f"{value:.4g}"
+
+
+def error_text(std: float) -> str:
+    """A standard error to two digits, without an exponent where that can be read."""
+    digits = 1 - math.floor(math.log10(std)) if std > 0.0 and math.isfinite(std) else 0
+    return f"{std:.{max(digits, 0)}f}" if std > 0.0 and -3 <= digits <= 7 else f"{std:.2g}"
+
+
+def with_error(value: float, std: float | None, unit: str = "") -> str:
+    """A number with its standard error, where it has one, and its unit: "0.412 ± 0.010 N·m"."""
+    told = rounded(value, std)
+    if std is not None and math.isfinite(std) and std > 0.0:
+        told += f" ± {error_text(std)}"
+    return f"{told} {unit_text(unit)}".rstrip()

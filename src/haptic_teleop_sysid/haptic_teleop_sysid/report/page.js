@@ -1,0 +1,159 @@
+"use strict";
+// What a page does by itself: plots come alive when they are about to be seen; folded parts open for links
+// and for print.  Without this script, and on paper, still pictures stand in their places.
+(() => {
+  const packed = document.getElementById("bokeh");
+  let loaded = null;
+
+  async function unpacked() {
+    const bytes = Uint8Array.from(atob(packed.textContent), (c) => c.charCodeAt(0));
+    const stream = new Blob([bytes]).stream().pipeThrough(new DecompressionStream("gzip"));
+    const script = document.createElement("script");
+    script.textContent = await new Response(stream).text();
+    document.head.append(script);
+  }
+
+  // A tag reads "property=--variable"; with "==" the property takes a value for all samples of a line.
+  function paint(plots) {
+    const style = getComputedStyle(document.documentElement);
+    for (const plot of plots) {
+      for (const model of plot.references()) {
+        for (const tag of model.tags || []) {
+          const [, property, sign, name] = /^(\w+)(==?)(--.*)$/.exec(tag) || [];
+          const colour = property && style.getPropertyValue(name).trim();
+          if (colour) model[property] = sign === "==" ? { value: colour } : colour;
+        }
+      }
+    }
+  }
+
+  class Live {
+    constructor(figure) {
+      this.figure = figure;
+      this.content = JSON.parse(figure.querySelector("script").textContent);
+      this.plots = {};
+      this.view = "response";
+      this.moves = matchMedia("(pointer: coarse)").matches;
+      figure.addEventListener("click", (e) => this.act(e.target.closest("button")));
+      figure.addEventListener("change", () => this.lines());
+    }
+
+    async show() {
+      for (const part of this.figure.querySelectorAll("[data-view]")) {
+        part.hidden = part.dataset.view !== this.view;
+      }
+      if (this.plots[this.view]) return;
+      const { document: content, roots } = this.content[this.view];
+      const ids = Object.keys(roots);
+      const items = [{ docid: "d", roots, root_ids: ids }];
+      await Bokeh.embed.embed_items({ d: content }, items);
+      const found = Bokeh.documents.flatMap((each) => each.roots()).filter((plot) => plot.id in roots);
+      // A finger that drags scrolls the page; the buttons zoom.
+      if (this.moves) for (const plot of found) plot.toolbar.active_drag = null;
+      for (const plot of found) {
+        for (const range of [plot.x_range, plot.y_range]) whole.set(range, { start: range.start, end: range.end });
+      }
+      this.plots[this.view] = found;
+      paint(found);
+      this.lines();
+    }
+
+    lines() {
+      const shown = {};
+      for (const box of this.figure.querySelectorAll("[data-line]")) shown[box.dataset.line] = box.checked;
+      for (const plot of this.plots[this.view] || []) {
+        for (const line of plot.renderers) if (line.name in shown) line.visible = shown[line.name];
+      }
+    }
+
+    act(button) {
+      if (!button) return;
+      const what = button.dataset.do;
+      const plots = this.plots[this.view] || [];
+      const pressed = button.getAttribute("aria-pressed") !== "true";
+      if (button.hasAttribute("aria-pressed")) button.setAttribute("aria-pressed", String(pressed));
+      if (what === "view") {
+        this.view = pressed ? "difference" : "response";
+        this.show();
+        return;
+      }
+      if (what === "drag") {
+        for (const plot of plots) {
+          const wanted = pressed ? "PanTool" : "BoxZoomTool";
+          plot.toolbar.active_drag = plot.toolbar.tools.find((t) => t.type === wanted);
+        }
+        return;
+      }
+      for (const range of new Set(plots.map((plot) => plot.x_range))) move(range, what);
+      if (what === "reset") for (const plot of plots) reset(plot.y_range);
+    }
+  }
+
+  const whole = new Map();
+
+  function reset(range) {
+    range.setv(whole.get(range));
+  }
+
+  function move(range, what) {
+    const { start, end } = range;
+    const middle = (start + end) / 2;
+    const step = { left: -0.25, right: 0.25 }[what] || 0;
+    const half = ((end - start) / 2) * ({ in: 0.5, out: 2 }[what] || 1);
+    const centre = middle + step * (end - start);
+    if (what === "reset") reset(range);
+    else range.setv({ start: centre - half, end: centre + half });
+  }
+
+  const lives = new Map();
+
+  async function wake(figure) {
+    if (lives.has(figure)) return;
+    const one = new Live(figure);
+    lives.set(figure, one);
+    try {
+      loaded = loaded || unpacked();
+      await loaded;
+      figure.classList.add("awake");
+      await one.show();
+      figure.dataset.ready = "yes";
+    } catch (error) {
+      // The still picture remains.
+      figure.classList.remove("awake");
+      console.error(error);
+    }
+  }
+
+  const plots = document.querySelectorAll("figure.plot");
+  if (packed && "DecompressionStream" in window) {
+    const seen = new IntersectionObserver((entries) => {
+      for (const entry of entries) if (entry.isIntersecting) wake(entry.target);
+    }, { rootMargin: "600px" });
+    plots.forEach((figure) => seen.observe(figure));
+  }
+  const dark = matchMedia("(prefers-color-scheme: dark)");
+  dark.addEventListener("change", () => {
+    for (const one of lives.values()) for (const found of Object.values(one.plots)) paint(found);
+  });
+
+  function unfold() {
+    const target = location.hash.length > 1 && document.getElementById(location.hash.slice(1));
+    const folded = target && target.querySelector(":scope > details");
+    if (folded) {
+      folded.open = true;
+      target.scrollIntoView();
+    }
+  }
+  addEventListener("hashchange", unfold);
+  unfold();
+
+  // Paper shows everything.
+  let opened = [];
+  addEventListener("beforeprint", () => {
+    opened = [...document.querySelectorAll("details:not([open])")];
+    for (const one of opened) one.open = true;
+  });
+  addEventListener("afterprint", () => {
+    for (const one of opened) one.open = false;
+  });
+})();

@@ -1,0 +1,65 @@
+"""What a line means, and how every page shows it: one colour and one dash per meaning.
+
+The colours come from the palette of Okabe and Ito, which people with any common colour blindness tell apart
+(jfly.uni-koeln.de/color, 2008), made darker on white and lighter on black where a thin line would not stand
+out (contrast at least 3 to 1).  The dash says the same once more, for paper without colour.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+
+@dataclass(frozen=True)
+class Role:
+    """How a meaning is drawn: ``light`` and ``dark``: its colours (#rrggbb) on a white and on a dark page;
+    ``dash``: lengths (pixels) of stroke and gap, none for a solid line; ``width`` of the line, pixels."""
+
+    light: str
+    dark: str
+    dash: tuple[int, ...] = ()
+    width: float = 1.4
+
+
+ROLES: dict[str, Role] = {
+    "measured": Role("#1c2432", "#f0f3f7", width=1.2),
+    "given": Role("#c95500", "#f5954a", (2, 3), 1.9),
+    "re-estimated": Role("#008563", "#3ed2a6", (8, 4), 1.8),
+    "augmented": Role("#0072b2", "#56b4e9", width=2.8),
+    "reference": Role("#a94f83", "#e6a3c8", (9, 3, 2, 3), 1.4),
+    "input": Role("#5b6676", "#a9b5c5", width=1.1),
+    "second": Role("#866800", "#e3cb5a", (12, 3), 1.5),
+    "third": Role("#2f7fa6", "#8fd0ee", (4, 2), 1.5),
+    "fourth": Role("#7b3fa1", "#c493e8", (6, 2, 2, 2, 2, 2), 1.5),
+    "alarm": Role("#a8123f", "#ff7d9c", width=1.6),
+}
+"""measured: what a recording holds; given: the user's model, or a simulation with it; re-estimated: its
+structure fitted anew; augmented: with the physics that was found; reference: what a law or a command asks
+for; input: what drives; second to fourth: further quantities or runs of the same meaning, in their order;
+alarm: what is out of its limits."""
+
+RUNS = ("measured", "second", "third", "fourth", "input", "reference")
+"""Roles of several recordings laid over each other, in their order; from the seventh on they repeat."""
+MODELS = ("given", "re-estimated", "augmented", "third", "fourth")
+"""Roles of several models simulated on one recording, in their order."""
+
+
+def variable(role: str) -> str:
+    """The CSS variable that holds a role's colour."""
+    return f"--{role}"
+
+
+def variables(dark: bool) -> str:
+    """CSS declarations of all roles' colours, for a light or a dark page."""
+    return " ".join(f"{variable(n)}: {r.dark if dark else r.light};" for n, r in ROLES.items())
+
+
+def model_roles(effects: list[int]) -> list[str]:
+    """Roles of several models by how many ``effects`` each has: the first is the given one; the first that
+    has more effects than it is the augmented one, and the others are re-estimated ones, then further ones."""
+    roles: list[str] = []
+    for count in effects:
+        wanted = "given" if not roles else "augmented" if count > effects[0] else "re-estimated"
+        free = [r for r in (wanted, *MODELS[3:], *MODELS) if r not in roles]
+        roles.append(free[0] if free else RUNS[len(roles) % len(RUNS)])
+    return roles

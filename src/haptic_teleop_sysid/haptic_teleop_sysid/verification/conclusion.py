@@ -1,0 +1,53 @@
+"""The first line of a verification: what happened, whether it is good, what to do."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from haptic_teleop_sysid.report import Status
+from haptic_teleop_sysid.verification.merit import StageMerit
+from haptic_teleop_sysid.verification.run import Run
+from haptic_teleop_sysid.verification.verdicts import failures, verdicts
+
+
+def conclusion(runs: Sequence[Run], labels: Sequence[str]) -> tuple[Status, str, str]:
+    """Return how good it is, what happened and what to do, of one run or of several laid over each other."""
+    failed = [(run, label) for run, label in zip(runs, labels, strict=True) if run.failed]
+    if failed:
+        run, label = failed[0]
+        count = f"{len(failed)} of {len(runs)} runs" if len(runs) > 1 else "The run"
+        first = failures(run)[0][1].rstrip(".")
+        what = "" if len(runs) == 1 else f"{label}: "
+        return "bad", f"{count} failed. {what}{first}.", (
+            "put right what is told first, record again, and verify once more; what came after it may only "
+            "follow from it."
+        )  # fmt: skip
+    worst = [text for run in runs for status, text in verdicts(run) if status == "bad"]
+    named = zip(runs, labels, strict=True)
+    happened = " ".join(_happened(run, label if len(runs) > 1 else "") for run, label in named)
+    if worst:
+        return "bad", f"The run came to its end, but not as promised. {worst[0]}", (
+            "look at the pictures below at the time that is told; then at the settings of that stage."
+        )  # fmt: skip
+    if any(status == "fair" for run in runs for status, _ in verdicts(run)):
+        return "fair", happened, "nothing failed; read the notes below before you build on it."
+    return "good", happened, "nothing is wrong: zoom into the pictures, or change the scenario and repeat."
+
+
+def _happened(run: Run, label: str) -> str:
+    """One sentence of what the robots did."""
+    told = [text for merit in run.merits.values() if (text := _stage(merit))]
+    head = f"{label}: " if label else f"Scenario {run.scenario} ran to its end. "
+    if not told:
+        return f"{head}No stage was given a command that did anything."
+    return f"{head}{'; '.join(told)}."
+
+
+def _stage(merit: StageMerit) -> str:
+    parts = []
+    if merit.free:
+        parts.append(f"moves freely at {merit.free[0].speed:.2f} rad/s")
+    if merit.contacts:
+        one = merit.contacts[0]
+        parts.append(f"presses with {one.settled_torque:.3f} of {one.desired_torque:.3f} N·m asked")
+    return f"{merit.title} {' and '.join(parts)}" if parts else ""

@@ -1,0 +1,203 @@
+"""The page of a diagnosis: its first line, the law through the torque that is missing, and commands that can
+be pasted as they stand."""
+
+import shlex
+from pathlib import Path
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+from stepped_machines import RIGID, drive, pendulum, record, two_masses
+
+from haptic_teleop_sim.model import Effect, Model
+from haptic_teleop_sim.omni_robot import OMNI_PARAMETERS
+from haptic_teleop_sim.sfj_robot import SFJ_PARAMETERS
+from haptic_teleop_sysid import acquire, compare, export
+from haptic_teleop_sysid.diagnosis.inverse_dynamics.motion import banded, motion_band
+from haptic_teleop_sysid.diagnosis.page_law import law_curve, law_plot
+from haptic_teleop_sysid.diagnosis.page_lead import lead
+from haptic_teleop_sysid.diagnosis.page_reasons import reasons
+from haptic_teleop_sysid.diagnosis.page_steps import Origin, steps
+from haptic_teleop_sysid.parameter_units import Units
+from haptic_teleop_sysid.report import Page
+
+MODEL = RIGID.with_values({"motor_inertia": 0.14, "motor_damping": 0.35})
+
+
+def curve(model, effect, here):
+    """The curve of one effect of a model on one record."""
+    model = model.with_effects(*([] if effect in model.effects else [effect]))
+    motions = [banded(here, model.rigid, motion_band([here]))]
+    return law_curve(model, effect, list(model.effects), motions)
+
+
+def test_dry_friction_shows_as_a_torque_against_the_direction_and_is_gone_with_its_law():
+    found = curve(MODEL, Effect("coulomb_friction", "j_motor", {"torque": 0.3}), pendulum(1, coulomb=0.3))
+    assert (found.quantity, found.unit) == ("motor velocity", "rad/s")
+    fast = np.abs(found.centre) > 0.4 * np.max(np.abs(found.centre))
+    np.testing.assert_allclose(found.before[fast], -0.3 * np.sign(found.centre[fast]), atol=0.05)
+    np.testing.assert_allclose(found.law[fast], -0.3 * np.sign(found.centre[fast]), atol=0.02)
+    assert found.explained > 0.95
+
+
+def test_gravity_beside_friction_shows_by_itself_against_the_angle():
+    gravity = Effect("gravity", "j_motor", {"torque": 2.0})
+    friction = Effect("coulomb_friction", "j_motor", {"torque": 0.3})
+    model = MODEL.with_effects(friction, gravity)
+    found = curve(model, gravity, pendulum(1, coulomb=0.3, weight=2.0))
+    assert found.quantity == "motor angle"
+    np.testing.assert_allclose(found.before, -2.0 * np.sin(found.centre), atol=0.12)
+    assert found.explained > 0.97
+
+
+def test_a_law_of_twice_the_size_leaves_as_much_missing_as_before():
+    wrong = Effect("coulomb_friction", "j_motor", {"torque": 0.6})
+    found = curve(MODEL, wrong, pendulum(1, coulomb=0.3))
+    assert found.explained < 0.2
+    fast = np.abs(found.centre) > 0.4 * np.max(np.abs(found.centre))
+    np.testing.assert_allclose(found.after[fast], 0.3 * np.sign(found.centre[fast]), atol=0.06)
+
+
+def test_friction_of_the_arm_is_told_from_the_arms_equation():
+    torque = drive(3, 2.0)
+    here = record(torque, two_masses(torque, 20.0, (0.06, 0.3), (0.05, 0.02), 0.2))
+    names = ("torque_constant", "stiffness", "motor_inertia", "motor_damping", "arm_inertia", "arm_damping")
+    values = dict(zip(names, (1.0, 20.0, 0.06, 0.3, 0.05, 0.02), strict=True))
+    model = Model("generic", "j", "flexible_joint", values)
+    found = curve(model, Effect("coulomb_friction", "j_arm", {"torque": 0.2}), here)
+    assert found.quantity == "arm velocity"
+    fast = np.abs(found.centre) > 0.4 * np.max(np.abs(found.centre))
+    np.testing.assert_allclose(found.before[fast], -0.2 * np.sign(found.centre[fast]), atol=0.06)
+
+
+def test_the_plot_is_in_the_units_of_the_machine_and_has_the_law_as_a_line_of_its_own():
+    found = curve(MODEL, Effect("coulomb_friction", "j_motor", {"torque": 0.3}), pendulum(1, coulomb=0.3))
+    (panel,) = law_plot([found], Units("m", "N")).panels
+    assert panel.unit == "N" and panel.x_label == "motor velocity (m/s)"
+    assert [s.role for s in panel.series] == ["measured", "augmented", "reference"]
+
+
+def finding(confidence=0.97, alternatives=()):
+    return {
+        "effect": "coulomb_friction",
+        "location": "stage1_motor",
+        "parameters": {"torque": {"value": 0.4123, "std": 0.0101, "unit": "N*m"}},
+        "confidence": confidence,
+        "alternatives": list(alternatives),
+        "because": "A dry friction opposes the motion.",
+    }
+
+
+def content(robot="sfj", joint="stage1", excitation=None, **changes):
+    """What diagnosis.json holds, as far as the first lines and the commands need it."""
+    fits = {part: {"stage1_motor.velocity": 61.2} for part in ("estimation", "validation")} | {"test": {}}
+    better = {part: dict.fromkeys(found, 97.3) for part, found in fits.items()}
+    return {
+        "robot": robot,
+        "joint": joint,
+        "verdict": "identified",
+        "findings": [finding()],
+        "fit": {"given": fits, "baseline": fits, "augmented": better},
+        "worse_than_given": None,
+        "augmented_model": {"holds": "augmented", "what": "your structure, with what was found"},
+        "parameters_moved": [],
+        "adequacy": None,
+        "where": [
+            {
+                "equation": "stage1_motor",
+                "share": 0.83,
+                "condition": "sign of motor velocity",
+                "intervals": [[12.1, 13.4]],
+            }
+        ],
+        "next_experiment": {
+            "why": "separates A from B",
+            "signal_generator": excitation or {},
+            "expected_discrimination": 0.9,
+        },
+    } | changes
+
+
+def verdict(kind, findings, where=()):
+    return SimpleNamespace(kind=kind, findings=findings, where=list(where))
+
+
+def first_line(kind, findings, **changes):
+    page = Page("t")
+    told = content(verdict=kind, findings=findings, **changes)
+    lead(page, verdict(kind, findings, told["where"]), told)
+    return page
+
+
+def test_the_first_line_names_the_physics_with_its_size_error_and_unit_and_says_what_to_do():
+    page = first_line("identified", [finding()])
+    status, happened, todo = page.conclusion
+    assert status == "good" and "simulate" in todo
+    assert "coulomb_friction at stage1_motor (torque 0.412 ± 0.010 N·m)" in happened
+    assert ("61.2 → 97.3 %", "fit of stage1_motor.velocity") in [figure[:2] for figure in page.figures]
+
+
+def test_what_cannot_be_told_apart_and_what_has_no_name_send_for_the_next_experiment():
+    other = {"effect": "stribeck_friction", "location": "stage1_motor", "confidence": 0.45}
+    status, happened, todo = first_line("ambiguous", [finding(0.55, [other])]).conclusion
+    assert status == "fair" and "separates A from B" in todo
+    assert "coulomb_friction at stage1_motor or stribeck_friction at stage1_motor" in happened
+    status, happened, todo = first_line("unknown", [], doubt="it hums").conclusion
+    assert status == "fair" and "depends on sign of motor velocity" in happened and "record" in todo
+
+
+def test_where_no_physics_is_missing_the_first_line_says_which_numbers_are_off():
+    off = {"parameter": "motor_inertia", "given": 0.05, "value": 0.0634, "std": 0.0012, "unit": "kg*m^2"}
+    held = {"holds": "baseline", "what": "your structure, re-estimated"}
+    page = first_line("no_mismatch", [], parameters_moved=[off], augmented_model=held)
+    status, happened, todo = page.conclusion
+    assert status == "fair" and "motor inertia 0.05 → 0.0634 ± 0.0012 kg·m²" in happened
+    assert "take the new numbers over" in todo
+    assert page.render().count("motor inertia") == 1
+    status, happened, todo = first_line("no_mismatch", [], augmented_model=held).conclusion
+    assert status == "good" and "nothing is missing" in happened and todo.startswith("nothing")
+
+
+def test_that_your_own_model_is_better_stands_before_everything_else():
+    worse = {"models": {"augmented": {}}, "sentence": "Worse than your own model on the test recordings"}
+    held = {"holds": "given", "what": "your own model as it came"}
+    page = first_line("identified", [finding()], worse_than_given=worse, augmented_model=held)
+    status, happened, todo = page.conclusion
+    assert status == "bad" and happened.startswith("Worse than your own model") and "keep your model" in todo
+
+
+def test_the_page_says_where_under_which_condition_and_when():
+    page = Page("t")
+    reasons(page, verdict("identified", [finding()]), content(), [])
+    html = page.render()
+    for told in ("stage1_motor", "sign of motor velocity", "12.1–13.4 s", "83 %", "0.412 ± 0.010 N·m"):
+        assert told in html
+    assert "N*m" not in html
+
+
+EXCITATION = {"joint": "stage1", "signal.multisine.rms": 0.2}
+PARSERS = {"compare": compare._parser, "export": export._parser, "acquire": acquire._parser}
+
+
+@pytest.mark.parametrize(
+    ("robot", "joint", "table"),
+    [("sfj", "stage1", SFJ_PARAMETERS), ("omni", "omni_y", OMNI_PARAMETERS), ("generic", "j2", None)],
+)
+def test_each_command_is_one_that_its_program_takes(robot, joint, table, tmp_path):
+    page, output = Page("t"), tmp_path / "a folder"
+    origin = Origin("my models/lab.yaml", ("logs/check one", "b"), output)
+    told = content(robot, joint, EXCITATION if robot != "generic" else None)
+    steps(page, told, origin)
+    commands = [shlex.split(command) for _, command in page.sections[0].blocks[0].rows]
+    assert len(commands) == 3 and all(words[0] == "haptic-teleop" for words in commands if words)
+    simulate, compared, recorded = commands
+    if table is None:
+        assert PARSERS["export"]().parse_args(simulate[2:]).to == "python" and recorded == []
+    else:
+        assert simulate[1] == f"{robot}_sim" and simulate[2:4] == ["--ros-args", "-p"]
+        key, _, path = simulate[4].partition(":=")
+        assert key in table.defaults() and Path(path) == output / "augmented_model.yaml"
+        assert PARSERS["acquire"]().parse_args(recorded[2:]).config == str(output / "next_experiment.yaml")
+    taken = PARSERS["compare"]().parse_args(compared[2:])
+    assert taken.model == ["my models/lab.yaml", str(output / "augmented_model.yaml")]
+    assert taken.bag == ["logs/check one", "b"]

@@ -1,0 +1,224 @@
+"""Report pages in a real browser: what a reader sees at 420, 1280 and 1920 pixels, in the dark, on paper and
+without scripts, measured.
+
+Chromium comes from the system's packages (README.md); where it is missing, these tests are skipped.
+"""
+
+import itertools
+import shutil
+
+import numpy as np
+import pytest
+
+from haptic_teleop_sysid.report import Page, Panel, Plot, Series, still
+
+playwright = pytest.importorskip("playwright.sync_api", reason="playwright is not installed")
+CHROMIUM = shutil.which("chromium") or shutil.which("chromium-browser") or shutil.which("google-chrome")
+pytestmark = pytest.mark.skipif(
+    CHROMIUM is None, reason="no chromium: apt-get install chromium, then these tests run"
+)
+WIDTHS = (420, 1280, 1920)
+#: Width of the text on A4 with margins of 14 mm, CSS pixels.
+A4 = round((210 - 28) / 25.4 * 96)
+LONG = "/data/recordings/of/some/robot/2026-11-23T06-37-00_a_very_long_name_without_any_space_that_wraps"
+
+
+@pytest.fixture(scope="module")
+def report(tmp_path_factory):
+    """A page with everything that pages have, and with what breaks them: long names, wide tables."""
+    time = np.arange(3000) * 2e-3
+    rng = np.random.default_rng(1)
+    measured = np.sin(4.0 * time) + 0.02 * rng.normal(size=len(time))
+    lines = [
+        Series("measured", time, measured),
+        Series("yours", time, 0.6 * np.sin(4.0 * time), "given"),
+        Series("augmented", time, np.sin(4.0 * time), "augmented"),
+    ]
+    plot = Plot([Panel("speed", "rad/s", lines, spans=[(1.0, 2.0)]), Panel("again", "rad/s", lines)])
+    page = Page(f"Diagnosis of {LONG}", LONG)
+    page.conclude("good", f"Something is missing from {LONG}.", f"simulate with {LONG}.")
+    for status in ("good", "fair", "bad", "plain"):
+        page.verdict(status, f"{status}: {LONG}")
+    page.key_figure("57.5 → 81.4 %", f"fit of {LONG}", "on other recordings")
+    page.section("Response").plot(plot.with_difference(), f"Measured and simulated, {LONG}")
+    header = ["recording", *(f"a column {n} (N·m)" for n in range(15))]
+    row = [LONG, *(f"{n}.012345 ± 0.000123" for n in range(15))]
+    page.section("Table").table(header, [row] * 3, "Many columns").table(["a", "b"], [["c", LONG]])
+    page.section("Steps").commands([("Compare.", f"haptic-teleop compare --model {LONG} --bag {LONG}")])
+    page.section("Details", "What is folded.", folded=True).picture(still(plot), "Standing still")
+    return page.write(tmp_path_factory.mktemp("report") / "report.html")
+
+
+@pytest.fixture(scope="module")
+def browser():
+    with playwright.sync_playwright() as started:
+        # As root, which a container's tests often are, chromium has no sandbox of its own.
+        one = started.chromium.launch(executable_path=CHROMIUM, args=["--no-sandbox", "--disable-gpu"])
+        yield one
+        one.close()
+
+
+def opened(browser, report, **options):
+    """The page with its plots alive, and a list of what went wrong and of what was asked for elsewhere."""
+    page = browser.new_page(**options)
+    wrong = []
+    page.on("console", lambda m: wrong.append(m.text) if m.type == "error" else None)
+    page.on("pageerror", lambda e: wrong.append(str(e)))
+    page.on("request", lambda r: wrong.append(r.url) if r.url.startswith(("http", "ws")) else None)
+    page.goto(report.as_uri())
+    if options.get("java_script_enabled", True):
+        page.wait_for_selector("figure.plot[data-ready=yes] canvas", state="attached")
+    return page, wrong
+
+
+FITS = """() => {
+  document.querySelectorAll("details").forEach((d) => { d.open = true; });
+  const wide = document.documentElement.clientWidth;
+  const out = [...document.querySelectorAll("body *")].filter((e) => {
+    const box = e.getBoundingClientRect();
+    const inside = e.closest(".scroll, .still, .skip") && !e.matches(".scroll, .still");
+    return box.width && box.right > wide + 1 && !inside;
+  });
+  return { page: document.documentElement.scrollWidth - wide, out: out.map((e) => e.outerHTML.slice(0, 80)) };
+}"""
+
+
+@pytest.mark.parametrize("width", WIDTHS)
+def test_no_page_scrolls_sideways_and_its_plots_are_large_enough_to_read(browser, report, width):
+    page, wrong = opened(browser, report, viewport={"width": width, "height": 900})
+    assert page.evaluate(FITS) == {"page": 0, "out": []}
+    # A table that is too wide scrolls in its own box, which the keyboard reaches.
+    boxes = page.evaluate("[...document.querySelectorAll('.scroll')].map(e => [e.tabIndex, e.clientWidth])")
+    assert boxes and all(index == 0 and 0 < inner <= width for index, inner in boxes)
+    plots = page.evaluate(
+        "[...document.querySelectorAll('.canvas')].filter(e => e.offsetParent).map(e => "
+        "[e.clientWidth, e.clientHeight])"
+    )
+    assert len(plots) == 2 and all(w > 0.6 * min(width, 1000) and h >= 150 for w, h in plots)
+    text = page.evaluate("getComputedStyle(document.querySelector('.panel-title')).fontSize")
+    assert float(text.removesuffix("px")) >= 12.0
+    assert wrong == []
+    page.close()
+
+
+CONTRASTS = """() => {
+  const parse = (c) => c.match(/[\\d.]+/g).map(Number);
+  const light = (c) => {
+    const [r, g, b] = parse(c).slice(0, 3).map((v) => v / 255)
+      .map((v) => (v <= 0.04045 ? v / 12.92 : ((v + 0.055) / 1.055) ** 2.4));
+    return 0.2126 * r + 0.7152 * g + 0.0722 * b;
+  };
+  const ground = (e) => {
+    for (; e; e = e.parentElement) {
+      const [, , , a = 1] = parse(getComputedStyle(e).backgroundColor);
+      if (a > 0) return getComputedStyle(e).backgroundColor;
+    }
+    return "rgb(255, 255, 255)";
+  };
+  document.querySelectorAll("details").forEach((d) => { d.open = true; });
+  const found = {};
+  for (const e of document.querySelectorAll("body *")) {
+    const own = [...e.childNodes].some((n) => n.nodeType === 3 && n.textContent.trim());
+    if (!own || !e.getClientRects().length || e.closest("script, svg")) continue;
+    const [a, b] = [light(getComputedStyle(e).color), light(ground(e))];
+    const ratio = (Math.max(a, b) + 0.05) / (Math.min(a, b) + 0.05);
+    const name = `${e.tagName}.${e.className}`;
+    found[name] = Math.min(found[name] || 99, ratio);
+  }
+  return found;
+}"""
+
+
+@pytest.mark.parametrize("scheme", ["light", "dark"])
+def test_every_text_stands_out_from_its_ground_in_the_light_and_in_the_dark(browser, report, scheme):
+    page, _ = opened(browser, report, color_scheme=scheme, viewport={"width": 1280, "height": 900})
+    found = page.evaluate(CONTRASTS)
+    assert len(found) > 15
+    assert {name: ratio for name, ratio in found.items() if ratio < 4.5} == {}
+    # The plots follow: what was measured is drawn in the colour that the page has for it.
+    wanted = page.evaluate(
+        "getComputedStyle(document.documentElement).getPropertyValue('--measured').trim()"
+    )
+    drawn = page.evaluate(
+        "Bokeh.documents[0].roots()[0].renderers.find(r => r.name === 'measured').glyph.line_color.value"
+    )
+    assert drawn == wanted == {"light": "#1c2432", "dark": "#f0f3f7"}[scheme]
+    page.close()
+
+
+def test_one_zooms_by_keyboard_and_by_mouse_hides_lines_and_sees_the_difference(browser, report):
+    page, wrong = opened(browser, report, viewport={"width": 1280, "height": 900})
+    span = "(() => { const r = Bokeh.documents[0].roots()[0].x_range; return [r.start, r.end]; })()"
+    low, high = page.evaluate(span)
+    page.focus("button[data-do=in]")
+    page.keyboard.press("Enter")
+    inner = page.evaluate(span)
+    assert inner[1] - inner[0] == pytest.approx(0.5 * (high - low))
+    page.keyboard.press("Tab")
+    page.wait_for_function("document.activeElement.dataset.do === 'out'")
+    page.click("button[data-do=reset]")
+    assert page.evaluate(span) == [low, high]
+    page.locator(".canvas").first.scroll_into_view_if_needed()
+    box = page.locator(".canvas").first.bounding_box()
+    middle = box["y"] + 0.5 * box["height"]
+    page.mouse.move(box["x"] + 0.4 * box["width"], middle - 30)
+    page.mouse.down()
+    page.mouse.move(box["x"] + 0.6 * box["width"], middle + 30, steps=4)
+    page.mouse.up()
+    page.wait_for_function(f"({span})[1] < {high} - 0.2")
+    assert page.evaluate("Bokeh.documents[0].roots()[1].x_range.end") == page.evaluate(span)[1]  # linked
+    page.click("[data-line=yours]")
+    shown = "Bokeh.documents[0].roots().map(p => p.renderers.find(r => r.name === 'yours').visible)"
+    assert page.evaluate(shown) == [False, False]
+    page.click("button[data-do=view]")
+    page.wait_for_selector("[data-view=difference] canvas", state="attached")
+    assert not page.is_visible("[data-view=response]") and page.is_visible("[data-view=difference]")
+    assert wrong == []
+    page.close()
+
+
+def test_paper_shows_everything_and_cuts_no_table_off(browser, report):
+    page, _ = opened(browser, report, viewport={"width": A4, "height": 1000}, color_scheme="dark")
+    page.emulate_media(media="print")
+    assert page.evaluate(FITS)["page"] == 0
+    cut = page.evaluate(
+        "[...document.querySelectorAll('table')].map(t => t.getBoundingClientRect().right)"
+    )
+    assert cut and max(cut) <= A4 + 1
+    assert page.is_visible(".plot .still svg") and not page.is_visible(".live")
+    grounds = page.evaluate("getComputedStyle(document.body).backgroundColor")
+    assert grounds == "rgb(255, 255, 255)"  # also for somebody whose screen is dark
+    pdf = page.pdf(format="A4")
+    assert pdf.startswith(b"%PDF") and len(pdf) > 20_000
+    page.close()
+
+
+def test_without_scripts_the_still_pictures_stand_in_their_places(browser, report):
+    page, _ = opened(browser, report, java_script_enabled=False, viewport={"width": 420, "height": 900})
+    assert page.is_visible(".plot .still svg") and not page.is_visible(".tools")
+    box = page.locator(".plot .still svg").first.bounding_box()
+    assert box["width"] >= 500  # scrolls in its own box rather than shrinking to nothing
+    page.close()
+
+
+def test_a_screen_reader_finds_landmarks_headings_names_and_the_way_past_the_contents(browser, report):
+    page, _ = opened(browser, report, viewport={"width": 1280, "height": 900})
+    assert page.get_by_role("main").count() == page.get_by_role("navigation").count() == 1
+    levels = page.evaluate("[...document.querySelectorAll('h1, h2, h3')].map(h => +h.tagName[1])")
+    assert levels.count(1) == 1 and all(b - a <= 1 for a, b in itertools.pairwise(levels))
+    unnamed = page.evaluate(
+        "[...document.querySelectorAll('[role=img], [role=region], table, figure.plot, button, input')]"
+        ".filter(e => !(e.ariaLabel || e.textContent.trim() || e.closest('label'))).length"
+    )
+    assert unnamed == 0
+    page.keyboard.press("Tab")
+    page.wait_for_function("document.activeElement.className === 'skip'")
+    page.wait_for_function("document.querySelector('.skip').getBoundingClientRect().x >= 0")
+    page.keyboard.press("Enter")
+    page.wait_for_function("document.activeElement.id === 'report'")
+    page.keyboard.press("Tab")
+    page.wait_for_function("document.activeElement.closest('main > *')")
+    page.wait_for_function("getComputedStyle(document.activeElement).outlineStyle === 'solid'")
+    page.click("nav >> text=Details")  # a link opens what is folded
+    page.wait_for_function("document.querySelector('#section4 details').open")
+    page.close()

@@ -1,0 +1,209 @@
+"""What a plot shows: peaks survive thinning, noise is not blown up, differences are differences, one colour
+means one thing; and how numbers and units are written."""
+
+import base64
+import gzip
+import itertools
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from hypothesis.extra.numpy import arrays
+
+from haptic_teleop_sysid.report import (
+    Page,
+    Panel,
+    Plot,
+    Series,
+    error_text,
+    still,
+    unit_text,
+    units_in,
+    with_error,
+)
+from haptic_teleop_sysid.report.live import PAGE_POINTS, live, packed_script
+from haptic_teleop_sysid.report.plot import LEAST_HEIGHT, thinned
+from haptic_teleop_sysid.report.roles import ROLES, model_roles
+from haptic_teleop_sysid.small_motion import hardly_moving, judged, spread
+
+MEGABYTE = 1_000_000
+TIME = np.arange(5000) * 1e-3
+values = st.one_of(st.floats(-1e6, 1e6, width=32), st.just(float("nan")))
+
+
+@settings(max_examples=200)
+@given(arrays(np.float64, st.integers(5, 400), elements=values), st.integers(4, 60))
+def test_thinning_loses_no_peak_and_keeps_order_and_ends(value, points):
+    time = np.arange(len(value), dtype=float)
+    thin_time, thin_value = thinned(time, value, points)
+    assert len(thin_time) <= points + 4
+    assert np.all(np.diff(thin_time) > 0) and (thin_time[0], thin_time[-1]) == (time[0], time[-1])
+    assert set(thin_time) <= set(time)
+    if np.isfinite(value).any():
+        assert np.nanmax(thin_value) == np.nanmax(value) and np.nanmin(thin_value) == np.nanmin(value)
+    else:
+        assert np.isnan(thin_value).all()
+
+
+def test_a_gap_stays_a_gap_when_thinned():
+    value = np.where((TIME > 2.0) & (TIME < 3.0), np.nan, 1.0)
+    thin_time, thin_value = thinned(TIME, value, 200)
+    inside = (thin_time > 2.1) & (thin_time < 2.9)
+    assert np.isnan(thin_value[inside]).all() and inside.any()
+
+
+def test_a_page_of_forty_long_lines_stays_below_three_megabytes_and_a_million_samples_keep_their_peak():
+    rng = np.random.default_rng(4)
+    page = Page("large")
+    section = page.section("s")
+    for number in range(5):
+        # Noise: nothing can be thinned away without being seen, nor compressed.
+        count = 1_000_000 if number == 0 else 20_000
+        noise, time = rng.normal(size=count), np.arange(count) * 1e-3
+        noise[count - 3] = 40.0  # in what a division by bins leaves over
+        noise[count // 3] = -50.0
+        lines = [Series(role, time, noise, role) for role in itertools.islice(ROLES, 8)]
+        section.plot(Plot([Panel("p", "rad", lines)]).with_difference(), "caption")
+    assert len(page.render().encode()) < 3 * MEGABYTE
+    for block in section.blocks[:2]:
+        data = drawn(live(block.plot.panels, "time (s)", "p", PAGE_POINTS // 75)["document"])
+        assert [(float(y.min()), float(y.max())) for y in data] == [(-50.0, 40.0)] * 8
+
+
+def drawn(document):
+    """The values that a Bokeh document draws, line by line, decoded from its JSON."""
+    found = []
+
+    def seek(content):
+        if isinstance(content, dict):
+            entries = dict(content["entries"]) if content.get("type") == "map" else {}
+            if "y" in entries:
+                raw = gzip.decompress(base64.b64decode(entries["y"]["array"]["data"]))
+                found.append(np.frombuffer(raw, entries["y"]["dtype"]))
+            content = list(content.values())
+        if isinstance(content, (list, tuple)):
+            for each in content:
+                seek(each)
+
+    seek(document)
+    return found
+
+
+def test_noise_of_a_nanonewtonmetre_is_a_flat_line_and_motion_fills_its_axis():
+    quiet = Panel("p", "N·m", [Series("", TIME, 1e-9 * np.sin(TIME))])
+    low, high = quiet.limits()
+    assert quiet.flat and high - low >= LEAST_HEIGHT["N·m"]
+    assert still(Plot([quiet])).axes[0].get_ylim() == (low, high)
+    loud = Panel("p", "N·m", [Series("", TIME, np.sin(TIME))])
+    low, high = loud.limits()
+    assert not loud.flat and 2.0 < high - low < 2.4
+
+
+def test_the_residual_view_is_what_was_measured_less_what_was_simulated():
+    measured, model = np.sin(TIME), 0.5 * np.sin(TIME)
+    lines = [
+        Series("measured", TIME, measured),
+        Series("model", TIME, model, "given"),
+        Series("Td", TIME, measured, "reference"),  # what was asked for is no simulation
+    ]
+    driven = Panel("input", "A", [Series("input", TIME, TIME, "input")])  # nothing to compare
+    (found,) = Plot([Panel("p", "rad", lines), driven]).with_difference().difference
+    (line,) = found.series
+    assert line.role == "given"
+    np.testing.assert_allclose(line.value, measured - model)
+
+
+def test_no_two_meanings_look_alike_not_even_without_colour_and_each_stands_out_on_its_ground():
+    styles = {(role.dash, role.width) for role in ROLES.values()}
+    assert len(styles) == len(ROLES)
+    for ground, colour in (("#ffffff", "light"), ("#14181f", "dark")):
+        colours = [getattr(role, colour) for role in ROLES.values()]
+        assert len(set(colours)) == len(colours)
+        assert min(contrast(c, ground) for c in colours) >= 3.0
+    # Two models and what was measured, as the two commonest colour blindnesses see them.
+    for matrix in (PROTANOPIA, DEUTERANOPIA):
+        seen = [matrix @ linear(ROLES[n].light) for n in ("measured", "given", "augmented")]
+        assert min(np.linalg.norm(a - b) for a, b in itertools.combinations(seen, 2)) > 0.1
+
+
+#: Simulation of colour blindness on linear RGB (Viénot, Brettel and Mollon, 1999).
+PROTANOPIA = np.array([[0.11238, 0.88762, 0.0], [0.11238, 0.88762, 0.0], [0.00401, -0.00401, 1.0]])
+DEUTERANOPIA = np.array([[0.29275, 0.70725, 0.0], [0.29275, 0.70725, 0.0], [-0.02234, 0.02234, 1.0]])
+
+
+def linear(colour):
+    """Linear RGB (3,) of #rrggbb (IEC 61966-2-1)."""
+    c = np.array([int(colour[i : i + 2], 16) for i in (1, 3, 5)]) / 255.0
+    return np.where(c <= 0.04045, c / 12.92, ((c + 0.055) / 1.055) ** 2.4)
+
+
+def contrast(one, other):
+    """Ratio of contrast (WCAG 2.2)."""
+    a, b = sorted(float(np.array([0.2126, 0.7152, 0.0722]) @ linear(c)) for c in (one, other))
+    return (b + 0.05) / (a + 0.05)
+
+
+def test_the_first_model_is_the_given_one_and_one_with_more_effects_the_augmented():
+    assert model_roles([0, 0, 1]) == ["given", "re-estimated", "augmented"]
+    assert model_roles([0, 2]) == ["given", "augmented"]
+    assert model_roles([1, 1, 1]) == ["given", "re-estimated", "third"]
+    assert len(set(model_roles([0, 1, 1, 0, 2]))) == 5
+
+
+def test_the_script_that_travels_inside_is_bokeh():
+    text = gzip.decompress(base64.b64decode(packed_script())).decode()
+    assert "embed_items" in text and len(packed_script()) < 0.6 * MEGABYTE
+
+
+@pytest.mark.parametrize(
+    ("value", "std", "unit", "text"),
+    [
+        (0.41234, 0.0101, "N*m", "0.412 ± 0.010 N·m"),
+        (0.41234, None, "N*m*s/rad", "0.4123 N·m·s/rad"),
+        (1234.5, 61.3, "kg*m^2", "1234 ± 61 kg·m²"),
+        (0.003013, 9.3e-5, "rad", "0.003013 ± 0.000093 rad"),
+        (2.0, float("nan"), "1", "2"),
+        (3.0, 0.0, "", "3"),
+        (-0.0001, 0.5, "rad", "0.00 ± 0.50 rad"),
+    ],
+)
+def test_a_number_ends_where_its_error_begins(value, std, unit, text):
+    assert with_error(value, std, unit) == text
+
+
+@pytest.mark.parametrize(
+    ("std", "text"), [(60.0, "60"), (61.3, "61"), (0.0123, "0.012"), (4.4, "4.4"), (2e6, "2e+06")]
+)
+def test_standard_errors_are_told_without_an_exponent_where_that_can_be_read(std, text):
+    assert error_text(std) == text
+
+
+def test_units_are_written_in_one_way():
+    assert unit_text("N*m/rad^3") == "N·m/rad³" and unit_text("1") == ""
+    assert units_in("torque 0.4 N*m, inertia 2 kg*m^2, 3 N*m*s/rad.") == (
+        "torque 0.4 N·m, inertia 2 kg·m², 3 N·m·s/rad."
+    )
+    for untouched in ("a*b", "N*mass", "s*time", "x_N*m_y", "recordings/m/s2"):
+        assert units_in(untouched) == untouched
+
+
+def moving(motor, arm):
+    """A data set whose motor and arm swing so far (rad), slowly."""
+    swing = np.sin(2.0 * np.pi * TIME)
+    return SimpleNamespace(
+        signals=lambda: {"motor.position": motor * swing, "arm.position": arm * swing},
+        units=lambda: {"motor.position": "rad", "arm.position": "rad"},
+    )
+
+
+def test_a_fit_of_three_milliradians_of_motion_is_no_alarm_unless_that_is_all_the_motion_there_is():
+    fits = {"motor.position": 97.0, "arm.position": -32.0}
+    assert hardly_moving([moving(0.4, 0.0015)]) == {"arm.position"}
+    assert judged(fits, hardly_moving([moving(0.4, 0.0015)])) == {"motor.position": 97.0}
+    assert hardly_moving([moving(0.4, 0.0015), moving(0.4, 0.1)]) == set()
+    assert hardly_moving([moving(0.001, 0.0015)]) == set()
+    assert judged(fits, set(fits)) == fits
+    assert spread(np.array([np.nan, 1.0, 3.0])) == pytest.approx(2.0, rel=0.02)
+    assert spread(np.full(3, np.nan)) == 0.0
