@@ -1,5 +1,6 @@
 """The documentation's reference pages say what the code says: nodes, faults, effects, modules."""
 
+import re
 import sys
 from pathlib import Path
 
@@ -12,6 +13,10 @@ from effect_pictures import AMPLITUDE, DT, PERIOD, followed, response
 from plain_docstrings import to_rst
 
 from haptic_teleop_sim.effects import EFFECTS
+from haptic_teleop_sim.model import load_model
+from haptic_teleop_sysid.acquire import experiment_from
+
+NAMED = re.compile(r"(?<![\w/.])(?:docs|config|tests|src|tools)/[\w/]+\.(?:\w+\.)?\w+")
 
 
 @pytest.fixture(scope="module")
@@ -98,3 +103,23 @@ def test_docstrings_keep_their_names_and_layout_and_mean_nothing_else():
     made = "\n".join(to_rst(["Gives *a* of `f(x)`s, see x_.", "", "Layout:", "    one  two"]))
     assert "``f(x)``" in made and r"\*a\*" in made and r"x\_" in made
     assert "::\n\n        one  two" in made
+
+
+def test_every_file_that_a_page_names_is_there():
+    root = Path(__file__).resolve().parents[2]
+    named = {
+        (page.name, path)
+        for page in (*root.glob("*.md"), *root.glob("docs/*.md"))
+        if page.name != "CHANGELOG.md"
+        for path in NAMED.findall(page.read_text())
+    }
+    assert len(named) > 60
+    assert {(page, path) for page, path in named if not (root / path).exists()} == set()
+
+
+def test_the_files_of_the_identification_example_are_read():
+    examples = Path(__file__).resolve().parents[2] / "docs" / "examples" / "stage1"
+    lab, friction = (load_model(examples / name) for name in ("lab.yaml", "friction.yaml"))
+    assert lab.parameters == friction.parameters and len(friction.effects) == 1
+    experiment, _ = experiment_from(examples / "check.yaml")
+    assert experiment.joint == "stage1" and experiment.settings.multisine.rms == 0.16
