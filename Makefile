@@ -42,7 +42,7 @@ contracts: setup  ## who may import whom (import-linter)
 	@$(BIN)/lint-imports
 
 docs: setup  ## the documentation site, into build/docs; a warning is an error
-	@$(BIN)/sphinx-build -W --keep-going --quiet docs build/docs && echo "docs: open build/docs/index.html"
+	@$(BIN)/sphinx-build -W --keep-going --quiet -d build/doctrees docs build/docs && echo "docs: open build/docs/index.html"
 
 check: lint types contracts test docs  ## everything that must hold before a commit
 

@@ -61,9 +61,9 @@ def effects_page(folder):
         draw(entry, folder / "effects" / f"{entry.name}.svg")
         rows = []
         for p in entry.parameters:
-            left_out = "" if p.default is None else f"; left out: {p.default:g}"
+            default = "" if p.default is None else f"; default {p.default:g}"
             unit = p.unit.replace("*", "·").replace("^2", "²").replace("^3", "³")
-            rows.append(f"| `{p.name}` | {unit} | {_range(p)} | {p.meaning}{left_out} |")
+            rows.append(f"| `{p.name}` | {unit} | {_range(p)} | {p.meaning}{default} |")
         text.append(
             ENTRY.format(
                 name=entry.name,
