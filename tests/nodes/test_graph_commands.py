@@ -12,6 +12,7 @@ from sensor_msgs.msg import JointState
 from std_msgs.msg import String
 
 from haptic_teleop_control import echo_topic, set_parameter
+from haptic_teleop_control.nodes.graph_client import known
 from haptic_teleop_control.nodes.signal_generator import SignalGeneratorNode
 from haptic_teleop_control.nodes.topic_printer import plain
 
@@ -48,7 +49,7 @@ def test_set_changes_what_may_change_and_tells_what_may_not(graph, capsys):
         assert set_parameter.main(["signal_generator", "stage1.step.amplitud", "1.0"]) == 2
         assert "did you mean stage1.step.amplitude" in capsys.readouterr().err
         assert set_parameter.main(["sinal_generator", "rate", "1.0", "--wait", "0.3"]) == 2
-        assert "did you mean /signal_generator" in capsys.readouterr().err
+        assert "no node sinal_generator is found within 0.3 s; " in capsys.readouterr().err
     assert node.values["stage1.step.amplitude"] == -1e-3
 
 
@@ -65,7 +66,14 @@ def test_echo_prints_the_latest_of_what_is_kept_for_late_comers(graph, capsys):
     assert echo_topic.main(["probe/state", "--once"]) == 0
     assert capsys.readouterr().out == "data: devices_ready\n---\n"
     assert echo_topic.main(["/probe/stat", "--once", "--wait", "0.3"]) == 2
-    assert "nobody publishes /probe/stat within 0.3 s; did you mean /probe/state?" in capsys.readouterr().err
+    assert "nobody publishes /probe/stat within 0.3 s; " in capsys.readouterr().err
+
+
+def test_a_name_that_is_not_there_is_answered_with_those_that_are():
+    # Without a graph: what has been discovered when the wait is over is the machine's affair.
+    assert known(["/signal_generator", "/link"], "sinal_generator") == "did you mean /signal_generator?"
+    assert known(["/b", "/a"], "xyz") == "there are /a, /b."
+    assert "start a scenario with the same ROS_DOMAIN_ID" in known([], "xyz")
 
 
 def test_a_joint_state_is_printed_with_all_its_fields_and_numbers():

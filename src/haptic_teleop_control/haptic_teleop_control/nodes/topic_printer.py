@@ -15,8 +15,9 @@ from haptic_teleop_control.strict_yaml import dump_yaml
 
 DEPTH = 100
 OF_EVERY_NODE = ("/parameter_events", "/rosout")
-SETTLE = 0.2
-"""s in which all messages arrive that are kept for late comers."""
+SETTLE = 20
+"""Looks for further messages that are kept for late comers, of 10 ms each; counted, so that a machine that
+stands still meanwhile misses none that has arrived."""
 POLL = 1.0
 """s between two looks whether Ctrl-C came, while nothing is published."""
 
@@ -35,7 +36,8 @@ def print_messages(topic: str, count: int | None, wait: float, show: Callable[[s
         client.node.create_subscription(kind, full, lambda m: waiting.append(m), quality)
         if count == 1 and quality.durability == DurabilityPolicy.TRANSIENT_LOCAL:
             client.until(lambda: bool(waiting), wait)
-            client.until(lambda: False, SETTLE)
+            for _ in range(SETTLE):
+                client.executor.spin_once(timeout_sec=0.01)
             while len(waiting) > 1:
                 waiting.popleft()
         shown = 0
