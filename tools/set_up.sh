@@ -66,3 +66,5 @@ echo "set-up: installing the locked dependencies (1.2 GB on disk; a minute or mo
 "$environment/bin/python" -m pip install $quiet --no-deps --no-build-isolation --editable .
 fingerprint >"$stamp"
 echo "set-up: done; $environment/bin/haptic-teleop lists what can be started"
+command -v chromium >/dev/null || command -v chromium-browser >/dev/null || command -v google-chrome >/dev/null ||
+    echo "set-up: no browser here: the tests that look at report pages in one are skipped (apt-get install chromium)"

@@ -9,7 +9,13 @@ from identification_plants import STAGE, stage_recording
 
 from haptic_teleop_sim.model import Effect
 from haptic_teleop_sysid.dataset import load_dataset
-from haptic_teleop_sysid.diagnosis.beside_given import WORSE, beside_given, handed_on, worse_than_given
+from haptic_teleop_sysid.diagnosis.beside_given import (
+    WORSE,
+    beside_given,
+    handed_on,
+    settled,
+    worse_than_given,
+)
 from haptic_teleop_sysid.diagnosis.columns import Number, at_bounds, column, errors_of, moved, with_bounds
 from haptic_teleop_sysid.diagnosis.diagnose import records_of
 from haptic_teleop_sysid.diagnosis.proof import Proof
@@ -177,3 +183,12 @@ def test_fits_are_printed_whatever_they_are():
     assert [percent(p) for p in (97.35, -20.0, float("-inf"), float("nan"), None)] == [
         *("97.3", "-20.0", "< -1000", "none", "none")
     ]
+
+
+def test_what_only_the_arithmetic_needs_is_held_in_the_model_that_is_handed_on():
+    """A later estimate could not find anew how far a contact gives."""
+    friction = Effect("coulomb_friction", "stage1_motor", {"torque": 0.2, "contact_angle": 3e-6})
+    wider = settled(replace(STAGE, effects=(friction,), fixed=("stiffness",)))
+    assert wider.fixed == ("stiffness", "stage1_motor.coulomb_friction.contact_angle")
+    assert "stage1_motor.coulomb_friction.torque" in wider.free_parameters()
+    assert settled(wider) == wider

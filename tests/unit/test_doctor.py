@@ -139,6 +139,21 @@ def test_the_exit_status_counts_problems_and_with_hardware_what_is_absent(monkey
     assert doctor.main([]) == 1
 
 
+@pytest.mark.parametrize(("late", "level"), [(0.0002, OK), (0.003, ABSENT), (0.05, BAD)])
+def test_a_loop_that_misses_samples_is_not_called_fine(monkeypatch, late, level):
+    """A clock on which every sleep takes its time, and one in the middle too long."""
+    now = iter(range(10**9))
+    clock = {"t": 0.0}
+
+    def sleep(wait):
+        clock["t"] += wait + (late if next(now) == 100 else 0.0)
+
+    monkeypatch.setattr(doctor, "time", types.SimpleNamespace(monotonic=lambda: clock["t"], sleep=sleep))
+    check = doctor._timing()
+    assert check.level == level
+    assert f"{1e3 * late:.2f} ms (most)" in check.finding
+
+
 def test_it_asks_every_package_that_has_something_to_say():
     subjects = {check.subject for check in doctor.all_checks()}
     assert {"Python", "ROS 2", "timing", "OpenHaptics", "confirmed Omnis", "Quanser SDK"} <= subjects

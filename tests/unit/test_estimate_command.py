@@ -222,6 +222,19 @@ def test_the_data_set_report_judges_recording_and_excitation(tmp_path, model, re
     assert "samples are lost" in " ".join(capsys.readouterr().out.split())
 
 
+def test_a_recording_is_rich_enough_where_every_parameter_will_be_known(tmp_path, model, recording):
+    said = []
+    for name, bag in (("long", recording), ("short", stage_recording(seconds=0.4, band=(0.2, 2.0)))):
+        arguments = ["--bag", str(written(tmp_path, bag, name)), "--model", str(model)]
+        assert dataset_main([*arguments, "--output", str(tmp_path / f"look {name}")]) == 0
+        found = json.loads((tmp_path / f"look {name}" / "dataset.json").read_text())["recordings"][0]
+        worst = max(found["expected_relative_std"].values())
+        assert (worst > 0.2) == (name == "short")
+        said.append(" ".join(found["judgement"]))
+    assert "rich enough" in said[0] and "not well known" not in said[0]
+    assert "rich enough" not in said[1] and "not well known from this recording" in said[1]
+
+
 def test_the_data_set_report_tells_what_a_poor_signal_cannot_teach(tmp_path, recording):
     # All six free: the scale common to all cannot show in any recording.
     free = tmp_path / "free.yaml"

@@ -3,6 +3,8 @@
 from datetime import UTC, datetime
 
 import numpy as np
+import pyarrow
+import pyarrow.parquet
 import pytest
 from joint_logs import machine, plain_table, table
 
@@ -10,6 +12,7 @@ from haptic_teleop_control.errors import ConfigurationError
 from haptic_teleop_control.strict_yaml import parse_yaml
 from haptic_teleop_sysid.import_log import main
 from haptic_teleop_sysid.logs.opened import open_recording
+from haptic_teleop_sysid.logs.units import unit_of
 
 T, TORQUE, ANGLE, SPEED = machine()
 STATES = "/plant/joint_states"
@@ -199,3 +202,37 @@ def test_a_header_that_is_there_again_is_passed_over_and_told(tmp_path):
     path.write_text("\n".join([*lines[:700], *lines]) + "\n")
     with pytest.raises(ValueError, match="the time starts anew at row 700"):
         open_recording(path)
+
+
+@pytest.mark.parametrize("unit", ["[ft*furlong]", "[%]", "(%)"])
+def test_a_unit_that_is_not_known_is_asked_for_and_not_replaced_by_another(tmp_path, capsys, unit):
+    names = ("time [s]", f"torque {unit}", "motor [deg]", "link [deg]")
+    out, _ = suggested(table(tmp_path / "log.csv", names, COLUMNS), tmp_path, capsys)
+    assert "unit: FILL IN" in line_of(out, "input:") and "which is no unit" in line_of(out, "input:")
+
+
+def test_what_stands_in_brackets_and_is_no_unit_leaves_the_unit_to_be_guessed(tmp_path, capsys):
+    names = ("time [s]", "torque (measured)", "motor [deg]", "link [deg]")
+    out, _ = suggested(table(tmp_path / "log.csv", names, COLUMNS), tmp_path, capsys)
+    assert "FILL IN" not in line_of(out, "input:")
+
+
+@pytest.mark.parametrize(("unit", "size"), [("ft*lb", 0.3048 * 4.4482216), ("grad", np.pi / 200.0)])
+def test_units_of_some_trades_are_known(unit, size):
+    found = unit_of(unit)
+    assert found is not None and found.factor == pytest.approx(size)
+
+
+def test_stamps_of_more_digits_than_a_number_holds_are_read_from_parquet(tmp_path):
+    stamps = 1_763_000_000_000_000_001 + np.round(T * 1e9).astype(np.int64)
+    frame = pyarrow.table({"time [ns]": stamps, "torque [Nm]": TORQUE, "motor [rad]": ANGLE})
+    pyarrow.parquet.write_table(frame, tmp_path / "log.parquet")
+    series = open_recording(tmp_path / "log.parquet").topics[STATES]
+    np.testing.assert_allclose(np.diff(series.time()), np.diff(T), atol=1e-6)
+
+
+def test_a_few_logs_are_each_told_as_one_alone(tmp_path, capsys):
+    for name in ("one", "two"):
+        table(tmp_path / f"{name}.csv", HEADER, COLUMNS)
+    assert main([*map(str, sorted(tmp_path.glob("*.csv"))), "--output", str(tmp_path / "bags")]) == 0
+    assert capsys.readouterr().out.count("motor position: ") == 2

@@ -77,6 +77,7 @@ def test_a_refusal_names_file_node_key_and_remedy(mapping, words):
     message = refusal(mapping)
     for word in ["robot.yaml", "force_controller", *words]:
         assert word in message
+    assert not message.endswith("?.")
 
 
 KIND = ParameterTable("driver", [Parameter("board.type", "q8"), Parameter("board.id", "0")])

@@ -77,6 +77,14 @@ def test_a_page_says_first_what_happened_and_what_to_do_and_folds_away_what_is_g
     assert html.count("It failed.") == 1
 
 
+def test_without_bokeh_pages_have_still_pictures(monkeypatch):
+    monkeypatch.setattr("haptic_teleop_sysid.report.page.available", lambda: False)
+    page = Page("t")
+    page.section("s").plot(plot(), "caption")
+    html = page.render()
+    assert html.count('<svg role="img" aria-label="caption"') == 1 and "application/json" not in html
+
+
 def test_without_a_conclusion_the_worst_verdict_stands_first():
     page = Page("t")
     page.verdict("good", "A good one.")
@@ -170,3 +178,6 @@ def test_numbered_directories_follow_each_other(tmp_path):
         (directory / "file").touch()
         names.append(directory.name)
     assert names == ["demo", "demo-2", "demo-3"]
+    (tmp_path / "file").touch()
+    with pytest.raises(ConfigurationError, match="is a file: choose another --output"):
+        numbered_output_directory(tmp_path / "file")

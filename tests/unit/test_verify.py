@@ -12,6 +12,7 @@ from scenario_recordings import CONSTANT, PARAMETERS, Made, scenario
 from haptic_teleop_control.errors import MismatchError
 from haptic_teleop_control.recording import Recording, write_recording
 from haptic_teleop_sysid import verify
+from haptic_teleop_sysid.verification.conclusion import conclusion
 from haptic_teleop_sysid.verification.contact import longest_still
 from haptic_teleop_sysid.verification.run import agreement, examine
 from haptic_teleop_sysid.verification.verdicts import verdicts
@@ -308,3 +309,16 @@ def test_impossible_arguments_end_with_status_2(tmp_path, arguments):
 def test_a_missing_bag_ends_with_status_2_and_its_name(tmp_path, capsys):
     assert verify.main([str(tmp_path / "absent"), "--output", str(tmp_path / "out")]) == 2
     assert "absent" in capsys.readouterr().err
+
+
+def test_the_first_line_says_what_happened_whether_it_is_good_and_what_to_do():
+    good = examine(scenario(Made()), "good")
+    status, happened, todo = conclusion([good], ["good"])
+    assert status == "good" and todo.startswith("nothing is wrong")
+    assert "Stage 1 moves freely at 1.14 rad/s and presses with 0.600 of 0.600 N·m asked" in happened
+    wrong = examine(scenario(Made(offset=0.2)), "wrong")
+    status, happened, todo = conclusion([good, wrong], ["good", "wrong"])
+    assert status == "bad" and happened.startswith("wrong came to its end, but not as promised. Stage 1")
+    assert "0.8000 N·m of 0.6000 N·m asked" in happened and "pictures" in todo
+    late = examine(scenario(Made(droop=0.2)), "slow")
+    assert conclusion([late], ["slow"])[0] == "fair"

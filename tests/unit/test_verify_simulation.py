@@ -97,7 +97,7 @@ def test_a_signal_that_is_constant_but_for_its_first_samples_has_no_fit_and_one_
     assert fit["omni y"]["effort"] is None
     assert fit["omni z"]["effort"] is not None
     _, rows, caption = overlay_table({"bag": result})
-    table = {row[2]: row[4] for row in rows}
+    table = {row[0]: row[1] for row in rows}
     assert table["omni y, effort"] == "hardly varies" and "hardly" in caption
     float(table["omni z, effort"])
     pictures = overlay_pictures(result)

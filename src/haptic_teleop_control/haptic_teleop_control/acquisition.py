@@ -11,6 +11,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
+from dataclasses import replace
 from typing import Any, Self
 
 import numpy as np
@@ -27,18 +28,25 @@ from haptic_teleop_control.robots import (
     STAGES,
 )
 from haptic_teleop_control.signals import SignalGenerator, SignalSettings, settings_from, signal_parameters
+from haptic_teleop_control.signals.settings import SIGNAL_UNIT
 
 Array = NDArray[np.float64]
 
 CAREFUL_CURRENT = {"stage1": 0.1, "stage2": 0.2}
 """A, open loop: above, the response may be very quick (thesis 3.1.1)."""
 SIGNAL = "signal"
+SIGNAL_UNITS = "A, N·m or rad"
+"""By `control`: of a current (2DSFJ), a torque (Omni) or a position."""
 WAITING, RUNNING, FINISHED, ABORTED = "waiting", "running", "finished", "aborted"
 CONTROLS = ("automatic", "open_loop", "position")
 
 
 def _parameters() -> list[Parameter]:
-    signal = [entry for entry in signal_parameters((SIGNAL,)) if entry.name != "kind"]
+    signal = [
+        replace(entry, unit=SIGNAL_UNITS) if entry.unit == SIGNAL_UNIT else entry
+        for entry in signal_parameters((SIGNAL,))
+        if entry.name != "kind"
+    ]
     return [
         Parameter(
             "joint", "stage1", choices=(*STAGES, *OMNI_JOINTS), meaning="the stage or axis to identify"

@@ -49,7 +49,7 @@ def main(argv: Sequence[str] | None = None) -> int:
 def _main(argv: list[str]) -> int:
     lines = [f"{act:<10} {meaning}" for act, meaning in ACTS.items()]
     parser = argparse.ArgumentParser(
-        prog="operate",
+        prog="haptic-teleop operate",
         description="Call a service of the running force controller, of the signal generator, or of the "
         "coordinator of simulated time.",
         epilog="\n".join(lines),

@@ -284,7 +284,8 @@ class ParameterTable:
         return f" but a group of them; {said}"
 
     def _error(self, source: str, name: str, problem: str) -> ConfigurationError:
-        return ConfigurationError(f"{source}: node {self.node_name}: parameter {name} {problem}.")
+        end = "" if problem.endswith("?") else "."
+        return ConfigurationError(f"{source}: node {self.node_name}: parameter {name} {problem}{end}")
 
 
 def _nearest(name: str, known: list[str]) -> str:

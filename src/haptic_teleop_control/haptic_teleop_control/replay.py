@@ -117,7 +117,8 @@ def replay_command(
 ) -> int:
     """The body of a replay executable: capture in, recording out, a summary on standard output."""
     parser = argparse.ArgumentParser(
-        prog=program, description="Send captured raw packets through codec and driver once more."
+        prog=f"haptic-teleop {program}",
+        description="Send captured raw packets through codec and driver once more.",
     )
     parser.add_argument("capture", help="file that the driver's parameter `capture` named")
     parser.add_argument("--output", metavar="DIR", help="recording of the joint states; must not exist")

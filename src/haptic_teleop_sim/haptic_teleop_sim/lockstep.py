@@ -105,7 +105,8 @@ def main(argv: Sequence[str] | None = None) -> int:
 
 def _main(argv: list[str]) -> int:
     parser = argparse.ArgumentParser(
-        prog="lockstep", description="Run a scenario file without ROS or clock, faster than real time."
+        prog="haptic-teleop lockstep",
+        description="Run a scenario file without ROS or clock, faster than real time.",
     )
     parser.add_argument("scenario", help="parameter file of the nodes, for example config/scenario1_sim.yaml")
     parser.add_argument(

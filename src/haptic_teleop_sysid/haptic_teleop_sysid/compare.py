@@ -105,7 +105,8 @@ def run(argv: list[str]) -> int:
         report = comparison_page(result, pictures).write(output / "report.html")
         content |= {"runtime_s": time.perf_counter() - began, "version": tool_version()}
         write_json(output / "compare.json", content)
-    for table in comparison_table(result):
+    for title, table in comparison_table(result).items():
+        console.print(title, markup=False, highlight=False, soft_wrap=True)  # a path stays whole
         console.print(table)
     for bag, dataset in result.data.items():
         for problem in dataset.problems:

@@ -16,9 +16,9 @@ from haptic_teleop_sysid.small_motion import hardly_moving, judged, spread
 from haptic_teleop_sysid.windows import closed_loop
 
 
-def comparison_table(result: Comparison) -> list[Table]:
-    """Return one table per recording: models down, signals across, fit in percent."""
-    tables = []
+def comparison_table(result: Comparison) -> dict[str, Table]:
+    """Return one table per recording, by what it is of: models down, signals across, fit in percent."""
+    tables = {}
     for bag, dataset in result.data.items():
         signals = list(dataset.signals())
         chosen = result.windows[bag]
@@ -27,8 +27,7 @@ def comparison_table(result: Comparison) -> list[Table]:
             if chosen.seconds is None
             else f"{len(chosen.spans)} windows of {chosen.seconds:.2f} s"
         )
-        # Texts, not strings: brackets in a file name are no markup.
-        table = Table(title=Text(f"{bag}: simulated fit in % ({extent}; {chosen.why})"), title_justify="left")
+        table = Table()
         table.add_column("model", overflow="fold")
         for signal in signals:
             # Two lines, so that a terminal of 80 columns does not cut what tells the columns apart.
@@ -36,9 +35,10 @@ def comparison_table(result: Comparison) -> list[Table]:
         for name in result.models:
             percent = result.fits[name, bag].percent
             table.add_row(
-                Text(name), *(percent_text(percent.get(signal, float("nan"))) for signal in signals)
+                Text(name),  # brackets in a file name are no markup
+                *(percent_text(percent.get(signal, float("nan"))) for signal in signals),
             )
-        tables.append(table)
+        tables[f"{bag}: simulated fit in % ({extent}; {chosen.why})"] = table
     return tables
 
 

@@ -43,6 +43,8 @@ ILL_CONDITIONED = 1e6
 """Condition of the scaled information beyond which parameters can hardly be told apart."""
 SIGNALS_DRAWN = 12
 """Signals of a recording that a picture without a model shows."""
+WELL_KNOWN = 0.2
+"""Expected standard error, relative, up to which a recording is rich enough for a parameter."""
 
 
 @dataclass(frozen=True)
@@ -100,7 +102,10 @@ def judgement(one: Look) -> list[tuple[str, str]]:
                     "frequencies.",
                 )
             )
-        elif not expected.undetermined:
+        if unsure := _unsure(one):
+            listed = ", ".join(f"{name} ± {100 * share:.0f} %" for name, share in unsure.items())
+            said.append(("fair", f"not well known from this recording: {listed}; excite more, or longer."))
+        elif expected.condition <= ILL_CONDITIONED and not expected.undetermined:
             said.append(
                 (
                     "good",
@@ -108,6 +113,19 @@ def judgement(one: Look) -> list[tuple[str, str]]:
                 )
             )
     return said
+
+
+def _unsure(one: Look) -> dict[str, float]:
+    """Parameters whose expected standard error is a larger share of their size than WELL_KNOWN, with it."""
+    if one.excitation is None:
+        return {}
+    expected, values = one.excitation.expected, one.excitation.fit.model.parameter_values()
+    shares = {
+        name: float(std) / abs(values[name])
+        for name, std in zip(expected.names, expected.std, strict=True)
+        if name not in expected.undetermined and values[name]
+    }
+    return {name: share for name, share in shares.items() if share > WELL_KNOWN}
 
 
 def as_json(name: str, one: Look) -> dict[str, Any]:

@@ -11,7 +11,7 @@ from typing import Any
 from haptic_teleop_control.errors import RecordingError
 from haptic_teleop_sim.model import Model
 from haptic_teleop_sysid.dataset import DataSet, load_dataset
-from haptic_teleop_sysid.diagnosis.beside_given import handed_on
+from haptic_teleop_sysid.diagnosis.beside_given import handed_on, settled
 from haptic_teleop_sysid.diagnosis.cuts import MOST_SAMPLES, with_cuts_told
 from haptic_teleop_sysid.diagnosis.diagnose import diagnose, records_of
 from haptic_teleop_sysid.diagnosis.next_experiment import write_acquire_file
@@ -70,7 +70,7 @@ def diagnose_into(
     content |= {"runtime_s": round(time.perf_counter() - began, 2), "version": tool_version()}
     write_json(output / "diagnosis.json", content)
     place = output / "augmented_model.yaml"
-    replace(handed_on(proof)[1], source=str(place)).save(place)
+    replace(settled(handed_on(proof)[1]), source=str(place)).save(place)
     write_acquire_file(output, model, content["next_experiment"])
     if not options.page:
         return content, None

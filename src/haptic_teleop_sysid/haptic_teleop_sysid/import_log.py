@@ -31,6 +31,8 @@ from haptic_teleop_sysid.logs.suggest import propose
 
 PARTLY = 1
 """Exit status where some of several logs became recordings."""
+FEW = 4
+"""Logs of which each is told as one alone would be."""
 
 
 def run(argv: list[str]) -> int:
@@ -90,6 +92,11 @@ def _several(
             _say(screen, f"failed: {failed[file]}")
             continue
         odd = recording.experiment["import"]["odd"]
+        if len(files) <= FEW:
+            _tell(recording, output / name, console, screen)
+            continue
+        for line in odd:
+            _say(screen, f"note: {file}: {line}")
         about = f"{_samples(recording)}" + (f"; {counted(len(odd), 'thing')} to look at" if odd else "")
         _say(console, f"{output / name}: {about}")
     _say(

@@ -138,7 +138,7 @@ def _say(text: str) -> None:
 
 def _main(arguments: list[str]) -> int:
     parser = argparse.ArgumentParser(
-        prog=NODE,
+        prog=f"haptic-teleop {NODE}",
         description="Hand the 2DSFJ's board to a driver in another computer (there: board.type: remote). The "
         "current is zero whenever that driver is silent. Needs no ROS.",
         epilog=f"Parameters, in the section {NODE} of FILE or with -p:\n\n" + _parameters(),

@@ -17,8 +17,8 @@ from haptic_teleop_control.nodes.launching.parent import OPTION
 
 HELP = """composed: runs several nodes in one process: the 1 kHz default on one machine
 
-usage: composed NODE [NODE ...] [--ros-args [--params-file FILE] [-p NODE:NAME:=VALUE] ...]
-       composed NODE [NODE ...] --help        the topics and parameters of these nodes
+usage: haptic-teleop composed NODE [NODE ...] [--ros-args [--params-file FILE] [-p NODE:NAME:=VALUE] ...]
+       haptic-teleop composed NODE [NODE ...] --help        the topics and parameters of these nodes
 
 NODE is the name of an executable that is a node: """
 

@@ -241,7 +241,8 @@ def _watch(
 
 def _scenario(argv: Sequence[str]) -> int:
     parser = argparse.ArgumentParser(
-        prog="scenario", description="Start the nodes of a scenario file, watch them and stop them."
+        prog="haptic-teleop scenario",
+        description="Start the nodes of a scenario file, watch them and stop them.",
     )
     parser.add_argument(
         "file", help="parameter file with a section `scenario:`, such as config/scenario1_sim.yaml"

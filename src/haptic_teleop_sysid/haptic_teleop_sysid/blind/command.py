@@ -32,7 +32,7 @@ from haptic_teleop_sysid.spread import ONE_THREAD, spread
 
 def parser() -> argparse.ArgumentParser:
     """Return the command's arguments."""
-    found = argparse.ArgumentParser(prog="blind", description=__doc__)
+    found = argparse.ArgumentParser(prog="haptic-teleop blind", description=__doc__)
     found.add_argument("--seed", type=int, required=True, help="what all draws come from")
     found.add_argument(
         "--cases",

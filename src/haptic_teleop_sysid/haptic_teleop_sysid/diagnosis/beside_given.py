@@ -3,7 +3,7 @@ is handed on."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 from haptic_teleop_sim.model import Model
@@ -70,6 +70,22 @@ def handed_on(proof: Proof) -> tuple[str, Model]:
             same = proof.models[model] == proof.models["baseline"]
             return ("baseline" if same else model), proof.models[model]
     return "given", proof.models["given"]
+
+
+#: Parameters of effects that are of the arithmetic: how far a contact gives, at which speed a sign turns.
+_ARITHMETIC = ("contact_angle", "smoothing")
+
+
+def settled(model: Model) -> Model:
+    """The model with what only the arithmetic of its effects needs (how far a sticking contact gives) held:
+    a later `estimate` or `trend` could not find it anew from any recording."""
+    held = [
+        f"{effect.location}.{effect.effect}.{p.name}"
+        for effect in model.effects
+        for p in effect.entry.parameters
+        if p.name in _ARITHMETIC and p.name in effect.parameters
+    ]
+    return replace(model, fixed=(*model.fixed, *(name for name in held if name not in model.fixed)))
 
 
 def beside_given(proof: Proof) -> dict[str, Any]:

@@ -21,12 +21,12 @@ def fits(page: Page, content: dict[str, Any], proof: Proof) -> None:
         columns = [content["fit"][model][part] for model in MODELS]
         moves = _moves(proof, part)
         rows += [
-            (PART_LABELS[part], name, moves.get(name, "–"), *(percent(c[name]) for c in columns))
+            (name, *(percent(c[name]) for c in columns), moves.get(name, "–"), PART_LABELS[part])
             for name in columns[0]
         ]
     section = page.section("Yours, re-estimated, augmented")
     section.table(
-        ("recordings", "signal", "moves by", *(f"{head} (%)" for head in HEADS)),
+        ("signal", *(f"{head} (%)" for head in HEADS), "moves by", "recordings"),
         rows,
         "Simulated response to the recorded command, in percent of the signal's deviation: of your model as "
         "it came, of its structure re-estimated on the estimation recordings, and with what was found.",

@@ -10,7 +10,9 @@ _BRACKETED = re.compile(r"^(.*?)\s*[\[({<]\s*([^\[\](){}<>]+?)\s*[\])}>]\s*$")
 _SLASHED = re.compile(r"^(.+?)\s+(?:/|in)\s+(\S+)$")
 _TRAILING = re.compile(r"^(.+?)[_ .:-]([A-Za-z°µ][A-Za-z°µ/*^0-9]*(?:_per_[a-z]+)?)$")
 #: Endings that are names as often as units: q_m is a motor's angle, i_A may be a phase.
-_AMBIGUOUS = {"m", "n", "N", "A", "V", "h", "r", "U", "in", "inc", "1", "nm", "c", "u", "k", "M"}
+_AMBIGUOUS = frozenset(
+    ("m", "n", "N", "A", "V", "h", "r", "U", "in", "inc", "1", "nm", "c", "u", "k", "M", "ft", "grad")
+)
 
 
 def split_header(text: str) -> tuple[str, str]:
@@ -36,6 +38,16 @@ def split_header(text: str) -> tuple[str, str]:
             return text, ""
         return found[1], found[2]
     return text, ""
+
+
+def unknown_unit(text: str) -> str:
+    """What stands where a unit stands in a header, in square brackets, or in others and made like one
+    (`%`, `ft*lb`), and is none that is known; "" where nothing does. `q[1]` is the first of some."""
+    text = " ".join(str(text).split()).strip("\"'")
+    found = _BRACKETED.match(text)
+    if not found or not found[1] or _unit_of(found[2]) or found[2].isdigit():
+        return ""
+    return found[2] if text.endswith("]") or re.search(r"[%*/^·]", found[2]) else ""
 
 
 def words_of(label: str) -> tuple[str, ...]:

@@ -115,4 +115,5 @@ def _values(column: pa.ChunkedArray) -> np.ndarray:
     if pa.types.is_timestamp(column.type) or pa.types.is_duration(column.type):
         scale = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9}[column.type.unit]
         return scale * column.cast(pa.int64()).to_pandas().to_numpy(np.float64)
-    return column.cast(pa.float64()).to_pandas().to_numpy(np.float64)
+    # Whole numbers of more than 53 bits (nanoseconds since 1970) lose the last ones, as in any other format.
+    return column.cast(pa.float64(), safe=False).to_pandas().to_numpy(np.float64)

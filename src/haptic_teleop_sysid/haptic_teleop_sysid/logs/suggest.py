@@ -13,6 +13,7 @@ from haptic_teleop_sysid.logs.by_agreement import by_agreement, nameless
 from haptic_teleop_sysid.logs.derivatives import Free
 from haptic_teleop_sysid.logs.evidence import still
 from haptic_teleop_sysid.logs.guess import TimeGuess, guess_time, guess_units
+from haptic_teleop_sysid.logs.headers import unknown_unit
 from haptic_teleop_sysid.logs.log import Column, Log
 from haptic_teleop_sysid.logs.mapping import Entry
 from haptic_teleop_sysid.logs.proposal import GUESSED, LIKELY, MISSING, STATED, Choice, Doubt, Proposal
@@ -177,6 +178,11 @@ def _joint(
                     found[f"motor_{role}"].less(GUESSED, _left_over(rival))
                 chosen[f"motor_{role}"] = chosen.pop(f"arm_{role}")
     guess_units(log, chosen, found, time)
+    for name, choice in found.items():
+        column = chosen[name].column if name in chosen else None
+        if column is not None and not column.known and (other := unknown_unit(column.name)):
+            choice.less(MISSING, f"its header says {other!r}, which is no unit that is known here")
+            choice.entry = replace(choice.entry, unit="")
     return found
 
 

@@ -9,9 +9,10 @@ and dash; `live` makes it one to zoom and pan on (Bokeh), `pictures` one that st
 
 from haptic_teleop_sysid.report.numbers import error_text, rounded, unit_text, units_in, with_error
 from haptic_teleop_sysid.report.output import claim_output_directory, claimed, numbered_output_directory
-from haptic_teleop_sysid.report.page import Link, Page, Section, Status
+from haptic_teleop_sysid.report.page import Page, Status
 from haptic_teleop_sysid.report.pictures import histogram, inline_svg, save_png, still
 from haptic_teleop_sysid.report.plot import Panel, Plot, Series
+from haptic_teleop_sysid.report.section import Link, Section
 
 __all__ = [
     "Link",

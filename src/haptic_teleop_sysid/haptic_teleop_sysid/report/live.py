@@ -12,6 +12,7 @@ import gzip
 import json
 from collections.abc import Sequence
 from functools import cache
+from importlib.util import find_spec
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -32,6 +33,11 @@ _HEIGHT, _AXIS = 165, 42
 def points_for(lines: int) -> int:
     """Samples that each of so many lines of a page may have."""
     return int(np.clip(PAGE_POINTS // max(lines, 1), LEAST_POINTS, MOST_POINTS))
+
+
+def available() -> bool:
+    """Whether Bokeh is installed: a distribution's packages do not bring it, and pages do without."""
+    return find_spec("bokeh") is not None
 
 
 @cache
@@ -118,13 +124,12 @@ def _figure(panel: Panel, x_range: Range1d, x_label: str, last: bool, points: in
 
 
 def _tools(plot: Any) -> None:
-    """Drag to zoom or to pan (the page's buttons choose), the wheel with Ctrl, and values under the mouse."""
-    from bokeh.models import BoxZoomTool, HoverTool, PanTool, WheelZoomTool
+    """Drag to zoom or to pan (the page's buttons choose), and the wheel with Ctrl."""
+    from bokeh.models import BoxZoomTool, PanTool, WheelZoomTool
 
     box, pan = BoxZoomTool(), PanTool()
     wheel = WheelZoomTool(dimensions="width", modifiers={"ctrl": True})
-    hover = HoverTool(tooltips=[("", "$name"), ("", "@x{0.0000}, @y{0.00000}")], line_policy="nearest")
-    plot.add_tools(box, pan, wheel, hover)
+    plot.add_tools(box, pan, wheel)
     plot.toolbar.active_drag = box
     plot.toolbar.active_scroll = wheel
 

@@ -76,7 +76,7 @@ def make_output_directory(path: Path) -> None:
 
 def numbered_output_directory(directory: str | Path) -> Path:
     """Return `directory`, or the first of `directory-2`, `directory-3`, ... that does not exist yet; it is
-    created.
+    created. Raises ConfigurationError where `directory` is a file, or cannot be made.
     """
     wanted = Path(directory)
     candidate, number = wanted, 1
@@ -85,6 +85,10 @@ def numbered_output_directory(directory: str | Path) -> Path:
             candidate.mkdir(parents=True, exist_ok=False)
             return candidate
         except FileExistsError:
+            if candidate == wanted and not wanted.is_dir():
+                raise ConfigurationError(
+                    f"--output {wanted} is a file: choose another --output."
+                ) from None
             if candidate.is_dir() and not any(candidate.iterdir()):
                 return candidate
             number += 1

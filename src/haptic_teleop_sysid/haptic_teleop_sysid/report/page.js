@@ -33,7 +33,7 @@
       this.content = JSON.parse(figure.querySelector("script").textContent);
       this.plots = {};
       this.view = "response";
-      this.moves = matchMedia("(pointer: coarse)").matches;
+      this.finger = matchMedia("(pointer: coarse)").matches;
       figure.addEventListener("click", (e) => this.act(e.target.closest("button")));
       figure.addEventListener("change", () => this.lines());
     }
@@ -48,14 +48,18 @@
       const items = [{ docid: "d", roots, root_ids: ids }];
       await Bokeh.embed.embed_items({ d: content }, items);
       const found = Bokeh.documents.flatMap((each) => each.roots()).filter((plot) => plot.id in roots);
-      // A finger that drags scrolls the page; the buttons zoom.
-      if (this.moves) for (const plot of found) plot.toolbar.active_drag = null;
       for (const plot of found) {
         for (const range of [plot.x_range, plot.y_range]) whole.set(range, { start: range.start, end: range.end });
       }
       this.plots[this.view] = found;
       paint(found);
       this.lines();
+      this.drag();
+      for (const plot of found) {
+        const readout = document.getElementById(roots[plot.id]).closest(".panel").querySelector(".readout");
+        plot.on_event("mousemove", (event) => { readout.textContent = told(plot, event.x); });
+        plot.on_event("mouseleave", () => { readout.textContent = ""; });
+      }
     }
 
     lines() {
@@ -63,6 +67,15 @@
       for (const box of this.figure.querySelectorAll("[data-line]")) shown[box.dataset.line] = box.checked;
       for (const plot of this.plots[this.view] || []) {
         for (const line of plot.renderers) if (line.name in shown) line.visible = shown[line.name];
+      }
+    }
+
+    // Zooms into a box, or moves. A finger scrolls the page until it is told to move; the buttons zoom.
+    drag() {
+      const moves = this.figure.querySelector("[data-do=drag]").getAttribute("aria-pressed") === "true";
+      for (const plot of this.plots[this.view] || []) {
+        const wanted = moves ? "PanTool" : this.finger ? null : "BoxZoomTool";
+        plot.toolbar.active_drag = plot.toolbar.tools.find((tool) => tool.type === wanted) || null;
       }
     }
 
@@ -74,19 +87,36 @@
       if (button.hasAttribute("aria-pressed")) button.setAttribute("aria-pressed", String(pressed));
       if (what === "view") {
         this.view = pressed ? "difference" : "response";
-        this.show();
+        this.show().then(() => { this.lines(); this.drag(); });
         return;
       }
       if (what === "drag") {
-        for (const plot of plots) {
-          const wanted = pressed ? "PanTool" : "BoxZoomTool";
-          plot.toolbar.active_drag = plot.toolbar.tools.find((t) => t.type === wanted);
-        }
+        this.drag();
         return;
       }
       for (const range of new Set(plots.map((plot) => plot.x_range))) move(range, what);
       if (what === "reset") for (const plot of plots) reset(plot.y_range);
     }
+  }
+
+  // The values of all lines shown, at the samples next to x.
+  function told(plot, x) {
+    const values = new Map();
+    for (const line of plot.renderers) {
+      if (!line.visible || values.has(line.name)) continue;
+      const times = line.data_source.get_column("x");
+      let low = 0;
+      let high = times.length - 1;
+      while (high - low > 1) {
+        const middle = (low + high) >> 1;
+        if (times[middle] > x) high = middle;
+        else low = middle;
+      }
+      const nearest = x - times[low] < times[high] - x ? low : high;
+      values.set(line.name, line.data_source.get_column("y")[nearest]);
+    }
+    const parts = [...values].map(([name, value]) => `${name} ${Number(value.toPrecision(5))}`);
+    return `at ${Number(x.toPrecision(5))}: ${parts.join(", ")}`;
   }
 
   const whole = new Map();

@@ -3,98 +3,26 @@
 from __future__ import annotations
 
 import importlib.resources
-import re
 from collections.abc import Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from datetime import datetime
 from pathlib import Path
 from typing import Any, Literal
-from urllib.parse import quote
 
 import jinja2
 from markupsafe import Markup
-from matplotlib.figure import Figure
 
-from .live import as_script, live, packed_script, points_for
+from .live import as_script, available, live, packed_script, points_for
 from .numbers import units_in
 from .pictures import inline_svg, still
-from .plot import Panel, Plot, Series
+from .plot import Plot, Series
 from .roles import ROLES, variables
+from .section import Link, Section
 
 Status = Literal["good", "fair", "bad", "plain"]
 STATUS_WORD = {"good": "OK", "fair": "NOTE", "bad": "PROBLEM", "plain": "INFO"}
 #: Samples of all lines of a page's still pictures together, and of one line at least and at most.
 _STILL_POINTS, _LEAST_STILL, _MOST_STILL = 36_000, 300, 1500
-#: Cells that say that there is nothing, and how a date begins.
-_NOTHING, _DATE = ("", "–", "—"), re.compile(r"\d{4}-\d\d-\d\d")
-
-
-class Link(str):
-    """A cell that leads to another file: its text, and ``href``, a path relative to the page."""
-
-    href: str
-
-    def __new__(cls, text: str, path: str) -> Link:
-        link = super().__new__(cls, text)
-        link.href = quote(path)
-        return link
-
-
-@dataclass(frozen=True)
-class Block:
-    """One piece of a section; `kind` selects how the template draws it."""
-
-    kind: Literal["text", "table", "picture", "plot", "commands"]
-    text: str = ""
-    header: tuple[str, ...] = ()
-    rows: tuple[tuple[str, ...], ...] = ()
-    figure: Figure | None = None
-    plot: Plot | None = None
-
-    def numeric(self) -> list[bool]:
-        """Which columns of a table are set right-aligned: those most of whose cells are numbers."""
-        columns = zip(*(row for row in self.rows if len(row) == len(self.header)), strict=True)
-        told = [[cell for cell in column if cell not in _NOTHING] for column in columns]
-        found = [2 * sum(map(looks_numeric, cells)) >= max(len(cells), 1) for cells in told]
-        return found or [False] * len(self.header)
-
-
-@dataclass
-class Section:
-    """A heading with texts, tables, plots and pictures in the order in which they were added; a ``folded``
-    one shows its heading until it is opened."""
-
-    title: str
-    folded: bool = False
-    blocks: list[Block] = field(default_factory=list)
-
-    def text(self, text: str) -> Section:
-        """Add a paragraph; it is escaped."""
-        self.blocks.append(Block("text", text=text))
-        return self
-
-    def table(self, header: Sequence[str], rows: Sequence[Sequence[object]], caption: str = "") -> Section:
-        """Add a table; cells are written with `str` (a `Link` leads elsewhere) and escaped, those that are
-        numbers are set right-aligned.
-        """
-        cells = tuple(tuple(c if isinstance(c, Link) else str(c) for c in row) for row in rows)
-        self.blocks.append(Block("table", text=caption, header=tuple(header), rows=cells))
-        return self
-
-    def plot(self, plot: Plot, caption: str = "") -> Section:
-        """Add lines on which one zooms and pans; `caption` is also what a screen reader says."""
-        self.blocks.append(Block("plot", text=caption, plot=plot))
-        return self
-
-    def picture(self, figure: Figure, caption: str = "") -> Section:
-        """Add a matplotlib figure as inline SVG; `caption` is also what a screen reader says."""
-        self.blocks.append(Block("picture", text=caption, figure=figure))
-        return self
-
-    def commands(self, steps: Sequence[tuple[str, str]]) -> Section:
-        """Add numbered steps, each with what it is for and a command to paste."""
-        self.blocks.append(Block("commands", rows=tuple(steps)))
-        return self
 
 
 @dataclass
@@ -187,7 +115,7 @@ def _drawn(sections: Sequence[Section]) -> dict[int, dict[str, Any]]:
         if figure is None:
             continue
         one: dict[str, Any] = {"svg": Markup(inline_svg(figure, name, block.text)), "name": name}
-        if block.plot is not None:
+        if block.plot is not None and available():
             views = {"response": block.plot.panels}
             if block.plot.difference:
                 views["difference"] = block.plot.difference
@@ -201,15 +129,6 @@ def _drawn(sections: Sequence[Section]) -> dict[int, dict[str, Any]]:
 
 
 def _legend(plot: Plot) -> list[Series]:
-    """The lines that the legend switches, with a word for those that have none."""
-    found = list(plot.roles().values())
-    return [replace(s, label=s.label or "value") for s in found] if len(found) > 1 else []
-
-
-def looks_numeric(cell: str) -> bool:
-    """True for a cell that begins like a number and is no date."""
-    text = cell.strip().lstrip("+-−±<>≈ ")
-    return (text[:1].isdigit() or text in ("nan", "inf")) and not _DATE.match(text)
-
-
-__all__ = ["Link", "Page", "Panel", "Section", "Status", "looks_numeric"]
+    """The lines that the legend switches, where there are several."""
+    found = plot.legend()
+    return found if len(found) > 1 else []

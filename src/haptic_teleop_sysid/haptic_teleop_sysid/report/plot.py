@@ -86,9 +86,9 @@ class Plot:
         found = [differences(p) for p in self.panels if sum(s.role == "measured" for s in p.series) == 1]
         return replace(self, difference=[p for p in found if p.series])
 
-    def roles(self) -> dict[str, Series]:
-        """The lines that a legend tells, by label, each label once."""
-        return {s.label: s for p in self.panels for s in p.series if s.label}
+    def legend(self) -> list[Series]:
+        """The lines that a legend tells, each label once."""
+        return list({s.label: s for p in self.panels for s in p.series if s.label}.values())
 
     def lines(self) -> int:
         """How many lines it has in all."""

@@ -22,11 +22,14 @@ def conclusion(runs: Sequence[Run], labels: Sequence[str]) -> tuple[Status, str,
             "put right what is told first, record again, and verify once more; what came after it may only "
             "follow from it."
         )  # fmt: skip
-    worst = [text for run in runs for status, text in verdicts(run) if status == "bad"]
-    named = zip(runs, labels, strict=True)
-    happened = " ".join(_happened(run, label if len(runs) > 1 else "") for run, label in named)
+    heads = [label if len(runs) > 1 else "" for label in labels]
+    named = list(zip(runs, heads, strict=True))
+    worst = [(head, text) for run, head in named for status, text in verdicts(run) if status == "bad"]
+    happened = " ".join(_happened(run, head) for run, head in named)
     if worst:
-        return "bad", f"The run came to its end, but not as promised. {worst[0]}", (
+        head, text = worst[0]
+        ended = f"{head} came to its end" if head else "The run came to its end"
+        return "bad", f"{ended}, but not as promised. {text}", (
             "look at the pictures below at the time that is told; then at the settings of that stage."
         )  # fmt: skip
     if any(status == "fair" for run in runs for status, _ in verdicts(run)):

@@ -81,14 +81,14 @@ def overlay_pictures(result: Overlay) -> dict[str, Plot]:
 
 def overlay_table(overlays: Mapping[str, Overlay]) -> tuple[list[str], list[list[object]], str]:
     """Return header, rows and caption of all fits."""
-    header = ["run", "delay (s)", "signal", "moves by", "fit (%)"]
+    header = ["signal", "fit (%)", "moves by", "run", "delay (s)"]
     rows: list[list[object]] = [
         [
+            f"{entry.group}, {entry.name}",
+            fit_in_words(entry),
+            f"{spread(entry.recorded):.3g} {entry.unit}",
             label,
             f"{one.delay:.3f}",
-            f"{entry.group}, {entry.name}",
-            f"{spread(entry.recorded):.3g} {entry.unit}",
-            fit_in_words(entry),
         ]
         for label, one in overlays.items()
         for entry in one.comparisons

@@ -12,7 +12,8 @@ def node_help(node_class: type[HapticNode]) -> str:
     namespace = f"/{node_class.NAMESPACE}" if node_class.NAMESPACE else ""
     lines = [f"{node_class.NAME}: {node_class.SUMMARY}", ""]
     lines += [
-        f"usage: {node_class.NAME} [--ros-args [--params-file FILE] [-p NAME:=VALUE] [-r OLD:=NEW] ...]",
+        f"usage: haptic-teleop {node_class.NAME} "
+        "[--ros-args [--params-file FILE] [-p NAME:=VALUE] [-r OLD:=NEW] ...]",
         "",
     ]
     lines += [

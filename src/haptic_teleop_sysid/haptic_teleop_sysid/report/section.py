@@ -1,0 +1,90 @@
+"""What a page is made of: sections, and in them texts, tables, plots, pictures and commands."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from typing import Literal
+from urllib.parse import quote
+
+from matplotlib.figure import Figure
+
+from .plot import Plot
+
+#: Cells that say that there is nothing, and how a date begins.
+_NOTHING, _DATE = ("", "–", "—"), re.compile(r"\d{4}-\d\d-\d\d")
+
+
+class Link(str):
+    """A cell that leads to another file: its text, and ``href``, a path relative to the page."""
+
+    href: str
+
+    def __new__(cls, text: str, path: str) -> Link:
+        link = super().__new__(cls, text)
+        link.href = quote(path)
+        return link
+
+
+@dataclass(frozen=True)
+class Block:
+    """One piece of a section; `kind` selects how the template draws it."""
+
+    kind: Literal["text", "table", "picture", "plot", "commands"]
+    text: str = ""
+    header: tuple[str, ...] = ()
+    rows: tuple[tuple[str, ...], ...] = ()
+    figure: Figure | None = None
+    plot: Plot | None = None
+
+    def numeric(self) -> list[bool]:
+        """Which columns of a table are set right-aligned: those most of whose cells are numbers."""
+        columns = zip(*(row for row in self.rows if len(row) == len(self.header)), strict=True)
+        told = [[cell for cell in column if cell not in _NOTHING] for column in columns]
+        found = [2 * sum(map(looks_numeric, cells)) >= max(len(cells), 1) for cells in told]
+        return found or [False] * len(self.header)
+
+
+@dataclass
+class Section:
+    """A heading with texts, tables, plots and pictures in the order in which they were added; a ``folded``
+    one shows its heading until it is opened."""
+
+    title: str
+    folded: bool = False
+    blocks: list[Block] = field(default_factory=list)
+
+    def text(self, text: str) -> Section:
+        """Add a paragraph; it is escaped."""
+        self.blocks.append(Block("text", text=text))
+        return self
+
+    def table(self, header: Sequence[str], rows: Sequence[Sequence[object]], caption: str = "") -> Section:
+        """Add a table; cells are written with `str` (a `Link` leads elsewhere) and escaped, those that are
+        numbers are set right-aligned.
+        """
+        cells = tuple(tuple(c if isinstance(c, Link) else str(c) for c in row) for row in rows)
+        self.blocks.append(Block("table", text=caption, header=tuple(header), rows=cells))
+        return self
+
+    def plot(self, plot: Plot, caption: str = "") -> Section:
+        """Add lines on which one zooms and pans; `caption` is also what a screen reader says."""
+        self.blocks.append(Block("plot", text=caption, plot=plot))
+        return self
+
+    def picture(self, figure: Figure, caption: str = "") -> Section:
+        """Add a matplotlib figure as inline SVG; `caption` is also what a screen reader says."""
+        self.blocks.append(Block("picture", text=caption, figure=figure))
+        return self
+
+    def commands(self, steps: Sequence[tuple[str, str]]) -> Section:
+        """Add numbered steps, each with what it is for and a command to paste."""
+        self.blocks.append(Block("commands", rows=tuple(steps)))
+        return self
+
+
+def looks_numeric(cell: str) -> bool:
+    """True for a cell that begins like a number and is no date."""
+    text = cell.strip().lstrip("+-−±<>≈ ")
+    return (text[:1].isdigit() or text in ("nan", "inf")) and not _DATE.match(text)
