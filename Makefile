@@ -1,6 +1,6 @@
 # `make` alone lists what there is to do. Every target that needs the environment makes it first.
 .DEFAULT_GOAL := help
-.PHONY: help setup demo discover test bench lint format types contracts check lock clean
+.PHONY: help setup demo discover test bench lint format types contracts docs check lock clean
 
 BIN := .venv/bin
 UV ?= uv
@@ -41,7 +41,10 @@ types: setup  ## types of the pure code (pyright)
 contracts: setup  ## who may import whom (import-linter)
 	@$(BIN)/lint-imports
 
-check: lint types contracts test  ## everything that must hold before a commit
+docs: setup  ## the documentation site, into build/docs; a warning is an error
+	@$(BIN)/sphinx-build -W --keep-going --quiet -d build/doctrees docs build/docs && echo "docs: open build/docs/index.html"
+
+check: lint types contracts test docs  ## everything that must hold before a commit
 
 lock:  ## pin dependencies anew after a change in pyproject.toml (needs uv on the PATH)
 	@$(UV) pip compile --quiet --universal --python-version 3.11 --all-extras --generate-hashes \
@@ -49,5 +52,5 @@ lock:  ## pin dependencies anew after a change in pyproject.toml (needs uv on th
 		--output-file requirements.lock pyproject.toml >/dev/null
 
 clean:  ## remove the environment and everything that was generated
-	rm -rf .venv build install log output .pytest_cache .ruff_cache .import_linter_cache .hypothesis
+	rm -rf .venv build docs/generated install log output .pytest_cache .ruff_cache .import_linter_cache .hypothesis
 	find src tests -name __pycache__ -prune -exec rm -rf {} +

@@ -56,6 +56,15 @@ def test_the_shipped_logs_are_those_of_the_generator(generator):
         assert np.mean(np.abs(shipped - drawn) < 2e-4) > 0.99
 
 
+def test_the_shipped_recordings_are_of_the_same_robot(generator):
+    places = (DOCS / "examples" / "stage2", generator[1] / "stage2")
+    for name in ("learn", "check"):
+        shipped, drawn = (read_recording(place / name).topics["/sfj/joint_states"] for place in places)
+        assert np.array_equal(shipped.stamp, drawn.stamp)
+        assert np.mean(np.abs(shipped.position - drawn.position) < 1e-6) > 0.99
+    assert (places[0] / "model.yaml").read_text() == (places[1] / "model.yaml").read_text()
+
+
 def test_its_three_commands_name_what_is_hidden_and_its_size(folder, generator):
     (hidden,) = generator[0]["truth"]
     found = json.loads((folder / "diagnosis" / "diagnosis.json").read_text())

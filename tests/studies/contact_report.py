@@ -16,6 +16,8 @@ from haptic_teleop_control.laws import find_law
 from haptic_teleop_control.robots import SFJ_STAGES, STAGES
 
 BEGIN, END = "<!-- tables: written by tests/studies/contact_quality.py -->", "<!-- end of tables -->"
+ON_THE_PAGE = ("Stage 1", "Stage 2", "What no law")
+"""Beginnings of the headings that the page has; the other tables are printed only."""
 SHORT = {"augmented_error": "thesis", "disturbance_observer": "observer"}
 Results = dict[str, list[Merit]]
 
@@ -194,7 +196,9 @@ def picture(laws: Sequence[str], speed: float = 1.0) -> Figure:
 
 
 def write(folder: Path, text: str, figure: Figure) -> None:
-    """Put the tables between their marks in contact.md, and the picture beside it."""
+    """Put the tables of ON_THE_PAGE between their marks in contact.md, and the picture beside it."""
+    parts = [f"### {part}" for part in text.split("### ") if part.startswith(ON_THE_PAGE)]
+    text = "".join(parts).rstrip()
     page = folder / "contact.md"
     content = page.read_text(encoding="utf-8")
     before, rest = content.split(BEGIN)

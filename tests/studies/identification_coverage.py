@@ -1,5 +1,5 @@
 """How far off the estimates are, and how often their 95 % intervals hold the truth: the table in
-identification.md.
+identification_measured.md.
 
     python tests/studies/identification_coverage.py [CASE ...] [--seeds N] [--seconds S] [--minutes M]
 

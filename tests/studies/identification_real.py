@@ -1,4 +1,4 @@
-"""The real recordings: parameters and fits beside what is published of them (identification.md).
+"""The real recordings: parameters and fits beside what is published of them (identification_measured.md).
 
     python tests/studies/identification_real.py FOLDER
 

@@ -1,4 +1,4 @@
-"""Which strategy arrives from how far, and what it takes: the table in identification.md.
+"""Which strategy arrives from how far, and what it takes: the table in identification_measured.md.
 
     python tests/studies/identification_strategies.py [SEEDS]
 

@@ -129,6 +129,16 @@ def test_a_missing_ros_is_one_sentence_with_the_remedy(monkeypatch, capsys):
     assert "make setup" in message
 
 
+@pytest.mark.parametrize("arguments", [["echo", "/x"], ["set", "a", "b", "1.0"], ["operate", "state"]])
+def test_a_missing_ros_is_told_by_commands_that_load_it_late(monkeypatch, capsys, arguments):
+    monkeypatch.setitem(sys.modules, "rclpy", None)
+    for name in [name for name in sys.modules if name.startswith("haptic_teleop_control.nodes")]:
+        monkeypatch.delitem(sys.modules, name)
+    assert front_door.main(arguments) == 2
+    assert f"{arguments[0]} needs ROS 2" in capsys.readouterr().err
+
+
+
 def test_any_other_missing_module_is_a_defect_and_keeps_its_traceback(monkeypatch):
     registry = {"haptic_teleop_control": {"broken": ("haptic_teleop_no_such_module:main", "broken")}}
     monkeypatch.setattr(front_door, "registries", lambda: registry)

@@ -27,7 +27,7 @@ from haptic_teleop_control.robots import (
     SFJ_STAGES,
     STAGES,
 )
-from haptic_teleop_control.signals import SignalGenerator, settings_from, signal_parameters
+from haptic_teleop_control.signals import SignalGenerator, SignalSettings, settings_from, signal_parameters
 from haptic_teleop_control.signals.settings import SIGNAL_UNIT
 
 Array = NDArray[np.float64]
@@ -133,6 +133,11 @@ class Acquisition:
     def end(self) -> float:
         """s from the first state to the end of the signal."""
         return self._generator.end
+
+    @property
+    def settings(self) -> SignalSettings:
+        """Of the signal."""
+        return self._settings[SIGNAL]
 
     @property
     def kind(self) -> str:

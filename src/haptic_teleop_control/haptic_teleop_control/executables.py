@@ -25,6 +25,18 @@ EXECUTABLES: dict[str, tuple[str, str]] = {
         "haptic_teleop_control.operate:main",
         "engage, disengage, swap, reset a running teleoperation; pause simulated time; print the state",
     ),
+    "preview": (
+        "haptic_teleop_control.preview_signal:main",
+        "draw what a scenario or an acquisition commands, before anything moves",
+    ),
+    "set": (
+        "haptic_teleop_control.set_parameter:main",
+        "change a parameter of a running node",
+    ),
+    "echo": (
+        "haptic_teleop_control.echo_topic:main",
+        "print the messages of a topic",
+    ),
     "acquisition": (
         "haptic_teleop_control.nodes.acquisition:main",
         "identification experiment on one stage or axis: a node of `haptic-teleop acquire`",

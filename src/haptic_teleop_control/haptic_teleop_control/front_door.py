@@ -95,13 +95,18 @@ def load(name: str) -> Callable[[list[str]], int | None]:
     try:
         return getattr(importlib.import_module(module), function)
     except ModuleNotFoundError as error:
-        missing = (error.name or "").split(".")[0]
-        if missing in ROS_MODULES or missing.endswith(("_msgs", "_srvs")):
-            raise ConfigurationError(
-                f"{name} is a ROS 2 node and Python finds no {missing!r}:"
-                f" run `make setup` and use .venv/bin/{PROGRAM}, or source a ROS 2 installation"
-            ) from error
+        _tell_if_ros_is_missing(name, error)
         raise
+
+
+def _tell_if_ros_is_missing(name: str, error: ModuleNotFoundError) -> None:
+    """Raises ConfigurationError, with the remedy, where what is missing is a part of ROS 2."""
+    missing = (error.name or "").split(".")[0]
+    if missing in ROS_MODULES or missing.endswith(("_msgs", "_srvs")):
+        raise ConfigurationError(
+            f"{name} needs ROS 2 and Python finds no {missing!r}:"
+            f" run `make setup` and use .venv/bin/{PROGRAM}, or source a ROS 2 installation"
+        ) from error
 
 
 def start(name: str, arguments: Sequence[str]) -> int:
@@ -119,7 +124,11 @@ def start(name: str, arguments: Sequence[str]) -> int:
     # What asks for the process' own arguments (argparse for the program's name, rclpy.init) must see the
     # executable's.
     sys.argv = [f"{PROGRAM} {name}", *arguments]
-    return run_command(main_of_executable, list(arguments))
+    try:
+        return run_command(main_of_executable, list(arguments))
+    except ModuleNotFoundError as error:  # of what a command loads when it knows that it needs it
+        _tell_if_ros_is_missing(name, error)
+        raise
 
 
 def _front_door(arguments: list[str]) -> int:

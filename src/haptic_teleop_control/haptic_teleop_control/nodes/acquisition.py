@@ -32,7 +32,8 @@ class AcquisitionNode(HapticNode):
         "service    ~/reset          std_srvs/Trigger: leave a fault; an experiment that ended stays so",
     )
     FAULTS: ClassVar = {
-        "limit": "a limit was exceeded and the experiment was aborted",
+        "limit": "a limit was exceeded and the experiment was aborted; look at the recording, then "
+        "begin a new experiment with a smaller signal or wider limits",
         "state": "a state had wrong joints or values that are no numbers; look at its publisher",
         "robot_fault": "the robot had a fault of its own and the experiment was aborted; see to that, reset "
         "the robot, then begin a new experiment",

@@ -1,0 +1,103 @@
+"""The catalogue of effects from their registry: equation, parameters, where each may sit, a picture."""
+
+from html import escape
+
+import sympy
+from effect_pictures import draw, sizes
+
+from haptic_teleop_sim.effects import EFFECTS
+from haptic_teleop_sim.effects.symbols import namespaces
+
+LEAD = """\
+# Effects
+
+Physics beyond the structure of a model: what `effects:` of a [model file](../file_formats.md) names and
+what `diagnose` finds. Equation and picture are computed from the same entry that simulation, estimation and
+diagnosis use.
+
+| sign | is |
+|---|---|
+| q, q̇ | angle and velocity of the place where the effect sits; at the joint: motor minus arm |
+| δ, k | deflection (motor minus arm) and stiffness of the joint |
+| σ | direction of the motion, from −1 to 1; it turns round over a small displacement, as a bristle does |
+| t, a | time since the start; acceleration of the other stage's arm |
+| x₀, x₁ | states of the effect's own |
+| τ | torque added, positive in the direction of the angle; at the joint: to the torque from motor to arm |
+
+In the pictures the place of the effect swings as a sine of 1 rad (at the joint 0.05 rad) with a period of
+2 s. The values used stand below each.
+
+"""
+ENTRY = """\
+## {name}
+
+{sentence} Sits at {where}.{note}
+
+{equation}
+
+| parameter | unit | range | meaning |
+|---|---|---|---|
+{rows}
+
+![{alt}](effects/{name}.svg)
+
+*Drawn with {shown}.*
+
+"""
+UNNAMED = " It has no name in a diagnosis: where it explains most, the verdict is `unknown`."
+NUISANCE = " It belongs to how a recording was taken and is never reported as missing physics."
+SYMBOLS = {
+    "position": "q", "velocity": "q̇", "deflection": "δ", "stiffness": "k", "time": "t", "exogenous": "a",
+    "state0": "x₀", "state1": "x₁", "direction": "σ",
+}  # fmt: skip
+LEFT = {"torque": "τ", "friction": "τ", "friction_factor": "factor", "inertia": "ΔJ", "output": "reading"}
+
+
+def effects_page(folder):
+    """The page; its pictures are written into folder/effects."""
+    (folder / "effects").mkdir(exist_ok=True)
+    text = [LEAD]
+    for entry in EFFECTS.values():
+        draw(entry, folder / "effects" / f"{entry.name}.svg")
+        rows = []
+        for p in entry.parameters:
+            default = "" if p.default is None else f"; default {p.default:g}"
+            unit = p.unit.replace("*", "·").replace("^2", "²").replace("^3", "³")
+            rows.append(f"| `{p.name}` | {unit} | {_range(p)} | {p.meaning}{default} |")
+        text.append(
+            ENTRY.format(
+                name=entry.name,
+                sentence=f"{entry.sentence[0].upper()}{entry.sentence[1:]}.",
+                where=", ".join(f"`{place}`" for place in entry.where),
+                note=(UNNAMED if entry.unnamed else "") + (NUISANCE if entry.nuisance else ""),
+                equation=_equation(entry),
+                rows="\n".join(rows),
+                alt=entry.sentence,
+                shown=", ".join(f"{name} {value:.3g}" for name, value in sizes(entry).items()),
+            )
+        )
+    return "".join(text)
+
+
+def _range(p):
+    lowest, highest = (f"{bound:g}" if abs(bound) != float("inf") else "" for bound in (p.minimum, p.maximum))
+    if lowest and highest:
+        return f"{lowest} to {highest}"
+    return f"from {lowest}" if lowest else (f"to {highest}" if highest else "any")
+
+
+def _equation(entry):
+    """The equation as MathML, which browsers show without a script."""
+    if entry.equation is None:
+        return ""
+    s, p = namespaces(entry.parameter_names)
+    names = {sympy.Symbol(n, real=True): sympy.Symbol(sign, real=True) for n, sign in SYMBOLS.items()}
+    names |= {sympy.Symbol(f"p_{n}", real=True): sympy.Symbol(n) for n in entry.parameter_names}
+    sides = [(LEFT[entry.kind], entry.equation(s, p))]
+    sides += [(f"d{SYMBOLS[f'state{i}']}/dt", rate(s, p)) for i, rate in enumerate(entry.rates)]
+    made = []
+    for left, right in sides:
+        inner = sympy.mathml(sympy.sympify(right).subs(names), printer="presentation", mul_symbol="dot")
+        body = f"<mrow><mtext>{escape(left)}</mtext><mo>=</mo>{inner}</mrow>"
+        made.append(f"<p><math display='block'>{body}</math></p>")
+    return "\n".join(["```{raw} html", *made, "```"])

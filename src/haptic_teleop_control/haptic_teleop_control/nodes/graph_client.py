@@ -1,0 +1,62 @@
+"""The node of a command that comes, asks and goes: context, executor, and names as people write them."""
+
+from __future__ import annotations
+
+import difflib
+import time
+from collections.abc import Callable, Iterable, Iterator
+from contextlib import contextmanager
+
+import rclpy
+from rclpy.context import Context
+from rclpy.executors import SingleThreadedExecutor
+from rclpy.node import Node
+from rclpy.signals import SignalHandlerOptions
+
+
+class GraphClient:
+    """node and executor of a command; `until` lets messages in."""
+
+    def __init__(self, name: str) -> None:
+        self.context = Context()
+        # Ctrl-C stays Python's: it leaves the command at once, through the `finally` below.
+        rclpy.init(args=[], context=self.context, signal_handler_options=SignalHandlerOptions.NO)
+        self.node = Node(name, context=self.context, start_parameter_services=False, enable_rosout=False)
+        self.executor = SingleThreadedExecutor(context=self.context)
+        self.executor.add_node(self.node)
+
+    def until(self, happened: Callable[[], bool], wait: float) -> bool:
+        """Runs callbacks until `happened`, at most for `wait` s; whether it did."""
+        deadline = time.monotonic() + wait
+        while not happened() and time.monotonic() < deadline:
+            self.executor.spin_once(timeout_sec=0.05)
+        return happened()
+
+    def close(self) -> None:
+        """Leaves the graph."""
+        self.executor.shutdown()
+        self.node.destroy_node()
+        rclpy.try_shutdown(context=self.context)
+
+
+@contextmanager
+def graph_client(name: str) -> Iterator[GraphClient]:
+    """A client that leaves the graph at the end, however that comes."""
+    client = GraphClient(name)
+    try:
+        yield client
+    finally:
+        client.close()
+
+
+def known(names: Iterable[str], wanted: str) -> str:
+    """What to say of a name that is not there: the nearest ones that are, or all."""
+    there = sorted(set(names))
+    near = difflib.get_close_matches(wanted, there, n=2, cutoff=0.6)
+    if near:
+        return f"did you mean {' or '.join(near)}?"
+    return (
+        f"there are {', '.join(there)}."
+        if there
+        else "nothing runs here: start a scenario with the same ROS_DOMAIN_ID."
+    )

@@ -1,0 +1,92 @@
+"""`haptic-teleop set` and `echo` on running nodes: parameters change or are refused in a sentence, messages
+come as YAML."""
+
+import threading
+from array import array
+
+import pytest
+import yaml
+from rclpy.qos import DurabilityPolicy, QoSProfile
+from ros_graph import Graph
+from sensor_msgs.msg import JointState
+from std_msgs.msg import String
+
+from haptic_teleop_control import echo_topic, set_parameter
+from haptic_teleop_control.nodes.graph_client import known
+from haptic_teleop_control.nodes.signal_generator import SignalGeneratorNode
+from haptic_teleop_control.nodes.topic_printer import plain
+
+
+class Spinning:
+    """The graph's callbacks run in a thread while a command talks to it."""
+
+    def __init__(self, graph: Graph) -> None:
+        self._graph, self._over = graph, threading.Event()
+        self._thread = threading.Thread(target=self._run)
+
+    def _run(self) -> None:
+        while not self._over.is_set():
+            self._graph.executor.spin_once(timeout_sec=0.01)
+
+    def __enter__(self) -> None:
+        self._thread.start()
+
+    def __exit__(self, *_: object) -> None:
+        self._over.set()
+        self._thread.join()
+
+
+def test_set_changes_what_may_change_and_tells_what_may_not(graph, capsys):
+    node = graph.make(SignalGeneratorNode)
+    with Spinning(graph):
+        # A whole number where the node wants a decimal one, and a bare name for the full one.
+        assert set_parameter.main(["signal_generator", "stage1.step.amplitude", "-1"]) == 0
+        assert capsys.readouterr().out == "/signal_generator: stage1.step.amplitude: 0.0 -> -1.0\n"
+        assert set_parameter.main(["/signal_generator", "stage1.step.amplitude", "-1e-3"]) == 0
+        capsys.readouterr()
+        assert set_parameter.main(["signal_generator", "rate", "400.0"]) == 1
+        assert "rate cannot change while the node runs" in capsys.readouterr().out
+        assert set_parameter.main(["signal_generator", "stage1.step.amplitud", "1.0"]) == 2
+        assert "did you mean stage1.step.amplitude" in capsys.readouterr().err
+        assert set_parameter.main(["sinal_generator", "rate", "1.0", "--wait", "0.3"]) == 2
+        assert "no node sinal_generator is found within 0.3 s; " in capsys.readouterr().err
+    assert node.values["stage1.step.amplitude"] == -1e-3
+
+
+def test_set_refuses_a_value_that_is_none(capsys):
+    assert set_parameter.main(["signal_generator", "rate", "{a: 1}"]) == 2
+    assert "write a number, true, a text or a list" in capsys.readouterr().err
+
+
+def test_echo_prints_the_latest_of_what_is_kept_for_late_comers(graph, capsys):
+    kept = QoSProfile(depth=5, durability=DurabilityPolicy.TRANSIENT_LOCAL)
+    publisher = graph.probe.create_publisher(String, "/probe/state", kept)
+    for state in ("off", "devices_ready"):
+        publisher.publish(String(data=state))
+    assert echo_topic.main(["probe/state", "--once"]) == 0
+    assert capsys.readouterr().out == "data: devices_ready\n---\n"
+    assert echo_topic.main(["/probe/stat", "--once", "--wait", "0.3"]) == 2
+    assert "nobody publishes /probe/stat within 0.3 s; " in capsys.readouterr().err
+
+
+def test_a_name_that_is_not_there_is_answered_with_those_that_are():
+    # Without a graph: what has been discovered when the wait is over is the machine's affair.
+    assert known(["/signal_generator", "/link"], "sinal_generator") == "did you mean /signal_generator?"
+    assert known(["/b", "/a"], "xyz") == "there are /a, /b."
+    assert "start a scenario with the same ROS_DOMAIN_ID" in known([], "xyz")
+
+
+def test_a_joint_state_is_printed_with_all_its_fields_and_numbers():
+    message = JointState(name=["a", "b"], position=array("d", [0.1, -2.0]))
+    message.header.stamp.sec = 7
+    told = yaml.safe_load(yaml.safe_dump(plain(message)))
+    assert told == {
+        "header": {"stamp": {"sec": 7, "nanosec": 0}, "frame_id": ""},
+        "name": ["a", "b"], "position": [0.1, -2.0], "velocity": [], "effort": [],
+    }  # fmt: skip
+
+
+@pytest.mark.parametrize("count", ["0", "-1", "many"])
+def test_echo_wants_a_number_of_messages(count, capsys):
+    assert echo_topic.main(["/state", "--count", count]) == 2
+    assert "--count" in capsys.readouterr().err
