@@ -33,7 +33,8 @@ def test_a_constant_torque_is_fitted_from_nothing(pulled):
     scales, limits = recording_scales(MODEL, pulled), within_reach(MODEL)
     fits = plain(MODEL, pulled, scales, limits, nothing)
     tried = {(f.model.effects[0].effect, f.model.effects[0].location) for f in fits}
-    expected = {(e.effect, e.location) for e in candidates(MODEL, pulled, scales, {}) if e.effect in LARGE}
+    large = {*LARGE, *(name for name, entry in EFFECTS.items() if entry.large)}
+    expected = {(e.effect, e.location) for e in candidates(MODEL, pulled, scales, {}) if e.effect in large}
     assert tried == expected
     best = max(fits, key=lambda f: f.log_likelihood)
     found = next(
