@@ -14,6 +14,7 @@ from matplotlib.figure import Figure
 
 from haptic_teleop_sim.effects.on_arrays import NUMERIC
 from haptic_teleop_sim.effects.symbols import namespaces
+from haptic_teleop_sim.effects.torque_map import torque_map
 
 PERIOD, DT, TURNS = 2.0, 2e-4, 2
 AMPLITUDE, DEFLECTION, STIFFNESS, TORQUE = 1.0, 0.05, 4.0, 1.0
@@ -21,7 +22,7 @@ SCALES = {
     "torque": TORQUE, "peak": TORQUE, "angle": AMPLITUDE, "deflection": 2 * DEFLECTION, "velocity": 3.0,
     "stiffness": STIFFNESS, "torque_per_angle": 100.0, "damping": 0.5, "inertia": 0.1, "drag": 0.1,
     "steep": 0.03, "cubic": STIFFNESS / DEFLECTION**2, "duration": TURNS * PERIOD, "furthest": AMPLITUDE,
-    "one": 1.0,
+    "one": 1.0, "peak_per_speed": TORQUE / 3.0,
 }  # fmt: skip
 """What a typical size is relative to (`EffectParameter.scale`) in these pictures."""
 LABELS = {
@@ -31,10 +32,19 @@ LABELS = {
 }  # fmt: skip
 RESULTS = {
     "torque": "torque added / N·m", "friction": "torque added / N·m", "friction_factor": "factor on friction",
-    "inertia": "inertia added / kg·m²", "input": "acting torque / N·m",
+    "inertia": "inertia added / kg·m²", "relative_inertia": "inertia added, relative",
+    "input": "acting torque / N·m",
     "output": "error of the reading / rad",
     "skew": "error of the reading / rad",
 }  # fmt: skip
+
+
+MEASURED = {
+    "variable": "angle",
+    "knots": [-1.0, -0.6, -0.2, 0.2, 0.6, 1.0],
+    "torque": [0.5, 0.1, 0.3, -0.1, -0.4, -0.2],
+}
+"""A curve as a recording may give it."""
 
 
 def sizes(entry):
@@ -48,6 +58,8 @@ def sizes(entry):
 
 def followed(entry):
     """The quantity over which the effect is drawn: a key of LABELS."""
+    if entry.tabulated:
+        return "position"
     if entry.kind == "input":
         return "time" if entry.states or "time_constant" in entry.parameter_names else "input"
     if entry.equation is None:
@@ -82,10 +94,12 @@ def response(entry):
         delay = values[entry.parameter_names[0]]
         late = np.interp(t - delay, t, swing)
         return known, late - swing
+    if entry.tabulated:
+        return known, torque_map(MEASURED).at(swing)
     if entry.kind == "input":
         return known, _acting(entry, torque, t, list(values.values()))
     s = SimpleNamespace(position=swing, velocity=velocity, deflection=deflection, stiffness=STIFFNESS,
-                        time=t, exogenous=other, **NUMERIC)  # fmt: skip
+                        time=t, exogenous=other, input=torque, **NUMERIC)  # fmt: skip
     p = SimpleNamespace(**values)
     s.direction = _direction(entry, values, swing, velocity)
     s.state0, s.state1 = _states(entry, s, p, len(t))

@@ -50,7 +50,10 @@ SYMBOLS = {
     "position": "q", "velocity": "q̇", "deflection": "δ", "stiffness": "k", "time": "t", "exogenous": "a",
     "state0": "x₀", "state1": "x₁", "direction": "σ",
 }  # fmt: skip
-LEFT = {"torque": "τ", "friction": "τ", "friction_factor": "factor", "inertia": "ΔJ", "output": "reading"}
+LEFT = {
+    "torque": "τ", "friction": "τ", "friction_factor": "factor", "inertia": "ΔJ", "relative_inertia": "ΔJ/J",
+    "output": "reading",
+}  # fmt: skip
 
 
 def effects_page(folder):
