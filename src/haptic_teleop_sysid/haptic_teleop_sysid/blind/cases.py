@@ -73,6 +73,9 @@ _TRACES = (
 )
 
 
+Places = tuple[tuple[str, str], ...]
+
+
 @dataclass(frozen=True)
 class Case:
     """All of a case but its files: two settings (estimation, validation), what is hidden, and its label."""
@@ -93,24 +96,34 @@ class Unlucky(Exception):
     """This draw came to nothing (ran away, could not be sized); draw again."""
 
 
-def draw_case(seed: int, kind: str, index: int, name: str, levels: tuple[float, ...] = LEVELS) -> Case:
-    """Return case `index` of `kind`, the same for the same seed. Draws without result are drawn again."""
+def draw_case(
+    seed: int,
+    kind: str,
+    index: int,
+    name: str,
+    levels: tuple[float, ...] = LEVELS,
+    places: Places = PLACES,
+) -> Case:
+    """Return case `index` of `kind`, the same for the same seed, levels and (effect, part) to draw from.
+    Draws without result are drawn again."""
     if kind == "single":  # few cases, too, are a mixture of all effects
-        turn, place = divmod(index, len(PLACES))
-        index = turn * len(PLACES) + int(np.random.default_rng((seed, 55)).permutation(len(PLACES))[place])
+        turn, place = divmod(index, len(places))
+        index = turn * len(places) + int(np.random.default_rng((seed, 55)).permutation(len(places))[place])
     for attempt in range(DRAWS):
         entropy = (seed, zlib.crc32(kind.encode()), index, attempt)
         try:
-            return _draw(np.random.default_rng(entropy), kind, index, name, levels)
+            return _draw(np.random.default_rng(entropy), kind, index, name, levels, places)
         except Unlucky:
             continue
     raise RuntimeError(f"case {index} of {kind} with seed {seed}: {DRAWS} draws came to nothing")
 
 
-def _draw(rng: np.random.Generator, kind: str, index: int, name: str, levels: tuple[float, ...]) -> Case:
+def _draw(
+    rng: np.random.Generator, kind: str, index: int, name: str, levels: tuple[float, ...], places: Places
+) -> Case:
     stage = str(rng.choice(["stage1", "stage2"]))
     loop = str(rng.choice(list(LOOPS), p=[0.5, 0.25, 0.25]))
-    wanted = _wanted(rng, kind, index, levels)
+    wanted = _wanted(rng, kind, index, levels, places)
     known = any("known torque constant" in k.tags for k, _, _ in wanted)
     robot = draw_robot(rng, stage)
     small = kind == "tied"
@@ -196,14 +209,14 @@ def _draw(rng: np.random.Generator, kind: str, index: int, name: str, levels: tu
 
 
 def _wanted(
-    rng: np.random.Generator, kind: str, index: int, levels: tuple[float, ...]
+    rng: np.random.Generator, kind: str, index: int, levels: tuple[float, ...], places: Places
 ) -> list[tuple[Kind, str, float]]:
     """Return (effect, part, d') to plant."""
     if kind == "clean":
         return []
     if kind == "single":
-        effect, part = PLACES[index % len(PLACES)]
-        turn = index // len(PLACES) + index % len(PLACES)
+        effect, part = places[index % len(places)]
+        turn = index // len(places) + index % len(places)
         return [(effects.BY_NAME[effect], part, levels[turn % len(levels)])]
     if kind == "outside":
         one = outside.KINDS[index % len(outside.KINDS)]
@@ -211,9 +224,9 @@ def _wanted(
     if kind == "tied":
         effect, part = TIES[index % len(TIES)]
         return [(effects.BY_NAME[effect], part, rng.uniform(8.0, 24.0))]
-    chosen = rng.choice(len(PLACES), 2, replace=False)
+    chosen = rng.choice(len(places), 2, replace=False)
     pair = [
-        (effects.BY_NAME[PLACES[i][0]], PLACES[i][1], float(rng.choice([32.0, 128.0, 512.0]))) for i in chosen
+        (effects.BY_NAME[places[i][0]], places[i][1], float(rng.choice([32.0, 128.0, 512.0]))) for i in chosen
     ]
     if pair[0][0] is pair[1][0] or _family(pair[0][0]) & _family(pair[1][0]):
         raise Unlucky
