@@ -49,18 +49,14 @@ def _single_effect(index: int) -> str:
     return PLACES[int(order[index])][0]
 
 
-def test_a_late_reading_and_a_late_stamp_are_one_thing_in_the_labels() -> None:
-    """Of a delay of about two samples in open loop. (In one draw of two or three they are not.)"""
-    places = tuple(p for p in PLACES if p[0] not in ("angle_dependent_inertia", "torque_speed_limit"))
-    for index in range(len(places)):
-        effect, part = places[int(np.random.default_rng((5, 55)).permutation(len(places))[index])]
-        if (effect, part) == ("sensor_delay", "motor_encoder"):
-            case = draw_case(5, "single", index, "late", levels=(128.0,), places=places)
-            stage = case.label["stage"]
-            assert ("channel_skew", f"{stage}_motor_encoder") in case.label["sets"][0]
-            assert not case.label["isolable"]
-            return
-    raise AssertionError("no such effect")
+@pytest.mark.parametrize("seed", [5, 6])
+def test_a_late_reading_and_a_late_stamp_are_one_thing_in_the_labels(seed: int) -> None:
+    """Whatever the delay and the loop, also where the grid of rivals holds the truth's own only roughly."""
+    order = np.random.default_rng((seed, 55)).permutation(len(PLACES))
+    index = next(i for i in range(len(PLACES)) if PLACES[int(order[i])] == ("sensor_delay", "motor_encoder"))
+    case = draw_case(seed, "single", index, "late", levels=(128.0,))
+    assert ("channel_skew", f"{case.label['stage']}_motor_encoder") in case.label["sets"][0]
+    assert not case.label["isolable"]
 
 
 def test_a_delay_is_compared_with_a_lag_of_its_own_length() -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import zlib
 from dataclasses import dataclass, replace
 from typing import Any
@@ -376,9 +377,11 @@ def _rivals(
     late = one.kind.effect in ("input_delay", "actuator_lag", "sensor_delay", "channel_skew")
     delays = tuple(abs(one.parameters[n]) for n in ("delay", "time_constant") if late and n in one.parameters)
     found = distances(filter_, experiments, truth["torque_constant"], truth["stiffness"], known, delays)
-    found.pop((one.kind.effect, one.part), None)
+    own = found.pop((one.kind.effect, one.part), math.nan)
     return {
-        key: nats
+        # What adds the same along the path is the same under another name, however far either is from the
+        # truth: that distance is how roughly it is written here.
+        key: 0.0 if math.isclose(nats, own, rel_tol=1e-9) else nats
         for key, nats in found.items()
         if one.kind.effect not in CONTAINS.get(key[0], frozenset())
         or key[1].partition("_")[2] != one.part.partition("_")[2]
