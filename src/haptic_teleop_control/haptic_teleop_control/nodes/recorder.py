@@ -45,8 +45,9 @@ FOLLOW_PERIOD = 0.1
 DRAIN_PERIOD = 0.005
 """Seconds between two looks for messages; the time of reception is the middleware's, not that of the look."""
 LOG_PERIOD = 10.0
-LAST_MESSAGES, NOTHING_FOR = 0.5, 0.05
-"""Seconds that messages may take to arrive after the end, and without any after which none is awaited."""
+LAST_LOOKS, NOTHING_FOR = 100, 10
+"""Looks for messages that were sent before the end, at most, and without any after which none is awaited;
+counted, so that a machine that stands still meanwhile misses none that has arrived."""
 ACKNOWLEDGED = 20_000_000
 """ns of simulated time after which the coordinator is told again what is kept."""
 
@@ -155,12 +156,12 @@ class Recorder(HapticNode):
         """Takes what was sent before the end and is still on its way: on a busy machine a message arrives
         some time after its sender is gone. Of what is still being sent, nothing more."""
         self._last = time.time_ns()
-        ends = quiet = self._wall_seconds() + LAST_MESSAGES
-        count = -1
-        while self._wall_seconds() < min(ends, quiet):
+        count, quiet = -1, 0
+        for _ in range(LAST_LOOKS):
             self.spin_once(executor)
-            if count != (count := sum(self.received.values())):
-                quiet = self._wall_seconds() + NOTHING_FOR
+            quiet = quiet + 1 if count == (count := sum(self.received.values())) else 0
+            if quiet == NOTHING_FOR:
+                return
 
     def withdraw(self) -> int:
         """Removes the recording, which holds nothing because the start never came; 0."""
