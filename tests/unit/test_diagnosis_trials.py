@@ -2,11 +2,17 @@
 
 from dataclasses import replace
 
+import numpy as np
 import pytest
-from test_diagnosis_parts import MODEL
+from test_diagnosis_parts import MODEL, joint_record
 
+from haptic_teleop_sim.kernel import pack
 from haptic_teleop_sim.model import Effect
+from haptic_teleop_sysid.diagnosis.screen import _by_differences
 from haptic_teleop_sysid.diagnosis.trials import _in_currents
+from haptic_teleop_sysid.estimation.gauss_newton import fit_parameters
+from haptic_teleop_sysid.estimation.likelihood import innovations
+from haptic_teleop_sysid.estimation.whole_fit import fit_from_scratch
 
 
 def with_constant(factor):
@@ -26,3 +32,38 @@ def test_a_limit_at_its_bound_stays_within_it():
     least = Effect("torque_saturation", "stage1_actuator", {"limit": entry.parameter("limit").minimum})
     moved = _in_currents(least, MODEL, with_constant(0.88))
     assert MODEL.with_effects(moved).effects[0].parameters["limit"] == entry.parameter("limit").minimum
+
+
+@pytest.mark.parametrize(
+    ("effect", "place", "parameters"),
+    [
+        ("torque_ripple", "motor", {"amplitude": 2e-3, "order": 7.0, "phase": 0.4}),
+        ("quadratic_drag", "arm", {"coefficient": 1e-3}),
+        ("gravity", "arm", {"torque": 1e-3, "phase": 0.0}),
+        ("input_delay", "actuator", {"delay": 1e-4}),
+        ("encoder_scale", "arm_encoder", {"scale": 1.001}),
+    ],
+)
+def test_differences_of_a_small_candidate_are_its_derivatives(effect, place, parameters):
+    record = joint_record(4)
+    fit = fit_from_scratch(MODEL, [record])
+    model = MODEL.with_effects(Effect(effect, f"stage1_{place}", parameters))
+    own = [f"stage1_{place}.{effect}.{name}" for name in parameters if name != "order"]
+    without = innovations(pack(MODEL), fit.noise, record).innovation
+    exact = innovations(pack(model), fit.noise, record, tuple(own))
+    found = _by_differences(model, own, fit, record, without)
+    np.testing.assert_array_equal(found.innovation, exact.innovation)
+    for i in range(len(own)):
+        size = np.linalg.norm(exact.d_innovation[:, :, i])
+        assert np.linalg.norm(found.d_innovation[:, :, i] - exact.d_innovation[:, :, i]) < 0.02 * size
+
+
+def test_a_trial_ends_where_steps_gain_nothing_more():
+    record = joint_record(4)
+    fit = fit_from_scratch(MODEL, [record])
+    reached = []
+    found = fit_parameters(
+        fit.model, fit.noise, [record], tolerance=1.0, progress=lambda count, value: reached.append(value)
+    )
+    assert found.converged and len(reached) <= 2
+    assert found.log_likelihood >= fit.log_likelihood

@@ -22,6 +22,8 @@ _MOST_LENDING = 2
 #: levels were sought from everywhere.
 _GAINS = 10.0
 _STEPS = 15
+#: Share of the samples that a search takes on the way to noise levels, which are six numbers at most.
+_FEWER = 0.5
 
 
 def judged(fit: Fit, fits: Sequence[Fit], validation: Sequence[Record], scales: Scales) -> list[Explanation]:
@@ -80,7 +82,7 @@ def held_out_fit(fit: Fit, records: Sequence[Record], levels: Sequence[NoiseMode
     and a model that leaves nothing unexplained has levels near zero, under which the smallest further effect
     is a catastrophe.  The way there is made on thinned recordings where they are long.
     """
-    few = thinned_to(records)
+    few = thinned_to(records, _FEWER)
     ends = side_by_side(lambda noise: fit_whole(fit.model, noise, few, free=(), iterations=_STEPS), levels)
     best = max(ends, key=lambda end: end.log_likelihood)
     if few is records:

@@ -19,6 +19,8 @@ from .candidates import companion
 _SOON = 0.02
 #: Gauss-Newton steps of a trial, of one whose noise levels are fitted with it, and of a fit to the end.
 _TRIAL_STEPS = 5
+#: Nats that a step of a trial must promise: it is to come near, not to arrive.
+_ENOUGH = 1.0
 TUNING_STEPS = 3
 LAST_STEPS = 15
 #: Gain (nats) from which a nuisance is kept.
@@ -77,7 +79,7 @@ def _trial(model: Model, effect: Effect, noise: NoiseModel, records: Sequence[Re
     wider = model.with_effects(effect)
     if "contact_angle" in effect.parameters:
         wider = replace(wider, fixed=(*wider.fixed, f"{effect.location}.{effect.effect}.contact_angle"))
-    return fit_parameters(wider, noise, records, iterations=_TRIAL_STEPS, limits=limits)
+    return fit_parameters(wider, noise, records, iterations=_TRIAL_STEPS, tolerance=_ENOUGH, limits=limits)
 
 
 def polish(fit: Fit, records: Sequence[Record], limits: Limits, steps: int = LAST_STEPS) -> Fit:

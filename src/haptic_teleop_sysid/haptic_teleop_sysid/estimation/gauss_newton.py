@@ -193,7 +193,7 @@ def fit_parameters(
     """Maximise the likelihood over the free parameters of the model at a given noise model.
 
     Starts from the model's values (moved inside their bounds).  Ends when a step promises less than
-    ``tolerance`` nats, or no damped step gains anything.
+    ``tolerance`` nats or gains less than a tenth of that, or when no damped step gains anything.
     """
     names = model.free_parameters() if free is None else free
     low, high = bounds(model, names, limits)
@@ -237,10 +237,15 @@ def fit_parameters(
             converged = promised < 1.0
             message = "no step gains anything: the model bends too much here or is at its best"
             break
+        gained = result[2] - best
         theta, model, (information, gradient, best) = new, trial, result
         damping = max(damping / 30, 1e-9)
         if progress is not None:
             progress(count, best)
+        if gained < 0.1 * tolerance:
+            # Where the model has kinks, steps promise what they do not hold.
+            converged, message = True, "converged"
+            break
     at_bound = tuple(n for n, t, a, b in zip(names, theta, low, high, strict=True) if t <= a or t >= b)
     return Fit(model, noise, names, best, information, gradient, converged, count, message, at_bound)
 

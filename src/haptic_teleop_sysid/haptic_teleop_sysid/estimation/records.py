@@ -75,18 +75,18 @@ def thinned(record: Record, rate: float) -> Record:
 ENOUGH_SAMPLES, LEAST_RATE = 12000, 200.0
 
 
-def thinning(samples: int, dt: float, least_rate: float = LEAST_RATE) -> float:
+def thinning(samples: int, dt: float, least_rate: float = LEAST_RATE, share: float = 1.0) -> float:
     """Rate, Hz, to which recordings of so many samples in all, the fastest every ``dt`` s, are thinned."""
-    return max(LEAST_RATE, least_rate, ENOUGH_SAMPLES / (samples * dt))
+    return max(LEAST_RATE, least_rate, share * ENOUGH_SAMPLES / (samples * dt))
 
 
-def thinned_to(records: Sequence[Record]) -> Sequence[Record]:
-    """The recordings, `thinned` to less than twice ENOUGH_SAMPLES in all, but no further than to LEAST_RATE;
-    ``records`` itself where nothing is thinned."""
+def thinned_to(records: Sequence[Record], share: float = 1.0) -> Sequence[Record]:
+    """The recordings, `thinned` to less than twice ENOUGH_SAMPLES (or a ``share`` of that) in all, but no
+    further than to LEAST_RATE; ``records`` itself where nothing is thinned."""
     total = sum(len(r) for r in records)
-    if total <= ENOUGH_SAMPLES:
+    if total <= share * ENOUGH_SAMPLES:
         return records
-    found = [thinned(r, thinning(total, r.dt)) for r in records]
+    found = [thinned(r, thinning(total, r.dt, share=share)) for r in records]
     return records if all(a is b for a, b in zip(found, records, strict=True)) else found
 
 

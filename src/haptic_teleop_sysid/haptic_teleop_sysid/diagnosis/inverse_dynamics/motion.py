@@ -28,7 +28,7 @@ SEGMENT = 8.0
 #: Samples kept per period of the cut-off.
 KEPT_PER_PERIOD = 5.0
 #: Samples per period of the cut-off in between, where torques are computed that are not smooth.
-FINE_PER_PERIOD = 60.0
+FINE_PER_PERIOD = 30.0
 #: Periods of the cut-off by which a stretch is reflected at its ends before it is filtered.
 PADDED = 3.0
 #: Periods of the cut-off at either end of a stretch that the filter's transient spoils.
