@@ -16,7 +16,7 @@ from haptic_teleop_control.laws import find_law
 from haptic_teleop_control.robots import SFJ_STAGES, STAGES
 
 BEGIN, END = "<!-- tables: written by tests/studies/contact_quality.py -->", "<!-- end of tables -->"
-ON_THE_PAGE = ("Stage 1", "Stage 2", "What no law")
+ON_THE_PAGE = ("What no law",)
 """Beginnings of the headings that the page has; the other tables are printed only."""
 SHORT = {"augmented_error": "thesis", "disturbance_observer": "observer"}
 Results = dict[str, list[Merit]]
