@@ -36,6 +36,8 @@ python_display_short_literal_types = True
 python_maximum_signature_line_length = 88
 
 html_theme = "furo"
+html_static_path = ["_static"]
+html_css_files = ["site.css"]
 html_title = f"haptic-teleop {version}"
 html_show_sphinx = html_show_copyright = False
 html_copy_source = False

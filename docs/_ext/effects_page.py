@@ -89,6 +89,11 @@ def _range(p):
     return f"from {lowest}" if lowest else (f"to {highest}" if highest else "any")
 
 
+def _lines(expression):
+    """The terms of a sum that is too long for a line of a page, else the expression alone."""
+    return sympy.Add.make_args(sympy.expand_mul(expression)) if len(str(expression)) > 150 else (expression,)
+
+
 def _equation(entry):
     """The equation as MathML, which browsers show without a script."""
     if entry.equation is None:
@@ -100,7 +105,10 @@ def _equation(entry):
     sides += [(f"d{SYMBOLS[f'state{i}']}/dt", rate(s, p)) for i, rate in enumerate(entry.rates)]
     made = []
     for left, right in sides:
-        inner = sympy.mathml(sympy.sympify(right).subs(names), printer="presentation", mul_symbol="dot")
-        body = f"<mrow><mtext>{escape(left)}</mtext><mo>=</mo>{inner}</mrow>"
-        made.append(f"<p><math display='block'>{body}</math></p>")
+        for index, term in enumerate(_lines(sympy.sympify(right).subs(names))):
+            minus = index > 0 and term.could_extract_minus_sign()
+            inner = sympy.mathml(-term if minus else term, printer="presentation", mul_symbol="dot")
+            sign = "−" if minus else "+"
+            lead = f"<mo>{sign}</mo>" if index else f"<mtext>{escape(left)}</mtext><mo>=</mo>"
+            made.append(f"<p><math display='block'><mrow>{lead}{inner}</mrow></math></p>")
     return "\n".join(["```{raw} html", *made, "```"])

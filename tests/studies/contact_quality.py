@@ -1,7 +1,7 @@
 """Contact and free motion of the force laws, side by side, over walls, speeds, plants and friction.
 
     python tests/studies/contact_quality.py                 # prints the tables; some minutes
-    python tests/studies/contact_quality.py --write docs    # puts tables and picture into docs/contact.md
+    python tests/studies/contact_quality.py --write docs    # draws the picture of docs/contact.md
 
 Each run: an arm 2.2 rad away from a wall is commanded towards it with a constant Td and pressed against it,
 500 samples a second, encoders, amplifier and velocity filter as in the robot, nothing random but the current
@@ -217,10 +217,10 @@ def beside_the_grid() -> dict[str, list[Case]]:
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawTextHelpFormatter)
-    parser.add_argument("--write", metavar="DIR", help="put tables and picture into DIR/contact.md")
+    parser.add_argument("--write", metavar="DIR", help="put the picture into DIR/contact.png")
     parser.add_argument("--law", nargs="+", default=["augmented_error", "disturbance_observer"])
     options = parser.parse_args()
-    from contact_report import picture, tables, write  # the report lies beside this script
+    from contact_report import picture, tables  # the report lies beside this script
 
     begun = time.perf_counter()
     results = evaluate(grid(), options.law)
@@ -229,7 +229,8 @@ def main() -> None:
     print(text)
     print(f"{time.perf_counter() - begun:.0f} s")
     if options.write:
-        write(Path(options.write), text, picture(options.law))
+        path = Path(options.write) / "contact.png"
+        picture(options.law).savefig(path, dpi=100, facecolor="white")
 
 
 if __name__ == "__main__":

@@ -1,10 +1,9 @@
-"""The tables and the picture of contact_quality.py, and their place in docs/contact.md."""
+"""The tables and the picture of contact_quality.py; docs/contact.md has the picture and a summary."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping, Sequence
-from pathlib import Path
 
 import matplotlib
 import numpy as np
@@ -15,9 +14,6 @@ from scipy.optimize import brentq
 from haptic_teleop_control.laws import find_law
 from haptic_teleop_control.robots import SFJ_STAGES, STAGES
 
-BEGIN, END = "<!-- tables: written by tests/studies/contact_quality.py -->", "<!-- end of tables -->"
-ON_THE_PAGE = ("Stage 1", "Stage 2", "What no law")
-"""Beginnings of the headings that the page has; the other tables are printed only."""
 SHORT = {"augmented_error": "thesis", "disturbance_observer": "observer"}
 Results = dict[str, list[Merit]]
 
@@ -193,15 +189,3 @@ def picture(laws: Sequence[str], speed: float = 1.0) -> Figure:
         for axis in axes[1]:
             axis.set_xlabel("time, s")
     return figure
-
-
-def write(folder: Path, text: str, figure: Figure) -> None:
-    """Put the tables of ON_THE_PAGE between their marks in contact.md, and the picture beside it."""
-    parts = [f"### {part}" for part in text.split("### ") if part.startswith(ON_THE_PAGE)]
-    text = "".join(parts).rstrip()
-    page = folder / "contact.md"
-    content = page.read_text(encoding="utf-8")
-    before, rest = content.split(BEGIN)
-    after = rest.split(END)[1]
-    page.write_text(f"{before}{BEGIN}\n\n{text}\n\n{END}{after}", encoding="utf-8")
-    figure.savefig(folder / "contact.png", dpi=100, facecolor="white")

@@ -223,7 +223,9 @@ def test_the_urdf_states_dynamics_and_limits_of_both_parts():
 
 def test_the_page_says_of_each_effect_what_the_files_do(repository):
     page = (repository / "docs/export.md").read_text()
-    rows = re.findall(r"^\| `(\w+)` \| ([a-z ]+) \| ([a-z ]+) \|$", page, re.MULTILINE)
+    lines = re.findall(r"^\| (`\w+`(?:, `\w+`)*) \| ([a-z ]+) \| ([a-z ]+) \|$", page, re.MULTILINE)
+    rows = [(name, *said) for names, *said in lines for name in re.findall(r"\w+", names)]
+    assert len(rows) == len({name for name, *_ in rows})
     assert {name for name, *_ in rows} == {name for name, entry in EFFECTS.items() if not entry.unnamed}
     for name, *said in rows:
         for place in locations(name, "flexible_joint"):
