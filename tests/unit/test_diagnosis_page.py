@@ -146,6 +146,15 @@ def test_what_cannot_be_told_apart_and_what_has_no_name_send_for_the_next_experi
     assert status == "fair" and "depends on sign of motor velocity" in happened and "record" in todo
 
 
+def test_what_is_sure_beside_what_cannot_be_told_apart_comes_first():
+    other = {"effect": "spring_to_ground", "location": "stage1_motor", "confidence": 0.4}
+    open_ = {**finding(0.6, [other]), "effect": "gravity"}
+    _, happened, _ = first_line("ambiguous", [finding(), open_]).conclusion
+    sure, _, rest = happened.partition(". Beside it these recordings cannot tell ")
+    assert "coulomb_friction at" in sure and "gravity" not in sure
+    assert rest.startswith("gravity at") and "spring_to_ground at" in rest and "coulomb" not in rest
+
+
 def test_where_no_physics_is_missing_the_first_line_says_which_numbers_are_off():
     off = {"parameter": "motor_inertia", "given": 0.05, "value": 0.0634, "std": 0.0012, "unit": "kg*m^2"}
     held = {"holds": "baseline", "what": "your structure, re-estimated"}

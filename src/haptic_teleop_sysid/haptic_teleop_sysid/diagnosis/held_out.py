@@ -22,6 +22,8 @@ _MOST_LENDING = 2
 #: levels were sought from everywhere.
 _GAINS = 10.0
 _STEPS = 15
+#: Steps from every start, and how many of those that are ahead then go on.
+_FIRST_STEPS, _MOST_ENDED = 4, 2
 #: Share of the samples that a search takes on the way to noise levels, which are six numbers at most.
 _FEWER = 0.5
 
@@ -83,7 +85,13 @@ def held_out_fit(fit: Fit, records: Sequence[Record], levels: Sequence[NoiseMode
     is a catastrophe.  The way there is made on thinned recordings where they are long.
     """
     few = thinned_to(records, _FEWER)
-    ends = side_by_side(lambda noise: fit_whole(fit.model, noise, few, free=(), iterations=_STEPS), levels)
+
+    def onward(noise: NoiseModel, steps: int) -> Fit:
+        return fit_whole(fit.model, noise, few, free=(), iterations=steps)
+
+    begun = side_by_side(lambda noise: onward(noise, _FIRST_STEPS), levels)
+    ahead = sorted(begun, key=lambda one: -one.log_likelihood)[:_MOST_ENDED]
+    ends = side_by_side(lambda one: one if one.converged else onward(one.noise, _STEPS), ahead)
     best = max(ends, key=lambda end: end.log_likelihood)
     if few is records:
         return best

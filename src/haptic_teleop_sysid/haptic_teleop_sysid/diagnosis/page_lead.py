@@ -44,7 +44,9 @@ def _headline(verdict: Verdict, content: dict[str, Any]) -> tuple[Status, str]:
         named = " and ".join(_named(f) for f in verdict.findings)
         return "good", f"The missing physics has a name: {named}."
     if verdict.kind == "ambiguous":
-        return "fair", f"These recordings cannot tell {_rivals(verdict)} apart."
+        sure = " and ".join(_named(f) for f in verdict.findings if not _unsure(f))
+        named = f"Part of the missing physics has a name: {sure}. Beside it these" if sure else "These"
+        return "fair", f"{named} recordings cannot tell {_rivals(verdict)} apart."
     if verdict.kind == "unknown":
         return "fair", (
             f"Something is missing that no known effect explains; it sits at {places or 'no single place'}."
@@ -69,9 +71,12 @@ def parameter_text(p: dict[str, Any]) -> str:
     return f"{with_error(p['value'], p['std'], p['unit'])}{bound}"
 
 
+def _unsure(f: dict[str, Any]) -> bool:
+    return sum(a["confidence"] for a in f["alternatives"]) > 1.0 - SURE
+
+
 def _rivals(verdict: Verdict) -> str:
-    unsure = [f for f in verdict.findings if sum(a["confidence"] for a in f["alternatives"]) > 1.0 - SURE]
-    names = [n for f in unsure for n in (f, *f["alternatives"])]
+    names = [n for f in verdict.findings if _unsure(f) for n in (f, *f["alternatives"])]
     return " or ".join(dict.fromkeys(f"{n['effect']} at {n['location']}" for n in names))
 
 
