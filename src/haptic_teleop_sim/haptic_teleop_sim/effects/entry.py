@@ -14,6 +14,8 @@ from collections.abc import Callable
 from dataclasses import dataclass, field
 from typing import Any, Literal
 
+from .hypothesis import Equivalent, Practical, Refinement
+
 Kind = Literal[
     "torque", "friction", "friction_factor", "inertia", "relative_inertia", "input", "output", "skew"
 ]
@@ -36,6 +38,12 @@ class EffectParameter:
     for that, ``scan`` says along which scale diagnosis seeks them on a recording; ``hills``: from each of
     them a fit climbs another hill, so that one that knows nothing starts from all.  A parameter with a
     ``default`` is optional: left out of a model file it keeps the default and is not estimated.
+
+    ``turns``: where an optional parameter is sought from the beginning, because the effect's size says
+    little without it: a ``phase`` turns sine into cosine, an ``offset`` shifts the angle. ``numerical``: it
+    is of the arithmetic and no property of the machine, and held in later estimations. ``told``: when a
+    report speaks of it. ``in_current``: a measured current behind the effect shows it; says where to begin:
+    at shares of the ``peak`` or of the ``rms`` of the command, or at a ``time`` in samples.
     """
 
     name: str
@@ -68,6 +76,42 @@ class EffectParameter:
     neutral: float | None = 0.0
     hills: bool = False
     scan: Literal["", "order", "frequency", "furthest", "within"] = ""
+    turns: Literal["", "phase", "offset"] = ""
+    numerical: bool = False
+    told: Literal["always", "unless zero", "never"] = "always"
+    in_current: Literal["", "peak", "rms", "time"] = ""
+
+    def reported(self, value: float) -> bool:
+        """Whether a report speaks of the parameter at this value."""
+        return self.told == "always" or (self.told == "unless zero" and value != 0.0)
+
+
+#: What every dry friction may state beside its own parameters: how its contact gives, and a smoothed sign.
+CONTACT = (
+    EffectParameter(
+        "contact_angle",
+        "rad",
+        "displacement over which the contact gives before it slides",
+        minimum=1e-12,
+        default=STICTION_ANGLE,
+        neutral=None,
+        scale="one",
+        numerical=True,
+        told="never",
+    ),
+    EffectParameter(
+        "smoothing",
+        "rad/s",
+        "velocity within which the sign of the velocity is smoothed, 1/beta of equation 22; "
+        "0: friction that sticks",
+        minimum=0.0,
+        default=0.0,
+        neutral=None,
+        scale="velocity",
+        numerical=True,
+        told="unless zero",
+    ),
+)
 
 
 @dataclass(frozen=True)
@@ -102,14 +146,26 @@ class EffectEntry:
     physics. A ``momentary`` effect may show at one moment of a recording only. ``unnamed`` physics is not in
     the contract's table: where it explains more than any name, the verdict is `unknown`.
     ``motor_of_rigid_body``: the motor is its place where nothing hangs on a joint. ``needs``: what a
-    recording must have for the effect to show, in words; ``condition``: what it depends on, in words, with
-    ``{q}`` and ``{v}`` for angle and velocity; ``form_of``: the effect that it is a richer form of;
-    ``large``: it may be so large that structure and noise make up for it; ``practical(p, size, span)``:
-    whether it deserves its name at these parameters where typical sizes are ``size`` (by the names of
-    ``scale``) and its place moved over ``span``, rad. ``tabulated``: its numbers are a `TorqueMap` beside the
-    parameters, which is held fixed, and ``compiled`` (value, and value with derivatives) evaluates it.
-    ``versatile``: it bends to much that it is not, and is not believed where what it leaves follows its own
-    quantity.
+    recording must have for the effect to show, in words. ``tabulated``: its numbers are a `TorqueMap` beside
+    the parameters, which is held fixed, and ``compiled`` (value, and value with derivatives) evaluates it.
+
+    What those read who look for it on recordings (see also ``hypothesis.py``):
+
+    - how it reads: ``sentence``; ``condition``: what it depends on, in words, with ``{q}`` and ``{v}`` for
+      angle and velocity, and ``condition_at``: what else at a place; ``follows``: the quantity against which
+      its law is drawn, "" for none; ``separated``: by which experiment it is told from another effect (names
+      and words); ``mistaken``: the parameter of the structure that, held at a wrong value, would look the
+      same, and the words of that warning;
+    - ``practical(p, on)``: whether it deserves its name at these parameters on such recordings (`Recorded`);
+    - ``families``: only one of those that share one is tried at a place, they are forms of one thing;
+      ``form_of``: the effect that it is a richer form of; ``refinement``: how it is fitted from a plainer
+      one; ``equivalents``: what looks the same, and when; ``same_as``: the parameter of the structure that it
+      cannot be told from where that is estimated;
+    - ``large``: it may be so large that structure and noise make up for it; ``versatile``: it bends to much
+      that it is not, and is not believed where what it leaves follows its own quantity; ``at_rest(p)``: the
+      torque that it exerts at angle zero, N·m, for what loads a joint at rest, and ``companion``: the
+      nuisance that goes with that; ``prior(place, sense_follows)``: how likely it is before looking, where
+      that is not 1.
     """
 
     name: str
@@ -134,16 +190,36 @@ class EffectEntry:
     momentary: bool = False
     unnamed: bool = False
     needs: str = ""
+    tabulated: bool = False
     condition: str = ""
+    condition_at: tuple[tuple[Place, str], ...] = ()
+    follows: Literal["", "velocity", "angle", "deflection", "input"] = "velocity"
+    separated: tuple[tuple[str, str], ...] = ()
+    mistaken: tuple[str, str] | None = None
+    practical: Practical | None = None
+    families: tuple[str, ...] = ()
     form_of: str = ""
+    refinement: Refinement | None = None
+    equivalents: tuple[Equivalent, ...] = ()
+    same_as: str = ""
     large: bool = False
     versatile: bool = False
-    tabulated: bool = False
-    practical: Callable[[dict[str, float], dict[str, float], float], bool] | None = None
+    at_rest: Callable[[dict[str, float]], float] | None = None
+    companion: str = ""
+    prior: Callable[[str, bool], float] | None = None
 
     def __post_init__(self) -> None:
         if self.equation is not None and self.rates and self.states == 0:
             object.__setattr__(self, "states", len(self.rates))
+
+    @property
+    def contact(self) -> str:
+        """Name of the parameter that says how far its contact gives; "" for an effect that states none."""
+        return CONTACT[0].name if self.memory == "direction" else ""
+
+    def condition_in(self, place: str) -> str:
+        """What it depends on at a place, in words; "" where its entry does not say."""
+        return next((words for at, words in self.condition_at if at == place), self.condition)
 
     @property
     def parameter_names(self) -> tuple[str, ...]:

@@ -2,33 +2,33 @@
 
 from __future__ import annotations
 
-from .entry import STICTION_ANGLE, EffectEntry, EffectParameter
+import math
+from collections.abc import Iterator
 
-_SMOOTHING = EffectParameter(
-    "smoothing",
-    "rad/s",
-    "velocity within which the sign of the velocity is smoothed, 1/beta of equation 22; "
-    "0: friction that sticks",
-    minimum=0.0,
-    default=0.0,
-    neutral=None,
-    scale="velocity",
+from .entry import CONTACT, STICTION_ANGLE, EffectEntry, EffectParameter
+from .hypothesis import (
+    DISTINCT,
+    SMALL_TORQUE,
+    Numbers,
+    Recorded,
+    Refinement,
+    bends,
+    drifts,
+    noticeable,
 )
 
-
-#: What every dry friction may state beside its own parameters.
-_CONTACT = (
-    EffectParameter(
-        "contact_angle",
-        "rad",
-        "displacement over which the contact gives before it slides",
-        minimum=1e-12,
-        default=STICTION_ANGLE,
-        neutral=None,
-        scale="one",
-    ),
-    _SMOOTHING,
-)
+#: All forms of dry friction: one at a place.
+_DRY = ("dry friction",)
+#: Shares of the rms velocity over which a friction that falls with speed is begun, shares of the travel over
+#: which a contact that gives is, and phases of a sine, of which a wrong one leads back to none.
+_VELOCITIES = (0.05, 0.2, 0.6)
+_GIVES = (0.01, 0.05)
+_PHASES = (0.0, 0.5 * math.pi, math.pi, 1.5 * math.pi)
+#: Share by which friction varies with the angle in the beginning.
+_VARIES = 0.3
+#: Share of the whole travel up to which a contact that gives before it slides bears its own name: one that
+#: hardly ever slides is a spring.
+_STILL = 0.3
 
 
 def _rate(torque: float, p: dict[str, float]) -> tuple[float, float]:
@@ -42,15 +42,95 @@ def _torque(name: str, meaning: str, typical: float = 0.2) -> EffectParameter:
     return EffectParameter(name, "N*m", meaning, minimum=0.0, typical=typical, scale="torque")
 
 
+def _given_contact(p: Numbers) -> dict[str, float]:
+    """What a friction states of its contact."""
+    return {q.name: p[q.name] for q in CONTACT if q.name in p}
+
+
+def _falling(p: Numbers, on: Recorded, scanned: float) -> Iterator[dict[str, float]]:
+    """Less at speed and more where sliding starts than a plain friction, over several velocities."""
+    for share in _VELOCITIES:
+        velocity = share * on.size["velocity"]
+        own = {"coulomb": 0.6 * p["torque"], "breakaway": 1.1 * p["torque"], "velocity": velocity}
+        yield {**own, **_given_contact(p)}
+
+
+def _sided(p: Numbers, on: Recorded, scanned: float) -> Iterator[dict[str, float]]:
+    """More in either direction than a plain friction, and less in the other."""
+    for more, less in ((1.2, 0.8), (0.8, 1.2)):
+        own = {"positive": more * p["torque"], "negative": less * p["torque"]}
+        yield {**own, **_given_contact(p)}
+
+
+def _giving(p: Numbers, on: Recorded, scanned: float) -> Iterator[dict[str, float]]:
+    """A contact that gives over a share of the travel."""
+    for share in _GIVES:
+        yield {"torque": p["torque"], "stiffness": p["torque"] / (share * on.span)}
+
+
+def _rippled(p: Numbers, on: Recorded, scanned: float) -> Iterator[dict[str, float]]:
+    """A plain friction that varies with the angle at the scanned order, at every phase."""
+    contact = {"contact_angle": p.get("contact_angle", STICTION_ANGLE)}
+    for phase in _PHASES:
+        own = {"torque": p["torque"], "amplitude": _VARIES * p["torque"], "order": scanned, "phase": phase}
+        yield {**own, **contact}
+
+
+def _falls(p: Numbers, on: Recorded) -> bool:
+    """Breakaway well above what slides, over a velocity that the motion has."""
+    return (
+        p["breakaway"] > (1 + DISTINCT) * p["coulomb"]
+        and p["breakaway"] > SMALL_TORQUE * on.size["torque"]
+        and p["velocity"] > 1e-3 * on.size["velocity"]
+    )
+
+
+def _differs(p: Numbers, on: Recorded) -> bool:
+    """The two directions well apart, in a friction that is one."""
+    total = p["positive"] + p["negative"]
+    return total > 2 * SMALL_TORQUE * on.size["torque"] and abs(p["positive"] - p["negative"]) > (
+        DISTINCT * total
+    )
+
+
+def _gives(p: Numbers, on: Recorded) -> bool:
+    """A contact that gives farther than one that sticks, and slides well within the travel."""
+    gives = p["torque"] / p["stiffness"]
+    return p["torque"] > SMALL_TORQUE * on.size["torque"] and on.sticking < gives < _STILL * on.span
+
+
+def _varies(p: Numbers, on: Recorded) -> bool:
+    """An amplitude well above nothing, of a sine of which enough was seen."""
+    return (
+        p["amplitude"] > DISTINCT * max(p["torque"], 1e-12)
+        and p["amplitude"] > SMALL_TORQUE * on.size["torque"]
+        and bends(p, on)
+    )
+
+
+def _grows(p: Numbers, on: Recorded) -> bool:
+    """More than a few thousandths of what is transmitted."""
+    return p["coefficient"] > 0.002
+
+
 COULOMB = EffectEntry(
     name="coulomb_friction",
     kind="friction",
     where=("motor", "arm"),
-    parameters=(_torque("torque", "friction torque while sliding"), *_CONTACT),
+    parameters=(_torque("torque", "friction torque while sliding"), *CONTACT),
     sentence="a dry friction torque of constant size opposes the motion",
     equation=lambda s, p: -p.torque * s.direction,
     rate=lambda p, ks: _rate(p["torque"], p),
     memory="direction",
+    condition="sign of {v}",
+    separated=(
+        ("stribeck_friction", "move three times as far and through zero very slowly"),
+        ("asymmetric_friction", "hold constant speeds in both directions"),
+        ("presliding_friction", "move below breakaway first, then slide"),
+    ),
+    practical=noticeable("torque"),
+    families=_DRY,
+    large=True,
 )
 
 STRIBECK = EffectEntry(
@@ -70,7 +150,7 @@ STRIBECK = EffectEntry(
             grid=(0.05, 0.2, 0.6),
             neutral=None,
         ),
-        *_CONTACT,
+        *CONTACT,
     ),
     sentence="dry friction is largest where the motion starts and falls with speed (equation 22)",
     equation=lambda s, p: (
@@ -78,6 +158,11 @@ STRIBECK = EffectEntry(
     ),
     rate=lambda p, ks: _rate(max(p["breakaway"], p["coulomb"]), p),
     memory="direction",
+    condition="{v} near reversal",
+    practical=_falls,
+    families=_DRY,
+    refinement=Refinement("coulomb_friction", _falling),
+    large=True,
 )
 
 ASYMMETRIC = EffectEntry(
@@ -87,7 +172,7 @@ ASYMMETRIC = EffectEntry(
     parameters=(
         _torque("positive", "friction torque while moving in the positive direction"),
         _torque("negative", "friction torque while moving in the negative direction", 0.1),
-        *_CONTACT,
+        *CONTACT,
     ),
     sentence="dry friction differs between the two directions of motion",
     equation=lambda s, p: (
@@ -95,6 +180,10 @@ ASYMMETRIC = EffectEntry(
     ),
     rate=lambda p, ks: _rate(2 * max(p["positive"], p["negative"]), p),
     memory="direction",
+    condition="direction of {v}",
+    practical=_differs,
+    families=_DRY,
+    refinement=Refinement("coulomb_friction", _sided),
 )
 
 PRESLIDING = EffectEntry(
@@ -119,6 +208,11 @@ PRESLIDING = EffectEntry(
     equation=lambda s, p: -p.torque * s.direction,
     rate=lambda p, ks: (abs(p["stiffness"]), 0.0),
     memory="ratio",
+    condition="displacement since the last reversal",
+    practical=_gives,
+    families=_DRY,
+    refinement=Refinement("coulomb_friction", _giving),
+    large=True,
 )
 
 QUADRATIC_DRAG = EffectEntry(
@@ -137,6 +231,9 @@ QUADRATIC_DRAG = EffectEntry(
     ),
     sentence="a drag that grows with the square of the speed opposes the motion",
     equation=lambda s, p: -p.coefficient * s.velocity * s.abs(s.velocity),
+    condition="{v} squared",
+    separated=(("coulomb_friction", "drive at three times the speed"),),
+    large=True,
 )
 
 POSITION_DEPENDENT = EffectEntry(
@@ -164,13 +261,20 @@ POSITION_DEPENDENT = EffectEntry(
             neutral=None,
             scan="order",
         ),
-        EffectParameter("phase", "rad", "phase at zero angle", typical=0.5, neutral=None, default=0.0),
-        *_CONTACT,
+        EffectParameter(
+            "phase", "rad", "phase at zero angle", typical=0.5, neutral=None, default=0.0, turns="phase"
+        ),
+        *CONTACT,
     ),
     sentence="dry friction varies with the angle",
     equation=lambda s, p: -(p.torque + p.amplitude * s.sin(p.order * s.position + p.phase)) * s.direction,
     rate=lambda p, ks: _rate(p["torque"] + p["amplitude"], p),
     memory="direction",
+    condition="{q} while moving",
+    follows="angle",
+    practical=_varies,
+    families=_DRY,
+    refinement=Refinement("coulomb_friction", _rippled),
 )
 
 DRIFT = EffectEntry(
@@ -200,6 +304,8 @@ DRIFT = EffectEntry(
     ),
     sentence="friction changes in the course of the recording, as a drive does that warms up",
     equation=lambda s, p: 1 + p.change * (1 - s.exp(-s.time / p.time_constant)),
+    condition="time",
+    practical=drifts,
 )
 
 LOAD_DEPENDENT = EffectEntry(
@@ -215,13 +321,16 @@ LOAD_DEPENDENT = EffectEntry(
             maximum=100.0,
             typical=0.15,
         ),
-        *_CONTACT,
+        *CONTACT,
     ),
     sentence="friction grows with the torque that the transmission carries",
     equation=lambda s, p: -p.coefficient * s.abs(s.stiffness * s.deflection) * s.direction,
     rate=lambda p, ks: _rate(0.2 * p["coefficient"] * ks, p),
     memory="direction",
     rigid_body=False,
+    condition="joint torque while moving",
+    practical=_grows,
+    large=True,
 )
 
 ENTRIES = (

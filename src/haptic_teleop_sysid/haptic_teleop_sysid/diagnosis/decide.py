@@ -7,6 +7,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from haptic_teleop_sim.effects import effect_entry
 from haptic_teleop_sim.model import Model
 from haptic_teleop_sysid.estimation.gauss_newton import Fit
 
@@ -192,14 +193,10 @@ def _least_share(explanation: Explanation) -> float:
 
 
 def prior(effect: str, location: str, sense_follows: bool) -> float:
-    """How likely an effect is before looking: delays come from mechanisms before they come from wrong stamps,
-    and a command whose measured current follows it was stamped right.
-    """
-    if effect != "channel_skew":
-        return 1.0
-    if location.endswith("_actuator"):
-        return 0.1 if sense_follows else 0.8
-    return 0.9
+    """How likely an effect is before looking, by its entry; ``sense_follows``: whether the measured current
+    follows the command."""
+    own = effect_entry(effect).prior
+    return 1.0 if own is None else own(location.rpartition("_")[2], sense_follows)
 
 
 def significant(explanation: Explanation) -> bool:

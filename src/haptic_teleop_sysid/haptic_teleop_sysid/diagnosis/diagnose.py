@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from haptic_teleop_control.errors import RecordingError
+from haptic_teleop_sim.effects import MEASURED
 from haptic_teleop_sim.model import Model
 from haptic_teleop_sysid.dataset import DataSet
 from haptic_teleop_sysid.estimation.likelihood import FAILURES
@@ -277,6 +278,6 @@ def diagnose(
     content = contents(result, verdict, proof, columns, stand, doubt, (chance, dropped), uses, found.learn)
     believed = [c.chosen for c in (*result.choices, *([doubt.choice] if doubt and doubt.choice else []))]
     from_here = any(e.witnessed is not None for e in believed)
-    content["torque_map"] = None if mapped is None else mapped.content()
+    content[MEASURED.name] = None if mapped is None else mapped.content()
     content["inverse_dynamics"] = testimony(found.opinion, verdict, from_here) if found.opinion else None
     return result, verdict, proof, content
