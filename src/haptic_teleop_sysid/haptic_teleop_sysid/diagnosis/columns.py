@@ -15,7 +15,7 @@ from haptic_teleop_sysid.estimation.records import Record
 from haptic_teleop_sysid.parameter_units import Units
 
 from .certainty import scaled_inverse, standard_errors
-from .decide import SIGNIFICANT
+from .policy import SIGNIFICANT
 from .scales import within_reach
 from .search import SearchResult
 from .verdict import Verdict

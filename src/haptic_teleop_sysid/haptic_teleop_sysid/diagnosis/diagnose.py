@@ -31,6 +31,7 @@ from .nulls import Null, beyond_chance, nulls
 from .overruled import as_result, believed_instead, beyond_reach, inadequate
 from .own_quantity import follows_still
 from .plausible import refuse_copies, refuse_idle, refuse_kinematic, refuse_motionless
+from .policy import HARM
 from .proof import Course, Proof, mean_percent, prove
 from .reasons import Doubt, off_the_mark, runs_away, slipped
 from .scales import recording_scales, within_reach
@@ -43,8 +44,6 @@ from .verdict import Verdict, decide_verdict
 
 #: Difference (A or N·m, relative to the rms command) up to which the measured current counts as following.
 _FOLLOWS = 0.1
-#: Loss of the simulated fit on validation recordings, percent, from which a finding is not believed.
-HARM = 2.0
 
 
 def records_of(data: list[DataSet]) -> list[Record]:

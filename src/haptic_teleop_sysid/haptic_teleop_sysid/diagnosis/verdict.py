@@ -14,21 +14,18 @@ from haptic_teleop_sim.model import Effect, Model
 from haptic_teleop_sysid.estimation.gauss_newton import Fit
 from haptic_teleop_sysid.estimation.records import Record
 
-from .adequacy import LEAST, Adequacy, explained_torque
+from .adequacy import Adequacy, explained_torque
 from .certainty import standard_errors
 from .decide import Choice
+from .policy import LEAST_EXPLAINED, NOTICEABLE, STRUCTURED
 from .reasons import Doubt
 from .residual import Condition, conditions, intervals, shares
 from .search import SearchResult
 from .words import because
 
-#: Share of the left-over torque that a curve must explain on other recordings to count as physics nobody
-#: named.
-STRUCTURED = 0.5
-#: The same share from which the place of something unknown is told with what it follows.
+#: Share of the left-over torque that a curve explains, from which the place of something unknown is told with
+#: what it follows.
 FOLLOWS = 0.2
-#: Least rms of that left-over torque, relative to the rms input torque.
-NOTICEABLE = 0.03
 #: Share of its size by which an effect is off because its form is never quite that of a machine's, as
 #: measured on development recordings whose generator has another form for everything.
 _FORM = 0.03
@@ -189,7 +186,7 @@ def _doubtful_place(
         place, condition = doubt.place, "time"
     elif doubt.choice is not None:
         effect, fit = doubt.choice.chosen.effect, doubt.choice.chosen.fit
-        if effect.location == place or explained_torque(result.baseline, fit, estimation) > LEAST:
+        if effect.location == place or explained_torque(result.baseline, fit, estimation) > LEAST_EXPLAINED:
             place, condition = effect.location, condition_of(model, effect.effect, effect.location, before)
     return {
         "equation": place,
