@@ -19,8 +19,9 @@ from haptic_teleop_control.recording.writer import RecordingWriter
 from haptic_teleop_control.robots import SFJ_STAGES
 from haptic_teleop_sysid.blind.bags import record
 from haptic_teleop_sysid.blind.cases import Case, draw_case
-from haptic_teleop_sysid.blind.effects import LATER, PLACES
+from haptic_teleop_sysid.blind.effects import PLACES
 from haptic_teleop_sysid.blind.robot import PERIOD
+from haptic_teleop_sysid.discovery.drawing import LATER
 
 #: The case: a second stage with play in its joint, and 9 (logs) and 5 (recordings) of its 24 s.
 SEED, KIND, INDEX, SECONDS, RECORDED = 1, "single", 163, 9.0, 5.0

@@ -9,12 +9,12 @@ import pytest
 import haptic_teleop_sim.effects as effects
 import haptic_teleop_sysid.diagnosis as diagnosis
 from haptic_teleop_sim.effects import EFFECTS
-from haptic_teleop_sim.effects.entry import CONTACT
+from haptic_teleop_sim.effects.parameter import CONTACT
 
 FOLDER = Path(diagnosis.__file__).parent
 NAMED = re.compile(rf"\b({'|'.join((*EFFECTS, *(p.name for p in CONTACT)))})\b")
 #: Of the effects' package, what says nothing of a particular one.
-OPEN = {"", "entry", "hypothesis", "on_arrays", "symbols", "torque_map", "torque_map_file"}
+OPEN = {"", "entry", "parameter", "hypothesis", "on_arrays", "symbols", "torque_map", "torque_map_file"}
 
 
 def named(source: str) -> list[str]:

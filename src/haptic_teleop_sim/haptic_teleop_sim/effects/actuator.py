@@ -14,8 +14,9 @@ from typing import Any
 
 from haptic_teleop_control.compiled import njit
 
-from .entry import EffectEntry, EffectParameter
+from .entry import EffectEntry
 from .hypothesis import Equivalent, Numbers, Recorded, drifts, late, noticeable
+from .parameter import EffectParameter
 
 #: Samples of memory of a delay: 256 at 500 Hz are half a second.
 DELAY_MEMORY = 256

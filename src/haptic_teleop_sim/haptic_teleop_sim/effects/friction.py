@@ -2,33 +2,13 @@
 
 from __future__ import annotations
 
-import math
-from collections.abc import Iterator
-
-from .entry import CONTACT, STICTION_ANGLE, EffectEntry, EffectParameter
-from .hypothesis import (
-    DISTINCT,
-    SMALL_TORQUE,
-    Numbers,
-    Recorded,
-    Refinement,
-    bends,
-    drifts,
-    noticeable,
-)
+from .entry import EffectEntry
+from .friction_forms import differs, falling, falls, gives, giving, grows, rippled, sided, varies
+from .hypothesis import Refinement, drifts, noticeable
+from .parameter import CONTACT, EffectParameter
 
 #: All forms of dry friction: one at a place.
 _DRY = ("dry friction",)
-#: Shares of the rms velocity over which a friction that falls with speed is begun, shares of the travel over
-#: which a contact that gives is, and phases of a sine, of which a wrong one leads back to none.
-_VELOCITIES = (0.05, 0.2, 0.6)
-_GIVES = (0.01, 0.05)
-_PHASES = (0.0, 0.5 * math.pi, math.pi, 1.5 * math.pi)
-#: Share by which friction varies with the angle in the beginning.
-_VARIES = 0.3
-#: Share of the whole travel up to which a contact that gives before it slides bears its own name: one that
-#: hardly ever slides is a spring.
-_STILL = 0.3
 
 
 def _rate(torque: float, p: dict[str, float]) -> tuple[float, float]:
@@ -40,77 +20,6 @@ def _rate(torque: float, p: dict[str, float]) -> tuple[float, float]:
 
 def _torque(name: str, meaning: str, typical: float = 0.2) -> EffectParameter:
     return EffectParameter(name, "N*m", meaning, minimum=0.0, typical=typical, scale="torque")
-
-
-def _given_contact(p: Numbers) -> dict[str, float]:
-    """What a friction states of its contact."""
-    return {q.name: p[q.name] for q in CONTACT if q.name in p}
-
-
-def _falling(p: Numbers, on: Recorded, scanned: float) -> Iterator[dict[str, float]]:
-    """Less at speed and more where sliding starts than a plain friction, over several velocities."""
-    for share in _VELOCITIES:
-        velocity = share * on.size["velocity"]
-        own = {"coulomb": 0.6 * p["torque"], "breakaway": 1.1 * p["torque"], "velocity": velocity}
-        yield {**own, **_given_contact(p)}
-
-
-def _sided(p: Numbers, on: Recorded, scanned: float) -> Iterator[dict[str, float]]:
-    """More in either direction than a plain friction, and less in the other."""
-    for more, less in ((1.2, 0.8), (0.8, 1.2)):
-        own = {"positive": more * p["torque"], "negative": less * p["torque"]}
-        yield {**own, **_given_contact(p)}
-
-
-def _giving(p: Numbers, on: Recorded, scanned: float) -> Iterator[dict[str, float]]:
-    """A contact that gives over a share of the travel."""
-    for share in _GIVES:
-        yield {"torque": p["torque"], "stiffness": p["torque"] / (share * on.span)}
-
-
-def _rippled(p: Numbers, on: Recorded, scanned: float) -> Iterator[dict[str, float]]:
-    """A plain friction that varies with the angle at the scanned order, at every phase."""
-    contact = {"contact_angle": p.get("contact_angle", STICTION_ANGLE)}
-    for phase in _PHASES:
-        own = {"torque": p["torque"], "amplitude": _VARIES * p["torque"], "order": scanned, "phase": phase}
-        yield {**own, **contact}
-
-
-def _falls(p: Numbers, on: Recorded) -> bool:
-    """Breakaway well above what slides, over a velocity that the motion has."""
-    return (
-        p["breakaway"] > (1 + DISTINCT) * p["coulomb"]
-        and p["breakaway"] > SMALL_TORQUE * on.size["torque"]
-        and p["velocity"] > 1e-3 * on.size["velocity"]
-    )
-
-
-def _differs(p: Numbers, on: Recorded) -> bool:
-    """The two directions well apart, in a friction that is one."""
-    total = p["positive"] + p["negative"]
-    return total > 2 * SMALL_TORQUE * on.size["torque"] and abs(p["positive"] - p["negative"]) > (
-        DISTINCT * total
-    )
-
-
-def _gives(p: Numbers, on: Recorded) -> bool:
-    """A contact that gives farther than one that sticks, and slides well within the travel."""
-    gives = p["torque"] / p["stiffness"]
-    return p["torque"] > SMALL_TORQUE * on.size["torque"] and on.sticking < gives < _STILL * on.span
-
-
-def _varies(p: Numbers, on: Recorded) -> bool:
-    """An amplitude well above nothing, of a sine of which enough was seen."""
-    return (
-        p["amplitude"] > DISTINCT * max(p["torque"], 1e-12)
-        and p["amplitude"] > SMALL_TORQUE * on.size["torque"]
-        and bends(p, on)
-    )
-
-
-def _grows(p: Numbers, on: Recorded) -> bool:
-    """More than a few thousandths of what is transmitted."""
-    return p["coefficient"] > 0.002
 
 
 COULOMB = EffectEntry(
@@ -159,9 +68,9 @@ STRIBECK = EffectEntry(
     rate=lambda p, ks: _rate(max(p["breakaway"], p["coulomb"]), p),
     memory="direction",
     condition="{v} near reversal",
-    practical=_falls,
+    practical=falls,
     families=_DRY,
-    refinement=Refinement("coulomb_friction", _falling),
+    refinement=Refinement("coulomb_friction", falling),
     large=True,
 )
 
@@ -181,9 +90,9 @@ ASYMMETRIC = EffectEntry(
     rate=lambda p, ks: _rate(2 * max(p["positive"], p["negative"]), p),
     memory="direction",
     condition="direction of {v}",
-    practical=_differs,
+    practical=differs,
     families=_DRY,
-    refinement=Refinement("coulomb_friction", _sided),
+    refinement=Refinement("coulomb_friction", sided),
 )
 
 PRESLIDING = EffectEntry(
@@ -209,9 +118,9 @@ PRESLIDING = EffectEntry(
     rate=lambda p, ks: (abs(p["stiffness"]), 0.0),
     memory="ratio",
     condition="displacement since the last reversal",
-    practical=_gives,
+    practical=gives,
     families=_DRY,
-    refinement=Refinement("coulomb_friction", _giving),
+    refinement=Refinement("coulomb_friction", giving),
     large=True,
 )
 
@@ -272,9 +181,9 @@ POSITION_DEPENDENT = EffectEntry(
     memory="direction",
     condition="{q} while moving",
     follows="angle",
-    practical=_varies,
+    practical=varies,
     families=_DRY,
-    refinement=Refinement("coulomb_friction", _rippled),
+    refinement=Refinement("coulomb_friction", rippled),
 )
 
 DRIFT = EffectEntry(
@@ -329,7 +238,7 @@ LOAD_DEPENDENT = EffectEntry(
     memory="direction",
     rigid_body=False,
     condition="joint torque while moving",
-    practical=_grows,
+    practical=grows,
     large=True,
 )
 

@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import math
 
-from .entry import EffectEntry, EffectParameter
+from .entry import EffectEntry
 from .hypothesis import Numbers, Recorded, bends, noticeable
+from .parameter import EffectParameter
 
 #: Cycles per sample up to which a mode is one: near the sampling rate it is but another inertia or a filter;
 #: by hand.

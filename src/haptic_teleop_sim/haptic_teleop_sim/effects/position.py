@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import math
 
-from .entry import EffectEntry, EffectParameter
+from .entry import EffectEntry
 from .hypothesis import SMALL_TORQUE, Equivalent, Numbers, Recorded, bends, noticeable
+from .parameter import EffectParameter
 
 #: Least stiffness of a stop as a share of the joint's (of a rigid axis: of torque per angle): what gives way
 #: far more than the joint itself stops nothing, it is a spring; by hand.

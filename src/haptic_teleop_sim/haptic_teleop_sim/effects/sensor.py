@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from .entry import EffectEntry, EffectParameter
+from .entry import EffectEntry
 from .hypothesis import Equivalent, Numbers, Recorded, late
+from .parameter import EffectParameter
 
 #: Least error of an encoder in its steps, which average out over many readings, and how much of its sine must
 #: have been seen, rad; by hand.

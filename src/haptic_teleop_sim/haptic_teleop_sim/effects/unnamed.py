@@ -7,7 +7,8 @@ nearest.
 
 from __future__ import annotations
 
-from .entry import EffectEntry, EffectParameter
+from .entry import EffectEntry
+from .parameter import EffectParameter
 
 STEEP_DRAG = EffectEntry(
     name="steep_drag",

@@ -498,6 +498,3 @@ KINDS: tuple[Kind, ...] = (
 BY_NAME = {kind.effect: kind for kind in KINDS}
 PLACES: tuple[tuple[str, str], ...] = tuple((kind.effect, part) for kind in KINDS for part in kind.parts)
 """Every effect at every place of a flexible joint."""
-LATER = ("angle_dependent_inertia", "torque_speed_limit")
-"""Effects that came to the table when robots and examples had been drawn from it: a draw that must stay what
-it was leaves them out, or draws them by numbers of their own."""

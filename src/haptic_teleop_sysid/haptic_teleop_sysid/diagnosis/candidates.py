@@ -7,7 +7,7 @@ import math
 from collections.abc import Iterator, Sequence
 
 from haptic_teleop_sim.effects import EFFECTS, EffectEntry, EffectParameter, locations
-from haptic_teleop_sim.effects.entry import STICTION_ANGLE
+from haptic_teleop_sim.effects.parameter import STICTION_ANGLE
 from haptic_teleop_sim.model import Effect, Model
 from haptic_teleop_sysid.estimation.records import Record
 

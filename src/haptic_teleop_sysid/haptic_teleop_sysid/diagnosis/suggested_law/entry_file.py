@@ -21,7 +21,8 @@ mean something, or throw it away. To add it, put this file beside `effects/regis
 haptic_teleop_sim, list its module there, and diagnose the same recordings again.
 '''
 
-from .entry import {contact}EffectEntry, EffectParameter
+from .entry import EffectEntry
+from .parameter import {contact}EffectParameter
 
 SUGGESTED = EffectEntry(
     name="{name}",
