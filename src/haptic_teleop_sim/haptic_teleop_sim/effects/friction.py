@@ -150,7 +150,15 @@ POSITION_DEPENDENT = EffectEntry(
     kind="friction",
     where=("motor", "arm"),
     parameters=(
-        _torque("torque", "mean friction torque"),
+        EffectParameter(
+            "torque",
+            "N*m",
+            "mean friction torque",
+            minimum=0.0,
+            typical=0.2,
+            scale="torque",
+            steady=True,
+        ),
         EffectParameter(
             "amplitude",
             "N*m",

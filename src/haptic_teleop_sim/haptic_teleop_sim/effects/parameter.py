@@ -28,7 +28,9 @@ class EffectParameter:
     little without it: a ``phase`` turns sine into cosine, an ``offset`` shifts the angle. ``numerical``: it
     is of the arithmetic and no property of the machine, and held in later estimations. ``told``: when a
     report speaks of it. ``in_current``: a measured current behind the effect shows it; says where to begin:
-    at shares of the ``peak`` or of the ``rms`` of the command, or at a ``time`` in samples.
+    at shares of the ``peak`` or of the ``rms`` of the command, or at a ``time`` in samples. While another
+    parameter is scanned it is held at ``held`` of the travel; what is ``steady`` is the same at every value
+    of that, and says nothing of it.
     """
 
     name: str
@@ -65,6 +67,8 @@ class EffectParameter:
     numerical: bool = False
     told: Literal["always", "unless zero", "never"] = "always"
     in_current: Literal["", "peak", "rms", "time"] = ""
+    held: float = 0.0
+    steady: bool = False
 
     def reported(self, value: float) -> bool:
         """Whether a report speaks of the parameter at this value."""

@@ -124,6 +124,7 @@ DETENT = EffectEntry(
             scale="angle",
             neutral=None,
             grid=(0.05,),
+            held=0.05,
         ),
     ),
     sentence="a torque pulls towards (or away from) one angle from nearby",
