@@ -13,12 +13,15 @@ from test_diagnosis_parts import MODEL, explanation, fit_of
 import haptic_teleop_sysid.diagnosis.doubt as doubt_module
 import haptic_teleop_sysid.diagnosis.overruled as overruled_module
 import haptic_teleop_sysid.diagnosis.policy as policy
+import haptic_teleop_sysid.diagnosis.search as search_module
 import haptic_teleop_sysid.diagnosis.second_opinion as second_module
+import haptic_teleop_sysid.diagnosis.verdict as verdict_module
 from haptic_teleop_sim.model import Effect
 from haptic_teleop_sysid.diagnosis.adequacy import Adequacy, short_of
 from haptic_teleop_sysid.diagnosis.columns import Number, moved
 from haptic_teleop_sysid.diagnosis.decide import Choice, choose, significant
 from haptic_teleop_sysid.diagnosis.diagnose import unharmful
+from haptic_teleop_sysid.diagnosis.reasons import Doubt
 from haptic_teleop_sysid.diagnosis.residual import Condition
 from haptic_teleop_sysid.diagnosis.search import SearchResult
 from haptic_teleop_sysid.diagnosis.verdict import structured
@@ -47,6 +50,16 @@ def result_of(*choices, last_round=()):
 def test_what_an_effect_must_gain(here, elsewhere, believed):
     found = choose([explanation("coulomb_friction", here, elsewhere)], 0.0, False)
     assert (found is not None) == believed
+
+
+@pytest.mark.parametrize(("worth", "falls"), [(11.0, True), (13.0, False)])
+def test_a_first_effect_is_worth_as_much_beside_the_second(monkeypatch, worth, falls):
+    second = explanation("coulomb_friction", 100.0, 100.0)
+    second = replace(second, fit=replace(second.fit, log_likelihood=500.0))
+    alone = replace(second.fit, log_likelihood=500.0 - worth)
+    monkeypatch.setattr(search_module, "_without_first", lambda *_: alone)
+    monkeypatch.setattr(search_module, "judged", lambda baseline, fits, *_: [replace(second, fit=fits[0])])
+    assert bool(search_module._alone(fit_of(), Choice(second, 1.0), [], [], None, {})) == falls
 
 
 @pytest.mark.parametrize(("errors", "differs"), [(2.7, False), (3.3, True)])
@@ -171,6 +184,14 @@ def test_a_name_explains_half(explains, kept):
     folds = SimpleNamespace(adequacies=lambda group: [explains for _ in group])
     heard = SimpleNamespace(witness=SimpleNamespace(folds=folds))
     assert (overruled_module.inadequate(result_of(choice), heard) is None) == kept
+
+
+@pytest.mark.parametrize(("explains", "place"), [(0.53, "stage1_motor"), (0.47, "stage1_arm")])
+def test_the_place_of_a_name_that_was_given_up_is_told_where_it_explains_half(monkeypatch, explains, place):
+    monkeypatch.setattr(verdict_module, "_largest", lambda *_: ("stage1_arm", 0.8))
+    monkeypatch.setattr(verdict_module, "explained_torque", lambda *_: explains)
+    doubt = Doubt(Choice(explanation("coulomb_friction", 100.0, 100.0), 1.0), "for a reason")
+    assert verdict_module._doubtful_place(doubt, result_of(), [], [])["equation"] == place
 
 
 @pytest.mark.parametrize(
