@@ -14,7 +14,7 @@ from matplotlib.figure import Figure
 
 from haptic_teleop_sim.effects.on_arrays import NUMERIC
 from haptic_teleop_sim.effects.symbols import namespaces
-from haptic_teleop_sim.effects.torque_map import torque_map
+from haptic_teleop_sim.effects.torque_map_file import torque_map
 
 PERIOD, DT, TURNS = 2.0, 2e-4, 2
 AMPLITUDE, DEFLECTION, STIFFNESS, TORQUE = 1.0, 0.05, 4.0, 1.0

@@ -28,8 +28,8 @@ API = {
         CONTROL: "recording.series recording.reader recording.quality recording.writer",
     },
     "Simulation": {
-        SIM: "model plant plant_bank kernel.simulate effects.entry effects.registry sfj_robot omni_robot "
-        "operators experiments lockstep emulation mujoco_robot",
+        SIM: "model plant plant_bank kernel.simulate effects.entry effects.parameter effects.registry "
+        "sfj_robot omni_robot operators experiments lockstep emulation mujoco_robot",
     },
     "Identification": {
         SYSID: "dataset windows fit parameter_fit comparison residuals channels time_grid logs.mapping "

@@ -21,11 +21,10 @@ from haptic_teleop_sysid.blind.bags import record
 from haptic_teleop_sysid.blind.cases import Case, draw_case
 from haptic_teleop_sysid.blind.effects import PLACES
 from haptic_teleop_sysid.blind.robot import PERIOD
+from haptic_teleop_sysid.discovery.drawing import LATER
 
 #: The case: a second stage with play in its joint, and 9 (logs) and 5 (recordings) of its 24 s.
 SEED, KIND, INDEX, SECONDS, RECORDED = 1, "single", 163, 9.0, 5.0
-#: Effects that came to the benchmark later and that it was not drawn from.
-LATER = ("angle_dependent_inertia", "torque_speed_limit")
 FILES = ("learn.csv", "check.csv")
 HEADER = "time [s],torque 2 [Nm],motor angle 2 [deg],arm angle 2 [deg]"
 

@@ -11,7 +11,7 @@ import haptic_teleop_sysid.diagnosis.shadows as shadows_module
 from haptic_teleop_sim.effects import EFFECTS
 from haptic_teleop_sim.model import Effect
 from haptic_teleop_sysid.diagnosis.candidates import candidates, plain_start
-from haptic_teleop_sysid.diagnosis.plain import LARGE, plain
+from haptic_teleop_sysid.diagnosis.plain import plain
 from haptic_teleop_sysid.diagnosis.scales import recording_scales, within_reach
 from haptic_teleop_sysid.diagnosis.shadows import _at_rest, shadows, with_shadows
 from haptic_teleop_sysid.diagnosis.trials import polish, with_contact
@@ -33,8 +33,10 @@ def test_a_constant_torque_is_fitted_from_nothing(pulled):
     scales, limits = recording_scales(MODEL, pulled), within_reach(MODEL)
     fits = plain(MODEL, pulled, scales, limits, nothing)
     tried = {(f.model.effects[0].effect, f.model.effects[0].location) for f in fits}
-    large = {*LARGE, *(name for name, entry in EFFECTS.items() if entry.large)}
-    expected = {(e.effect, e.location) for e in candidates(MODEL, pulled, scales, {}) if e.effect in large}
+    expected = {(e.effect, e.location) for e in candidates(MODEL, pulled, scales, {}) if e.entry.large}
+    # A torque that always pulls, friction and a late torque are among them; what only bends a curve is not.
+    assert {"constant_torque", "coulomb_friction", "input_delay"} <= {name for name, _ in tried}
+    assert not {"torque_ripple", "hardening_spring"} & {name for name, _ in tried}
     assert tried == expected
     best = max(fits, key=lambda f: f.log_likelihood)
     found = next(
@@ -49,8 +51,9 @@ def test_a_constant_torque_is_fitted_from_nothing(pulled):
 
 def test_plain_starts_lie_within_bounds_and_stops_at_either_end(pulled):
     scales = recording_scales(MODEL, pulled)
-    for name in LARGE:
-        entry = EFFECTS[name]
+    for name, entry in EFFECTS.items():
+        if not entry.large:
+            continue
         for place in entry.where:
             several = plain_start(entry, scales, place)
             assert len(several) == {"hard_stop": 2, "input_delay": 3}.get(name, 1)

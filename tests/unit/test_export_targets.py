@@ -13,7 +13,7 @@ from joint_recordings import TRUTH, excitation, response
 from haptic_teleop_control.errors import ModelError
 from haptic_teleop_sim import mujoco_robot
 from haptic_teleop_sim.effects import EFFECTS, locations
-from haptic_teleop_sim.effects.torque_map import torque_map
+from haptic_teleop_sim.effects.torque_map_file import torque_map
 from haptic_teleop_sim.export import mjcf_export, python_export, urdf_export
 from haptic_teleop_sim.export.mujoco_run import run_in_mujoco
 from haptic_teleop_sim.kernel import simulate

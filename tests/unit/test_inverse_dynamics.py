@@ -12,7 +12,6 @@ from haptic_teleop_sysid.diagnosis.inverse_dynamics.motion import banded, motion
 from haptic_teleop_sysid.diagnosis.inverse_dynamics.terms import Hypothesis, turning
 from haptic_teleop_sysid.diagnosis.inverse_dynamics.witness import witness
 from haptic_teleop_sysid.diagnosis.scales import recording_scales
-from haptic_teleop_sysid.diagnosis.second_opinion import AN_EFFECT
 from haptic_teleop_sysid.estimation.records import Record
 
 
@@ -24,7 +23,7 @@ def best(found):
     """The group that gains most by each further effect."""
     kept = found.structure
     for level in found.levels:
-        if level[0].gain > kept.gain + AN_EFFECT * (len(level[0].effects) - len(kept.effects)):
+        if level[0].gain > kept.gain + 6.0 * (len(level[0].effects) - len(kept.effects)):
             kept = level[0]
     return kept
 

@@ -7,7 +7,6 @@ from identification_plants import STAGE, stage_recording
 from haptic_teleop_sim.model import Effect
 from haptic_teleop_sysid.dataset import load_dataset
 from haptic_teleop_sysid.diagnosis import doubt
-from haptic_teleop_sysid.diagnosis.doubt import CHANGES, CHANGES_GAIN
 from haptic_teleop_sysid.diagnosis.modulation import (
     JUST_AFTER,
     LONGEST_REST,
@@ -52,7 +51,7 @@ def test_what_it_is_keeps_its_size(effect):
 
 def test_friction_that_grows_with_the_angle_is_told_by_it():
     here, elsewhere = changing(UNEVEN, FRICTION)
-    what, share = changes_with(here, elsewhere, CHANGES, CHANGES_GAIN)[0]
+    what, share = changes_with(here, elsewhere, 0.3, 30.0)[0]
     assert what == "motor angle"
     # The relative amplitude (7/8) times the spread of sin(6 q) over an angle of some tenths of a radian.
     assert 0.3 < share < 0.9
@@ -93,9 +92,9 @@ def test_rests_are_counted_before_the_motion_that_follows():
 
 def test_what_happens_for_moments_needs_to_change_the_mean_but_little():
     ages = {RESTED: Modulation(0.02, 40.0), "time": Modulation(0.02, 40.0)}
-    assert changes_with(ages, ages, CHANGES, CHANGES_GAIN) == [(RESTED, 0.02)]
+    assert changes_with(ages, ages, 0.3, 30.0) == [(RESTED, 0.02)]
     by_chance = {RESTED: Modulation(0.02, 8.0)}
-    assert not changes_with(ages, by_chance, CHANGES, CHANGES_GAIN)
+    assert not changes_with(ages, by_chance, 0.3, 30.0)
 
 
 @pytest.mark.parametrize(("by_rounding", "told"), [(0.10, None), (-0.10, None), (0.01, (RESTED, 0.15))])

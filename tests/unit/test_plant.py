@@ -5,7 +5,7 @@ import pytest
 from plants import flexible, rigid
 
 from haptic_teleop_sim.effects import EFFECTS
-from haptic_teleop_sim.effects.torque_map import torque_map
+from haptic_teleop_sim.effects.torque_map_file import torque_map
 from haptic_teleop_sim.kernel import simulate
 from haptic_teleop_sim.model import Effect
 from haptic_teleop_sim.plant import Plant

@@ -10,7 +10,8 @@ from scipy.integrate import solve_ivp
 from scipy.interpolate import PchipInterpolator
 
 from haptic_teleop_control.robots import SFJ_STAGES
-from haptic_teleop_sim.effects.torque_map import QUANTITIES, TorqueMap, torque_map
+from haptic_teleop_sim.effects.torque_map import QUANTITIES, TorqueMap
+from haptic_teleop_sim.effects.torque_map_file import torque_map
 from haptic_teleop_sim.export import mjcf_export, python_export, urdf_export
 from haptic_teleop_sim.hardware import SfjRobot, SfjSettings, stage_hardware
 from haptic_teleop_sim.kernel import pack, predict, simulate

@@ -17,7 +17,8 @@ from haptic_teleop_control.errors import ModelError
 from haptic_teleop_control.strict_yaml import dump_yaml, parse_yaml, yaml_problem
 
 from .effects import EFFECTS, EffectEntry, effect_entry, locations
-from .effects.torque_map import TorqueMap, torque_map
+from .effects.torque_map import TorqueMap
+from .effects.torque_map_file import torque_map
 
 STRUCTURES: dict[str, tuple[str, ...]] = {
     "flexible_joint": (

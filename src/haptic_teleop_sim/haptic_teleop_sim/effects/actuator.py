@@ -14,7 +14,9 @@ from typing import Any
 
 from haptic_teleop_control.compiled import njit
 
-from .entry import EffectEntry, EffectParameter
+from .entry import EffectEntry
+from .hypothesis import Equivalent, Numbers, Recorded, drifts, late, noticeable
+from .parameter import EffectParameter
 
 #: Samples of memory of a delay: 256 at 500 Hz are half a second.
 DELAY_MEMORY = 256
@@ -78,6 +80,7 @@ def delay_step(torque, time, dt, p, k, z, o):
 def _duration(
     name: str, meaning: str, typical: float, maximum: float, hills: bool = False
 ) -> EffectParameter:
+    """A time between command and torque, s."""
     return EffectParameter(
         name,
         "s",
@@ -87,7 +90,19 @@ def _duration(
         typical=typical,
         grid=(0.5 * typical, 2.0 * typical, 5.0 * typical),
         hills=hills,
+        in_current="time",
     )
+
+
+def _as_early_stamp(p: Numbers) -> dict[str, float]:
+    """A torque that is late has a command that is stamped early."""
+    return {"delay": -p["delay"]} if p["delay"] != 0.0 else {}
+
+
+def _limits_at_speed(p: Numbers, on: Recorded) -> bool:
+    """Within the speeds that were reached it takes away some of the torque that was asked for."""
+    lost = p["slope"] * on.size["fastest"]
+    return lost > 0.02 * on.size["peak"] and p["limit"] - lost < on.size["peak"]
 
 
 GAIN_ERROR = EffectEntry(
@@ -101,6 +116,14 @@ GAIN_ERROR = EffectEntry(
     ),
     sentence="the actuator gives more (or less) torque than its nominal constant says",
     step=gain_step,
+    condition="input",
+    follows="input",
+    same_as="torque_constant",
+    mistaken=(
+        "stiffness",
+        "a stiffness that is believed and off by as much, and with it all inertias and dampings, would look "
+        "the same: measure it once more",
+    ),
 )
 GAIN_DRIFT = EffectEntry(
     name="gain_drift",
@@ -128,6 +151,9 @@ GAIN_DRIFT = EffectEntry(
     ),
     sentence="the torque per current changes in the course of the recording, as a warming motor's does",
     step=gain_drift_step,
+    condition="input and time",
+    follows="",
+    practical=drifts,
 )
 TORQUE_SATURATION = EffectEntry(
     name="torque_saturation",
@@ -145,11 +171,18 @@ TORQUE_SATURATION = EffectEntry(
             # A limit that only the highest peaks reach cuts little, and a fit sees nothing of it from above.
             grid=(0.99, 0.96, 0.92, 0.87, 0.8, 0.7, 0.6, 0.5, 0.35, 0.2),
             neutral=math.inf,
+            in_current="peak",
         ),
     ),
     sentence="the actuator gives no more than a certain torque",
     step=saturation_step,
+    condition="large inputs",
+    follows="input",
+    practical=lambda p, on: p["limit"] < on.size["peak"],
+    large=True,
 )
+
+
 def _within_speed_limit(s: Any, p: Any) -> Any:
     """The input held between what is left at this speed in either direction; braking has all of it."""
     ahead = s.positive_part(p.limit - p.slope * s.positive_part(s.velocity))
@@ -191,11 +224,7 @@ TORQUE_SPEED_LIMIT = EffectEntry(
     condition="large inputs at speed",
     form_of="torque_saturation",
     large=True,
-    # Within the speeds that were reached it takes away some of the torque that was asked for.
-    practical=lambda p, size, span: (
-        p["slope"] * size["fastest"] > 0.02 * size["peak"]
-        and p["limit"] - p["slope"] * size["fastest"] < size["peak"]
-    ),
+    practical=_limits_at_speed,
 )
 DEAD_ZONE = EffectEntry(
     name="dead_zone",
@@ -210,10 +239,15 @@ DEAD_ZONE = EffectEntry(
             typical=0.4,
             scale="torque",
             grid=(0.2, 0.6, 1.2),
+            in_current="rms",
         ),
     ),
     sentence="small commanded torques have no effect",
     step=dead_zone_step,
+    condition="small inputs",
+    follows="input",
+    practical=noticeable("width", times=2),
+    large=True,
 )
 ACTUATOR_LAG = EffectEntry(
     name="actuator_lag",
@@ -224,6 +258,10 @@ ACTUATOR_LAG = EffectEntry(
     step=lag_step,
     states=2,
     spread=True,
+    condition="changes of the input",
+    follows="",
+    practical=late("time_constant"),
+    large=True,
 )
 INPUT_DELAY = EffectEntry(
     name="input_delay",
@@ -234,6 +272,13 @@ INPUT_DELAY = EffectEntry(
     step=delay_step,
     states=DELAY_MEMORY + 1,
     spread=True,
+    condition="changes of the input",
+    follows="",
+    separated=(("actuator_lag", "excite up to frequencies above 1 / (2 delay)"),),
+    practical=late("delay"),
+    families=("late torque",),
+    equivalents=(Equivalent("channel_skew", ("actuator",), _as_early_stamp),),
+    large=True,
 )
 
 ENTRIES = (

@@ -9,65 +9,17 @@ from here.
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from typing import Any, Literal
+
+from .hypothesis import Equivalent, Practical, Refinement
+from .parameter import CONTACT, EffectParameter
 
 Kind = Literal[
     "torque", "friction", "friction_factor", "inertia", "relative_inertia", "input", "output", "skew"
 ]
 Place = Literal["motor", "arm", "joint", "actuator", "motor_encoder", "arm_encoder"]
-
-#: Displacement (rad) over which dry friction turns round when the motion does, unless a model says otherwise:
-#: so small that it counts as a sticking contact, large enough to integrate. Of a joint that moves by about a
-#: radian: a model in other units states its own, and diagnosis takes what fits the recording.
-STICTION_ANGLE = 2e-5
-
-
-@dataclass(frozen=True)
-class EffectParameter:
-    """One number of an effect.
-
-    ``unit`` is the unit for a rotary joint; ``typical`` is the size at which the effect is neither negligible
-    nor absurd, relative to the scales that diagnosis measures on a recording (see ``scale``): a torque of
-    0.2 means 20 % of the rms input torque.  ``grid`` lists values worth trying as a start when the effect
-    depends on the parameter in a non-convex way (an order, a width); where they would have to lie too dense
-    for that, ``scan`` says along which scale diagnosis seeks them on a recording; ``hills``: from each of
-    them a fit climbs another hill, so that one that knows nothing starts from all.  A parameter with a
-    ``default`` is optional: left out of a model file it keeps the default and is not estimated.
-    """
-
-    name: str
-    unit: str
-    meaning: str
-    minimum: float = -math.inf
-    maximum: float = math.inf
-    typical: float = 0.1
-    scale: Literal[
-        "torque",
-        "peak",
-        "angle",
-        "deflection",
-        "velocity",
-        "stiffness",
-        "torque_per_angle",
-        "damping",
-        "inertia",
-        "drag",
-        "peak_per_speed",
-        "fastest",
-        "cubic",
-        "steep",
-        "duration",
-        "furthest",
-        "one",
-    ] = "one"
-    grid: tuple[float, ...] = ()
-    default: float | None = None
-    neutral: float | None = 0.0
-    hills: bool = False
-    scan: Literal["", "order", "frequency", "furthest", "within"] = ""
 
 
 @dataclass(frozen=True)
@@ -102,14 +54,26 @@ class EffectEntry:
     physics. A ``momentary`` effect may show at one moment of a recording only. ``unnamed`` physics is not in
     the contract's table: where it explains more than any name, the verdict is `unknown`.
     ``motor_of_rigid_body``: the motor is its place where nothing hangs on a joint. ``needs``: what a
-    recording must have for the effect to show, in words; ``condition``: what it depends on, in words, with
-    ``{q}`` and ``{v}`` for angle and velocity; ``form_of``: the effect that it is a richer form of;
-    ``large``: it may be so large that structure and noise make up for it; ``practical(p, size, span)``:
-    whether it deserves its name at these parameters where typical sizes are ``size`` (by the names of
-    ``scale``) and its place moved over ``span``, rad. ``tabulated``: its numbers are a `TorqueMap` beside the
-    parameters, which is held fixed, and ``compiled`` (value, and value with derivatives) evaluates it.
-    ``versatile``: it bends to much that it is not, and is not believed where what it leaves follows its own
-    quantity.
+    recording must have for the effect to show, in words. ``tabulated``: its numbers are a `TorqueMap` beside
+    the parameters, which is held fixed, and ``compiled`` (value, and value with derivatives) evaluates it.
+
+    What those read who look for it on recordings (see also ``hypothesis.py``):
+
+    - how it reads: ``sentence``; ``condition``: what it depends on, in words, with ``{q}`` and ``{v}`` for
+      angle and velocity, and ``condition_at``: what else at a place; ``follows``: the quantity against which
+      its law is drawn, "" for none; ``separated``: by which experiment it is told from another effect (names
+      and words); ``mistaken``: the parameter of the structure that, held at a wrong value, would look the
+      same, and the words of that warning;
+    - ``practical(p, on)``: whether it deserves its name at these parameters on such recordings (`Recorded`);
+    - ``families``: only one of those that share one is tried at a place, they are forms of one thing;
+      ``form_of``: the effect that it is a richer form of; ``refinement``: how it is fitted from a plainer
+      one; ``equivalents``: what looks the same, and when; ``same_as``: the parameter of the structure that it
+      cannot be told from where that is estimated;
+    - ``large``: it may be so large that structure and noise make up for it; ``versatile``: it bends to much
+      that it is not, and is not believed where what it leaves follows its own quantity; ``at_rest(p)``: the
+      torque that it exerts at angle zero, N·m, for what loads a joint at rest, and ``companion``: the
+      nuisance that goes with that; ``prior(place, sense_follows)``: how likely it is before looking, where
+      that is not 1.
     """
 
     name: str
@@ -134,16 +98,36 @@ class EffectEntry:
     momentary: bool = False
     unnamed: bool = False
     needs: str = ""
+    tabulated: bool = False
     condition: str = ""
+    condition_at: tuple[tuple[Place, str], ...] = ()
+    follows: Literal["", "velocity", "angle", "deflection", "input"] = "velocity"
+    separated: tuple[tuple[str, str], ...] = ()
+    mistaken: tuple[str, str] | None = None
+    practical: Practical | None = None
+    families: tuple[str, ...] = ()
     form_of: str = ""
+    refinement: Refinement | None = None
+    equivalents: tuple[Equivalent, ...] = ()
+    same_as: str = ""
     large: bool = False
     versatile: bool = False
-    tabulated: bool = False
-    practical: Callable[[dict[str, float], dict[str, float], float], bool] | None = None
+    at_rest: Callable[[dict[str, float]], float] | None = None
+    companion: str = ""
+    prior: Callable[[str, bool], float] | None = None
 
     def __post_init__(self) -> None:
         if self.equation is not None and self.rates and self.states == 0:
             object.__setattr__(self, "states", len(self.rates))
+
+    @property
+    def contact(self) -> str:
+        """Name of the parameter that says how far its contact gives; "" for an effect that states none."""
+        return CONTACT[0].name if self.memory == "direction" else ""
+
+    def condition_in(self, place: str) -> str:
+        """What it depends on at a place, in words; "" where its entry does not say."""
+        return next((words for at, words in self.condition_at if at == place), self.condition)
 
     @property
     def parameter_names(self) -> tuple[str, ...]:

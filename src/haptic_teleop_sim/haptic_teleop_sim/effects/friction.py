@@ -2,33 +2,13 @@
 
 from __future__ import annotations
 
-from .entry import STICTION_ANGLE, EffectEntry, EffectParameter
+from .entry import EffectEntry
+from .friction_forms import differs, falling, falls, gives, giving, grows, rippled, sided, varies
+from .hypothesis import Refinement, drifts, noticeable
+from .parameter import CONTACT, EffectParameter
 
-_SMOOTHING = EffectParameter(
-    "smoothing",
-    "rad/s",
-    "velocity within which the sign of the velocity is smoothed, 1/beta of equation 22; "
-    "0: friction that sticks",
-    minimum=0.0,
-    default=0.0,
-    neutral=None,
-    scale="velocity",
-)
-
-
-#: What every dry friction may state beside its own parameters.
-_CONTACT = (
-    EffectParameter(
-        "contact_angle",
-        "rad",
-        "displacement over which the contact gives before it slides",
-        minimum=1e-12,
-        default=STICTION_ANGLE,
-        neutral=None,
-        scale="one",
-    ),
-    _SMOOTHING,
-)
+#: All forms of dry friction: one at a place.
+_DRY = ("dry friction",)
 
 
 def _rate(torque: float, p: dict[str, float]) -> tuple[float, float]:
@@ -46,11 +26,20 @@ COULOMB = EffectEntry(
     name="coulomb_friction",
     kind="friction",
     where=("motor", "arm"),
-    parameters=(_torque("torque", "friction torque while sliding"), *_CONTACT),
+    parameters=(_torque("torque", "friction torque while sliding"), *CONTACT),
     sentence="a dry friction torque of constant size opposes the motion",
     equation=lambda s, p: -p.torque * s.direction,
     rate=lambda p, ks: _rate(p["torque"], p),
     memory="direction",
+    condition="sign of {v}",
+    separated=(
+        ("stribeck_friction", "move three times as far and through zero very slowly"),
+        ("asymmetric_friction", "hold constant speeds in both directions"),
+        ("presliding_friction", "move below breakaway first, then slide"),
+    ),
+    practical=noticeable("torque"),
+    families=_DRY,
+    large=True,
 )
 
 STRIBECK = EffectEntry(
@@ -70,7 +59,7 @@ STRIBECK = EffectEntry(
             grid=(0.05, 0.2, 0.6),
             neutral=None,
         ),
-        *_CONTACT,
+        *CONTACT,
     ),
     sentence="dry friction is largest where the motion starts and falls with speed (equation 22)",
     equation=lambda s, p: (
@@ -78,6 +67,11 @@ STRIBECK = EffectEntry(
     ),
     rate=lambda p, ks: _rate(max(p["breakaway"], p["coulomb"]), p),
     memory="direction",
+    condition="{v} near reversal",
+    practical=falls,
+    families=_DRY,
+    refinement=Refinement("coulomb_friction", falling),
+    large=True,
 )
 
 ASYMMETRIC = EffectEntry(
@@ -87,7 +81,7 @@ ASYMMETRIC = EffectEntry(
     parameters=(
         _torque("positive", "friction torque while moving in the positive direction"),
         _torque("negative", "friction torque while moving in the negative direction", 0.1),
-        *_CONTACT,
+        *CONTACT,
     ),
     sentence="dry friction differs between the two directions of motion",
     equation=lambda s, p: (
@@ -95,6 +89,10 @@ ASYMMETRIC = EffectEntry(
     ),
     rate=lambda p, ks: _rate(2 * max(p["positive"], p["negative"]), p),
     memory="direction",
+    condition="direction of {v}",
+    practical=differs,
+    families=_DRY,
+    refinement=Refinement("coulomb_friction", sided),
 )
 
 PRESLIDING = EffectEntry(
@@ -119,6 +117,11 @@ PRESLIDING = EffectEntry(
     equation=lambda s, p: -p.torque * s.direction,
     rate=lambda p, ks: (abs(p["stiffness"]), 0.0),
     memory="ratio",
+    condition="displacement since the last reversal",
+    practical=gives,
+    families=_DRY,
+    refinement=Refinement("coulomb_friction", giving),
+    large=True,
 )
 
 QUADRATIC_DRAG = EffectEntry(
@@ -137,6 +140,9 @@ QUADRATIC_DRAG = EffectEntry(
     ),
     sentence="a drag that grows with the square of the speed opposes the motion",
     equation=lambda s, p: -p.coefficient * s.velocity * s.abs(s.velocity),
+    condition="{v} squared",
+    separated=(("coulomb_friction", "drive at three times the speed"),),
+    large=True,
 )
 
 POSITION_DEPENDENT = EffectEntry(
@@ -144,7 +150,15 @@ POSITION_DEPENDENT = EffectEntry(
     kind="friction",
     where=("motor", "arm"),
     parameters=(
-        _torque("torque", "mean friction torque"),
+        EffectParameter(
+            "torque",
+            "N*m",
+            "mean friction torque",
+            minimum=0.0,
+            typical=0.2,
+            scale="torque",
+            steady=True,
+        ),
         EffectParameter(
             "amplitude",
             "N*m",
@@ -164,13 +178,20 @@ POSITION_DEPENDENT = EffectEntry(
             neutral=None,
             scan="order",
         ),
-        EffectParameter("phase", "rad", "phase at zero angle", typical=0.5, neutral=None, default=0.0),
-        *_CONTACT,
+        EffectParameter(
+            "phase", "rad", "phase at zero angle", typical=0.5, neutral=None, default=0.0, turns="phase"
+        ),
+        *CONTACT,
     ),
     sentence="dry friction varies with the angle",
     equation=lambda s, p: -(p.torque + p.amplitude * s.sin(p.order * s.position + p.phase)) * s.direction,
     rate=lambda p, ks: _rate(p["torque"] + p["amplitude"], p),
     memory="direction",
+    condition="{q} while moving",
+    follows="angle",
+    practical=varies,
+    families=_DRY,
+    refinement=Refinement("coulomb_friction", rippled),
 )
 
 DRIFT = EffectEntry(
@@ -200,6 +221,8 @@ DRIFT = EffectEntry(
     ),
     sentence="friction changes in the course of the recording, as a drive does that warms up",
     equation=lambda s, p: 1 + p.change * (1 - s.exp(-s.time / p.time_constant)),
+    condition="time",
+    practical=drifts,
 )
 
 LOAD_DEPENDENT = EffectEntry(
@@ -215,13 +238,16 @@ LOAD_DEPENDENT = EffectEntry(
             maximum=100.0,
             typical=0.15,
         ),
-        *_CONTACT,
+        *CONTACT,
     ),
     sentence="friction grows with the torque that the transmission carries",
     equation=lambda s, p: -p.coefficient * s.abs(s.stiffness * s.deflection) * s.direction,
     rate=lambda p, ks: _rate(0.2 * p["coefficient"] * ks, p),
     memory="direction",
     rigid_body=False,
+    condition="joint torque while moving",
+    practical=grows,
+    large=True,
 )
 
 ENTRIES = (

@@ -4,7 +4,24 @@ from __future__ import annotations
 
 import math
 
-from .entry import EffectEntry, EffectParameter
+from .entry import EffectEntry
+from .hypothesis import Numbers, Recorded, bends, noticeable
+from .parameter import EffectParameter
+
+#: Cycles per sample up to which a mode is one: near the sampling rate it is but another inertia or a filter;
+#: by hand.
+_FASTEST = 0.2
+
+
+def _changes(p: Numbers, on: Recorded) -> bool:
+    """A load that is one, and that changes neither at the beginning nor at the end."""
+    return abs(p["inertia"]) > 0.0003 * on.size["inertia"] and 0.02 < p["time"] / on.size["duration"] < 0.98
+
+
+def _swings(p: Numbers, on: Recorded) -> bool:
+    """Slow enough for the samples."""
+    return p["frequency"] * on.dt < _FASTEST
+
 
 BACKLASH = EffectEntry(
     name="backlash",
@@ -25,6 +42,11 @@ BACKLASH = EffectEntry(
     sentence="the coupling has play: within a gap it carries no torque",
     equation=lambda s, p: s.stiffness * (s.dead_band(s.position, p.width) - s.position),
     rigid_body=False,
+    condition="deflection near zero",
+    follows="deflection",
+    separated=(("hardening_spring", "sweep the deflection's amplitude, with and without a bias torque"),),
+    practical=lambda p, on: p["width"] > on.coarsest,
+    large=True,
 )
 
 HARDENING = EffectEntry(
@@ -40,6 +62,8 @@ HARDENING = EffectEntry(
     equation=lambda s, p: p.cubic * s.position**3,
     rate=lambda p, ks: (abs(p["cubic"]) * 0.3, 0.0),
     rigid_body=False,
+    condition="deflection",
+    follows="deflection",
 )
 
 HYSTERESIS = EffectEntry(
@@ -66,6 +90,10 @@ HYSTERESIS = EffectEntry(
     rate=lambda p, ks: (abs(p["torque"]) / p["displacement"], 0.0),
     memory="displacement",
     rigid_body=False,
+    condition="deflection and its direction",
+    follows="deflection",
+    practical=noticeable("torque"),
+    large=True,
 )
 
 JOINT_DAMPING = EffectEntry(
@@ -86,6 +114,7 @@ JOINT_DAMPING = EffectEntry(
     equation=lambda s, p: p.coefficient * s.velocity,
     rate=lambda p, ks: (0.0, abs(p["coefficient"])),
     rigid_body=False,
+    condition="rate of deflection",
 )
 
 PRELOAD = EffectEntry(
@@ -124,6 +153,8 @@ INERTIAL_COUPLING = EffectEntry(
     equation=lambda s, p: -p.coefficient * s.exogenous,
     exogenous="other_arm_acceleration",
     rigid_body=False,
+    condition="acceleration of the other stage",
+    large=True,
 )
 
 PAYLOAD_CHANGE = EffectEntry(
@@ -150,6 +181,9 @@ PAYLOAD_CHANGE = EffectEntry(
     sentence="the load changes in the course of the recording",
     # Attached within some 50 ms: a step in time would have no derivative by its time.
     equation=lambda s, p: p.inertia * (1 + s.tanh((s.time - p.time) / 0.025)) / 2,
+    condition="time",
+    separated=(("friction_drift", "record again with and without the load"),),
+    practical=_changes,
 )
 
 ANGLE_DEPENDENT_INERTIA = EffectEntry(
@@ -178,7 +212,9 @@ ANGLE_DEPENDENT_INERTIA = EffectEntry(
             neutral=None,
             scan="order",
         ),
-        EffectParameter("phase", "rad", "phase at zero angle", typical=0.5, default=0.0, neutral=None),
+        EffectParameter(
+            "phase", "rad", "phase at zero angle", typical=0.5, default=0.0, neutral=None, turns="phase"
+        ),
     ),
     sentence="the inertia varies with the angle, as that of a linkage or of an arm that folds does",
     # J (1 + a cos(n q + phase)); its torque -J'(q) dq^2 / 2 comes with the kind.
@@ -187,8 +223,7 @@ ANGLE_DEPENDENT_INERTIA = EffectEntry(
     needs="travel over a good part of a cycle, with acceleration or speed throughout",
     condition="{q}, with acceleration and {v} squared",
     versatile=True,
-    # A sine of which less than a quarter was seen is a slope, not an order.
-    practical=lambda p, size, span: p["amplitude"] > 0.005 and p["order"] * span > math.pi / 2,
+    practical=lambda p, on: p["amplitude"] > 0.005 and bends(p, on),
 )
 
 EXTRA_MODE = EffectEntry(
@@ -243,6 +278,8 @@ EXTRA_MODE = EffectEntry(
         2 * math.pi * p["frequency"] * (1 + 2 * p["damping_ratio"]),
     ),
     rigid_body=False,
+    condition="frequency",
+    practical=_swings,
 )
 
 ENTRIES = (

@@ -4,7 +4,52 @@ from __future__ import annotations
 
 import math
 
-from .entry import EffectEntry, EffectParameter
+from .entry import EffectEntry
+from .hypothesis import SMALL_TORQUE, Equivalent, Numbers, Recorded, bends, noticeable
+from .parameter import EffectParameter
+
+#: Least stiffness of a stop as a share of the joint's (of a rigid axis: of torque per angle): what gives way
+#: far more than the joint itself stops nothing, it is a spring; by hand.
+_A_STOP = 0.1
+#: A pull towards an angle: gravity or a spring.
+_PULL = ("pull towards an angle",)
+_SMALL_ANGLES = "over a small angle"
+_HARDLY_MOVING = "where the angle hardly changes"
+_AT_REST = "where the deflection hardly changes, with a preload of the joint"
+_BOTH = ("motor", "arm")
+
+
+def _as_spring(p: Numbers) -> dict[str, float]:
+    """Gravity over small angles, as a spring: it hangs, it does not stand."""
+    if math.cos(p["phase"]) <= 0.1:
+        return {}
+    return {"stiffness": p["torque"] * math.cos(p["phase"]), "rest": -math.tan(p["phase"])}
+
+
+def _as_gravity(p: Numbers) -> dict[str, float]:
+    """A spring over small angles, as gravity: T sin(q + phase) is k (q - rest)."""
+    return {"torque": p["stiffness"] * math.hypot(1.0, p["rest"]), "phase": math.atan(-p["rest"])}
+
+
+def _as_gravity_aside(p: Numbers) -> dict[str, float]:
+    """A constant torque as gravity whose arm lies level."""
+    return {"torque": abs(p["torque"]), "phase": -math.copysign(math.pi / 2.0, p["torque"])}
+
+
+def _ripples(p: Numbers, on: Recorded) -> bool:
+    """A noticeable amplitude, of a sine of which enough was seen."""
+    return p["amplitude"] > SMALL_TORQUE * on.size["torque"] and bends(p, on)
+
+
+def _stops(p: Numbers, on: Recorded) -> bool:
+    """The motion reaches it, and it is hard enough to stop anything."""
+    reach = on.highest if p["angle"] > 0 else on.lowest
+    return (
+        abs(reach) > abs(p["angle"])
+        and reach * p["angle"] > 0
+        and p["stiffness"] > _A_STOP * on.size["stiffness"]
+    )
+
 
 GRAVITY = EffectEntry(
     name="gravity",
@@ -29,12 +74,22 @@ GRAVITY = EffectEntry(
             typical=0.2,
             default=0.0,
             neutral=None,
+            turns="phase",
         ),
     ),
     sentence="gravity pulls at the centre of mass",
     equation=lambda s, p: -p.torque * s.sin(s.position + p.phase),
     rate=lambda p, ks: (abs(p["torque"]), 0.0),
     spring=lambda p: p["torque"] * math.cos(p["phase"]),
+    condition="{q}",
+    follows="angle",
+    separated=(("spring_to_ground", "move through more than 60 degrees, or rotate the base"),),
+    practical=noticeable("torque"),
+    families=_PULL,
+    equivalents=(Equivalent("spring_to_ground", _BOTH, _as_spring, condition=_SMALL_ANGLES),),
+    large=True,
+    at_rest=lambda p: -p["torque"] * math.sin(p["phase"]),
+    companion="joint_preload",
 )
 
 SPRING_TO_GROUND = EffectEntry(
@@ -51,13 +106,30 @@ SPRING_TO_GROUND = EffectEntry(
             minimum=0.0,
         ),
         EffectParameter(
-            "rest", "rad", "angle without torque", typical=0.1, default=0.0, neutral=None, scale="angle"
+            "rest",
+            "rad",
+            "angle without torque",
+            typical=0.1,
+            default=0.0,
+            neutral=None,
+            scale="angle",
+            turns="offset",
         ),
     ),
     sentence="a spring, or a stiff cable, pulls towards one angle",
     equation=lambda s, p: -p.stiffness * (s.position - p.rest),
     rate=lambda p, ks: (abs(p["stiffness"]), 0.0),
     spring=lambda p: p["stiffness"],
+    condition="{q}",
+    follows="angle",
+    families=_PULL,
+    equivalents=(
+        Equivalent("spring_to_ground", _BOTH, across=True, condition=_AT_REST),
+        Equivalent("gravity", ("arm",), _as_gravity, condition=_SMALL_ANGLES),
+    ),
+    large=True,
+    at_rest=lambda p: p["stiffness"] * p["rest"],
+    companion="joint_preload",
 )
 
 CONSTANT_TORQUE = EffectEntry(
@@ -69,6 +141,15 @@ CONSTANT_TORQUE = EffectEntry(
     ),
     sentence="a constant torque acts, in one direction",
     equation=lambda s, p: p.torque,
+    condition="always",
+    practical=noticeable("torque"),
+    equivalents=(
+        Equivalent("constant_torque", _BOTH, across=True, condition=_AT_REST),
+        Equivalent("gravity", ("arm",), _as_gravity_aside, condition=_HARDLY_MOVING),
+    ),
+    large=True,
+    at_rest=lambda p: p["torque"],
+    companion="joint_preload",
 )
 
 TORQUE_RIPPLE = EffectEntry(
@@ -90,11 +171,16 @@ TORQUE_RIPPLE = EffectEntry(
             neutral=None,
             scan="order",
         ),
-        EffectParameter("phase", "rad", "phase at zero angle", typical=0.5, default=0.0, neutral=None),
+        EffectParameter(
+            "phase", "rad", "phase at zero angle", typical=0.5, default=0.0, neutral=None, turns="phase"
+        ),
     ),
     sentence="the motor torque varies periodically with its angle (cogging, gear mesh)",
     equation=lambda s, p: p.amplitude * s.sin(p.order * s.position + p.phase),
     rate=lambda p, ks: (abs(p["amplitude"] * p["order"]), 0.0),
+    condition="{q}, periodically",
+    follows="angle",
+    practical=_ripples,
 )
 
 HARD_STOP = EffectEntry(
@@ -152,6 +238,10 @@ HARD_STOP = EffectEntry(
     ),
     # Penetration of 0.02 rad: 2 rad/s against 20 N*m/rad with 2 g*m^2; stiffer stops give way less.
     rate=lambda p, ks: (abs(p["stiffness"]), 0.02 * abs(p["stiffness"]) * p["dissipation"]),
+    condition="{q} at the stop",
+    follows="angle",
+    practical=_stops,
+    large=True,
 )
 
 ENTRIES = (GRAVITY, SPRING_TO_GROUND, CONSTANT_TORQUE, TORQUE_RIPPLE, HARD_STOP)

@@ -15,6 +15,9 @@ EFFECTS: dict[str, EffectEntry] = {
     for entry in module.ENTRIES
 }
 
+MEASURED: EffectEntry = next(entry for entry in EFFECTS.values() if entry.tabulated)
+"""The effect that is a measured torque in place of a name; result files call it so, too."""
+
 
 def effect_entry(name: str, source: str = "the model") -> EffectEntry:
     """The entry of that name; ModelError that names the nearest one when there is none."""

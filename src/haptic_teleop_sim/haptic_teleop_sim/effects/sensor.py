@@ -2,7 +2,45 @@
 
 from __future__ import annotations
 
-from .entry import EffectEntry, EffectParameter
+from .entry import EffectEntry
+from .hypothesis import Equivalent, Numbers, Recorded, late
+from .parameter import EffectParameter
+
+#: Least error of an encoder in its steps, which average out over many readings, and how much of its sine must
+#: have been seen, rad; by hand.
+_BELOW_RESOLUTION = 0.1
+_SOME_BEND = 0.6
+#: A reading that is late, by a delay or by its stamp; the same of a torque.
+LATE_READING, LATE_TORQUE = "late reading", "late torque"
+
+
+def _errs(p: Numbers, on: Recorded) -> bool:
+    """An error that the encoder's steps let through, of a sine of which enough was seen."""
+    return p["amplitude"] > _BELOW_RESOLUTION * on.resolution and p["order"] * on.span > _SOME_BEND
+
+
+def _if_late(p: Numbers) -> dict[str, float]:
+    """What is late by its stamp is late; nothing is early but a stamp."""
+    return {"delay": p["delay"]} if p["delay"] > 0.0 else {}
+
+
+def _if_early(p: Numbers) -> dict[str, float]:
+    """A command that is stamped early is answered late."""
+    return {"delay": -p["delay"]} if p["delay"] < 0.0 else {}
+
+
+def _as_stamp(p: Numbers) -> dict[str, float]:
+    """A delay as a stamp that is as late."""
+    return {"delay": p["delay"]} if p["delay"] != 0.0 else {}
+
+
+def _stamped_wrong(place: str, sense_follows: bool) -> float:
+    """Delays come from mechanisms before they come from wrong stamps, and a command whose measured current
+    follows it (``sense_follows``) was stamped right. By hand."""
+    if place == "actuator":
+        return 0.1 if sense_follows else 0.8
+    return 0.9
+
 
 ENCODER_SCALE = EffectEntry(
     name="encoder_scale",
@@ -15,6 +53,8 @@ ENCODER_SCALE = EffectEntry(
     ),
     sentence="the encoder reports angles by a constant factor too large or too small",
     equation=lambda s, p: p.scale * s.position,
+    condition="{q}",
+    practical=lambda p, on: abs(p["scale"] - 1.0) > 2e-5,
 )
 ENCODER_ECCENTRICITY = EffectEntry(
     name="encoder_eccentricity",
@@ -35,11 +75,15 @@ ENCODER_ECCENTRICITY = EffectEntry(
             neutral=None,
             scan="order",
         ),
-        EffectParameter("phase", "rad", "phase at zero angle", typical=0.5, default=0.0, neutral=None),
+        EffectParameter(
+            "phase", "rad", "phase at zero angle", typical=0.5, default=0.0, neutral=None, turns="phase"
+        ),
     ),
     sentence="the encoder's reading errs periodically with the angle, as an eccentric disc does",
     # Encoders are zeroed at the start of a recording near zero angle: the error there is zero by definition.
     equation=lambda s, p: s.position + p.amplitude * (s.sin(p.order * s.position + p.phase) - s.sin(p.phase)),
+    condition="{q}, periodically",
+    practical=_errs,
 )
 SENSOR_DELAY = EffectEntry(
     name="sensor_delay",
@@ -57,6 +101,10 @@ SENSOR_DELAY = EffectEntry(
         ),
     ),
     sentence="the encoder reports where the axis was a fixed time ago",
+    condition="velocity",
+    practical=late("delay"),
+    families=(LATE_READING,),
+    equivalents=(Equivalent("channel_skew", ("motor_encoder", "arm_encoder"), _as_stamp),),
 )
 CHANNEL_SKEW = EffectEntry(
     name="channel_skew",
@@ -71,9 +119,31 @@ CHANNEL_SKEW = EffectEntry(
             maximum=0.25,
             typical=0.01,
             grid=(-0.015, -0.005, 0.005, 0.015),
+            in_current="time",
         ),
     ),
     sentence="one recorded channel is stamped late or early against the others",
+    condition="velocity",
+    condition_at=(("actuator", "changes of the input"),),
+    separated=(
+        (
+            "sensor_delay",
+            "no recording of these channels can tell them apart: put one and the same signal (a tap on the "
+            "arm with a time-stamped contact) on both channels",
+        ),
+        (
+            "input_delay",
+            "record the measured current with the clock of the encoders, or close the loop with a known "
+            "controller clock",
+        ),
+    ),
+    practical=late("delay"),
+    families=(LATE_READING, LATE_TORQUE),
+    equivalents=(
+        Equivalent("input_delay", ("actuator",), _if_early),
+        Equivalent("sensor_delay", ("motor_encoder", "arm_encoder"), _if_late),
+    ),
+    prior=_stamped_wrong,
 )
 
 ENTRIES = (ENCODER_SCALE, ENCODER_ECCENTRICITY, SENSOR_DELAY, CHANNEL_SKEW)

@@ -7,7 +7,8 @@ nearest.
 
 from __future__ import annotations
 
-from .entry import EffectEntry, EffectParameter
+from .entry import EffectEntry
+from .parameter import EffectParameter
 
 STEEP_DRAG = EffectEntry(
     name="steep_drag",
@@ -26,6 +27,7 @@ STEEP_DRAG = EffectEntry(
     sentence="a drag that grows faster than the square of the speed opposes the motion",
     equation=lambda s, p: -p.coefficient * s.velocity**3,
     unnamed=True,
+    condition="{v} cubed",
 )
 
 VISCOUS_RIPPLE = EffectEntry(
@@ -52,12 +54,15 @@ VISCOUS_RIPPLE = EffectEntry(
             neutral=None,
             scan="order",
         ),
-        EffectParameter("phase", "rad", "phase at zero angle", typical=0.5, neutral=None, default=0.0),
+        EffectParameter(
+            "phase", "rad", "phase at zero angle", typical=0.5, neutral=None, default=0.0, turns="phase"
+        ),
     ),
     sentence="viscous friction varies with the angle",
     equation=lambda s, p: -p.amplitude * s.sin(p.order * s.position + p.phase) * s.velocity,
     rate=lambda p, ks: (0.0, abs(p["amplitude"])),
     unnamed=True,
+    condition="{v} and {q}",
 )
 
 CREEP = EffectEntry(
@@ -87,6 +92,7 @@ CREEP = EffectEntry(
     rate=lambda p, ks: (abs(p["stiffness"]), 0.0, 1.0 / p["time_constant"]),
     rigid_body=False,
     unnamed=True,
+    condition="deflection and how long it lasts",
 )
 
 DETENT = EffectEntry(
@@ -118,6 +124,7 @@ DETENT = EffectEntry(
             scale="angle",
             neutral=None,
             grid=(0.05,),
+            held=0.05,
         ),
     ),
     sentence="a torque pulls towards (or away from) one angle from nearby",
@@ -129,6 +136,8 @@ DETENT = EffectEntry(
     ),
     rate=lambda p, ks: (2.0 * abs(p["torque"]) / p["width"], 0.0),
     unnamed=True,
+    condition="{q} near one place",
+    follows="angle",
 )
 
 ENTRIES = (STEEP_DRAG, VISCOUS_RIPPLE, CREEP, DETENT)

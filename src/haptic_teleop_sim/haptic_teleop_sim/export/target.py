@@ -9,7 +9,7 @@ from typing import Literal
 
 from haptic_teleop_control.errors import ModelError
 
-from ..effects.entry import STICTION_ANGLE
+from ..effects.parameter import STICTION_ANGLE
 from ..model import Effect, Model
 
 How = Literal["expressed", "approximated", "left out"]

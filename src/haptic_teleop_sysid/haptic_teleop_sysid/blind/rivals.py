@@ -20,7 +20,7 @@ from haptic_teleop_sysid.blind.detect import Column, Driven, Whitener, base_colu
 
 Array = NDArray[np.float64]
 CANNOT_TELL = 5.0
-"""Nats below which two explanations are one set (diagnosis.md, step 4)."""
+"""Nats below which two explanations are one set (how_diagnosis_decides.md, step 7)."""
 
 CONTAINS: dict[str, frozenset[str]] = {
     "stribeck_friction": frozenset({"coulomb_friction"}),

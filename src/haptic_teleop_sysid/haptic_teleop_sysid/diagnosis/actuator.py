@@ -19,8 +19,6 @@ from .scales import Scales
 #: Nats behind the best one from which an effect in the currents is not asked of the motion any more.
 _FAR_BEHIND = 200.0
 _STEPS = 15
-#: Effects whose parameter is a torque.
-TORQUES = ("torque_saturation", "dead_zone")
 
 
 def joined(
@@ -42,16 +40,15 @@ def joined(
     lab_constant = lab.parameters["torque_constant"]
     best = max(s.gain + s.held_out for s in shown)
     near = [s for s in shown if s.gain + s.held_out > best - _FAR_BEHIND and s.gain > 0.0]
-    names = {s.effect.effect for s in near}
     # A command that was stamped wrong stays for the motion alone to tell.
-    judged_twice = {(name, near[0].effect.location) for name in names - {"channel_skew"}}
+    judged_twice = {(s.effect.effect, near[0].effect.location) for s in near if not _a_stamp(s.effect)}
     result = [e for e in found if (e.effect.effect, e.effect.location) not in judged_twice]
     present = {(e.effect, e.location) for e in fit.model.effects}
     for s in near:
         name, location = s.effect.effect, s.effect.location
         if (name, location) in present:
             continue
-        if name == "channel_skew":
+        if _a_stamp(s.effect):
             result.append(
                 Explanation(
                     fit,
@@ -60,7 +57,7 @@ def joined(
                     True,
                     len(fit.model.effects),
                     by_current=s.gain + s.held_out,
-                    std={f"{location}.{name}.delay": s.std},
+                    std={f"{location}.{name}.{SHOWN[name]}": s.std},
                     beside=s.effect,
                 )
             )
@@ -70,7 +67,7 @@ def joined(
         fits += [e.fit for e in found if (e.effect.effect, e.effect.location) == (name, location)]
         for e in judged(fit, fits, validation, scales):
             # What N·m of the lab's torque constant are in those of the fit.
-            unit = e.fit.model.parameters["torque_constant"] / lab_constant if name in TORQUES else 1.0
+            unit = e.fit.model.parameters["torque_constant"] / lab_constant if _a_torque(s.effect) else 1.0
             if parameter in e.fit.free and standard_errors(e.fit).get(parameter, 0.0) > unit * s.std:
                 continue  # the currents know it better
             here = s.value_nats(e.effect.parameters[SHOWN[name]] / unit)
@@ -89,6 +86,16 @@ def joined(
     return sorted(result, key=lambda e: (not e.material, -e.score))
 
 
+def _a_stamp(effect: Effect) -> bool:
+    """Whether it shows in the record alone: the motion follows the command."""
+    return effect.entry.kind == "skew"
+
+
+def _a_torque(effect: Effect) -> bool:
+    """Whether what the current shows of it is a torque."""
+    return effect.entry.parameter(SHOWN[effect.effect]).unit == "N*m"
+
+
 def _held(
     fit: Fit, shown: Shown, parameter: str, lab_constant: float, records: Sequence[Record], limits: Limits
 ) -> Fit:
@@ -97,9 +104,9 @@ def _held(
     name, location = shown.effect.effect, shown.effect.location
     own = SHOWN[name]
     ended = fit
-    for _ in range(2 if name in TORQUES else 1):
+    for _ in range(2 if _a_torque(shown.effect) else 1):
         value = shown.effect.parameters[own]
-        if name in TORQUES:
+        if _a_torque(shown.effect):
             value *= ended.model.parameters["torque_constant"] / lab_constant
         wider = fit.model.with_effects(Effect(name, location, {own: value}))
         held = replace(wider, fixed=(*wider.fixed, parameter))

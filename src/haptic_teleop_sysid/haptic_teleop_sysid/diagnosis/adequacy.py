@@ -18,6 +18,7 @@ from haptic_teleop_sysid.estimation.gauss_newton import Fit
 from haptic_teleop_sysid.estimation.likelihood import settled
 from haptic_teleop_sysid.estimation.records import Record
 
+from .policy import LEAST_EXPLAINED
 from .reasons import Doubt
 from .residual import left_over
 from .search import SearchResult
@@ -26,8 +27,6 @@ from .search import SearchResult
 SLIGHT_TORQUE = 0.03
 #: Error of a free run, as a share of the motion's spread (rms), that is not worth a word.
 SLIGHT_ERROR = 0.05
-#: Least share of the missing torque (mean square) that a name must explain.
-LEAST = 0.5
 #: Share of what is missing from which the findings explain nearly all of it.
 NEARLY_ALL = 0.9
 
@@ -102,10 +101,10 @@ def _share(before: np.ndarray, after: np.ndarray, slight: float) -> float:
 
 
 def short_of(result: SearchResult, found: Adequacy) -> tuple[SearchResult, Doubt | None]:
-    """The result without names that explain less than LEAST of the torque that is missing, and the doubt that
-    says so; what is seen in the currents alone stays."""
+    """The result without names that explain less than LEAST_EXPLAINED of the torque that is missing, and the
+    doubt that says so; what is seen in the currents alone stays."""
     moving = [c for c in result.choices if c.chosen.by_current <= 0.0]
-    if not moving or found.torque >= LEAST:
+    if not moving or found.torque >= LEAST_EXPLAINED:
         return result, None
     names = " and ".join(f"{c.chosen.effect.effect} at {c.chosen.effect.location}" for c in moving)
     why = (

@@ -16,8 +16,6 @@ from haptic_teleop_sysid.estimation.records import Record
 
 FloatArray = NDArray[np.float64]
 
-#: Width with which a place is scanned, as a share of the travel.
-_WIDTH = 0.05
 #: Places about an angle, rad, from which the slope of an inertia there is taken.
 _ASIDE = (-1e-5, 0.0, 1e-5)
 
@@ -33,14 +31,12 @@ def columns(
     """Torques (N·m, or encoder errors, rad) (columns, n) by unit sizes of the effect along the motion."""
     zero = {p.name: 0.0 if p.default is None else p.default for p in entry.parameters}
     zero[parameter.name] = value
-    if "width" in zero:
-        zero["width"] = _WIDTH * float(np.ptp(states[:, channel]))
-    sizes = [p.name for p in entry.parameters if p.default is None and p.neutral == 0.0]
-    if "amplitude" in sizes:
-        sizes = ["amplitude"]  # a mean beside it is the same at every order
+    travel = float(np.ptp(states[:, channel]))
+    zero |= {p.name: p.held * travel for p in entry.parameters if p.held}
+    sizes = [p.name for p in entry.parameters if p.default is None and p.neutral == 0.0 and not p.steady]
     trials = [{**zero, name: 1.0} for name in sizes]
-    if "phase" in zero:
-        trials += [{**zero, name: 1.0, "phase": math.pi / 2} for name in sizes]
+    for phase in (p.name for p in entry.parameters if p.turns == "phase"):
+        trials += [{**zero, name: 1.0, phase: math.pi / 2} for name in sizes]
     variables = _variables(record, states, channel)
     equation = entry.equation
     if equation is None:

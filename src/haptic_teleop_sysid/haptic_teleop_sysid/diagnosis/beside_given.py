@@ -72,10 +72,6 @@ def handed_on(proof: Proof) -> tuple[str, Model]:
     return "given", proof.models["given"]
 
 
-#: Parameters of effects that are of the arithmetic: how far a contact gives, at which speed a sign turns.
-_ARITHMETIC = ("contact_angle", "smoothing")
-
-
 def settled(model: Model) -> Model:
     """The model with what only the arithmetic of its effects needs (how far a sticking contact gives) held:
     a later `estimate` or `trend` could not find it anew from any recording."""
@@ -83,7 +79,7 @@ def settled(model: Model) -> Model:
         f"{effect.location}.{effect.effect}.{p.name}"
         for effect in model.effects
         for p in effect.entry.parameters
-        if p.name in _ARITHMETIC and p.name in effect.parameters
+        if p.numerical and p.name in effect.parameters
     ]
     return replace(model, fixed=(*model.fixed, *(name for name in held if name not in model.fixed)))
 

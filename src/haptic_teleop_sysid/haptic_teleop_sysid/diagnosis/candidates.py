@@ -7,7 +7,7 @@ import math
 from collections.abc import Iterator, Sequence
 
 from haptic_teleop_sim.effects import EFFECTS, EffectEntry, EffectParameter, locations
-from haptic_teleop_sim.effects.entry import STICTION_ANGLE
+from haptic_teleop_sim.effects.parameter import STICTION_ANGLE
 from haptic_teleop_sim.model import Effect, Model
 from haptic_teleop_sysid.estimation.records import Record
 
@@ -21,26 +21,13 @@ SMALL = (0.002, 0.05)
 _PLAIN = 0.1
 #: Share of the travel to either end at which a stop is looked for that nothing is known of.
 _WITHIN = 0.6
-#: Only one of each of these groups at one place: they are forms of one thing.
-FAMILIES = (
-    (
-        "coulomb_friction",
-        "stribeck_friction",
-        "asymmetric_friction",
-        "presliding_friction",
-        "position_dependent_friction",
-    ),
-    ("sensor_delay", "channel_skew"),
-    ("input_delay", "channel_skew"),
-    ("gravity", "spring_to_ground"),
-)
 
 
 def family(name: str) -> set[str]:
     """The effect and all that are forms of the same thing."""
-    forms = {e.name for e in EFFECTS.values() if e.form_of == name}
-    simpler = {EFFECTS[name].form_of} - {""}
-    return {name}.union(forms, simpler, *(set(f) for f in FAMILIES if name in f))
+    own = EFFECTS[name]
+    kin = {e.name for e in EFFECTS.values() if e.form_of == name or set(e.families) & set(own.families)}
+    return {name} | kin | {own.form_of} - {""}
 
 
 def candidates(
@@ -54,8 +41,8 @@ def candidates(
             continue
         if entry.exogenous and not any(r.exogenous.any() for r in records):
             continue
-        if name == "gain_error" and "torque_constant" not in model.fixed:
-            continue  # the same thing as the torque constant, which is estimated
+        if entry.same_as and entry.same_as not in model.fixed:
+            continue  # the same thing as a parameter of the structure, which is estimated
         for place in locations(name, model.structure):
             location = model.location(place)
             if (name, location) not in present:
@@ -82,13 +69,13 @@ def starts(
 
 def _own_contact(entry: EffectEntry, scales: Scales, place: str) -> dict[str, float]:
     """The contact to begin with, where the default is none on such a recording."""
-    if entry.memory != "direction":
+    if not entry.contact:
         return {}
     channel = 1 if place == "arm" else 0
     least, most = scales.contacts(channel)
     if least <= STICTION_ANGLE <= most:
         return {}
-    return {"contact_angle": scales.contact_starts(channel)[1]}
+    return {entry.contact: scales.contact_starts(channel)[1]}
 
 
 def plain_start(entry: EffectEntry, scales: Scales, place: str) -> list[dict[str, float]]:
@@ -120,20 +107,18 @@ def _allowed(parameter: EffectParameter, value: float) -> float:
     return min(max(value, parameter.minimum), parameter.maximum)
 
 
-#: Effects that load the joint at rest, so that zeroing the encoders there hides a preload of the joint.
-LOADS_THE_JOINT = ("gravity", "spring_to_ground", "constant_torque")
-
-
 def companion(model: Model, effect: Effect) -> Effect | None:
-    """The nuisance that an effect may call for: a preload of the joint for what loads it at rest."""
+    """The nuisance that an effect may call for, of size none: what loads the joint at rest hides a preload of
+    the joint where encoders are zeroed there."""
     location = model.location("joint")
     if (
         model.rigid
-        or effect.effect not in LOADS_THE_JOINT
+        or not effect.entry.companion
         or any(e.location == location and e.entry.nuisance for e in model.effects)
     ):
         return None
-    return Effect("joint_preload", location, {"torque": 0.0})
+    nuisance = EFFECTS[effect.entry.companion]
+    return Effect(nuisance.name, location, {p.name: 0.0 for p in nuisance.parameters})
 
 
 def larger_starts(effect: Effect, scales: Scales) -> list[Effect]:
@@ -158,15 +143,15 @@ def contacts(effect: Effect, scales: Scales, known: float | None = None) -> list
         if p.default is not None and p.grid:
             more = [{**effect.parameters, p.name: g} for g in p.grid]
             return [effect, *(Effect(effect.effect, effect.location, parameters) for parameters in more)]
-    if effect.entry.memory != "direction":
+    if not effect.entry.contact:
         return [effect]
     starts = scales.contact_starts(1 if effect.location.endswith("_arm") else 0)
     own, angles = effect.parameters, starts if known is None else (known,)
-    return [Effect(effect.effect, effect.location, {**own, "contact_angle": a}) for a in angles]
+    return [Effect(effect.effect, effect.location, {**own, effect.entry.contact: a}) for a in angles]
 
 
 def _wanted(parameter: EffectParameter) -> bool:
-    return parameter.default is None or parameter.name in ("phase", "rest")
+    return parameter.default is None or parameter.turns != ""
 
 
 def _values(
@@ -186,7 +171,7 @@ def _values(
         return tuple(g * end for end in ends for g in parameter.grid)
     if parameter.grid and (parameter.neutral is None or parameter.neutral != 0.0):
         return tuple(g * scale for g in parameter.grid)
-    if parameter.name in ("phase", "rest"):
+    if parameter.turns:
         return (0.0,)
     if parameter.neutral is None:
         return (parameter.typical * scale,)
@@ -196,7 +181,5 @@ def _values(
 def shape_parameters(entry: EffectEntry) -> tuple[str, ...]:
     """Parameters that a grid (or `contacts`) covers and that a linearisation leaves where they are."""
     return tuple(
-        p.name
-        for p in entry.parameters
-        if (p.grid and p.neutral is None) or (entry.memory == "direction" and p.name == "contact_angle")
+        p.name for p in entry.parameters if (p.grid and p.neutral is None) or p.name == entry.contact
     )

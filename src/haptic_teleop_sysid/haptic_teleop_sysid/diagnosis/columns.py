@@ -15,11 +15,10 @@ from haptic_teleop_sysid.estimation.records import Record
 from haptic_teleop_sysid.parameter_units import Units
 
 from .certainty import scaled_inverse, standard_errors
-from .decide import SIGNIFICANT
+from .policy import SIGNIFICANT
 from .scales import within_reach
 from .search import SearchResult
 from .verdict import Verdict
-from .words import reported
 
 #: Share of its given value by which a parameter must be off to be worth a word; standard errors, spread
 #: between recordings included, are asked beside it.
@@ -77,9 +76,15 @@ def column(
     """The numbers of ``model``, which was fitted as ``fit`` and starts from ``given``; ``errors``: standard
     errors by full name. How a contact is smoothed is no property of the machine and left out."""
     before, sides = given.parameter_values(), {} if fit is None else at_bounds(fit, given)
+    silent = {
+        f"{e.location}.{e.effect}.{n}"
+        for e in model.effects
+        for n, v in e.values.items()
+        if not e.entry.parameter(n).reported(v)
+    }
     found = {}
     for name, value in model.parameter_values().items():
-        if not reported(name.rpartition(".")[2], value):
+        if name in silent:
             continue
         free = fit is not None and name in fit.free and name not in sides
         std = (errors or {}).get(name, np.inf)

@@ -25,13 +25,7 @@ from haptic_teleop_sysid.dataset import DataSet
 FloatArray = NDArray[np.float64]
 
 #: Effects that a current behind them shows, and their parameter.
-SHOWN = {
-    "input_delay": "delay",
-    "actuator_lag": "time_constant",
-    "torque_saturation": "limit",
-    "dead_zone": "width",
-    "channel_skew": "delay",
-}
+SHOWN = {e.name: p.name for e in EFFECTS.values() for p in e.parameters if p.in_current}
 #: Nats on the estimation and on the validation recordings from which the currents say anything; from the
 #: clear gain on it suffices that the validation recordings, which may not reach a limit, do not object.
 _LEAST, _LEAST_HELD_OUT = 12.0, 3.0
@@ -128,14 +122,15 @@ def _starts(name: str, model: Model, data: Sequence[DataSet]) -> list[float]:
         np.concatenate([np.asarray(d.commanded_input) for d in data]) * model.parameters["torque_constant"]
     )
     dt = data[0].dt
-    if name == "torque_saturation":
+    parameter = EFFECTS[name].parameter(SHOWN[name])
+    if parameter.in_current == "peak":
         return [share * float(np.max(np.abs(command))) for share in _LIMITS]
-    if name == "dead_zone":
+    if parameter.in_current == "rms":
         return [share * float(np.std(command)) for share in _WIDTHS]
     # The bend at the best value is measured a little beyond it.
-    longest = EFFECTS[name].parameter(SHOWN[name]).maximum / 1.05
+    longest = parameter.maximum / 1.05
     times = [t * dt for t in _TIMES if t * dt <= longest]
-    return [-t for t in reversed(times)] + times if name == "channel_skew" else times
+    return [-t for t in reversed(times)] + times if parameter.minimum < 0.0 else times
 
 
 def _nats(model: Model, effect: Effect, data: DataSet) -> float:
@@ -145,8 +140,8 @@ def _nats(model: Model, effect: Effect, data: DataSet) -> float:
     command = np.where(np.isfinite(command), command, 0.0)
     # Not judged, but commanded all the same: the first judged samples answer them.
     good[: min(_UNSEEN, len(good) // 10)] = False
-    if effect.effect == "channel_skew":
-        at = np.arange(len(command)) - effect.parameters["delay"] / data.dt
+    if effect.entry.kind == "skew":
+        at = np.arange(len(command)) - effect.parameters[SHOWN[effect.effect]] / data.dt
         expected = np.interp(at, np.arange(len(command)), command)
     else:
         packed = pack(model.with_effects(effect))

@@ -7,46 +7,35 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from haptic_teleop_sim.effects import effect_entry
 from haptic_teleop_sim.model import Model
 from haptic_teleop_sysid.estimation.gauss_newton import Fit
 
 from .candidates import family
 from .certainty import covariance
 from .explanation import Explanation
-from .isolable import CANNOT_TELL
+from .policy import (
+    BY_CHANCE,
+    CANNOT_TELL,
+    CLEAR_GAIN,
+    CLEARLY_LESS,
+    LEAST_AGAINST,
+    LEAST_GAIN,
+    LEAST_HELD_OUT,
+    LEAST_SHARE,
+    LEAST_SHARE_ALIKE,
+    LEAST_SHARE_EXOGENOUS,
+    SIGNIFICANT,
+    SURE,
+)
 
-#: Nats that an effect must gain on the estimation and on the validation recordings.  Of 321 pairs of clean
-#: recordings of the benchmark five had an explanation, material and significant, that gained 12 nats; the
-#: validation recordings spoke against four of them.
-LEAST_GAIN = 12.0
-LEAST_HELD_OUT = 1.5
-#: From this gain on the estimation recordings it suffices that the validation recordings do not speak against
-#: the effect (by more than LEAST_AGAINST nats): they may not have reached the stop or the limit at all.
-#: Between the two gains, what is asked of them goes linearly from one to the other.
-CLEAR_GAIN = 30.0
-LEAST_AGAINST = 2.0
-#: A further effect must gain at least this share of the strongest one: smaller ones are what a slightly wrong
-#: form of that leaves behind.
-LEAST_SHARE = 0.02
-#: ... and this share where it is of the same kind at the same place (between command and torque and in an
-#: encoder: of any kind), where such leftovers go first, or where it is not even clear what it is or where,
-#: forms of one thing apart.
-LEAST_SHARE_ALIKE = 0.15
-#: ... and this one where it follows another joint, which no leftover of this joint's physics does by itself.
-LEAST_SHARE_EXOGENOUS = 0.0005
 #: Explanations whose score together is within this share of the best one's are as good: forms of friction
 #: differ by more, while the noise of real recordings is not white to within a few percent.
 AS_GOOD = 0.01
-#: Nats by which rivals may differ by chance beside that.
-BY_CHANCE = 3.0
-#: Nats, and share of the score, by which every name must fall behind physics that has none.
-CLEARLY_LESS, SHARE_LESS = 8.0, 0.05
+#: ... and by which every name must fall behind physics that has none, beside CLEARLY_LESS.
+SHARE_LESS = 0.05
 #: Percent of simulated fit that a rival may be worse before its weight falls to a third.
 SIMULATED_MARGIN = 4.0
-#: Standard errors that an effect's sizes must differ by from none, together.
-SIGNIFICANT = 3.0
-#: From this confidence on a single name is given.
-SURE = 0.7
 #: Weight, relative to the best explanation, of one that the recordings cannot tell from it.
 ALIKE = 0.5
 
@@ -192,14 +181,10 @@ def _least_share(explanation: Explanation) -> float:
 
 
 def prior(effect: str, location: str, sense_follows: bool) -> float:
-    """How likely an effect is before looking: delays come from mechanisms before they come from wrong stamps,
-    and a command whose measured current follows it was stamped right.
-    """
-    if effect != "channel_skew":
-        return 1.0
-    if location.endswith("_actuator"):
-        return 0.1 if sense_follows else 0.8
-    return 0.9
+    """How likely an effect is before looking, by its entry; ``sense_follows``: whether the measured current
+    follows the command."""
+    own = effect_entry(effect).prior
+    return 1.0 if own is None else own(location.rpartition("_")[2], sense_follows)
 
 
 def significant(explanation: Explanation) -> bool:

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from haptic_teleop_control.errors import RecordingError
+from haptic_teleop_sim.effects import MEASURED
 from haptic_teleop_sim.model import Model
 from haptic_teleop_sysid.dataset import DataSet
 from haptic_teleop_sysid.estimation.likelihood import FAILURES
@@ -30,6 +31,7 @@ from .nulls import Null, beyond_chance, nulls
 from .overruled import as_result, believed_instead, beyond_reach, inadequate
 from .own_quantity import follows_still
 from .plausible import refuse_copies, refuse_idle, refuse_kinematic, refuse_motionless
+from .policy import HARM
 from .proof import Course, Proof, mean_percent, prove
 from .reasons import Doubt, off_the_mark, runs_away, slipped
 from .scales import recording_scales, within_reach
@@ -42,8 +44,6 @@ from .verdict import Verdict, decide_verdict
 
 #: Difference (A or N·m, relative to the rms command) up to which the measured current counts as following.
 _FOLLOWS = 0.1
-#: Loss of the simulated fit on validation recordings, percent, from which a finding is not believed.
-HARM = 2.0
 
 
 def records_of(data: list[DataSet]) -> list[Record]:
@@ -277,6 +277,6 @@ def diagnose(
     content = contents(result, verdict, proof, columns, stand, doubt, (chance, dropped), uses, found.learn)
     believed = [c.chosen for c in (*result.choices, *([doubt.choice] if doubt and doubt.choice else []))]
     from_here = any(e.witnessed is not None for e in believed)
-    content["torque_map"] = None if mapped is None else mapped.content()
+    content[MEASURED.name] = None if mapped is None else mapped.content()
     content["inverse_dynamics"] = testimony(found.opinion, verdict, from_here) if found.opinion else None
     return result, verdict, proof, content

@@ -25,25 +25,18 @@ from .explanation import Explanation
 from .held_out import held_out_fit
 from .modulation import changes_with, modulations
 from .null_records import expected_colour, null_records, rounding_shows
+from .policy import COLOURED, ONLY_HERE, UNSTEADY
 from .reasons import Doubt, momentary, rather_event
 from .search import SearchResult
 from .stand import Stand, stand_of, stands_out
 from .whiteness import colour, unsteadiness
 
-#: From this value on both kinds of recordings something is left that acts on from sample to sample.
-COLOURED = 100.0
 #: Share of the baseline's value from which an effect has not explained that.
 UNCHANGED = 0.3
 #: Factor over the colour of simulated recordings of the same fit, beyond which it is not the encoders'.
 BY_ROUNDING = 2.0
-#: From this value on all recordings the observer is surprised at some times more than at others: the largest
-#: of 174 clean pairs of recordings was 0.95.
-UNSTEADY = 1.3
 #: Share of the baseline's unsteadiness from which an effect has not explained that.
 AS_UNSTEADY = 0.7
-#: Nats that an effect may gain by chance on the recordings it was fitted to: of 321 clean pairs of recordings
-#: the most was 14.  What gains more and does not stand up elsewhere is something, but not that.
-ONLY_HERE = 40.0
 #: A size is another one on other recordings when it differs by this share and by this many standard errors.
 OTHER_SIZE = 0.4
 OTHER_SIZE_ERRORS = 5.0

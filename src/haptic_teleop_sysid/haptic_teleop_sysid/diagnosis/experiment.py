@@ -15,7 +15,8 @@ from haptic_teleop_control.errors import ConfigurationError
 from haptic_teleop_control.robots import OMNI_AXES, SFJ_STAGES
 from haptic_teleop_control.signals import SignalGenerator
 from haptic_teleop_sim.kernel import simulate
-from haptic_teleop_sim.model import Effect, Model
+from haptic_teleop_sim.model import Model
+from haptic_teleop_sim.position_loop import in_position_loop
 from haptic_teleop_sysid.estimation.gauss_newton import Fit, fit_parameters, normal_equations
 from haptic_teleop_sysid.estimation.records import Record
 
@@ -110,7 +111,7 @@ def simulated_experiment(
     white = np.random.default_rng(seed).standard_normal(n) * fit.noise.motor_torque * np.sqrt(1 - decay**2)
     gain = float(str(option.get("gain", 0.0))) if option.get("control") == "position" else 0.0
     ktg = float(fit.model.parameters["torque_constant"])
-    model = _in_loop(fit.model, ktg * gain) if gain else fit.model
+    model = in_position_loop(fit.model, ktg * gain) if gain else fit.model
     path = simulate(
         model,
         gain * signal if gain else signal,
@@ -130,19 +131,6 @@ def simulated_experiment(
     measured = np.rint(np.column_stack([path.motor_position, path.arm_position]) / steps) * steps
     input_ = gain * (signal - measured[:, 0]) if gain else signal
     return Record("simulated", record.dt, input_, measured, np.zeros(n), record.resolution)
-
-
-def _in_loop(model: Model, stiffness: float) -> Model:
-    """The model in a position loop: to the motor, a spring to the place where it began."""
-    place, effects = model.location("motor"), []
-    rest = 0.0
-    for e in model.effects:
-        if (e.effect, e.location) == ("spring_to_ground", place):
-            rest, stiffness = e.values["stiffness"] * e.values["rest"], stiffness + e.values["stiffness"]
-        else:
-            effects.append(e)
-    spring = Effect("spring_to_ground", place, {"stiffness": stiffness, "rest": rest / stiffness})
-    return replace(model, effects=(*effects, spring))
 
 
 def told_apart(truth: Fit, rival: Fit, made: Record) -> float:

@@ -140,9 +140,9 @@ def _tried(
             starts = contacts(s.effect, scales, touched)
             best = trial(near, lab, starts, larger_starts(s.effect, scales), few, noises[which], limits)
             ends.append(best)
-            if len(starts) > 1 and best and "contact_angle" in best[0].model.effects[-1].parameters:
+            if len(starts) > 1 and best and s.effect.entry.contact in best[0].model.effects[-1].parameters:
                 # One contact for all forms of friction at a place.
-                touched = best[0].model.effects[-1].parameters["contact_angle"]
+                touched = best[0].model.effects[-1].parameters[s.effect.entry.contact]
         return ends
 
     jobs = [(which, chain) for which in (0, 1) for chain in _chains(chosen[which])]
@@ -171,7 +171,7 @@ def _chains(promising: Sequence[Screened]) -> list[list[int]]:
     place, of which the first finds the contact of all; any other effect alone."""
     chains: dict[str | int, list[int]] = {}
     for i, s in enumerate(promising):
-        chains.setdefault(s.effect.location if s.effect.entry.memory == "direction" else i, []).append(i)
+        chains.setdefault(s.effect.location if s.effect.entry.contact else i, []).append(i)
     return sorted(chains.values(), key=len, reverse=True)
 
 

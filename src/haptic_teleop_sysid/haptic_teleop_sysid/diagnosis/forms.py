@@ -12,7 +12,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from haptic_teleop_sim.effects import EFFECTS
+from haptic_teleop_sim.effects import EFFECTS, EffectEntry
 from haptic_teleop_sim.model import Effect, Model
 from haptic_teleop_sysid.estimation.gauss_newton import Fit, Limits
 from haptic_teleop_sysid.estimation.parallel import side_by_side
@@ -27,13 +27,8 @@ from .scan import scanned_values
 #: after a few steps to be fitted to the end.
 _STRONG, _BETTER = 12.0, 3.0
 _STEPS = 8
-#: Shares of the rms velocity over which friction may fall, and of the travel over which a contact may give.
-_VELOCITIES = (0.05, 0.2, 0.6)
-_GIVES = (0.01, 0.05)
-#: Orders of the angle that friction may vary with, from this many nats that they promise; share by which it
-#: varies in the beginning, and phases, of which a wrong one leads back to none.
-_ORDERS, _PROMISES, _VARIES = 2, 12.0, 0.3
-_PHASES = (0.0, 0.5 * math.pi, math.pi, 1.5 * math.pi)
+#: Orders of the angle that friction may vary with, from this many nats that they promise.
+_ORDERS, _PROMISES = 2, 12.0
 
 
 def richer_forms(
@@ -44,12 +39,13 @@ def richer_forms(
     found = []
     for fit in fits:
         effect = fit.model.effects[index]
-        if effect.effect != "coulomb_friction" or fit.log_likelihood < before.log_likelihood + _STRONG:
+        richer = refinements(effect)
+        if not richer or fit.log_likelihood < before.log_likelihood + _STRONG:
             continue
         plain = fit_whole(fit.model, fit.noise, records, free=fit.free, iterations=_STEPS, limits=limits)
-        if not effect.parameters["torque"] > 0.0:
+        if not _size(effect) > 0.0:
             continue
-        forms = [*_forms(effect, scales), *_rippled(plain, index, records, scales)]
+        forms = [f for entry in richer for f in _forms(entry, effect, plain, index, records, scales)]
 
         def fitted(form: Effect, fit: Fit = fit, plain: Fit = plain) -> Fit:
             wider = _instead(fit.model, index, form)
@@ -66,40 +62,45 @@ def richer_forms(
     return found
 
 
-def _forms(plain: Effect, scales: Scales) -> Iterator[Effect]:
-    """Richer forms of about the size of a plain friction."""
-    torque, place = plain.parameters["torque"], plain.location
-    contact = {k: v for k, v in plain.parameters.items() if k in ("contact_angle", "smoothing")}
-    for share in _VELOCITIES:
-        velocity = share * scales.size["velocity"]
-        own = {"coulomb": 0.6 * torque, "breakaway": 1.1 * torque, "velocity": velocity}
-        yield Effect("stribeck_friction", place, {**own, **contact})
-    for more, less in ((1.2, 0.8), (0.8, 1.2)):
-        own = {"positive": more * torque, "negative": less * torque}
-        yield Effect("asymmetric_friction", place, {**own, **contact})
-    for share in _GIVES:
-        gives = share * scales.span(1 if place.endswith("_arm") else 0)
-        yield Effect("presliding_friction", place, {"torque": torque, "stiffness": torque / gives})
+def refinements(effect: Effect) -> list[EffectEntry]:
+    """The entries that are richer forms of the effect."""
+    return [e for e in EFFECTS.values() if e.refinement is not None and e.refinement.of == effect.effect]
 
 
-def _rippled(plain: Fit, index: int, records: Sequence[Record], scales: Scales) -> Iterator[Effect]:
-    """The plain friction of a fit, varying with the angle: at the orders that promise most beside it."""
+def _size(effect: Effect) -> float:
+    """The size of an effect, its first parameter."""
+    return effect.parameters[effect.entry.parameters[0].name]
+
+
+def _forms(
+    entry: EffectEntry,
+    effect: Effect,
+    plain: Fit,
+    index: int,
+    records: Sequence[Record],
+    scales: Scales,
+) -> Iterator[Effect]:
+    """One richer form of about the size of a plain ``effect``; where something of it is scanned, of that of
+    its fit ``plain``, at the values that promise most beside it."""
+    assert entry.refinement is not None
+    on, location = scales.at(effect.location), effect.location
+    parameter = next((p for p in entry.parameters if p.scan), None)
+    if parameter is None:
+        for parameters in entry.refinement.starts(effect.parameters, on, math.nan):
+            yield Effect(entry.name, location, parameters)
+        return
     effect = plain.model.effects[index]
-    if not effect.parameters["torque"] > 0.0:
+    if not _size(effect) > 0.0:
         return
-    entry = EFFECTS["position_dependent_friction"]
-    parameter = next(p for p in entry.parameters if p.scan)
-    place = effect.location.rpartition("_")[2]
-    orders = list(scanned_values(parameter, scales, place))
-    if not orders:
+    place = location.rpartition("_")[2]
+    values = list(scanned_values(parameter, scales, place))
+    if not values:
         return
-    gains = Answers(plain, records).gains(entry, parameter, place, orders)
-    torque, contact = effect.parameters["torque"], {"contact_angle": effect.values["contact_angle"]}
+    gains = Answers(plain, records).gains(entry, parameter, place, values)
     for i in np.argsort(-gains)[:_ORDERS]:
         if gains[i] > _PROMISES:
-            for phase in _PHASES:
-                own = {"torque": torque, "amplitude": _VARIES * torque, "order": orders[i], "phase": phase}
-                yield Effect(entry.name, effect.location, {**own, **contact})
+            for parameters in entry.refinement.starts(effect.parameters, on, values[i]):
+                yield Effect(entry.name, location, parameters)
 
 
 def _instead(model: Model, index: int, effect: Effect) -> Model:

@@ -16,9 +16,6 @@ from haptic_teleop_sysid.estimation.gauss_newton import Fit
 from haptic_teleop_sysid.estimation.likelihood import FAILURES, covariance, innovations, settled
 from haptic_teleop_sysid.estimation.records import Record
 
-#: Nats below which two explanations are one set: the better one loses by chance in one case of eighteen.
-CANNOT_TELL = 5.0
-
 
 def nats_apart(one: Fit, other: Fit, records: Sequence[Record]) -> float:
     """Nats by which the recordings are expected to speak for ``one`` against ``other`` if it is true: their

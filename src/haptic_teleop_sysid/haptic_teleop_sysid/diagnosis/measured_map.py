@@ -17,21 +17,22 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from haptic_teleop_sim.effects.torque_map import TorqueMap
+from haptic_teleop_sim.effects import MEASURED
 from haptic_teleop_sim.model import Effect, Model
 from haptic_teleop_sysid.estimation.gauss_newton import Fit
 from haptic_teleop_sysid.estimation.likelihood import FAILURES
 from haptic_teleop_sysid.estimation.records import Record
 from haptic_teleop_sysid.estimation.whole_fit import fit_whole
 
-from .inverse_dynamics.groups import CLEARLY, Search, independent
+from .drawn_map import VARIABLES, drawn, explained_there, finer
+from .inverse_dynamics.groups import Search, independent
 from .inverse_dynamics.latent import Latent
 from .inverse_dynamics.motion import motion_band
 from .inverse_dynamics.regression import equations
 from .scales import within_reach
 from .suggested_law.entry_file import law_content
-from .suggested_law.library import library
-from .suggested_law.regression import Law, sparse_law
+from .suggested_law.of_map import law_of
+from .suggested_law.regression import Law
 
 FloatArray = NDArray[np.float64]
 #: Error (1 - fit) of the free simulation of estimation and of validation recordings, see `second_opinion`.
@@ -47,21 +48,7 @@ A_GOOD_TORQUE = 0.4
 _ELSE = "what is missing has memory, acts at moments, or follows something that was not recorded"
 #: Factor over what a map explains from which a torque with memory, or over time, is what it is instead.
 _RATHER = 1.5
-#: Knots of a curve at most.
-MOST_KNOTS = 100
-#: Share of what the map explains that a law must explain to be suggested.
-_LAW = 0.8
 _STEPS = 15
-
-#: What the quantities of a torque without a form are called in a model file.
-_VARIABLES = {
-    "motor angle": "angle",
-    "arm angle": "angle",
-    "motor velocity": "velocity",
-    "arm velocity": "velocity",
-    "deflection": "deflection",
-    "rate of deflection": "deflection_rate",
-}
 
 
 @dataclass(frozen=True)
@@ -105,13 +92,13 @@ def measured_map(
 ) -> MeasuredMap:
     """The map that explains most of what ``base``, fitted from ``given``, lacks; see the module."""
     if any(e.entry.tabulated for e in base.model.effects):
-        return MeasuredMap("the given model has a torque_map already")
+        return MeasuredMap(f"the given model has a {MEASURED.name} already")
     try:
         search = _equations(base, given, estimation, validation)
         ranked = sorted(search.latents, key=lambda one: search.left_over((one,)))
     except FAILURES:
         return MeasuredMap("the inverse dynamics of these recordings cannot be computed")
-    maps = [one for one in ranked if all(q in _VARIABLES for q in one.quantities)]
+    maps = [one for one in ranked if all(q in VARIABLES for q in one.quantities)]
     if not maps:
         return MeasuredMap("the recordings move too little to draw a torque over anything")
     most = explained_there(search, maps[0])
@@ -144,98 +131,15 @@ def measured_map(
         )
         return MeasuredMap(why, None, None, explained, closed, one.quantities)
     why = (
-        f"augmented_model.yaml has a torque_map at {effect.location} over {_named(one)}, which takes "
+        f"augmented_model.yaml has a {MEASURED.name} at {effect.location} over {_named(one)}, which takes "
         f"{100 * closed:.0f} % off the simulated error of recordings that it was not drawn from"
     )
     say("looking for a law of that torque")
-    law, share = _law(search, one, effect), search.explained((one,))
+    law, share = law_of(search, one, effect), search.explained((one,))
     return MeasuredMap(why, effect, fit, explained, closed, one.quantities, law, share)
 
 
-def _law(search: Search, latent: Latent, effect: Effect) -> Law | None:
-    """The law of a drawn map; None where none explains a good part of what the map does."""
-    motions = [m for side in search.sides for m in side.side.motions]
-    part = int(latent.place == "arm")
-    joint = latent.place == "joint"
-    angles = np.concatenate([m.angle[:, 0] - m.angle[:, 1] if joint else m.angle[:, part] for m in motions])
-    rates = [m.velocity[:, 0] - m.velocity[:, 1] if joint else m.velocity[:, part] for m in motions]
-    assert effect.table is not None
-    products = library(
-        search.model,
-        effect.location,
-        latent.place,
-        effect.table.variables,
-        float(angles.min()),
-        float(angles.max()),
-        float(np.max(np.abs(np.concatenate(rates)))),
-    )
-    law = sparse_law(search, [*products])
-    if law is None or law.explained < _LAW * search.explained((latent,)):
-        return None
-    return law
-
-
-def _rows(search: Search, latent: Latent) -> slice | int:
-    """The equations in which a torque stands."""
-    return slice(None) if latent.place == "joint" or search.model.rigid else int(latent.place == "arm")
-
-
-def finer(search: Search, latent: Latent) -> Latent:
-    """The curve with twice as many knots, and so on, as long as it explains clearly more where it was not
-    fitted; a surface as it is."""
-    while len(latent.knots) == 1 and len(latent.knots[0]) < MOST_KNOTS:
-        old = np.array(latent.knots[0])
-        knots = np.sort(np.concatenate([old, 0.5 * (old[1:] + old[:-1])]))
-        denser = replace(latent, knots=(tuple(knots.tolist()),))
-        if search.likelier((denser,)) < search.likelier((latent,)) + CLEARLY:
-            break
-        latent = denser
-    return latent
-
-
-def explained_there(search: Search, latent: Latent) -> float:
-    """Share of what the structure leaves of the equations in which a torque stands that it explains (mean
-    square), fitted to either kind of recordings and judged by the other."""
-    rows = _rows(search, latent)
-    before = after = 0.0
-    for k, side in enumerate(search.sides):
-        for terms in ((), (latent,)):
-            left = side.left(terms, search.fitted(1 - k, terms)).reshape(-1, side.samples)[rows]
-            square = float(np.mean(left**2))
-            before, after = (before, after + square) if terms else (before + square, after)
-    return 1.0 - after / max(before, 1e-300)
-
-
-def drawn(search: Search, latent: Latent) -> Effect:
-    """The map of a torque without a form as the first side's equations have it, with standard errors beside
-    the structure's parameters as they come out: those of a curve as smooth as the regression expects, wide
-    where no motion went, with what the other side would have it apart."""
-    terms, side = (latent,), search.sides[0]
-    values = search.fitted(0, terms)
-    own, rest = slice(len(side.side.names), None), slice(len(side.side.names))
-    information = side.information(terms)[0][own, own]
-    scale = np.sqrt(np.maximum(np.diag(information), 1e-300))
-    inverse = np.diag(np.linalg.pinv(information / np.outer(scale, scale), hermitian=True)) / scale**2
-    left = side.left(terms, values).reshape(-1, side.samples)[_rows(search, latent)]
-    # Neighbouring samples say the same: so many count for one.
-    alike = side.samples / max(min(search.numbers[0], side.samples), 1.0)
-    there, mixed = search.sides[1].information(terms)
-    other = np.linalg.lstsq(there[own, own], mixed[own] - there[own, rest] @ values[rest], rcond=1e-12)[0]
-    apart = (values[own] - other) / math.sqrt(2.0)
-    errors = np.sqrt(np.maximum(inverse, 0.0) * float(np.mean(left**2)) * alike + apart**2)
-    arm = side.side.arm_scale(values) if latent.place == "arm" else 1.0
-    table = TorqueMap(
-        tuple(_VARIABLES[q] for q in latent.quantities),
-        latent.knots,
-        tuple((arm * values[own]).tolist()),
-        tuple((arm * errors).tolist()),
-    )
-    return Effect("torque_map", latent.location, table=table)
-
-
-def _equations(
-    base: Fit, given: Model, estimation: Sequence[Record], validation: Sequence[Record]
-) -> Search:
+def _equations(base: Fit, given: Model, estimation: Sequence[Record], validation: Sequence[Record]) -> Search:
     model = replace(given, effects=base.model.effects, fixed=base.model.fixed)
     cutoff = motion_band([*estimation, *validation])
     search = Search(model, *(equations(model, records, cutoff) for records in (estimation, validation)))

@@ -16,16 +16,12 @@ from haptic_teleop_sysid.estimation.whole_fit import fit_whole
 from .decide import Choice, prior
 from .explanation import Explanation
 from .inverse_dynamics.terms import Hypothesis, follows_from_motion
+from .policy import ERRS_FAR_LESS, ERRS_LESS, LEAST_EXPLAINED
 from .reasons import Doubt
 from .search import SearchResult
 from .second_opinion import NO_WORSE, PERFECT, Errors, Opinion
 from .twins import twin
 
-#: Factor by which the free run of the second opinion must err less, in the mean of both kinds of recordings,
-#: than that of a first one whose innovations are coloured, and of one whose are white.
-CLEARLY, FAR = 0.9, 0.7
-#: Least share of what a torque without a form explains in the same quantities.
-ADEQUATE = 0.5
 _LEVELS = 8
 #: Log-likelihood that the way back from a bound to the given value would cost, from which the recordings want
 #: a parameter there.
@@ -43,9 +39,9 @@ def believed_instead(opinion: Opinion, first: tuple[float, float], coloured: Cal
         for own, other in zip(opinion.chosen.errors, first, strict=True)
     ]
     # The validation recordings decide: a model errs less where it was fitted, whatever it is worth.
-    if ratios[1] >= NO_WORSE or math.prod(ratios) >= CLEARLY**2:
+    if ratios[1] >= NO_WORSE or math.prod(ratios) >= ERRS_LESS**2:
         return False
-    return math.prod(ratios) < FAR**2 or coloured()
+    return math.prod(ratios) < ERRS_FAR_LESS**2 or coloured()
 
 
 def as_result(
@@ -64,7 +60,7 @@ def as_result(
         _choice(opinion, final, len(group.model.effects) - len(group.effects) + i)
         for i in range(len(group.effects))
     )
-    if adequacy < ADEQUATE:
+    if adequacy < LEAST_EXPLAINED:
         search = opinion.witness.folds
         shapes = {n for h in group.hypotheses for latent in search.alike(h) for n in latent.quantities}
         names = " and ".join(f"{e.effect} at {e.location}" for e in group.effects)
@@ -90,7 +86,7 @@ def inadequate(result: SearchResult, opinion: Opinion) -> Doubt | None:
         Hypothesis.of(c.chosen.effect, result.baseline.model.place(c.chosen.effect.location)) for c in told
     )
     for choice, adequacy in zip(told, opinion.witness.folds.adequacies(group), strict=True):
-        if adequacy < ADEQUATE:
+        if adequacy < LEAST_EXPLAINED:
             name = choice.chosen.effect.effect
             why = (
                 f"{name} explains {100 * adequacy:.0f} % of what a torque without a form explains "

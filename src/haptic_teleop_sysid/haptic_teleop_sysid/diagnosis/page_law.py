@@ -30,13 +30,6 @@ FloatArray = NDArray[np.float64]
 
 #: Most and fewest dots of a curve, and samples that each is the mean of at least.
 _MOST_DOTS, _FEWEST_DOTS, _SAMPLES = 60, 12, 8
-#: What effects follow that no velocity says; all others follow the velocity of their place.
-_ANGLE = (
-    *("gravity", "spring_to_ground", "torque_ripple", "hard_stop", "detent"),
-    "position_dependent_friction",
-)
-_DEFLECTION = ("backlash", "hardening_spring", "hysteresis")
-_INPUT = ("dead_zone", "torque_saturation", "gain_error")
 
 
 @dataclass(frozen=True)
@@ -102,7 +95,7 @@ def _has_law(effect: Effect) -> bool:
 
 def _shows(effect: Effect) -> bool:
     """Whether it follows one quantity: what an actuator does late or in time follows none."""
-    return effect.entry.kind != "input" or effect.effect in _INPUT
+    return effect.entry.kind != "input" or effect.entry.follows == "input"
 
 
 def _place(effect: Effect) -> str:
@@ -147,12 +140,12 @@ def _quantity(effect: Effect) -> tuple[str, str]:
     place = _place(effect)
     if effect.entry.kind == "input":
         name = "input torque"
-    elif effect.effect in _DEFLECTION:
+    elif effect.entry.follows == "deflection":
         name = "deflection"
     elif place == "joint":
         name = "rate of deflection"
     else:
-        name = f"{place} {'angle' if effect.effect in _ANGLE else 'velocity'}"
+        name = f"{place} {'angle' if effect.entry.follows == 'angle' else 'velocity'}"
     return name, UNITS[name]
 
 

@@ -8,7 +8,7 @@ from typing import Any
 from haptic_teleop_sysid.report import Page, Status, with_error
 from haptic_teleop_sysid.small_motion import judged
 
-from .decide import SURE
+from .policy import SURE
 from .summary import LIMIT, PART_LABELS, explains_sentence, moved_sentence, percent
 from .verdict import Verdict
 

@@ -8,19 +8,23 @@ import numpy as np
 from matplotlib import rc_context
 from matplotlib.figure import Figure
 
-from haptic_teleop_sim.effects.torque_map import torque_map
+from haptic_teleop_sim.effects import MEASURED
+from haptic_teleop_sim.effects.torque_map_file import torque_map
 from haptic_teleop_sysid.parameter_units import Units
-from haptic_teleop_sysid.report import Page
-from haptic_teleop_sysid.report.pictures import STYLE
+from haptic_teleop_sysid.report import Page, unit_text
+from haptic_teleop_sysid.report.pictures import COLOUR, STYLE
+
+from .residual import UNITS
 
 #: Standard errors to either side of a curve.
 _BAND = 2.0
-_UNITS = {"angle": "rad", "deflection": "rad", "velocity": "rad/s", "deflection_rate": "rad/s"}
+#: Whose colour it has: the map is what the augmented model holds.
+_ROLE = "augmented"
 
 
 def map_section(page: Page, content: dict[str, Any], units: Units) -> None:
     """Add the section; nothing where the diagnosis found a name, or nothing at all."""
-    found = content["torque_map"]
+    found = content[MEASURED.name]
     if found is None:
         return
     section = page.section("A measured torque in place of a name")
@@ -35,12 +39,9 @@ def map_section(page: Page, content: dict[str, Any], units: Units) -> None:
 
 def map_picture(found: dict[str, Any], units: Units) -> Figure:
     """The curve with a band of two standard errors, or the surface; ``found``: `MeasuredMap.content`."""
-    table = torque_map(found["parameters"])
-    labels = [
-        f"{name} ({units.restated(_UNITS.get(variable, 'rad'))})"
-        for name, variable in zip(found["depends_on"], table.variables, strict=True)
-    ]
-    force = f"torque at {found['location']} ({units.force.replace('*', '·')})"
+    table, colour = torque_map(found["parameters"]), COLOUR[_ROLE]
+    labels = [f"{name} ({unit_text(units.restated(UNITS[name]))})" for name in found["depends_on"]]
+    force = f"torque at {found['location']} ({unit_text(units.force)})"
     with rc_context(STYLE):
         figure = Figure(figsize=(7.2, 3.2), layout="constrained")
         axes = figure.subplots()
@@ -50,9 +51,9 @@ def map_picture(found: dict[str, Any], units: Units) -> Figure:
             knots, band = np.array(table.knots[0]), table.band()
             if band is not None:
                 low, high = (table.table() + s * _BAND * band for s in (-1.0, 1.0))
-                axes.fill_between(knots, low, high, color="#2166ad", alpha=0.2, label="± 2 standard errors")
-            axes.plot(dense[0], table.at(dense[0]), color="#2166ad")
-            axes.plot(knots, table.table(), "o", color="#2166ad", markersize=3, label="knots")
+                axes.fill_between(knots, low, high, color=colour, alpha=0.2, label="± 2 standard errors")
+            axes.plot(dense[0], table.at(dense[0]), color=colour)
+            axes.plot(knots, table.table(), "o", color=colour, markersize=3, label="knots")
             axes.set_ylabel(force)
             axes.legend()
             return figure

@@ -22,25 +22,6 @@ from haptic_teleop_sysid.estimation.whole_fit import fit_whole, noise_starts
 from .candidates import candidates, contacts, plain_start
 from .scales import Scales
 
-#: Effects that may be so large that the structure and the noise make up for them.
-LARGE = (
-    "coulomb_friction",
-    "stribeck_friction",
-    "presliding_friction",
-    "load_dependent_friction",
-    "constant_torque",
-    "spring_to_ground",
-    "gravity",
-    "hard_stop",
-    "backlash",
-    "hysteresis",
-    "torque_saturation",
-    "dead_zone",
-    "quadratic_drag",
-    "inertial_coupling",
-    "actuator_lag",
-    "input_delay",
-)
 _STEPS = 12
 
 
@@ -51,13 +32,11 @@ def plain(
     limits: Limits,
     progress: Callable[[str], None],
 ) -> list[Fit]:
-    """The effects of ``LARGE`` beside the model that the lab believes in, each fitted with its noise levels
-    from nothing."""
+    """The effects that may be so large that structure and noise make up for them (`EffectEntry.large`), each
+    fitted beside the model that the lab believes in, with its noise levels from nothing."""
     noise = noise_starts(lab, records)[1]
     places = dict.fromkeys(
-        (e.effect, e.location)
-        for e in candidates(lab, records, scales, {})
-        if e.effect in LARGE or e.entry.large
+        (e.effect, e.location) for e in candidates(lab, records, scales, {}) if e.entry.large
     )
     starts: list[Effect] = []
     for name, location in places:

@@ -9,6 +9,7 @@ import numpy as np
 import scipy
 
 from haptic_teleop_sim.effects import EFFECTS
+from haptic_teleop_sim.effects.hypothesis import Recorded
 from haptic_teleop_sim.model import Model
 from haptic_teleop_sysid.estimation.records import Record
 from haptic_teleop_sysid.motion import finite
@@ -29,6 +30,19 @@ class Scales:
     def span(self, channel: int) -> float:
         """How far motor (0) or arm (1) moved, rad."""
         return self.highest[channel] - self.lowest[channel]
+
+    def at(self, location: str) -> Recorded:
+        """What the recordings are like where an effect sits: at the arm, or else by the motor's angle."""
+        channel = 1 if "_arm" in location else 0
+        return Recorded(
+            self.size,
+            self.lowest[channel],
+            self.highest[channel],
+            self.dt,
+            self.resolution[channel],
+            max(self.resolution),
+            self.contacts(channel)[1],
+        )
 
     def contacts(self, channel: int) -> tuple[float, float]:
         """Displacements, rad, within which the contact of dry friction at motor (0) or arm (1) gives: shares
@@ -69,8 +83,8 @@ def within_reach(lab: Model, scales: Scales | None = None) -> dict[str, tuple[fl
             break
         least, most = scales.contacts(channel)
         for name, entry in EFFECTS.items():
-            if entry.memory == "direction":
-                parameter = f"{lab.location(place)}.{name}.contact_angle"
+            if entry.contact:
+                parameter = f"{lab.location(place)}.{name}.{entry.contact}"
                 # A model that states another one is taken at its word.
                 stated = lab.parameter_values().get(parameter, least)
                 limits[parameter] = (min(least, stated), max(most, stated))

@@ -14,11 +14,12 @@ from haptic_teleop_sysid.estimation.whole_fit import fit_whole
 from .actuator import joined
 from .candidates import family
 from .current import Shown
-from .decide import LEAST_GAIN, Choice, choose
+from .decide import Choice, choose
 from .explanation import Explanation
 from .explore import explore
 from .held_out import judged
 from .isolable import nats_apart
+from .policy import LEAST_GAIN
 from .scales import Scales, recording_scales, within_reach
 from .simulated import explore_simulated, simulation_noise
 from .trials import LAST_STEPS, with_companion

@@ -20,13 +20,12 @@ from haptic_teleop_sim.model import Effect, Model
 
 from .inverse_dynamics.witness import Group, Witness
 from .material import material
+from .policy import AN_EFFECT
 from .scales import Scales
 
 #: Log-likelihood that counts for each time that the error of the free run falls by a factor e on one kind of
 #: recordings: halved on both it counts as much as two effects must gain.
 FREE_RUN = 10.0
-#: Log-likelihood that each effect must gain, by both, beside what its parameters gain by chance.
-AN_EFFECT = 6.0
 #: Factor by which the error of the free run may rise on one kind of recordings.
 NO_WORSE = 1.02
 #: Difference in what groups gain, by both, at which the weight of the lesser falls to a third.

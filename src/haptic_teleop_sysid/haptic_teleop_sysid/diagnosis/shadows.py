@@ -7,7 +7,6 @@ much, so each is tried from where another one ended.
 
 from __future__ import annotations
 
-import math
 from collections import Counter
 from collections.abc import Sequence
 from dataclasses import replace
@@ -17,7 +16,7 @@ from haptic_teleop_sim.model import Effect
 from haptic_teleop_sysid.estimation.gauss_newton import Fit, Limits
 from haptic_teleop_sysid.estimation.records import Record
 
-from .candidates import LOADS_THE_JOINT, companion, family
+from .candidates import companion, family
 from .trials import best_of_each, polish, with_companion
 
 #: Nats behind the best one from which a thing that explains the same has not ended where it could.
@@ -32,40 +31,19 @@ def shadows(effect: Effect) -> list[Effect]:
     """What loads the joint as ``effect`` does; [] for one that does not."""
     head, _, part = effect.location.rpartition("_")
     found = []
-    if effect.effect not in LOADS_THE_JOINT or part not in ("motor", "arm"):
-        return found
-    if effect.effect != "gravity":
-        found.append(
-            Effect(effect.effect, f"{head}_{'arm' if part == 'motor' else 'motor'}", effect.parameters)
-        )
-    p = effect.parameters
-    if effect.effect == "spring_to_ground" and part == "arm":
-        # Over small angles T sin(q + phase) is k (q - rest).
-        torque, phase = p["stiffness"] * math.hypot(1.0, p["rest"]), math.atan(-p["rest"])
-        found.append(Effect("gravity", effect.location, {"torque": torque, "phase": phase}))
-    if effect.effect == "gravity" and math.cos(p["phase"]) > 0.1:
-        spring = {"stiffness": p["torque"] * math.cos(p["phase"]), "rest": -math.tan(p["phase"])}
-        found.append(Effect("spring_to_ground", effect.location, spring))
-    if effect.effect == "constant_torque" and part == "arm":
-        torque = effect.parameters["torque"]
-        found.append(
-            Effect(
-                "gravity",
-                effect.location,
-                {"torque": abs(torque), "phase": -math.copysign(math.pi / 2.0, torque)},
-            )
-        )
+    for other in effect.entry.equivalents:
+        if other.condition and part in other.at:
+            place = ("arm" if part == "motor" else "motor") if other.across else part
+            numbers = effect.parameters if other.numbers is None else other.numbers(effect.parameters)
+            if numbers:
+                found.append(Effect(other.effect, f"{head}_{place}", numbers))
     return found
 
 
 def _at_rest(effect: Effect) -> float:
-    """Torque of the effect at angle zero, N·m, by the contract's equations."""
-    p = effect.parameters
-    if effect.effect == "gravity":
-        return -p["torque"] * math.sin(p["phase"])
-    if effect.effect == "spring_to_ground":
-        return p["stiffness"] * p["rest"]
-    return p["torque"]
+    """Torque of the effect at angle zero, N·m, by its entry."""
+    at_rest = effect.entry.at_rest
+    return 0.0 if at_rest is None else at_rest(effect.values)
 
 
 def with_shadows(fits: Sequence[Fit], before: Fit, records: Sequence[Record], limits: Limits) -> list[Fit]:
@@ -99,7 +77,7 @@ def _from_there(one: Fit, other: Effect, before: Fit, records: Sequence[Record],
     effects = [*one.model.effects[: len(before.model.effects)], other]
     if preload := companion(before.model, other) if other.location.endswith("_arm") else None:
         # Zeroed under load: what the joint carries at rest.
-        effects.append(replace(preload, parameters={"torque": -_at_rest(other)}))
+        effects.append(replace(preload, parameters={n: -_at_rest(other) for n in preload.parameters}))
     start = replace(one, model=replace(one.model, effects=tuple(effects), fixed=before.model.fixed))
     start = replace(start, free=start.model.free_parameters())
     return with_companion(polish(start, records, limits), before.model, records, limits)

@@ -12,8 +12,9 @@ from haptic_teleop_sysid.estimation.records import Record
 from haptic_teleop_sysid.estimation.whole_fit import fit_whole
 
 from .certainty import known_beside, standard_errors
-from .decide import SIGNIFICANT, Choice
+from .decide import Choice
 from .held_out import held_out_fit
+from .policy import SIGNIFICANT
 from .search import SearchResult
 from .whiteness import colour
 

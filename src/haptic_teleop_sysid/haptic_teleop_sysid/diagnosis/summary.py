@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from typing import Any
 
+from haptic_teleop_sim.effects import MEASURED
 from haptic_teleop_sysid.report.numbers import with_error
 
 from .adequacy import NEARLY_ALL
@@ -60,7 +61,7 @@ def summary(content: dict[str, Any]) -> str:
 
 def map_sentences(content: dict[str, Any]) -> list[str]:
     """What became of a measured torque where no name was found."""
-    found = content.get("torque_map")  # none in results of earlier versions
+    found = content.get(MEASURED.name)  # none in results of earlier versions
     if found is None:
         return []
     law = found.get("law")

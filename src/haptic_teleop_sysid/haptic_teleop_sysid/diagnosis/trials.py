@@ -77,8 +77,8 @@ def _in_currents(effect: Effect, of: Model, to: Model) -> Effect:
 
 def _trial(model: Model, effect: Effect, noise: NoiseModel, records: Sequence[Record], limits: Limits) -> Fit:
     wider = model.with_effects(effect)
-    if "contact_angle" in effect.parameters:
-        wider = replace(wider, fixed=(*wider.fixed, f"{effect.location}.{effect.effect}.contact_angle"))
+    if (contact := effect.entry.contact) in effect.parameters:
+        wider = replace(wider, fixed=(*wider.fixed, f"{effect.location}.{effect.effect}.{contact}"))
     return fit_parameters(wider, noise, records, iterations=_TRIAL_STEPS, tolerance=_ENOUGH, limits=limits)
 
 
@@ -91,7 +91,7 @@ def with_contact(fit: Fit) -> Fit:
     """The fit with the contact of its last effect free: a trial holds it where it started, because
     friction that is too small yet says nothing of it; one off by a factor of three leaves colour behind."""
     effect = fit.model.effects[-1]
-    name = f"{effect.location}.{effect.effect}.contact_angle"
+    name = f"{effect.location}.{effect.effect}.{effect.entry.contact}"
     if name not in fit.model.fixed:
         return fit
     model = replace(fit.model, fixed=tuple(n for n in fit.model.fixed if n != name))

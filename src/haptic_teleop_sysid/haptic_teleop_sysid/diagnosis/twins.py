@@ -17,15 +17,11 @@ from .explanation import Explanation
 
 def twin(effect: Effect) -> Effect | None:
     """The other name of the same thing, or None."""
-    delay = effect.parameters.get("delay", 0.0)
-    if delay == 0.0:
-        return None
-    sign = -1.0 if effect.location.endswith("_actuator") else 1.0
-    if effect.effect in ("sensor_delay", "input_delay"):
-        return Effect("channel_skew", effect.location, {"delay": sign * delay})
-    if effect.effect == "channel_skew" and sign * delay > 0.0:
-        name = "input_delay" if sign < 0.0 else "sensor_delay"
-        return Effect(name, effect.location, {"delay": sign * delay})
+    for other in effect.entry.equivalents:
+        if not other.condition and other.numbers and effect.location.endswith(other.at):
+            numbers = other.numbers(effect.parameters)
+            if numbers:
+                return Effect(other.effect, effect.location, numbers)
     return None
 
 
@@ -41,10 +37,13 @@ def with_twins(found: Sequence[Explanation]) -> list[Explanation]:
 
 
 def _renamed(fit: Fit, index: int, other: Effect) -> Fit:
-    """The fit with one effect under its twin's name; the information keeps its size, its sign may turn."""
+    """The fit with one effect under its twin's name, both with one parameter; the information keeps its size,
+    its sign may turn."""
     old = fit.model.effects[index]
-    a, b = (f"{e.location}.{e.effect}.delay" for e in (old, other))
-    turned = old.parameters["delay"] * other.parameters["delay"] < 0.0
+    (a, size), (b, same) = (
+        (f"{e.location}.{e.effect}.{n}", v) for e in (old, other) for n, v in e.parameters.items()
+    )
+    turned = size * same < 0.0
     information, gradient = fit.information.copy(), fit.gradient.copy()
     if turned and a in fit.free:
         place = fit.free.index(a)
@@ -52,10 +51,6 @@ def _renamed(fit: Fit, index: int, other: Effect) -> Fit:
         information[:, place] = -information[:, place]
     names = tuple(b if n == a else n for n in fit.free)
     effects = (*fit.model.effects[:index], other, *fit.model.effects[index + 1 :])
-    model = replace(
-        fit.model, effects=effects, fixed=tuple(b if n == a else n for n in fit.model.fixed)
-    )
+    model = replace(fit.model, effects=effects, fixed=tuple(b if n == a else n for n in fit.model.fixed))
     bounds = tuple(b if n == a else n for n in fit.at_bound)
-    return replace(
-        fit, model=model, free=names, information=information, gradient=gradient, at_bound=bounds
-    )
+    return replace(fit, model=model, free=names, information=information, gradient=gradient, at_bound=bounds)

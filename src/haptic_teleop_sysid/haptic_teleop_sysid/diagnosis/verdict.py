@@ -14,21 +14,18 @@ from haptic_teleop_sim.model import Effect, Model
 from haptic_teleop_sysid.estimation.gauss_newton import Fit
 from haptic_teleop_sysid.estimation.records import Record
 
-from .adequacy import LEAST, Adequacy, explained_torque
+from .adequacy import Adequacy, explained_torque
 from .certainty import standard_errors
 from .decide import Choice
+from .policy import LEAST_EXPLAINED, NOTICEABLE, STRUCTURED
 from .reasons import Doubt
 from .residual import Condition, conditions, intervals, shares
 from .search import SearchResult
-from .words import because, reported
+from .words import because
 
-#: Share of the left-over torque that a curve must explain on other recordings to count as physics nobody
-#: named.
-STRUCTURED = 0.5
-#: The same share from which the place of something unknown is told with what it follows.
+#: Share of the left-over torque that a curve explains, from which the place of something unknown is told with
+#: what it follows.
 FOLLOWS = 0.2
-#: Least rms of that left-over torque, relative to the rms input torque.
-NOTICEABLE = 0.03
 #: Share of its size by which an effect is off because its form is never quite that of a machine's, as
 #: measured on development recordings whose generator has another form for everything.
 _FORM = 0.03
@@ -107,7 +104,7 @@ def finding(choice: Choice, final: Fit, spread: dict[str, float], surest: float 
             "unit": fitted.entry.parameter(name).unit,
         }
         for name, value in fitted.parameters.items()
-        if reported(name, value)
+        if fitted.entry.parameter(name).reported(value)
     }
     if choice.chosen.by_current > 0.0:
         surest = 1.0
@@ -189,7 +186,7 @@ def _doubtful_place(
         place, condition = doubt.place, "time"
     elif doubt.choice is not None:
         effect, fit = doubt.choice.chosen.effect, doubt.choice.chosen.fit
-        if effect.location == place or explained_torque(result.baseline, fit, estimation) > LEAST:
+        if effect.location == place or explained_torque(result.baseline, fit, estimation) > LEAST_EXPLAINED:
             place, condition = effect.location, condition_of(model, effect.effect, effect.location, before)
     return {
         "equation": place,
@@ -205,48 +202,8 @@ def _largest(fit: Fit, records: Sequence[Record]) -> tuple[str, float]:
     return fit.model.location(place), share
 
 
-_CONDITION = {
-    "coulomb_friction": "sign of {v}",
-    "stribeck_friction": "{v} near reversal",
-    "asymmetric_friction": "direction of {v}",
-    "presliding_friction": "displacement since the last reversal",
-    "quadratic_drag": "{v} squared",
-    "position_dependent_friction": "{q} while moving",
-    "friction_drift": "time",
-    "load_dependent_friction": "joint torque while moving",
-    "gravity": "{q}",
-    "spring_to_ground": "{q}",
-    "constant_torque": "always",
-    "torque_ripple": "{q}, periodically",
-    "backlash": "deflection near zero",
-    "hardening_spring": "deflection",
-    "hysteresis": "deflection and its direction",
-    "joint_damping": "rate of deflection",
-    "input_delay": "changes of the input",
-    "actuator_lag": "changes of the input",
-    "torque_saturation": "large inputs",
-    "dead_zone": "small inputs",
-    "gain_error": "input",
-    "gain_drift": "input and time",
-    "inertial_coupling": "acceleration of the other stage",
-    "extra_flexible_mode": "frequency",
-    "payload_change": "time",
-    "hard_stop": "{q} at the stop",
-    "encoder_eccentricity": "{q}, periodically",
-    "encoder_scale": "{q}",
-    "sensor_delay": "velocity",
-    "channel_skew": "velocity",
-    "steep_drag": "{v} cubed",
-    "viscous_ripple": "{v} and {q}",
-    "creep": "deflection and how long it lasts",
-    "detent": "{q} near one place",
-}
-
-
 def condition_of(model: Model, effect: str, location: str, before: Sequence[Condition]) -> str:
     """Under which condition the effect shows, in words."""
-    if location == model.location("actuator") and effect == "channel_skew":
-        effect = "input_delay"  # its twin there
     part = "arm" if "_arm" in location else "motor"
-    words = _CONDITION.get(effect) or effect_entry(effect).condition or "input"
+    words = effect_entry(effect).condition_in(model.place(location)) or "input"
     return words.format(v=f"{part} velocity", q=f"{part} angle")

@@ -33,8 +33,8 @@ LEFT_OUT: dict[tuple[str, str], str] = {
     ("channel_skew", "actuator"): "a running robot reports its current when it has measured it",
 }
 """Places of the contract's table that are not drawn, and why."""
-#: Effects that came to the table after the first robots were drawn.
 LATER = ("angle_dependent_inertia", "torque_speed_limit")
+"""Effects that came to the table after the first robots, and the examples of the docs, were drawn."""
 #: Sizes, in the blind benchmark's units of an effect, that are plain but not absurd.
 SIZES = (1.5, 3.0)
 OWN_SIZES = {"torque_saturation": (15.0, 30.0), "hard_stop": (4.0, 10.0), "friction_drift": (1.0, 2.0)}

@@ -78,7 +78,7 @@ class Hypothesis:
         if self.held:
             return np.array([1.0 / _OFF]), np.array([_OFF])
         low = [self.entry.parameter(n).minimum for n in self.sizes]
-        if self.angle == "phase":
+        if self._turns:
             low[-1] = -math.inf
         low += [-math.inf] * (self.angle is not None)
         return np.where(np.array(low) >= 0.0, 0.0, -np.inf), np.full(len(low), np.inf)
@@ -97,7 +97,7 @@ class Hypothesis:
             values |= dict(zip(self.sizes, map(float, factors), strict=False))
         if self.angle is not None:
             along, across = float(factors[len(self.sizes) - 1]), float(factors[-1])
-            if self.angle == "phase":
+            if self._turns:
                 values[self.sizes[-1]] = math.hypot(along, across)
                 values[self.angle] = math.atan2(across, along)
             else:
@@ -120,7 +120,7 @@ class Hypothesis:
         if self.angle is not None:
             (a, b), (sa, sb) = factors[-2:], std[-2:]
             length = max(math.hypot(a, b), 1e-300)
-            if self.angle == "phase":
+            if self._turns:
                 found[self.sizes[-1]] = math.hypot(a * sa, b * sb) / length
                 found[self.angle] = min(math.hypot(b * sa, a * sb) / length**2, math.pi)
             else:
@@ -141,6 +141,11 @@ class Hypothesis:
         size = entry.parameters[0].name
         return cls(entry, effect.location, place, tuple(values.items()), (size,), None, gives, held=True)
 
+    @property
+    def _turns(self) -> bool:
+        """Whether its angle turns sine into cosine; else it shifts."""
+        return self.angle is not None and self.entry.parameter(self.angle).turns == "phase"
+
     def _torque(self, variables: SimpleNamespace, size: str, **more: float) -> FloatArray:
         p = {q.name: 0.0 if q.default is None else q.default for q in self.entry.parameters}
         p |= dict(self.shape) | more
@@ -155,9 +160,10 @@ class Hypothesis:
 
     def _turned(self, variables: SimpleNamespace) -> FloatArray:
         size = self.sizes[-1]
-        if self.angle == "phase":
-            return self._torque(variables, size, phase=math.pi / 2)
-        return self._torque(variables, size, rest=1.0) - self._torque(variables, size)
+        assert self.angle is not None
+        if self._turns:
+            return self._torque(variables, size, **{self.angle: math.pi / 2})
+        return self._torque(variables, size, **{self.angle: 1.0}) - self._torque(variables, size)
 
 
 def hypotheses(model: Model, scales: Scales) -> Iterator[Hypothesis]:
@@ -207,7 +213,7 @@ def _of_actuator(entry: EffectEntry, location: str, scales: Scales) -> Iterator[
 def _shapes(entry: EffectEntry, location: str, place: str, scales: Scales) -> Iterator[Hypothesis]:
     sizes = tuple(p.name for p in entry.parameters if p.default is None and p.neutral == 0.0)
     shaped = [p for p in entry.parameters if p.default is None and p.neutral is None]
-    angle = next((p.name for p in entry.parameters if p.name in ("phase", "rest")), None)
+    angle = next((p.name for p in entry.parameters if p.turns), None)
     held = len(sizes) == 1 and not _linear(entry, sizes[0])
     if held:
         size = entry.parameter(sizes[0])

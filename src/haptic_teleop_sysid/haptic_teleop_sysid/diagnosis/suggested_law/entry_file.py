@@ -14,15 +14,6 @@ from .regression import Law
 FILE = "suggested_effect.py"
 #: Factor over the steepest slope that was measured for which the kernel's steps are chosen.
 _STEEPER = 2.0
-_CONTACT = """        EffectParameter(
-            "contact_angle", "rad", "displacement over which the contact gives", minimum=1e-12, default=2e-5,
-            neutral=None,
-        ),
-        EffectParameter(
-            "smoothing", "rad/s", "velocity within which the sign is smoothed, 0: it sticks", minimum=0.0,
-            default=0.0, neutral=None,
-        ),
-"""
 _FILE = """'''An effect suggested by a diagnosis: {words}.
 
 It was drawn from recordings and nobody has thought about it yet: give it a name, a sentence and bounds that
@@ -30,7 +21,8 @@ mean something, or throw it away. To add it, put this file beside `effects/regis
 haptic_teleop_sim, list its module there, and diagnose the same recordings again.
 '''
 
-from .entry import EffectEntry, EffectParameter
+from .entry import EffectEntry
+from .parameter import {contact}EffectParameter
 
 SUGGESTED = EffectEntry(
     name="{name}",
@@ -81,11 +73,12 @@ def entry_file(law: Law, table: TorqueMap) -> str:
                 parameters.append(_parameter(f"{name}{number}", of, f"{name} of the term", value))
                 text = re.sub(rf"\bp\.{name}\b", f"p.{name}{number}", text)
         terms.append(text)
-    more = ""
+    more = contact = ""
     if any("s.direction" in text for text in terms):
-        parameters.append(_CONTACT)
-        more = '    memory="direction",\n'
+        parameters.append("        *CONTACT,\n")
+        more, contact = '    memory="direction",\n', "CONTACT, "
     return _FILE.format(
+        contact=contact,
         words=law_words(law),
         name=entry_name(law),
         place=law.terms[0].place,

@@ -1,0 +1,92 @@
+"""The forms of dry friction: from where each is fitted once a plain one is known, and when it departs from
+that by enough to bear its own name."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+
+from .hypothesis import DISTINCT, SMALL_TORQUE, Numbers, Recorded, bends
+from .parameter import CONTACT, STICTION_ANGLE
+
+#: Shares of the rms velocity over which a friction that falls with speed is begun, shares of the travel over
+#: which a contact that gives is, and phases of a sine, of which a wrong one leads back to none.
+_VELOCITIES = (0.05, 0.2, 0.6)
+_GIVES = (0.01, 0.05)
+_PHASES = (0.0, 0.5 * math.pi, math.pi, 1.5 * math.pi)
+#: Share by which friction varies with the angle in the beginning.
+_VARIES = 0.3
+#: Share of the whole travel up to which a contact that gives before it slides bears its own name: one that
+#: hardly ever slides is a spring.
+_STILL = 0.3
+
+
+def _given_contact(p: Numbers) -> dict[str, float]:
+    """What a friction states of its contact."""
+    return {q.name: p[q.name] for q in CONTACT if q.name in p}
+
+
+def falling(p: Numbers, on: Recorded, scanned: float) -> Iterator[dict[str, float]]:
+    """Less at speed and more where sliding starts than a plain friction, over several velocities."""
+    for share in _VELOCITIES:
+        velocity = share * on.size["velocity"]
+        own = {"coulomb": 0.6 * p["torque"], "breakaway": 1.1 * p["torque"], "velocity": velocity}
+        yield {**own, **_given_contact(p)}
+
+
+def sided(p: Numbers, on: Recorded, scanned: float) -> Iterator[dict[str, float]]:
+    """More in either direction than a plain friction, and less in the other."""
+    for more, less in ((1.2, 0.8), (0.8, 1.2)):
+        own = {"positive": more * p["torque"], "negative": less * p["torque"]}
+        yield {**own, **_given_contact(p)}
+
+
+def giving(p: Numbers, on: Recorded, scanned: float) -> Iterator[dict[str, float]]:
+    """A contact that gives over a share of the travel."""
+    for share in _GIVES:
+        yield {"torque": p["torque"], "stiffness": p["torque"] / (share * on.span)}
+
+
+def rippled(p: Numbers, on: Recorded, scanned: float) -> Iterator[dict[str, float]]:
+    """A plain friction that varies with the angle at the scanned order, at every phase."""
+    contact = {"contact_angle": p.get("contact_angle", STICTION_ANGLE)}
+    for phase in _PHASES:
+        own = {"torque": p["torque"], "amplitude": _VARIES * p["torque"], "order": scanned, "phase": phase}
+        yield {**own, **contact}
+
+
+def falls(p: Numbers, on: Recorded) -> bool:
+    """Breakaway well above what slides, over a velocity that the motion has."""
+    return (
+        p["breakaway"] > (1 + DISTINCT) * p["coulomb"]
+        and p["breakaway"] > SMALL_TORQUE * on.size["torque"]
+        and p["velocity"] > 1e-3 * on.size["velocity"]
+    )
+
+
+def differs(p: Numbers, on: Recorded) -> bool:
+    """The two directions well apart, in a friction that is one."""
+    total = p["positive"] + p["negative"]
+    return total > 2 * SMALL_TORQUE * on.size["torque"] and abs(p["positive"] - p["negative"]) > (
+        DISTINCT * total
+    )
+
+
+def gives(p: Numbers, on: Recorded) -> bool:
+    """A contact that gives farther than one that sticks, and slides well within the travel."""
+    gives = p["torque"] / p["stiffness"]
+    return p["torque"] > SMALL_TORQUE * on.size["torque"] and on.sticking < gives < _STILL * on.span
+
+
+def varies(p: Numbers, on: Recorded) -> bool:
+    """An amplitude well above nothing, of a sine of which enough was seen."""
+    return (
+        p["amplitude"] > DISTINCT * max(p["torque"], 1e-12)
+        and p["amplitude"] > SMALL_TORQUE * on.size["torque"]
+        and bends(p, on)
+    )
+
+
+def grows(p: Numbers, on: Recorded) -> bool:
+    """More than a few thousandths of what is transmitted."""
+    return p["coefficient"] > 0.002

@@ -1,0 +1,251 @@
+"""What the numbers of the policy decide: on either side of each, the answer is another one. The sizes are
+those that a user of the tool meets, stated here and read nowhere."""
+
+import ast
+from dataclasses import replace
+from pathlib import Path
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+from test_diagnosis_parts import MODEL, explanation, fit_of
+
+import haptic_teleop_sysid.diagnosis.doubt as doubt_module
+import haptic_teleop_sysid.diagnosis.overruled as overruled_module
+import haptic_teleop_sysid.diagnosis.policy as policy
+import haptic_teleop_sysid.diagnosis.search as search_module
+import haptic_teleop_sysid.diagnosis.second_opinion as second_module
+import haptic_teleop_sysid.diagnosis.verdict as verdict_module
+from haptic_teleop_sim.model import Effect
+from haptic_teleop_sysid.diagnosis.adequacy import Adequacy, short_of
+from haptic_teleop_sysid.diagnosis.columns import Number, moved
+from haptic_teleop_sysid.diagnosis.decide import Choice, choose, significant
+from haptic_teleop_sysid.diagnosis.diagnose import unharmful
+from haptic_teleop_sysid.diagnosis.reasons import Doubt
+from haptic_teleop_sysid.diagnosis.residual import Condition
+from haptic_teleop_sysid.diagnosis.search import SearchResult
+from haptic_teleop_sysid.diagnosis.verdict import structured
+
+FOLDER = Path(policy.__file__).parent
+
+
+def result_of(*choices, last_round=()):
+    final = choices[-1].chosen.fit if choices else fit_of()
+    return SearchResult(fit_of(), final, choices, last_round, SimpleNamespace(size={"torque": 1.0}))
+
+
+@pytest.mark.parametrize(
+    ("here", "elsewhere", "believed"),
+    [
+        (12.5, 1.6, True),
+        (11.5, 50.0, False),  # hardly more than clean recordings give
+        (12.1, 1.3, False),  # the other recordings do not bear it out
+        (21.0, -0.15, True),  # the more it gains, the less is asked of them
+        (21.0, -0.35, False),
+        (31.0, -1.9, True),  # a stop that they never reached
+        (31.0, -2.1, False),
+        (500.0, -2.1, False),
+    ],
+)
+def test_what_an_effect_must_gain(here, elsewhere, believed):
+    found = choose([explanation("coulomb_friction", here, elsewhere)], 0.0, False)
+    assert (found is not None) == believed
+
+
+@pytest.mark.parametrize(("worth", "falls"), [(11.0, True), (13.0, False)])
+def test_a_first_effect_is_worth_as_much_beside_the_second(monkeypatch, worth, falls):
+    second = explanation("coulomb_friction", 100.0, 100.0)
+    second = replace(second, fit=replace(second.fit, log_likelihood=500.0))
+    alone = replace(second.fit, log_likelihood=500.0 - worth)
+    monkeypatch.setattr(search_module, "_without_first", lambda *_: alone)
+    monkeypatch.setattr(search_module, "judged", lambda baseline, fits, *_: [replace(second, fit=fits[0])])
+    assert bool(search_module._alone(fit_of(), Choice(second, 1.0), [], [], None, {})) == falls
+
+
+@pytest.mark.parametrize(("errors", "differs"), [(2.7, False), (3.3, True)])
+def test_a_size_is_three_standard_errors_from_none(errors, differs):
+    found = explanation("coulomb_friction", 100.0, 100.0, torque=0.1)
+    free = ("stage1_motor.coulomb_friction.torque",)
+    known = replace(found.fit, free=free, information=np.array([[(errors / 0.1) ** 2]]))
+    assert significant(replace(found, fit=known)) == differs
+    parameter = Number(1.5 * MODEL.parameters["stiffness"], "N*m/rad", None, 0.5, None)
+    parameter = replace(parameter, std=0.5 * MODEL.parameters["stiffness"] / errors)
+    assert bool(moved(MODEL, {"stiffness": parameter})) == differs
+
+
+@pytest.mark.parametrize(("percent", "kept"), [(88.3, True), (87.7, False)])
+def test_a_finding_may_cost_two_percent_of_the_simulation(percent, kept):
+    choice = Choice(explanation("coulomb_friction", 100.0, 100.0), 1.0)
+    found = unharmful(result_of(choice), lambda model: percent if model.effects else 90.0)
+    assert bool(found.choices) == kept
+
+
+def beside(name, *, place, effect, gain, **parameters):
+    """An explanation of score ``gain`` at ``place`` beside an ``effect`` that was found."""
+    own = Effect(name, f"stage1_{place}", parameters)
+    one = explanation(name, gain / 2, gain / 2, place, **parameters)
+    return replace(one, fit=fit_of(MODEL.with_effects(effect, own)), effect_index=1)
+
+
+@pytest.mark.parametrize(
+    ("name", "place", "size", "least"),
+    [
+        ("gravity", "arm", {"torque": 0.1}, 0.02),
+        ("coulomb_friction", "motor", {"torque": 0.1}, 0.15),  # of its kind, where a drag was found
+        ("inertial_coupling", "arm", {"coefficient": 0.01}, 0.0005),  # follows another joint
+    ],
+)
+def test_a_further_effect_has_its_share_of_the_strongest_one(name, place, size, least):
+    drag = Effect("quadratic_drag", "stage1_motor", {"coefficient": 0.1})
+    one = beside(name, place=place, effect=drag, gain=102.0, **size)
+    assert one.score == 100.0
+    assert choose([one], 0.9 * 100.0 / least, False) is not None
+    assert choose([one], 1.1 * 100.0 / least, False) is None
+
+
+def test_a_further_effect_of_which_nobody_knows_what_it_is_has_a_larger_one():
+    here = explanation("gravity", 52.0, 50.0, "arm", torque=0.1)
+    there = explanation("encoder_scale", 52.0, 50.0, "arm_encoder", scale=1.01)
+    assert choose([here, there], 0.9 * 100.0 / 0.15, False).ambiguous
+    assert choose([here, there], 1.1 * 100.0 / 0.15, False) is None
+
+
+def test_a_rival_three_nats_behind_has_a_third_of_the_weight():
+    first = explanation("coulomb_friction", 22.0, 20.0)
+    second = explanation("constant_torque", 18.8, 20.0)
+    choice = choose([first, second], 0.0, False)
+    # The score is 40: 3.2 nats behind where chance makes 3 and the noise's colour 0.4.
+    assert choice.chosen is first
+    assert choice.confidence == pytest.approx(1.0 / (1.0 + np.exp(-3.2 / 3.4)), abs=0.002)
+
+
+@pytest.mark.parametrize(("apart", "alike"), [(4.6, True), (5.4, False)])
+def test_explanations_five_nats_apart_are_one_set(apart, alike):
+    delay = explanation("input_delay", 37.0, 6.0, "actuator", delay=0.008)
+    lag = explanation("actuator_lag", 32.4, 6.0, "actuator", time_constant=0.008)
+    found = choose([delay, lag], 0.0, True, apart=lambda *_: apart)
+    assert found.ambiguous == alike
+    # ... which was found, too: what is farther behind is told by that.
+    behind = replace(lag, gain=31.6)
+    assert not choose([delay, behind], 0.0, True, apart=lambda *_: 0.0).ambiguous
+
+
+@pytest.mark.parametrize(("confidence", "open_"), [(0.68, True), (0.72, False)])
+def test_a_name_is_given_alone_from_seventy_percent_on(confidence, open_):
+    rival = explanation("constant_torque", 40.0, 40.0)
+    choice = Choice(explanation("coulomb_friction", 40.0, 40.0), confidence, ((rival, 1.0 - confidence),))
+    assert choice.ambiguous == open_
+
+
+@pytest.mark.parametrize(("ahead", "unnamed"), [(7.0, False), (9.0, True)])
+def test_every_name_has_to_lose_by_eight_nats_before_none_is_given(ahead, unnamed):
+    name = explanation("quadratic_drag", 40.0, 40.0, coefficient=0.1)
+    nameless = explanation("steep_drag", 40.0 + ahead, 40.0, coefficient=0.1)
+    assert choose([name, nameless], 0.0, False).unnamed == unnamed
+
+
+def group(gain, *names):
+    effects = [Effect(name, "stage1_motor", {"torque": 0.1}) for name in names]
+    return SimpleNamespace(effects=effects, gain=gain, model=MODEL)
+
+
+@pytest.mark.parametrize(
+    ("gains", "count"), [((5.4, 0.0), 0), ((6.6, 0.0), 1), ((20.0, 25.4), 1), ((20.0, 26.6), 2)]
+)
+def test_each_effect_gains_six_nats_in_the_second_opinion(monkeypatch, gains, count):
+    monkeypatch.setattr(second_module, "_admissible", lambda *_: True)
+    one, two = group(gains[0], "gravity"), group(gains[1], "gravity", "coulomb_friction")
+    heard = second_module.second_opinion(
+        SimpleNamespace(levels=[[one], [two]]), None, lambda model: (0.5, 0.5), (0.5, 0.5)
+    )
+    assert len(heard.chosen.group.effects if heard.chosen else ()) == count
+
+
+@pytest.mark.parametrize(
+    ("errs", "coloured", "believed"),
+    [
+        (0.92, True, False),
+        (0.88, True, True),
+        (0.88, False, False),
+        (0.72, False, False),
+        (0.68, False, True),
+    ],
+)
+def test_the_second_opinion_errs_clearly_less(errs, coloured, believed):
+    opinion = SimpleNamespace(chosen=SimpleNamespace(errors=(0.2 * errs, 0.2 * errs)))
+    assert overruled_module.believed_instead(opinion, (0.2, 0.2), lambda: coloured) == believed
+
+
+@pytest.mark.parametrize(("explains", "kept"), [(0.53, True), (0.47, False)])
+def test_a_name_explains_half(explains, kept):
+    choice = Choice(explanation("coulomb_friction", 100.0, 100.0), 1.0)
+    result, doubt = short_of(result_of(choice), Adequacy(explains, 0.9))
+    assert bool(result.choices) == kept and (doubt is None) == kept
+    folds = SimpleNamespace(adequacies=lambda group: [explains for _ in group])
+    heard = SimpleNamespace(witness=SimpleNamespace(folds=folds))
+    assert (overruled_module.inadequate(result_of(choice), heard) is None) == kept
+
+
+@pytest.mark.parametrize(("explains", "place"), [(0.53, "stage1_motor"), (0.47, "stage1_arm")])
+def test_the_place_of_a_name_that_was_given_up_is_told_where_it_explains_half(monkeypatch, explains, place):
+    monkeypatch.setattr(verdict_module, "_largest", lambda *_: ("stage1_arm", 0.8))
+    monkeypatch.setattr(verdict_module, "explained_torque", lambda *_: explains)
+    doubt = Doubt(Choice(explanation("coulomb_friction", 100.0, 100.0), 1.0), "for a reason")
+    assert verdict_module._doubtful_place(doubt, result_of(), [], [])["equation"] == place
+
+
+@pytest.mark.parametrize(
+    ("colour", "unsteady", "gain", "said"),
+    [
+        (90.0, 1.2, 35.0, ""),
+        (110.0, 1.2, 35.0, "keeps correcting"),
+        (90.0, 1.4, 35.0, "at some times"),
+        (90.0, 1.2, 45.0, "do not bear it out"),
+    ],
+)
+def test_what_is_left_of_a_structure_is_doubted(monkeypatch, colour, unsteady, gain, said):
+    answers = {
+        "colour": colour,
+        "unsteadiness": unsteady,
+        "_more_coloured": True,
+        "held_out_fit": fit_of(),
+    }
+    for name, answer in answers.items():
+        monkeypatch.setattr(doubt_module, name, lambda *_, answer=answer: answer)
+    monkeypatch.setattr(doubt_module, "rather_event", lambda doubt, both: doubt)
+    tried = explanation("coulomb_friction", gain, -50.0)
+    _, doubt, _ = doubt_module.doubted(result_of(last_round=(tried,)), [], [], lambda model: 50.0)
+    assert (doubt.why if doubt else "") == "" if not said else said in doubt.why
+
+
+@pytest.mark.parametrize(
+    ("explained", "size", "counts"),
+    [(0.55, 0.035, True), (0.45, 0.035, False), (0.55, 0.025, False)],
+)
+def test_what_is_left_and_follows_something_is_physics_without_a_name(explained, size, counts):
+    left = Condition("stage1_motor", "motor angle", "rad", explained, np.zeros(8), np.full(8, size))
+    assert (structured(fit_of(), [left], [], result_of()) is not None) == counts
+
+
+def test_every_number_says_what_it_means_and_where_it_comes_from():
+    """... in a text that stands behind it, and is used by a module beside it."""
+    body = ast.parse((FOLDER / "policy.py").read_text()).body
+    texts = {}
+    for one, after in zip(body, [*body[1:], None], strict=True):
+        if isinstance(one, ast.Assign):
+            target = one.targets[0]
+            names = target.elts if isinstance(target, ast.Tuple) else [target]
+            told = isinstance(after, ast.Expr) and isinstance(after.value, ast.Constant)
+            texts |= {name.id: after.value.value if told else "" for name in names}
+    used = {
+        alias.name
+        for path in FOLDER.rglob("*.py")
+        for node in ast.walk(ast.parse(path.read_text()))
+        if isinstance(node, ast.ImportFrom) and (node.module or "").endswith("policy")
+        for alias in node.names
+    }
+    assert used == set(texts)
+    for name, text in texts.items():
+        assert len(text) > 100, name
+        origin = " ".join(text.lower().split())
+        assert any(w in origin for w in ("by hand", "set on", "set above", "computed", "set at")), name
