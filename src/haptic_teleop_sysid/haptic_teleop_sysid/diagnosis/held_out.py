@@ -91,7 +91,11 @@ def held_out_fit(fit: Fit, records: Sequence[Record], levels: Sequence[NoiseMode
 
     begun = side_by_side(lambda noise: onward(noise, _FIRST_STEPS), levels)
     ahead = sorted(begun, key=lambda one: -one.log_likelihood)[:_MOST_ENDED]
-    ends = side_by_side(lambda one: one if one.converged else onward(one.noise, _STEPS), ahead)
+
+    def to_the_end(one: Fit) -> Fit:
+        return one if one.converged else onward(one.noise, _STEPS)
+
+    ends = side_by_side(to_the_end, ahead)
     best = max(ends, key=lambda end: end.log_likelihood)
     if few is records:
         return best
