@@ -11,8 +11,8 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
-from scipy.interpolate import PchipInterpolator
 
 from haptic_teleop_control.compiled import njit
 from haptic_teleop_control.errors import ModelError
@@ -168,7 +168,8 @@ def _table(values: object, name: str, shape: tuple[int, ...], source: str) -> Fl
 
 def _slopes(knots: tuple[float, ...], values: FloatArray) -> FloatArray:
     """Slopes at the knots along the first axis."""
-    return np.asarray(PchipInterpolator(np.array(knots), values, axis=0)(np.array(knots), 1), dtype=float)
+    curve = scipy.interpolate.PchipInterpolator(np.array(knots), values, axis=0)
+    return np.asarray(curve(np.array(knots), 1), dtype=float)
 
 
 @njit(cache=True, error_model="numpy", nogil=True)

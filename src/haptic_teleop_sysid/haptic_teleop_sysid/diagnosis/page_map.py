@@ -2,16 +2,17 @@
 
 from __future__ import annotations
 
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from matplotlib import rc_context
-from matplotlib.figure import Figure
 
 from haptic_teleop_sim.effects.torque_map import torque_map
 from haptic_teleop_sysid.parameter_units import Units
 from haptic_teleop_sysid.report import Page
-from haptic_teleop_sysid.report.pictures import STYLE
+from haptic_teleop_sysid.report.pictures import blank, styled
+
+if TYPE_CHECKING:  # importing matplotlib takes half a second
+    from matplotlib.figure import Figure
 
 #: Standard errors to either side of a curve.
 _BAND = 2.0
@@ -41,8 +42,8 @@ def map_picture(found: dict[str, Any], units: Units) -> Figure:
         for name, variable in zip(found["depends_on"], table.variables, strict=True)
     ]
     force = f"torque at {found['location']} ({units.force.replace('*', '·')})"
-    with rc_context(STYLE):
-        figure = Figure(figsize=(7.2, 3.2), layout="constrained")
+    with styled():
+        figure = blank(7.2, 3.2)
         axes = figure.subplots()
         dense = [np.linspace(k[0], k[-1], 200) for k in table.knots]
         axes.set_xlabel(labels[0])
