@@ -17,7 +17,7 @@ import fcntl
 import os
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from functools import cache, cached_property, update_wrapper, wraps
+from functools import cache, cached_property, partial, update_wrapper, wraps
 from typing import Any
 
 __all__ = ["load_numba", "njit", "telling_compilation"]
@@ -25,9 +25,9 @@ __all__ = ["load_numba", "njit", "telling_compilation"]
 _told: list[Callable[[], None]] = []
 
 
-def njit(**options: Any) -> Callable[[Callable[..., Any]], Any]:
+def njit(function: Callable[..., Any] | None = None, **options: Any) -> Any:
     """Decorator: the function, compiled by numba with ``options`` when it is first called."""
-    return lambda function: _Compiled(function, options)
+    return partial(_Compiled, options=options) if function is None else _Compiled(function, options)
 
 
 class _Compiled:

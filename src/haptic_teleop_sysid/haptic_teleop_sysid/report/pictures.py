@@ -59,7 +59,7 @@ STYLE: Any = {
 
 
 @contextmanager
-def styled(style: dict[str, Any] = STYLE) -> Iterator[None]:
+def styled(style: Any = STYLE) -> Iterator[None]:
     """Within it matplotlib draws in this style."""
     from matplotlib import rc_context
 
