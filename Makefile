@@ -23,8 +23,9 @@ discover: setup  ## a robot with concealed physics: record, diagnose, open the l
 # of tests/conftest.py. Some, named by ARGS: in one process, which begins sooner.
 ALL_TESTS := -n auto --maxprocesses 8 --dist loadfile --no-loadscope-reorder --durations 25
 
+# Hundreds of processes are started: what each of them would compile of Python is kept, whatever the shell says.
 test: setup  ## the whole test suite, or what ARGS name
-	@$(BIN)/python -m pytest $(or $(ARGS),$(ALL_TESTS))
+	@PYTHONDONTWRITEBYTECODE= $(BIN)/python -m pytest $(or $(ARGS),$(ALL_TESTS))
 
 bench: setup  ## measure what the project promises about speed
 	@$(BIN)/python tests/benchmarks/run.py $(ARGS)

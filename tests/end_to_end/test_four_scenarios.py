@@ -88,7 +88,9 @@ def test_through_the_drivers_it_waits_for_the_operator_then_moves_and_presses(tm
             assert supervisor.time == before, "time stood still meanwhile"
             supervisor.call("/time_coordinator/resume")
             supervisor.until(lambda: supervisor.time > before + 4.0)
+            supervisor.call("/time_coordinator/pause")  # or it runs on while a command starts
             operate("disengage")
+            supervisor.call("/time_coordinator/resume")
     finally:
         process.send_signal(signal.SIGINT)
         _, errors = process.communicate(timeout=60)

@@ -14,6 +14,7 @@ import numpy as np
 from numba.core.dispatcher import Dispatcher
 from ros_graph import Graph, Source
 
+from haptic_teleop_control.compiled import load_numba
 from haptic_teleop_control.nodes.base.registry import node_class
 from haptic_teleop_control.nodes.streams.joint_states import FIELDS
 from haptic_teleop_control.robots import OMNI_JOINTS, SFJ_JOINTS, SFJ_MOTOR_JOINTS
@@ -64,6 +65,7 @@ def run(name: str) -> None:
 
 
 if __name__ == "__main__":
+    load_numba()
     for name in sys.argv[1:]:
         node_class(name)
     for name in sys.argv[1:]:

@@ -36,6 +36,21 @@ def em(hd_library: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Any]:
     emulation.stepped(True)
 
 
+@pytest.fixture
+def unillustrated(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Reports without their pictures, which take seconds each: for tests of what is told. Others look at the
+    pictures."""
+    from haptic_teleop_sysid import compare, dataset_report, estimation_run, verify
+    from haptic_teleop_sysid.discovery import conclusion
+    from haptic_teleop_sysid.report import page
+
+    for module in (compare, conclusion, dataset_report, estimation_run, verify):
+        monkeypatch.setattr(module, "save_png", lambda picture, path: path)
+    monkeypatch.setattr(page, "still", lambda plot, points: plot)
+    monkeypatch.setattr(page, "inline_svg", lambda figure, prefix, description: "")
+    monkeypatch.setattr(page, "available", lambda: False)
+
+
 @pytest.fixture(autouse=True)
 def nobodys_settings(tmp_path_factory: pytest.TempPathFactory, monkeypatch: pytest.MonkeyPatch) -> None:
     """What the user of this machine has confirmed for a device is none of a test's business."""

@@ -2,6 +2,7 @@
 
 import ast
 import importlib.metadata
+import os
 import re
 import subprocess
 import sys
@@ -64,6 +65,7 @@ def ros_modules() -> set[str]:
 def test_every_executable_starts_and_explains_itself(name):
     done = subprocess.run(
         [sys.executable, "-m", "haptic_teleop_control.front_door", name, "--help"],
+        env={**os.environ, "PYTHONPROFILEIMPORTTIME": "1"},
         capture_output=True,
         text=True,
         timeout=60,
@@ -72,6 +74,10 @@ def test_every_executable_starts_and_explains_itself(name):
     assert done.returncode == 0, done.stderr
     # As it is typed where no workspace of ROS 2 is sourced.
     assert f"usage: haptic-teleop {name}" in done.stdout
+    # What takes half a second to import is imported by who calls it, so that starting takes little.
+    loaded = {line.rpartition("|")[2].strip() for line in done.stderr.splitlines()}
+    assert "haptic_teleop_control.command_line" in loaded
+    assert not {"numba", "matplotlib", "bokeh", "joblib"} & loaded
 
 
 def test_no_two_packages_offer_the_same_name():

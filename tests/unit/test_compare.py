@@ -84,6 +84,7 @@ def test_the_report_shows_a_picture_and_escapes_names(compared, models):
     assert (output / "compare.png").read_bytes().startswith(b"\x89PNG")
 
 
+@pytest.mark.usefixtures("unillustrated")
 def test_fitted_parameters_are_reported_and_saved_as_a_model(tmp_path, bag, models):
     output = tmp_path / "out"
     assert run("--model", models[1], "--bag", bag, "--output", output, "--fit-parameters") == 0
@@ -94,6 +95,7 @@ def test_fitted_parameters_are_reported_and_saved_as_a_model(tmp_path, bag, mode
     assert load_model(models[1]).parameters["motor_inertia"] == 0.2
 
 
+@pytest.mark.usefixtures("unillustrated")
 def test_window_and_range_are_used_and_stated(tmp_path, bag, models):
     output = tmp_path / "out"
     chosen = ("--window", "0.5", "--range", "1", "3")
@@ -105,12 +107,14 @@ def test_window_and_range_are_used_and_stated(tmp_path, bag, models):
     assert content["recordings"][bag]["end_s"] == pytest.approx(3.0)
 
 
+@pytest.mark.usefixtures("unillustrated")
 def test_models_of_one_bag_share_the_windows_of_the_first(tmp_path, bag, models):
     output = tmp_path / "out"
     assert run("--model", *reversed(models), "--bag", bag, "--output", output, "--window", "1") == 0
     assert len(result(output)["windows"]) == 1
 
 
+@pytest.mark.usefixtures("unillustrated")
 def test_an_earlier_result_is_kept_unless_overwriting_is_asked_for(tmp_path, compared, bag, models, capsys):
     output = shutil.copytree(compared[0], tmp_path / "out")
     arguments = ("--model", models[0], "--bag", bag, "--output", output)
@@ -162,6 +166,7 @@ def fits_of(shared_data, tmp_path, folder, *models, options=()):
     return [fits[str(path)][str(recording)]["j_motor.position"] for path in paths]
 
 
+@pytest.mark.usefixtures("unillustrated")
 def test_the_real_pendulum_lacks_gravity_and_then_coulomb_friction(shared_data, tmp_path):
     names = ("dfki_viscous.yaml", "dfki_gravity.yaml", "dfki_gravity_coulomb.yaml")
     options = ("--fit-parameters", "--range", "0", "4")
@@ -172,11 +177,13 @@ def test_the_real_pendulum_lacks_gravity_and_then_coulomb_friction(shared_data, 
     assert coulomb == pytest.approx(97.7, abs=0.7)
 
 
+@pytest.mark.usefixtures("unillustrated")
 def test_the_real_pendulums_published_parameters_fit_without_any_search(shared_data, tmp_path):
     (published,) = fits_of(shared_data, tmp_path, "dfki", "dfki_gravity_coulomb.yaml")
     assert published == pytest.approx(97.7, abs=0.7)
 
 
+@pytest.mark.usefixtures("unillustrated")
 def test_the_real_robot_axis_fits_better_with_coulomb_friction(shared_data, tmp_path):
     viscous = shared_data / "real" / "kr300" / "model.yaml"
     without, with_friction = fits_of(

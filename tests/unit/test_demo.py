@@ -89,6 +89,7 @@ def test_a_good_run_prints_five_figures_and_the_report(tmp_path, pretend, capsys
     assert (tmp_path / "demo" / "recording" / "metadata.yaml").exists()
 
 
+@pytest.mark.usefixtures("unillustrated")
 def test_a_second_run_leaves_the_first_alone(tmp_path, pretend):
     pretend(scenario(Made()))
     assert start(tmp_path) == 0
@@ -101,6 +102,7 @@ def test_a_second_run_leaves_the_first_alone(tmp_path, pretend):
     assert run["stages"]["stage1"]["free"][0]["error_percent"] == pytest.approx(-20.0, abs=0.5)
 
 
+@pytest.mark.usefixtures("unillustrated")
 @pytest.mark.parametrize("status", [1, 2, 130])
 def test_a_failed_scenario_gives_its_status_even_with_a_fine_recording(tmp_path, pretend, capsys, status):
     pretend(scenario(Made()), status)
@@ -114,12 +116,14 @@ def test_a_scenario_that_recorded_nothing_is_a_failure(tmp_path, pretend, capsys
     assert "recorded nothing" in capsys.readouterr().err
 
 
+@pytest.mark.usefixtures("unillustrated")
 def test_a_graph_that_ended_early_is_a_failure(tmp_path, pretend, capsys):
     pretend(scenario(Made(duration=10.0)))
     assert start(tmp_path, duration="20") == 1
     assert "cover 10.0 s of 20 s" in capsys.readouterr().err
 
 
+@pytest.mark.usefixtures("unillustrated")
 @pytest.mark.parametrize("silence", [(0, 2000), (2000, 4500), (3000, 5000)])
 def test_a_controller_that_does_not_answer_for_long_is_a_failure(tmp_path, pretend, capsys, silence):
     pretend(scenario(Made(unanswered=tuple(range(*silence)))))
@@ -127,6 +131,7 @@ def test_a_controller_that_does_not_answer_for_long_is_a_failure(tmp_path, prete
     assert "answered" in capsys.readouterr().err
 
 
+@pytest.mark.usefixtures("unillustrated")
 def test_a_controller_that_never_answered_is_a_failure(tmp_path, pretend, capsys):
     recording = scenario(Made())
     commands = recording.topics["/sfj/effort_command"]
@@ -143,6 +148,7 @@ def test_the_projects_scenario_is_found_and_an_absent_one_is_asked_for():
         demo.find_scenario("nothing.yaml")
 
 
+@pytest.mark.usefixtures("unillustrated")
 def test_the_real_time_factor_is_passed_on_and_otherwise_left_to_the_file(tmp_path, pretend):
     factors = pretend(scenario(Made()))
     assert start(tmp_path) == 0

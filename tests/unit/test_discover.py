@@ -234,6 +234,7 @@ def without_samples(recording, missing):
     write_recording(recording, topics, whole.parameters, whole.experiment)
 
 
+@pytest.mark.usefixtures("unillustrated")
 def test_holes_in_a_recording_are_left_out_and_told(tmp_path, monkeypatch, experiment):
     run, seed = campaign.run_acquisition, seed_of(experiment, "spring_to_ground", "arm")
     robot = drawn(experiment, seed)
@@ -276,6 +277,7 @@ def test_a_run_of_the_graph_that_failed_is_told_and_not_tried_a_second_time(tmp_
     assert "scenario 1 ended with exit status 1" in told
 
 
+@pytest.mark.usefixtures("unillustrated")
 def test_a_wrong_name_is_told_as_wrong_and_the_chain_ends_with_0(tmp_path, monkeypatch, experiment, capsys):
     seed = seed_of(experiment, "joint_damping", "joint")
     stage = drawn(experiment, seed).stage
@@ -297,6 +299,7 @@ def test_a_wrong_name_is_told_as_wrong_and_the_chain_ends_with_0(tmp_path, monke
     assert any("without the wall" in note for note in content["notes"])
 
 
+@pytest.mark.usefixtures("unillustrated")
 def test_mujoco_is_the_robot_where_it_can_express_what_is_hidden(tmp_path, monkeypatch, experiment):
     pytest.importorskip("mujoco", reason="MuJoCo is not installed: pip install mujoco")
     seed = seed_of(experiment, "backlash", "joint")

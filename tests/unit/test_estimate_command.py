@@ -71,6 +71,7 @@ def test_a_run_writes_model_numbers_and_report(tmp_path, model, recording, capsy
     assert "earlier run" in refused(capsys, *arguments, tmp_path / "out")
 
 
+@pytest.mark.usefixtures("unillustrated")
 def test_the_offset_of_a_current_sense_makes_no_right_model_look_wrong_in_compare(
     tmp_path, model, recording, capsys
 ):
@@ -81,6 +82,7 @@ def test_the_offset_of_a_current_sense_makes_no_right_model_look_wrong_in_compar
     assert min(result["fits"][str(model)][str(bag)].values()) > 90.0
 
 
+@pytest.mark.usefixtures("unillustrated")
 def test_where_two_predictors_disagree_the_ways_out_are_told_once(tmp_path, shared_data, repository, capsys):
     pendulum = repository / "tests" / "data" / "dfki_gravity_coulomb.yaml"
     bag = shared_data / "real" / "dfki" / "estimation"
@@ -103,6 +105,7 @@ def test_an_empty_recording(tmp_path, model, recording, capsys):
     assert "nothing" in told
 
 
+@pytest.mark.usefixtures("unillustrated")
 def test_a_truncated_recording_is_used_as_far_as_it_goes_and_says_so(tmp_path, model, recording, capsys):
     bag = written(tmp_path, recording)
     file = next(bag.glob("*.mcap"))
@@ -148,6 +151,7 @@ def test_a_joint_that_stands_still(tmp_path, model, recording, capsys):
     assert "not identifiable" in told and "encoder steps" in told
 
 
+@pytest.mark.usefixtures("unillustrated")
 def test_values_that_are_no_numbers_are_left_out_and_told(tmp_path, model, recording):
     position = recording.topics["/sfj/joint_states"].position.copy()
     position[1000:1003] = np.nan
@@ -159,6 +163,7 @@ def test_values_that_are_no_numbers_are_left_out_and_told(tmp_path, model, recor
     assert rows["arm_inertia"]["value"] == pytest.approx(0.17, rel=1e-2)
 
 
+@pytest.mark.usefixtures("unillustrated")
 def test_commands_that_are_no_numbers_leave_the_measured_input_to_estimate_from(tmp_path, model, recording):
     topics = dict(recording.topics)
     command = topics["/sfj/effort_command"]
@@ -222,6 +227,7 @@ def test_the_data_set_report_judges_recording_and_excitation(tmp_path, model, re
     assert "samples are lost" in " ".join(capsys.readouterr().out.split())
 
 
+@pytest.mark.usefixtures("unillustrated")
 def test_a_recording_is_rich_enough_where_every_parameter_will_be_known(tmp_path, model, recording):
     said = []
     for name, bag in (("long", recording), ("short", stage_recording(seconds=0.4, band=(0.2, 2.0)))):
@@ -235,6 +241,7 @@ def test_a_recording_is_rich_enough_where_every_parameter_will_be_known(tmp_path
     assert "rich enough" not in said[1] and "not well known from this recording" in said[1]
 
 
+@pytest.mark.usefixtures("unillustrated")
 def test_the_data_set_report_tells_what_a_poor_signal_cannot_teach(tmp_path, recording):
     # All six free: the scale common to all cannot show in any recording.
     free = tmp_path / "free.yaml"

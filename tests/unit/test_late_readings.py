@@ -5,6 +5,7 @@ quantised readings; no code of the observer is used.
 """
 
 from dataclasses import replace
+from functools import cache
 
 import numpy as np
 import pytest
@@ -36,9 +37,10 @@ def late(model, delay, effect="sensor_delay", place="motor_encoder"):
     return model.with_effects(Effect(effect, f"stage1_{place}", {"delay": delay}))
 
 
-def recorded(delay, seed=5):
-    """A motor encoder that is ``delay`` late, a lively command."""
-    rng = np.random.default_rng(seed)
+@cache
+def motion():
+    """A lively command (SAMPLES,), the motor's angle a hundred times a sample, flat, the arm's once."""
+    rng = np.random.default_rng(5)
     a, b = np.zeros((4, 4)), np.zeros((4, 2))
     a[0, 2] = a[1, 3] = 1.0
     ks, jm, ja = P["stiffness"], P["motor_inertia"], P["arm_inertia"]
@@ -51,17 +53,21 @@ def recorded(delay, seed=5):
     command = 1.5 * np.sin(2 * np.pi * 0.7 * time) + 0.8 * rng.standard_normal(SAMPLES)
     disturbance = np.zeros(2)
     level, decay = np.array([0.19, 0.03]), np.exp(-DT / np.array([0.4, 0.04]))
-    state, past, read = np.zeros(4), np.zeros((SAMPLES, FINE)), np.empty((SAMPLES, 2))
-    steps = round(delay / DT * FINE)
-    flat = past.reshape(-1)
+    state, past, arm = np.zeros(4), np.zeros((SAMPLES, FINE)), np.empty(SAMPLES)
     for k in range(SAMPLES):
-        place = k * FINE - steps
-        past[k, 0] = state[0]
-        read[k] = (flat[place] if place >= 0 else 0.0), state[1]
+        arm[k] = state[1]
         for s in range(FINE):
             past[k, s] = state[0]
             state = ahead @ state + push @ (np.array([command[k], 0.0]) + disturbance)
         disturbance = decay * disturbance + level * np.sqrt(1 - decay**2) * rng.standard_normal(2)
+    return command, past.reshape(-1), arm
+
+
+def recorded(delay):
+    """A motor encoder that is ``delay`` late."""
+    command, motor, arm = motion()
+    place = np.arange(SAMPLES) * FINE - round(delay / DT * FINE)
+    read = np.column_stack([np.where(place >= 0, motor[place], 0.0), arm])
     measured = COUNT * np.round(read / COUNT)
     return Record("late", DT, command, measured, np.zeros(SAMPLES), (COUNT, COUNT), at_rest=True)
 

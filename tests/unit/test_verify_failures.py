@@ -18,6 +18,8 @@ from haptic_teleop_sysid.demo import find_scenario
 from haptic_teleop_sysid.verification.run import examine
 from haptic_teleop_sysid.verification.verdicts import failures, verdicts
 
+pytestmark = pytest.mark.usefixtures("unillustrated")
+
 SECOND = 1_000_000_000
 LIMIT = 0.94
 """A, of stage 1."""

@@ -178,6 +178,7 @@ def test_the_second_scenario_is_laid_over_its_simulation_too(tmp_path, capsys):
     assert "not all of one scenario" in capsys.readouterr().err
 
 
+@pytest.mark.usefixtures("unillustrated")
 def test_of_two_recordings_of_the_second_scenario_the_agreement_is_told(tmp_path):
     scenario = load_scenario(CONFIG / "scenario2_sim.yaml")
     bags = [str(tmp_path / name) for name in ("one", "two")]
@@ -245,6 +246,7 @@ def names_law(law, nested=False):
     return one
 
 
+@pytest.mark.usefixtures("unillustrated")
 @pytest.mark.parametrize("nested", [False, True])
 def test_code_that_a_recording_names_is_executed_only_when_it_is_said_to_be_trusted(foreign, capsys, nested):
     one = names_law("somebodys_law:Law", nested)

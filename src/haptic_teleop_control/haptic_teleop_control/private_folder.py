@@ -70,9 +70,9 @@ def untrusted(folder: Path) -> str | None:
     entered = bool(status.st_mode & _OTHERS_ENTER)
     for place, folders, files in os.walk(folder):
         for name in (*folders, *files):
-            entry = Path(place, name)
+            entry = os.path.join(place, name)  # as a Path it takes five times as long, of thousands
             try:
-                found = entry.lstat()
+                found = os.lstat(entry)
             except FileNotFoundError:  # another process' scratch file
                 continue
             if stat.S_ISLNK(found.st_mode):
@@ -82,7 +82,7 @@ def untrusted(folder: Path) -> str | None:
     return None
 
 
-def _not_mine(path: Path, status: os.stat_result, writable_matters: bool = True) -> str | None:
+def _not_mine(path: str | Path, status: os.stat_result, writable_matters: bool = True) -> str | None:
     if status.st_uid != os.geteuid():
         return f"{path} belongs to {_user(status.st_uid)}"
     if writable_matters and status.st_mode & _OTHERS_WRITE:

@@ -8,7 +8,9 @@ date of them.
 
 from __future__ import annotations
 
+import copy
 import re
+from functools import lru_cache
 from typing import Any
 
 import yaml
@@ -32,7 +34,7 @@ _SCALARS = (
 def parse_yaml(text: str) -> Any:
     """The content of `text`. Raises yaml.YAMLError, of which `yaml_problem` says what and where."""
     try:
-        return yaml.load(text, Loader=_StrictLoader)  # a SafeLoader
+        return copy.deepcopy(_parsed(text))
     except RecursionError:
         raise yaml.YAMLError("nested too deeply") from None
 
@@ -59,6 +61,12 @@ def yaml_problem(error: yaml.YAMLError) -> str:
     problem = getattr(error, "problem", None) or getattr(error, "reason", None) or str(error)
     where = f"line {mark.line + 1}, column {mark.column + 1}: " if mark is not None else ""
     return f"{where}{problem or 'it is not YAML'}; correct that line."
+
+
+@lru_cache(maxsize=8)
+def _parsed(text: str) -> Any:
+    # Remembered, because every node of a process reads the same file several times.
+    return yaml.load(text, Loader=_StrictLoader)  # a SafeLoader
 
 
 class _StrictLoader(yaml.SafeLoader):

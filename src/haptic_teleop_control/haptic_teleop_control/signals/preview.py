@@ -7,7 +7,6 @@ from collections.abc import Mapping
 from pathlib import Path
 
 import numpy as np
-from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
 from haptic_teleop_control.errors import ConfigurationError
@@ -41,6 +40,8 @@ def draw(
     """
     if path.suffix.lower() not in (".png", ".svg"):
         raise ConfigurationError(f"{path}: a preview is a .png or a .svg; give it one of these endings.")
+    from matplotlib.figure import Figure  # importing it takes half a second
+
     figure = Figure(figsize=(9.0, 2.6 * len(settings)), layout="constrained")
     axes = figure.subplots(len(settings), 1, sharex=True, squeeze=False)[:, 0]
     for axis, (stage, own), column in zip(axes, settings.items(), commands.T, strict=True):

@@ -17,10 +17,9 @@ from ctypes import c_int, c_size_t, c_ssize_t, c_uint64, c_void_p
 from typing import Any
 
 import numpy as np
-from numba import cfunc, types
-from numba.np.numpy_support import carray
 from numpy.typing import NDArray
 
+from haptic_teleop_control.compiled import load_numba
 from haptic_teleop_omni.device_errors import WATCHDOG
 from haptic_teleop_omni.transports.hd_library import (
     CALIBRATION_NEEDS_UPDATE,
@@ -87,6 +86,10 @@ _compiled: dict[tuple[str, int | None], Any] = {}
 
 
 def _compile(hd: HdLibrary, clock_gettime: Any) -> Any:
+    load_numba()  # here, because only a device needs it
+    from numba import cfunc, types
+    from numba.np.numpy_support import carray
+
     system = ctypes.CDLL(None)
     clock = _typed(clock_gettime or system.clock_gettime, c_int, [c_int, c_void_p])
     write = _typed(system.write, c_ssize_t, [c_int, c_void_p, c_size_t])

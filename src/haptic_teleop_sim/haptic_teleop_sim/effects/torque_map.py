@@ -10,8 +10,8 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
-from scipy.interpolate import PchipInterpolator
 
 from .entry import EffectEntry
 from .map_kernel import map_series, map_value, map_value_derivatives
@@ -100,7 +100,8 @@ class TorqueMap:
 
 def _slopes(knots: tuple[float, ...], values: FloatArray) -> FloatArray:
     """Slopes at the knots along the first axis."""
-    return np.asarray(PchipInterpolator(np.array(knots), values, axis=0)(np.array(knots), 1), dtype=float)
+    curve = scipy.interpolate.PchipInterpolator(np.array(knots), values, axis=0)
+    return np.asarray(curve(np.array(knots), 1), dtype=float)
 
 
 TORQUE_MAP = EffectEntry(

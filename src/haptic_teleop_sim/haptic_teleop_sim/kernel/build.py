@@ -19,8 +19,6 @@ from importlib.util import find_spec
 from pathlib import Path
 from types import ModuleType
 
-import numba
-
 from .cache_folder import cache_directory
 
 _PACKAGE = Path(__file__).resolve().parent.parent
@@ -44,6 +42,8 @@ _JOIN = "# <the text below joins the kernel>"
 
 
 def _fingerprint(*paths: Path, seed: str = "") -> str:
+    import numba  # with the first kernel only: it takes long
+
     digest = hashlib.sha256(f"numba {numba.__version__} {_OPTIONS} {seed}".encode())
     for path in paths:
         digest.update(path.name.encode() + b"\0" + path.read_bytes())

@@ -6,13 +6,15 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
-import matplotlib
 import numpy as np
-from matplotlib.figure import Figure
 
 from haptic_teleop_sysid.report import Page
+from haptic_teleop_sysid.report.pictures import blank, styled
+
+if TYPE_CHECKING:  # importing matplotlib takes half a second
+    from matplotlib.figure import Figure
 
 WORDS = {
     "false_alarms": "false alarms on clean recordings",
@@ -179,8 +181,8 @@ def confusion_figure(confusion: dict[str, dict[str, int]]) -> Figure:
     truths = list(confusion)
     values = np.array([[row.get(name, 0) for name in said] for row in confusion.values()], dtype=float)
     shares = values / np.maximum(values.sum(axis=1, keepdims=True), 1.0)
-    with matplotlib.rc_context({"font.size": 8}):
-        figure = Figure(figsize=(10.0, 1.8 + 0.24 * len(truths)), layout="constrained")
+    with styled({"font.size": 8}):
+        figure = blank(10.0, 1.8 + 0.24 * len(truths))
         axis = figure.subplots()
         axis.imshow(shares, cmap="Blues", vmin=0.0, vmax=1.0, aspect="auto")
         axis.set_xticks(range(len(said)), [s.replace("_", " ") for s in said], rotation=60, ha="right")
@@ -196,8 +198,8 @@ def confusion_figure(confusion: dict[str, dict[str, int]]) -> Figure:
 def power_figure(cases: Sequence[dict[str, Any]]) -> Figure:
     """Return detected and rightly named shares over d'."""
     singles = [c for c in cases if c["kind"] == "single"]
-    with matplotlib.rc_context({"font.size": 9}):
-        figure = Figure(figsize=(10.0, 2.8), layout="constrained")
+    with styled({"font.size": 9}):
+        figure = blank(10.0, 2.8)
         axis = figure.subplots()
         for label, key, chosen in (
             ("detected", "detected", singles),

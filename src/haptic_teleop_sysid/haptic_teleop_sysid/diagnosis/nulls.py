@@ -12,7 +12,6 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
-from joblib import Parallel, delayed
 
 from haptic_teleop_sim.model import Model
 from haptic_teleop_sysid.dataset import DataSet
@@ -57,6 +56,8 @@ def nulls(
         progress(f"the same search on {count} simulated sets of recordings with nothing hidden")
     fit = result.baseline
     parts = [[(d, levels_of(fit, d)) for d in data] for data in (estimation, validation)]
+    from joblib import Parallel, delayed  # importing it takes long
+
     one = delayed(by_itself)
     tasks = (one(_null, diagnosis, model, fit, *parts, [seed, number]) for number in range(count))
     found: Any = Parallel(n_jobs=jobs)(tasks)

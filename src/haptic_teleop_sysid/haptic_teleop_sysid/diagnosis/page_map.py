@@ -2,19 +2,20 @@
 
 from __future__ import annotations
 
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from matplotlib import rc_context
-from matplotlib.figure import Figure
 
 from haptic_teleop_sim.effects import MEASURED
 from haptic_teleop_sim.effects.torque_map_file import torque_map
 from haptic_teleop_sysid.parameter_units import Units
 from haptic_teleop_sysid.report import Page, unit_text
-from haptic_teleop_sysid.report.pictures import COLOUR, STYLE
+from haptic_teleop_sysid.report.pictures import COLOUR, blank, styled
 
 from .residual import UNITS
+
+if TYPE_CHECKING:  # importing matplotlib takes half a second
+    from matplotlib.figure import Figure
 
 #: Standard errors to either side of a curve.
 _BAND = 2.0
@@ -42,8 +43,8 @@ def map_picture(found: dict[str, Any], units: Units) -> Figure:
     table, colour = torque_map(found["parameters"]), COLOUR[_ROLE]
     labels = [f"{name} ({unit_text(units.restated(UNITS[name]))})" for name in found["depends_on"]]
     force = f"torque at {found['location']} ({unit_text(units.force)})"
-    with rc_context(STYLE):
-        figure = Figure(figsize=(7.2, 3.2), layout="constrained")
+    with styled():
+        figure = blank(7.2, 3.2)
         axes = figure.subplots()
         dense = [np.linspace(k[0], k[-1], 200) for k in table.knots]
         axes.set_xlabel(labels[0])

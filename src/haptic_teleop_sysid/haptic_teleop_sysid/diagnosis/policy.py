@@ -2,7 +2,7 @@
 counts as one and the same, when a name is doubted and when something unknown is there.
 
 Each says what it means, which error it trades for which, and how it was set. "Development recordings" are
-the twenty of `docs/how_diagnosis_decides.md` and cases of the blind benchmark's generator under seeds that no result is
+twenty simulated ones and cases of the blind benchmark's generator under seeds that no result is
 reported of; a number that was set "by hand" was chosen while looking at them, and no rate was computed for
 it. Together they give the measured rates: no false alarm in 300 sealed clean recordings (95 % interval 0 to
 1.3 %), two in 1168 over seven seeds; 231 of 238 effects detected, the first name right in 159 of 178 cases
@@ -91,8 +91,8 @@ LEAST_EXPLAINED = 0.5
 """Least share that a name must explain: of the torque that the structure lacks (mean square), and of what a
 torque without a form explains in the same quantities. Below, it is the nearest name and the verdict is
 `unknown`. Higher: right names of an effect beside which much else is missing fall; lower: more physics
-outside the table gets a name. By hand, on the first draw of such physics in `docs/diagnosis_measured.md`; of the
-second one 20 of 24 were then called `unknown`, and one got a wrong name surely."""
+outside the table gets a name. By hand, on the first draw of such physics in
+`docs/diagnosis_measured.md`; of the second one 20 of 24 were then called `unknown`, and one got a wrong name surely."""
 
 ERRS_LESS, ERRS_FAR_LESS = 0.9, 0.7
 """Factor by which the free run of the second witness must err less than the first opinion's, in the mean of

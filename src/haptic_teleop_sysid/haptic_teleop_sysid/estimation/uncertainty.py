@@ -12,10 +12,10 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from statistics import NormalDist
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.special import ndtri
 
 from haptic_teleop_control.errors import ModelError
 from haptic_teleop_sim.kernel import Packed, pack
@@ -38,7 +38,7 @@ SINGULAR = 1e-9
 #: Beyond this relative standard deviation a quantity that cannot be zero is called undetermined.
 VAGUE = 0.5
 _LEVEL = "noise level"
-QUANTILE_95 = float(ndtri(0.975))
+QUANTILE_95 = NormalDist().inv_cdf(0.975)
 
 
 @dataclass(frozen=True)

@@ -6,17 +6,17 @@ import csv
 import math
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Any
-
-from matplotlib import rc_context
-from matplotlib.figure import Figure
+from typing import TYPE_CHECKING, Any
 
 from haptic_teleop_control.counted import counted
 from haptic_teleop_sysid.diagnosis.adequacy import SLIGHT_ERROR
 from haptic_teleop_sysid.report import Link, Page
-from haptic_teleop_sysid.report.pictures import COLOUR, STYLE
+from haptic_teleop_sysid.report.pictures import COLOUR, blank, styled
 
 from .kept import DONE
+
+if TYPE_CHECKING:  # importing matplotlib takes half a second
+    from matplotlib.figure import Figure
 
 Outcomes = Mapping[str, Mapping[str, Any]]
 RULE = (
@@ -146,8 +146,8 @@ def _without(outcome: Mapping[str, Any]) -> dict[str, Any]:
 
 def _bars(order: Sequence[str], outcomes: Outcomes) -> Figure:
     shown = [n for n in order if outcomes[n]["error"] is not None][:40]
-    with rc_context(STYLE):
-        figure = Figure(figsize=(8.0, 0.4 * len(shown) + 1.0), layout="constrained")
+    with styled():
+        figure = blank(8.0, 0.4 * len(shown) + 1.0)
         axes = figure.subplots()
         places = range(len(shown))
         for key, label, role, shift in (

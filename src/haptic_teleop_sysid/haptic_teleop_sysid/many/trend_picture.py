@@ -2,18 +2,19 @@
 
 from __future__ import annotations
 
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from matplotlib import rc_context
-from matplotlib.axes import Axes
-from matplotlib.figure import Figure
 
 from haptic_teleop_sysid.report import unit_text
-from haptic_teleop_sysid.report.pictures import COLOUR, INK, SHADE, STYLE
+from haptic_teleop_sysid.report.pictures import COLOUR, INK, SHADE, blank, styled
 
 from .charts import Chart
 from .trend import Trend
+
+if TYPE_CHECKING:  # importing matplotlib takes half a second
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
 
 _VALUE, _OUT, _CREPT = COLOUR["measured"], COLOUR["alarm"], COLOUR["given"]
 
@@ -21,8 +22,8 @@ _VALUE, _OUT, _CREPT = COLOUR["measured"], COLOUR["alarm"], COLOUR["given"]
 def charts_picture(trend: Trend) -> Figure:
     """Return one panel a quantity: values with standard errors, reference, limits, what is outside."""
     x, label = _axis(trend)
-    with rc_context(STYLE):
-        figure = Figure(figsize=(10.0, 1.7 * len(trend.charts) + 0.6), layout="constrained")
+    with styled():
+        figure = blank(10.0, 1.7 * len(trend.charts) + 0.6)
         panels = figure.subplots(len(trend.charts), 1, sharex=True, squeeze=False)[:, 0]
         for axes, c in zip(panels, trend.charts, strict=True):
             _panel(axes, x, c, trend)
@@ -38,9 +39,9 @@ def changes_picture(trend: Trend) -> Figure:
     parts = [
         [c for c in reversed(trend.charts) if c.quantity.logarithmic is which] for which in (False, True)
     ]
-    with rc_context(STYLE):
+    with styled():
         heights = [max(len(part), 1) for part in parts]
-        figure = Figure(figsize=(8.0, 0.34 * sum(heights) + 1.6), layout="constrained")
+        figure = blank(8.0, 0.34 * sum(heights) + 1.6)
         panels = figure.subplots(2, 1, height_ratios=heights)
         for axes, part, factors in zip(panels, parts, (False, True), strict=True):
             for place, c in enumerate(part):

@@ -10,18 +10,20 @@ from __future__ import annotations
 import html
 import io
 import re
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
-import matplotlib
 import numpy as np
-from matplotlib.axes import Axes
-from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
 from .plot import Panel, Plot, Series, thinned
 from .roles import ROLES, variable
+
+if TYPE_CHECKING:  # importing matplotlib takes half a second
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
 
 INK, GRID, SHADE = "#1c2431", "#dfe3ea", "#e9edf4"
 COLOUR = {name: role.light for name, role in ROLES.items()}
@@ -56,12 +58,28 @@ STYLE: Any = {
 }
 
 
+@contextmanager
+def styled(style: Any = STYLE) -> Iterator[None]:
+    """Within it matplotlib draws in this style."""
+    from matplotlib import rc_context
+
+    with rc_context(style):
+        yield
+
+
+def blank(width: float, height: float) -> Figure:
+    """Return an empty figure, in inches, that lays itself out."""
+    from matplotlib.figure import Figure
+
+    return Figure(figsize=(width, height), layout="constrained")
+
+
 def still(plot: Plot, points: int = POINTS, width: float = 10.0, height: float = 1.75) -> Figure:
     """Return the panels one below the other, each line of at most about ``points`` samples; ``width`` and
     ``height`` of one in inches."""
     own = any(p.x_label for p in plot.panels)
-    with matplotlib.rc_context(STYLE):
-        figure = Figure(figsize=(width, height * len(plot.panels) + 0.5), layout="constrained")
+    with styled():
+        figure = blank(width, height * len(plot.panels) + 0.5)
         axes = figure.subplots(len(plot.panels), 1, sharex=not own, squeeze=False)[:, 0]
         for axis, panel in zip(axes, plot.panels, strict=True):
             _draw(axis, panel, points)
@@ -115,8 +133,8 @@ def histogram(values: Sequence[tuple[str, NDArray[np.float64]]], x_label: str, l
     the last bin.
     """
     roles = ("measured", "second", "third", "fourth")
-    with matplotlib.rc_context(STYLE):
-        figure = Figure(figsize=(10.0, 2.3), layout="constrained")
+    with styled():
+        figure = blank(10.0, 2.3)
         axis = figure.subplots()
         edges = np.linspace(0.0, limit, 81)
         for number, (label, sample) in enumerate(values):
@@ -139,7 +157,7 @@ def histogram(values: Sequence[tuple[str, NDArray[np.float64]]], x_label: str, l
 def save_png(picture: Plot | Figure, path: str | Path, dpi: int = 130) -> Path:
     """Write a plot or a figure as a PNG on white and return the path."""
     figure = still(picture) if isinstance(picture, Plot) else picture
-    with matplotlib.rc_context(STYLE):
+    with styled():
         _lay_out(figure)
         figure.savefig(path, dpi=dpi, facecolor="white")
     return Path(path)
@@ -150,7 +168,7 @@ def inline_svg(figure: Figure, prefix: str, description: str = "") -> str:
     `prefix`.
     """
     buffer = io.StringIO()
-    with matplotlib.rc_context(STYLE):
+    with styled():
         _lay_out(figure)
         figure.savefig(buffer, format="svg", transparent=True, metadata={"Date": None, "Creator": None})
     svg = buffer.getvalue()

@@ -5,12 +5,13 @@ from __future__ import annotations
 import re
 from collections.abc import Sequence
 from dataclasses import dataclass, field
-from typing import Literal
+from typing import TYPE_CHECKING, Literal
 from urllib.parse import quote
 
-from matplotlib.figure import Figure
-
 from .plot import Plot
+
+if TYPE_CHECKING:  # importing matplotlib takes half a second
+    from matplotlib.figure import Figure
 
 #: Cells that say that there is nothing, and how a date begins.
 _NOTHING, _DATE = ("", "–", "—"), re.compile(r"\d{4}-\d\d-\d\d")

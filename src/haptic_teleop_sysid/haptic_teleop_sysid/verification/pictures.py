@@ -5,13 +5,16 @@ other.
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import TYPE_CHECKING
 
 import numpy as np
-from matplotlib.figure import Figure
 
 from haptic_teleop_sysid.report import Panel, Plot, Series, histogram
 from haptic_teleop_sysid.report.roles import RUNS
 from haptic_teleop_sysid.verification.run import Run
+
+if TYPE_CHECKING:  # importing matplotlib takes half a second
+    from matplotlib.figure import Figure
 
 #: Dashes of an arm where colours tell runs apart, and of the speed that the force law promises.
 _ARM, _PROMISE = (2, 3), (3, 3)

@@ -17,6 +17,7 @@ from typing import Any
 
 from rclpy.node import Node
 
+from haptic_teleop_control.compiled import telling_compilation
 from haptic_teleop_control.nodes.launching.connections import Endpoints, endpoints, strangers, unconnected
 from haptic_teleop_control.nodes.launching.parent import ParentChannel
 
@@ -37,20 +38,15 @@ class ArmedStart:
     @contextmanager
     def telling_compilation(self) -> Iterator[None]:
         """Tells the parent when something is compiled within this block: that takes its time, once."""
-        from numba.core import event  # the recorder can do without, and importing it takes long
+        told = False
 
-        class FirstOne(event.Listener):
-            told = False
+        def tell() -> None:
+            nonlocal told
+            if not told:
+                told = True
+                self.link.send(compiling=True)
 
-            def on_start(listener, _: event.Event) -> None:
-                if not listener.told:
-                    listener.told = True
-                    self.link.send(compiling=True)
-
-            def on_end(listener, _: event.Event) -> None:
-                pass
-
-        with event.install_listener("numba:compile", FirstOne()):
+        with telling_compilation(tell):
             yield
 
     def ready(self, nodes: Callable[[], Iterable[Node]], announced: Endpoints | None = None) -> None:

@@ -14,7 +14,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy.optimize import minimize
+import scipy
 
 from ..inverse_dynamics.groups import Search
 from .library import Function, Product
@@ -109,7 +109,7 @@ def _refined(search: Search, beside: tuple[Product, ...], term: Product) -> Prod
 
     simplex = np.vstack([0.0 * start, _FIRST_STEP * np.eye(len(start))])
     options = {"maxfev": _REFINED, "initial_simplex": simplex}
-    minimize(left, 0.0 * start, method="Nelder-Mead", options=options)
+    scipy.optimize.minimize(left, 0.0 * start, method="Nelder-Mead", options=options)
     return best
 
 
