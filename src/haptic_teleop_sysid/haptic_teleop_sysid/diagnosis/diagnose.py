@@ -38,6 +38,7 @@ from .scales import recording_scales, within_reach
 from .search import LEAST_PERCENT, POOR_FIT, SearchResult, search, search_by_simulation
 from .second_opinion import Opinion, second_opinion
 from .stand import Stand
+from .stand_in import stand_in
 from .testimony import testimony
 from .uses import three_uses
 from .verdict import Verdict, decide_verdict
@@ -262,21 +263,25 @@ def diagnose(
         doubt = doubt or short or bent
     say("deciding")
     verdict = decide_verdict(result, found.learn, found.judge, doubt, stand.spread, adequate)
-    mapped = None
+    mapped = instead = None
     if verdict.kind == "unknown":
         mapped = measured_map(result.final, found.given, found.learn, found.judge, found.errors, say)
-        result = replace(result, final=mapped.fit or result.final)
+        if mapped.fit is None:
+            instead = stand_in(result.final, found.given, doubt, found.errors)
+        nameless = mapped.fit if instead is None else instead.fit
+        result = replace(result, final=nameless or result.final)
     say("simulating all three models on all recordings")
     proof = prove(model, result.baseline.model, result.final.model, found.course, uses)
     columns = three_columns(model, result, verdict, found.judge)
-    if mapped is not None and mapped.fit is not None:
-        errors = errors_of(mapped.fit, found.judge)
-        columns["augmented"] = column(mapped.fit.model, model, mapped.fit, errors)
+    if instead is not None or (mapped is not None and mapped.fit is not None):
+        errors = errors_of(result.final, found.judge)
+        columns["augmented"] = column(result.final.model, model, result.final, errors)
     verdict = replace(verdict, findings=with_bounds(verdict.findings, columns["augmented"]))
     say("choosing the next experiment")
     content = contents(result, verdict, proof, columns, stand, doubt, (chance, dropped), uses, found.learn)
     believed = [c.chosen for c in (*result.choices, *([doubt.choice] if doubt and doubt.choice else []))]
     from_here = any(e.witnessed is not None for e in believed)
     content[MEASURED.name] = None if mapped is None else mapped.content()
+    content["stand_in"] = None if instead is None else instead.content()
     content["inverse_dynamics"] = testimony(found.opinion, verdict, from_here) if found.opinion else None
     return result, verdict, proof, content

@@ -31,6 +31,8 @@ def map_section(page: Page, content: dict[str, Any], units: Units) -> None:
     section = page.section("A measured torque in place of a name")
     section.text(f"{found['what'][0].upper()}{found['what'][1:]}.")
     if not found["added"]:
+        if (instead := content.get("stand_in")) is not None:
+            section.text(f"{instead['what'][0].upper()}{instead['what'][1:]}.")
         return
     section.picture(map_picture(found, units), "torque by what it depends on, with its uncertainty")
     law = found.get("law")

@@ -60,12 +60,12 @@ def summary(content: dict[str, Any]) -> str:
 
 
 def map_sentences(content: dict[str, Any]) -> list[str]:
-    """What became of a measured torque where no name was found."""
+    """What became of a measured torque where no name was found, and what stands in for it."""
     found = content.get(MEASURED.name)  # none in results of earlier versions
     if found is None:
         return []
-    law = found.get("law")
-    return [f"  {found['what']}", *([] if law is None else [f"  {law['what']}"])]
+    told = [found, found.get("law"), content.get("stand_in")]
+    return [f"  {one['what']}" for one in told if one is not None]
 
 
 def explains_sentence(content: dict[str, Any]) -> str:
