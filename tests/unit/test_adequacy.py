@@ -7,15 +7,15 @@ import pytest
 from stepped_machines import DT, RIGID, drive, pendulum, record, two_masses
 
 from haptic_teleop_sim.model import Effect, Model
-from haptic_teleop_sysid.diagnosis.adequacy import Adequacy, adequacy, explained_torque, short_of
-from haptic_teleop_sysid.diagnosis.decide import Choice
-from haptic_teleop_sysid.diagnosis.explanation import Explanation
-from haptic_teleop_sysid.diagnosis.reasons import Doubt
-from haptic_teleop_sysid.diagnosis.residual import shares
-from haptic_teleop_sysid.diagnosis.scales import recording_scales
-from haptic_teleop_sysid.diagnosis.search import SearchResult
-from haptic_teleop_sysid.diagnosis.summary import explains_sentence
-from haptic_teleop_sysid.diagnosis.verdict import decide_verdict
+from haptic_teleop_sysid.diagnosis.decision.adequacy import Adequacy, adequacy, explained_torque, short_of
+from haptic_teleop_sysid.diagnosis.decision.decide import Choice
+from haptic_teleop_sysid.diagnosis.decision.reasons import Doubt
+from haptic_teleop_sysid.diagnosis.decision.search import SearchResult
+from haptic_teleop_sysid.diagnosis.decision.verdict import decide_verdict
+from haptic_teleop_sysid.diagnosis.evidence.residual import shares
+from haptic_teleop_sysid.diagnosis.hypotheses.explanation import Explanation
+from haptic_teleop_sysid.diagnosis.inputs.scales import recording_scales
+from haptic_teleop_sysid.diagnosis.report.summary import explains_sentence
 from haptic_teleop_sysid.estimation.whole_fit import fit_whole, noise_starts
 
 ELASTIC = Model(

@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 
 from haptic_teleop_sim.model import Effect, Model
-from haptic_teleop_sysid.diagnosis.admissible import friction_drives
-from haptic_teleop_sysid.diagnosis.material import material
-from haptic_teleop_sysid.diagnosis.scales import recording_scales
+from haptic_teleop_sysid.diagnosis.hypotheses.admissible import friction_drives
+from haptic_teleop_sysid.diagnosis.hypotheses.material import material
+from haptic_teleop_sysid.diagnosis.inputs.scales import recording_scales
 from haptic_teleop_sysid.estimation.records import Record
 
 PARAMETERS = {"torque_constant": 1.0, "motor_inertia": 0.2, "motor_damping": 0.3}

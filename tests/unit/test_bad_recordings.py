@@ -12,10 +12,16 @@ from haptic_teleop_control.errors import RecordingError
 from haptic_teleop_control.recording import write_recording
 from haptic_teleop_sysid import diagnose as command
 from haptic_teleop_sysid.dataset import load_dataset
-from haptic_teleop_sysid.diagnosis.consistency import refuse_other_units, refuse_unrelated
-from haptic_teleop_sysid.diagnosis.cuts import FEWEST_SAMPLES, MOST_SAMPLES, refuse_too_long, with_cuts_told
-from haptic_teleop_sysid.diagnosis.diagnose import diagnose, records_of
-from haptic_teleop_sysid.diagnosis.plausible import refuse_kinematic, refuse_motionless
+from haptic_teleop_sysid.diagnosis.evidence.consistency import refuse_other_units, refuse_unrelated
+from haptic_teleop_sysid.diagnosis.inputs.cuts import (
+    FEWEST_SAMPLES,
+    MOST_SAMPLES,
+    refuse_too_long,
+    with_cuts_told,
+)
+from haptic_teleop_sysid.diagnosis.inputs.plausible import refuse_kinematic, refuse_motionless
+from haptic_teleop_sysid.diagnosis.run import diagnose
+from haptic_teleop_sysid.diagnosis.usable import records_of
 from haptic_teleop_sysid.diagnosis_run import load
 from haptic_teleop_sysid.estimation.records import record_from
 

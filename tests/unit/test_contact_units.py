@@ -8,9 +8,14 @@ from test_diagnosis_parts import MODEL, joint_record
 
 from haptic_teleop_sim.effects import EFFECTS
 from haptic_teleop_sim.model import Effect
-from haptic_teleop_sysid.diagnosis.candidates import contacts, starts
-from haptic_teleop_sysid.diagnosis.material import material
-from haptic_teleop_sysid.diagnosis.scales import CONTACT_STARTS, CONTACTS, recording_scales, within_reach
+from haptic_teleop_sysid.diagnosis.hypotheses.candidates import contacts, starts
+from haptic_teleop_sysid.diagnosis.hypotheses.material import material
+from haptic_teleop_sysid.diagnosis.inputs.scales import (
+    CONTACT_STARTS,
+    CONTACTS,
+    recording_scales,
+    within_reach,
+)
 from haptic_teleop_sysid.estimation.gauss_newton import bounds
 
 FRICTION = Effect("coulomb_friction", "stage1_motor", {"torque": 0.1})

@@ -6,11 +6,11 @@ import numpy as np
 import pytest
 from test_diagnosis_parts import MODEL, explanation, fit_of, joint_record
 
-import haptic_teleop_sysid.diagnosis.search as search_module
+import haptic_teleop_sysid.diagnosis.decision.search as search_module
 from haptic_teleop_sim.model import Effect
-from haptic_teleop_sysid.diagnosis.certainty import standard_errors
-from haptic_teleop_sysid.diagnosis.decide import choose
-from haptic_teleop_sysid.diagnosis.explanation import Explanation
+from haptic_teleop_sysid.diagnosis.decision.decide import choose
+from haptic_teleop_sysid.diagnosis.evidence.certainty import standard_errors
+from haptic_teleop_sysid.diagnosis.hypotheses.explanation import Explanation
 
 
 def test_a_clean_recording_yields_no_choice():

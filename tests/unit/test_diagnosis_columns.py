@@ -9,18 +9,25 @@ from identification_plants import STAGE, stage_recording
 
 from haptic_teleop_sim.model import Effect
 from haptic_teleop_sysid.dataset import load_dataset
-from haptic_teleop_sysid.diagnosis.beside_given import (
+from haptic_teleop_sysid.diagnosis.evidence.proof import Proof
+from haptic_teleop_sysid.diagnosis.inputs.scales import REACH, within_reach
+from haptic_teleop_sysid.diagnosis.report.beside_given import (
     WORSE,
     beside_given,
     handed_on,
     settled,
     worse_than_given,
 )
-from haptic_teleop_sysid.diagnosis.columns import Number, at_bounds, column, errors_of, moved, with_bounds
-from haptic_teleop_sysid.diagnosis.diagnose import records_of
-from haptic_teleop_sysid.diagnosis.proof import Proof
-from haptic_teleop_sysid.diagnosis.scales import REACH, within_reach
-from haptic_teleop_sysid.diagnosis.summary import moved_sentence, percent
+from haptic_teleop_sysid.diagnosis.report.columns import (
+    Number,
+    at_bounds,
+    column,
+    errors_of,
+    moved,
+    with_bounds,
+)
+from haptic_teleop_sysid.diagnosis.report.summary import moved_sentence, percent
+from haptic_teleop_sysid.diagnosis.usable import records_of
 from haptic_teleop_sysid.estimation.whole_fit import fit_from_scratch
 from haptic_teleop_sysid.fit import SimulatedFit
 from haptic_teleop_sysid.windows import Windows

@@ -8,19 +8,21 @@ import pytest
 from identification_plants import STAGE, stage_recording
 from test_diagnosis_parts import DT, MODEL, fit_of, joint_record
 
-import haptic_teleop_sysid.diagnosis.doubt as doubt_module
+import haptic_teleop_sysid.diagnosis.decision.doubt as doubt_module
 from haptic_teleop_sim.model import Effect
 from haptic_teleop_sysid.dataset import load_dataset
-from haptic_teleop_sysid.diagnosis import diagnose as diagnosis
-from haptic_teleop_sysid.diagnosis.decide import Choice
-from haptic_teleop_sysid.diagnosis.diagnose import records_of
-from haptic_teleop_sysid.diagnosis.doubt import _without_last, doubted
-from haptic_teleop_sysid.diagnosis.explanation import Explanation
-from haptic_teleop_sysid.diagnosis.reasons import off_the_mark
-from haptic_teleop_sysid.diagnosis.scales import recording_scales
-from haptic_teleop_sysid.diagnosis.search import SearchResult
-from haptic_teleop_sysid.diagnosis.stand import Stand, stand_of, stands_out
-from haptic_teleop_sysid.diagnosis.whiteness import LAGS, colour, unsteadiness
+from haptic_teleop_sysid.diagnosis import explain as explaining
+from haptic_teleop_sysid.diagnosis import question as questioning
+from haptic_teleop_sysid.diagnosis import run as diagnosis
+from haptic_teleop_sysid.diagnosis.decision.decide import Choice
+from haptic_teleop_sysid.diagnosis.decision.doubt import _without_last, doubted
+from haptic_teleop_sysid.diagnosis.decision.reasons import off_the_mark
+from haptic_teleop_sysid.diagnosis.decision.search import SearchResult
+from haptic_teleop_sysid.diagnosis.decision.stand import Stand, stand_of, stands_out
+from haptic_teleop_sysid.diagnosis.evidence.whiteness import LAGS, colour, unsteadiness
+from haptic_teleop_sysid.diagnosis.hypotheses.explanation import Explanation
+from haptic_teleop_sysid.diagnosis.inputs.scales import recording_scales
+from haptic_teleop_sysid.diagnosis.usable import records_of
 from haptic_teleop_sysid.estimation.records import record_from
 from haptic_teleop_sysid.estimation.whole_fit import fit_from_scratch, fit_whole, noise_starts
 
@@ -238,9 +240,9 @@ def test_a_finding_that_spoils_the_simulation_leaves_something_unknown(monkeypat
     def in_vain(model, fit, *_, **__):
         return SearchResult(fit, fit, (), (), recording_scales(STAGE, records_of(data)))
 
-    monkeypatch.setattr(diagnosis, "unharmful", bare)
-    monkeypatch.setattr(diagnosis, "search_by_simulation", in_vain)
-    monkeypatch.setattr(diagnosis, "believed_instead", lambda *_, **__: False)
+    monkeypatch.setattr(explaining, "unharmful", bare)
+    monkeypatch.setattr(explaining, "search_by_simulation", in_vain)
+    monkeypatch.setattr(questioning, "believed_instead", lambda *_, **__: False)
     result, verdict, _, content = diagnosis.diagnose(STAGE, data[:1], data[1:])
     assert result.choices == ()
     assert verdict.kind == "unknown"

@@ -7,12 +7,12 @@ from identification_plants import STAGE, stage_recording
 
 from haptic_teleop_sim.model import Effect
 from haptic_teleop_sysid.dataset import load_dataset
-from haptic_teleop_sysid.diagnosis.decide import Choice
-from haptic_teleop_sysid.diagnosis.diagnose import diagnose
-from haptic_teleop_sysid.diagnosis.explanation import Explanation
-from haptic_teleop_sysid.diagnosis.forms import richer_forms
-from haptic_teleop_sysid.diagnosis.scales import recording_scales, within_reach
-from haptic_teleop_sysid.diagnosis.search import _alone
+from haptic_teleop_sysid.diagnosis.decision.decide import Choice
+from haptic_teleop_sysid.diagnosis.decision.search import _alone
+from haptic_teleop_sysid.diagnosis.hypotheses.explanation import Explanation
+from haptic_teleop_sysid.diagnosis.inputs.scales import recording_scales, within_reach
+from haptic_teleop_sysid.diagnosis.run import diagnose
+from haptic_teleop_sysid.diagnosis.starts.forms import richer_forms
 from haptic_teleop_sysid.estimation.records import record_from
 from haptic_teleop_sysid.estimation.whole_fit import fit_from_scratch, fit_whole
 

@@ -12,14 +12,20 @@ from haptic_teleop_control.errors import RecordingError
 from haptic_teleop_sim.kernel import pack
 from haptic_teleop_sim.model import Effect
 from haptic_teleop_sysid.dataset import load_dataset
-from haptic_teleop_sysid.diagnosis import diagnose as diagnosis
-from haptic_teleop_sysid.diagnosis.decide import Choice
-from haptic_teleop_sysid.diagnosis.diagnose import sense_follows
-from haptic_teleop_sysid.diagnosis.null_records import disturbed_as, levels_of, null_dataset, null_record
-from haptic_teleop_sysid.diagnosis.nulls import Null, beyond_chance, nulls
-from haptic_teleop_sysid.diagnosis.scales import recording_scales
-from haptic_teleop_sysid.diagnosis.search import SearchResult
-from haptic_teleop_sysid.diagnosis.words import chance_sentence
+from haptic_teleop_sysid.diagnosis import explain as explaining
+from haptic_teleop_sysid.diagnosis import run as diagnosis
+from haptic_teleop_sysid.diagnosis.decision.decide import Choice
+from haptic_teleop_sysid.diagnosis.decision.nulls import Null, beyond_chance, nulls
+from haptic_teleop_sysid.diagnosis.decision.search import SearchResult
+from haptic_teleop_sysid.diagnosis.decision.words import chance_sentence
+from haptic_teleop_sysid.diagnosis.evidence.null_records import (
+    disturbed_as,
+    levels_of,
+    null_dataset,
+    null_record,
+)
+from haptic_teleop_sysid.diagnosis.inputs.scales import recording_scales
+from haptic_teleop_sysid.diagnosis.usable import records_of, sense_follows
 from haptic_teleop_sysid.estimation.likelihood import innovations
 from haptic_teleop_sysid.estimation.whole_fit import fit_from_scratch
 
@@ -68,7 +74,7 @@ def stage():
         load_dataset(stage_recording(truth, seed=s, seconds=8.0), STAGE)
         for s, truth in ((1, late), (2, STAGE))
     ]
-    return data, fit_from_scratch(STAGE, diagnosis.records_of(data[1:]))
+    return data, fit_from_scratch(STAGE, records_of(data[1:]))
 
 
 def test_a_null_data_set_is_what_the_model_makes_of_the_same_command(stage):
@@ -78,7 +84,7 @@ def test_a_null_data_set_is_what_the_model_makes_of_the_same_command(stage):
     null = null_dataset(fit, holed, levels_of(fit, holed), np.random.default_rng(1))
     np.testing.assert_array_equal(null.commanded_input, data.commanded_input)
     np.testing.assert_array_equal(null.valid, holed.valid)
-    made, given = (diagnosis.records_of([d]) for d in (null, holed))
+    made, given = (records_of([d]) for d in (null, holed))
     assert [(r.start, len(r)) for r in made] == [(r.start, len(r)) for r in given]
     assert not np.array_equal(made[0].measured, given[0].measured)
     speed = np.gradient(null.motor_position, null.dt)[200:1400]
@@ -105,12 +111,12 @@ def test_nulls_go_through_the_diagnosis_itself(stage, monkeypatch):
 
     def explain(model, estimation, validation, say):
         seen.append((model, estimation, validation))
-        result = SearchResult(fit, fit, (), (), recording_scales(STAGE, diagnosis.records_of([other])))
-        records = [diagnosis.records_of(part) for part in (estimation, validation)]
-        course = diagnosis.Course.of(fit.model, [*estimation, *validation])
-        testimony = diagnosis.witness(model, *records, result.scales)
-        opinion = diagnosis.second_opinion(testimony, result.scales, lambda m: (0.5, 0.5), (0.5, 0.5))
-        return diagnosis.Explained(model, *records, course, course, 1, result, result, False, opinion)
+        result = SearchResult(fit, fit, (), (), recording_scales(STAGE, records_of([other])))
+        records = [records_of(part) for part in (estimation, validation)]
+        course = explaining.Course.of(fit.model, [*estimation, *validation])
+        testimony = explaining.witness(model, *records, result.scales)
+        opinion = explaining.second_opinion(testimony, result.scales, lambda m: (0.5, 0.5), (0.5, 0.5))
+        return explaining.Explained(model, *records, course, course, 1, result, result, False, opinion, 10.0)
 
     monkeypatch.setattr(diagnosis, "explain", explain)
     diagnosis.diagnose(STAGE, [data], [other], null_count=0)
@@ -126,7 +132,7 @@ def test_nulls_go_through_the_diagnosis_itself(stage, monkeypatch):
 def test_nothing_hidden_raises_no_alarm(stage):
     (_, data), fit = stage
     other = load_dataset(stage_recording(seed=3, seconds=6.0), STAGE)
-    result = SearchResult(fit, fit, (), (), recording_scales(STAGE, diagnosis.records_of([data])))
+    result = SearchResult(fit, fit, (), (), recording_scales(STAGE, records_of([data])))
     (found,) = nulls(diagnosis.alarm, STAGE, result, [data], [other], 1, jobs=1)
     assert not found.alarm
     assert found.score < 20.0

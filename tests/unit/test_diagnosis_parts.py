@@ -9,11 +9,11 @@ import pytest
 
 from haptic_teleop_sim.effects import EFFECTS
 from haptic_teleop_sim.model import Effect, Model
-from haptic_teleop_sysid.diagnosis.candidates import candidates, larger_starts
-from haptic_teleop_sysid.diagnosis.explanation import Explanation
-from haptic_teleop_sysid.diagnosis.material import material
-from haptic_teleop_sysid.diagnosis.residual import conditions, intervals
-from haptic_teleop_sysid.diagnosis.scales import recording_scales, within_reach
+from haptic_teleop_sysid.diagnosis.evidence.residual import conditions, intervals
+from haptic_teleop_sysid.diagnosis.hypotheses.candidates import candidates, larger_starts
+from haptic_teleop_sysid.diagnosis.hypotheses.explanation import Explanation
+from haptic_teleop_sysid.diagnosis.hypotheses.material import material
+from haptic_teleop_sysid.diagnosis.inputs.scales import recording_scales, within_reach
 from haptic_teleop_sysid.estimation.gauss_newton import Fit
 from haptic_teleop_sysid.estimation.noise import NoiseModel
 from haptic_teleop_sysid.estimation.records import Record

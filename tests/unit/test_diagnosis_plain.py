@@ -7,14 +7,14 @@ import numpy as np
 import pytest
 from test_diagnosis_parts import MODEL, RIGID, fit_of, joint_record
 
-import haptic_teleop_sysid.diagnosis.shadows as shadows_module
+import haptic_teleop_sysid.diagnosis.starts.shadows as shadows_module
 from haptic_teleop_sim.effects import EFFECTS
 from haptic_teleop_sim.model import Effect
-from haptic_teleop_sysid.diagnosis.candidates import candidates, plain_start
-from haptic_teleop_sysid.diagnosis.plain import plain
-from haptic_teleop_sysid.diagnosis.scales import recording_scales, within_reach
-from haptic_teleop_sysid.diagnosis.shadows import _at_rest, shadows, with_shadows
-from haptic_teleop_sysid.diagnosis.trials import polish, with_contact
+from haptic_teleop_sysid.diagnosis.hypotheses.candidates import candidates, plain_start
+from haptic_teleop_sysid.diagnosis.inputs.scales import recording_scales, within_reach
+from haptic_teleop_sysid.diagnosis.starts.plain import plain
+from haptic_teleop_sysid.diagnosis.starts.shadows import _at_rest, shadows, with_shadows
+from haptic_teleop_sysid.diagnosis.starts.trials import polish, with_contact
 from haptic_teleop_sysid.estimation.gauss_newton import bounds
 from haptic_teleop_sysid.estimation.whole_fit import fit_from_scratch
 

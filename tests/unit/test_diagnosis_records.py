@@ -8,9 +8,9 @@ from identification_plants import STAGE, stage_recording
 
 from haptic_teleop_control.errors import RecordingError
 from haptic_teleop_sysid.dataset import load_dataset
-from haptic_teleop_sysid.diagnosis.current import _starts, shown_by_current
-from haptic_teleop_sysid.diagnosis.diagnose import FEWEST_SAMPLES, records_of
-from haptic_teleop_sysid.diagnosis.plausible import refuse_copies, with_contradictions
+from haptic_teleop_sysid.diagnosis.evidence.current import _starts, shown_by_current
+from haptic_teleop_sysid.diagnosis.inputs.plausible import refuse_copies, with_contradictions
+from haptic_teleop_sysid.diagnosis.usable import FEWEST_SAMPLES, records_of
 
 
 @pytest.fixture(scope="module")

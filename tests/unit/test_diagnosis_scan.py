@@ -9,19 +9,19 @@ from test_diagnosis_parts import DT, MODEL, coupled, explanation, joint_record
 
 from haptic_teleop_sim.model import Effect
 from haptic_teleop_sysid.dataset import DataSet
-from haptic_teleop_sysid.diagnosis import shortlist
-from haptic_teleop_sysid.diagnosis.answers import Answers
-from haptic_teleop_sysid.diagnosis.current import shown_by_current
-from haptic_teleop_sysid.diagnosis.decide import choose
-from haptic_teleop_sysid.diagnosis.doubt import doubted
-from haptic_teleop_sysid.diagnosis.explore import explore
-from haptic_teleop_sysid.diagnosis.residual import shares
-from haptic_teleop_sysid.diagnosis.scales import recording_scales
-from haptic_teleop_sysid.diagnosis.scan import both, scan
-from haptic_teleop_sysid.diagnosis.screen import screen
-from haptic_teleop_sysid.diagnosis.search import SearchResult
-from haptic_teleop_sysid.diagnosis.verdict import condition_of, decide_verdict, finding
-from haptic_teleop_sysid.diagnosis.words import called
+from haptic_teleop_sysid.diagnosis.decision.decide import choose
+from haptic_teleop_sysid.diagnosis.decision.doubt import doubted
+from haptic_teleop_sysid.diagnosis.decision.explore import explore
+from haptic_teleop_sysid.diagnosis.decision.search import SearchResult
+from haptic_teleop_sysid.diagnosis.decision.verdict import condition_of, decide_verdict, finding
+from haptic_teleop_sysid.diagnosis.decision.words import called
+from haptic_teleop_sysid.diagnosis.evidence.current import shown_by_current
+from haptic_teleop_sysid.diagnosis.evidence.residual import shares
+from haptic_teleop_sysid.diagnosis.inputs.scales import recording_scales
+from haptic_teleop_sysid.diagnosis.starts import shortlist
+from haptic_teleop_sysid.diagnosis.starts.answers import Answers
+from haptic_teleop_sysid.diagnosis.starts.scan import both, scan
+from haptic_teleop_sysid.diagnosis.starts.screen import screen
 from haptic_teleop_sysid.estimation.whole_fit import fit_from_scratch
 
 

@@ -8,8 +8,8 @@ from test_diagnosis_parts import MODEL, joint_record
 
 from haptic_teleop_sim.kernel import pack
 from haptic_teleop_sim.model import Effect
-from haptic_teleop_sysid.diagnosis.screen import _by_differences
-from haptic_teleop_sysid.diagnosis.trials import _in_currents
+from haptic_teleop_sysid.diagnosis.starts.screen import _by_differences
+from haptic_teleop_sysid.diagnosis.starts.trials import _in_currents
 from haptic_teleop_sysid.estimation.gauss_newton import fit_parameters
 from haptic_teleop_sysid.estimation.likelihood import innovations
 from haptic_teleop_sysid.estimation.whole_fit import fit_from_scratch

@@ -6,10 +6,10 @@ from test_diagnosis_parts import DT, MODEL, NOISE, joint_record
 
 from haptic_teleop_sim.kernel import pack
 from haptic_teleop_sim.model import Effect
-from haptic_teleop_sysid.diagnosis.certainty import standard_errors
-from haptic_teleop_sysid.diagnosis.decide import choose
-from haptic_teleop_sysid.diagnosis.explanation import Explanation
-from haptic_teleop_sysid.diagnosis.twins import twin, with_twins
+from haptic_teleop_sysid.diagnosis.decision.decide import choose
+from haptic_teleop_sysid.diagnosis.evidence.certainty import standard_errors
+from haptic_teleop_sysid.diagnosis.hypotheses.explanation import Explanation
+from haptic_teleop_sysid.diagnosis.hypotheses.twins import twin, with_twins
 from haptic_teleop_sysid.estimation.gauss_newton import Fit
 from haptic_teleop_sysid.estimation.likelihood import innovations
 

@@ -8,11 +8,12 @@ from identification_plants import STAGE, off, stage_recording
 
 from haptic_teleop_control.errors import RecordingError
 from haptic_teleop_sysid.dataset import DataSet, load_dataset
-from haptic_teleop_sysid.diagnosis import diagnose as diagnosis
-from haptic_teleop_sysid.diagnosis.plausible import refuse_copies
-from haptic_teleop_sysid.diagnosis.scales import recording_scales
-from haptic_teleop_sysid.diagnosis.search import SearchResult
-from haptic_teleop_sysid.diagnosis.uses import shared_band, three_uses
+from haptic_teleop_sysid.diagnosis import explain as explaining
+from haptic_teleop_sysid.diagnosis import run as diagnosis
+from haptic_teleop_sysid.diagnosis.decision.search import SearchResult
+from haptic_teleop_sysid.diagnosis.inputs.plausible import refuse_copies
+from haptic_teleop_sysid.diagnosis.inputs.scales import recording_scales
+from haptic_teleop_sysid.diagnosis.inputs.uses import shared_band, three_uses
 from haptic_teleop_sysid.slips import Slip
 
 DT = 0.01
@@ -139,8 +140,8 @@ def asked(monkeypatch):
         seen.append([(r.name, len(r)) for r in (*learn, *judge)])
         return SearchResult(fit, fit, (), (), recording_scales(model, learn))
 
-    monkeypatch.setattr(diagnosis, "search", found)
-    monkeypatch.setattr(diagnosis, "search_by_simulation", found)
+    monkeypatch.setattr(explaining, "search", found)
+    monkeypatch.setattr(explaining, "search_by_simulation", found)
     return seen
 
 

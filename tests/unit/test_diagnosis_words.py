@@ -9,11 +9,11 @@ from test_diagnosis_parts import MODEL, explanation, fit_of, joint_record
 
 from haptic_teleop_sim.model import Effect
 from haptic_teleop_sysid import results
-from haptic_teleop_sysid.diagnosis.decide import Choice
-from haptic_teleop_sysid.diagnosis.experiment import menu
-from haptic_teleop_sysid.diagnosis.explanation import Explanation
-from haptic_teleop_sysid.diagnosis.scales import recording_scales
-from haptic_teleop_sysid.diagnosis.words import because
+from haptic_teleop_sysid.diagnosis.decision.decide import Choice
+from haptic_teleop_sysid.diagnosis.decision.words import because
+from haptic_teleop_sysid.diagnosis.hypotheses.explanation import Explanation
+from haptic_teleop_sysid.diagnosis.inputs.scales import recording_scales
+from haptic_teleop_sysid.diagnosis.report.experiment import menu
 
 
 def test_the_sentence_has_the_numbers_of_the_final_model_and_none_of_the_smoothing():

@@ -7,13 +7,13 @@ import pytest
 from test_diagnosis_parts import MODEL, NOISE, fit_of, joint_record
 
 from haptic_teleop_sim.model import Effect
-from haptic_teleop_sysid.diagnosis import screen as screening
-from haptic_teleop_sysid.diagnosis.modulation import modulations
-from haptic_teleop_sysid.diagnosis.scales import recording_scales, within_reach
-from haptic_teleop_sysid.diagnosis.scan import scan
-from haptic_teleop_sysid.diagnosis.screen import screen
-from haptic_teleop_sysid.diagnosis.shortlist import shortlist
-from haptic_teleop_sysid.diagnosis.trials import best_of_each
+from haptic_teleop_sysid.diagnosis.evidence.modulation import modulations
+from haptic_teleop_sysid.diagnosis.inputs.scales import recording_scales, within_reach
+from haptic_teleop_sysid.diagnosis.starts import screen as screening
+from haptic_teleop_sysid.diagnosis.starts.scan import scan
+from haptic_teleop_sysid.diagnosis.starts.screen import screen
+from haptic_teleop_sysid.diagnosis.starts.shortlist import shortlist
+from haptic_teleop_sysid.diagnosis.starts.trials import best_of_each
 from haptic_teleop_sysid.estimation.gauss_newton import fit_parameters, normal_equations
 from haptic_teleop_sysid.estimation.whole_fit import fit_from_scratch, fit_whole
 
@@ -67,7 +67,7 @@ def test_a_model_without_observer_scans_screens_and_asks_nothing(records):
 def test_a_quiet_noise_model_that_fails_leaves_the_fitted_one(records, monkeypatch):
     fit = fit_from_scratch(MODEL, records)
     scales = recording_scales(MODEL, records)
-    from haptic_teleop_sysid.diagnosis import shortlist as listing
+    from haptic_teleop_sysid.diagnosis.starts import shortlist as listing
 
     monkeypatch.setattr(listing, "quiet", lambda noise: IMPOSSIBLE)
     own, other = shortlist(fit, records, scales, within_reach(MODEL, scales), True)

@@ -8,10 +8,10 @@ import pytest
 from stepped_machines import DT, RIGID, drive, pendulum, record, two_masses
 
 from haptic_teleop_sim.model import Effect, Model
-from haptic_teleop_sysid.diagnosis.inverse_dynamics.motion import banded, motion_band
-from haptic_teleop_sysid.diagnosis.inverse_dynamics.terms import Hypothesis, turning
-from haptic_teleop_sysid.diagnosis.inverse_dynamics.witness import witness
-from haptic_teleop_sysid.diagnosis.scales import recording_scales
+from haptic_teleop_sysid.diagnosis.evidence.inverse_dynamics.motion import banded, motion_band
+from haptic_teleop_sysid.diagnosis.evidence.inverse_dynamics.terms import Hypothesis, turning
+from haptic_teleop_sysid.diagnosis.evidence.inverse_dynamics.witness import witness
+from haptic_teleop_sysid.diagnosis.inputs.scales import recording_scales
 from haptic_teleop_sysid.estimation.records import Record
 
 

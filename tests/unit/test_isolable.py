@@ -8,8 +8,8 @@ from test_diagnosis_parts import MODEL, joint_record
 
 from haptic_teleop_sim.kernel import pack
 from haptic_teleop_sim.model import Effect
-from haptic_teleop_sysid.diagnosis.isolable import nats_apart
-from haptic_teleop_sysid.diagnosis.null_records import disturbed_as, null_record
+from haptic_teleop_sysid.diagnosis.evidence.isolable import nats_apart
+from haptic_teleop_sysid.diagnosis.evidence.null_records import disturbed_as, null_record
 from haptic_teleop_sysid.estimation.likelihood import innovations, log_likelihood
 from haptic_teleop_sysid.estimation.whole_fit import fit_from_scratch
 

@@ -8,9 +8,9 @@ from test_diagnosis_parts import MODEL, NOISE, joint_record
 
 from haptic_teleop_sim.kernel import pack
 from haptic_teleop_sim.model import Effect
-from haptic_teleop_sysid.diagnosis.residual import left_over
-from haptic_teleop_sysid.diagnosis.scales import recording_scales, velocity_of
-from haptic_teleop_sysid.diagnosis.whiteness import LAGS, colour, ljung_box
+from haptic_teleop_sysid.diagnosis.evidence.residual import left_over
+from haptic_teleop_sysid.diagnosis.evidence.whiteness import LAGS, colour, ljung_box
+from haptic_teleop_sysid.diagnosis.inputs.scales import recording_scales, velocity_of
 from haptic_teleop_sysid.estimation.gauss_newton import Fit, whiten
 from haptic_teleop_sysid.estimation.likelihood import covariance, log_likelihood, seen
 from haptic_teleop_sysid.estimation.whole_fit import fit_from_scratch

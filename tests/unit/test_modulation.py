@@ -6,8 +6,8 @@ from identification_plants import STAGE, stage_recording
 
 from haptic_teleop_sim.model import Effect
 from haptic_teleop_sysid.dataset import load_dataset
-from haptic_teleop_sysid.diagnosis import doubt
-from haptic_teleop_sysid.diagnosis.modulation import (
+from haptic_teleop_sysid.diagnosis.decision import doubt
+from haptic_teleop_sysid.diagnosis.evidence.modulation import (
     JUST_AFTER,
     LONGEST_REST,
     RESTED,

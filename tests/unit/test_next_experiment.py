@@ -15,14 +15,14 @@ from haptic_teleop_sim.kernel import pack, simulate
 from haptic_teleop_sim.model import Effect
 from haptic_teleop_sysid.acquire import experiment_from
 from haptic_teleop_sysid.dataset import load_dataset
-from haptic_teleop_sysid.diagnosis.contents import disturbance, overflows
-from haptic_teleop_sysid.diagnosis.decide import Choice
-from haptic_teleop_sysid.diagnosis.experiment import menu, series, sharpen, simulated_experiment
-from haptic_teleop_sysid.diagnosis.explanation import Explanation
-from haptic_teleop_sysid.diagnosis.next_experiment import FILE, next_experiment, write_acquire_file
-from haptic_teleop_sysid.diagnosis.scales import recording_scales
-from haptic_teleop_sysid.diagnosis.search import SearchResult
-from haptic_teleop_sysid.diagnosis.verdict import Verdict, finding
+from haptic_teleop_sysid.diagnosis.decision.decide import Choice
+from haptic_teleop_sysid.diagnosis.decision.search import SearchResult
+from haptic_teleop_sysid.diagnosis.decision.verdict import Verdict, finding
+from haptic_teleop_sysid.diagnosis.hypotheses.explanation import Explanation
+from haptic_teleop_sysid.diagnosis.inputs.scales import recording_scales
+from haptic_teleop_sysid.diagnosis.report.contents import disturbance, overflows
+from haptic_teleop_sysid.diagnosis.report.experiment import menu, series, sharpen, simulated_experiment
+from haptic_teleop_sysid.diagnosis.report.next_experiment import FILE, next_experiment, write_acquire_file
 from haptic_teleop_sysid.estimation.noise import NoiseModel
 from haptic_teleop_sysid.estimation.records import record_from
 from haptic_teleop_sysid.estimation.whole_fit import fit_from_scratch

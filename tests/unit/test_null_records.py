@@ -8,9 +8,9 @@ from identification_plants import STAGE, stage_recording
 
 from haptic_teleop_sim.model import Effect
 from haptic_teleop_sysid.dataset import load_dataset
-from haptic_teleop_sysid.diagnosis.explanation import Explanation
-from haptic_teleop_sysid.diagnosis.null_records import expected_colour, rounding_shows
-from haptic_teleop_sysid.diagnosis.whiteness import colour
+from haptic_teleop_sysid.diagnosis.evidence.null_records import expected_colour, rounding_shows
+from haptic_teleop_sysid.diagnosis.evidence.whiteness import colour
+from haptic_teleop_sysid.diagnosis.hypotheses.explanation import Explanation
 from haptic_teleop_sysid.estimation.records import record_from
 from haptic_teleop_sysid.estimation.whole_fit import fit_from_scratch, fit_whole
 

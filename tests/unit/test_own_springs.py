@@ -10,7 +10,7 @@ from test_diagnosis_parts import MODEL, RIGID
 
 from haptic_teleop_sim.kernel import pack, simulate
 from haptic_teleop_sim.model import Effect
-from haptic_teleop_sysid.diagnosis.null_records import null_record
+from haptic_teleop_sysid.diagnosis.evidence.null_records import null_record
 from haptic_teleop_sysid.estimation.likelihood import innovations
 from haptic_teleop_sysid.estimation.noise import NoiseModel, linearised
 from haptic_teleop_sysid.estimation.records import Record

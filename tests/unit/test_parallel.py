@@ -10,10 +10,10 @@ from identification_plants import STAGE, off
 from haptic_teleop_control.errors import ConfigurationError
 from haptic_teleop_sim.kernel import pack, simulate
 from haptic_teleop_sim.model import Effect
-from haptic_teleop_sysid.diagnosis.candidates import candidates
-from haptic_teleop_sysid.diagnosis.explore import explore
-from haptic_teleop_sysid.diagnosis.scales import recording_scales
-from haptic_teleop_sysid.diagnosis.screen import screen
+from haptic_teleop_sysid.diagnosis.decision.explore import explore
+from haptic_teleop_sysid.diagnosis.hypotheses.candidates import candidates
+from haptic_teleop_sysid.diagnosis.inputs.scales import recording_scales
+from haptic_teleop_sysid.diagnosis.starts.screen import screen
 from haptic_teleop_sysid.estimation.parallel import VARIABLE, by_itself, side_by_side, thread_count
 from haptic_teleop_sysid.estimation.records import Record
 from haptic_teleop_sysid.estimation.tuning import initial_noise

@@ -10,21 +10,21 @@ import numpy as np
 import pytest
 from test_diagnosis_parts import MODEL, explanation, fit_of
 
-import haptic_teleop_sysid.diagnosis.doubt as doubt_module
-import haptic_teleop_sysid.diagnosis.overruled as overruled_module
+import haptic_teleop_sysid.diagnosis.decision.doubt as doubt_module
+import haptic_teleop_sysid.diagnosis.decision.overruled as overruled_module
+import haptic_teleop_sysid.diagnosis.decision.search as search_module
+import haptic_teleop_sysid.diagnosis.decision.verdict as verdict_module
+import haptic_teleop_sysid.diagnosis.evidence.second_opinion as second_module
 import haptic_teleop_sysid.diagnosis.policy as policy
-import haptic_teleop_sysid.diagnosis.search as search_module
-import haptic_teleop_sysid.diagnosis.second_opinion as second_module
-import haptic_teleop_sysid.diagnosis.verdict as verdict_module
 from haptic_teleop_sim.model import Effect
-from haptic_teleop_sysid.diagnosis.adequacy import Adequacy, short_of
-from haptic_teleop_sysid.diagnosis.columns import Number, moved
-from haptic_teleop_sysid.diagnosis.decide import Choice, choose, significant
-from haptic_teleop_sysid.diagnosis.diagnose import unharmful
-from haptic_teleop_sysid.diagnosis.reasons import Doubt
-from haptic_teleop_sysid.diagnosis.residual import Condition
-from haptic_teleop_sysid.diagnosis.search import SearchResult
-from haptic_teleop_sysid.diagnosis.verdict import structured
+from haptic_teleop_sysid.diagnosis.decision.adequacy import Adequacy, short_of
+from haptic_teleop_sysid.diagnosis.decision.decide import Choice, choose, significant
+from haptic_teleop_sysid.diagnosis.decision.reasons import Doubt
+from haptic_teleop_sysid.diagnosis.decision.search import SearchResult
+from haptic_teleop_sysid.diagnosis.decision.verdict import structured
+from haptic_teleop_sysid.diagnosis.evidence.residual import Condition
+from haptic_teleop_sysid.diagnosis.explain import unharmful
+from haptic_teleop_sysid.diagnosis.report.columns import Number, moved
 
 FOLDER = Path(policy.__file__).parent
 

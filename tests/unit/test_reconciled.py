@@ -10,8 +10,8 @@ from identification_plants import STAGE, stage_recording
 from test_diagnosis_parts import fit_of
 
 from haptic_teleop_sysid.dataset import load_dataset
-from haptic_teleop_sysid.diagnosis.certainty import known_beside
-from haptic_teleop_sysid.diagnosis.held_out import reconciled
+from haptic_teleop_sysid.diagnosis.evidence.certainty import known_beside
+from haptic_teleop_sysid.diagnosis.evidence.held_out import reconciled
 from haptic_teleop_sysid.estimation.records import record_from
 from haptic_teleop_sysid.estimation.whole_fit import fit_from_scratch, fit_whole
 

@@ -11,8 +11,14 @@ from rich.console import Console
 from haptic_teleop_sysid import run_progress
 from haptic_teleop_sysid.blind.forked import run_forked
 from haptic_teleop_sysid.dataset import load_dataset
-from haptic_teleop_sysid.diagnosis.diagnose import records_of
-from haptic_teleop_sysid.diagnosis.forecast import BASELINE, REST, ROUND, DiagnosisForecast, pass_seconds
+from haptic_teleop_sysid.diagnosis.report.forecast import (
+    BASELINE,
+    REST,
+    ROUND,
+    DiagnosisForecast,
+    pass_seconds,
+)
+from haptic_teleop_sysid.diagnosis.usable import records_of
 from haptic_teleop_sysid.run_progress import OFTEN, SELDOM, RunProgress
 
 

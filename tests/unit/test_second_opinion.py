@@ -10,19 +10,19 @@ from stepped_machines import RIGID, pendulum
 
 from haptic_teleop_sim.model import Effect, load_model
 from haptic_teleop_sysid.diagnose import main
-from haptic_teleop_sysid.diagnosis.decide import Choice
-from haptic_teleop_sysid.diagnosis.explanation import Explanation
-from haptic_teleop_sysid.diagnosis.inverse_dynamics.witness import witness
-from haptic_teleop_sysid.diagnosis.overruled import (
+from haptic_teleop_sysid.diagnosis.decision.decide import Choice
+from haptic_teleop_sysid.diagnosis.decision.overruled import (
     as_result,
     believed_instead,
     beyond_reach,
     inadequate,
 )
-from haptic_teleop_sysid.diagnosis.scales import recording_scales
-from haptic_teleop_sysid.diagnosis.search import SearchResult
-from haptic_teleop_sysid.diagnosis.second_opinion import second_opinion
-from haptic_teleop_sysid.diagnosis.verdict import decide_verdict, size_known
+from haptic_teleop_sysid.diagnosis.decision.search import SearchResult
+from haptic_teleop_sysid.diagnosis.decision.verdict import decide_verdict, size_known
+from haptic_teleop_sysid.diagnosis.evidence.inverse_dynamics.witness import witness
+from haptic_teleop_sysid.diagnosis.evidence.second_opinion import second_opinion
+from haptic_teleop_sysid.diagnosis.hypotheses.explanation import Explanation
+from haptic_teleop_sysid.diagnosis.inputs.scales import recording_scales
 from haptic_teleop_sysid.estimation.whole_fit import fit_whole, noise_starts
 
 REAL = Path(__file__).parents[3] / "shared" / "data" / "real"

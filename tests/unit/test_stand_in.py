@@ -8,11 +8,11 @@ import pytest
 from stepped_machines import RIGID
 
 from haptic_teleop_sim.model import Effect
-from haptic_teleop_sysid.diagnosis.decide import Choice
-from haptic_teleop_sysid.diagnosis.explanation import Explanation
-from haptic_teleop_sysid.diagnosis.reasons import Doubt
-from haptic_teleop_sysid.diagnosis.stand_in import stand_in
-from haptic_teleop_sysid.diagnosis.summary import map_sentences
+from haptic_teleop_sysid.diagnosis.decision.decide import Choice
+from haptic_teleop_sysid.diagnosis.decision.reasons import Doubt
+from haptic_teleop_sysid.diagnosis.decision.stand_in import stand_in
+from haptic_teleop_sysid.diagnosis.hypotheses.explanation import Explanation
+from haptic_teleop_sysid.diagnosis.report.summary import map_sentences
 from haptic_teleop_sysid.estimation.gauss_newton import Fit
 from haptic_teleop_sysid.estimation.noise import NoiseModel
 

@@ -14,10 +14,10 @@ import haptic_teleop_sim.effects
 from haptic_teleop_sim.kernel import simulate
 from haptic_teleop_sim.kernel.codegen import effect_source
 from haptic_teleop_sim.model import Model
-from haptic_teleop_sysid.diagnosis.measured_map import measured_map
-from haptic_teleop_sysid.diagnosis.page_map import map_picture
-from haptic_teleop_sysid.diagnosis.scales import recording_scales, within_reach
-from haptic_teleop_sysid.diagnosis.search import search
+from haptic_teleop_sysid.diagnosis.decision.search import search
+from haptic_teleop_sysid.diagnosis.evidence.measured_map import measured_map
+from haptic_teleop_sysid.diagnosis.inputs.scales import recording_scales, within_reach
+from haptic_teleop_sysid.diagnosis.report.page_map import map_picture
 from haptic_teleop_sysid.estimation.records import Record
 from haptic_teleop_sysid.estimation.whole_fit import fit_from_scratch
 from haptic_teleop_sysid.parameter_units import Units

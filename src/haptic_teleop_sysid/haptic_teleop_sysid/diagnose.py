@@ -16,10 +16,10 @@ from haptic_teleop_control.command_line import run_command
 from haptic_teleop_control.errors import ConfigurationError
 from haptic_teleop_sim.model import Model, load_model
 from haptic_teleop_sysid.diagnose_many import run_many
-from haptic_teleop_sysid.diagnosis.cuts import refuse_too_long
-from haptic_teleop_sysid.diagnosis.diagnose import records_of
-from haptic_teleop_sysid.diagnosis.forecast import DiagnosisForecast, pass_seconds
-from haptic_teleop_sysid.diagnosis.summary import summary
+from haptic_teleop_sysid.diagnosis.inputs.cuts import refuse_too_long
+from haptic_teleop_sysid.diagnosis.report.forecast import DiagnosisForecast, pass_seconds
+from haptic_teleop_sysid.diagnosis.report.summary import summary
+from haptic_teleop_sysid.diagnosis.usable import records_of
 from haptic_teleop_sysid.diagnosis_run import Options, diagnose_into, load, refuse_too_many
 from haptic_teleop_sysid.logs.reading import is_foreign
 from haptic_teleop_sysid.logs.story import tell

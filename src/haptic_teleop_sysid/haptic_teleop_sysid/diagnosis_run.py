@@ -11,14 +11,15 @@ from typing import Any
 from haptic_teleop_control.errors import RecordingError
 from haptic_teleop_sim.model import Model
 from haptic_teleop_sysid.dataset import DataSet, load_dataset
-from haptic_teleop_sysid.diagnosis.beside_given import handed_on, settled
-from haptic_teleop_sysid.diagnosis.cuts import MOST_SAMPLES, with_cuts_told
-from haptic_teleop_sysid.diagnosis.diagnose import diagnose, records_of
-from haptic_teleop_sysid.diagnosis.next_experiment import write_acquire_file
-from haptic_teleop_sysid.diagnosis.page import diagnosis_page
-from haptic_teleop_sysid.diagnosis.page_steps import Origin
-from haptic_teleop_sysid.diagnosis.plausible import refuse_implausible, with_contradictions
-from haptic_teleop_sysid.diagnosis.suggested_law.entry_file import FILE
+from haptic_teleop_sysid.diagnosis.evidence.suggested_law.entry_file import FILE
+from haptic_teleop_sysid.diagnosis.inputs.cuts import MOST_SAMPLES, with_cuts_told
+from haptic_teleop_sysid.diagnosis.inputs.plausible import refuse_implausible, with_contradictions
+from haptic_teleop_sysid.diagnosis.report.beside_given import handed_on, settled
+from haptic_teleop_sysid.diagnosis.report.next_experiment import write_acquire_file
+from haptic_teleop_sysid.diagnosis.report.page import diagnosis_page
+from haptic_teleop_sysid.diagnosis.report.page_steps import Origin
+from haptic_teleop_sysid.diagnosis.run import diagnose
+from haptic_teleop_sysid.diagnosis.usable import records_of
 from haptic_teleop_sysid.logs.opened import open_recording
 from haptic_teleop_sysid.parameter_units import Units
 from haptic_teleop_sysid.preparation import with_damage_told

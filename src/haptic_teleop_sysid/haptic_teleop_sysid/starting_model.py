@@ -22,10 +22,10 @@ from haptic_teleop_control.errors import ConfigurationError, MismatchError, Reco
 from haptic_teleop_control.recording import Recording
 from haptic_teleop_sim.model import STRUCTURES, Model
 from haptic_teleop_sysid.dataset import DataSet, load_dataset
-from haptic_teleop_sysid.diagnosis.inverse_dynamics.groups import independent
-from haptic_teleop_sysid.diagnosis.inverse_dynamics.motion import BandedMotion, banded, motion_band
-from haptic_teleop_sysid.diagnosis.inverse_dynamics.products import solved
-from haptic_teleop_sysid.diagnosis.inverse_dynamics.regression import standard_errors
+from haptic_teleop_sysid.diagnosis.evidence.inverse_dynamics.groups import independent
+from haptic_teleop_sysid.diagnosis.evidence.inverse_dynamics.motion import BandedMotion, banded, motion_band
+from haptic_teleop_sysid.diagnosis.evidence.inverse_dynamics.products import solved
+from haptic_teleop_sysid.diagnosis.evidence.inverse_dynamics.regression import standard_errors
 from haptic_teleop_sysid.estimation.records import Record, record_from
 from haptic_teleop_sysid.excitation import refuse_idle
 from haptic_teleop_sysid.logs.convert import ARM

@@ -19,7 +19,7 @@ from haptic_teleop_sim.lockstep import load_scenario, record_scenario
 from haptic_teleop_sim.model import Model
 from haptic_teleop_sysid.comparison_pictures import percent_text, within
 from haptic_teleop_sysid.dataset import load_dataset
-from haptic_teleop_sysid.diagnosis.uses import with_command
+from haptic_teleop_sysid.diagnosis.inputs.uses import with_command
 from haptic_teleop_sysid.discovery.campaign import scenario_content, with_plant, without_wall, write_files
 from haptic_teleop_sysid.fit import choose_windows, fit_percent, simulated_fit
 from haptic_teleop_sysid.report import Panel, Plot, Series

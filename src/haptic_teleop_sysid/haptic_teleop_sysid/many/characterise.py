@@ -14,8 +14,8 @@ from haptic_teleop_control.errors import RecordingError
 from haptic_teleop_control.recording import Recording
 from haptic_teleop_sim.model import Model
 from haptic_teleop_sysid.channels import channels_for
-from haptic_teleop_sysid.diagnosis.adequacy import added_torque
-from haptic_teleop_sysid.diagnosis.plausible import refuse_implausible
+from haptic_teleop_sysid.diagnosis.decision.adequacy import added_torque
+from haptic_teleop_sysid.diagnosis.inputs.plausible import refuse_implausible
 from haptic_teleop_sysid.estimation.records import records_from
 from haptic_teleop_sysid.estimation.strategies import estimate
 from haptic_teleop_sysid.estimation_run import Choices, load_one

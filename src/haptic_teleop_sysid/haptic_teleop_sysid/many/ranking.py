@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from haptic_teleop_control.counted import counted
-from haptic_teleop_sysid.diagnosis.adequacy import SLIGHT_ERROR
+from haptic_teleop_sysid.diagnosis.decision.adequacy import SLIGHT_ERROR
 from haptic_teleop_sysid.report import Link, Page
 from haptic_teleop_sysid.report.pictures import COLOUR, blank, styled
 

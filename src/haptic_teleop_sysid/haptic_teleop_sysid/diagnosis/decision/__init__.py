@@ -1,0 +1,1 @@
+"""From evidence to a verdict: rounds of the search, the choice, doubts, what something unknown is."""

@@ -1,0 +1,115 @@
+"""How much of what the structure alone leaves unexplained the findings explain.
+
+A name is better than its rivals also where all of them are wrong.  What it leaves says so: the torque that
+the observer still adds with it, as a share of what it added without, and the error that a free run still
+has.  Neither is ever none on a machine: up to a small share of the input and of the motion it is not counted.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+
+from haptic_teleop_sim.kernel import pack
+from haptic_teleop_sysid.estimation.gauss_newton import Fit
+from haptic_teleop_sysid.estimation.likelihood import settled
+from haptic_teleop_sysid.estimation.records import Record
+
+from ..evidence.residual import left_over
+from ..policy import LEAST_EXPLAINED
+from .reasons import Doubt
+from .search import SearchResult
+
+#: Left-over torque, as a share of the input torque (rms), that is not worth a word.
+SLIGHT_TORQUE = 0.03
+#: Error of a free run, as a share of the motion's spread (rms), that is not worth a word.
+SLIGHT_ERROR = 0.05
+#: Share of what is missing from which the findings explain nearly all of it.
+NEARLY_ALL = 0.9
+
+
+@dataclass(frozen=True)
+class Adequacy:
+    """``torque``: share of the mean square of the torque that the observer adds to the structure alone which
+    it does not add to the final model; ``free_run``: share of the mean square error of the structure's free
+    run that the final model's does not have; 0 to 1 each, 1 where nothing worth a word is left."""
+
+    torque: float
+    free_run: float
+
+    @property
+    def least(self) -> float:
+        """The smaller one: nobody is surer of a name than this."""
+        return min(self.torque, self.free_run)
+
+    def content(self) -> dict[str, Any]:
+        """What diagnosis.json says."""
+        return {
+            "what": "share of the mean square of the torque that the structure alone lacks, and of the error "
+            "of its free runs, that is explained; no confidence is above the smaller one",
+            "torque": round(self.torque, 3),
+            "free_run": round(self.free_run, 3),
+        }
+
+
+def adequacy(
+    before: Fit,
+    after: Fit,
+    records: Sequence[Record],
+    errors_before: tuple[float, float],
+    errors_after: tuple[float, float],
+) -> Adequacy:
+    """Adequacy of what ``after`` has and ``before`` has not, on ``records`` of both kinds; errors: those of
+    their free runs on either kind (see `second_opinion.Errors`)."""
+    return Adequacy(
+        explained_torque(before, after, records),
+        _share(np.array(errors_before), np.array(errors_after), SLIGHT_ERROR),
+    )
+
+
+def explained_torque(before: Fit, after: Fit, records: Sequence[Record]) -> float:
+    """See `Adequacy.torque`."""
+    return _share(added_torque(before, records), added_torque(after, records), SLIGHT_TORQUE)
+
+
+def added_torque(fit: Fit, records: Sequence[Record]) -> np.ndarray:
+    """Rms of the torques that the observer adds on each record, all equations together, as a share of the rms
+    input torque there, (records,)."""
+    constant = pack(fit.model).torque_constant
+    with np.errstate(over="ignore", invalid="ignore"):
+        found = [
+            np.sqrt(np.sum(np.mean(settled(r, left_over(fit, r).torque) ** 2, axis=0)))
+            / max(abs(constant) * float(np.sqrt(np.mean(r.input**2))), 1e-300)
+            for r in records
+        ]
+    return np.array(found)
+
+
+def _share(before: np.ndarray, after: np.ndarray, slight: float) -> float:
+    """1 - (left - slight) / (there was - slight), in mean squares."""
+    if not np.all(np.isfinite(after)):
+        return 0.0
+    with np.errstate(over="ignore"):
+        left = max(float(np.mean(after**2)) - slight**2, 0.0)
+        was = max(float(np.mean(before**2)) - slight**2, 0.0)
+    if left <= 0.0:
+        return 1.0
+    return 0.0 if was <= left else 1.0 - left / was
+
+
+def short_of(result: SearchResult, found: Adequacy) -> tuple[SearchResult, Doubt | None]:
+    """The result without names that explain less than LEAST_EXPLAINED of the torque that is missing, and the
+    doubt that says so; what is seen in the currents alone stays."""
+    moving = [c for c in result.choices if c.chosen.by_current <= 0.0]
+    if not moving or found.torque >= LEAST_EXPLAINED:
+        return result, None
+    names = " and ".join(f"{c.chosen.effect.effect} at {c.chosen.effect.location}" for c in moving)
+    why = (
+        f"the nearest name, {names}, explains {100 * found.torque:.0f} % of the torque that the structure "
+        "alone lacks to follow the recordings"
+    )
+    bare = replace(result, final=result.baseline, choices=(), last_round=(), nameless=None)
+    return bare, Doubt(moving[0], why)

@@ -1,0 +1,166 @@
+"""When the second opinion is believed, and what it says as a result like any other."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from haptic_teleop_sim.model import Effect, Model
+from haptic_teleop_sysid.estimation.gauss_newton import Fit
+from haptic_teleop_sysid.estimation.records import Record
+from haptic_teleop_sysid.estimation.whole_fit import fit_whole
+
+from ..evidence.inverse_dynamics.terms import Hypothesis, follows_from_motion
+from ..evidence.second_opinion import NO_WORSE, PERFECT, Errors, Opinion
+from ..hypotheses.explanation import Explanation
+from ..hypotheses.twins import twin
+from ..policy import ERRS_FAR_LESS, ERRS_LESS, LEAST_EXPLAINED
+from .decide import Choice, prior
+from .reasons import Doubt
+from .search import SearchResult
+
+_LEVELS = 8
+#: Log-likelihood that the way back from a bound to the given value would cost, from which the recordings want
+#: a parameter there.
+WANTED = 12.0
+
+
+def believed_instead(opinion: Opinion, first: tuple[float, float], coloured: Callable[[], bool]) -> bool:
+    """Whether the second opinion is believed; ``first``: errors of the free runs with what the first one
+    found (see `second_opinion.Errors`), ``coloured``: whether its innovations show that its noise model does
+    not hold, which takes a fit and is asked only where it decides."""
+    if opinion.chosen is None:
+        return False
+    ratios = [
+        max(own, PERFECT) / max(other, PERFECT)
+        for own, other in zip(opinion.chosen.errors, first, strict=True)
+    ]
+    # The validation recordings decide: a model errs less where it was fitted, whatever it is worth.
+    if ratios[1] >= NO_WORSE or math.prod(ratios) >= ERRS_LESS**2:
+        return False
+    return math.prod(ratios) < ERRS_FAR_LESS**2 or coloured()
+
+
+def as_result(
+    opinion: Opinion, predicted: SearchResult, records: Sequence[Record], errors: Errors
+) -> tuple[SearchResult, Doubt | None]:
+    """The second opinion as a search's result, and the doubt where its name explains too little."""
+    assert opinion.chosen is not None
+    baseline = predicted.baseline
+    alone = opinion.witness.structure
+    if errors(alone.model)[0] < errors(baseline.model)[0]:
+        baseline = _fit(alone.model, alone.std, baseline, records)
+    group = opinion.chosen.group
+    final = _fit(group.model, group.std, baseline, records)
+    adequacy = opinion.adequacy
+    choices = tuple(
+        _choice(opinion, final, len(group.model.effects) - len(group.effects) + i)
+        for i in range(len(group.effects))
+    )
+    if adequacy < LEAST_EXPLAINED:
+        search = opinion.witness.folds
+        shapes = {n for h in group.hypotheses for latent in search.alike(h) for n in latent.quantities}
+        names = " and ".join(f"{e.effect} at {e.location}" for e in group.effects)
+        why = (
+            f"the nearest name, {names}, explains {100 * adequacy:.0f} % of what a torque without a form "
+            f"explains in the same quantities ({', '.join(sorted(shapes))})"
+        )
+        bare = replace(predicted, baseline=baseline, final=baseline, choices=(), last_round=(), nameless=None)
+        return bare, Doubt(choices[0], why, " and ".join(sorted(shapes)) or None)
+    return replace(
+        predicted, baseline=baseline, final=final, choices=choices, last_round=(), nameless=None
+    ), None
+
+
+def inadequate(result: SearchResult, opinion: Opinion) -> Doubt | None:
+    """The doubt about a name whose torque is far from what the same quantities explain without a form."""
+    told = [
+        c
+        for c in result.choices
+        if c.chosen.by_current <= 0.0 and follows_from_motion(c.chosen.effect.entry)
+    ]
+    group = tuple(
+        Hypothesis.of(c.chosen.effect, result.baseline.model.place(c.chosen.effect.location)) for c in told
+    )
+    for choice, adequacy in zip(told, opinion.witness.folds.adequacies(group), strict=True):
+        if adequacy < LEAST_EXPLAINED:
+            name = choice.chosen.effect.effect
+            why = (
+                f"{name} explains {100 * adequacy:.0f} % of what a torque without a form explains "
+                "in the same quantities"
+            )
+            return Doubt(choice, why)
+    return None
+
+
+def beyond_reach(result: SearchResult, lab: Model) -> Doubt | None:
+    """The doubt about names that need a machine which is not the lab's: with them an inertia, a stiffness or
+    a torque constant ends at the bound of what is taken for possible, and the recordings want it further."""
+    fit = result.final
+    if not result.choices:
+        return None
+    given = lab.parameter_values()
+    for name in fit.at_bound:
+        # A damping may be none.
+        if name not in lab.parameters or name.endswith("damping") or name not in fit.free:
+            continue
+        value = fit.model.parameter_values()[name]
+        back = abs(float(fit.gradient[fit.free.index(name)]) * (given[name] - value))
+        if back > WANTED:
+            names = " and ".join(c.chosen.effect.effect for c in result.choices)
+            why = (
+                f"with {names} the {name.replace('_', ' ')} would be {value:.3g} instead of "
+                f"{given[name]:.3g}, the bound of what is taken for possible, or beyond"
+            )
+            return Doubt(result.choices[0], why)
+    return None
+
+
+def _fit(model: Model, std: dict[str, float], like: Fit, records: Sequence[Record]) -> Fit:
+    """The model as it is, with noise levels for its observer and the regression's standard errors."""
+    tuned = fit_whole(model, like.noise, records, free=(), iterations=_LEVELS)
+    names = tuple(n for n in model.free_parameters() if std.get(n, 0.0) > 0.0)
+    information = np.diag([1.0 / std[n] ** 2 for n in names])
+    return replace(tuned, free=names, information=information, gradient=np.zeros(len(names)), at_bound=())
+
+
+def _choice(opinion: Opinion, final: Fit, index: int) -> Choice:
+    """One effect of the chosen group, with its share of what is believed, and what else it may be."""
+    chosen, effect = opinion.chosen, final.model.effects[index]
+    assert chosen is not None
+    own, others = 0.0, dict[tuple[str, str], tuple[Effect, float]]()
+    known = {(e.effect, e.location) for e in chosen.group.effects}
+    for heard, weight in opinion.rivals:
+        if any((e.effect, e.location) == (effect.effect, effect.location) for e in heard.group.effects):
+            own += weight
+            continue
+        for e in heard.group.effects:
+            if (e.effect, e.location) not in known:
+                before = others.get((e.effect, e.location), (e, 0.0))[1]
+                others[e.effect, e.location] = (e, before + weight)
+    other = twin(effect)
+    if other is not None and (other.effect, other.location) not in others:
+        # One and the same to these recordings.
+        likely = prior(other.effect, other.location, False)
+        others[other.effect, other.location] = (other, own * likely / (1.0 + likely))
+        own /= 1.0 + likely
+    told = (
+        f"of the torque that the motion asks for and the structure does not have, it explains "
+        f"{100 * chosen.group.explained:.0f} % on recordings that were not fitted"
+        if len(known) == 1
+        else f"together they explain {100 * chosen.group.explained:.0f} % of the torque that the motion asks "
+        "for and the structure does not have, on recordings that were not fitted"
+    )
+    told += f", and a free run errs by {100 * chosen.errors[1]:.1f} % of the motion there"
+    explanation = Explanation(final, chosen.gain, 0.0, True, index, witnessed=told)
+
+    def instead(other: Effect) -> Explanation:
+        effects = (*final.model.effects[:index], other, *final.model.effects[index + 1 :])
+        return replace(explanation, fit=replace(final, model=replace(final.model, effects=effects)))
+
+    rivals = sorted(others.values(), key=lambda o: -o[1])
+    return Choice(explanation, own, tuple((instead(e), p) for e, p in rivals if p > 0.02))
+

@@ -1,0 +1,202 @@
+"""The whole search: baseline, then one effect after another until nothing more stands up."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from functools import partial
+
+from haptic_teleop_sim.model import Model
+from haptic_teleop_sysid.estimation.gauss_newton import Fit, Limits, fit_parameters
+from haptic_teleop_sysid.estimation.records import Record
+from haptic_teleop_sysid.estimation.whole_fit import fit_whole
+
+from ..evidence.actuator import joined
+from ..evidence.current import Shown
+from ..evidence.held_out import judged
+from ..evidence.isolable import nats_apart
+from ..evidence.simulated import explore_simulated, simulation_noise
+from ..hypotheses.candidates import family
+from ..hypotheses.explanation import Explanation
+from ..hypotheses.twins import with_twins
+from ..inputs.scales import Scales, recording_scales, within_reach
+from ..policy import LEAST_GAIN
+from ..starts.trials import LAST_STEPS, with_companion
+from .decide import Choice, choose
+from .explore import explore
+
+#: Effects that are looked for one after another.
+MOST_EFFECTS = 3
+
+
+@dataclass(frozen=True)
+class SearchResult:
+    """``baseline``: the given structure re-estimated; ``final``: with all chosen effects; ``choices``: one
+    per effect found; ``last_round``: what was tried after the last choice and did not stand up; ``nameless``:
+    what explains the recordings (or what the choices leave) better than anything that has a name.
+    """
+
+    baseline: Fit
+    final: Fit
+    choices: tuple[Choice, ...]
+    last_round: tuple[Explanation, ...]
+    scales: Scales
+    nameless: Choice | None = None
+
+
+#: Simulated fit (percent) of the re-estimated baseline below which the search by simulation is tried.
+POOR_FIT = 75.0
+#: Least improvement of the simulated fit, percent, estimation and validation added up, for an effect
+#: found so.
+LEAST_PERCENT = 6.0
+
+
+def search(
+    model: Model,
+    baseline: Fit,
+    estimation: Sequence[Record],
+    validation: Sequence[Record],
+    *,
+    sense_follows: bool = False,
+    shown: Sequence[Shown] = (),
+    percent: Callable[[Model], float] | None = None,
+    progress: Callable[[str], None] | None = None,
+) -> SearchResult:
+    """Find the effects that the model, re-estimated as ``baseline``, lacks on the estimation recordings and
+    that stand up on the validation ones. ``shown``: what the measured currents say; ``percent``: simulated
+    fit of a model, see `choose`.
+    """
+    say = progress or (lambda text: None)
+    scales = recording_scales(baseline.model, estimation)
+    fit, choices, strongest, nameless = baseline, [], 0.0, None
+    found: list[Explanation] = []
+    apart = partial(nats_apart, records=(*estimation, *validation))
+    pick = partial(choose, sense_follows=sense_follows, percent=percent, apart=apart)
+    for number in range(MOST_EFFECTS):
+        lab = replace(model, effects=fit.model.effects, fixed=fit.model.fixed)
+        fit, found = explore(
+            fit, lab, estimation, validation, scales, lambda text, n=number: say(f"effect {n + 1}: {text}")
+        )
+        if number == 0:
+            baseline = fit
+        if shown and not any(c.chosen.by_current > 0.0 for c in choices):
+            found = joined(
+                fit, model, found, shown, estimation, validation, scales, within_reach(lab, scales)
+            )
+        found = with_twins(found)
+        choice = pick(found, strongest)
+        if choice is None:
+            break
+        if choice.unnamed:
+            nameless = choice
+            break
+        choices.append(choice)
+        fit = choice.chosen.fit
+        if len(choices) == 2 and all(c.chosen.by_current <= 0.0 for c in choices):
+            second = _alone(baseline, choice, estimation, validation, scales, within_reach(lab, scales))
+            alone = pick(second, 0.0) if second else None
+            if alone is not None and not alone.unnamed:
+                choices, fit = [alone], alone.chosen.fit
+        strongest = max(strongest, choice.chosen.by_motion)
+    shown_too = any(c.chosen.by_current > 0.0 for c in choices)
+    if nameless is not None and not shown_too and nameless.chosen.by_motion > strongest:
+        # What came first was the nearest name of something else.
+        choices, fit = [], baseline
+    return SearchResult(baseline, fit, tuple(choices), tuple(found), scales, nameless)
+
+
+def _alone(
+    baseline: Fit,
+    second: Choice,
+    estimation: Sequence[Record],
+    validation: Sequence[Record],
+    scales: Scales,
+    limits: Limits,
+) -> list[Explanation]:
+    """The second of two effects, and what it is not told from, as explanations by themselves, if the first is
+    worth nothing beside it: then the first was but the nearest that could be seen before."""
+    alone = _without_first(second.chosen, baseline, estimation, limits)
+    if not alone.log_likelihood > second.chosen.fit.log_likelihood - LEAST_GAIN:
+        return []
+    fits = [alone, *(_without_first(e, baseline, estimation, limits) for e in _others(second))]
+    return with_twins(judged(baseline, fits, validation, scales))
+
+
+def _others(choice: Choice) -> list[Explanation]:
+    """What a choice is not told from, without the twins of what is there, which are the same fit."""
+    seen, found = {choice.chosen.fit.log_likelihood}, []
+    for e, _ in choice.others:
+        if e.beside is None and e.fit.log_likelihood not in seen:
+            seen.add(e.fit.log_likelihood)
+            found.append(e)
+    return found
+
+
+def _without_first(second: Explanation, baseline: Fit, records: Sequence[Record], limits: Limits) -> Fit:
+    """The fit of a second effect without the one found before it (and its nuisance)."""
+    both, own = second.fit, second.effect
+    count = len(baseline.model.effects)
+    first = both.model.effects[count]
+    head = f"{first.location}.{first.effect}."
+    fixed = tuple(name for name in both.model.fixed if not name.startswith(head))
+    model = replace(both.model, effects=(*both.model.effects[:count], own), fixed=fixed)
+    alone = fit_whole(model, both.noise, records, iterations=LAST_STEPS, limits=limits)
+    return with_companion(alone, baseline.model, records, limits)
+
+
+def search_by_simulation(
+    model: Model,
+    predicted: Fit,
+    estimation: Sequence[Record],
+    validation: Sequence[Record],
+    *,
+    percent: Callable[[Model], tuple[float, float]],
+    progress: Callable[[str], None],
+) -> SearchResult:
+    """The search with an observer that hardly corrects, the same for all models.
+
+    Short recordings of a machine whose torque was itself measured with much noise can be followed by almost
+    any model that is corrected at every sample; how they differ shows when they have to run freely.
+    ``percent`` gives the simulated fit of a model on both kinds of recordings: an effect is taken when it
+    helps on both and by ``LEAST_PERCENT`` in all.
+    """
+    noise = simulation_noise(predicted, estimation)
+    scales = recording_scales(predicted.model, estimation)
+    progress("re-estimating the given structure, freely running")
+    fit = baseline = fit_parameters(
+        model, noise, estimation, iterations=40, limits=within_reach(model, scales)
+    )
+    choices: list[Choice] = []
+    found: list[Explanation] = []
+    before = percent(baseline.model)
+    for number in range(MOST_EFFECTS):
+        lab = replace(model, effects=fit.model.effects, fixed=fit.model.fixed)
+        found = explore_simulated(
+            fit,
+            lab,
+            estimation,
+            validation,
+            scales,
+            lambda text, n=number: progress(f"effect {n + 1}, freely running: {text}"),
+        )
+        good = []
+        for e in found[:10]:
+            after = percent(e.fit.model)
+            better = (after[0] - before[0], after[1] - before[1])
+            # What helps a run over the whole recording and speaks against every stretch of it is luck.
+            likelier = e.gain > 0.0 and e.held_out > 0.0
+            if e.material and likelier and min(better) > -1.0 and sum(better) > LEAST_PERCENT / 2:
+                good.append((sum(better), e, after))
+        if not good or max(g[0] for g in good) < LEAST_PERCENT:
+            break
+        good.sort(key=lambda g: -g[0])
+        most = good[0][0]
+        # As good within a tenth of the improvement: not to be told apart by these recordings. Of forms of one
+        # thing the simpler is taken unless it does clearly less.
+        forms = family(good[0][1].effect.effect)
+        close = [g for g in good if g[0] > (0.4 if g[1].effect.effect in forms else 0.9) * most]
+        simplest = min(close, key=lambda g: (len(g[1].effect.parameters), -g[0]))
+        rivals = tuple((g[1], round(0.5 / len(close), 4)) for g in close if g is not simplest)
+        choices.append(Choice(simplest[1], 1.0 - sum(p for _, p in rivals), rivals))
+        fit, before = simplest[1].fit, simplest[2]
+    return SearchResult(baseline, fit, tuple(choices), tuple(found), scales)

@@ -1,0 +1,63 @@
+"""A model that simulates better than none, for physics without a name of which no map can be drawn.
+
+A name that explains too little to be believed may still take most of the error off a simulation: friction
+beside which a link bends in a way that is no spring's. The verdict stays `unknown`, and the nearest name
+stands in, said to be nothing more, where it takes as much off the error of other recordings as a map must.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Any
+
+from haptic_teleop_sim.model import Effect, Model
+from haptic_teleop_sysid.estimation.gauss_newton import Fit
+
+from ..evidence.measured_map import A_GOOD_PART, Errors
+from .reasons import Doubt
+
+
+@dataclass(frozen=True)
+class StandIn:
+    """``fit`` of the model with ``effects``, whose names are not believed; ``closed``: share of the simulated
+    error on validation recordings that they take away."""
+
+    fit: Fit
+    effects: tuple[Effect, ...]
+    closed: float
+
+    @property
+    def why(self) -> str:
+        """In words."""
+        names = " and ".join(f"{e.effect} at {e.location}" for e in self.effects)
+        return (
+            f"augmented_model.yaml has the nearest name, {names}, as a stand-in that simulates better: it "
+            f"takes {100 * self.closed:.0f} % off the error of the validation recordings, and is not what is "
+            "missing"
+        )
+
+    def content(self) -> dict[str, Any]:
+        """For the result file."""
+        effects = [
+            {"effect": e.effect, "location": e.location, "parameters": dict(e.values)} for e in self.effects
+        ]
+        return {"what": self.why, "closed": round(self.closed, 3), "effects": effects}
+
+
+def stand_in(base: Fit, given: Model, doubt: Doubt | None, errors: Errors) -> StandIn | None:
+    """The fit that gave the doubtful name, if it simulates the validation recordings clearly better than
+    ``base`` and the ``given`` model do, and those it was fitted to no worse; None otherwise."""
+    if doubt is None or doubt.choice is None:
+        return None
+    fit = doubt.choice.chosen.fit
+    more = fit.model.effects[len(base.model.effects) :]
+    effects = tuple(e for e in more if not e.entry.nuisance)
+    if not effects or any(e.entry.unnamed for e in effects):
+        return None
+    without, after = (errors(base.model), errors(given)), errors(fit.model)
+    before = [min(pair) for pair in zip(*without, strict=True)]
+    if not all(map(math.isfinite, after)) or after[0] > before[0]:
+        return None
+    closed = 1.0 - after[1] / max(before[1], 1e-300)
+    return StandIn(fit, effects, closed) if closed >= A_GOOD_PART else None

@@ -1,0 +1,209 @@
+"""The verdict on a search, in the contract's terms."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from haptic_teleop_sim.effects import EffectParameter, effect_entry
+from haptic_teleop_sim.model import Effect, Model
+from haptic_teleop_sysid.estimation.gauss_newton import Fit
+from haptic_teleop_sysid.estimation.records import Record
+
+from ..evidence.certainty import standard_errors
+from ..evidence.residual import Condition, conditions, intervals, shares
+from ..policy import LEAST_EXPLAINED, NOTICEABLE, STRUCTURED
+from .adequacy import Adequacy, explained_torque
+from .decide import Choice
+from .reasons import Doubt
+from .search import SearchResult
+from .words import because
+
+#: Share of the left-over torque that a curve explains, from which the place of something unknown is told with
+#: what it follows.
+FOLLOWS = 0.2
+#: Share of its size by which an effect is off because its form is never quite that of a machine's, as
+#: measured on development recordings whose generator has another form for everything.
+_FORM = 0.03
+#: Relative error within which a size counts as known.
+_KNOWN = 0.5
+
+
+@dataclass(frozen=True)
+class Verdict:
+    """``kind``: identified | ambiguous | unknown | no_mismatch; ``where``, ``findings``: as in the contract;
+    ``remaining``: what the left-over torque still depends on, strongest first; ``before``: the same of the
+    baseline; ``adequacy``: how much of what is missing the findings explain, None where none was asked."""
+
+    kind: str
+    where: list[dict[str, Any]]
+    findings: list[dict[str, Any]]
+    remaining: list[Condition]
+    before: list[Condition]
+    adequacy: Adequacy | None = None
+
+
+def decide_verdict(
+    result: SearchResult,
+    estimation: Sequence[Record],
+    validation: Sequence[Record],
+    doubt: Doubt | None = None,
+    spread: dict[str, float] | None = None,
+    adequate: Adequacy | None = None,
+) -> Verdict:
+    """The verdict on a search; ``doubt``: what speaks against the names found, or for something unnamed;
+    ``spread``: by what parameters differ between recordings, see `Stand`; ``adequate``: how much of what is
+    missing the findings explain, None where that was not asked."""
+    joint = result.baseline.model.joint
+    before = conditions(result.baseline, estimation, validation, joint)
+    remaining = conditions(result.final, estimation, validation, joint) if result.choices else before
+    surest = 1.0 if adequate is None else adequate.least
+    findings = [finding(c, result.final, spread or {}, surest) for c in result.choices]
+    unexplained = structured(result.final, remaining, estimation, result)
+    if result.choices:
+        kind = "ambiguous" if any(c.ambiguous for c in result.choices) else "identified"
+    else:
+        kind = "unknown" if unexplained is not None or doubt is not None else "no_mismatch"
+    where = _where(result, before, estimation, unexplained if kind == "unknown" else None)
+    if doubt is not None and not where:
+        where = [_doubtful_place(doubt, result, before, estimation)]
+    return Verdict(kind, where, findings, remaining, before, adequate)
+
+
+def structured(
+    fit: Fit, found: Sequence[Condition], records: Sequence[Record], result: SearchResult
+) -> Condition | None:
+    """What the left-over torque noticeably depends on, or None."""
+    if not found or found[0].explained < STRUCTURED:
+        return None
+    best = found[0]
+    size = float(np.sqrt(np.mean(best.torque**2))) if len(best.torque) else 0.0
+    return best if size > NOTICEABLE * result.scales.size["torque"] else None
+
+
+def finding(choice: Choice, final: Fit, spread: dict[str, float], surest: float = 1.0) -> dict[str, Any]:
+    """One finding, with the numbers of the final model; its standard errors are those of the fit with the
+    spread between recordings.  ``surest``: the most that its confidence may be, as far as it is seen in the
+    motion."""
+    effect = choice.chosen.effect
+    fitted = next(
+        (e for e in final.model.effects if (e.effect, e.location) == (effect.effect, effect.location)), effect
+    )
+    std = standard_errors(final) | choice.chosen.std
+    head = f"{effect.location}.{effect.effect}."
+    parameters = {
+        name: {
+            "value": float(value),
+            "std": _uncertainty(
+                fitted.entry.parameter(name), value, std.get(head + name, 0.0), spread.get(head + name, 0.0)
+            ),
+            "unit": fitted.entry.parameter(name).unit,
+        }
+        for name, value in fitted.parameters.items()
+        if fitted.entry.parameter(name).reported(value)
+    }
+    if choice.chosen.by_current > 0.0:
+        surest = 1.0
+    return {
+        "effect": effect.effect,
+        "location": effect.location,
+        "parameters": parameters,
+        "confidence": round(min(choice.confidence, size_known(fitted, parameters), surest), 4),
+        "alternatives": [
+            {"effect": e.effect.effect, "location": e.effect.location, "confidence": round(p, 4)}
+            for e, p in choice.others
+        ],
+        "because": because(choice, fitted),
+    }
+
+
+def size_known(effect: Effect, parameters: Mapping[str, Mapping[str, Any]]) -> float:
+    """Chance (0 to 1) that a size of the effect is right to within _KNOWN of itself, the surest one's: nobody
+    is surer of a name than of there being that much of it. ``parameters``: each with ``value`` and ``std``; 1
+    for an effect without a size."""
+    chances = []
+    for p in effect.entry.parameters:
+        if p.default is None and p.neutral is not None and np.isfinite(p.neutral) and p.name in parameters:
+            size, error = parameters[p.name]["value"] - p.neutral, parameters[p.name]["std"]
+            chances.append(math.erf(_KNOWN * abs(size) / max(error, 1e-300) / math.sqrt(2.0)))
+    return max(chances, default=1.0)
+
+
+def _uncertainty(parameter: EffectParameter, value: float, std: float, spread: float) -> float:
+    """Standard error with the spread between recordings and, for a size, what the effect's form is off by."""
+    none = parameter.neutral
+    size = 0.0 if none is None else abs(value - none) if np.isfinite(none) else abs(value)
+    return float(np.sqrt(std**2 + spread**2 + (_FORM * size) ** 2))
+
+
+def _where(
+    result: SearchResult,
+    before: Sequence[Condition],
+    estimation: Sequence[Record],
+    unexplained: Condition | None,
+) -> list[dict[str, Any]]:
+    if unexplained is not None:
+        place, share = _largest(result.final, estimation)
+        return [
+            {
+                "equation": place,
+                "share": round(share, 3),
+                "condition": unexplained.name,
+                "intervals": [],
+            }
+        ]
+    if not result.choices:
+        return []
+    total = sum(max(c.chosen.score, 0.0) for c in result.choices) or 1.0
+    rows = []
+    fit = result.baseline
+    for choice in sorted(result.choices, key=lambda c: -c.chosen.score):
+        effect = choice.chosen.effect
+        rows.append(
+            {
+                "equation": effect.location,
+                "share": round(max(choice.chosen.score, 0.0) / total, 3),
+                "condition": condition_of(result.baseline.model, effect.effect, effect.location, before),
+                "intervals": [list(i) for i in intervals(fit, result.final, estimation[0])],
+            }
+        )
+    return rows
+
+
+def _doubtful_place(
+    doubt: Doubt, result: SearchResult, before: Sequence[Condition], estimation: Sequence[Record]
+) -> dict[str, Any]:
+    """Where the unnamed physics sits: where the doubt says; at the place of the name that was given up, if
+    that explains most of what is missing; else where most of the torque acts that the observer adds."""
+    model = result.baseline.model
+    place, share = _largest(result.baseline, estimation)
+    condition = before[0].name if before and before[0].explained > FOLLOWS else "time"
+    if doubt.place is not None:
+        place, condition = doubt.place, "time"
+    elif doubt.choice is not None:
+        effect, fit = doubt.choice.chosen.effect, doubt.choice.chosen.fit
+        if effect.location == place or explained_torque(result.baseline, fit, estimation) > LEAST_EXPLAINED:
+            place, condition = effect.location, condition_of(model, effect.effect, effect.location, before)
+    return {
+        "equation": place,
+        "share": round(share, 3),
+        "condition": doubt.condition or condition,
+        "intervals": [list(i) for i in doubt.intervals],
+    }
+
+
+def _largest(fit: Fit, records: Sequence[Record]) -> tuple[str, float]:
+    """Location of most of the torque that the observer of a fit adds, and its share."""
+    place, share = max(shares(fit, records).items(), key=lambda found: found[1])
+    return fit.model.location(place), share
+
+
+def condition_of(model: Model, effect: str, location: str, before: Sequence[Condition]) -> str:
+    """Under which condition the effect shows, in words."""
+    part = "arm" if "_arm" in location else "motor"
+    words = effect_entry(effect).condition_in(model.place(location)) or "input"
+    return words.format(v=f"{part} velocity", q=f"{part} angle")

@@ -1,0 +1,1 @@
+"""What speaks for and against: other recordings, free runs, innovations, inverse dynamics, the current."""

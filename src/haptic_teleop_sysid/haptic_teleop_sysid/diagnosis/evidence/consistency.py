@@ -1,0 +1,132 @@
+"""Do recordings belong together, and does their input drive the joint?  Asked of band-limited inverse
+dynamics before anything is fitted.
+
+The torque that a motion takes, J a + b v + Fc sign v + k q + k_s (q - q_arm) + c, is linear in what is
+unknown. A regression of the input on it, with all terms filtered as the input is (Gautier and Khalil 1990),
+says of each recording how much of its input the motion explains, and how large the input of another one is by
+its numbers.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+import scipy
+from numpy.typing import NDArray
+
+from haptic_teleop_control.errors import RecordingError
+from haptic_teleop_sysid.estimation.records import Record
+
+from ..inputs.scales import bridged
+from .inverse_dynamics.motion import low_passed
+
+FloatArray = NDArray[np.float64]
+#: Cut-off of the filter, Hz, and as a share of the sampling rate.
+_BAND, _SHARE = 8.0, 0.1
+#: Velocity, relative to the largest, within which its sign is smoothed.
+_SMOOTH = 0.02
+#: Share of its input that a motion must explain for its numbers to judge another recording.
+_EXPLAINS = 0.5
+#: Factors between units of angle or effort that are taken for one another: degrees and radians, turns and
+#: radians, thousandths, revolutions per minute; and how near to one of them (ratio) it must be.
+_UNITS = {180.0 / np.pi: "degrees for radians", 2.0 * np.pi: "turns for radians", 1000.0: "thousandths"}
+_NEAR = 1.25
+#: Factor from which two recordings are hardly of one machine.
+_ANOTHER = 3.0
+#: Stretches that a coherence is averaged over, and the probability of the largest one by chance.
+_STRETCHES, _BY_CHANCE = 16, 1e-4
+#: Share of an input below which inverse dynamics explains nothing of it.
+_NOTHING = 0.2
+
+
+def terms(record: Record) -> tuple[FloatArray, FloatArray]:
+    """Band-limited input (n,), and the terms (n, k) that the motion makes of it; without the ends, where the
+    filter swings."""
+    angle = bridged(record.measured[:, 0])
+    cut = min(_BAND, _SHARE / record.dt)
+
+    def filtered(values: FloatArray) -> FloatArray:
+        return low_passed(values, record.dt, cut)
+
+    smooth = filtered(angle)
+    velocity = np.gradient(smooth, record.dt)
+    sign = np.tanh(velocity / max(_SMOOTH * float(np.max(np.abs(velocity))), 1e-300))
+    own = [np.gradient(velocity, record.dt), velocity, sign, smooth]
+    if np.any(np.isfinite(record.measured[:, 1])):
+        own.append(smooth - filtered(bridged(record.measured[:, 1])))
+    columns = [filtered(one) for one in own] + [np.ones(len(angle))]
+    inside = slice(round(1.0 / (cut * record.dt)), len(angle) - round(1.0 / (cut * record.dt)))
+    return filtered(record.input)[inside], np.column_stack(columns)[inside]
+
+
+def sizes(records: Sequence[Record]) -> FloatArray:
+    """How large the input of each recording (row) is by the numbers of each other one (column), in units of
+    what it is: 1 where both agree; NaN where the motion does not explain the input of the latter."""
+    parts = [terms(r) for r in records]
+    found = np.full((len(records), len(records)), np.nan)
+    for j, (drive, columns) in enumerate(parts):
+        scale = np.maximum(np.sqrt(np.mean(columns**2, axis=0)), 1e-300)
+        numbers = np.linalg.lstsq(columns / scale, drive, rcond=1e-9)[0] / scale
+        left = drive - columns @ numbers
+        if np.var(left) > (1.0 - _EXPLAINS) * np.var(drive):
+            continue
+        for i, (other, theirs) in enumerate(parts):
+            expected = theirs[:, :-1] @ numbers[:-1]
+            expected = expected - np.mean(expected)
+            away = other - np.mean(other)
+            along = float(expected @ away) / max(
+                float(np.sqrt((expected @ expected) * (away @ away))), 1e-300
+            )
+            if along > np.sqrt(_EXPLAINS):
+                found[i, j] = float(np.sqrt((away @ away) / (expected @ expected)))
+    return found
+
+
+def refuse_other_units(records: Sequence[Record]) -> None:
+    """Raise RecordingError for two recordings whose inputs differ, for their motions, by the factor between
+    two units, or so much that they are hardly of one machine."""
+    found = sizes(records)
+    for i in range(len(records)):
+        for j in range(i):
+            ratios = [r for r in (found[i, j], 1.0 / found[j, i]) if np.isfinite(r)]
+            if not ratios or min(max(r, 1.0 / r) for r in ratios) < _ANOTHER:
+                continue
+            ratio = float(np.exp(np.mean(np.log(ratios))))
+            large = max(ratio, 1.0 / ratio)
+            why = "so they are hardly of one machine"
+            for factor, words in _UNITS.items():
+                if large / _NEAR < factor < large * _NEAR:
+                    why = f"as if one of them had another unit ({words})"
+            raise RecordingError(
+                f"for the same motion the input of {records[i].name} is {ratio:.3g} times that of "
+                f"{records[j].name}, {why}: diagnose recordings of one machine, in the same units."
+            )
+
+
+def refuse_unrelated(record: Record, joint: str) -> None:
+    """Raise RecordingError for an input that has nothing in common with the motion: at no frequency, and by
+    no torque that inertia, friction, a spring or gravity would take."""
+    size = len(record) // (_STRETCHES // 2)
+    motion = np.gradient(bridged(record.measured[:, 0]))
+    if np.std(motion) <= 0.0 or size < 32:
+        return
+    _, shared = scipy.signal.coherence(record.input, motion, nperseg=size, noverlap=size // 2)
+    largest = float(np.max(shared[1:]))
+    # Of unrelated signals with K independent stretches it exceeds c with probability (1 - c)^(K - 1).
+    independent = _STRETCHES / 2 * 1.5
+    by_chance = 1.0 - (_BY_CHANCE / len(shared)) ** (1.0 / (independent - 1.0))
+    if largest >= by_chance:
+        return
+    drive, columns = terms(record)
+    angle = columns[:, 3]
+    columns = np.column_stack([columns, np.sin(angle), np.cos(angle)])
+    scale = np.maximum(np.sqrt(np.mean(columns**2, axis=0)), 1e-300)
+    left = drive - columns @ (np.linalg.lstsq(columns / scale, drive, rcond=1e-9)[0] / scale)
+    share = 1.0 - float(np.var(left) / max(float(np.var(drive)), 1e-300))
+    if share < _NOTHING:
+        raise RecordingError(
+            f"{record.name}: the input has nothing in common with the motion of {joint}: at no frequency "
+            f"(largest coherence {largest:.2f}), and what such a motion takes explains {100.0 * share:.0f} % "
+            "of it. See whether it is what drives this joint, and whether both have one clock."
+        )

@@ -1,0 +1,102 @@
+"""Explanations judged by recordings that were not fitted."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from haptic_teleop_sysid.estimation.gauss_newton import Fit
+from haptic_teleop_sysid.estimation.noise import NoiseModel
+from haptic_teleop_sysid.estimation.parallel import side_by_side
+from haptic_teleop_sysid.estimation.records import Record, thinned_to
+from haptic_teleop_sysid.estimation.whole_fit import fit_whole, noise_starts
+
+from ..hypotheses.explanation import Explanation
+from ..hypotheses.material import material
+from ..inputs.scales import Scales
+
+#: Best fits whose noise levels the model without their effect is granted, too.
+_MOST_LENDING = 2
+#: Gain (nats) on the estimation recordings from which a loss on others is not believed before the noise
+#: levels were sought from everywhere.
+_GAINS = 10.0
+_STEPS = 15
+#: Steps from every start, and how many of those that are ahead then go on.
+_FIRST_STEPS, _MOST_ENDED = 4, 2
+#: Share of the samples that a search takes on the way to noise levels, which are six numbers at most.
+_FEWER = 0.5
+
+
+def judged(fit: Fit, fits: Sequence[Fit], validation: Sequence[Record], scales: Scales) -> list[Explanation]:
+    """The fits as explanations beside ``fit``, best first (material ones before others)."""
+    levels = [fit.noise, *(f.noise for f in fits[:_MOST_LENDING]), *noise_starts(fit.model, validation)]
+    before = held_out_fit(fit, validation, levels)
+    after = side_by_side(lambda f: held_out_fit(f, validation, [f.noise, before.noise]), fits)
+    for i, (f, there) in enumerate(zip(fits, after, strict=True)):
+        if f.log_likelihood > fit.log_likelihood + _GAINS and there.log_likelihood < before.log_likelihood:
+            again = held_out_fit(f, validation, noise_starts(f.model, validation))
+            after[i] = max(there, again, key=lambda one: one.log_likelihood)
+    if after:
+        # Levels that a rival found are good enough for the model without it.
+        best = max(after, key=lambda f: f.log_likelihood)
+        before = max(before, held_out_fit(fit, validation, [best.noise]), key=lambda f: f.log_likelihood)
+    index = len(fit.model.effects)
+    both = [(fit, before), *zip(fits, after, strict=True)]
+    between = side_by_side(lambda pair: reconciled(pair[0], pair[1], validation), both)
+    alone = between[0]
+    found = [
+        Explanation(
+            f,
+            f.log_likelihood - fit.log_likelihood,
+            there.log_likelihood - before.log_likelihood,
+            material(f.model.effects[index], scales),
+            index,
+            beside - alone,
+        )
+        for f, there, beside in zip(fits, after, between[1:], strict=True)
+    ]
+    return sorted(found, key=lambda e: (not e.material, -e.score))
+
+
+def reconciled(fit: Fit, there: Fit, records: Sequence[Record]) -> float:
+    """Nats that both kinds of recordings gain when the parameters may lie between what either wants: how far
+    the likelihood of these rises when what the fit knows of its parameters counts beside it.
+
+    A parameter that the estimation recordings hardly determine (the angle at which a weak spring rests, a
+    motor's inertia under a slow chirp) would otherwise count for or against an effect by the chance of where
+    it ended. A fit and no single step, because such parameters go far.
+    """
+    kept = [i for i, n in enumerate(fit.free) if n not in fit.at_bound and fit.information[i, i] > 0.0]
+    known = fit.information[np.ix_(kept, kept)]
+    if not np.all(np.isfinite(known)) or not np.isfinite(there.log_likelihood):
+        return 0.0
+    free = tuple(fit.free[i] for i in kept)
+    between = fit_whole(fit.model, there.noise, records, free=free, known=known, iterations=_STEPS)
+    return max(between.log_likelihood - there.log_likelihood, 0.0)
+
+
+def held_out_fit(fit: Fit, records: Sequence[Record], levels: Sequence[NoiseModel]) -> Fit:
+    """Other recordings under the model as it was fitted, with the noise levels as these recordings have them,
+    sought from all of ``levels``.
+
+    Levels carried over would judge the noise, not the physics: a disturbance may be larger on another day,
+    and a model that leaves nothing unexplained has levels near zero, under which the smallest further effect
+    is a catastrophe.  The way there is made on thinned recordings where they are long.
+    """
+    few = thinned_to(records, _FEWER)
+
+    def onward(noise: NoiseModel, steps: int) -> Fit:
+        return fit_whole(fit.model, noise, few, free=(), iterations=steps)
+
+    begun = side_by_side(lambda noise: onward(noise, _FIRST_STEPS), levels)
+    ahead = sorted(begun, key=lambda one: -one.log_likelihood)[:_MOST_ENDED]
+
+    def to_the_end(one: Fit) -> Fit:
+        return one if one.converged else onward(one.noise, _STEPS)
+
+    ends = side_by_side(to_the_end, ahead)
+    best = max(ends, key=lambda end: end.log_likelihood)
+    if few is records:
+        return best
+    return fit_whole(fit.model, best.noise, records, free=(), iterations=_STEPS)

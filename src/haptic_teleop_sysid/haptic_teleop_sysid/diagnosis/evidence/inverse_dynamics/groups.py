@@ -1,0 +1,156 @@
+"""Groups of hypotheses on the equations of two sides, each fitted to the one and judged by the other."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+
+from haptic_teleop_sim.model import Model
+
+from ...hypotheses.candidates import family
+from .folds import Fold
+from .latent import Latent, latents
+from .products import Products, Terms
+from .regression import Equations
+from .terms import Hypothesis
+
+FloatArray = NDArray[np.float64]
+Chosen = tuple[Hypothesis, ...]
+
+#: Share of what the structure alone leaves (mean square) that no equation of an effect comes nearer to: dry
+#: friction is never quite that, and what a richer form gains below it says nothing.
+FORM = 0.005
+#: Log-likelihood by which a torque without a form must exceed an effect to speak against it.
+CLEARLY = 12.0
+#: Share of an effect's torque (mean square) up to which one without a form may miss its shape.
+SHAPED = 0.2
+#: Torques without a form that together say what could be explained.
+MOST_SHAPELESS = 2
+
+
+def different(one: Hypothesis, other: Hypothesis) -> bool:
+    """Whether two hypotheses are no two forms of one effect at one place."""
+    return one.location != other.location or other.entry.name not in family(one.entry.name)
+
+
+class Search:
+    """Groups of hypotheses on the equations of two sides: the two kinds of recordings, or two folds."""
+
+    def __init__(self, model: Model, here: Equations | Fold, there: Equations | Fold) -> None:
+        self.model, self.sides = model, (Products(here), Products(there))
+        #: How many samples of each side say something that their neighbours do not.
+        self.numbers = (1.0, 1.0)
+        self._ratios: dict[Terms, tuple[float, float]] = {}
+        self._fitted: dict[tuple[int, Terms], FloatArray] = {}
+
+    def fitted(self, side: int, terms: Terms) -> FloatArray:
+        """Parameters (p,) of a group on one side."""
+        if (side, terms) not in self._fitted:
+            self._fitted[side, terms] = self.sides[side].fitted(terms)
+        return self._fitted[side, terms]
+
+    def ratios(self, terms: Terms) -> tuple[float, float]:
+        """Logarithm, for each side, of what is left there by parameters fitted to the other one, relative to
+        what the structure alone leaves."""
+        if terms not in self._ratios:
+            found = []
+            for judged, side in enumerate(self.sides):
+                whole = side.square_left((), self.fitted(1 - judged, ()))
+                left = side.square_left(terms, self.fitted(1 - judged, terms))
+                found.append(math.log((left + FORM * whole) / max((1.0 + FORM) * whole, 1e-300)))
+            self._ratios[terms] = (found[0], found[1])
+        return self._ratios[terms]
+
+    def left_over(self, terms: Terms) -> float:
+        """Sum over both sides of rows times the logarithm of what is left (`ratios`)."""
+        return sum(s.samples * r for s, r in zip(self.sides, self.ratios(terms), strict=True))
+
+    def explained(self, terms: Terms) -> float:
+        """Share of what the structure alone leaves that is explained where it was not fitted."""
+        rows = sum(side.samples for side in self.sides)
+        return 1.0 - float(np.exp(self.left_over(terms) / rows))
+
+    def likelier(self, terms: Terms) -> float:
+        """Log-likelihood gained where it was not fitted, at the number of independent samples."""
+        return -0.5 * sum(n * r for n, r in zip(self.numbers, self.ratios(terms), strict=True))
+
+    def best_of_each(self, every: Sequence[Hypothesis], beside: Chosen) -> list[Chosen]:
+        """``beside`` and one further hypothesis: of each effect at each place the one that leaves least, the
+        least first."""
+        best: dict[tuple[str, str], tuple[float, Chosen]] = {}
+        for one in every:
+            if not all(different(one, other) for other in beside):
+                continue
+            chosen = (*beside, one)
+            key, left = (one.entry.name, one.location), self.left_over(chosen)
+            if key not in best or left < best[key][0]:
+                best[key] = (left, chosen)
+        return [chosen for _, chosen in sorted(best.values(), key=lambda b: b[0])]
+
+    def leader(self, level: Sequence[Chosen]) -> Chosen:
+        """The one that leaves least."""
+        return min(level, key=self.left_over)
+
+    def adequacies(self, chosen: Chosen) -> list[float]:
+        """For each effect of a group, how much of what a torque without a form explains in the same
+        quantities, at the same place, it does, 0 to 1; 1 where none explains clearly more.
+
+        A torque without a form has the quantities of an effect where it can take on the effect's shape."""
+        found = []
+        for one in chosen:
+            rest = tuple(h for h in chosen if h is not one)
+            none, own = self.explained(rest), self.explained(chosen) - self.explained(rest)
+            clearer = [
+                wider
+                for latent in self.alike(one)
+                if self.likelier(wider := (*rest, latent)) > self.likelier(chosen) + CLEARLY
+            ]
+            most = max([self.explained(wider) - none for wider in clearer], default=own)
+            found.append(min(max(own, 0.0) / most, 1.0) if most > 0.0 else 1.0)
+        return found
+
+    def alike(self, hypothesis: Hypothesis) -> list[Latent]:
+        """Torques without a form, at the same place, that can take on the shape of an effect; none over time,
+        which takes on any shape on a recording that is short."""
+        return [
+            latent
+            for latent in self.latents
+            if latent.place == hypothesis.place
+            and "time" not in latent.quantities
+            and self.sides[0].unlike(hypothesis, latent) < SHAPED
+        ]
+
+    @cached_property
+    def latents(self) -> tuple[Latent, ...]:
+        """Every torque without a form."""
+        return tuple(latents(self.model, [m for side in self.sides for m in side.side.motions]))
+
+    def shapeless(self, beside: Chosen, most: int = MOST_SHAPELESS) -> tuple[Latent, ...]:
+        """Up to ``most`` torques without a form, as long as each explains more, beside some effects."""
+        found: tuple[Latent, ...] = ()
+        for _ in range(most):
+            wider = min(
+                ((*found, one) for one in self.latents if one not in found),
+                key=lambda terms: self.left_over((*beside, *terms)),
+                default=(),
+            )
+            if not wider or not self.left_over((*beside, *wider)) < self.left_over((*beside, *found)):
+                break
+            found = wider
+        return found
+
+
+def independent(left: FloatArray) -> float:
+    """How many of the samples (n,) say something that their neighbours do not: n over the sum of their
+    autocorrelations, up to the first that is none."""
+    e, n = left - left.mean(), len(left)
+    size = 1 << (2 * n - 1).bit_length()
+    power = np.abs(np.fft.rfft(e, size)) ** 2
+    correlation = np.fft.irfft(power, size)[: max(n // 4, 2)]
+    correlation = correlation / max(float(correlation[0]), 1e-300)
+    first = int(np.argmax(correlation < 0.05)) or len(correlation)
+    return n / (1.0 + 2.0 * float(np.sum(correlation[1:first])))

@@ -1,0 +1,164 @@
+"""A recording in the band of its motion: angles, velocities, accelerations and input, filtered alike."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import lru_cache
+from itertools import pairwise
+
+import numpy as np
+import scipy
+from numpy.typing import NDArray
+
+from haptic_teleop_sysid.estimation.records import Record
+
+from ...inputs.scales import bridged
+
+FloatArray = NDArray[np.float64]
+
+#: Order of the low-pass filter, which runs forward and backward: the phase is zero.
+ORDER = 2
+#: Share of the velocity's power that lies below the band of the motion, and the cut-off relative to that.
+POWER, ABOVE = 0.95, 4.0
+#: Lowest and highest cut-off: cycles over the shortest recording, and share of the sampling rate.
+LEAST_CYCLES, MOST_OF_RATE = 5.0, 0.1
+#: s, length of the stretches whose spectra are averaged.
+SEGMENT = 8.0
+#: Samples kept per period of the cut-off.
+KEPT_PER_PERIOD = 5.0
+#: Samples per period of the cut-off in between, where torques are computed that are not smooth.
+FINE_PER_PERIOD = 30.0
+#: Periods of the cut-off by which a stretch is reflected at its ends before it is filtered.
+PADDED = 3.0
+#: Periods of the cut-off at either end of a stretch that the filter's transient spoils.
+ENDS = 1.0
+
+
+@dataclass(frozen=True)
+class BandedMotion:
+    """One stretch of motion. All (n,), or (n, 2) for motor and arm (equal where the joint is rigid).
+
+    ``angle`` rad, ``velocity`` rad/s, ``acceleration`` rad/s^2, filtered once; ``input``: A or N·m, filtered
+    once, as it was at the times of the readings; ``exogenous`` rad/s^2; ``time`` s; ``dt``: s, of all these,
+    thinned to a rate at which a sign of the velocity is still a step; ``cutoff``: Hz; ``kept``: samples that
+    count, thinned to what the band carries; ``record``: as it came; ``thin``:
+    its samples that remain.
+    """
+
+    angle: FloatArray
+    velocity: FloatArray
+    acceleration: FloatArray
+    input: FloatArray
+    exogenous: FloatArray
+    time: FloatArray
+    dt: float
+    cutoff: float
+    kept: NDArray[np.intp]
+    record: Record
+    thin: slice
+
+    def of_input(self, values: FloatArray) -> FloatArray:
+        """What was held from each sample of the record to the next, (n,), as `input` has it."""
+        return held_in_band(values, self.record.dt, self.cutoff)[self.thin]
+
+    def filtered(self, values: FloatArray, times: int = 1) -> FloatArray:
+        """``values`` (n, ...) through the filter of the band ``times`` more, at the samples that count.
+
+        The input and what is linear in the angles, filtered already, go through it once more; a torque that
+        is not linear in them (the sign of a velocity) goes through it twice: then all have met the same."""
+        return low_passed(values, self.dt, self.cutoff, times)[self.kept]
+
+
+def low_passed(values: FloatArray, dt: float, cutoff: float, times: int = 1) -> FloatArray:
+    """``values`` (n, ...) through a Butterworth low pass of ``cutoff``, Hz, forward and backward ``times``
+    times: as its response in the frequency domain, on the values and their odd reflections at both ends."""
+    rows: FloatArray = np.ascontiguousarray(np.moveaxis(values, 0, -1), dtype=np.float64)
+    n = len(values)
+    pad = min(n - 1, round(PADDED / (cutoff * dt)))
+    before = 2.0 * rows[..., :1] - rows[..., pad:0:-1]
+    after = 2.0 * rows[..., -1:] - rows[..., -2 : -pad - 2 : -1]
+    length = scipy.fft.next_fast_len(n + 2 * pad, real=True)
+    spectrum = np.asarray(scipy.fft.rfft(np.concatenate([before, rows, after], axis=-1), length))
+    found = np.asarray(scipy.fft.irfft(spectrum * _response(length, round(cutoff * dt, 15), times), length))
+    return np.moveaxis(found[..., pad : pad + n], -1, 0)
+
+
+@lru_cache(maxsize=64)
+def _response(length: int, cutoff: float, times: int) -> FloatArray:
+    """Response of the low pass forward and backward ``times`` times at the frequencies of ``length`` samples;
+    ``cutoff``: cycles per sample."""
+    warped = np.tan(np.pi * np.minimum(np.fft.rfftfreq(length), 0.4999)) / np.tan(np.pi * cutoff)
+    return (1.0 / (1.0 + warped ** (2 * ORDER))) ** times
+
+
+def motion_band(records: Sequence[Record]) -> float:
+    """Cut-off, Hz, that leaves the motion and takes the noise: ABOVE times the frequency below which POWER of
+    the motor's velocity lies, over all recordings, up to the `_valley` behind which the readings' scatter
+    rises: the velocity of a coarse encoder has most of its power where nothing moves."""
+    slowest = 1.0 / max(r.dt for r in records)
+    shortest = min(len(r) * r.dt for r in records)
+    grid = np.linspace(0.0, 0.5 * slowest, 4096)
+    spectrum = np.zeros(len(grid))
+    for record in records:
+        speed = np.diff(bridged(record.measured[:, 0])) / record.dt
+        length = min(round(SEGMENT / record.dt), round(shortest / record.dt), len(speed))
+        found = scipy.signal.welch(speed - np.mean(speed), 1.0 / record.dt, nperseg=length)
+        spectrum += np.interp(grid, *found) * len(record) * record.dt
+    total = np.cumsum(spectrum[: _valley(grid, spectrum, LEAST_CYCLES / shortest)])
+    edge = float(grid[np.searchsorted(total, POWER * total[-1])])
+    return float(np.clip(ABOVE * edge, LEAST_CYCLES / shortest, MOST_OF_RATE * slowest))
+
+
+def _valley(frequency: FloatArray, power: FloatArray, lowest: float) -> int:
+    """Place of the end of the octave, from ``lowest`` up, in which a spectrum (n,) has least on average."""
+    edges = [lowest]
+    while 2.0 * edges[-1] < frequency[-1]:
+        edges.append(2.0 * edges[-1])
+    places = [*np.searchsorted(frequency, edges).tolist(), len(frequency)]
+    octaves = [(float(np.mean(power[a:b])), b) for a, b in pairwise(places) if b > a]
+    return min(octaves)[1] if octaves else len(frequency)
+
+
+def banded(record: Record, rigid: bool, cutoff: float) -> BandedMotion:
+    """The record in the band; readings that are missing are bridged and do not count."""
+    measured = record.measured
+    arm = measured[:, 0] if rigid or not np.any(np.isfinite(measured[:, 1])) else measured[:, 1]
+    raw = np.column_stack([bridged(measured[:, 0]), bridged(arm)])
+    angle = low_passed(raw, record.dt, cutoff)
+    velocity = np.gradient(angle, record.dt, axis=0)
+    thin = slice(None, None, max(1, int(1.0 / (FINE_PER_PERIOD * cutoff * record.dt))))
+    dt = record.dt * (thin.step or 1)
+    time = record.start + record.dt * np.arange(len(record), dtype=np.float64)[thin]
+    missing = ~np.isfinite(measured[:, 0]) | ~np.isfinite(arm)
+    return BandedMotion(
+        angle[thin],
+        velocity[thin],
+        np.gradient(velocity, record.dt, axis=0)[thin],
+        held_in_band(record.input, record.dt, cutoff)[thin],
+        low_passed(record.exogenous, record.dt, cutoff)[thin],
+        time,
+        dt,
+        cutoff,
+        _counting(missing, thin, dt, cutoff),
+        record,
+        thin,
+    )
+
+
+def held_in_band(values: FloatArray, dt: float, cutoff: float) -> FloatArray:
+    """Values (n,) that are held from each sample to the next, in the band: at the sample itself such a value
+    is the mean of before and after."""
+    return low_passed(0.5 * (values + np.append(values[:1], values[:-1])), dt, cutoff)
+
+
+def _counting(missing: NDArray[np.bool_], thin: slice, dt: float, cutoff: float) -> NDArray[np.intp]:
+    """Samples of the thinned ones that count: not at the ends, and not where readings near by are missing."""
+    number = len(missing[thin])
+    end = min(round(ENDS / (cutoff * dt)), number // 10)
+    kept = np.arange(end, number - end, max(1, int(1.0 / (KEPT_PER_PERIOD * cutoff * dt))))
+    if np.any(missing):
+        reach = max(1, round(0.5 * (thin.step or 1) / (cutoff * dt)))
+        near = np.convolve(missing, np.ones(2 * reach + 1), "same")[thin] > 0.25 * reach
+        kept = kept[~near[kept]]
+    return kept

@@ -1,0 +1,306 @@
+"""Effects as columns of a regression: the torque of each along a motion, by unit size.
+
+Written from the effects' own entries: an effect that is added there appears here by itself, as long as it is
+a torque that its equation gives along a motion.
+"""
+
+from __future__ import annotations
+
+import itertools
+import math
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+from types import SimpleNamespace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from haptic_teleop_control.compiled import njit
+from haptic_teleop_sim.effects import EFFECTS, EffectEntry, EffectParameter, locations
+from haptic_teleop_sim.effects.on_arrays import NUMERIC
+from haptic_teleop_sim.kernel import acting_torque, pack
+from haptic_teleop_sim.model import Effect, Model
+from haptic_teleop_sysid.estimation.records import Record
+
+from ...hypotheses.along_motion import inertia_torque
+from ...hypotheses.candidates import family
+from ...inputs.scales import Scales
+from ...starts.scan import scanned_values
+from .motion import BandedMotion
+
+FloatArray = NDArray[np.float64]
+
+#: Share of the top speed within which the sign of a velocity is smoothed.
+SMOOTHED = 0.02
+#: Size, as a share of the rms torque, that says how far a contact gives whose stiffness a grid has.
+_SMALL = 0.01
+#: Relative standard error of a parameter that a grid has.
+_STEP_OF_GRID = 0.1
+#: Factor by which a size may be off at which an equation was evaluated that is not linear in it.
+_OFF = 1.5
+#: Factor from one size in time, at which an actuator is tried, to the next.
+_NEXT = 2.0
+
+
+@dataclass(frozen=True, eq=False)
+class Hypothesis:
+    """An effect at a place, with the shape at which it is tried: all its parameters but the sizes.
+
+    ``gives``: displacement over which the memory of its direction turns, 0 where the sign of the velocity
+    does; ``sizes``: parameters that multiply columns; ``turned``: the size that an angle (``angle``) turns
+    or offsets, which is a second column; ``held``: a size at which the equation, not linear in it, was
+    evaluated: its column's factor is 1 where that size is right.
+    """
+
+    entry: EffectEntry
+    location: str
+    place: str
+    shape: tuple[tuple[str, float], ...]
+    sizes: tuple[str, ...]
+    angle: str | None
+    gives: float = 0.0
+    held: bool = False
+
+    def columns(self, motion: BandedMotion, model: Model) -> FloatArray:
+        """Torques (N·m) that it adds at the samples that count, (n, columns), filtered like the input."""
+        if self.entry.kind == "input":
+            effect = Effect(self.entry.name, self.location, dict(self.shape))
+            return motion.filtered(motion.of_input(_acting_less(motion.record, model, effect)))[:, None]
+        variables = _variables(motion, self.place, model.parameters.get("stiffness", 0.0), self.gives)
+        variables.inertia = model.parameters["arm_inertia" if self.place == "arm" else "motor_inertia"]
+        found = [self._torque(variables, size) for size in self.sizes]
+        if self.angle is not None:
+            found.append(self._turned(variables))
+        return motion.filtered(np.column_stack(found), times=2)
+
+    def bounds(self) -> tuple[FloatArray, FloatArray]:
+        """Lowest and highest factor of each column."""
+        if self.held:
+            return np.array([1.0 / _OFF]), np.array([_OFF])
+        low = [self.entry.parameter(n).minimum for n in self.sizes]
+        if self._turns:
+            low[-1] = -math.inf
+        low += [-math.inf] * (self.angle is not None)
+        return np.where(np.array(low) >= 0.0, 0.0, -np.inf), np.full(len(low), np.inf)
+
+    @property
+    def parameters(self) -> int:
+        """How many numbers were sought: those of the columns, and those of the shape."""
+        return len(self.bounds()[0]) + (0 if self.held else len(self.shape)) + (self.gives > 0.0)
+
+    def effect(self, factors: FloatArray) -> Effect:
+        """The effect with the sizes that the factors of its columns say."""
+        values = dict(self.shape)
+        if self.held:
+            values[self.sizes[0]] *= float(factors[0])
+        else:
+            values |= dict(zip(self.sizes, map(float, factors), strict=False))
+        if self.angle is not None:
+            along, across = float(factors[len(self.sizes) - 1]), float(factors[-1])
+            if self._turns:
+                values[self.sizes[-1]] = math.hypot(along, across)
+                values[self.angle] = math.atan2(across, along)
+            else:
+                values[self.angle] = across / along if along != 0.0 else 0.0
+        if self.entry.memory == "ratio":
+            values[self.entry.parameters[1].name] = max(values[self.sizes[0]], 1e-12) / self.gives
+        return Effect(
+            self.entry.name,
+            self.location,
+            {n: _within(self.entry.parameter(n), v) for n, v in values.items()},
+        )
+
+    def errors(self, factors: FloatArray, std: FloatArray) -> dict[str, float]:
+        """Standard errors of its parameters from those of the factors of its columns; a shape of a grid is
+        known to a part of its step."""
+        found = {n: _STEP_OF_GRID * abs(v) for n, v in self.shape}
+        if self.held:
+            return {self.sizes[0]: float(std[0]) * dict(self.shape)[self.sizes[0]]}
+        found |= dict(zip(self.sizes, std.tolist(), strict=False))
+        if self.angle is not None:
+            (a, b), (sa, sb) = factors[-2:], std[-2:]
+            length = max(math.hypot(a, b), 1e-300)
+            if self._turns:
+                found[self.sizes[-1]] = math.hypot(a * sa, b * sb) / length
+                found[self.angle] = min(math.hypot(b * sa, a * sb) / length**2, math.pi)
+            else:
+                found[self.angle] = float(sb) / max(abs(a), 1e-300)
+        if self.entry.memory == "ratio":
+            name = self.entry.parameters[1].name
+            found[name] = 0.5 * max(float(factors[0]), 1e-12) / self.gives
+        return found
+
+    @classmethod
+    def of(cls, effect: Effect, place: str) -> Hypothesis:
+        """A known effect: its one column is its torque, evaluated at the size that it has (`held`)."""
+        entry, values = effect.entry, effect.values
+        gives = 0.0
+        if entry.memory in ("ratio", "displacement"):
+            first, second = (values[p.name] for p in entry.parameters[:2])
+            gives = first / second if entry.memory == "ratio" else second
+        size = entry.parameters[0].name
+        return cls(entry, effect.location, place, tuple(values.items()), (size,), None, gives, held=True)
+
+    @property
+    def _turns(self) -> bool:
+        """Whether its angle turns sine into cosine; else it shifts."""
+        return self.angle is not None and self.entry.parameter(self.angle).turns == "phase"
+
+    def _torque(self, variables: SimpleNamespace, size: str, **more: float) -> FloatArray:
+        p = {q.name: 0.0 if q.default is None else q.default for q in self.entry.parameters}
+        p |= dict(self.shape) | more
+        if not self.held:
+            p |= {n: 1.0 if n == size else 0.0 for n in self.sizes}
+        if self.entry.kind == "relative_inertia":
+            return variables.inertia * inertia_torque(self.entry, variables, SimpleNamespace(**p))
+        equation = self.entry.equation
+        assert equation is not None
+        torque = np.asarray(equation(variables, SimpleNamespace(**p)), dtype=float)
+        return np.broadcast_to(torque, variables.position.shape)
+
+    def _turned(self, variables: SimpleNamespace) -> FloatArray:
+        size = self.sizes[-1]
+        assert self.angle is not None
+        if self._turns:
+            return self._torque(variables, size, **{self.angle: math.pi / 2})
+        return self._torque(variables, size, **{self.angle: 1.0}) - self._torque(variables, size)
+
+
+def hypotheses(model: Model, scales: Scales) -> Iterator[Hypothesis]:
+    """Every effect that is a torque along the motion, or what an actuator makes of the input, at every place
+    it may sit where the model has none of its forms, at every shape of its grids."""
+    present = {(n, e.location) for e in model.effects for n in family(e.effect)}
+    for name, entry in EFFECTS.items():
+        if follows_from_input(entry) and (name, model.location("actuator")) not in present:
+            yield from _of_actuator(entry, model.location("actuator"), scales)
+        if not follows_from_motion(entry):
+            continue
+        for place in locations(name, model.structure):
+            location = model.location(place)
+            if (name, location) not in present:
+                yield from _shapes(entry, location, place, scales)
+
+
+def follows_from_motion(entry: EffectEntry) -> bool:
+    """Whether the effect is a torque that its equation gives along a motion, without states of its own."""
+    return (
+        entry.kind in ("torque", "friction", "relative_inertia")
+        and entry.equation is not None
+        and entry.where != ("actuator",)
+        and not (entry.rates or entry.nuisance or entry.unnamed or entry.exogenous)
+    )
+
+
+def follows_from_input(entry: EffectEntry) -> bool:
+    """Whether the effect is what an actuator makes of its input, less of it the smaller its size (a limit has
+    no such size, and a gain is that of all torques)."""
+    return entry.kind == "input" and not entry.unnamed and entry.parameters[0].neutral == 0.0
+
+
+def _of_actuator(entry: EffectEntry, location: str, scales: Scales) -> Iterator[Hypothesis]:
+    """Sizes so near to each other that what is between them is nearly in proportion."""
+    size, *shaped = entry.parameters
+    if size.unit == "s":
+        number = int(math.log(size.maximum / scales.dt, _NEXT)) if size.maximum > scales.dt else 0
+        sizes = [scales.dt * _NEXT**i for i in range(number + 1)]
+    else:
+        sizes = [g * scales.size[size.scale] for g in size.grid] or [size.typical]
+    for value, *others in itertools.product(sizes, *(_grid(p, scales, "actuator") for p in shaped)):
+        shape = zip((p.name for p in entry.parameters), (value, *others), strict=True)
+        yield Hypothesis(entry, location, "motor", tuple(shape), (size.name,), None, held=True)
+
+
+def _shapes(entry: EffectEntry, location: str, place: str, scales: Scales) -> Iterator[Hypothesis]:
+    sizes = tuple(p.name for p in entry.parameters if p.default is None and p.neutral == 0.0)
+    shaped = [p for p in entry.parameters if p.default is None and p.neutral is None]
+    angle = next((p.name for p in entry.parameters if p.turns), None)
+    held = len(sizes) == 1 and not _linear(entry, sizes[0])
+    if held:
+        size = entry.parameter(sizes[0])
+        for value in size.grid:
+            shape = ((size.name, value * scales.size[size.scale]),)
+            yield Hypothesis(entry, location, place, shape, sizes, None, held=True)
+        return
+    for values in itertools.product(*([(p.name, v) for v in _grid(p, scales, place)] for p in shaped)):
+        shape, gives = tuple(values), 0.0
+        if entry.memory in ("ratio", "displacement"):
+            name = entry.parameters[1].name
+            gives = dict(shape)[name]
+            if entry.memory == "ratio":
+                gives = _SMALL * scales.size["torque"] / gives
+                shape = tuple((n, v) for n, v in shape if n != name)
+        yield Hypothesis(entry, location, place, shape, sizes, angle, gives)
+
+
+def _linear(entry: EffectEntry, size: str) -> bool:
+    """Whether the equation is linear in its size."""
+    p = {q.name: 1.0 if q.default is None else q.default for q in entry.parameters}
+    x = np.array([-0.7, 0.3, 0.9])
+    s = SimpleNamespace(
+        position=x, velocity=-x, deflection=x, stiffness=1.0, time=x, direction=np.sign(x), **NUMERIC
+    )
+    assert entry.equation is not None
+    one, two = (
+        np.asarray(entry.equation(s, SimpleNamespace(**{**p, size: value})), dtype=float)
+        for value in (0.5, 1.0)
+    )
+    return bool(np.allclose(2.0 * one, two))
+
+
+def _grid(parameter: EffectParameter, scales: Scales, place: str) -> list[float]:
+    if parameter.scan:
+        return [_within(parameter, v) for v in scanned_values(parameter, scales, place)]
+    return [_within(parameter, g * scales.size[parameter.scale]) for g in parameter.grid]
+
+
+def _acting_less(record: Record, model: Model, effect: Effect) -> FloatArray:
+    """The torque (n,), N·m, that acts on the motor with an effect of the actuator, less that without it."""
+    bare = replace(model, effects=(), fixed=())
+    acts = [
+        acting_torque(pack(one), record.input, record.dt, record.start)
+        for one in (replace(bare, effects=(effect,)), bare)
+    ]
+    return acts[0] - acts[1]
+
+
+def _within(parameter: EffectParameter, value: float) -> float:
+    return min(max(value, parameter.minimum), parameter.maximum)
+
+
+def _variables(motion: BandedMotion, place: str, stiffness: float, gives: float) -> SimpleNamespace:
+    """What equations are written in, as arrays (n,) along the motion."""
+    deflection = motion.angle[:, 0] - motion.angle[:, 1]
+    if place == "joint":
+        position, velocity = deflection, motion.velocity[:, 0] - motion.velocity[:, 1]
+        acceleration = motion.acceleration[:, 0] - motion.acceleration[:, 1]
+    else:
+        channel = int(place == "arm")
+        position, velocity = motion.angle[:, channel], motion.velocity[:, channel]
+        acceleration = motion.acceleration[:, channel]
+    if gives > 0.0:
+        direction = turning(np.ascontiguousarray(position), gives)
+    else:
+        direction = np.tanh(velocity / (SMOOTHED * max(float(np.max(np.abs(velocity))), 1e-12)))
+    return SimpleNamespace(
+        position=position,
+        velocity=velocity,
+        acceleration=acceleration,
+        deflection=deflection,
+        stiffness=stiffness,
+        time=motion.time,
+        exogenous=motion.exogenous,
+        direction=direction,
+        **NUMERIC,
+    )
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def turning(position: FloatArray, gives: float) -> FloatArray:
+    """Memory of the direction (n,) between -1 and 1, d direction = (dq - |dq| direction) / gives, exact for a
+    motion that does not turn between samples (Dahl 1968)."""
+    direction = np.zeros(len(position))
+    for k in range(1, len(position)):
+        move = position[k] - position[k - 1]
+        end = 1.0 if move > 0.0 else -1.0
+        direction[k] = end + (direction[k - 1] - end) * math.exp(-abs(move) / gives)
+    return direction

@@ -1,0 +1,181 @@
+"""What the inverse dynamics say: which effects, as torques along the motion, explain the input."""
+
+from __future__ import annotations
+
+import itertools
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from haptic_teleop_sim.model import Effect, Model
+from haptic_teleop_sysid.estimation.records import Record
+
+from ...inputs.scales import Scales
+from .folds import Fold
+from .groups import Chosen, Search, different, independent
+from .latent import Latent
+from .motion import motion_band
+from .regression import equations, standard_errors
+from .terms import Hypothesis, hypotheses
+
+#: How many of the best are tried in pairs, and how many groups of each number of effects are kept.
+MOST_PAIRED, BEAM = 12, 8
+#: Pairs that are extended by a third effect, and thirds that all of them are tried with.
+MOST_EXTENDED = 8
+#: Share of the input torque, mean square in the band, that an actuator must leave: what takes all of it away
+#: leaves nothing to explain, and explains nothing.
+LEAST_ACTING = 0.8
+#: Log-likelihood that a parameter must gain, both ways together.
+A_PARAMETER = 4.0
+
+
+@dataclass(frozen=True)
+class Group:
+    """Effects that the inverse dynamics name together.
+
+    ``model``: the structure's parameters and the effects, fitted to the estimation recordings; ``gain``:
+    log-likelihood gained on recordings that were not fitted, over the structure alone, both ways (fitted to
+    the ones and judged by the others, and the other way round), at the number of samples that are
+    independent; ``percent``: torque fit of the validation recordings, 100 (1 - rms left / rms about the
+    mean); ``explained``: share of what the structure alone leaves that the effects explain, as in
+    `Witness.recoverable`; ``std``: standard errors by parameter of the regression, with what the
+    recordings of either kind put them apart.
+    """
+
+    model: Model
+    hypotheses: tuple[Hypothesis, ...]
+    gain: float
+    percent: float
+    explained: float
+    std: dict[str, float]
+
+    @property
+    def effects(self) -> tuple[Effect, ...]:
+        count = len(self.hypotheses)
+        return self.model.effects[-count:] if count else ()
+
+
+@dataclass(frozen=True)
+class Witness:
+    """``structure``: without any effect; ``levels``: groups of one effect, of two and of three, best first,
+    BEAM of each at most; ``cutoff``: Hz.
+
+    ``recoverable``: share of what the structure alone leaves of the torques (mean square, stretches of all
+    recordings that were not fitted, because these torques say nothing of where they were not) that torques
+    without a form explain, at most MOST_SHAPELESS of them, or the best group:
+    what any explanation could reach; ``shapeless``: these torques; ``folds``
+    answers further questions on such stretches."""
+
+    structure: Group
+    levels: tuple[tuple[Group, ...], ...]
+    cutoff: float
+    recoverable: float
+    shapeless: tuple[Latent, ...]
+    folds: Search
+
+    def beside(self, group: Group) -> tuple[Latent, float] | None:
+        """The torque without a form that explains most of what a group leaves, and the share of that."""
+        more = self.folds.shapeless(group.hypotheses, 1)
+        if not more:
+            return None
+        left = [1.0 - self.folds.explained(terms) for terms in (group.hypotheses, (*group.hypotheses, *more))]
+        return more[0], 1.0 - left[1] / max(left[0], 1e-300)
+
+
+def witness(
+    model: Model,
+    estimation: Sequence[Record],
+    validation: Sequence[Record],
+    scales: Scales,
+    cutoff: float | None = None,
+) -> Witness:
+    """Search the groups of effects that explain the input of both kinds of recordings."""
+    cutoff = motion_band([*estimation, *validation]) if cutoff is None else cutoff
+    here, there = equations(model, estimation, cutoff), equations(model, validation, cutoff)
+    search = Search(model, here, there)
+    every = [
+        h for h in hypotheses(model, scales) if min(side.acting(h) for side in (here, there)) > LEAST_ACTING
+    ]
+    singles = search.best_of_each(every, ())
+    # Two that hide each other: neither need be the best by itself, or be seen by itself at all.
+    tops = [chosen[0] for chosen in singles[:MOST_PAIRED]]
+    pairs = [pair for pair in itertools.combinations(tops, 2) if different(*pair)]
+    known = {frozenset(pair) for pair in pairs}
+    more = search.best_of_each(every, singles[0]) if singles else []
+    pairs += [pair for pair in more if frozenset(pair) not in known]
+    levels: list[list[Chosen]] = [singles, pairs]
+    if pairs:
+        levels.append(_threes(search, every, pairs))
+    folds = Search(model, Fold((here, there), False), Fold((here, there), True))
+    return _weighed(search, folds, [level for level in levels if level], cutoff)
+
+
+def _threes(search: Search, every: Sequence[Hypothesis], pairs: Sequence[Chosen]) -> list[Chosen]:
+    """The pair that leaves least with every third, and the next ones with what is best as third there: of two
+    forms of one thing the richer leaves less, and need not be the one that stands beside the third."""
+    leader, *others = sorted(pairs, key=search.left_over)[:MOST_EXTENDED]
+    found = search.best_of_each(every, leader)
+    best = [chosen[-1] for chosen in found[:MOST_EXTENDED]]
+    # A size that is held is another one beside others.
+    held = {(h.entry.name, h.location) for h in best if h.held}
+    thirds = [h for h in every if h in best or (h.entry.name, h.location) in held]
+    known = {frozenset(chosen) for chosen in found}
+    for pair in others:
+        for wider in search.best_of_each(thirds, pair):
+            if frozenset(wider) not in known:
+                known.add(frozenset(wider))
+                found.append(wider)
+    return found
+
+
+def _weighed(search: Search, folds: Search, levels: Sequence[Sequence[Chosen]], cutoff: float) -> Witness:
+    """The best groups of each number of effects."""
+    # What the fullest explanation leaves comes nearest to noise: how long that remembers says how many
+    # samples count, and for all groups the same number.
+    fullest = search.leader([(), *(chosen for level in levels for chosen in level)])
+    left = [s.left(fullest, search.fitted(1 - k, fullest))[: s.samples] for k, s in enumerate(search.sides)]
+    search.numbers = (independent(left[0]), independent(left[1]))
+    half = 0.5 * sum(search.numbers)
+    folds.numbers = (half, half)
+
+    def gain(chosen: Chosen) -> float:
+        return search.likelier(chosen) - A_PARAMETER * sum(h.parameters for h in chosen)
+
+    found = tuple(
+        tuple(_group(search, chosen, gain(chosen)) for chosen in sorted(level, key=gain, reverse=True)[:BEAM])
+        for level in levels
+    )
+    shapeless = folds.shapeless(())
+    best = [level[0].hypotheses for level in found]
+    most = max(folds.explained(terms) for terms in (shapeless, *best))
+    return Witness(_group(search, (), 0.0), found, cutoff, most, shapeless, folds)
+
+
+def _group(search: Search, chosen: Chosen, gain: float) -> Group:
+    """A group fitted to the first side's equations."""
+    here, there = search.sides
+    side, values = here.side, search.fitted(0, chosen)
+    left, columns = here.left(chosen, values), here.columns(chosen)
+    lags = max(1, round(here.samples / max(search.numbers[0], 1.0)))
+    # Half the squared difference is the variance of either, if they have the same.
+    apart = (values - search.fitted(1, chosen)) / math.sqrt(2.0)
+    errors = np.hypot(standard_errors(columns, left, lags), apart)
+    arm = side.arm_scale(values)
+    found, std = {}, {}
+    for i, name in enumerate(side.names):
+        scale = arm if name.startswith("arm") else 1.0
+        found[name], std[name] = max(scale * float(values[i]), 1e-12), scale * float(errors[i])
+    effects, place = [], len(side.names)
+    for h in chosen:
+        own = slice(place, place := place + len(h.bounds()[0]))
+        scale = arm if h.place == "arm" else 1.0
+        effects.append(h.effect(scale * values[own]))
+        of = h.errors(scale * values[own], scale * errors[own])
+        std |= {f"{h.location}.{h.entry.name}.{n}": e for n, e in of.items()}
+    model = replace(search.model.with_values(found), effects=(*search.model.effects, *effects))
+    target = there.target.ravel()
+    missed = float(np.linalg.norm(there.left(chosen, values)))
+    percent = 100.0 * (1.0 - missed / max(float(np.linalg.norm(target - target.mean())), 1e-300))
+    return Group(model, chosen, gain, percent, search.explained(chosen), std)

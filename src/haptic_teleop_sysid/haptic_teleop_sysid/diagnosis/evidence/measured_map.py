@@ -1,0 +1,172 @@
+"""A model for what has no name: the torque without a form that explains most, as a `torque_map`.
+
+Each torque over one or two quantities of the motion (`inverse_dynamics.latent`) is drawn by least squares on
+the estimation recordings; the structure's parameters are then fitted beside it, and the free simulation of
+all recordings says what it is worth. The estimation recordings choose among the maps, the validation
+recordings say whether the chosen one stays: what has memory, or acts at moments, gives a curve on one
+recording that does not hold on another.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from haptic_teleop_sim.effects import MEASURED
+from haptic_teleop_sim.model import Effect, Model
+from haptic_teleop_sysid.estimation.gauss_newton import Fit
+from haptic_teleop_sysid.estimation.likelihood import FAILURES
+from haptic_teleop_sysid.estimation.records import Record
+from haptic_teleop_sysid.estimation.whole_fit import fit_whole
+
+from ..inputs.scales import within_reach
+from .drawn_map import VARIABLES, drawn, explained_there, finer
+from .inverse_dynamics.groups import Search, independent
+from .inverse_dynamics.latent import Latent
+from .inverse_dynamics.motion import motion_band
+from .inverse_dynamics.regression import equations
+from .suggested_law.entry_file import law_content
+from .suggested_law.of_map import law_of
+from .suggested_law.regression import Law
+
+FloatArray = NDArray[np.float64]
+#: Error (1 - fit) of the free simulation of estimation and of validation recordings, see `second_opinion`.
+Errors = Callable[[Model], tuple[float, float]]
+
+#: Maps whose free simulation is tried, those that explain most torque where it was not fitted.
+MOST_TRIED = 4
+#: Share of the simulated error on validation recordings that a map must take away to be put in.
+A_GOOD_PART = 0.25
+#: Share of the torque that is missing at its place (mean square, the noise of its equation included) that a
+#: map must explain where it was not drawn from: a joint that creeps leaves 80 % of it to any map.
+A_GOOD_TORQUE = 0.4
+_ELSE = "what is missing has memory, acts at moments, or follows something that was not recorded"
+#: Factor over what a map explains from which a torque with memory, or over time, is what it is instead.
+_RATHER = 1.5
+_STEPS = 15
+
+
+@dataclass(frozen=True)
+class MeasuredMap:
+    """What became of the attempt: ``effect`` and the ``fit`` of the model with it, both None where none is
+    put in; ``why``: in words; ``explained``: share of the torque that is missing that the best map explains
+    where it was not fitted; ``closed``: share of the simulated error on validation recordings that it takes
+    away, None where none was simulated; ``quantities``: what it depends on; ``law``: what it may be;
+    ``map_share``: share of all equations that the map explains, as `Law.explained` has it."""
+
+    why: str
+    effect: Effect | None = None
+    fit: Fit | None = None
+    explained: float | None = None
+    closed: float | None = None
+    quantities: tuple[str, ...] = ()
+    law: Law | None = None
+    map_share: float = 1.0
+
+    def content(self) -> dict[str, Any]:
+        """For the result file."""
+        found: dict[str, Any] = {"what": self.why, "added": self.effect is not None}
+        for name in ("explained", "closed"):
+            value = getattr(self, name)
+            found[name] = None if value is None else round(float(value), 3)
+        if self.effect is not None and self.effect.table is not None:
+            found |= {"effect": self.effect.effect, "location": self.effect.location}
+            found |= {"depends_on": list(self.quantities), "parameters": self.effect.table.to_mapping()}
+            law = self.law
+            found["law"] = None if law is None else law_content(law, self.effect.table, self.map_share)
+        return found
+
+
+def measured_map(
+    base: Fit,
+    given: Model,
+    estimation: Sequence[Record],
+    validation: Sequence[Record],
+    errors: Errors,
+    say: Callable[[str], None] = lambda text: None,
+    cutoff: float | None = None,
+) -> MeasuredMap:
+    """The map that explains most of what ``base``, fitted from ``given``, lacks; ``cutoff``: Hz, of the band
+    of the motion, by default that of these recordings; see the module."""
+    if any(e.entry.tabulated for e in base.model.effects):
+        return MeasuredMap(f"the given model has a {MEASURED.name} already")
+    cutoff = motion_band([*estimation, *validation]) if cutoff is None else cutoff
+    try:
+        search = _equations(base, given, estimation, validation, cutoff)
+        ranked = sorted(search.latents, key=lambda one: search.left_over((one,)))
+    except FAILURES:
+        return MeasuredMap("the inverse dynamics of these recordings cannot be computed")
+    maps = [one for one in ranked if all(q in VARIABLES for q in one.quantities)]
+    if not maps:
+        return MeasuredMap("the recordings move too little to draw a torque over anything")
+    most = explained_there(search, maps[0])
+    other = next((one for one in ranked if one not in maps), None)
+    if other is not None and search.explained((other,)) > max(_RATHER * search.explained((maps[0],)), 0.0):
+        why = f"no map was added: what is missing follows the {_named(other)}, which is no map's to follow"
+        return MeasuredMap(why, explained=most)
+    if most < A_GOOD_TORQUE:
+        why = (
+            f"no map was added: the best one, over {_named(maps[0])}, explains {100 * max(most, 0.0):.0f} % "
+            f"of the torque that is missing there where it was not drawn from; {_ELSE}"
+        )
+        return MeasuredMap(why, explained=most, quantities=maps[0].quantities)
+    before, tried = errors(base.model), list[tuple[tuple[float, float], Latent, Effect, Fit]]()
+    for one in (finer(search, m) for m in maps[:MOST_TRIED]):
+        say(f"drawing a torque over {_named(one)}")
+        effect = drawn(search, one)
+        fit = _fitted(base, effect, given, estimation)
+        if fit is not None and all(map(math.isfinite, left := errors(fit.model))):
+            tried.append((left, one, effect, fit))
+    if not tried:
+        return MeasuredMap("no map was added: no model with one predicts the recordings", explained=most)
+    left, one, effect, fit = min(tried, key=lambda t: t[0][0])
+    closed = 1.0 - left[1] / max(before[1], 1e-300)
+    explained = explained_there(search, one)
+    if closed < A_GOOD_PART or left[0] > before[0]:
+        why = (
+            f"no map was added: the best one, over {_named(one)}, takes {100 * max(closed, 0.0):.0f} % off "
+            f"the simulated error of recordings that it was not drawn from; {_ELSE}"
+        )
+        return MeasuredMap(why, None, None, explained, closed, one.quantities)
+    why = (
+        f"augmented_model.yaml has a {MEASURED.name} at {effect.location} over {_named(one)}, which takes "
+        f"{100 * closed:.0f} % off the simulated error of recordings that it was not drawn from"
+    )
+    say("looking for a law of that torque")
+    law, share = law_of(search, one, effect), search.explained((one,))
+    return MeasuredMap(why, effect, fit, explained, closed, one.quantities, law, share)
+
+
+def _equations(
+    base: Fit, given: Model, estimation: Sequence[Record], validation: Sequence[Record], cutoff: float
+) -> Search:
+    model = replace(given, effects=base.model.effects, fixed=base.model.fixed)
+    search = Search(model, *(equations(model, records, cutoff) for records in (estimation, validation)))
+    best = min(search.latents, key=lambda one: search.left_over((one,)), default=None)
+    terms = () if best is None else (best,)
+    left = [s.left(terms, search.fitted(1 - k, terms))[: s.samples] for k, s in enumerate(search.sides)]
+    search.numbers = (independent(left[0]), independent(left[1]))
+    return search
+
+
+def _fitted(base: Fit, effect: Effect, given: Model, records: Sequence[Record]) -> Fit | None:
+    """The structure's parameters and noise levels beside a map, from what was fitted and from what was
+    believed: the better end."""
+    ends, limits = [], within_reach(given)
+    for start in (base.model, replace(given, effects=base.model.effects, fixed=base.model.fixed)):
+        try:
+            model = start.with_effects(effect)
+            ends.append(fit_whole(model, base.noise, records, iterations=_STEPS, limits=limits))
+        except FAILURES:
+            continue
+    good = [f for f in ends if np.isfinite(f.log_likelihood)]
+    return max(good, key=lambda f: f.log_likelihood, default=None)
+
+
+def _named(latent: Latent) -> str:
+    return " and ".join(latent.quantities)

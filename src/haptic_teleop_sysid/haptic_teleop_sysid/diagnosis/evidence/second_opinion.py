@@ -1,0 +1,116 @@
+"""A second opinion on what is missing: groups of torques that the inverse dynamics name, run freely.
+
+The first one judges by one-step prediction and by a model of the noise.  A real machine's innovations are
+never white, and then that model buys colour with wrong inertias: what matters over a tenth of a second or a
+second hardly counts.  Band-limited inverse dynamics (`inverse_dynamics`) do not ask for the noise, and a free
+run does not correct.  What gains by both is believed over a name whose innovations show that its noise model
+does not hold.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from haptic_teleop_sim.model import Effect, Model
+
+from ..hypotheses.material import material
+from ..inputs.scales import Scales
+from ..policy import AN_EFFECT
+from .inverse_dynamics.witness import Group, Witness
+
+#: Log-likelihood that counts for each time that the error of the free run falls by a factor e on one kind of
+#: recordings: halved on both it counts as much as two effects must gain.
+FREE_RUN = 10.0
+#: Factor by which the error of the free run may rise on one kind of recordings.
+NO_WORSE = 1.02
+#: Difference in what groups gain, by both, at which the weight of the lesser falls to a third.
+APART = 3.0
+#: Differences of APART at which a rival has no weight.
+NEGLIGIBLE = 4.0
+#: Groups of each number of effects that are run, whatever they gain.
+ALWAYS = 3
+#: Log-likelihood by which a free run may exceed the best of those that were run.
+UNSEEN = 5.0
+#: Error, relative, below which a free run is as good as it can be.
+PERFECT = 0.002
+
+#: Error of the free runs of a model on estimation and on validation recordings, as a share of the motion's
+#: spread: 1 is no better than the mean.
+Errors = Callable[[Model], tuple[float, float]]
+
+
+@dataclass(frozen=True)
+class Heard:
+    """A group with what it gains in all: by the inverse dynamics and by free runs; ``errors``: of those."""
+
+    group: Group
+    gain: float
+    errors: tuple[float, float]
+
+
+@dataclass(frozen=True)
+class Opinion:
+    """``chosen``: the group that is believed, None where none is; ``rivals``: all of as many effects with
+    their weights, the chosen one first; ``witness``: what it comes from."""
+
+    chosen: Heard | None
+    rivals: tuple[tuple[Heard, float], ...]
+    witness: Witness
+
+    @cached_property
+    def adequacy(self) -> float:
+        """The least of the chosen effects' (see `Search.adequacies`); 0 where nothing is believed."""
+        if self.chosen is None:
+            return 0.0
+        return min(self.witness.folds.adequacies(self.chosen.group.hypotheses))
+
+
+def second_opinion(witness: Witness, scales: Scales, errors: Errors, before: tuple[float, float]) -> Opinion:
+    """The opinion; ``before``: errors of the best that the structure alone does, however fitted."""
+    floor = [max(e, PERFECT) for e in before]
+
+    def heard(group: Group) -> Heard | None:
+        if not all(_admissible(e, scales) for e in group.effects):
+            return None
+        found = errors(group.model)
+        if any(e > NO_WORSE * b for e, b in zip(found, floor, strict=True)):
+            return None
+        ratios = [math.log(b / max(e, PERFECT)) for e, b in zip(found, floor, strict=True)]
+        return Heard(group, group.gain + FREE_RUN * sum(ratios), found)
+
+    chosen: Heard | None = None
+    rivals: list[Heard] = []
+    freely = 0.0  # the most that free runs have counted so far
+    for level in witness.levels:
+        more = len(level[0].effects) - (len(chosen.group.effects) if chosen else 0)
+        enough = (chosen.gain if chosen else 0.0) + AN_EFFECT * more
+        ranked: list[Heard] = []
+        for number, group in enumerate(level):
+            needed = max([enough, *(h.gain - NEGLIGIBLE * APART for h in ranked)])
+            if number >= ALWAYS and group.gain + freely + UNSEEN < needed:
+                break  # whatever its free run says; and so with those that gain less
+            one = heard(group)
+            if one is not None:
+                ranked.append(one)
+                freely = max(freely, one.gain - group.gain)
+        ranked.sort(key=lambda h: -h.gain)
+        if ranked and ranked[0].gain > enough:
+            chosen, rivals = ranked[0], ranked
+    weights = np.array([math.exp((h.gain - rivals[0].gain) / APART) for h in rivals])
+    shares = weights / weights.sum() if len(weights) else weights
+    return Opinion(chosen, tuple(zip(rivals, shares.tolist(), strict=True)), witness)
+
+
+def _admissible(effect: Effect, scales: Scales) -> bool:
+    """Whether the effect has all the sizes that its name asks for."""
+    sizes = [
+        effect.values[p.name] - p.neutral
+        for p in effect.entry.parameters
+        if p.default is None and p.neutral is not None and math.isfinite(p.neutral)
+    ]
+    return material(effect, scales) and all(math.isfinite(s) and s != 0.0 for s in sizes)

@@ -1,0 +1,129 @@
+"""Two opinions on what is missing: baseline and search by prediction, and the inverse dynamics."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from haptic_teleop_control.errors import RecordingError
+from haptic_teleop_sim.model import Model
+from haptic_teleop_sysid.dataset import DataSet
+from haptic_teleop_sysid.estimation.likelihood import FAILURES
+from haptic_teleop_sysid.estimation.records import Record
+from haptic_teleop_sysid.estimation.whole_fit import fit_from_scratch
+
+from .decision.search import LEAST_PERCENT, POOR_FIT, SearchResult, search, search_by_simulation
+from .evidence.current import shown_by_current
+from .evidence.inverse_dynamics.motion import motion_band
+from .evidence.inverse_dynamics.witness import witness
+from .evidence.proof import Course
+from .evidence.second_opinion import Opinion, second_opinion
+from .inputs.scales import recording_scales, within_reach
+from .policy import HARM
+from .usable import records_of, sense_follows
+
+
+@dataclass(frozen=True)
+class Explained:
+    """What the search makes of recordings, before chance and doubt: the ``given`` model; the records of both
+    kinds of recordings (``learn``, ``judge``), ``course`` of all data sets, of which the first ``count`` are
+    the estimation's, and ``coarse``: the same, thinned, where models are compared; ``result`` of the search
+    by prediction, ``kept``: that without what harms, or what only the search by simulation found
+    (``freely``); ``opinion``: the second one, None where the arithmetic of the inverse dynamics failed;
+    ``cutoff``: Hz, of the band of the motion."""
+
+    given: Model
+    learn: list[Record]
+    judge: list[Record]
+    course: Course
+    coarse: Course
+    count: int
+    result: SearchResult
+    kept: SearchResult
+    freely: bool
+    opinion: Opinion | None
+    cutoff: float
+
+    def chosen_by(self, candidate: Model) -> float:
+        """Simulated fit of a model on the validation recordings, percent."""
+        return float(np.mean(self.coarse.percent(candidate)[self.count :]))
+
+    def errors(self, candidate: Model) -> tuple[float, float]:
+        """See `second_opinion.Errors`."""
+        return free_errors(self.coarse, self.count, candidate)
+
+
+def free_errors(course: Course, count: int, candidate: Model) -> tuple[float, float]:
+    """See `second_opinion.Errors`; the first ``count`` recordings of the course are the estimation's."""
+    errors = 1.0 - np.array(course.percent(candidate)) / 100.0
+    return float(np.mean(errors[:count])), float(np.mean(errors[count:]))
+
+
+def explain(
+    model: Model, estimation: list[DataSet], validation: list[DataSet], say: Callable[[str], None]
+) -> Explained:
+    """Baseline and search, on recordings and on simulated ones alike."""
+    n, everything = len(estimation), [*estimation, *validation]
+    learn, judge = records_of(estimation), records_of(validation)
+    say("re-estimating the given structure")
+    baseline = fit_from_scratch(model, learn, limits=within_reach(model, recording_scales(model, learn)))
+    if not np.isfinite(baseline.log_likelihood):
+        raise RecordingError(
+            f"{model.source} predicts nothing of {estimation[0].name}, whatever its parameters: see whether "
+            "its inertias, and the units and signs of the recording, are what they should be."
+        )
+    course = Course.of(baseline.model, everything)
+    cutoff = motion_band([*learn, *judge])
+    coarse = course.coarse(cutoff)
+    result = search(
+        model,
+        baseline,
+        learn,
+        judge,
+        sense_follows=sense_follows(estimation),
+        shown=shown_by_current(model, estimation, validation),
+        percent=lambda candidate: float(np.mean(coarse.percent(candidate))),
+        progress=say,
+    )
+
+    def percent(candidate: Model) -> tuple[float, float]:
+        fits = coarse.percent(candidate, "position")
+        return float(np.mean(fits[:n])), float(np.mean(fits[n:]))
+
+    kept = unharmful(result, lambda candidate: float(np.mean(coarse.percent(candidate)[n:])))
+    freely = False
+    poor = min(percent(kept.final.model)) < POOR_FIT or (result.choices and not kept.choices)
+    if poor and result.nameless is None:
+        say("searching by free simulation")
+        free = search_by_simulation(model, result.baseline, learn, judge, percent=percent, progress=say)
+        gained = sum(percent(free.final.model)) - sum(percent(kept.final.model))
+        if free.choices and (not kept.choices or gained > LEAST_PERCENT):
+            kept, freely = free, True
+    say("asking the inverse dynamics")
+
+    def errors(candidate: Model) -> tuple[float, float]:
+        return free_errors(coarse, n, candidate)
+
+    scales = result.scales
+    try:
+        said = witness(model, learn, judge, scales, cutoff)
+        alone = (model, result.baseline.model, said.structure.model)
+        opinion = second_opinion(said, scales, errors, min(map(errors, alone)))
+    except FAILURES:
+        opinion = None
+    return Explained(model, learn, judge, course, coarse, n, result, kept, freely, opinion, cutoff)
+
+
+def unharmful(result: SearchResult, percent: Callable[[Model], float]) -> SearchResult:
+    """The search's result without the last effects while those spoil the free simulation of the validation
+    recordings: what predicts the next sample better but runs away when it runs freely is no explanation."""
+    kept = list(result.choices)
+    before = percent(result.baseline.model)
+    while kept and percent(kept[-1].chosen.fit.model) < before - HARM:
+        kept.pop()
+    if len(kept) == len(result.choices):
+        return result
+    final = kept[-1].chosen.fit if kept else result.baseline
+    return replace(result, choices=tuple(kept), final=final, last_round=())

@@ -1,0 +1,45 @@
+"""What is left of the findings after the questions that likelihoods do not ask."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+from haptic_teleop_sysid.dataset import DataSet
+
+from .decision.doubt import coloured, doubted
+from .decision.overruled import as_result, believed_instead, beyond_reach, inadequate
+from .decision.reasons import Doubt, off_the_mark, runs_away, slipped
+from .decision.search import SearchResult
+from .decision.stand import Stand
+from .evidence.proof import mean_percent
+from .explain import Explained
+
+
+def questioned(
+    found: Explained, believed: SearchResult, kept: SearchResult, data: list[DataSet]
+) -> tuple[SearchResult, Doubt | None, Stand]:
+    """What is left of the findings ``kept`` after the questions that likelihoods do not ask; ``believed``:
+    what the search by prediction found, so far as chance leaves it."""
+    harmful = None if kept.choices else next(iter(believed.choices), None)
+    result, doubt, stand = doubted(kept, found.learn, found.judge, found.chosen_by)
+    first = result.nameless.chosen.fit if result.nameless is not None else result.final
+    opinion = found.opinion
+    if opinion is not None and believed_instead(
+        opinion, found.errors(first.model), lambda: coloured(first, found.learn, found.judge)
+    ):
+        result, doubt = as_result(opinion, result, found.learn, found.errors)
+        return result, doubt, Stand(stand.before, stand.after, {})
+    if opinion is not None and doubt is None and (short := inadequate(result, opinion)) is not None:
+        kept_before = result.choices[: result.choices.index(short.choice)] if short.choice else ()
+        final = kept_before[-1].chosen.fit if kept_before else result.baseline
+        result = replace(result, choices=kept_before, final=final, last_round=())
+        doubt = None if kept_before else short
+    if doubt is None and (far := beyond_reach(result, found.given)) is not None:
+        bare = replace(result, choices=(), final=result.baseline, last_round=())
+        return bare, far, Stand(stand.before, stand.before, {})
+    if harmful is not None and (doubt is None or doubt.choice is None):
+        doubt = runs_away(harmful)
+    if doubt is None and not result.choices:
+        fits = found.course.simulate(result.baseline.model)[found.count :]
+        doubt = off_the_mark(mean_percent(fits)) or slipped(data)
+    return result, doubt, stand

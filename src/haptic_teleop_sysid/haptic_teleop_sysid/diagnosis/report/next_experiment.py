@@ -1,0 +1,153 @@
+"""What to record next, and why: told in the result, and written as a file that `acquire` runs."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from haptic_teleop_control.strict_yaml import dump_yaml
+from haptic_teleop_sim.model import Effect, Model
+from haptic_teleop_sysid.estimation.records import Record
+
+from ..decision.adequacy import NEARLY_ALL
+from ..decision.decide import Choice
+from ..decision.search import SearchResult
+from ..decision.verdict import Verdict
+from ..decision.words import placed, separating
+from .experiment import Suggestion, sharpen, suggest
+
+#: The file, beside diagnosis.json.
+FILE = "next_experiment.yaml"
+#: Probability that the better of two models would be told (one half says nothing) from which an experiment is
+#: suggested.
+_WORTH_RECORDING = 0.8
+#: Uncertainty of a size, as a share of it, from which it should be made surer.
+_UNSURE = 0.2
+
+
+def next_experiment(result: SearchResult, verdict: Verdict, records: Sequence[Record]) -> dict[str, Any]:
+    """What to record next, as the contract has it: what separates explanations that the recordings leave
+    open, then what makes a size surer."""
+    unsure = next((c for c in result.choices if c.ambiguous), None)
+    if unsure is not None:
+        return _separating(unsure, result, records)
+    tried = [e for e in result.last_round if e.material]
+    if verdict.kind in ("no_mismatch", "unknown") and tried:
+        names = (placed(tried[0].effect), "the structure found so far")
+        found = suggest(tried[0].fit, result.final, names, records[0], result.scales)
+        if found is not None:
+            return _told(found, found.why)
+    if verdict.kind == "unknown" and verdict.where:
+        place, condition = verdict.where[0]["equation"], verdict.where[0]["condition"]
+        why = (
+            f"what has no name sits at {place} and depends on {condition}: record twice alike but for "
+            "that, little of it once and much of it once"
+        )
+        return _without(why, 0.5)
+    worst = max(_unsure_sizes(verdict), default=None)
+    if worst is not None:
+        share, parameter, size, words = worst
+        why = f"{words} is known to ± {100.0 * share:.2g} % only"
+        if result.final.log_likelihood > -np.inf and parameter in result.final.free:
+            found = sharpen(result.final, parameter, size, records[0], result.scales)
+            if found is not None:
+                return _told(found, f"{why}: {found.why}")
+        return _without(f"{why}: record {(share / _UNSURE) ** 2:.0f} times as long, or drive harder", 0.5)
+    second = max(
+        (c for c in result.choices if c.others), key=lambda c: c.others[0][1], default=None
+    )  # not ambiguous, and yet not alone
+    if second is not None:
+        return _separating(second, result, records)
+    if verdict.adequacy is not None and verdict.adequacy.least < NEARLY_ALL and verdict.remaining:
+        best = verdict.remaining[0]
+        why = (
+            f"what is named does not explain all; most of what is left at {best.equation} follows the "
+            f"{best.name}: record twice alike but for that, little of it once and much of it once"
+        )
+        return _without(why, 0.5)
+    return _without("nothing is left to separate; a recording of another day would show drift", 1.0)
+
+
+def _separating(choice: Choice, result: SearchResult, records: Sequence[Record]) -> dict[str, Any]:
+    """What tells a finding from its runner-up."""
+    rival, share = choice.others[0]
+    names = (placed(choice.chosen.effect), placed(rival.effect))
+    found = suggest(choice.chosen.fit, rival.fit, names, records[0], result.scales)
+    text = separating([choice.chosen.effect, rival.effect])
+    if not choice.ambiguous:
+        text += f" (the runner-up has {100.0 * share:.0f} %)"
+    if found is None or found.expected_discrimination < _WORTH_RECORDING:
+        return _without(
+            f"no excitation within the limits separates {names[0]} from {names[1]}: {text}",
+            0.5 if found is None else found.expected_discrimination,
+        )
+    return _told(found, f"{found.why}; also: {text}")
+
+
+def _unsure_sizes(verdict: Verdict) -> Iterator[tuple[float, str, float, str]]:
+    """Sizes of the findings whose uncertainty is a large share of them (_UNSURE): the share, the parameter's
+    full name, how far it is from none, and words."""
+    for f in verdict.findings:
+        entry = Effect(f["effect"], f["location"]).entry
+        for name, p in f["parameters"].items():
+            none = entry.parameter(name).neutral
+            if none is None or not np.isfinite(none) or entry.parameter(name).default is not None:
+                continue
+            size = abs(p["value"] - none)
+            if size > 0.0 and p["std"] > _UNSURE * size:
+                words = f"{name.replace('_', ' ')} of {f['effect']} at {f['location']}"
+                yield p["std"] / size, f"{f['location']}.{f['effect']}.{name}", size, words
+
+
+def _told(found: Suggestion, why: str) -> dict[str, Any]:
+    return {
+        "why": why,
+        "signal_generator": found.signal_generator,
+        "expected_discrimination": found.expected_discrimination,
+    }
+
+
+def _without(why: str, chance: float) -> dict[str, Any]:
+    return {"why": why, "signal_generator": {}, "expected_discrimination": chance}
+
+
+def acquire_file(model: Model, experiment: Mapping[str, Any]) -> str | None:
+    """The content of a file that `acquire` runs on the robot; None where there is no experiment, or the
+    machine is none of those that it drives."""
+    if model.robot not in ("sfj", "omni") or not experiment["signal_generator"]:
+        return None
+    nested: dict[str, Any] = {}
+    for key, value in experiment["signal_generator"].items():
+        *path, last = key.split(".")
+        place = nested
+        for part in path:
+            place = place.setdefault(part, {})
+        place[last] = value
+    content = {
+        "scenario": {
+            "ros__parameters": {
+                "nodes": [f"{model.robot}_driver", "acquisition"],
+                "note": f"open loop: {experiment['why']}"
+                if nested.get("control") == "open_loop"
+                else f"position loop: {experiment['why']}",
+            }
+        },
+        "acquisition": {"ros__parameters": nested},
+    }
+    return (
+        "# What diagnose suggests to record next; --lockstep simulates it first.\n"
+        f"#   haptic-teleop acquire --config {FILE} --output RECORDING\n" + dump_yaml(content)
+    )
+
+
+def write_acquire_file(folder: Path, model: Model, experiment: Mapping[str, Any]) -> Path | None:
+    """Write the file into a folder, or remove an earlier one where there is none to write."""
+    path, content = folder / FILE, acquire_file(model, experiment)
+    if content is None:
+        path.unlink(missing_ok=True)
+        return None
+    path.write_text(content, encoding="utf-8")
+    return path

@@ -1,0 +1,106 @@
+"""The first lines of a diagnosis: the one sentence that a lab acts on, and what to do next."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+from haptic_teleop_sysid.report import Page, Status, with_error
+from haptic_teleop_sysid.small_motion import judged
+
+from ..decision.verdict import Verdict
+from ..policy import SURE
+from .summary import LIMIT, PART_LABELS, explains_sentence, moved_sentence, percent
+
+
+def lead(
+    page: Page, verdict: Verdict, content: dict[str, Any], still: Mapping[str, set[str]] | None = None
+) -> None:
+    """Conclusion, key figures and checks of the page; ``still``: by part, signals that hardly move."""
+    status, happened = _headline(verdict, content)
+    worse = content["worse_than_given"]
+    if worse is not None:
+        found = bool(content["findings"]) and "augmented" not in worse["models"]
+        status, happened = ("fair" if found else "bad"), f"{worse['sentence']}. {happened}"
+    page.conclude(status, happened, _todo(verdict, content))
+    for f in verdict.findings:
+        page.key_figure(f"{100 * f['confidence']:.0f} %", f"{f['effect']} at {f['location']}", "confidence")
+    _gained(page, content, still or {})
+    explained = explains_sentence(content)
+    if explained:
+        page.verdict("fair", explained)
+    moved = moved_sentence(content)
+    if moved:
+        page.verdict("fair" if content["parameters_moved"] else "good", moved.replace("->", "→"))
+    if "doubt" in content:
+        page.verdict("fair", f"Why no name is given: {content['doubt']}.")
+    if "beside" in content:
+        page.verdict("fair", f"Beside what is named, {content['beside']}.")
+
+
+def _headline(verdict: Verdict, content: dict[str, Any]) -> tuple[Status, str]:
+    places = ", ".join(f"{w['equation']} and depends on {w['condition']}" for w in verdict.where)
+    if verdict.kind == "identified":
+        named = " and ".join(_named(f) for f in verdict.findings)
+        return "good", f"The missing physics has a name: {named}."
+    if verdict.kind == "ambiguous":
+        sure = " and ".join(_named(f) for f in verdict.findings if not _unsure(f))
+        named = f"Part of the missing physics has a name: {sure}. Beside it these" if sure else "These"
+        return "fair", f"{named} recordings cannot tell {_rivals(verdict)} apart."
+    if verdict.kind == "unknown":
+        return "fair", (
+            f"Something is missing that no known effect explains; it sits at {places or 'no single place'}."
+        )
+    if content["parameters_moved"]:
+        return "fair", moved_sentence(content).replace("->", "→")
+    return "good", (
+        "The given structure, re-estimated, explains these recordings; nothing is missing that they "
+        "could show."
+    )
+
+
+def _named(f: dict[str, Any]) -> str:
+    """An effect with its place and sizes."""
+    sizes = ", ".join(f"{name.replace('_', ' ')} {parameter_text(p)}" for name, p in f["parameters"].items())
+    return f"{f['effect']} at {f['location']} ({sizes})" if sizes else f"{f['effect']} at {f['location']}"
+
+
+def parameter_text(p: dict[str, Any]) -> str:
+    """A finding's parameter with its error and unit, and whether it is at a bound."""
+    bound = f" ({LIMIT[p['at_bound']]})" if "at_bound" in p else ""
+    return f"{with_error(p['value'], p['std'], p['unit'])}{bound}"
+
+
+def _unsure(f: dict[str, Any]) -> bool:
+    return sum(a["confidence"] for a in f["alternatives"]) > 1.0 - SURE
+
+
+def _rivals(verdict: Verdict) -> str:
+    names = [n for f in verdict.findings if _unsure(f) for n in (f, *f["alternatives"])]
+    return " or ".join(dict.fromkeys(f"{n['effect']} at {n['location']}" for n in names))
+
+
+def _todo(verdict: Verdict, content: dict[str, Any]) -> str:
+    held, why = content["augmented_model"]["holds"], content["next_experiment"]["why"]
+    model = f"augmented_model.yaml holds {content['augmented_model']['what']}"
+    if verdict.kind in ("ambiguous", "unknown"):
+        return f"record the next experiment: {why}."
+    if held == "given":
+        return f"keep your model ({model}), and record the next experiment: {why}."
+    if verdict.kind == "identified":
+        return f"simulate with it: {model}. Then compare it on another recording; the commands are below."
+    if content["parameters_moved"]:
+        return f"take the new numbers over: {model}."
+    return f"nothing: your model may stay as it is ({model})."
+
+
+def _gained(page: Page, content: dict[str, Any], still: Mapping[str, set[str]]) -> None:
+    """The fit of your model and of the augmented one, on recordings of each kind, what says most first."""
+    for part in ("test", "validation", "estimation"):
+        yours, _, after = (content["fit"][model][part] for model in ("given", "baseline", "augmented"))
+        if yours:
+            told = judged(yours, still.get(part, set()))
+            name = min(told, key=lambda n: told[n])
+            page.key_figure(
+                f"{percent(yours[name])} → {percent(after[name])} %", f"fit of {name}", PART_LABELS[part]
+            )

@@ -1,0 +1,94 @@
+"""How sure a diagnosis is, and why: what speaks for each finding, what else it could be, where and when it
+shows."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from haptic_teleop_sysid.report import Page, Section
+
+from ..decision.search import SearchResult
+from ..decision.verdict import Verdict
+from ..decision.words import chance_sentence
+from .page_law import LawCurve, explained_after
+from .page_lead import parameter_text
+
+
+def reasons(page: Page, verdict: Verdict, content: dict[str, Any], curves: list[LawCurve]) -> None:
+    """The section with all of that."""
+    section = page.section("How sure, and why")
+    for f in verdict.findings:
+        section.text(f["because"])
+        section.table(
+            ("parameter", "value"),
+            [(name, parameter_text(p)) for name, p in f["parameters"].items()],
+            f"{f['effect']} at {f['location']}: confidence {100 * f['confidence']:.0f} %",
+        )
+        if f["alternatives"]:
+            section.table(
+                ("other explanation", "at", "confidence"),
+                [(a["effect"], a["location"], f"{100 * a['confidence']:.0f} %") for a in f["alternatives"]],
+                f"What {f['effect']} at {f['location']} could be instead",
+            )
+    for c in curves:
+        section.text(
+            f"Of the torque that follows the {c.quantity} without {c.name}, {100 * c.explained:.0f} % (mean "
+            "square of the dots) is gone with it."
+        )
+    _where(section, content)
+    if "nulls" in content:
+        section.text(f"By chance alone: {chance_sentence(content['nulls'])}.")
+
+
+def _where(section: Section, content: dict[str, Any]) -> None:
+    """Where it sits, when it shows, and at which times of the first recording."""
+    rows = [
+        (
+            w["equation"],
+            f"{100 * w['share']:.0f} %",
+            w["condition"],
+            ", ".join(f"{a:g}–{b:g} s" for a, b in w["intervals"]) or "throughout",
+        )
+        for w in content["where"]
+    ]
+    if rows:
+        caption = "Where and when it shows; times are those of the first recording that was fitted to"
+        section.table(("place", "share of what is missing", "depends on", "strongest at"), rows, caption)
+
+
+def curves_table(page: Page, verdict: Verdict) -> None:
+    """What the left-over torque follows, before and after."""
+    rows = [
+        (
+            c.equation,
+            c.name,
+            f"{100 * max(c.explained, 0):.0f} %",
+            f"{100 * explained_after(c, verdict):.0f} %",
+        )
+        for c in verdict.before[:6]
+    ]
+    if rows:
+        page.section("What the left-over torque follows", folded=True).table(
+            ("equation", "depends on", "explained before", "explained after"),
+            rows,
+            "share of the left-over torque that a curve explains on recordings it was not drawn from",
+        )
+
+
+def tried(page: Page, result: SearchResult) -> None:
+    """What did not stand up."""
+    rows = [
+        (
+            e.effect.effect,
+            e.effect.location,
+            f"{e.gain:.0f}",
+            f"{e.elsewhere:.0f}",
+            "yes" if e.material else "no",
+        )
+        for e in result.last_round[:10]
+    ]
+    if rows:
+        text = "Further effects that did not stand up in the last round of the search."
+        page.section("What else was tried", text, folded=True).table(
+            ("effect", "at", "gain (nats)", "on validation recordings", "large enough to matter"), rows
+        )

@@ -1,0 +1,124 @@
+"""A diagnosis in a few lines for the terminal, and the sentences that it shares with the page."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import Any
+
+from haptic_teleop_sim.effects import MEASURED
+from haptic_teleop_sysid.report.numbers import with_error
+
+from ..decision.adequacy import NEARLY_ALL
+from ..decision.words import chance_sentence
+
+PART_LABELS = {
+    "estimation": "recordings fitted to",
+    "validation": "other recordings, also used to choose",
+    "test": "test recordings, neither fitted to nor used to choose",
+}
+"""What the parts of `fit` are called."""
+LIMIT = {"lowest": "the lowest value allowed", "highest": "the highest value allowed"}
+"""What is said of a parameter at a bound."""
+
+
+def summary(content: dict[str, Any]) -> str:
+    """The verdict in a few lines; what is worse than the user's own model is said first."""
+    lines = []
+    if content["worse_than_given"] is not None:
+        lines.append(f"{content['worse_than_given']['sentence']}.")
+    lines.append(f"verdict: {content['verdict']}")
+    if "doubt" in content:
+        lines.append(f"  because {content['doubt']}")
+    for f in content["findings"]:
+        numbers = ", ".join(_finding_number(n, p) for n, p in f["parameters"].items())
+        lines.append(f"  {f['effect']} at {f['location']} ({100 * f['confidence']:.0f} %): {numbers}")
+        lines += [
+            f"    or {a['effect']} at {a['location']} ({100 * a['confidence']:.0f} %)"
+            for a in f["alternatives"]
+        ]
+    sentence = explains_sentence(content)
+    if sentence:
+        lines.append(f"  {sentence}")
+    if "beside" in content:
+        lines.append(f"  beside it {content['beside']}")
+    lines += map_sentences(content)
+    sentence = moved_sentence(content)
+    if sentence:
+        lines.append(f"  {sentence}")
+    lines += [f"  {text}" for text in _at_bounds(content)]
+    if "nulls" in content:
+        lines.append(f"  {chance_sentence(content['nulls'])}")
+    fit = content["fit"]
+    if any(fit["given"].values()):
+        lines.append("  fit: yours -> re-estimated -> augmented")
+    for part, label in PART_LABELS.items():
+        columns = [fit[model][part] for model in ("given", "baseline", "augmented")]
+        told = [f"{n} {' -> '.join(percent(c[n]) for c in columns)} %" for n in columns[0]]
+        if told:
+            lines.append(f"  {part} ({label}): {', '.join(told)}")
+    return "\n".join(lines)
+
+
+def map_sentences(content: dict[str, Any]) -> list[str]:
+    """What became of a measured torque where no name was found, and what stands in for it."""
+    found = content.get(MEASURED.name)  # none in results of earlier versions
+    if found is None:
+        return []
+    told = [found, found.get("law"), content.get("stand_in")]
+    return [f"  {one['what']}" for one in told if one is not None]
+
+
+def explains_sentence(content: dict[str, Any]) -> str:
+    """How much of what is missing the findings explain; empty where that is nearly all or none is named."""
+    found = content["adequacy"]
+    if found is None or not content["findings"] or min(found["torque"], found["free_run"]) >= NEARLY_ALL:
+        return ""
+    text = (
+        f"What is named explains {100 * found['torque']:.0f} % of the torque that the structure lacks and "
+        f"{100 * found['free_run']:.0f} % of the error of its free runs"
+    )
+    left = content["left_over"]
+    if left is not None:
+        text += f"; {100 * left['explained']:.0f} % of the torque that is left at {left['equation']} follows "
+        text += f"the {left['follows']}"
+    return f"{text}."
+
+
+def moved_sentence(content: dict[str, Any]) -> str:
+    """What is said of the parameters that are not as given; empty where there is nothing to say."""
+    found = content["parameters_moved"]
+    if not found:
+        if content["verdict"] == "no_mismatch" and content["augmented_model"]["holds"] == "baseline":
+            return "None of your parameters is off beyond its uncertainty and 5 %."
+        return ""
+    numbers = ", ".join(moved_words(m) for m in found)
+    if content["verdict"] == "no_mismatch":
+        return f"Your parameters are off, no physics is missing: {numbers}."
+    return f"Beside what is missing, your parameters are off: {numbers}."
+
+
+def moved_words(moved: dict[str, Any]) -> str:
+    """A parameter that moved: name, both values, standard error, unit."""
+    name = moved["parameter"].replace("_", " ")
+    return f"{name} {moved['given']:.4g} -> {with_error(moved['value'], moved['std'], moved['unit'])}"
+
+
+def percent(fit: float | None) -> str:
+    """A fit as it is printed, without its unit; one of a simulation that ran away is said so."""
+    if fit is None or fit != fit:
+        return "none"
+    return f"{fit:.1f}" if fit > -1000.0 else "< -1000"
+
+
+def _finding_number(name: str, p: dict[str, Any]) -> str:
+    bound = f" ({LIMIT[p['at_bound']]})" if "at_bound" in p else ""
+    return f"{name} {with_error(p['value'], p['std'], p['unit'])}{bound}"
+
+
+def _at_bounds(content: dict[str, Any]) -> Iterator[str]:
+    """Parameters at a bound that no finding has told."""
+    told = {f"{f['location']}.{f['effect']}.{n}" for f in content["findings"] for n in f["parameters"]}
+    for name, p in content["models"]["augmented"]["parameters"].items():
+        if p["at_bound"] is not None and name not in told:
+            number = with_error(p["value"], None, p["unit"])
+            yield f"{name.replace('_', ' ')} {number} is {LIMIT[p['at_bound']]}"

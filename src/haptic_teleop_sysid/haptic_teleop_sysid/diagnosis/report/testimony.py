@@ -1,0 +1,112 @@
+"""What the inverse dynamics said, for the result file and the page, and whether the verdict agrees."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from haptic_teleop_sysid.report import Page
+
+from ..decision.verdict import Verdict
+from ..evidence.second_opinion import Heard, Opinion
+
+_MOST_TOLD = 5
+
+
+def testimony(opinion: Opinion, verdict: Verdict, believed: bool) -> dict[str, Any]:
+    """The content of ``inverse_dynamics`` in diagnosis.json; ``believed``: whether it made the verdict."""
+    witness, chosen = opinion.witness, opinion.chosen
+    found: dict[str, Any] = {
+        "cutoff_hz": round(witness.cutoff, 3),
+        "verdict_from_here": believed,
+        "agrees": _agrees(chosen, verdict),
+        "structure": {"torque_fit": round(witness.structure.percent, 1)},
+        "recoverable": round(witness.recoverable, 3),
+        "recoverable_by": [
+            {"equation": s.location, "quantities": list(s.quantities)} for s in witness.shapeless
+        ],
+        "groups": [
+            _group(heard) | {"weight": round(weight, 3)} for heard, weight in opinion.rivals[:_MOST_TOLD]
+        ],
+    }
+    if chosen is not None:
+        found["adequacy"] = round(opinion.adequacy, 3)
+        beside = witness.beside(chosen.group)
+        if beside is not None:
+            latent, share = beside
+            found["left_over"] = {
+                "equation": latent.location,
+                "quantities": list(latent.quantities),
+                "share_of_what_is_left": round(share, 3),
+            }
+    return found
+
+
+def _group(heard: Heard) -> dict[str, Any]:
+    group = heard.group
+    return {
+        "effects": [
+            {"effect": e.effect, "location": e.location, "parameters": dict(e.parameters)}
+            for e in group.effects
+        ],
+        "parameters": {n: group.model.parameters[n] for n in group.std if "." not in n},
+        "torque_fit": round(group.percent, 1),
+        "explained": round(group.explained, 3),
+        "free_run_error": {"estimation": round(heard.errors[0], 4), "validation": round(heard.errors[1], 4)},
+    }
+
+
+def _agrees(chosen: Heard | None, verdict: Verdict) -> bool | None:
+    """Whether both name the same effects at the same places; None where the inverse dynamics name none."""
+    if chosen is None:
+        return None
+    own = {(e.effect, e.location) for e in chosen.group.effects}
+    return own == {(f["effect"], f["location"]) for f in verdict.findings}
+
+
+def testimony_section(page: Page, content: dict[str, Any]) -> None:
+    """The page's section on the inverse dynamics."""
+    found = content["inverse_dynamics"]
+    title = "What the inverse dynamics say"
+    if found is None:
+        page.section(title, "Nothing: their arithmetic failed on these recordings.")
+        return
+    section = page.section(title, _sentence(found), folded=True)
+    if found["groups"]:
+        section.table(
+            ("effects", "torque fit of validation", "explained of what is missing", "error of free runs"),
+            [
+                (
+                    " and ".join(f"{e['effect']} at {e['location']}" for e in g["effects"]),
+                    f"{g['torque_fit']:.0f} %",
+                    f"{100 * g['explained']:.0f} %",
+                    f"{100 * g['free_run_error']['validation']:.1f} % of the motion",
+                )
+                for g in found["groups"]
+            ],
+            "groups of effects, regressed on the input in the band of the motion and then run freely",
+        )
+
+
+def _sentence(found: dict[str, Any]) -> str:
+    text = (
+        f"The equations of motion, filtered at {found['cutoff_hz']:.3g} Hz and solved by least squares, "
+        "without any model of the noise."
+    )
+    if found["agrees"] is None:
+        return f"{text} No effect gains enough there to be named."
+    if found["verdict_from_here"]:
+        text += (
+            " They made the verdict: run freely, what they name comes nearer to the recordings than what "
+            "one-step prediction found."
+        )
+    elif found["agrees"]:
+        text += " They name the same."
+    else:
+        text += " They name something else than the verdict does: take it with care."
+    left = found.get("left_over")
+    if left is not None:
+        text += (
+            f" Of what is left, {100 * left['share_of_what_is_left']:.0f} % follows "
+            f"{' and '.join(left['quantities'])} at {left['equation']}."
+        )
+    return text

@@ -1,0 +1,100 @@
+"""One diagnosis from data sets to verdict: the order of its steps and nothing else."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+from typing import Any
+
+from haptic_teleop_sim.effects import MEASURED
+from haptic_teleop_sim.model import Model
+from haptic_teleop_sysid.dataset import DataSet
+
+from .decision.adequacy import adequacy, short_of
+from .decision.decide import Choice
+from .decision.nulls import Null, beyond_chance, nulls
+from .decision.own_quantity import follows_still
+from .decision.search import SearchResult
+from .decision.stand_in import stand_in
+from .decision.verdict import Verdict, decide_verdict
+from .evidence.measured_map import measured_map
+from .evidence.proof import Proof, prove
+from .explain import explain
+from .inputs.uses import three_uses
+from .question import questioned
+from .report.columns import column, errors_of, three_columns, with_bounds
+from .report.contents import contents
+from .report.testimony import testimony
+from .usable import refuse_unusable
+
+
+def alarm(model: Model, estimation: list[DataSet], validation: list[DataSet]) -> tuple[SearchResult, bool]:
+    """What the search finds, and whether the diagnosis would name or doubt anything: for `nulls`."""
+    found = explain(model, estimation, validation, lambda text: None)
+    result, doubt, _ = questioned(found, found.result, found.kept, [*estimation, *validation])
+    return found.result, bool(result.choices) or doubt is not None
+
+
+def diagnose(
+    model: Model,
+    estimation: list[DataSet],
+    validation: list[DataSet],
+    say=lambda text: None,
+    null_count: int = 0,
+    test: Sequence[DataSet] = (),
+) -> tuple[SearchResult, Verdict, Proof, dict[str, Any]]:
+    """Search, decide and prove; the last part is the content of diagnosis.json without run time and
+    version.  With ``null_count`` the same is done with that many simulated sets of recordings in which
+    nothing is hidden, and a finding has to exceed what is found there. ``test``: recordings that only show;
+    without them a part of a long validation does (see `three_uses`).
+    """
+    refuse_unusable([*estimation, *validation, *test])
+    uses = three_uses(estimation, validation, test)
+    estimation, validation = [*uses.fit], [*uses.choose]
+    found = explain(model, estimation, validation, say)
+    chance: list[Null] = []
+    dropped: tuple[Choice, ...] = ()
+    believed, kept = found.result, found.kept
+    if null_count:
+        chance = nulls(alarm, model, found.result, estimation, validation, null_count, progress=say)
+        believed = beyond_chance(found.result, chance)
+        if not found.freely:  # what only a simulation found has no score that chance could be held against
+            kept = beyond_chance(found.kept, chance)
+            dropped = found.kept.choices[len(kept.choices) :]
+    say("doubting")
+    result, doubt, stand = questioned(found, believed, kept, [*estimation, *validation])
+    adequate = None
+    if any(c.chosen.by_current <= 0.0 for c in result.choices):
+        models = result.baseline.model, result.final.model
+        adequate = adequacy(
+            result.baseline, result.final, [*found.learn, *found.judge], *map(found.errors, models)
+        )
+        result, short = short_of(result, adequate)
+        result, bent = follows_still(result, found.learn, found.judge)
+        doubt = doubt or short or bent
+    say("deciding")
+    verdict = decide_verdict(result, found.learn, found.judge, doubt, stand.spread, adequate)
+    mapped = instead = None
+    if verdict.kind == "unknown":
+        mapped = measured_map(
+            result.final, found.given, found.learn, found.judge, found.errors, say, found.cutoff
+        )
+        if mapped.fit is None:
+            instead = stand_in(result.final, found.given, doubt, found.errors)
+        nameless = mapped.fit if instead is None else instead.fit
+        result = replace(result, final=nameless or result.final)
+    say("simulating all three models on all recordings")
+    proof = prove(model, result.baseline.model, result.final.model, found.course, uses)
+    columns = three_columns(model, result, verdict, found.judge)
+    if instead is not None or (mapped is not None and mapped.fit is not None):
+        errors = errors_of(result.final, found.judge)
+        columns["augmented"] = column(result.final.model, model, result.final, errors)
+    verdict = replace(verdict, findings=with_bounds(verdict.findings, columns["augmented"]))
+    say("choosing the next experiment")
+    content = contents(result, verdict, proof, columns, stand, doubt, (chance, dropped), uses, found.learn)
+    believed = [c.chosen for c in (*result.choices, *([doubt.choice] if doubt and doubt.choice else []))]
+    from_here = any(e.witnessed is not None for e in believed)
+    content[MEASURED.name] = None if mapped is None else mapped.content()
+    content["stand_in"] = None if instead is None else instead.content()
+    content["inverse_dynamics"] = testimony(found.opinion, verdict, from_here) if found.opinion else None
+    return result, verdict, proof, content

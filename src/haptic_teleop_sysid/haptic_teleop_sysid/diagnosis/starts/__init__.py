@@ -1,0 +1,1 @@
+"""From which effects and sizes a fit begins: scan, screen, shortlist, trials."""

@@ -1,0 +1,118 @@
+"""A fine search along the one parameter that fits cannot climb: an order, a natural frequency, an angle.
+
+A ripple of order 105 gains nothing at order 104 or 106, so starts must lie denser than a linearisation of the
+full model affords.  Along the recorded motion an effect is a torque (or an error of an encoder) that is known
+but for its size, and the observer's innovations answer it as a linear filter: one run of that filter per
+value gives the best size and what it gains (score test; the structure's parameters are projected out).
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from haptic_teleop_sim.effects import EFFECTS, EffectEntry, EffectParameter, locations
+from haptic_teleop_sysid.estimation.gauss_newton import Fit
+from haptic_teleop_sysid.estimation.likelihood import FAILURES
+from haptic_teleop_sysid.estimation.parallel import side_by_side
+from haptic_teleop_sysid.estimation.records import Record, thinned_to
+
+from ..hypotheses.candidates import Scanned
+from ..inputs.scales import Scales
+from .answers import Answers
+
+FloatArray = NDArray[np.float64]
+
+#: Most values of one parameter, and how many of the best are starts.
+_MOST_VALUES, _BEST = 160, 3
+#: Shares of the furthest angles at which a stop is tried.
+_SHARES = (0.998, 0.99, 0.98, 0.96, 0.94, 0.91, 0.88, 0.84, 0.8, 0.75, 0.7)
+#: Ratio of neighbouring natural frequencies; a lightly damped part answers some 4 % to either side.
+_RATIO = 1.04
+#: Places of an angle within the travel.
+_PLACES = 24
+#: Cycles per sample up to which a thinned recording shows an order, at nine tenths of its samples.
+_RESOLVED = 0.25
+
+
+def scan(fit: Fit, records: Sequence[Record], scales: Scales) -> Scanned:
+    """The most promising values of every scanned parameter, by effect and place; none where the arithmetic
+    fails."""
+    # Of hundreds of orders three become starts.
+    thin = thinned_to(records)
+    try:
+        fine = Answers(fit, records)
+        quick = fine if thin is records else Answers(fit, thin)
+    except FAILURES:
+        return {}
+    most = [np.inf if thin is records else _highest_order(thin, channel) for channel in (0, 1)]
+    sought: list[tuple[EffectEntry, EffectParameter, str]] = []
+    for name, entry in EFFECTS.items():
+        parameter = next((p for p in entry.parameters if p.scan), None)
+        if parameter is not None:
+            sought += [(entry, parameter, place) for place in locations(name, fit.model.structure)]
+
+    def best(one: tuple[EffectEntry, EffectParameter, str]) -> list[float]:
+        entry, parameter, place = one
+        values = list(scanned_values(parameter, scales, place))
+        few = sum(v < most[place.startswith("arm")] for v in values) if parameter.scan == "order" else 0
+        gains = [
+            quick.gains(entry, parameter, place, values[:few]),
+            fine.gains(entry, parameter, place, values[few:]),
+        ]
+        return _peaks(values, np.concatenate(gains))
+
+    starts = side_by_side(best, sought)
+    return {
+        (entry.name, fit.model.location(place)): values
+        for (entry, _, place), values in zip(sought, starts, strict=True)
+    }
+
+
+def _highest_order(records: Sequence[Record], channel: int) -> float:
+    """The highest order for which these samples lie densely enough; 0 where the angle was not measured."""
+    steps = np.abs(np.concatenate([np.diff(r.measured[:, channel]) for r in records]))
+    steps = steps[np.isfinite(steps)]
+    return 2.0 * math.pi * _RESOLVED / max(float(np.quantile(steps, 0.9)), 1e-12) if len(steps) else 0.0
+
+
+def both(one: Scanned, other: Scanned) -> Scanned:
+    """The values of both, without repetition, those of ``one`` first."""
+    return {key: list(dict.fromkeys([*values, *other.get(key, [])])) for key, values in one.items()}
+
+
+def scanned_values(parameter: EffectParameter, scales: Scales, place: str) -> Iterator[float]:
+    """All values at which a scanned parameter of an effect at ``place`` is tried."""
+    channel = 1 if place.startswith("arm") else 0
+    if parameter.scan == "order":
+        span = max(scales.span(channel), 1e-6)
+        # A sine of which less than a quarter was seen is a slope; neighbours differ by a quarter of a cycle.
+        first, step = math.pi / 2 / span, math.pi / 2 / span
+        for i in range(_MOST_VALUES):
+            if parameter.minimum <= first + i * step <= parameter.maximum:
+                yield first + i * step
+    elif parameter.scan == "frequency":
+        value, last = 0.5, min(0.3 / scales.dt, parameter.maximum)
+        while value < last:
+            yield value
+            value *= _RATIO
+    elif parameter.scan == "within":
+        for i in range(1, _PLACES):
+            yield scales.lowest[channel] + scales.span(channel) * i / _PLACES
+    else:
+        for end in (scales.highest[channel], scales.lowest[channel]):
+            if abs(end) > 0.1 * scales.size[parameter.scale]:
+                yield from (share * end for share in _SHARES)
+
+
+def _peaks(values: Sequence[float], gains: FloatArray) -> list[float]:
+    """Values at local maxima of the gain, best first."""
+    order = [
+        i
+        for i in np.argsort(-gains)
+        if gains[i] > 0.0 and gains[i] >= max(gains[max(i - 1, 0)], gains[min(i + 1, len(gains) - 1)])
+    ]
+    return [values[i] for i in order[:_BEST]]

@@ -1,0 +1,57 @@
+"""Recordings as records that a diagnosis can use; what it cannot use is refused in a sentence."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from haptic_teleop_control.errors import RecordingError
+from haptic_teleop_sysid.dataset import DataSet
+from haptic_teleop_sysid.estimation.records import Record, records_from
+
+from .evidence.consistency import refuse_other_units, refuse_unrelated
+from .inputs.cuts import FEWEST_SAMPLES
+from .inputs.plausible import refuse_copies, refuse_idle, refuse_kinematic, refuse_motionless
+
+#: Difference (A or N·m, relative to the rms command) up to which the measured current counts as following.
+_FOLLOWS = 0.1
+
+
+def records_of(data: list[DataSet]) -> list[Record]:
+    """Records driven by the command, cut apart at holes; refused where there is nothing to learn from."""
+    records = []
+    for dataset in data:
+        pieces = records_from(dataset, commanded=True)
+        longest = max(pieces, key=len)
+        if len(longest) < FEWEST_SAMPLES:
+            raise RecordingError(
+                f"{dataset.name} has {len(longest)} samples without a hole; a diagnosis needs at least "
+                f"{FEWEST_SAMPLES}: record for longer."
+            )
+        refuse_motionless(longest, dataset.joint)
+        refuse_unrelated(longest, dataset.joint)
+        records += [piece for piece in pieces if len(piece) >= FEWEST_SAMPLES]
+    return records
+
+
+def sense_follows(data: list[DataSet]) -> bool:
+    """Whether a measured current was recorded that follows its command without further delay."""
+    for dataset in data:
+        if dataset.commanded_input is None or dataset.input_source != "measured effort":
+            return False
+        rms = float(np.std(dataset.commanded_input))
+        noise = 0.02 if dataset.input_unit == "A" else 0.0
+        if float(np.std(dataset.input - dataset.commanded_input)) > _FOLLOWS * rms + noise:
+            return False
+    return True
+
+
+def refuse_unusable(recordings: Sequence[DataSet]) -> None:
+    """Raise RecordingError for recordings that a diagnosis cannot use, alone or together."""
+    refuse_copies(recordings)
+    refuse_idle(recordings)
+    records = records_of([*recordings])
+    for dataset in recordings:
+        refuse_kinematic(dataset)
+    refuse_other_units(records)
