@@ -13,8 +13,8 @@ from matplotlib.figure import Figure
 
 from haptic_teleop_control.recording import read_recording
 from haptic_teleop_sim.model import load_model
-from haptic_teleop_sysid.dataset import load_dataset
-from haptic_teleop_sysid.fit import choose_windows, simulated_fit
+from haptic_teleop_sysid.recordings.dataset import load_dataset
+from haptic_teleop_sysid.simulation.fit import choose_windows, simulated_fit
 
 EXAMPLES = Path(__file__).resolve().parent
 SHOWN = (2.4, 3.6)  # s

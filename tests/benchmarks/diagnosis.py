@@ -23,8 +23,8 @@ from haptic_teleop_sim.hardware import SfjRobot
 from haptic_teleop_sim.kernel import pack, simulate
 from haptic_teleop_sim.model import Effect
 from haptic_teleop_sim.sfj_robot import SfjSettings, stage_hardware
-from haptic_teleop_sysid.dataset import load_dataset
 from haptic_teleop_sysid.diagnosis.run import diagnose
+from haptic_teleop_sysid.recordings.dataset import load_dataset
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "unit"))
 from identification_plants import STAGE, multisine

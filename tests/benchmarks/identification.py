@@ -22,9 +22,9 @@ from scipy.optimize import least_squares
 from haptic_teleop_control.recording import read_recording, write_recording
 from haptic_teleop_sim.kernel import pack, predict, simulate
 from haptic_teleop_sim.model import Model
-from haptic_teleop_sysid.dataset import load_dataset
 from haptic_teleop_sysid.estimation.records import with_trusted_input
 from haptic_teleop_sysid.estimation.strategies import estimate
+from haptic_teleop_sysid.recordings.dataset import load_dataset
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "unit"))
 from identification_plants import AXIS, axis_recording, off

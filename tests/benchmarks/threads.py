@@ -18,12 +18,12 @@ from pathlib import Path
 import numpy as np
 
 from haptic_teleop_sim.kernel import pack, predict
-from haptic_teleop_sysid.dataset import load_dataset
 from haptic_teleop_sysid.diagnosis.run import diagnose
 from haptic_teleop_sysid.diagnosis.usable import records_of
 from haptic_teleop_sysid.estimation.parallel import VARIABLE, side_by_side, thread_count
 from haptic_teleop_sysid.estimation.tuning import initial_noise
 from haptic_teleop_sysid.estimation.whole_fit import fit_whole
+from haptic_teleop_sysid.recordings.dataset import load_dataset
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "unit"))
 from diagnosis import HIDDEN, LAB, STAGE, recorded

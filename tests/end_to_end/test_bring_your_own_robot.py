@@ -15,7 +15,7 @@ from pages import DOCS, blocks, run
 
 from haptic_teleop_control.recording import read_recording
 from haptic_teleop_sim.model import load_model
-from haptic_teleop_sysid.dataset import load_dataset
+from haptic_teleop_sysid.recordings.dataset import load_dataset
 
 PAGE = (DOCS / "bring_your_own_robot.md").read_text(encoding="utf-8")
 pytestmark = pytest.mark.no_graph

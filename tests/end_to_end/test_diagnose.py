@@ -15,7 +15,7 @@ import pytest
 
 from haptic_teleop_control.recording import JointStateSeries, write_recording
 from haptic_teleop_sim.model import Effect, Model, load_model
-from haptic_teleop_sysid import compare, diagnose
+from haptic_teleop_sysid.commands import compare, diagnose
 
 pytestmark = pytest.mark.no_graph
 

@@ -25,8 +25,8 @@ import numpy as np
 
 from haptic_teleop_control.recording import Recording, read_recording
 from haptic_teleop_sim.model import load_model
-from haptic_teleop_sysid.dataset import load_dataset
 from haptic_teleop_sysid.diagnosis.run import diagnose
+from haptic_teleop_sysid.recordings.dataset import load_dataset
 
 Channels = dict[str, np.ndarray]
 NEAR = 0.3

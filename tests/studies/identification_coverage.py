@@ -18,8 +18,8 @@ from pathlib import Path
 import numpy as np
 
 from haptic_teleop_sim.model import Effect
-from haptic_teleop_sysid.dataset import load_dataset
 from haptic_teleop_sysid.estimation.strategies import estimate
+from haptic_teleop_sysid.recordings.dataset import load_dataset
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "unit"))
 from identification_plants import AXIS, STAGE, axis_recording, off, stage_recording

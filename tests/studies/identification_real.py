@@ -17,9 +17,9 @@ from scipy.signal import savgol_filter
 
 from haptic_teleop_control.recording import read_recording
 from haptic_teleop_sim.model import Effect, Model
-from haptic_teleop_sysid.dataset import DataSet, load_dataset
 from haptic_teleop_sysid.estimation.strategies import estimate
-from haptic_teleop_sysid.fit import choose_windows, fit_percent, simulated_fit
+from haptic_teleop_sysid.recordings.dataset import DataSet, load_dataset
+from haptic_teleop_sysid.simulation.fit import choose_windows, fit_percent, simulated_fit
 
 TOPIC = "/plant/joint_states"
 IO = {"input": {"topic": TOPIC, "joint": "j", "field": "effort"}, "motor": {"topic": TOPIC, "joint": "j"},

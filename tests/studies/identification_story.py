@@ -17,12 +17,12 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "unit"))
 from identification_plants import AXIS, STAGE, axis_recording, stage_recording
 
 from haptic_teleop_sim.model import Effect, Model
-from haptic_teleop_sysid.dataset import DataSet, load_dataset
 from haptic_teleop_sysid.estimation.progressive import without_nonlinear
 from haptic_teleop_sysid.estimation.records import with_trusted_input
 from haptic_teleop_sysid.estimation.strategies import estimate
-from haptic_teleop_sysid.fit import simulated_fit
-from haptic_teleop_sysid.windows import cut
+from haptic_teleop_sysid.recordings.dataset import DataSet, load_dataset
+from haptic_teleop_sysid.simulation.fit import simulated_fit
+from haptic_teleop_sysid.simulation.windows import cut
 
 SLOW, QUICK = (0.1, 0.6), (0.8, 2.5)
 RUBBING = AXIS.with_values({"omni_y_motor.stribeck_friction.coulomb": 0.03,

@@ -22,14 +22,14 @@ from typing import Any
 
 import numpy as np
 
-from haptic_teleop_sysid.estimation_run import Choices
+from haptic_teleop_sysid.commands.trend import main as trend
 from haptic_teleop_sysid.many.characterise import characterise
 from haptic_teleop_sysid.many.each import Job, Means, each
 from haptic_teleop_sysid.many.kept import DONE
 from haptic_teleop_sysid.many.trend import GIVEN_ERROR, UNEXPLAINED, Trend, trend_of
 from haptic_teleop_sysid.many.trend_picture import charts_picture
 from haptic_teleop_sysid.report import save_png
-from haptic_teleop_sysid.trend import main as trend
+from haptic_teleop_sysid.runs.estimation_run import Choices
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "unit"))
 from weekly_recordings import FIRST_WEEK, FRICTION, NEW, WEEK, Ageing, write_week

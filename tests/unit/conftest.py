@@ -40,9 +40,10 @@ def em(hd_library: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Any]:
 def unillustrated(monkeypatch: pytest.MonkeyPatch) -> None:
     """Reports without their pictures, which take seconds each: for tests of what is told. Others look at the
     pictures."""
-    from haptic_teleop_sysid import compare, dataset_report, estimation_run, verify
+    from haptic_teleop_sysid.commands import compare, dataset_report, verify
     from haptic_teleop_sysid.discovery import conclusion
     from haptic_teleop_sysid.report import page
+    from haptic_teleop_sysid.runs import estimation_run
 
     for module in (compare, conclusion, dataset_report, estimation_run, verify):
         monkeypatch.setattr(module, "save_png", lambda picture, path: path)

@@ -9,10 +9,10 @@ from haptic_teleop_control.acquisition import ABORTED, FINISHED, Acquisition
 from haptic_teleop_control.errors import ConfigurationError
 from haptic_teleop_control.recording import read_recording
 from haptic_teleop_sim.default_models import sfj_stage_model
-from haptic_teleop_sysid.acquire import main
-from haptic_teleop_sysid.dataset import load_dataset
-from haptic_teleop_sysid.preparation import Treatment, lead_in, prepare
-from haptic_teleop_sysid.windows import closed_loop
+from haptic_teleop_sysid.commands.acquire import main
+from haptic_teleop_sysid.recordings.dataset import load_dataset
+from haptic_teleop_sysid.recordings.preparation import Treatment, lead_in, prepare
+from haptic_teleop_sysid.simulation.windows import closed_loop
 
 SIGNAL = {
     "signal.enabled": True,

@@ -10,8 +10,7 @@ from joint_recordings import TRUTH
 
 from haptic_teleop_control.errors import RecordingError
 from haptic_teleop_control.recording import write_recording
-from haptic_teleop_sysid import diagnose as command
-from haptic_teleop_sysid.dataset import load_dataset
+from haptic_teleop_sysid.commands import diagnose as command
 from haptic_teleop_sysid.diagnosis.evidence.consistency import refuse_other_units, refuse_unrelated
 from haptic_teleop_sysid.diagnosis.inputs.cuts import (
     FEWEST_SAMPLES,
@@ -22,8 +21,9 @@ from haptic_teleop_sysid.diagnosis.inputs.cuts import (
 from haptic_teleop_sysid.diagnosis.inputs.plausible import refuse_kinematic, refuse_motionless
 from haptic_teleop_sysid.diagnosis.run import diagnose
 from haptic_teleop_sysid.diagnosis.usable import records_of
-from haptic_teleop_sysid.diagnosis_run import load
 from haptic_teleop_sysid.estimation.records import record_from
+from haptic_teleop_sysid.recordings.dataset import load_dataset
+from haptic_teleop_sysid.runs.diagnosis_run import load
 
 
 def loaded(truth=STAGE, seed=1, seconds=12.0, **more):

@@ -7,8 +7,8 @@ import pytest
 from identification_plants import STAGE, stage_recording
 
 from haptic_teleop_sim.model import Effect
-from haptic_teleop_sysid.dataset import load_dataset
 from haptic_teleop_sysid.diagnosis.evidence.proof import Course
+from haptic_teleop_sysid.recordings.dataset import load_dataset
 
 FRICTION = Effect("coulomb_friction", "stage1_motor", {"torque": 0.2})
 TRUTH = replace(STAGE, effects=(FRICTION,))

@@ -15,7 +15,7 @@ from joint_recordings import TRUTH, excitation, joint_recording, response
 
 from haptic_teleop_control.recording import write_recording
 from haptic_teleop_sim.model import Model, load_model
-from haptic_teleop_sysid import compare
+from haptic_teleop_sysid.commands import compare
 
 TRUE_MODEL = Model("sfj", "stage1", "flexible_joint", TRUTH, fixed=("stiffness", "torque_constant"))
 MODELS = Path(__file__).resolve().parents[1] / "data"

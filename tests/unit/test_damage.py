@@ -9,8 +9,8 @@ from joint_recordings import DT, TRUTH, excitation, joint_recording, response
 from haptic_teleop_control.errors import RecordingError
 from haptic_teleop_control.recording import bag_problems
 from haptic_teleop_sim.model import Model
-from haptic_teleop_sysid.damage import encoder_step, held, leaps, stood_still
-from haptic_teleop_sysid.dataset import load_dataset
+from haptic_teleop_sysid.recordings.damage import encoder_step, held, leaps, stood_still
+from haptic_teleop_sysid.recordings.dataset import load_dataset
 
 MODEL = Model("sfj", "stage1", "flexible_joint", TRUTH, source="stage1.yaml")
 CURRENT = excitation(4000)

@@ -10,7 +10,7 @@ from joint_recordings import DT, START, TRUTH, excitation, joint_recording, resp
 from haptic_teleop_control.errors import MismatchError, RecordingError
 from haptic_teleop_control.recording import JointStateSeries, Recording
 from haptic_teleop_sim.model import Model
-from haptic_teleop_sysid.dataset import load_dataset
+from haptic_teleop_sysid.recordings.dataset import load_dataset
 
 MODEL = Model("sfj", "stage1", "flexible_joint", TRUTH, source="stage1.yaml")
 CURRENT = excitation(2000)

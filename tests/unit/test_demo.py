@@ -18,7 +18,7 @@ from scenario_recordings import Made, scenario
 
 from haptic_teleop_control.errors import ConfigurationError
 from haptic_teleop_control.recording import write_recording
-from haptic_teleop_sysid import demo
+from haptic_teleop_sysid.commands import demo
 
 
 @pytest.fixture
@@ -52,7 +52,7 @@ def test_the_scenario_does_not_outlive_who_began_it_however_that_ends(tmp_path):
     )
     nodes.chmod(0o755)
     program = (
-        "import sys; from pathlib import Path; from haptic_teleop_sysid import demo\n"
+        "import sys; from pathlib import Path; from haptic_teleop_sysid.commands import demo\n"
         f"sys.executable = {str(nodes)!r}; demo.run_scenario(Path('none.yaml'), Path('none'), 1.0)"
     )
     with subprocess.Popen([sys.executable, "-c", program]) as parent:

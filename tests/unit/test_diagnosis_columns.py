@@ -8,7 +8,6 @@ import pytest
 from identification_plants import STAGE, stage_recording
 
 from haptic_teleop_sim.model import Effect
-from haptic_teleop_sysid.dataset import load_dataset
 from haptic_teleop_sysid.diagnosis.evidence.proof import Proof
 from haptic_teleop_sysid.diagnosis.inputs.scales import REACH, within_reach
 from haptic_teleop_sysid.diagnosis.report.beside_given import (
@@ -29,8 +28,9 @@ from haptic_teleop_sysid.diagnosis.report.columns import (
 from haptic_teleop_sysid.diagnosis.report.summary import moved_sentence, percent
 from haptic_teleop_sysid.diagnosis.usable import records_of
 from haptic_teleop_sysid.estimation.whole_fit import fit_from_scratch
-from haptic_teleop_sysid.fit import SimulatedFit
-from haptic_teleop_sysid.windows import Windows
+from haptic_teleop_sysid.recordings.dataset import load_dataset
+from haptic_teleop_sysid.simulation.fit import SimulatedFit
+from haptic_teleop_sysid.simulation.windows import Windows
 
 #: What the lab believes: a drive inertia that is a fifth too small, the rest right.
 GIVEN = STAGE.with_values({"motor_inertia": 0.8 * STAGE.parameters["motor_inertia"]})

@@ -10,7 +10,6 @@ from test_diagnosis_parts import DT, MODEL, fit_of, joint_record
 
 import haptic_teleop_sysid.diagnosis.decision.doubt as doubt_module
 from haptic_teleop_sim.model import Effect
-from haptic_teleop_sysid.dataset import load_dataset
 from haptic_teleop_sysid.diagnosis import explain as explaining
 from haptic_teleop_sysid.diagnosis import question as questioning
 from haptic_teleop_sysid.diagnosis import run as diagnosis
@@ -25,6 +24,7 @@ from haptic_teleop_sysid.diagnosis.inputs.scales import recording_scales
 from haptic_teleop_sysid.diagnosis.usable import records_of
 from haptic_teleop_sysid.estimation.records import record_from
 from haptic_teleop_sysid.estimation.whole_fit import fit_from_scratch, fit_whole, noise_starts
+from haptic_teleop_sysid.recordings.dataset import load_dataset
 
 DRAG = Effect("quadratic_drag", "stage1_motor", {"coefficient": 2.0})
 

@@ -13,7 +13,6 @@ from haptic_teleop_sim.experiments import run_open_loop
 from haptic_teleop_sim.hardware import SfjRobot
 from haptic_teleop_sim.model import Effect
 from haptic_teleop_sim.sfj_robot import SfjSettings, stage_hardware
-from haptic_teleop_sysid.dataset import load_dataset
 from haptic_teleop_sysid.diagnosis.decision.decide import Choice
 from haptic_teleop_sysid.diagnosis.decision.reasons import Doubt, momentary, rather_event, slipped
 from haptic_teleop_sysid.diagnosis.evidence.events import _lines, bursts, moment, steady_line
@@ -21,6 +20,7 @@ from haptic_teleop_sysid.diagnosis.hypotheses.explanation import Explanation
 from haptic_teleop_sysid.diagnosis.run import diagnose
 from haptic_teleop_sysid.diagnosis.usable import records_of
 from haptic_teleop_sysid.estimation.whole_fit import fit_from_scratch, fit_whole
+from haptic_teleop_sysid.recordings.dataset import load_dataset
 
 DT, SECONDS, RMS = 0.002, 20.0, 0.12
 TIME = DT * np.arange(round(SECONDS / DT))

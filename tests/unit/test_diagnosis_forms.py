@@ -6,7 +6,6 @@ import pytest
 from identification_plants import STAGE, stage_recording
 
 from haptic_teleop_sim.model import Effect
-from haptic_teleop_sysid.dataset import load_dataset
 from haptic_teleop_sysid.diagnosis.decision.decide import Choice
 from haptic_teleop_sysid.diagnosis.decision.search import _alone
 from haptic_teleop_sysid.diagnosis.hypotheses.explanation import Explanation
@@ -15,6 +14,7 @@ from haptic_teleop_sysid.diagnosis.run import diagnose
 from haptic_teleop_sysid.diagnosis.starts.forms import richer_forms
 from haptic_teleop_sysid.estimation.records import record_from
 from haptic_teleop_sysid.estimation.whole_fit import fit_from_scratch, fit_whole
+from haptic_teleop_sysid.recordings.dataset import load_dataset
 
 PLAIN = Effect("coulomb_friction", "stage1_arm", {"torque": 0.1})
 LATE = Effect("input_delay", "stage1_actuator", {"delay": 0.004})

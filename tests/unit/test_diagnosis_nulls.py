@@ -11,7 +11,6 @@ from test_diagnosis_parts import MODEL, explanation, fit_of, joint_record
 from haptic_teleop_control.errors import RecordingError
 from haptic_teleop_sim.kernel import pack
 from haptic_teleop_sim.model import Effect
-from haptic_teleop_sysid.dataset import load_dataset
 from haptic_teleop_sysid.diagnosis import explain as explaining
 from haptic_teleop_sysid.diagnosis import run as diagnosis
 from haptic_teleop_sysid.diagnosis.decision.decide import Choice
@@ -28,6 +27,7 @@ from haptic_teleop_sysid.diagnosis.inputs.scales import recording_scales
 from haptic_teleop_sysid.diagnosis.usable import records_of, sense_follows
 from haptic_teleop_sysid.estimation.likelihood import innovations
 from haptic_teleop_sysid.estimation.whole_fit import fit_from_scratch
+from haptic_teleop_sysid.recordings.dataset import load_dataset
 
 
 @pytest.fixture(scope="module")

@@ -12,13 +12,13 @@ from stepped_machines import RIGID, drive, pendulum, record, two_masses
 from haptic_teleop_sim.model import Effect, Model
 from haptic_teleop_sim.omni_robot import OMNI_PARAMETERS
 from haptic_teleop_sim.sfj_robot import SFJ_PARAMETERS
-from haptic_teleop_sysid import acquire, compare, export
+from haptic_teleop_sysid.commands import acquire, compare, export
 from haptic_teleop_sysid.diagnosis.evidence.inverse_dynamics.motion import banded, motion_band
 from haptic_teleop_sysid.diagnosis.report.page_law import law_curve, law_plot
 from haptic_teleop_sysid.diagnosis.report.page_lead import lead
 from haptic_teleop_sysid.diagnosis.report.page_reasons import reasons
 from haptic_teleop_sysid.diagnosis.report.page_steps import Origin, steps
-from haptic_teleop_sysid.parameter_units import Units
+from haptic_teleop_sysid.recordings.parameter_units import Units
 from haptic_teleop_sysid.report import Page
 
 MODEL = RIGID.with_values({"motor_inertia": 0.14, "motor_damping": 0.35})

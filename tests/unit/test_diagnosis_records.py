@@ -7,10 +7,10 @@ import pytest
 from identification_plants import STAGE, stage_recording
 
 from haptic_teleop_control.errors import RecordingError
-from haptic_teleop_sysid.dataset import load_dataset
 from haptic_teleop_sysid.diagnosis.evidence.current import _starts, shown_by_current
 from haptic_teleop_sysid.diagnosis.inputs.plausible import refuse_copies, with_contradictions
 from haptic_teleop_sysid.diagnosis.usable import FEWEST_SAMPLES, records_of
+from haptic_teleop_sysid.recordings.dataset import load_dataset
 
 
 @pytest.fixture(scope="module")

@@ -8,7 +8,6 @@ import pytest
 from test_diagnosis_parts import DT, MODEL, coupled, explanation, joint_record
 
 from haptic_teleop_sim.model import Effect
-from haptic_teleop_sysid.dataset import DataSet
 from haptic_teleop_sysid.diagnosis.decision.decide import choose
 from haptic_teleop_sysid.diagnosis.decision.doubt import doubted
 from haptic_teleop_sysid.diagnosis.decision.explore import explore
@@ -23,6 +22,7 @@ from haptic_teleop_sysid.diagnosis.starts.answers import Answers
 from haptic_teleop_sysid.diagnosis.starts.scan import both, scan
 from haptic_teleop_sysid.diagnosis.starts.screen import screen
 from haptic_teleop_sysid.estimation.whole_fit import fit_from_scratch
+from haptic_teleop_sysid.recordings.dataset import DataSet
 
 
 def scanned(**torques):

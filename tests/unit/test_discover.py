@@ -17,8 +17,8 @@ from haptic_teleop_control.recording import JointStateSeries, read_recording, wr
 from haptic_teleop_sim.effects import EFFECTS
 from haptic_teleop_sim.model import Effect, Model, load_model
 from haptic_teleop_sim.mujoco_effects import unexpressed
-from haptic_teleop_sysid import discover
 from haptic_teleop_sysid.discovery import campaign, chain
+from haptic_teleop_sysid.discovery import command as discover
 from haptic_teleop_sysid.discovery.drawing import LEFT_OUT, choices, draw, lab_model
 from haptic_teleop_sysid.discovery.outcome import judge
 

@@ -10,13 +10,13 @@ from identification_plants import AXIS, STAGE, axis_recording, off, stage_record
 from haptic_teleop_control.errors import ModelError
 from haptic_teleop_control.recording import read_recording
 from haptic_teleop_sim.model import Effect, load_model
-from haptic_teleop_sysid.dataset import load_dataset
 from haptic_teleop_sysid.estimation.records import records_from
 from haptic_teleop_sysid.estimation.strategies import estimate
-from haptic_teleop_sysid.estimation_report import misled_sentence
-from haptic_teleop_sysid.fit import simulated_fit
-from haptic_teleop_sysid.parameter_table import parameter_rows
-from haptic_teleop_sysid.scores import score_covariance
+from haptic_teleop_sysid.recordings.dataset import load_dataset
+from haptic_teleop_sysid.runs.estimation_report import misled_sentence
+from haptic_teleop_sysid.runs.parameter_table import parameter_rows
+from haptic_teleop_sysid.simulation.fit import simulated_fit
+from haptic_teleop_sysid.simulation.scores import score_covariance
 
 
 def relative_errors(found, truth):

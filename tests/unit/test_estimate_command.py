@@ -10,10 +10,10 @@ from identification_plants import STAGE, axis_recording, stage_recording
 
 from haptic_teleop_control.recording import JointStateSeries, write_recording
 from haptic_teleop_sim.model import load_model
-from haptic_teleop_sysid.compare import main as compare_main
-from haptic_teleop_sysid.dataset_report import main as dataset_main
-from haptic_teleop_sysid.estimate import main
-from haptic_teleop_sysid.preparation import Treatment, prepare, resampled
+from haptic_teleop_sysid.commands.compare import main as compare_main
+from haptic_teleop_sysid.commands.dataset_report import main as dataset_main
+from haptic_teleop_sysid.commands.estimate import main
+from haptic_teleop_sysid.recordings.preparation import Treatment, prepare, resampled
 
 SECONDS = 8.0
 
@@ -254,7 +254,7 @@ def test_the_data_set_report_tells_what_a_poor_signal_cannot_teach(tmp_path, rec
 
 
 def test_treatments_do_what_they_say(recording):
-    from haptic_teleop_sysid.dataset import load_dataset
+    from haptic_teleop_sysid.recordings.dataset import load_dataset
 
     dataset = load_dataset(recording, STAGE, "bag")
     halved = resampled(dataset, 250.0)

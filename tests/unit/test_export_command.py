@@ -12,7 +12,7 @@ from haptic_teleop_control.recording import write_recording
 from haptic_teleop_control.signals.generator import SignalGenerator
 from haptic_teleop_sim import mujoco_robot
 from haptic_teleop_sim.model import Effect, Model
-from haptic_teleop_sysid.export import main
+from haptic_teleop_sysid.commands.export import main
 
 MUJOCO = pytest.mark.skipif(not mujoco_robot.mujoco_installed(), reason="MuJoCo is not installed")
 RIPPLE = Effect("torque_ripple", "stage1_motor", {"amplitude": 0.4, "order": 8.0})

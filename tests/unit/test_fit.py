@@ -11,11 +11,11 @@ from joint_recordings import DT, TRUTH, excitation, joint_recording, response
 
 from haptic_teleop_control.errors import ConfigurationError, ModelError
 from haptic_teleop_sim.model import Effect, Model
-from haptic_teleop_sysid.dataset import load_dataset
-from haptic_teleop_sysid.fit import choose_windows, fit_percent, simulated_fit
-from haptic_teleop_sysid.parameter_fit import fit_parameters
-from haptic_teleop_sysid.velocity_series import velocity_series
-from haptic_teleop_sysid.windows import closed_loop, cut
+from haptic_teleop_sysid.recordings.dataset import load_dataset
+from haptic_teleop_sysid.recordings.velocity_series import velocity_series
+from haptic_teleop_sysid.simulation.fit import choose_windows, fit_percent, simulated_fit
+from haptic_teleop_sysid.simulation.parameter_fit import fit_parameters
+from haptic_teleop_sysid.simulation.windows import closed_loop, cut
 
 MODEL = Model("sfj", "stage1", "flexible_joint", TRUTH)
 N = 5000

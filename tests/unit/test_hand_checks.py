@@ -7,10 +7,10 @@ import pytest
 from scipy.stats import linregress
 
 from haptic_teleop_control.errors import ConfigurationError
-from haptic_teleop_sysid.encoders import check_encoders
-from haptic_teleop_sysid.encoders import main as encoders_main
-from haptic_teleop_sysid.stiffness import joint_stiffness
-from haptic_teleop_sysid.stiffness import main as stiffness_main
+from haptic_teleop_sysid.commands.encoders import check_encoders
+from haptic_teleop_sysid.commands.encoders import main as encoders_main
+from haptic_teleop_sysid.commands.stiffness import joint_stiffness
+from haptic_teleop_sysid.commands.stiffness import main as stiffness_main
 
 TORQUE = np.array([0.1, 0.2, 0.3, 0.4, 0.5])
 

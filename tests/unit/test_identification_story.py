@@ -10,8 +10,8 @@ import pytest
 sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "studies"))
 import identification_story as story
 
-from haptic_teleop_sysid.dataset import load_dataset
 from haptic_teleop_sysid.estimation.strategies import estimate
+from haptic_teleop_sysid.recordings.dataset import load_dataset
 
 
 def test_a_linear_omni_model_verifies_worse_than_the_nonlinear_one_and_worst_when_slow():

@@ -12,11 +12,11 @@ from test_log_files import bag
 from haptic_teleop_control.errors import ConfigurationError, MismatchError, RecordingError
 from haptic_teleop_control.recording import read_recording
 from haptic_teleop_sim.model import Model
-from haptic_teleop_sysid import compare, dataset_report, diagnose
-from haptic_teleop_sysid.dataset import load_dataset
-from haptic_teleop_sysid.estimation_run import Choices, load
-from haptic_teleop_sysid.import_log import main
+from haptic_teleop_sysid.commands import compare, dataset_report, diagnose
+from haptic_teleop_sysid.commands.import_log import main
 from haptic_teleop_sysid.logs.opened import open_recording
+from haptic_teleop_sysid.recordings.dataset import load_dataset
+from haptic_teleop_sysid.runs.estimation_run import Choices, load
 
 T, TORQUE, ANGLE, SPEED = machine()
 DATA = (1e3 * T, 1e3 * TORQUE, np.degrees(ANGLE))

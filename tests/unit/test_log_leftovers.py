@@ -10,7 +10,7 @@ from joint_logs import machine, plain_table, table
 
 from haptic_teleop_control.errors import ConfigurationError
 from haptic_teleop_control.strict_yaml import parse_yaml
-from haptic_teleop_sysid.import_log import main
+from haptic_teleop_sysid.commands.import_log import main
 from haptic_teleop_sysid.logs.opened import open_recording
 from haptic_teleop_sysid.logs.units import unit_of
 

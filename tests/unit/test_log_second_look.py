@@ -9,9 +9,9 @@ from joint_logs import machine, table
 
 from haptic_teleop_control.recording import read_recording
 from haptic_teleop_sim.model import load_model
-from haptic_teleop_sysid.import_log import main
+from haptic_teleop_sysid.commands.import_log import main
+from haptic_teleop_sysid.commands.model_from_log import main as model_main
 from haptic_teleop_sysid.logs.opened import open_recording
-from haptic_teleop_sysid.model_from_log import main as model_main
 
 T, TORQUE, ANGLE, SPEED = machine()
 STATES = "/plant/joint_states"

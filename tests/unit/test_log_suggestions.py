@@ -6,7 +6,7 @@ from joint_logs import HEADER, machine, mapping_file, plain_table, table
 from test_log_files import bag
 
 from haptic_teleop_control.errors import ConfigurationError
-from haptic_teleop_sysid.import_log import main
+from haptic_teleop_sysid.commands.import_log import main
 from haptic_teleop_sysid.logs.opened import open_recording
 
 T, TORQUE, ANGLE, SPEED = machine()

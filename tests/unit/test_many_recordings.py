@@ -15,8 +15,7 @@ from identification_plants import STAGE
 from weekly_recordings import NEW, write_week
 
 from haptic_teleop_control.errors import ConfigurationError, RecordingError
-from haptic_teleop_sysid import diagnose, estimate
-from haptic_teleop_sysid.dataset import load_dataset
+from haptic_teleop_sysid.commands import diagnose, estimate
 from haptic_teleop_sysid.logs.opened import open_recording
 from haptic_teleop_sysid.many import diagnoses
 from haptic_teleop_sysid.many.diagnoses import overview, split
@@ -25,6 +24,7 @@ from haptic_teleop_sysid.many.estimates import together
 from haptic_teleop_sysid.many.folder import find_recordings
 from haptic_teleop_sysid.many.kept import DONE, FAILED, UNUSABLE
 from haptic_teleop_sysid.many.ranking import overview_sentence, ranked
+from haptic_teleop_sysid.recordings.dataset import load_dataset
 
 MODEL = str(Path(__file__).resolve().parents[2] / "config/models/sfj_stage1.yaml")
 COMMAND = "from haptic_teleop_control.front_door import main; raise SystemExit(main())"

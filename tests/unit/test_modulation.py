@@ -5,7 +5,6 @@ import pytest
 from identification_plants import STAGE, stage_recording
 
 from haptic_teleop_sim.model import Effect
-from haptic_teleop_sysid.dataset import load_dataset
 from haptic_teleop_sysid.diagnosis.decision import doubt
 from haptic_teleop_sysid.diagnosis.evidence.modulation import (
     JUST_AFTER,
@@ -18,6 +17,7 @@ from haptic_teleop_sysid.diagnosis.evidence.modulation import (
 )
 from haptic_teleop_sysid.estimation.records import record_from
 from haptic_teleop_sysid.estimation.whole_fit import fit_from_scratch, fit_whole, noise_starts
+from haptic_teleop_sysid.recordings.dataset import load_dataset
 
 FRICTION = Effect("coulomb_friction", "stage1_motor", {"torque": 0.08, "contact_angle": 1e-4})
 UNEVEN = Effect(

@@ -13,8 +13,7 @@ from haptic_teleop_control.acquisition import Acquisition
 from haptic_teleop_control.robots import SFJ_STAGES
 from haptic_teleop_sim.kernel import pack, simulate
 from haptic_teleop_sim.model import Effect
-from haptic_teleop_sysid.acquire import experiment_from
-from haptic_teleop_sysid.dataset import load_dataset
+from haptic_teleop_sysid.commands.acquire import experiment_from
 from haptic_teleop_sysid.diagnosis.decision.decide import Choice
 from haptic_teleop_sysid.diagnosis.decision.search import SearchResult
 from haptic_teleop_sysid.diagnosis.decision.verdict import Verdict, finding
@@ -26,6 +25,7 @@ from haptic_teleop_sysid.diagnosis.report.next_experiment import FILE, next_expe
 from haptic_teleop_sysid.estimation.noise import NoiseModel
 from haptic_teleop_sysid.estimation.records import record_from
 from haptic_teleop_sysid.estimation.whole_fit import fit_from_scratch
+from haptic_teleop_sysid.recordings.dataset import load_dataset
 
 FRICTION = Effect("coulomb_friction", "stage1_motor", {"torque": 0.05})
 

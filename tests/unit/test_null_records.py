@@ -7,12 +7,12 @@ import numpy as np
 from identification_plants import STAGE, stage_recording
 
 from haptic_teleop_sim.model import Effect
-from haptic_teleop_sysid.dataset import load_dataset
 from haptic_teleop_sysid.diagnosis.evidence.null_records import expected_colour, rounding_shows
 from haptic_teleop_sysid.diagnosis.evidence.whiteness import colour
 from haptic_teleop_sysid.diagnosis.hypotheses.explanation import Explanation
 from haptic_teleop_sysid.estimation.records import record_from
 from haptic_teleop_sysid.estimation.whole_fit import fit_from_scratch, fit_whole
+from haptic_teleop_sysid.recordings.dataset import load_dataset
 
 RIPPLE = Effect("torque_ripple", "stage1_motor", {"amplitude": 0.1, "order": 20.0, "phase": 0.0})
 FRICTION = Effect("coulomb_friction", "stage1_motor", {"torque": 0.05})

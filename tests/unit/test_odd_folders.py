@@ -11,8 +11,7 @@ from joint_logs import machine, plain_table, table
 from haptic_teleop_control.command_line import run_command
 from haptic_teleop_control.errors import RecordingError
 from haptic_teleop_sim.model import load_model
-from haptic_teleop_sysid import compare, dataset_report, estimate, export, import_log, model_from_log
-from haptic_teleop_sysid.estimation_run import Choices, load_one
+from haptic_teleop_sysid.commands import compare, dataset_report, estimate, export, import_log, model_from_log
 from haptic_teleop_sysid.logs.opened import open_recording
 from haptic_teleop_sysid.logs.prose import is_prose
 from haptic_teleop_sysid.logs.reading import read_log
@@ -20,6 +19,7 @@ from haptic_teleop_sysid.many.characterise import damage_of
 from haptic_teleop_sysid.many.each import claim
 from haptic_teleop_sysid.many.folder import find_recordings
 from haptic_teleop_sysid.report import claimed
+from haptic_teleop_sysid.runs.estimation_run import Choices, load_one
 
 T, TORQUE, ANGLE, SPEED = machine()
 TABLE = "\n".join(f"{0.002 * i:.3f} {0.1 * i:.3f} {i % 7}" for i in range(40))

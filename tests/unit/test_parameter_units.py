@@ -8,9 +8,9 @@ from joint_logs import DAMPING, INERTIA, machine, table
 
 from haptic_teleop_sim.effects import registry
 from haptic_teleop_sim.model import PARAMETER_UNITS
-from haptic_teleop_sysid import estimate
-from haptic_teleop_sysid.model_from_log import main as model_main
-from haptic_teleop_sysid.parameter_units import Units
+from haptic_teleop_sysid.commands import estimate
+from haptic_teleop_sysid.commands.model_from_log import main as model_main
+from haptic_teleop_sysid.recordings.parameter_units import Units
 
 
 @pytest.mark.parametrize(

@@ -9,11 +9,11 @@ from hypothesis import strategies as st
 from identification_plants import STAGE, stage_recording
 from test_diagnosis_parts import fit_of
 
-from haptic_teleop_sysid.dataset import load_dataset
 from haptic_teleop_sysid.diagnosis.evidence.certainty import known_beside
 from haptic_teleop_sysid.diagnosis.evidence.held_out import reconciled
 from haptic_teleop_sysid.estimation.records import record_from
 from haptic_teleop_sysid.estimation.whole_fit import fit_from_scratch, fit_whole
+from haptic_teleop_sysid.recordings.dataset import load_dataset
 
 
 def recorded(seed, seconds):

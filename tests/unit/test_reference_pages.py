@@ -14,7 +14,7 @@ from plain_docstrings import to_rst
 
 from haptic_teleop_sim.effects import EFFECTS
 from haptic_teleop_sim.model import load_model
-from haptic_teleop_sysid.acquire import experiment_from
+from haptic_teleop_sysid.commands.acquire import experiment_from
 
 NAMED = re.compile(r"(?<![\w/.])(?:docs|config|tests|src|tools)/[\w/]+\.(?:\w+\.)?\w+")
 

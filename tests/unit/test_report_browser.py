@@ -13,10 +13,10 @@ from joint_recordings import TRUTH, excitation, joint_recording, response
 from scenario_recordings import Made, scenario
 
 from haptic_teleop_sim.model import Effect, Model
-from haptic_teleop_sysid.comparison import compare
-from haptic_teleop_sysid.comparison_pictures import comparison_pictures
-from haptic_teleop_sysid.comparison_report import comparison_page
 from haptic_teleop_sysid.report import Page, Panel, Plot, Series, still
+from haptic_teleop_sysid.runs.comparison import compare
+from haptic_teleop_sysid.runs.comparison_pictures import comparison_pictures
+from haptic_teleop_sysid.runs.comparison_report import comparison_page
 from haptic_teleop_sysid.verification.overlay_report import Overlays
 from haptic_teleop_sysid.verification.page import verification_page
 from haptic_teleop_sysid.verification.pictures import stage_picture

@@ -12,6 +12,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
+from haptic_teleop_sysid.recordings.small_motion import hardly_moving, judged, spread
 from haptic_teleop_sysid.report import (
     Page,
     Panel,
@@ -26,7 +27,6 @@ from haptic_teleop_sysid.report import (
 from haptic_teleop_sysid.report.live import PAGE_POINTS, live, packed_script
 from haptic_teleop_sysid.report.plot import LEAST_HEIGHT, thinned
 from haptic_teleop_sysid.report.roles import ROLES, model_roles
-from haptic_teleop_sysid.small_motion import hardly_moving, judged, spread
 
 MEGABYTE = 1_000_000
 TIME = np.arange(5000) * 1e-3

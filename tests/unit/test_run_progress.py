@@ -8,9 +8,9 @@ import pytest
 from identification_plants import STAGE, stage_recording
 from rich.console import Console
 
-from haptic_teleop_sysid import run_progress
 from haptic_teleop_sysid.blind.forked import run_forked
-from haptic_teleop_sysid.dataset import load_dataset
+from haptic_teleop_sysid.commands import run_progress
+from haptic_teleop_sysid.commands.run_progress import OFTEN, SELDOM, RunProgress
 from haptic_teleop_sysid.diagnosis.report.forecast import (
     BASELINE,
     REST,
@@ -19,7 +19,7 @@ from haptic_teleop_sysid.diagnosis.report.forecast import (
     pass_seconds,
 )
 from haptic_teleop_sysid.diagnosis.usable import records_of
-from haptic_teleop_sysid.run_progress import OFTEN, SELDOM, RunProgress
+from haptic_teleop_sysid.recordings.dataset import load_dataset
 
 
 class Clock:

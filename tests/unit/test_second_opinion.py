@@ -9,7 +9,7 @@ import pytest
 from stepped_machines import RIGID, pendulum
 
 from haptic_teleop_sim.model import Effect, load_model
-from haptic_teleop_sysid.diagnose import main
+from haptic_teleop_sysid.commands.diagnose import main
 from haptic_teleop_sysid.diagnosis.decision.decide import Choice
 from haptic_teleop_sysid.diagnosis.decision.overruled import (
     as_result,

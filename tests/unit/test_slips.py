@@ -9,8 +9,8 @@ from hypothesis import strategies as st
 from joint_recordings import TRUTH, excitation, joint_recording, response
 
 from haptic_teleop_sim.model import Model
-from haptic_teleop_sysid.dataset import load_dataset
-from haptic_teleop_sysid.slips import put_back, slips
+from haptic_teleop_sysid.recordings.dataset import load_dataset
+from haptic_teleop_sysid.recordings.slips import put_back, slips
 
 DT = 0.002
 TIME = DT * np.arange(4000)

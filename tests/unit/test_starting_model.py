@@ -8,11 +8,11 @@ from joint_logs import DAMPING, INERTIA, machine, plain_table, table
 from joint_recordings import DT, TRUTH, response
 
 from haptic_teleop_sim.model import load_model
-from haptic_teleop_sysid import estimate
-from haptic_teleop_sysid.dataset import load_dataset
-from haptic_teleop_sysid.fit import simulated_fit
+from haptic_teleop_sysid.commands import estimate
+from haptic_teleop_sysid.commands.model_from_log import main
 from haptic_teleop_sysid.logs.opened import open_recording
-from haptic_teleop_sysid.model_from_log import main
+from haptic_teleop_sysid.recordings.dataset import load_dataset
+from haptic_teleop_sysid.simulation.fit import simulated_fit
 
 TIME = 0.002 * np.arange(6000)
 HEADER = ("time [s]", "torque [Nm]", "angle [rad]")

@@ -10,7 +10,7 @@ from haptic_teleop_control.parameter_files import load_parameter_file
 from haptic_teleop_control.strict_yaml import dump_yaml, parse_value, parse_yaml, yaml_problem
 from haptic_teleop_omni.layout import load_layout
 from haptic_teleop_sim.model import load_model
-from haptic_teleop_sysid.hand_table import read_table
+from haptic_teleop_sysid.commands.hand_table import read_table
 
 READERS = [load_parameter_file, load_model, load_layout, read_table]
 BROKEN = "first: 1\nsecond: [1, 2\nthird: 3\n"

@@ -9,12 +9,12 @@ from scipy.stats import t as student
 from weekly_recordings import FIRST_WEEK, FRICTION, NEW, WEEK, Ageing, write_week
 
 from haptic_teleop_control.errors import ConfigurationError
+from haptic_teleop_sysid.commands.trend import main
 from haptic_teleop_sysid.many.charts import Quantity, chart
 from haptic_teleop_sysid.many.folder import Listing, in_order
 from haptic_teleop_sysid.many.limits import limits, moving
 from haptic_teleop_sysid.many.trend import trend_of
 from haptic_teleop_sysid.many.trend_words import change_sentence
-from haptic_teleop_sysid.trend import main
 
 REFERENCE, YEAR, ALARM = 12, 52, 0.02
 

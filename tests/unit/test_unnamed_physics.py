@@ -20,7 +20,7 @@ from haptic_teleop_sysid.diagnosis.inputs.scales import recording_scales, within
 from haptic_teleop_sysid.diagnosis.report.page_map import map_picture
 from haptic_teleop_sysid.estimation.records import Record
 from haptic_teleop_sysid.estimation.whole_fit import fit_from_scratch
-from haptic_teleop_sysid.parameter_units import Units
+from haptic_teleop_sysid.recordings.parameter_units import Units
 
 LAB = Model(
     "sfj", "stage1", "flexible_joint",

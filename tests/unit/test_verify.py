@@ -11,7 +11,7 @@ from scenario_recordings import CONSTANT, PARAMETERS, Made, scenario
 
 from haptic_teleop_control.errors import MismatchError
 from haptic_teleop_control.recording import Recording, write_recording
-from haptic_teleop_sysid import verify
+from haptic_teleop_sysid.commands import verify
 from haptic_teleop_sysid.verification.conclusion import conclusion
 from haptic_teleop_sysid.verification.contact import longest_still
 from haptic_teleop_sysid.verification.run import agreement, examine

@@ -15,7 +15,7 @@ from haptic_teleop_control.errors import ConfigurationError, MismatchError
 from haptic_teleop_control.recording import Recording, write_recording
 from haptic_teleop_sim.lockstep import load_scenario, run_scenario
 from haptic_teleop_sim.scenario_parameters import check_scenario
-from haptic_teleop_sysid import demo, verify
+from haptic_teleop_sysid.commands import demo, verify
 from haptic_teleop_sysid.verification.overlay import overlay
 from haptic_teleop_sysid.verification.overlay_report import overlay_all, overlay_pictures, overlay_table
 from haptic_teleop_sysid.verification.simulation import UntrustedCode, simulate_recording

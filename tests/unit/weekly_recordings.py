@@ -11,7 +11,7 @@ from identification_plants import STAGE, stage_recording
 from haptic_teleop_control.recording import JointStateSeries, write_recording
 from haptic_teleop_control.robots import VELOCITY_FILTER_CUTOFF_HZ, VELOCITY_FILTER_DAMPING
 from haptic_teleop_sim.model import Effect, Model
-from haptic_teleop_sysid.velocity_series import velocity_series
+from haptic_teleop_sysid.recordings.velocity_series import velocity_series
 
 FRICTION = "stage1_motor.coulomb_friction.torque"
 NEW = replace(

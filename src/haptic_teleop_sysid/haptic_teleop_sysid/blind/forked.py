@@ -15,7 +15,11 @@ from typing import IO
 
 _SERVER = multiprocessing.get_context("forkserver")
 _SERVER.set_forkserver_preload(
-    ["haptic_teleop_control.front_door", "haptic_teleop_sysid.diagnose", "haptic_teleop_sim.kernel.predict"]
+    [
+        "haptic_teleop_control.front_door",
+        "haptic_teleop_sysid.commands.diagnose",
+        "haptic_teleop_sim.kernel.predict",
+    ]
 )
 
 _LOOK = 1.0

@@ -9,10 +9,10 @@ import numpy as np
 
 from haptic_teleop_control.errors import RecordingError
 from haptic_teleop_sim.model import Model
-from haptic_teleop_sysid.dataset import DataSet
 from haptic_teleop_sysid.estimation.likelihood import FAILURES
 from haptic_teleop_sysid.estimation.records import Record
 from haptic_teleop_sysid.estimation.whole_fit import fit_from_scratch
+from haptic_teleop_sysid.recordings.dataset import DataSet
 
 from .decision.search import LEAST_PERCENT, POOR_FIT, SearchResult, search, search_by_simulation
 from .evidence.current import shown_by_current

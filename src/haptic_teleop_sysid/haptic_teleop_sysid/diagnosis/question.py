@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-from haptic_teleop_sysid.dataset import DataSet
+from haptic_teleop_sysid.recordings.dataset import DataSet
 
 from .decision.doubt import coloured, doubted
 from .decision.overruled import as_result, believed_instead, beyond_reach, inadequate

@@ -8,7 +8,7 @@ from typing import Any
 
 from haptic_teleop_sim.effects import MEASURED
 from haptic_teleop_sim.model import Model
-from haptic_teleop_sysid.dataset import DataSet
+from haptic_teleop_sysid.recordings.dataset import DataSet
 
 from .decision.adequacy import adequacy, short_of
 from .decision.decide import Choice

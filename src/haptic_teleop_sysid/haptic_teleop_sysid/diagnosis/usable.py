@@ -7,8 +7,8 @@ from collections.abc import Sequence
 import numpy as np
 
 from haptic_teleop_control.errors import RecordingError
-from haptic_teleop_sysid.dataset import DataSet
 from haptic_teleop_sysid.estimation.records import Record, records_from
+from haptic_teleop_sysid.recordings.dataset import DataSet
 
 from .evidence.consistency import refuse_other_units, refuse_unrelated
 from .inputs.cuts import FEWEST_SAMPLES

@@ -25,10 +25,10 @@ from haptic_teleop_control.strict_yaml import dump_yaml, parse_yaml
 from haptic_teleop_sim.lockstep import simulate_scenario
 from haptic_teleop_sim.model import Model
 from haptic_teleop_sim.scenario_parameters import check_scenario
-from haptic_teleop_sysid import acquire
-from haptic_teleop_sysid.demo import SCENARIO, find_scenario, run_scenario
-from haptic_teleop_sysid.recorded_parameters import flattened
-from haptic_teleop_sysid.time_grid import GAP_PERIODS
+from haptic_teleop_sysid.commands import acquire
+from haptic_teleop_sysid.commands.demo import SCENARIO, find_scenario, run_scenario
+from haptic_teleop_sysid.recordings.recorded_parameters import flattened
+from haptic_teleop_sysid.recordings.time_grid import GAP_PERIODS
 from haptic_teleop_sysid.verification.signals import STATE_TOPIC
 
 Array = NDArray[np.float64]

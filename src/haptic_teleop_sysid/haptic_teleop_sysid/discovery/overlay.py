@@ -17,12 +17,12 @@ from haptic_teleop_control.recording import read_recording
 from haptic_teleop_control.robots import STAGES
 from haptic_teleop_sim.lockstep import load_scenario, record_scenario
 from haptic_teleop_sim.model import Model
-from haptic_teleop_sysid.comparison_pictures import percent_text, within
-from haptic_teleop_sysid.dataset import load_dataset
 from haptic_teleop_sysid.diagnosis.inputs.uses import with_command
 from haptic_teleop_sysid.discovery.campaign import scenario_content, with_plant, without_wall, write_files
-from haptic_teleop_sysid.fit import choose_windows, fit_percent, simulated_fit
+from haptic_teleop_sysid.recordings.dataset import load_dataset
 from haptic_teleop_sysid.report import Panel, Plot, Series
+from haptic_teleop_sysid.runs.comparison_pictures import percent_text, within
+from haptic_teleop_sysid.simulation.fit import choose_windows, fit_percent, simulated_fit
 from haptic_teleop_sysid.verification.pictures import stage_picture
 from haptic_teleop_sysid.verification.run import Run, agreement, examine
 

@@ -6,10 +6,10 @@ from collections.abc import Mapping
 from typing import Any
 
 from haptic_teleop_sim.effects import EFFECTS
-from haptic_teleop_sysid.comparison_pictures import percent_text
 from haptic_teleop_sysid.discovery.outcome import Judgement
 from haptic_teleop_sysid.discovery.overlay import AUGMENTED, LAB, REFITTED, Fits, mean
 from haptic_teleop_sysid.report import Link, Page, Plot, Section, unit_text, with_error
+from haptic_teleop_sysid.runs.comparison_pictures import percent_text
 
 _GOOD = {"right": "good", "in the set": "fair", "unknown": "fair", "right place": "bad"}
 _ROWS = {

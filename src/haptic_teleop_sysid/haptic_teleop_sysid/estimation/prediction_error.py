@@ -16,9 +16,9 @@ import numpy as np
 
 from haptic_teleop_sim.kernel import pack
 from haptic_teleop_sim.model import Model
-from haptic_teleop_sysid.dataset import DataSet
-from haptic_teleop_sysid.fit import choose_windows, simulated_fit
-from haptic_teleop_sysid.windows import Windows
+from haptic_teleop_sysid.recordings.dataset import DataSet
+from haptic_teleop_sysid.simulation.fit import choose_windows, simulated_fit
+from haptic_teleop_sysid.simulation.windows import Windows
 
 from .gauss_newton import Fit, Limits, bounds, fit_parameters
 from .graduated import STAGES, approach, distrustful_noise, fit_far_and_near

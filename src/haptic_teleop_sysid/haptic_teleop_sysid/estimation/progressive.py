@@ -10,10 +10,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from haptic_teleop_sim.model import Model
-from haptic_teleop_sysid.dataset import DataSet
-from haptic_teleop_sysid.fit import choose_windows
-from haptic_teleop_sysid.parameter_fit import fit_parameters
-from haptic_teleop_sysid.windows import cut
+from haptic_teleop_sysid.recordings.dataset import DataSet
+from haptic_teleop_sysid.simulation.fit import choose_windows
+from haptic_teleop_sysid.simulation.parameter_fit import fit_parameters
+from haptic_teleop_sysid.simulation.windows import cut
 
 from .gauss_newton import Limits
 from .progress import Progress, silent

@@ -9,8 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from haptic_teleop_control.robots import OMNI_RESOLUTION, SFJ_STAGES
-from haptic_teleop_sysid.damage import encoder_step
-from haptic_teleop_sysid.dataset import DataSet
+from haptic_teleop_sysid.recordings.damage import encoder_step
+from haptic_teleop_sysid.recordings.dataset import DataSet
 
 FloatArray = NDArray[np.float64]
 LONGEST_HOLE = 5

@@ -8,9 +8,9 @@ from dataclasses import replace
 
 from haptic_teleop_control.errors import ModelError
 from haptic_teleop_sim.model import Model
-from haptic_teleop_sysid.dataset import DataSet
-from haptic_teleop_sysid.fit import choose_windows
-from haptic_teleop_sysid.parameter_fit import fit_parameters as least_squares
+from haptic_teleop_sysid.recordings.dataset import DataSet
+from haptic_teleop_sysid.simulation.fit import choose_windows
+from haptic_teleop_sysid.simulation.parameter_fit import fit_parameters as least_squares
 
 from .gauss_newton import Limits, bounds
 from .prediction_error import cross_checked, prediction_error

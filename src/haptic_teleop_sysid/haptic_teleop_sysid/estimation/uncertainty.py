@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 from haptic_teleop_control.errors import ModelError
 from haptic_teleop_sim.kernel import Packed, pack
 from haptic_teleop_sim.model import STRUCTURES
-from haptic_teleop_sysid.scores import score_covariance
+from haptic_teleop_sysid.simulation.scores import score_covariance
 
 from .gauss_newton import Fit, whiten
 from .likelihood import channels, innovations, settling

@@ -10,7 +10,7 @@ from haptic_teleop_control.errors import ConfigurationError, RecordingError
 from haptic_teleop_sysid.logs.log import Column, Log
 from haptic_teleop_sysid.logs.mapping import Mapping
 from haptic_teleop_sysid.logs.signals import unit_in_force
-from haptic_teleop_sysid.time_grid import GAP_PERIODS
+from haptic_teleop_sysid.recordings.time_grid import GAP_PERIODS
 
 ORIGIN = 1_000_000_000
 """s, where a time counts from that is no date: a stamp of zero means "none" to ROS."""

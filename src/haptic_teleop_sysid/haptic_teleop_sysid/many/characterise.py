@@ -13,17 +13,17 @@ import numpy as np
 from haptic_teleop_control.errors import RecordingError
 from haptic_teleop_control.recording import Recording
 from haptic_teleop_sim.model import Model
-from haptic_teleop_sysid.channels import channels_for
 from haptic_teleop_sysid.diagnosis.decision.adequacy import added_torque
 from haptic_teleop_sysid.diagnosis.inputs.plausible import refuse_implausible
+from haptic_teleop_sysid.estimation.excitation import at_values
 from haptic_teleop_sysid.estimation.records import records_from
 from haptic_teleop_sysid.estimation.strategies import estimate
-from haptic_teleop_sysid.estimation_run import Choices, load_one
-from haptic_teleop_sysid.excitation import at_values
-from haptic_teleop_sysid.fit import SimulatedFit, choose_windows, simulated_fit
 from haptic_teleop_sysid.logs.story import how_read
-from haptic_teleop_sysid.parameter_units import Units
+from haptic_teleop_sysid.recordings.channels import channels_for
+from haptic_teleop_sysid.recordings.parameter_units import Units
 from haptic_teleop_sysid.results import plain
+from haptic_teleop_sysid.runs.estimation_run import Choices, load_one
+from haptic_teleop_sysid.simulation.fit import SimulatedFit, choose_windows, simulated_fit
 
 
 def characterise(bag: str, model: Model, choices: Choices, folder: Path | None = None) -> dict[str, Any]:

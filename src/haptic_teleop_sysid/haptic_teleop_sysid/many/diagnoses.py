@@ -10,14 +10,14 @@ from typing import Any
 
 from haptic_teleop_control.errors import ConfigurationError, RecordingError
 from haptic_teleop_sim.model import Model
-from haptic_teleop_sysid.dataset import DataSet
 from haptic_teleop_sysid.diagnosis.decision.adequacy import SLIGHT_ERROR
 from haptic_teleop_sysid.diagnosis.inputs.cuts import FEWEST_SAMPLES, refuse_too_long
 from haptic_teleop_sysid.diagnosis.inputs.uses import cut_behind, longest_stretch, usable_seconds
 from haptic_teleop_sysid.diagnosis.report.summary import moved_words
-from haptic_teleop_sysid.diagnosis_run import Options, diagnose_into, load, refuse_too_many
 from haptic_teleop_sysid.logs.reading import is_foreign
 from haptic_teleop_sysid.logs.story import how_read
+from haptic_teleop_sysid.recordings.dataset import DataSet
+from haptic_teleop_sysid.runs.diagnosis_run import Options, diagnose_into, load, refuse_too_many
 
 from .each import Job
 from .folder import Found

@@ -15,11 +15,11 @@ import scipy
 
 from haptic_teleop_control.counted import counted
 from haptic_teleop_sim.model import Model
-from haptic_teleop_sysid.estimation_report import verdict
-from haptic_teleop_sysid.estimation_run import Choices, load, run_estimate, write_results
-from haptic_teleop_sysid.parameter_table import parameter_rows
 from haptic_teleop_sysid.report import Link, Page, error_text, rounded, unit_text, with_error
 from haptic_teleop_sysid.results import plain
+from haptic_teleop_sysid.runs.estimation_report import verdict
+from haptic_teleop_sysid.runs.estimation_run import Choices, load, run_estimate, write_results
+from haptic_teleop_sysid.runs.parameter_table import parameter_rows
 
 from .each import Job
 from .folder import Found

@@ -12,7 +12,7 @@ from dataclasses import asdict, dataclass
 from typing import Any
 
 from haptic_teleop_control.recording import Recording
-from haptic_teleop_sysid.recorded_parameters import flattened
+from haptic_teleop_sysid.recordings.recorded_parameters import flattened
 
 WALL, SIMULATED, LOCKSTEP = "wall", "simulated", "lockstep"
 ACHIEVED, WANTED, REPEATS = "real-time factor", "real-time factor wanted", "ticks asked for again"

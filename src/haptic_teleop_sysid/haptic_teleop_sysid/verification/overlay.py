@@ -12,8 +12,8 @@ from numpy.typing import NDArray
 
 from haptic_teleop_control.recording import JointStateSeries, Recording
 from haptic_teleop_control.robots import PAIRS
-from haptic_teleop_sysid.fit import fit_percent
-from haptic_teleop_sysid.small_motion import SMALLEST_SPREAD, spread
+from haptic_teleop_sysid.recordings.small_motion import SMALLEST_SPREAD, spread
+from haptic_teleop_sysid.simulation.fit import fit_percent
 from haptic_teleop_sysid.verification.signals import MASTER_TOPIC, REFERENCE_TOPIC, STATE_TOPIC
 from haptic_teleop_sysid.verification.simulation import SimulatedRun
 

@@ -7,8 +7,8 @@ from dataclasses import dataclass
 
 from haptic_teleop_control.errors import HapticTeleopError
 from haptic_teleop_control.recording import Recording
+from haptic_teleop_sysid.recordings.small_motion import SMALLEST_SPREAD, spread
 from haptic_teleop_sysid.report import Panel, Plot, Series
-from haptic_teleop_sysid.small_motion import SMALLEST_SPREAD, spread
 from haptic_teleop_sysid.verification.overlay import Comparison, Overlay, overlay
 from haptic_teleop_sysid.verification.simulation import can_be_simulated, simulate_recording
 

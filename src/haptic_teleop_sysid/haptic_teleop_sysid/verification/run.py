@@ -10,8 +10,8 @@ import numpy as np
 
 from haptic_teleop_control.recording import Recording
 from haptic_teleop_control.teleoperation.recorded_energy import PortEnergy, port_energies
-from haptic_teleop_sysid.fit import fit_percent
-from haptic_teleop_sysid.recorded_parameters import recorded_text
+from haptic_teleop_sysid.recordings.recorded_parameters import recorded_text
+from haptic_teleop_sysid.simulation.fit import fit_percent
 from haptic_teleop_sysid.verification.clock import read_clock
 from haptic_teleop_sysid.verification.faults import Fault, find_faults
 from haptic_teleop_sysid.verification.machine import Machine, read_machine

@@ -10,7 +10,7 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from haptic_teleop_control.robots import PAIRS, SFJ_STAGES
-from haptic_teleop_sysid.recorded_parameters import recorded_value
+from haptic_teleop_sysid.recordings.recorded_parameters import recorded_value
 
 CONTROLLER = ("force_controller",)
 PLANT = ("sfj_sim", "sfj_driver")

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from haptic_teleop_control.errors import MismatchError
 from haptic_teleop_control.robots import PAIRS, SFJ_STAGES
-from haptic_teleop_sysid.recorded_parameters import recorded_text
+from haptic_teleop_sysid.recordings.recorded_parameters import recorded_text
 from haptic_teleop_sysid.verification.settings import CONTROLLER, StageSettings, stage_settings
 
 if TYPE_CHECKING:

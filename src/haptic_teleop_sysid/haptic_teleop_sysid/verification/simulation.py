@@ -17,7 +17,7 @@ from haptic_teleop_control.robots import STAGES
 from haptic_teleop_control.teleoperation.sides import REFERENCES
 from haptic_teleop_sim.lockstep import run_scenario
 from haptic_teleop_sim.scenario_parameters import TABLES, ScenarioParameters, check_scenario, load_scenario
-from haptic_teleop_sysid.recorded_parameters import flattened
+from haptic_teleop_sysid.recordings.recorded_parameters import flattened
 from haptic_teleop_sysid.verification.signals import MASTER_TOPIC, REFERENCE_TOPIC, STATE_TOPIC
 
 PLANTS = ("sfj_sim", "omni_sim")

@@ -19,7 +19,7 @@ from haptic_teleop_control.laws.sfj_master import SfjMasterSide
 from haptic_teleop_control.recording import JointStateSeries, Recording
 from haptic_teleop_control.robots import STAGES
 from haptic_teleop_control.teleoperation.sides import AXES, REFERENCES
-from haptic_teleop_sysid.recorded_parameters import flattened, recorded_text, recorded_value
+from haptic_teleop_sysid.recordings.recorded_parameters import flattened, recorded_text, recorded_value
 from haptic_teleop_sysid.verification.settings import CONTROLLER, StageSettings
 from haptic_teleop_sysid.verification.signals import REFERENCE_TOPIC, Array, StageRun, held
 

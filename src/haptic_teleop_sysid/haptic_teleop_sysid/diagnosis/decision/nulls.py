@@ -14,10 +14,10 @@ from typing import Any
 import numpy as np
 
 from haptic_teleop_sim.model import Model
-from haptic_teleop_sysid.dataset import DataSet
 from haptic_teleop_sysid.estimation.gauss_newton import Fit
 from haptic_teleop_sysid.estimation.noise import NoiseModel
 from haptic_teleop_sysid.estimation.parallel import by_itself
+from haptic_teleop_sysid.recordings.dataset import DataSet
 
 from ..evidence.null_records import levels_of, null_dataset
 from .decide import significant

@@ -6,9 +6,9 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
-from haptic_teleop_sysid.dataset import DataSet
 from haptic_teleop_sysid.estimation.gauss_newton import Fit
 from haptic_teleop_sysid.estimation.records import Record
+from haptic_teleop_sysid.recordings.dataset import DataSet
 
 from ..evidence.events import bursts, moment, steady_line
 from ..evidence.held_out import held_out_fit

@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 from haptic_teleop_sim.effects import EFFECTS
 from haptic_teleop_sim.kernel import acting_torque, pack
 from haptic_teleop_sim.model import Effect, Model
-from haptic_teleop_sysid.dataset import DataSet
+from haptic_teleop_sysid.recordings.dataset import DataSet
 
 FloatArray = NDArray[np.float64]
 

@@ -12,14 +12,14 @@ from numpy.typing import NDArray
 
 from haptic_teleop_control.errors import RecordingError
 from haptic_teleop_sim.kernel import pack, simulate
-from haptic_teleop_sysid.dataset import DataSet
 from haptic_teleop_sysid.estimation.gauss_newton import Fit
 from haptic_teleop_sysid.estimation.likelihood import covariance, innovations
 from haptic_teleop_sysid.estimation.noise import NoiseModel
 from haptic_teleop_sysid.estimation.records import Record, records_from
 from haptic_teleop_sysid.estimation.whole_fit import fit_whole
-from haptic_teleop_sysid.motion import derivative, finite
-from haptic_teleop_sysid.velocity_series import velocity_series
+from haptic_teleop_sysid.recordings.dataset import DataSet
+from haptic_teleop_sysid.recordings.motion import derivative, finite
+from haptic_teleop_sysid.recordings.velocity_series import velocity_series
 
 from ..hypotheses.explanation import Explanation
 from .whiteness import colour

@@ -11,9 +11,9 @@ from typing import Any
 import numpy as np
 
 from haptic_teleop_sim.model import Model
-from haptic_teleop_sysid.dataset import DataSet
-from haptic_teleop_sysid.fit import SimulatedFit, choose_windows, simulated_fit
-from haptic_teleop_sysid.windows import Windows
+from haptic_teleop_sysid.recordings.dataset import DataSet
+from haptic_teleop_sysid.simulation.fit import SimulatedFit, choose_windows, simulated_fit
+from haptic_teleop_sysid.simulation.windows import Windows
 
 from ..inputs.coarse import coarser, thinned_data
 from ..inputs.uses import Uses, with_command

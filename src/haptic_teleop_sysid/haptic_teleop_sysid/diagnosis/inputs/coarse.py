@@ -9,10 +9,10 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from haptic_teleop_sysid.dataset import DataSet
 from haptic_teleop_sysid.estimation.records import thinning
-from haptic_teleop_sysid.velocity_series import velocity_series
-from haptic_teleop_sysid.windows import Windows
+from haptic_teleop_sysid.recordings.dataset import DataSet
+from haptic_teleop_sysid.recordings.velocity_series import velocity_series
+from haptic_teleop_sysid.simulation.windows import Windows
 
 #: Rate that is kept, relative to the cut-off of the motion's band.
 KEPT_OF_BAND = 4.0

@@ -9,9 +9,9 @@ from pathlib import Path
 from haptic_teleop_control.errors import RecordingError
 from haptic_teleop_control.recording.bag_files import find_files
 from haptic_teleop_sim.model import Model
-from haptic_teleop_sysid.channels import STATES
-from haptic_teleop_sysid.dataset import DataSet
 from haptic_teleop_sysid.estimation.records import records_from
+from haptic_teleop_sysid.recordings.channels import STATES
+from haptic_teleop_sysid.recordings.dataset import DataSet
 
 #: Samples in a row below which no recording can say anything about six parameters and their noise.
 FEWEST_SAMPLES = 500

@@ -11,9 +11,9 @@ from haptic_teleop_control.errors import MismatchError, RecordingError
 from haptic_teleop_control.recording import Recording
 from haptic_teleop_control.robots import SFJ_STAGES
 from haptic_teleop_sim.model import Model
-from haptic_teleop_sysid.channels import channels_for
-from haptic_teleop_sysid.dataset import DataSet
 from haptic_teleop_sysid.estimation.records import Record
+from haptic_teleop_sysid.recordings.channels import channels_for
+from haptic_teleop_sysid.recordings.dataset import DataSet
 
 #: No joint of these robots turns so far, rad.
 _FURTHEST = 2.0 * np.pi

@@ -12,7 +12,7 @@ from haptic_teleop_sim.effects import EFFECTS
 from haptic_teleop_sim.effects.hypothesis import Recorded
 from haptic_teleop_sim.model import Model
 from haptic_teleop_sysid.estimation.records import Record
-from haptic_teleop_sysid.motion import finite
+from haptic_teleop_sysid.recordings.motion import finite
 
 
 @dataclass(frozen=True)

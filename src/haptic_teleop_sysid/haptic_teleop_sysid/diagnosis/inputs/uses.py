@@ -15,8 +15,8 @@ import scipy
 from numpy.typing import NDArray
 
 from haptic_teleop_sim.model import Model
-from haptic_teleop_sysid.dataset import DataSet
-from haptic_teleop_sysid.fit import SimulatedFit, choose_windows, simulated_fit
+from haptic_teleop_sysid.recordings.dataset import DataSet
+from haptic_teleop_sysid.simulation.fit import SimulatedFit, choose_windows, simulated_fit
 
 from .cuts import FEWEST_SAMPLES
 

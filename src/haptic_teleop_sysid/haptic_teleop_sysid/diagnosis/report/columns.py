@@ -12,7 +12,7 @@ import numpy as np
 from haptic_teleop_sim.model import Model
 from haptic_teleop_sysid.estimation.gauss_newton import Fit, bounds, gauss_newton_step, normal_equations
 from haptic_teleop_sysid.estimation.records import Record
-from haptic_teleop_sysid.parameter_units import Units
+from haptic_teleop_sysid.recordings.parameter_units import Units
 
 from ..decision.search import SearchResult
 from ..decision.verdict import Verdict

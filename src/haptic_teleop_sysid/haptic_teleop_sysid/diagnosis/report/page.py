@@ -8,11 +8,11 @@ from typing import Any
 
 import numpy as np
 
-from haptic_teleop_sysid.dataset import DataSet
 from haptic_teleop_sysid.estimation.records import Record
-from haptic_teleop_sysid.parameter_units import Units
+from haptic_teleop_sysid.recordings.dataset import DataSet
+from haptic_teleop_sysid.recordings.parameter_units import Units
+from haptic_teleop_sysid.recordings.small_motion import hardly_moving
 from haptic_teleop_sysid.report import Page, Panel, Plot, Series, unit_text
-from haptic_teleop_sysid.small_motion import hardly_moving
 
 from ..decision.search import SearchResult
 from ..decision.verdict import Verdict

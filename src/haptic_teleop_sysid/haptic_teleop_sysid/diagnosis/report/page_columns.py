@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from typing import Any
 
+from haptic_teleop_sysid.recordings.small_motion import hardly_moving, spread
 from haptic_teleop_sysid.report import Page, unit_text, with_error
-from haptic_teleop_sysid.small_motion import hardly_moving, spread
 
 from ..evidence.proof import MODELS, PARTS, Proof
 from .summary import LIMIT, PART_LABELS, percent

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from haptic_teleop_sim.model import Effect, Model
 from haptic_teleop_sysid.estimation.records import Record
-from haptic_teleop_sysid.parameter_units import Units
+from haptic_teleop_sysid.recordings.parameter_units import Units
 from haptic_teleop_sysid.report import Panel, Plot, Series, unit_text
 
 from ..decision.search import SearchResult

@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
+from haptic_teleop_sysid.recordings.small_motion import judged
 from haptic_teleop_sysid.report import Page, Status, with_error
-from haptic_teleop_sysid.small_motion import judged
 
 from ..decision.verdict import Verdict
 from ..policy import SURE

@@ -8,7 +8,7 @@ import numpy as np
 
 from haptic_teleop_sim.effects import MEASURED
 from haptic_teleop_sim.effects.torque_map_file import torque_map
-from haptic_teleop_sysid.parameter_units import Units
+from haptic_teleop_sysid.recordings.parameter_units import Units
 from haptic_teleop_sysid.report import Page, unit_text
 from haptic_teleop_sysid.report.pictures import COLOUR, blank, styled
 

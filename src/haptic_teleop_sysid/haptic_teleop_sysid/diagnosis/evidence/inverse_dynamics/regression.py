@@ -22,7 +22,7 @@ from numpy.typing import NDArray
 
 from haptic_teleop_sim.model import STRUCTURES, Model
 from haptic_teleop_sysid.estimation.records import Record
-from haptic_teleop_sysid.scores import score_covariance
+from haptic_teleop_sysid.simulation.scores import score_covariance
 
 from ...inputs.scales import within_reach
 from .motion import BandedMotion, banded

@@ -1,0 +1,1 @@
+"""The commands of this package: arguments, then what they ask of the rest."""

@@ -1,0 +1,70 @@
+"""The pictures of a comparison: what was measured over what each model says."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from haptic_teleop_sysid.recordings.dataset import DataSet
+from haptic_teleop_sysid.report import Panel, Plot, Series, unit_text
+from haptic_teleop_sysid.report.roles import model_roles
+from haptic_teleop_sysid.runs.comparison import Comparison
+
+
+def percent_text(value: float) -> str:
+    """Return a fit as text: one decimal, a dash where there is none, and words for what exploded."""
+    if np.isnan(value):
+        return "–"
+    return f"{value:.1f}" if value > -1e4 else "< −10000"
+
+
+def comparison_pictures(result: Comparison) -> dict[str, Plot]:
+    """Return one plot per recording: each output as measured and as simulated by each model, and the
+    input.
+    """
+    pictures = {}
+    roles = roles_of(result)
+    for bag, dataset in result.data.items():
+        time = dataset.time
+        panels = []
+        for signal, measured in dataset.signals().items():
+            lines, fits = [Series("measured", time, measured)], []
+            for name in result.models:
+                fit = result.fits[name, bag]
+                if signal in fit.simulated:
+                    label = short(name, result)
+                    fits.append(f"{label} {percent_text(fit.percent[signal])} %")
+                    lines.append(Series(label, time, within(fit.simulated[signal], measured), roles[name]))
+            panels.append(Panel(signal, dataset.units()[signal], lines, note=", ".join(fits)))
+        panels.append(input_panel(dataset))
+        pictures[bag] = Plot(panels, "time since the recording's first sample (s)").with_difference()
+    return pictures
+
+
+def input_panel(dataset: DataSet) -> Panel:
+    """The input of a data set."""
+    line = Series("input", dataset.time, dataset.input, "input")
+    return Panel(f"input ({dataset.input_source})", unit_text(dataset.input_unit), [line])
+
+
+def roles_of(result: Comparison) -> dict[str, str]:
+    """What each model means, as `ROLES` has it: the first is the given one, one with further effects the
+    augmented one."""
+    effects = [len(model.effects) for model in result.models.values()]
+    return dict(zip(result.models, model_roles(effects), strict=True))
+
+
+def within(simulated: np.ndarray, measured: np.ndarray) -> np.ndarray:
+    """Return the simulated values, cut where a runaway response would flatten the measured one to a line."""
+    low, high = float(np.min(measured)), float(np.max(measured))
+    room = 1.5 * max(high - low, 1e-9)
+    return np.where((simulated < low - room) | (simulated > high + room), np.nan, simulated)
+
+
+def short(name: str, result: Comparison) -> str:
+    """Return the shortest ending of a path that no other model shares."""
+    parts = name.replace("\\", "/").split("/")
+    for count in range(1, len(parts) + 1):
+        ending = "/".join(parts[-count:])
+        if sum(other == ending or other.endswith("/" + ending) for other in result.models) == 1:
+            return ending
+    return name

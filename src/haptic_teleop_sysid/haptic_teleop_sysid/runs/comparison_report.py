@@ -1,0 +1,198 @@
+"""How a comparison is shown: tables on the terminal, and the page."""
+
+from __future__ import annotations
+
+import numpy as np
+from rich.table import Table
+from rich.text import Text
+
+from haptic_teleop_sysid.estimation.residuals import UNDER_FEEDBACK
+from haptic_teleop_sysid.recordings.parameter_units import Units
+from haptic_teleop_sysid.recordings.small_motion import hardly_moving, judged, spread
+from haptic_teleop_sysid.report import Page, Plot, Status, unit_text
+from haptic_teleop_sysid.runs.comparison import Comparison
+from haptic_teleop_sysid.runs.comparison_pictures import percent_text, short
+from haptic_teleop_sysid.runs.residual_picture import residual_picture
+from haptic_teleop_sysid.simulation.windows import closed_loop
+
+
+def comparison_table(result: Comparison) -> dict[str, Table]:
+    """Return one table per recording, by what it is of: models down, signals across, fit in percent."""
+    tables = {}
+    for bag, dataset in result.data.items():
+        signals = list(dataset.signals())
+        chosen = result.windows[bag]
+        extent = (
+            "whole recording"
+            if chosen.seconds is None
+            else f"{len(chosen.spans)} windows of {chosen.seconds:.2f} s"
+        )
+        table = Table()
+        table.add_column("model", overflow="fold")
+        for signal in signals:
+            # Two lines, so that a terminal of 80 columns does not cut what tells the columns apart.
+            table.add_column(Text(signal.replace(".", "\n")), justify="right")
+        for name in result.models:
+            percent = result.fits[name, bag].percent
+            table.add_row(
+                Text(name),  # brackets in a file name are no markup
+                *(percent_text(percent.get(signal, float("nan"))) for signal in signals),
+            )
+        tables[f"{bag}: simulated fit in % ({extent}; {chosen.why})"] = table
+    return tables
+
+
+#: Mean fit (percent) from which a model is close to a recording, and from which it is roughly right.
+CLOSE, ROUGH = 90.0, 70.0
+
+
+def comparison_page(result: Comparison, pictures: dict[str, Plot]) -> Page:
+    """Return the report."""
+    first = next(iter(result.models.values()))
+    page = Page(
+        "Models against recordings", f"{first.robot} {first.joint}: simulated response to the recorded input"
+    )
+    page.conclude(*_conclusion(result))
+    _summary(page, result)
+    for bag in result.data:
+        _recording(page, result, bag, pictures[bag])
+    _parameters(page, result)
+    for bag in result.data:
+        _residuals(page, result, bag)
+    return page
+
+
+def _recording(page: Page, result: Comparison, bag: str, picture: Plot) -> None:
+    """The response to one recording: picture, fits, errors, and how it was simulated."""
+    dataset, chosen = result.data[bag], result.windows[bag]
+    section = page.section(f"Recording {bag}")
+    section.plot(picture, f"Measured and simulated response, {bag}")
+    signals, units = list(dataset.signals()), dataset.units()
+    still = hardly_moving([dataset])
+    moves = [
+        f"{spread(v):.3g} {units[s]}{' (hardly moves)' if s in still else ''}"
+        for s, v in dataset.signals().items()
+    ]
+    rows, errors = [["(the recording moves by)", *moves]], []
+    for name in result.models:
+        fit = result.fits[name, bag]
+        rows.append([name, *(percent_text(fit.percent.get(signal, float("nan"))) for signal in signals)])
+        errors.append([name, *(f"{fit.rms[s]:.4g}" if s in fit.rms else "–" for s in signals)])
+    section.table(["model", *signals], rows, "Fit in percent: 100·(1 − ‖y − ŷ‖ / ‖y − mean y‖)")
+    section.table(["model", *(f"{s} ({units[s]})" for s in signals)], errors, "Error, root mean square")
+    extent = (
+        "over the whole recording"
+        if chosen.seconds is None
+        else f"over {len(chosen.spans)} consecutive windows of {chosen.seconds:.2f} s"
+    )
+    section.text(
+        f"{len(dataset)} samples of {dataset.dt * 1e3:.3g} ms from {dataset.time[0]:.2f} to "
+        f"{dataset.time[-1]:.2f} s. "
+        f"The response is simulated {extent} ({chosen.why}); the initial state is estimated for each, "
+        f"nothing is "
+        "corrected along the way, and all models use the same."
+    )
+
+
+def _residuals(page: Page, result: Comparison, bag: str) -> None:
+    loop = closed_loop(result.data[bag])
+    rows = [
+        [short(name, result), r.signal, f"{r.rms:.3g}", *(f"{100 * share:.0f} %" for share in r.outside)]
+        for name in result.models
+        for r in result.residuals.get((name, bag), [])
+    ]
+    if not rows:
+        return
+    section = page.section(
+        f"One-step errors, {bag}",
+        "One-step prediction errors, the noise levels tuned for each model: of a model that explains "
+        "everything about "
+        "1 % of the correlations lie beyond the 99 % bound." + (f" {UNDER_FEEDBACK}" if loop else ""),
+        folded=True,
+    )
+    header = ["model", "encoder", "error (rad rms)", "with itself later, beyond", "with past inputs, beyond"]
+    section.table(header, rows, "Residual analysis")
+    for name in result.models:
+        if found := result.residuals.get((name, bag)):
+            title = f"Correlation of the one-step errors of {short(name, result)}, {bag}"
+            section.plot(residual_picture(found, result.data[bag].dt), title)
+
+
+def _means(result: Comparison) -> dict[str, float]:
+    """Mean fit of each model over signals and recordings, percent; minus infinity for one that runs away."""
+    found = {}
+    for name in result.models:
+        fits = [
+            p
+            for bag, dataset in result.data.items()
+            for p in judged(result.fits[name, bag].percent, hardly_moving([dataset])).values()
+        ]
+        mean = float(np.mean(fits)) if fits else float("nan")
+        found[name] = mean if np.isfinite(mean) else float("-inf")
+    return found
+
+
+def _conclusion(result: Comparison) -> tuple[Status, str, str]:
+    """Which model comes nearest, whether that is near, and what to do."""
+    means = _means(result)
+    best = max(means, key=lambda name: means[name])
+    nearest = short(best, result)
+    others = ", ".join(f"{short(n, result)} {percent_text(m)} %" for n, m in means.items() if n != best)
+    bags = " and ".join(result.data) if len(result.data) < 4 else f"{len(result.data)} recordings"
+    if others:
+        happened = f"{nearest} comes nearest to {bags}: mean fit {percent_text(means[best])} % ({others})."
+    else:
+        happened = f"{nearest} follows {bags} with a mean fit of {percent_text(means[best])} %."
+    if means[best] >= CLOSE:
+        return "good", happened, f"simulate with {nearest}."
+    look = "look at Difference in the picture to see when; haptic-teleop diagnose tells what is missing."
+    return ("fair" if means[best] >= ROUGH else "bad"), happened, look
+
+
+def _summary(page: Page, result: Comparison) -> None:
+    for bag in result.data:
+        means = {name: np.mean(list(result.fits[name, bag].percent.values())) for name in result.models}
+        best = max(means, key=lambda name: means[name] if np.isfinite(means[name]) else -np.inf)
+        fits = ", ".join(
+            f"{signal} {percent_text(value)} %" for signal, value in result.fits[best, bag].percent.items()
+        )
+        page.verdict("plain", f"{bag}: {short(best, result)}: {fits}.")
+    for name, found in result.fitted.items():
+        if found.converged:
+            page.verdict(
+                "plain",
+                f"{short(name, result)}: free parameters fitted to {next(iter(result.data))} by least "
+                f"squares.",
+            )
+        else:
+            page.verdict(
+                "fair",
+                f"{short(name, result)}: the least-squares search stopped at its limit of "
+                f"{found.evaluations} evaluations; its parameters are not the best.",
+            )
+        for parameter in found.fled:
+            page.verdict(
+                "fair",
+                f"{short(name, result)}: {parameter} fled to {found.model.parameters[parameter]:.3g}; the "
+                f"structure "
+                "cannot follow the recording, and that number means nothing.",
+            )
+    for bag, dataset in result.data.items():
+        for problem in dataset.problems:
+            page.verdict("fair", f"{bag}: {problem}.")
+
+
+def _parameters(page: Page, result: Comparison) -> None:
+    """The numbers of all models with their units; a model file holds no standard errors."""
+    dataset = next(iter(result.data.values()))
+    names = list(dict.fromkeys(key for model in result.models.values() for key in model.parameter_values()))
+    rows = []
+    for key in names:
+        holder = next(m for m in result.models.values() if key in m.parameter_values())
+        values = [model.parameter_values().get(key) for model in result.models.values()]
+        unit = unit_text(Units.of(holder, dataset).of_parameter(holder, key))
+        rows.append([key, unit, *("–" if value is None else f"{value:.6g}" for value in values)])
+    header = ["parameter", "unit", *(short(name, result) for name in result.models)]
+    page.section("Parameters").table(
+        header, rows, "As the model files state them; estimate gives standard errors."
+    )

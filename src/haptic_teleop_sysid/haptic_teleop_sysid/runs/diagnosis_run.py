@@ -1,0 +1,93 @@
+"""Diagnoses from the names of recordings: read, diagnose, write what was found."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+from haptic_teleop_control.errors import RecordingError
+from haptic_teleop_sim.model import Model
+from haptic_teleop_sysid.diagnosis.evidence.suggested_law.entry_file import FILE
+from haptic_teleop_sysid.diagnosis.inputs.cuts import MOST_SAMPLES, with_cuts_told
+from haptic_teleop_sysid.diagnosis.inputs.plausible import refuse_implausible, with_contradictions
+from haptic_teleop_sysid.diagnosis.report.beside_given import handed_on, settled
+from haptic_teleop_sysid.diagnosis.report.next_experiment import write_acquire_file
+from haptic_teleop_sysid.diagnosis.report.page import diagnosis_page
+from haptic_teleop_sysid.diagnosis.report.page_steps import Origin
+from haptic_teleop_sysid.diagnosis.run import diagnose
+from haptic_teleop_sysid.diagnosis.usable import records_of
+from haptic_teleop_sysid.logs.opened import open_recording
+from haptic_teleop_sysid.recordings.dataset import DataSet, load_dataset
+from haptic_teleop_sysid.recordings.parameter_units import Units
+from haptic_teleop_sysid.recordings.preparation import with_damage_told
+from haptic_teleop_sysid.results import tool_version, write_json
+
+
+@dataclass(frozen=True)
+class Options:
+    """``nulls``: simulated recordings with nothing hidden; ``mapping`` of logs; ``page``: write one."""
+
+    nulls: int = 0
+    mapping: str | None = None
+    page: bool = True
+
+
+def load(bag: str, model: Model, mapping: str | None = None) -> DataSet:
+    """Read one recording, or a log by a mapping, as a diagnosis takes it. Raises RecordingError or
+    MismatchError, in a sentence, for what it cannot take."""
+    recording = open_recording(bag, mapping)
+    dataset = load_dataset(recording, model, bag, allow_gaps=True)
+    refuse_implausible(model, recording, dataset)
+    return with_cuts_told(with_contradictions(with_damage_told(dataset, recording)))
+
+
+def refuse_too_many(data: Sequence[DataSet]) -> None:
+    """As `refuse_too_long`, for logs, whose length shows when they are read."""
+    if (samples := sum(len(d) for d in data)) > MOST_SAMPLES:
+        raise RecordingError(
+            f"the recordings hold {samples} samples, and a diagnosis keeps at most {MOST_SAMPLES} in memory: "
+            "a few minutes say as much; import a part of the longest with `import --rows FIRST LAST`."
+        )
+
+
+def write_suggestion(output: Path, content: dict[str, Any]) -> None:
+    """Write the entry of a suggested law beside the results, where there is one; it is for the user to read
+    and never run here."""
+    law = (content["torque_map"] or {}).get("law")
+    place = output / FILE
+    place.unlink(missing_ok=True)  # of an earlier run
+    if law is not None:
+        place.write_text(law.pop("entry"), encoding="utf-8")
+
+
+def diagnose_into(
+    model: Model,
+    recordings: tuple[list[DataSet], list[DataSet], list[DataSet]],
+    output: Path,
+    options: Options,
+    began: float | None = None,
+    say: Callable[[str], None] = lambda text: None,
+) -> tuple[dict[str, Any], Path | None]:
+    """Diagnose ``recordings`` (estimation, validation, test), write the results into ``output``, and return
+    the content of diagnosis.json and the page's path. ``began``: `time.perf_counter` when it began."""
+    began = time.perf_counter() if began is None else began
+    estimation, validation, test = recordings
+    result, verdict, proof, content = diagnose(model, estimation, validation, say, options.nulls, test)
+    say("writing the report")
+    units = Units.of(model, estimation[0])
+    write_suggestion(output, content)
+    content = units.restated_all(content)
+    content |= {"runtime_s": round(time.perf_counter() - began, 2), "version": tool_version()}
+    write_json(output / "diagnosis.json", content)
+    place = output / "augmented_model.yaml"
+    replace(settled(handed_on(proof)[1]), source=str(place)).save(place)
+    write_acquire_file(output, model, content["next_experiment"])
+    if not options.page:
+        return content, None
+    judge = tuple(d.name for d in (validation if validation else estimation))
+    origin = Origin(model.source, judge, output, options.mapping)
+    page = diagnosis_page(result, verdict, content, proof, records_of(estimation), units, origin)
+    return content, page.write(output / "report.html")

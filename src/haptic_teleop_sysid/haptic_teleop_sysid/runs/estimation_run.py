@@ -1,0 +1,140 @@
+"""Estimates from the names of recordings: read, treat, estimate, judge, write what was found."""
+
+from __future__ import annotations
+
+import math
+import time
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+
+from rich.progress import Progress
+
+from haptic_teleop_control.errors import RecordingError
+from haptic_teleop_control.recording import Recording
+from haptic_teleop_sim.model import Model
+from haptic_teleop_sysid.estimation.excitation import at_values, refuse_idle
+from haptic_teleop_sysid.estimation.records import records_from, with_trusted_input
+from haptic_teleop_sysid.estimation.residuals import residual_analysis
+from haptic_teleop_sysid.estimation.result import Estimate
+from haptic_teleop_sysid.estimation.strategies import estimate
+from haptic_teleop_sysid.logs.opened import open_recording
+from haptic_teleop_sysid.logs.story import how_read
+from haptic_teleop_sysid.recordings.dataset import DataSet, load_dataset
+from haptic_teleop_sysid.recordings.preparation import (
+    MOST_SAMPLES,
+    Treatment,
+    prepare,
+    refuse_huge,
+    with_damage_told,
+)
+from haptic_teleop_sysid.report import save_png
+from haptic_teleop_sysid.results import tool_version, write_json
+from haptic_teleop_sysid.runs.estimation_report import Result, as_json, fit_picture, page
+from haptic_teleop_sysid.simulation.fit import choose_windows, simulated_fit
+
+
+@dataclass(frozen=True)
+class Choices:
+    """How recordings are treated and estimated from: the options of `estimate`, with its defaults."""
+
+    method: str = "prediction-error"
+    at_rest: bool = False
+    multi_start: int = 1
+    seed: int = 1
+    limits: Mapping[str, tuple[float, float]] = field(default_factory=dict)
+    treatment: Treatment = field(default_factory=Treatment)
+    allow_gaps: bool = False
+    mapping: str | None = None
+
+
+def load_one(bag: str, model: Model, choices: Choices) -> tuple[Recording, DataSet, list[str]]:
+    """Read, check and treat a recording, or a log by a mapping; also what was done to it.
+
+    Raises RecordingError or MismatchError in one sentence for what cannot be estimated from.
+    """
+    refuse_huge(bag)
+    recording = open_recording(bag, choices.mapping)
+    dataset = with_damage_told(load_dataset(recording, model, bag, choices.allow_gaps), recording)
+    refuse_idle(dataset)
+    treated, told = prepare(dataset, recording, model, choices.treatment)
+    refuse_idle(treated)
+    return recording, with_trusted_input(treated), [*how_read(recording.experiment, bag), *told]
+
+
+def load(
+    bags: Sequence[str], model: Model, choices: Choices
+) -> tuple[dict[str, DataSet], dict[str, list[str]]]:
+    """As `load_one`: data sets by bag, and what was done to each."""
+    data: dict[str, DataSet] = {}
+    told: dict[str, list[str]] = {}
+    for bag in bags:
+        _, data[bag], told[bag] = load_one(bag, model, choices)
+    return data, told
+
+
+def run_estimate(
+    model: Model,
+    data: dict[str, DataSet],
+    told: dict[str, list[str]],
+    validation: Sequence[str] = (),
+    choices: Choices | None = None,
+    progress: Progress | None = None,
+) -> Result:
+    """Estimate from the data sets that `validation` does not name, and judge the result on all of them."""
+    choices = choices or Choices()
+    used = [d for bag, d in data.items() if bag not in validation]
+    if sum(len(d) for d in used) > MOST_SAMPLES:
+        raise RecordingError(
+            f"{', '.join(d.name for d in used)}: {sum(len(d) for d in used)} samples are more than the "
+            f"{MOST_SAMPLES} that one estimate takes: choose a part with --range, or a lower --rate."
+        )
+    task = progress.add_task("estimating", total=1.0) if progress is not None else None
+
+    def tell(what: str, share: float) -> None:
+        if progress is not None and task is not None:
+            progress.update(task, description=what, completed=share)
+
+    found = estimate(
+        model,
+        used,
+        choices.method,
+        at_rest=choices.at_rest,
+        multi_start=choices.multi_start,
+        seed=choices.seed,
+        limits=choices.limits,
+        cross_check=True,
+        progress=tell,
+    )
+    tell("simulating", 1.0)
+    fits, residuals = {}, {}
+    for bag, dataset in data.items():
+        windows = choose_windows(found.model, dataset)
+        fits["start", bag] = simulated_fit(found.start, dataset, windows)
+        fits["estimate", bag] = simulated_fit(found.model, dataset, windows)
+        record = max(records_from(dataset), key=len)
+        # Residuals are those of one step, whichever predictor gave the numbers.
+        basis = found.fit if found.fit and not found.misled else at_values(found.model, [record])
+        if math.isfinite(basis.log_likelihood):
+            residuals[bag] = residual_analysis(basis, record)
+    return Result(found, data, tuple(validation), fits, residuals, told)
+
+
+def usable_model(found: Estimate) -> Model:
+    """The model to save: where a parameter is not determined, the value that the search ended with stays in
+    use, because the rest was estimated with it."""
+    return replace(found.model, source="estimate")
+
+
+def write_results(result: Result, output: Path, began: float, with_page: bool = True) -> Path | None:
+    """Write model.yaml and estimate.json, and with ``with_page`` report.html, whose path is returned, and
+    its pictures. ``began``: `time.perf_counter` when it began."""
+    usable_model(result.estimate).save(output / "model.yaml")
+    path = None
+    if with_page:
+        for number, bag in enumerate(result.data, start=1):
+            save_png(fit_picture(result, bag), output / ("fit.png" if number == 1 else f"fit-{number}.png"))
+        path = page(result).write(output / "report.html")
+    content = as_json(result) | {"runtime_s": time.perf_counter() - began, "version": tool_version()}
+    write_json(output / "estimate.json", content)
+    return path

@@ -1,0 +1,1 @@
+"""Models simulated on recorded input: windows, initial states, the fit, and least squares on it."""
