@@ -32,7 +32,8 @@ API = {
         "sfj_robot omni_robot operators experiments lockstep emulation mujoco_robot",
     },
     "Identification": {
-        SYSID: "dataset windows fit parameter_fit comparison residuals channels time_grid logs.mapping "
+        SYSID: "recordings.dataset recordings.channels recordings.time_grid logs.mapping simulation.windows "
+        "simulation.fit simulation.parameter_fit estimation.residuals runs.comparison diagnosis.run "
         "verification.run verification.overlay report.page",
     },
     "Drivers": {CONTROL: "device", SFJ: "driver settings build", OMNI: "driver settings build"},
