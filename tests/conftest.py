@@ -34,9 +34,8 @@ DOMAINS = range(1, 102)
 
 
 def pytest_xdist_auto_num_workers() -> int:
-    """Two processes more than there are cores: tests that start nodes, and those for whose kernels another
-    process compiles, wait much of their time."""
-    return len(os.sched_getaffinity(0)) + 2
+    """One process more than there are cores: tests that start nodes wait for them much of their time."""
+    return len(os.sched_getaffinity(0)) + 1
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:

@@ -172,7 +172,7 @@ def test_a_test_shows_what_is_worse_and_has_no_say_in_what_is_written():
 
 def test_a_re_estimated_model_that_is_worse_beside_a_better_one_is_told_with_it():
     sentence = beside_given(proof(fits_of(50.0, 40.0, 90.0)))["worse_than_given"]["sentence"]
-    assert "your structure, re-estimated, (65.0 instead of 70.0 % over all signals)" in sentence
+    assert "your structure, re-estimated (65.0 instead of 70.0 % over all signals)" in sentence
     assert "but not with what was found (90.0 %)" in sentence
 
 

@@ -1,4 +1,4 @@
-"""From recordings to data sets, fits, comparisons, verification and reports.
+"""From recordings to data sets, fits, comparisons, diagnosis, verification and reports.
 
 Pure and on the command line: nothing here needs a running node.
 """

@@ -6,6 +6,7 @@ from dataclasses import replace
 
 from haptic_teleop_sysid.recordings.dataset import DataSet
 
+from .decision.constancy import inconstant
 from .decision.doubt import coloured, doubted
 from .decision.overruled import as_result, believed_instead, beyond_reach, inadequate
 from .decision.reasons import Doubt, off_the_mark, runs_away, slipped
@@ -41,5 +42,7 @@ def questioned(
         doubt = runs_away(harmful)
     if doubt is None and not result.choices:
         fits = found.course.simulate(result.baseline.model)[found.count :]
-        doubt = off_the_mark(mean_percent(fits)) or slipped(data)
+        doubt = (
+            off_the_mark(mean_percent(fits)) or slipped(data) or inconstant(result.baseline, found.judge)
+        )
     return result, doubt, stand

@@ -91,7 +91,11 @@ def diagnose(
         columns["augmented"] = column(result.final.model, model, result.final, errors)
     verdict = replace(verdict, findings=with_bounds(verdict.findings, columns["augmented"]))
     say("choosing the next experiment")
-    content = contents(result, verdict, proof, columns, stand, doubt, (chance, dropped), uses, found.learn)
+    added = "what was found"
+    if verdict.kind == "unknown" and result.final is not result.baseline:
+        added = "a torque in place of a name" if instead is None else "a stand-in that is not believed"
+    told = (chance, dropped), uses, found.learn, added
+    content = contents(result, verdict, proof, columns, stand, doubt, *told)
     believed = [c.chosen for c in (*result.choices, *([doubt.choice] if doubt and doubt.choice else []))]
     from_here = any(e.witnessed is not None for e in believed)
     content[MEASURED.name] = None if mapped is None else mapped.content()

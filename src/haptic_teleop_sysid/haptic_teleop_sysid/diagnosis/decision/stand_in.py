@@ -32,8 +32,9 @@ class StandIn:
         """In words."""
         names = " and ".join(f"{e.effect} at {e.location}" for e in self.effects)
         return (
-            f"augmented_model.yaml has the nearest name, {names}, as a stand-in that simulates better: it "
-            f"takes {100 * self.closed:.0f} % off the error of the validation recordings, and is not what is "
+            f"augmented_model.yaml has the nearest name{'s' if len(self.effects) > 1 else ''}, {names}, as a "
+            f"stand-in that simulates better: it takes {100 * self.closed:.0f} % off the error on the "
+            "validation recordings (of the better of your model and its re-estimate), and is not what is "
             "missing"
         )
 

@@ -12,9 +12,9 @@ from ..evidence.proof import LOWEST, Proof, mean_percent
 
 #: Percent of the mean fit over all signals, and of one signal's alone, from which a simulation is worse.
 WORSE, WORSE_IN_ONE = 0.5, 2.0
-_CALLED = {"augmented": "the augmented model", "baseline": "your structure, re-estimated,"}
+_CALLED = {"augmented": "the augmented model", "baseline": "your structure, re-estimated"}
 _HELD = {
-    "augmented": "your structure, re-estimated, with what was found",
+    "augmented": "your structure, re-estimated, with {found}",
     "baseline": "your structure, re-estimated",
     "given": "your own model as it came",
 }
@@ -84,22 +84,22 @@ def settled(model: Model) -> Model:
     return replace(model, fixed=(*model.fixed, *(name for name in held if name not in model.fixed)))
 
 
-def beside_given(proof: Proof) -> dict[str, Any]:
+def beside_given(proof: Proof, added: str = "what was found") -> dict[str, Any]:
     """For the result file: `augmented_model`, and `worse_than_given` with the sentence that is said first,
-    None where there is no reason for one."""
+    None where there is no reason for one; ``added``: what the augmented model has, in words."""
     part = proof.best_part
     found, held = worse_than_given(proof, part), handed_on(proof)[0]
-    worse = None
+    worse, holds = None, _HELD[held].format(found=added)
     if found:
         named = " and ".join(w.sentence() for w in found)
         named_anything = proof.models["augmented"] != proof.models["baseline"]
         if named_anything and all(w.model != "augmented" for w in found):
-            named += f", but not with what was found ({proof.mean('augmented', part):.1f} %)"
+            named += f", but not with {added} ({proof.mean('augmented', part):.1f} %)"
         over_all = any(w.given - w.fit > WORSE for w in found)
         worse = {
             "recordings": part,
             "models": {w.model: w.content() for w in found},
             "sentence": f"Worse than your own model {'on' if over_all else 'in one signal of'} the {part} "
-            f"recordings: {named}; augmented_model.yaml holds {_HELD[held]}",
+            f"recordings: {named}; augmented_model.yaml holds {holds}",
         }
-    return {"augmented_model": {"holds": held, "what": _HELD[held]}, "worse_than_given": worse}
+    return {"augmented_model": {"holds": held, "what": holds}, "worse_than_given": worse}

@@ -103,11 +103,12 @@ def at_bounds(fit: Fit, given: Model) -> dict[str, str]:
     """Parameters that ended at the limit of what was allowed (of their physics, or of how far a machine may
     be from ``given``), and at which: lowest | highest."""
     low, high = bounds(fit.model, fit.free, within_reach(given))
-    values = fit.model.parameter_values()
+    values, sizes = fit.model.parameter_values(), given.parameter_values()
     found = {}
     for name, a, b in zip(fit.free, low, high, strict=True):
         for side, limit, beyond in zip(_SIDES, (a, b), (-1.0, 1.0), strict=True):
-            if np.isfinite(limit) and beyond * (values[name] - limit) >= -1e-6 * abs(limit):
+            near = 1e-6 * max(abs(limit), abs(sizes.get(name, 0.0)))  # a limit of zero has no size of its own
+            if np.isfinite(limit) and beyond * (values[name] - limit) >= -near:
                 found[name] = side
     return found
 

@@ -42,10 +42,11 @@ def contents(
     chance: tuple[Sequence[Null], Sequence[Choice]],
     uses: Uses,
     records: Sequence[Record],
+    has: str = "what was found",
 ) -> dict[str, Any]:
     """Everything but run time and version; ``columns``: the numbers of the proof's models; ``records``: those
     of the estimation recordings; ``chance``: what was found where nothing is hidden, and the findings that
-    did not exceed it."""
+    did not exceed it; ``has``: what the augmented model has, in words."""
     model = result.baseline.model
     content = {
         "schema": 1,
@@ -60,7 +61,7 @@ def contents(
             name: {"parameters": {n: number.content() for n, number in numbers.items()}}
             for name, numbers in columns.items()
         },
-        **beside_given(proof),
+        **beside_given(proof, has),
         "parameters_moved": [],
         "left_over": _follows(verdict),
         "adequacy": None if verdict.adequacy is None else verdict.adequacy.content(),

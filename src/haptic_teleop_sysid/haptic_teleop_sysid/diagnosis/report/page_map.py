@@ -32,7 +32,7 @@ def map_section(page: Page, content: dict[str, Any], units: Units) -> None:
     section.text(f"{found['what'][0].upper()}{found['what'][1:]}.")
     if not found["added"]:
         if (instead := content.get("stand_in")) is not None:
-            section.text(f"{instead['what'][0].upper()}{instead['what'][1:]}.")
+            section.text(f"Instead {instead['what']}.")
         return
     section.picture(map_picture(found, units), "torque by what it depends on, with its uncertainty")
     law = found.get("law")

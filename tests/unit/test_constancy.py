@@ -1,0 +1,31 @@
+"""Recordings of two machines are told from those of one whose parameters are merely off."""
+
+import pytest
+from identification_plants import STAGE, off, stage_recording
+
+from haptic_teleop_sysid.diagnosis.decision.constancy import inconstant
+from haptic_teleop_sysid.diagnosis.run import diagnose
+from haptic_teleop_sysid.diagnosis.usable import records_of
+from haptic_teleop_sysid.estimation.whole_fit import fit_from_scratch
+from haptic_teleop_sysid.recordings.dataset import load_dataset
+
+#: The same stage with a third more inertia at the motor.
+OTHER = STAGE.with_values({"motor_inertia": 1.33 * STAGE.parameters["motor_inertia"]})
+
+
+def recorded(truth, seed, disturbance=0.01):
+    return load_dataset(stage_recording(truth, seed=seed, seconds=8.0, disturbance=disturbance), STAGE)
+
+
+@pytest.mark.parametrize(("truth", "disturbance"), [(STAGE, 0.01), (STAGE, 0.05), (OTHER, 0.01)])
+def test_recordings_of_one_machine_agree_whatever_it_is(truth, disturbance):
+    learn, judge = (records_of([recorded(truth, seed, disturbance)]) for seed in (1, 2))
+    assert inconstant(fit_from_scratch(off(STAGE, 1), learn), judge) is None
+
+
+def test_those_of_two_machines_are_unknown_and_the_parameter_is_named():
+    _, verdict, _, content = diagnose(STAGE, [recorded(STAGE, 1)], [recorded(OTHER, 2)])
+    assert verdict.kind == "unknown"
+    assert "recordings disagree about the parameters" in content["doubt"]
+    assert "motor inertia" in content["doubt"]
+    assert content["parameters_moved"] == []
