@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from stepped_machines import RIGID
 
-from haptic_teleop_sim.model import Effect
+from haptic_teleop_sim.model import Effect, load_model
 from haptic_teleop_sysid.diagnosis.decision.decide import Choice
 from haptic_teleop_sysid.diagnosis.decision.reasons import Doubt
 from haptic_teleop_sysid.diagnosis.decision.stand_in import stand_in
@@ -15,6 +15,7 @@ from haptic_teleop_sysid.diagnosis.hypotheses.explanation import Explanation
 from haptic_teleop_sysid.diagnosis.report.summary import map_sentences
 from haptic_teleop_sysid.estimation.gauss_newton import Fit
 from haptic_teleop_sysid.estimation.noise import NoiseModel
+from haptic_teleop_sysid.runs.diagnosis_run import comments
 
 GIVEN = replace(RIGID, source="given")
 NOISE = NoiseModel(0.1, 0.1, 1e-4, 1e-4)
@@ -47,7 +48,20 @@ def test_what_halves_the_error_stands_in_and_is_not_said_to_be_what_is_missing()
     assert [e["effect"] for e in told["effects"]] == ["coulomb_friction"]
     assert told["effects"][0]["parameters"]["torque"] == 0.9
     sentence = map_sentences({"torque_map": {"what": "no map was added"}, "stand_in": told})[-1]
-    assert "coulomb_friction at j_motor" in sentence and "51 %" in sentence and "is not what is" in sentence
+    assert "coulomb_friction at j_motor" in sentence and "51 %" in sentence and "is not believed" in sentence
+
+
+def test_the_model_that_is_handed_on_says_what_it_is(tmp_path):
+    told = asked((0.13, 0.18)).content()
+    held = {"holds": "augmented", "what": "your structure, with a stand-in that is not believed"}
+    content = {"verdict": "unknown", "augmented_model": held, "stand_in": told}
+    place = tmp_path / "augmented_model.yaml"
+    fit_of(FRICTION).model.save(place, comments(content))
+    above = [line for line in place.read_text().splitlines() if line.startswith("#")]
+    assert "verdict unknown" in above[0] and "stand-in" in above[0] and "is not believed" in above[1]
+    assert load_model(place).effects[0].effect == "coulomb_friction"
+    content |= {"verdict": "identified", "stand_in": None}
+    assert len(comments(content)) == 1
 
 
 @pytest.mark.parametrize(

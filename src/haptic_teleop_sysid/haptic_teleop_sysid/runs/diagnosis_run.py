@@ -63,6 +63,14 @@ def write_suggestion(output: Path, content: dict[str, Any]) -> None:
         place.write_text(law.pop("entry"), encoding="utf-8")
 
 
+def comments(content: dict[str, Any]) -> list[str]:
+    """What stands above the model that is handed on, so that it says what it is wherever it goes."""
+    told = [f"from a diagnosis with the verdict {content['verdict']}: {content['augmented_model']['what']}"]
+    if content["stand_in"] is not None and content["augmented_model"]["holds"] == "augmented":
+        told.append(content["stand_in"]["what"])
+    return told
+
+
 def diagnose_into(
     model: Model,
     recordings: tuple[list[DataSet], list[DataSet], list[DataSet]],
@@ -83,7 +91,7 @@ def diagnose_into(
     content |= {"runtime_s": round(time.perf_counter() - began, 2), "version": tool_version()}
     write_json(output / "diagnosis.json", content)
     place = output / "augmented_model.yaml"
-    replace(settled(handed_on(proof)[1]), source=str(place)).save(place)
+    replace(settled(handed_on(proof)[1]), source=str(place)).save(place, comments(content))
     write_acquire_file(output, model, content["next_experiment"])
     if not options.page:
         return content, None
