@@ -34,8 +34,8 @@ class StandIn:
         return (
             f"augmented_model.yaml has the nearest name{'s' if len(self.effects) > 1 else ''}, {names}, as a "
             f"stand-in that simulates better: it takes {100 * self.closed:.0f} % off the error on the "
-            "validation recordings (of the better of your model and its re-estimate), and is not believed to be "
-            "all that is missing"
+            "validation recordings (of the better of your model and its re-estimate), and is not believed "
+            "to be all that is missing"
         )
 
     def content(self) -> dict[str, Any]:
