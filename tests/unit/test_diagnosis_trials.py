@@ -10,8 +10,9 @@ from haptic_teleop_sim.kernel import pack
 from haptic_teleop_sim.model import Effect
 from haptic_teleop_sysid.diagnosis.starts.screen import _by_differences
 from haptic_teleop_sysid.diagnosis.starts.trials import _in_currents
-from haptic_teleop_sysid.estimation.gauss_newton import fit_parameters
+from haptic_teleop_sysid.estimation import gauss_newton
 from haptic_teleop_sysid.estimation.likelihood import innovations
+from haptic_teleop_sysid.estimation.noise import NoiseModel
 from haptic_teleop_sysid.estimation.whole_fit import fit_from_scratch
 
 
@@ -58,12 +59,20 @@ def test_differences_of_a_small_candidate_are_its_derivatives(effect, place, par
         assert np.linalg.norm(found.d_innovation[:, :, i] - exact.d_innovation[:, :, i]) < 0.02 * size
 
 
-def test_a_trial_ends_where_steps_gain_nothing_more():
+def test_a_fit_ends_where_steps_promise_what_they_do_not_hold(monkeypatch):
+    """As at a kink: each step promises 50 nats, and gains a hundredth of one."""
+    count = len(MODEL.free_parameters())
+    asked = []
+
+    def equations(model, noise, records, names):
+        asked.append(model)
+        return np.eye(count), np.full(count, (100.0 / count) ** 0.5), 0.01 * len(asked)
+
+    monkeypatch.setattr(gauss_newton, "normal_equations", equations)
     record = joint_record(4)
-    fit = fit_from_scratch(MODEL, [record])
-    reached = []
-    found = fit_parameters(
-        fit.model, fit.noise, [record], tolerance=1.0, progress=lambda count, value: reached.append(value)
-    )
-    assert found.converged and len(reached) <= 2
-    assert found.log_likelihood >= fit.log_likelihood
+    for tolerance, steps in ((1.0, 1), (0.01, 5)):
+        asked.clear()
+        found = gauss_newton.fit_parameters(
+            MODEL, NoiseModel(0.1, 0.1, 1e-4, 1e-4), [record], iterations=5, tolerance=tolerance
+        )
+        assert (found.iterations, found.converged) == (steps, steps == 1)

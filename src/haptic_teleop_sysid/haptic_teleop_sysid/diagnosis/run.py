@@ -92,8 +92,10 @@ def diagnose(
     verdict = replace(verdict, findings=with_bounds(verdict.findings, columns["augmented"]))
     say("choosing the next experiment")
     added = "what was found"
-    if verdict.kind == "unknown" and result.final is not result.baseline:
-        added = "a torque in place of a name" if instead is None else "a stand-in that is not believed"
+    if instead is not None:
+        added = "a stand-in that is not believed"
+    elif mapped is not None and mapped.fit is not None:
+        added = "a measured torque in place of a name"
     told = (chance, dropped), uses, found.learn, added
     content = contents(result, verdict, proof, columns, stand, doubt, *told)
     believed = [c.chosen for c in (*result.choices, *([doubt.choice] if doubt and doubt.choice else []))]

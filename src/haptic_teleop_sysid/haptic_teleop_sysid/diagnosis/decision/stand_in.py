@@ -14,7 +14,8 @@ from typing import Any
 from haptic_teleop_sim.model import Effect, Model
 from haptic_teleop_sysid.estimation.gauss_newton import Fit
 
-from ..evidence.measured_map import A_GOOD_PART, Errors
+from ..evidence.measured_map import A_GOOD_PART
+from ..evidence.second_opinion import Errors
 from .reasons import Doubt
 
 

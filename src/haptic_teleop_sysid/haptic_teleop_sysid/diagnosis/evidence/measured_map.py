@@ -30,13 +30,12 @@ from .inverse_dynamics.groups import Search, independent
 from .inverse_dynamics.latent import Latent
 from .inverse_dynamics.motion import motion_band
 from .inverse_dynamics.regression import equations
+from .second_opinion import Errors
 from .suggested_law.entry_file import law_content
 from .suggested_law.of_map import law_of
 from .suggested_law.regression import Law
 
 FloatArray = NDArray[np.float64]
-#: Error (1 - fit) of the free simulation of estimation and of validation recordings, see `second_opinion`.
-Errors = Callable[[Model], tuple[float, float]]
 
 #: Maps whose free simulation is tried, those that explain most torque where it was not fitted.
 MOST_TRIED = 4
