@@ -2,7 +2,6 @@
 
 import json
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -24,8 +23,6 @@ from haptic_teleop_sysid.diagnosis.evidence.second_opinion import second_opinion
 from haptic_teleop_sysid.diagnosis.hypotheses.explanation import Explanation
 from haptic_teleop_sysid.diagnosis.inputs.scales import recording_scales
 from haptic_teleop_sysid.estimation.whole_fit import fit_whole, noise_starts
-
-REAL = Path(__file__).parents[3] / "shared" / "data" / "real"
 
 
 @pytest.fixture(scope="module")
@@ -114,7 +111,6 @@ def test_a_name_that_needs_another_machine_is_given_up(rubbing):
     assert beyond_reach(replace(result, final=replace(named, at_bound=("motor_damping",))), far) is None
 
 
-@pytest.mark.skipif(not REAL.is_dir(), reason="the recordings of real machines are not here")
 @pytest.mark.parametrize(
     ("machine", "named", "inertia"),
     [
@@ -122,8 +118,10 @@ def test_a_name_that_needs_another_machine_is_given_up(rubbing):
         ("dfki", {"gravity": (2.9, 4.0), "coulomb_friction": (0.13, 0.3)}, (0.12, 0.22)),
     ],
 )
-def test_real_machines_get_the_names_and_sizes_of_the_published_order(tmp_path, machine, named, inertia):
-    folder = REAL / machine
+def test_real_machines_get_the_names_and_sizes_of_the_published_order(
+    tmp_path, shared_data, machine, named, inertia
+):
+    folder = shared_data / "real" / machine
     arguments = ["--model", str(folder / "model.yaml"), "--estimation", str(folder / "estimation")]
     arguments += ["--validation", str(folder / "validation"), "--no-report"]
     arguments += ["--output", str(tmp_path / "out")]

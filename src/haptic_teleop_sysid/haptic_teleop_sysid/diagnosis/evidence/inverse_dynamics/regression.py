@@ -75,6 +75,14 @@ class Equations:
             self._known[term] = np.concatenate([term.columns(m, self.model) for m in self.motions])
         return self._known[term]
 
+    def seen(self, term: Hypothesis) -> float:
+        """Share of an effect's torque (mean square) that lies in the band, of the column of which least does.
+
+        A ripple of a high order turns many times within a period of the cut-off: what is left of it in the
+        band is an accident of where the motion slows down, and of how exactly the angle is known."""
+        inside = np.sum(self.torque(term) ** 2, axis=0)
+        whole = np.sum(np.concatenate([term.whole(m, self.model) for m in self.motions]) ** 2, axis=0)
+        return float(np.min(inside / np.maximum(whole, 1e-300)))
 
     def acting(self, term: Hypothesis) -> float:
         """Mean square of the input torque that acts with an effect of the actuator, as a share of that which

@@ -66,12 +66,23 @@ class Hypothesis:
         if self.entry.kind == "input":
             effect = Effect(self.entry.name, self.location, dict(self.shape))
             return motion.filtered(motion.of_input(_acting_less(motion.record, model, effect)))[:, None]
+        return motion.filtered(self._along(motion, model), times=2)
+
+    def whole(self, motion: BandedMotion, model: Model) -> FloatArray:
+        """The same, (n, columns), before it is filtered; of an actuator, of whose input nothing else is known,
+        filtered all the same."""
+        if self.entry.kind == "input":
+            return self.columns(motion, model)
+        return self._along(motion, model)[motion.kept]
+
+    def _along(self, motion: BandedMotion, model: Model) -> FloatArray:
+        """Torques (n, columns) along the whole of a motion."""
         variables = _variables(motion, self.place, model.parameters.get("stiffness", 0.0), self.gives)
         variables.inertia = model.parameters["arm_inertia" if self.place == "arm" else "motor_inertia"]
         found = [self._torque(variables, size) for size in self.sizes]
         if self.angle is not None:
             found.append(self._turned(variables))
-        return motion.filtered(np.column_stack(found), times=2)
+        return np.column_stack(found)
 
     def bounds(self) -> tuple[FloatArray, FloatArray]:
         """Lowest and highest factor of each column."""

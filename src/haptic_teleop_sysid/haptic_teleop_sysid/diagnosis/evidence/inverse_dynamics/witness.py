@@ -27,6 +27,9 @@ MOST_EXTENDED = 8
 #: Share of the input torque, mean square in the band, that an actuator must leave: what takes all of it away
 #: leaves nothing to explain, and explains nothing.
 LEAST_ACTING = 0.8
+#: Share of an effect's torque, mean square, that must lie in the band, on one kind of recordings at least:
+#: of what lies outside, the band says nothing.
+LEAST_SEEN = 0.25
 #: Log-likelihood that a parameter must gain, both ways together.
 A_PARAMETER = 4.0
 
@@ -95,8 +98,12 @@ def witness(
     cutoff = motion_band([*estimation, *validation]) if cutoff is None else cutoff
     here, there = equations(model, estimation, cutoff), equations(model, validation, cutoff)
     search = Search(model, here, there)
+    sides = (here, there)
     every = [
-        h for h in hypotheses(model, scales) if min(side.acting(h) for side in (here, there)) > LEAST_ACTING
+        h
+        for h in hypotheses(model, scales)
+        if min(side.acting(h) for side in sides) > LEAST_ACTING
+        and max(side.seen(h) for side in sides) > LEAST_SEEN
     ]
     singles = search.best_of_each(every, ())
     # Two that hide each other: neither need be the best by itself, or be seen by itself at all.
