@@ -69,8 +69,8 @@ class Hypothesis:
         return motion.filtered(self._along(motion, model), times=2)
 
     def whole(self, motion: BandedMotion, model: Model) -> FloatArray:
-        """The same, (n, columns), before it is filtered; of an actuator, of whose input nothing else is known,
-        filtered all the same."""
+        """The same, (n, columns), before it is filtered; of an actuator filtered, too: nothing else is
+        known of its input."""
         if self.entry.kind == "input":
             return self.columns(motion, model)
         return self._along(motion, model)[motion.kept]
