@@ -67,8 +67,9 @@ class EffectEntry:
     - ``practical(p, on)``: whether it deserves its name at these parameters on such recordings (`Recorded`);
     - ``families``: only one of those that share one is tried at a place, they are forms of one thing;
       ``form_of``: the effect that it is a richer form of; ``refinement``: how it is fitted from a plainer
-      one; ``equivalents``: what looks the same, and when; ``same_as``: the parameter of the structure that it
-      cannot be told from where that is estimated;
+      one; ``other_forms``: equations in which others publish the same law with the same parameters, by which
+      its sizes are less sure than by this one alone; ``equivalents``: what looks the same, and when;
+      ``same_as``: the parameter of the structure that it cannot be told from where that is estimated;
     - ``large``: it may be so large that structure and noise make up for it; ``versatile``: it bends to much
       that it is not, and is not believed where what it leaves follows its own quantity; ``at_rest(p)``: the
       torque that it exerts at angle zero, N·m, for what loads a joint at rest, and ``companion``: the
@@ -108,6 +109,7 @@ class EffectEntry:
     families: tuple[str, ...] = ()
     form_of: str = ""
     refinement: Refinement | None = None
+    other_forms: tuple[Callable[[Any, Any], Any], ...] = ()
     equivalents: tuple[Equivalent, ...] = ()
     same_as: str = ""
     large: bool = False

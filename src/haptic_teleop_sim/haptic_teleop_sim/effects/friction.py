@@ -3,7 +3,19 @@
 from __future__ import annotations
 
 from .entry import EffectEntry
-from .friction_forms import differs, falling, falls, gives, giving, grows, rippled, sided, varies
+from .friction_forms import (
+    by_exponential,
+    by_gauss,
+    differs,
+    falling,
+    falls,
+    gives,
+    giving,
+    grows,
+    rippled,
+    sided,
+    varies,
+)
 from .hypothesis import Refinement, drifts, noticeable
 from .parameter import CONTACT, EffectParameter
 
@@ -71,6 +83,7 @@ STRIBECK = EffectEntry(
     practical=falls,
     families=_DRY,
     refinement=Refinement("coulomb_friction", falling),
+    other_forms=(by_gauss, by_exponential),
     large=True,
 )
 

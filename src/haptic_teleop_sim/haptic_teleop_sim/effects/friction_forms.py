@@ -5,6 +5,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
+from typing import Any
 
 from .hypothesis import DISTINCT, SMALL_TORQUE, Numbers, Recorded, bends
 from .parameter import CONTACT, STICTION_ANGLE
@@ -62,6 +63,17 @@ def falls(p: Numbers, on: Recorded) -> bool:
         and p["breakaway"] > SMALL_TORQUE * on.size["torque"]
         and p["velocity"] > 1e-3 * on.size["velocity"]
     )
+
+
+def by_gauss(s: Any, p: Any) -> Any:
+    """Falls as a Gauss curve of the velocity (Armstrong-Hélouvry, Dupont and Canudas de Wit, Automatica
+    30(7), 1994, with the exponent 2)."""
+    return -(p.coulomb + (p.breakaway - p.coulomb) * s.exp(-((s.velocity / p.velocity) ** 2))) * s.direction
+
+
+def by_exponential(s: Any, p: Any) -> Any:
+    """Falls as an exponential of the speed (Tustin 1947; the same with the exponent 1)."""
+    return -(p.coulomb + (p.breakaway - p.coulomb) * s.exp(-s.abs(s.velocity) / p.velocity)) * s.direction
 
 
 def differs(p: Numbers, on: Recorded) -> bool:

@@ -18,6 +18,7 @@ from .decision.search import SearchResult
 from .decision.stand_in import stand_in
 from .decision.verdict import Verdict, decide_verdict
 from .evidence.measured_map import measured_map
+from .evidence.other_forms import spread_by_form, together
 from .evidence.proof import Proof, prove
 from .explain import explain
 from .inputs.uses import three_uses
@@ -73,7 +74,10 @@ def diagnose(
         result, bent = follows_still(result, found.learn, found.judge)
         doubt = doubt or short or bent
     say("deciding")
-    verdict = decide_verdict(result, found.learn, found.judge, doubt, stand.spread, adequate)
+    forms = spread_by_form(result.final.model, found.learn, found.cutoff)
+    verdict = decide_verdict(
+        result, found.learn, found.judge, doubt, together(stand.spread, forms), adequate
+    )
     mapped = instead = None
     if verdict.kind == "unknown":
         mapped = measured_map(
@@ -85,9 +89,12 @@ def diagnose(
         result = replace(result, final=nameless or result.final)
     say("simulating all three models on all recordings")
     proof = prove(model, result.baseline.model, result.final.model, found.course, uses)
-    columns = three_columns(model, result, verdict, found.judge)
+    columns = three_columns(model, result, verdict, found.judge, forms)
     if instead is not None or (mapped is not None and mapped.fit is not None):
-        errors = errors_of(result.final, found.judge)
+        errors = together(
+            errors_of(result.final, found.judge),
+            spread_by_form(result.final.model, found.learn, found.cutoff),
+        )
         columns["augmented"] = column(result.final.model, model, result.final, errors)
     verdict = replace(verdict, findings=with_bounds(verdict.findings, columns["augmented"]))
     say("choosing the next experiment")

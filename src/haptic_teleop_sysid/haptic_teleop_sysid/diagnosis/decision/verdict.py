@@ -56,8 +56,8 @@ def decide_verdict(
     adequate: Adequacy | None = None,
 ) -> Verdict:
     """The verdict on a search; ``doubt``: what speaks against the names found, or for something unnamed;
-    ``spread``: by what parameters differ between recordings, see `Stand`; ``adequate``: how much of what is
-    missing the findings explain, None where that was not asked."""
+    ``spread``: by what parameters differ between recordings (`Stand`) and forms of a law; ``adequate``: how
+    much of what is missing the findings explain, None where that was not asked."""
     joint = result.baseline.model.joint
     before = conditions(result.baseline, estimation, validation, joint)
     remaining = conditions(result.final, estimation, validation, joint) if result.choices else before
@@ -87,8 +87,8 @@ def structured(
 
 def finding(choice: Choice, final: Fit, spread: dict[str, float], surest: float = 1.0) -> dict[str, Any]:
     """One finding, with the numbers of the final model; its standard errors are those of the fit with the
-    spread between recordings.  ``surest``: the most that its confidence may be, as far as it is seen in the
-    motion."""
+    spread between recordings and forms.  ``surest``: the most that its confidence may be, as far as it is
+    seen in the motion."""
     effect = choice.chosen.effect
     fitted = next(
         (e for e in final.model.effects if (e.effect, e.location) == (effect.effect, effect.location)), effect

@@ -17,6 +17,7 @@ from haptic_teleop_sysid.recordings.parameter_units import Units
 from ..decision.search import SearchResult
 from ..decision.verdict import Verdict
 from ..evidence.certainty import scaled_inverse, standard_errors
+from ..evidence.other_forms import together
 from ..inputs.scales import within_reach
 from ..policy import SIGNIFICANT
 
@@ -55,15 +56,19 @@ class Number:
 
 
 def three_columns(
-    given: Model, result: SearchResult, verdict: Verdict, validation: Sequence[Record]
+    given: Model,
+    result: SearchResult,
+    verdict: Verdict,
+    validation: Sequence[Record],
+    spread: Mapping[str, float],
 ) -> dict[str, dict[str, Number]]:
     """The numbers of the given, the re-estimated (``baseline``) and the augmented model; an effect's standard
-    errors are those of the findings."""
+    errors are those of the findings. ``spread``: what parameters of the augmented model are less sure by."""
     baseline = column(result.baseline.model, given, result.baseline, errors_of(result.baseline, validation))
     both = {"given": column(given, given), "baseline": baseline}
     if not result.choices:
         return both | {"augmented": baseline}
-    errors = errors_of(result.final, validation)
+    errors = together(errors_of(result.final, validation), spread)
     for f in verdict.findings:
         head = f"{f['location']}.{f['effect']}."
         errors |= {head + name: float(numbers["std"]) for name, numbers in f["parameters"].items()}

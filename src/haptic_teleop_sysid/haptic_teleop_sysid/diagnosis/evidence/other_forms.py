@@ -1,0 +1,94 @@
+"""What sizes are off by because a law has more than one published form.
+
+Friction that falls with speed is written as a hyperbolic secant, as a Gauss curve or as an exponential of
+the speed. Along one motion all of them follow each other closely, with other sizes: what friction is at the
+speeds that were reached is known, what it would be far above them is not, and what a standard error says of
+the one form says nothing of the others. So the torque that was found is written in each other form along the
+recorded motion, the structure's own torques beside it, and the sizes that this takes are compared.
+"""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from haptic_teleop_sim.effects import EffectEntry
+from haptic_teleop_sim.model import Effect, Model
+from haptic_teleop_sysid.estimation.records import Record
+
+from .inverse_dynamics.motion import MOST_OF_RATE
+from .inverse_dynamics.products import solved
+from .inverse_dynamics.regression import Equations, equations, signs
+from .inverse_dynamics.terms import Hypothesis
+
+FloatArray = NDArray[np.float64]
+
+#: Times the band of the motion in which the forms are compared: near a reversal they differ most.
+WIDER = 4.0
+#: Factors by which a shape (a velocity) may differ between forms.
+_SHAPES = np.geomspace(0.25, 4.0, 25)
+
+
+def spread_by_form(model: Model, records: Sequence[Record], cutoff: float) -> dict[str, float]:
+    """By full parameter name, in its unit: how much sizes of the model's effects, and the structure's free
+    parameters beside them, differ between the published forms of a law (root mean square over the other
+    forms); empty where no effect has another form. ``cutoff``: Hz, of the band of the motion."""
+    several = [e for e in model.effects if e.entry.other_forms]
+    if not several:
+        return {}
+    highest = min(MOST_OF_RATE / r.dt for r in records)
+    bare = replace(model, effects=(), fixed=tuple(n for n in model.fixed if "." not in n))
+    side = equations(bare, records, min(WIDER * cutoff, highest))
+    found: dict[str, float] = {}
+    for effect in several:
+        squares: dict[str, float] = {}
+        for form in effect.entry.other_forms:
+            for name, apart in _apart(side, effect, replace(effect.entry, equation=form)).items():
+                squares[name] = squares.get(name, 0.0) + apart**2 / len(effect.entry.other_forms)
+        for name, square in squares.items():
+            found[name] = float(np.hypot(found.get(name, 0.0), np.sqrt(square)))
+    return found
+
+
+def together(one: Mapping[str, float], other: Mapping[str, float]) -> dict[str, float]:
+    """Two independent standard deviations of each parameter as one; by name, of either alone where only that
+    is there."""
+    return {n: float(np.hypot(one.get(n, 0.0), other.get(n, 0.0))) for n in {**one, **other}}
+
+
+def _apart(side: Equations, effect: Effect, entry: EffectEntry) -> dict[str, float]:
+    """What the parameters change by when the effect's torque is written in the form of ``entry``, at the
+    shape that comes nearest."""
+    place = side.model.place(effect.location)
+    sign = np.array(signs(place, side.model.rigid))
+
+    def rows(torque: FloatArray) -> FloatArray:
+        """(equations n, columns), of torques (n, columns) at the effect's place."""
+        return np.concatenate([s * torque for s in sign])
+
+    given = rows(side.torque(Hypothesis.of(effect, place)))[:, 0]
+    base = np.concatenate([*side.base])
+    best, least = np.zeros(0), np.inf
+    sizes = tuple(p.name for p in entry.parameters if p.default is None and p.neutral == 0.0)
+    for shape in _shapes(effect, entry):
+        other = Hypothesis(entry, effect.location, place, shape, sizes, None)
+        columns = np.column_stack([base, rows(side.torque(other))])
+        low = np.concatenate([np.full(base.shape[1], -np.inf), other.bounds()[0]])
+        values = solved(columns.T @ columns, columns.T @ given, low, np.full(len(low), np.inf))
+        left = float(np.sum((given - columns @ values) ** 2))
+        if left < least:
+            best, least = values, left
+    names = (*side.names, *(f"{effect.location}.{effect.effect}.{n}" for n in sizes))
+    before = [*np.zeros(len(side.names)), *(effect.values[n] for n in sizes)]
+    return {name: abs(float(v) - b) for name, v, b in zip(names, best, before, strict=True)}
+
+
+def _shapes(effect: Effect, entry: EffectEntry) -> Iterator[tuple[tuple[str, float], ...]]:
+    """The effect's shape parameters at which a form is tried."""
+    shaped = [p for p in entry.parameters if p.default is None and p.neutral is None]
+    for factors in itertools.product(_SHAPES, repeat=len(shaped)):
+        yield tuple((p.name, f * effect.values[p.name]) for p, f in zip(shaped, factors, strict=True))
