@@ -27,7 +27,7 @@ from haptic_teleop_sysid.many.characterise import characterise
 from haptic_teleop_sysid.many.each import Job, Means, each
 from haptic_teleop_sysid.many.kept import DONE
 from haptic_teleop_sysid.many.trend import GIVEN_ERROR, UNEXPLAINED, Trend, trend_of
-from haptic_teleop_sysid.many.trend_picture import charts_picture
+from haptic_teleop_sysid.many.trend_picture import charts_plot
 from haptic_teleop_sysid.report import save_png
 from haptic_teleop_sysid.runs.estimation_run import Choices
 
@@ -98,7 +98,7 @@ def main() -> None:
     if arguments.picture is not None:
         first = ageing(1, folder / "aged1", arguments.jobs)
         shown = tuple(c for c in first.charts if c.quantity.name in SHOWN)
-        save_png(charts_picture(replace(first, charts=shown)), arguments.picture)
+        save_png(charts_plot(replace(first, charts=shown)), arguments.picture)
         return
     bags = folder / "year"
     if not bags.exists():

@@ -13,7 +13,7 @@ from joint_recordings import TRUTH, excitation, joint_recording, response
 from scenario_recordings import Made, scenario
 
 from haptic_teleop_sim.model import Effect, Model
-from haptic_teleop_sysid.report import Page, Panel, Plot, Series, still
+from haptic_teleop_sysid.report import Band, Page, Panel, Plot, Series, still
 from haptic_teleop_sysid.runs.comparison import compare
 from haptic_teleop_sysid.runs.comparison_pictures import comparison_pictures
 from haptic_teleop_sysid.runs.comparison_report import comparison_page
@@ -278,3 +278,30 @@ def test_a_screen_reader_finds_landmarks_headings_names_and_the_way_past_the_con
     page.click("nav >> text=Details")  # a link opens what is folded
     page.wait_for_function("document.querySelector('#section4 details').open")
     page.close()
+
+
+def test_many_recordings_are_a_plot_that_tells_which_one_it_is_under_the_mouse(browser, tmp_path):
+    weeks = 1.767e9 + 7 * 86400.0 * np.arange(30.0)
+    values = 0.2 + 0.01 * np.sin(weeks)
+    line = Series("friction", weeks, values, marks=True, line=False, error=np.full(30, 0.01))
+    out = Series("jumped out", weeks, np.where(weeks > weeks[-3], values, np.nan), "alarm", marks=True)
+    band = Band("limits", weeks, np.full(30, 0.18), np.full(30, 0.22))
+    names = [f"week{i:02d}" for i in range(30)]
+    panels = [
+        Panel("friction", "N·m", [line, out], guides=(0.2,), moments=(weeks[9],), band=band),
+        Panel("error", "1", [Series("error", weeks, np.exp(values))], logarithmic=True),
+    ]
+    page = Page("Trend")
+    page.section("Over time").plot(Plot(panels, "date (UTC)", names=names, dated=True), "Over time")
+    path = page.write(tmp_path / "report.html")
+    view, wrong = opened(browser, path, viewport={"width": 1280, "height": 900})
+    box = view.query_selector(".canvas").bounding_box()
+    # Between the axis and the end: the middle is halfway through the 30 weeks.
+    view.mouse.move(box["x"] + 66 + 0.5 * (box["width"] - 78), box["y"] + 60)
+    view.wait_for_selector(".readout:has-text('friction')")
+    told = view.inner_text(".readout >> nth=0")
+    assert told.startswith(("at week14: ", "at week15: "))
+    # What has no number there is not told.
+    assert "friction 0." in told and "jumped out" not in told and "limits" not in told
+    assert wrong == []
+    view.close()

@@ -14,6 +14,7 @@ from hypothesis.extra.numpy import arrays
 
 from haptic_teleop_sysid.recordings.small_motion import hardly_moving, judged, spread
 from haptic_teleop_sysid.report import (
+    Band,
     Page,
     Panel,
     Plot,
@@ -68,20 +69,20 @@ def test_a_page_of_many_long_lines_stays_below_three_megabytes_and_a_million_sam
         section.plot(Plot([Panel("p", "rad", lines)]).with_difference(), "caption")
     assert len(page.render().encode()) < 3 * MEGABYTE
     for block in section.blocks[:2]:
-        data = drawn(live(block.plot.panels, "time (s)", "p", PAGE_POINTS // 45)["document"])
+        data = drawn(live(block.plot, block.plot.panels, "p", PAGE_POINTS // 45)["document"])
         assert [(float(y.min()), float(y.max())) for y in data] == [(-50.0, 40.0)] * 8
 
 
-def drawn(document):
+def drawn(document, column="y"):
     """The values that a Bokeh document draws, line by line, decoded from its JSON."""
     found = []
 
     def seek(content):
         if isinstance(content, dict):
             entries = dict(content["entries"]) if content.get("type") == "map" else {}
-            if "y" in entries:
-                raw = gzip.decompress(base64.b64decode(entries["y"]["array"]["data"]))
-                found.append(np.frombuffer(raw, entries["y"]["dtype"]))
+            if column in entries:
+                raw = gzip.decompress(base64.b64decode(entries[column]["array"]["data"]))
+                found.append(np.frombuffer(raw, entries[column]["dtype"]))
             content = list(content.values())
         if isinstance(content, (list, tuple)):
             for each in content:
@@ -207,3 +208,30 @@ def test_a_fit_of_three_milliradians_of_motion_is_no_alarm_unless_that_is_all_th
     assert judged(fits, set(fits)) == fits
     assert spread(np.array([np.nan, 1.0, 3.0])) == pytest.approx(2.0, rel=0.02)
     assert spread(np.full(3, np.nan)) == 0.0
+
+
+def test_an_axis_reaches_as_far_as_the_errors_and_the_band_do():
+    time, value = np.arange(3.0), np.array([1.0, 2.0, np.nan])
+    line = Series("x", time, value, marks=True, line=False, error=np.array([0.5, np.nan, 1.0]))
+    low, high = Panel("p", "N", [line]).limits()
+    assert low < 0.5 and 2.0 < high < 2.2
+    band = Band("limits", time[:2], np.array([-3.0, -3.0]), np.array([4.0, 4.0]))
+    low, high = Panel("p", "N", [line], band=band).limits()
+    assert low < -3.0 and high > 4.0
+    low, high = Panel("p", "N", [Series("x", time, np.array([1e-4, 1e-2, 1.0]))], logarithmic=True).limits()
+    assert 0.0 < low < 1e-4 and 1.0 < high < 3.0
+
+
+def test_dates_keep_their_seconds_and_too_many_names_are_not_told():
+    time = 1.767e9 + np.arange(100.0)
+    line = Series("x", time, time, marks=True, line=False)
+    plot = Plot([Panel("p", "N", [line])], names=["a"] * 100, dated=True)
+    found = live(plot, plot.panels, "p", 600)
+    assert found["dated"] and len(found["names"]) == 100
+    (milliseconds,) = drawn(found["document"], "x")
+    assert milliseconds == pytest.approx(1000.0 * time, abs=0.5)  # single precision leaves two minutes
+    assert live(plot, plot.panels, "p", 50)["names"] == []
+    three = ["one", "two", "three"]
+    few = Plot([Panel("p", "N", [Series("x", np.arange(1.0, 4.0), np.ones(3))])], names=three)
+    (axis,) = still(few).axes
+    assert [t.get_text() for t in axis.get_xticklabels()] == three

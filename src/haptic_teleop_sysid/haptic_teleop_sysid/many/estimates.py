@@ -15,7 +15,17 @@ import scipy
 
 from haptic_teleop_control.counted import counted
 from haptic_teleop_sim.model import Model
-from haptic_teleop_sysid.report import Link, Page, error_text, rounded, unit_text, with_error
+from haptic_teleop_sysid.report import (
+    Link,
+    Page,
+    Panel,
+    Plot,
+    Series,
+    error_text,
+    rounded,
+    unit_text,
+    with_error,
+)
 from haptic_teleop_sysid.results import plain
 from haptic_teleop_sysid.runs.estimation_report import verdict
 from haptic_teleop_sysid.runs.estimation_run import Choices, load, run_estimate, write_results
@@ -144,7 +154,14 @@ def estimates_page(model: Model, outcomes: Mapping[str, Mapping[str, Any]], with
     if done:
         first = next(iter(done.values()))
         names = list(first["parameters"])
-        page.section("Each for itself").table(
+        section = page.section("Each for itself")
+        if len(done) > 1 and all_:
+            section.plot(
+                estimates_plot(done, all_),
+                "Each parameter with its standard error, in the order of the recordings; dotted: the "
+                "weighted mean",
+            )
+        section.table(
             ("recording", *names, "least fit", "doubts"),
             [
                 (
@@ -160,6 +177,22 @@ def estimates_page(model: Model, outcomes: Mapping[str, Mapping[str, Any]], with
     if unusable:
         page.section("Not used").table(("recording", "why"), unusable)
     return page
+
+
+def estimates_plot(done: Mapping[str, Mapping[str, Any]], means: Mapping[str, Mapping[str, Any]]) -> Plot:
+    """Return one panel a parameter of which there is a mean: its value in every recording."""
+    x = np.arange(1.0, len(done) + 1)
+    panels = []
+    for name, row in means.items():
+        told = [o["parameters"].get(name) or {} for o in done.values()]
+        value, std = (np.array([_number(t.get(key)) for t in told]) for key in ("value", "std"))
+        line = Series("value ± std. error", x, value, marks=True, line=False, error=std)
+        panels.append(Panel(name, unit_text(row["unit"]), [line], guides=(row["mean"],)))
+    return Plot(panels, "recording", names=list(done))
+
+
+def _number(value: float | None) -> float:
+    return math.nan if value is None else float(value)
 
 
 def write_estimates(outcomes: Mapping[str, Mapping[str, Any]], path: Path) -> Path:

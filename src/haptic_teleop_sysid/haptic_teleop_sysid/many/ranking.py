@@ -6,17 +6,15 @@ import csv
 import math
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
+
+import numpy as np
 
 from haptic_teleop_control.counted import counted
 from haptic_teleop_sysid.diagnosis.decision.adequacy import SLIGHT_ERROR
-from haptic_teleop_sysid.report import Link, Page
-from haptic_teleop_sysid.report.pictures import COLOUR, blank, styled
+from haptic_teleop_sysid.report import Link, Page, Panel, Plot, Series
 
 from .kept import DONE
-
-if TYPE_CHECKING:  # importing matplotlib takes half a second
-    from matplotlib.figure import Figure
 
 Outcomes = Mapping[str, Mapping[str, Any]]
 RULE = (
@@ -98,7 +96,7 @@ def overview_page(title: str, outcomes: Outcomes, with_pages: bool) -> Page:
         page.verdict("fair", f"{len(unusable)} could not be diagnosed; they are listed below.")
     if order:
         section = page.section("Ranking", RULE)
-        section.picture(_bars(order, outcomes), "Error of the simulated response, worst first")
+        section.plot(errors_plot(order, outcomes), "Error of the simulated response, worst first")
         section.table(
             ("rank", "", "verdict", "what is wrong", "error, yours", "error, augmented"),
             [
@@ -144,20 +142,14 @@ def _without(outcome: Mapping[str, Any]) -> dict[str, Any]:
     return {k: v for k, v in outcome.items() if k not in ("key", "status", "message")}
 
 
-def _bars(order: Sequence[str], outcomes: Outcomes) -> Figure:
-    shown = [n for n in order if outcomes[n]["error"] is not None][:40]
-    with styled():
-        figure = blank(8.0, 0.4 * len(shown) + 1.0)
-        axes = figure.subplots()
-        places = range(len(shown))
-        for key, label, role, shift in (
-            ("error", "your model", "given", 0.18),
-            ("left", "augmented", "augmented", -0.18),
-        ):
-            values = [100.0 * (outcomes[n][key] or 0.0) for n in shown]
-            axes.barh([p - shift for p in places], values, 0.34, color=COLOUR[role], label=label)
-        axes.set_yticks(list(places), shown)
-        axes.invert_yaxis()
-        axes.set_xlabel("error of the simulated response (% of the motion's spread)")
-        axes.legend()
-    return figure
+def errors_plot(order: Sequence[str], outcomes: Outcomes) -> Plot:
+    """Return the errors of your and of the augmented model, %, over the rank; a gap where a response runs
+    away."""
+    x = np.arange(1.0, len(order) + 1)
+    lines = []
+    for key, label, role in (("error", "your model", "given"), ("left", "augmented", "augmented")):
+        errors = [outcomes[n][key] for n in order]
+        values = np.array([math.nan if e is None else 100.0 * e for e in errors])
+        lines.append(Series(label, x, values, role, marks=True, line=False, square=key == "error"))
+    panel = Panel("Error of the simulated response", "% of the motion's spread", lines, guides=(0.0,))
+    return Plot([panel], "rank", names=order)

@@ -11,7 +11,7 @@ from haptic_teleop_control.counted import counted
 from haptic_teleop_sysid.report import Page, unit_text
 
 from .trend import Trend
-from .trend_picture import changes_picture, charts_picture
+from .trend_picture import changes_picture, charts_plot
 from .trend_words import alarm_sentence, change_sentence, changed
 
 _STATISTICS = (
@@ -65,8 +65,10 @@ def trend_page(trend: Trend, commands: Sequence[Sequence[str]]) -> Page:
         page.section("Next").commands(
             [(what, shlex.join(command)) for what, command in zip(which, commands, strict=False)]
         )
-    page.section("Over time", _STATISTICS).picture(
-        charts_picture(trend), "Each quantity over time with its limits; shaded on the left: the reference"
+    page.section("Over time", _STATISTICS).plot(
+        charts_plot(trend),
+        "Each quantity over time within the limits of one recording; shaded on the left: the reference; "
+        "vertical lines: events",
     )
     page.section("Recordings").table(
         ("recording", "date", "seconds", "out of order"),

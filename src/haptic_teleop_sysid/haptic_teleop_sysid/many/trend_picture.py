@@ -2,35 +2,33 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
+from numpy.typing import NDArray
 
-from haptic_teleop_sysid.report import unit_text
-from haptic_teleop_sysid.report.pictures import COLOUR, INK, SHADE, blank, styled
+from haptic_teleop_sysid.report import Band, Panel, Plot, Series, unit_text
+from haptic_teleop_sysid.report.pictures import COLOUR, INK, blank, styled
 
 from .charts import Chart
 from .trend import Trend
 
 if TYPE_CHECKING:  # importing matplotlib takes half a second
-    from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-_VALUE, _OUT, _CREPT = COLOUR["measured"], COLOUR["alarm"], COLOUR["given"]
+FloatArray = NDArray[np.float64]
+_VALUE, _OUT = COLOUR["measured"], COLOUR["alarm"]
 
 
-def charts_picture(trend: Trend) -> Figure:
+def charts_plot(trend: Trend) -> Plot:
     """Return one panel a quantity: values with standard errors, reference, limits, what is outside."""
-    x, label = _axis(trend)
-    with styled():
-        figure = blank(10.0, 1.7 * len(trend.charts) + 0.6)
-        panels = figure.subplots(len(trend.charts), 1, sharex=True, squeeze=False)[:, 0]
-        for axes, c in zip(panels, trend.charts, strict=True):
-            _panel(axes, x, c, trend)
-        panels[-1].set_xlabel(label)
-        handles, labels = panels[0].get_legend_handles_labels()
-        figure.legend(handles, labels, loc="outside upper right", ncols=len(labels))
-    return figure
+    dates = [p.date for p in trend.points]
+    dated = all(d is not None for d in dates)
+    times = [d.timestamp() for d in dates if d is not None] if dated else range(1, len(dates) + 1)
+    x = np.array(times, dtype=float)
+    panels = [_panel(x, c, trend) for c in trend.charts]
+    names = [p.name for p in trend.points]
+    return Plot(panels, "date (UTC)" if dated else "recording", names=names, dated=dated)
 
 
 def changes_picture(trend: Trend) -> Figure:
@@ -65,39 +63,25 @@ def _against(c: Chart, errors: float) -> float:
     return float(np.exp(away)) if c.quantity.logarithmic else 100.0 * away / max(abs(c.centre), 1e-300)
 
 
-def _axis(trend: Trend) -> tuple[Any, str]:
-    dates = [p.date for p in trend.points]
-    if all(d is not None for d in dates):
-        return np.array([np.datetime64(d.replace(tzinfo=None)) for d in dates if d is not None]), "date (UTC)"
-    return np.arange(1, len(dates) + 1), "recording"
-
-
-def _panel(axes: Axes, x: Any, c: Chart, trend: Trend) -> None:
+def _panel(x: FloatArray, c: Chart, trend: Trend) -> Panel:
     shown = np.vectorize(c.shown, otypes=[float])
-    values = c.quantity.values
-    told = np.isfinite(c.half)
-    axes.fill_between(
-        x[told],
-        shown(c.centre - c.half[told]),
-        shown(c.centre + c.half[told]),
-        color=SHADE,
-        linewidth=0,
-        label="limits of one recording",
-    )
-    axes.axhline(c.shown(c.centre), color=INK, linewidth=0.7, linestyle=(0, (2, 3)))
-    axes.errorbar(
-        x, values, yerr=c.quantity.std, fmt=".", color=_VALUE, linewidth=0.8, label="recordings, std. error"
-    )
-    for which, colour, mark, label in (
-        (c.creeping & ~c.single, _CREPT, "o", "crept out"),
-        (c.single, _OUT, "s", "jumped out"),
+    values, told = c.quantity.values, np.isfinite(c.half)
+    low, high = (shown(c.centre + sign * c.half[told]) for sign in (-1.0, 1.0))
+    series = [Series("recordings, std. error", x, values, marks=True, line=False, error=c.quantity.std)]
+    for which, label, role, square in (
+        (c.creeping & ~c.single, "crept out", "given", False),
+        (c.single, "jumped out", "alarm", True),
     ):
-        axes.plot(x[which], values[which], mark, color=colour, markersize=5, fillstyle="none", label=label)
-    for i in trend.events:
-        label = "event" if i == min(trend.events) else ""
-        axes.axvline(x[i], color=COLOUR["fourth"], linewidth=0.8, label=label)
-    axes.axvspan(x[0], x[trend.reference - 1], color=INK, alpha=0.06, linewidth=0)
-    axes.set_title(c.quantity.name)
-    axes.set_ylabel(unit_text(c.quantity.unit))
-    if c.quantity.logarithmic:
-        axes.set_yscale("log")
+        if np.any(which):
+            outside = np.where(which, values, np.nan)
+            series.append(Series(label, x, outside, role, marks=True, line=False, square=square))
+    return Panel(
+        c.quantity.name,
+        unit_text(c.quantity.unit),
+        series,
+        guides=(c.shown(c.centre),),
+        spans=((float(x[0]), float(x[trend.reference - 1])),),
+        moments=[float(x[i]) for i in trend.events],
+        band=Band("limits of one recording", x[told], low, high),
+        logarithmic=c.quantity.logarithmic,
+    )

@@ -11,10 +11,11 @@ from haptic_teleop_sysid.report.numbers import error_text, rounded, unit_text, u
 from haptic_teleop_sysid.report.output import claim_output_directory, claimed, numbered_output_directory
 from haptic_teleop_sysid.report.page import Page, Status
 from haptic_teleop_sysid.report.pictures import histogram, inline_svg, save_png, still
-from haptic_teleop_sysid.report.plot import Panel, Plot, Series
+from haptic_teleop_sysid.report.plot import Band, Panel, Plot, Series
 from haptic_teleop_sysid.report.section import Link, Section
 
 __all__ = [
+    "Band",
     "Link",
     "Page",
     "Panel",

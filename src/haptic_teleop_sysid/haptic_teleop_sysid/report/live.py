@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from .plot import Panel, Series, thinned
+from .plot import Band, Panel, Plot, Series, thinned
 from .roles import ROLES, variable
 
 if TYPE_CHECKING:
@@ -49,24 +49,34 @@ def packed_script() -> str:
     return base64.b64encode(gzip.compress(text.encode(), 9, mtime=0)).decode("ascii")
 
 
-def live(panels: Sequence[Panel], x_label: str, prefix: str, points: int) -> dict[str, Any]:
-    """What the page's script embeds: ``document`` (BokehJS' JSON), and ``roots``: id of each panel's plot
-    -> id of the element that it is drawn into, ``prefix`` and the panel's number."""
+def live(plot: Plot, panels: Sequence[Panel], prefix: str, points: int) -> dict[str, Any]:
+    """What the page's script embeds of some ``panels`` of a plot: ``document`` (BokehJS' JSON), ``roots``: id
+    of each panel's plot -> id of the element that it is drawn into, ``prefix`` and the panel's number,
+    ``names`` of the samples, if they are not too many to be drawn each, and whether it is ``dated``."""
     from bokeh.document import Document
 
     spans = [s for p in panels for s in (_span(line) for line in p.series) if s is not None]
-    shared = _range(spans)
+    marked = any(s.marks for p in panels for s in p.series)
+    shared = _range(spans, 1000.0 if plot.dated else 1.0, 0.03 if marked else 0.01)
     document, roots = Document(), {}
     for number, panel in enumerate(panels):
         own = shared
         if panel.x_label:
             own = _range([s for s in map(_span, panel.series) if s is not None])
         last = number == len(panels) - 1 or bool(panel.x_label)
-        label = panel.x_label or (x_label if last else "")
-        plot = _figure(panel, own, label, last, points)
-        document.add_root(plot)
-        roots[plot.id] = f"{prefix}-{number}"
-    return {"document": document.to_json(deferred=False), "roots": roots}
+        label = panel.x_label or (plot.x_label if last else "")
+        one = _figure(panel, own, label, last, points, plot.dated)
+        if last and plot.named_ticks:
+            _name_ticks(one, plot.names)
+        document.add_root(one)
+        roots[one.id] = f"{prefix}-{number}"
+    names = list(plot.names) if len(plot.names) <= points else []
+    return {
+        "document": document.to_json(deferred=False),
+        "roots": roots,
+        "names": names,
+        "dated": plot.dated,
+    }
 
 
 def as_script(content: Any) -> str:
@@ -75,7 +85,19 @@ def as_script(content: Any) -> str:
     return text.replace("<", "\\u003c").replace(">", "\\u003e").replace("&", "\\u0026")
 
 
-def _figure(panel: Panel, x_range: Range1d, x_label: str, last: bool, points: int) -> BokehPlot:
+def _name_ticks(plot: Any, names: Sequence[str]) -> None:
+    from bokeh.models import FixedTicker
+
+    places = range(1, len(names) + 1)
+    plot.xaxis.ticker = FixedTicker(ticks=list(places))
+    plot.xaxis.major_label_overrides = dict(zip(places, names, strict=True))
+    plot.xaxis.major_label_orientation = 0.6
+    plot.height += 6 * min(max(map(len, names)), 20)
+
+
+def _figure(
+    panel: Panel, x_range: Range1d, x_label: str, last: bool, points: int, dated: bool = False
+) -> BokehPlot:
     from bokeh.models import BasicTickFormatter, BoxAnnotation, Range1d, Span
     from bokeh.plotting import figure
 
@@ -85,6 +107,8 @@ def _figure(panel: Panel, x_range: Range1d, x_label: str, last: bool, points: in
         sizing_mode="stretch_width",
         x_range=x_range,
         y_range=Range1d(start=low, end=high),
+        x_axis_type="datetime" if dated else "linear",
+        y_axis_type="log" if panel.logarithmic else "linear",
         toolbar_location=None,
         tools="",
         output_backend="canvas",
@@ -96,24 +120,33 @@ def _figure(panel: Panel, x_range: Range1d, x_label: str, last: bool, points: in
         min_border_top=4,
     )
     _tools(plot)
+    scale = 1000.0 if dated else 1.0  # Bokeh counts milliseconds
     for start, end in panel.spans:
         # As dark as the page's shade, on white and on black.
-        box = BoxAnnotation(left=start, right=end, fill_alpha=1.0, line_color=None, level="image")
+        left, right = scale * start, scale * end
+        box = BoxAnnotation(left=left, right=right, fill_alpha=1.0, line_color=None, level="image")
         box.fill_color, box.tags = "#e9edf4", ["fill_color=--shade"]
         plot.add_layout(box)
     for guide in panel.guides:
         line = Span(location=guide, dimension="width", line_dash=[2, 3], level="underlay")
         line.tags = ["line_color=--ink"]
         plot.add_layout(line)
+    for moment in panel.moments:
+        line = Span(location=scale * moment, dimension="height", level="underlay")
+        line.tags = [f"line_color={variable('fourth')}"]
+        plot.add_layout(line)
+    if panel.band is not None:
+        _shade(plot, panel.band, scale)
     # Wide lines first, what was measured last and on top.
     for series in sorted(panel.series, key=lambda s: (s.role == "measured", -ROLES[s.role].width)):
-        _line(plot, series, points)
+        _line(plot, series, points, scale)
     for axis in plot.axis:
         axis.tags = [f"{part}_color=--ink" for part in ("axis_line", "major_tick_line", "minor_tick_line")]
         axis.tags += ["major_label_text_color=--text", "axis_label_text_color=--text"]
         axis.major_label_text_font_size = axis.axis_label_text_font_size = "12px"
         axis.axis_label_text_font_style = "normal"
-    plot.yaxis.formatter = BasicTickFormatter(power_limit_low=-5, power_limit_high=6)  # pyright: ignore[reportAttributeAccessIssue]
+    if not panel.logarithmic:
+        plot.yaxis.formatter = BasicTickFormatter(power_limit_low=-5, power_limit_high=6)  # pyright: ignore[reportAttributeAccessIssue]
     plot.grid.grid_line_color = "#dfe3ea"
     for grid in plot.grid:
         grid.tags = ["grid_line_color=--grid"]
@@ -134,21 +167,43 @@ def _tools(plot: Any) -> None:
     plot.toolbar.active_scroll = wheel
 
 
-def _line(plot: Any, series: Series, points: int) -> None:
+def _shade(plot: Any, band: Band, scale: float) -> None:
+    from bokeh.models import ColumnDataSource
+
+    source: dict[str, Any] = {"x": scale * band.time, "low": band.low, "high": band.high}
+    drawn = plot.varea(x="x", y1="low", y2="high", source=ColumnDataSource(source), name=band.label)
+    drawn.glyph.fill_color, drawn.glyph.tags = "#cfdcef", ["fill_color==--band"]
+    drawn.level = "underlay"
+
+
+def _line(plot: Any, series: Series, points: int, scale: float) -> None:
     role = ROLES[series.role]
     time, value = thinned(np.asarray(series.time), np.asarray(series.value), points)
-    # Times are told from each other and values drawn: single precision does for both.
-    source = {"x": np.asarray(time, np.float32), "y": np.asarray(value, np.float32)}
+    # Times are told from each other and values drawn: single precision does for both, but not for dates.
+    when = np.asarray(time, np.float32) if scale == 1.0 else scale * np.asarray(time, np.float64)
+    source = {"x": when, "y": np.asarray(value, np.float32)}
     dash = role.dash if series.dash is None else series.dash
     style = {"line_color": role.light, "line_width": role.width, "line_dash": list(dash) or "solid"}
-    columns = _columns(source)
+    name = series.label or "value"
     if series.line:
-        drawn = plot.line(**columns, **style, name=series.label or "value")
+        drawn = plot.line(**_columns(source), **style, name=name)
         drawn.glyph.tags = [f"line_color=={variable(series.role)}"]
     if series.marks:
-        marks = plot.scatter(**columns, size=5, name=series.label or "value")
+        shape = {"marker": "square", "size": 8} if series.square else {"size": 5}
+        marks = plot.scatter(**_columns(source), **shape, name=name)
         marks.glyph.fill_color = marks.glyph.line_color = role.light
         marks.glyph.tags = [f"{part}_color=={variable(series.role)}" for part in ("fill", "line")]
+    if series.error is not None and len(value) == len(series.value):
+        low, high = series.reaches()
+        _bars(plot, source | {"low": low, "high": high}, series.role, name)
+
+
+def _bars(plot: Any, source: dict[str, Any], role: str, name: str) -> None:
+    from bokeh.models import ColumnDataSource
+
+    ends = {"x0": "x", "x1": "x", "y0": "low", "y1": "high"}
+    bars = plot.segment(**ends, source=ColumnDataSource(source), name=name)
+    bars.glyph.line_color, bars.glyph.tags = ROLES[role].light, [f"line_color=={variable(role)}"]
 
 
 def _columns(source: dict[str, Any]) -> dict[str, Any]:
@@ -162,9 +217,11 @@ def _span(series: Series) -> tuple[float, float] | None:
     return (float(finite.min()), float(finite.max())) if len(finite) else None
 
 
-def _range(spans: Sequence[tuple[float, float]]) -> Range1d:
+def _range(spans: Sequence[tuple[float, float]], scale: float = 1.0, room: float = 0.01) -> Range1d:
+    """From the first to the last of ``spans``, with ``room`` at either end, a share of it all."""
     from bokeh.models import Range1d
 
+    spans = [(scale * a, scale * b) for a, b in spans]
     low, high = min((a for a, _ in spans), default=0.0), max((b for _, b in spans), default=1.0)
-    room = 0.01 * (high - low) or 0.5
-    return Range1d(start=low - room, end=high + room)
+    more = room * (high - low) or 0.5
+    return Range1d(start=low - more, end=high + more)

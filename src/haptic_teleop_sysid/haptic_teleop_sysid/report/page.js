@@ -57,7 +57,7 @@
       this.drag();
       for (const plot of found) {
         const readout = document.getElementById(roots[plot.id]).closest(".panel").querySelector(".readout");
-        plot.on_event("mousemove", (event) => { readout.textContent = told(plot, event.x); });
+        plot.on_event("mousemove", (event) => { readout.textContent = told(plot, event.x, this.content[this.view]); });
         plot.on_event("mouseleave", () => { readout.textContent = ""; });
       }
     }
@@ -99,11 +99,13 @@
     }
   }
 
-  // The values of all lines shown, at the samples next to x.
-  function told(plot, x) {
+  // The values of all lines shown, at the samples next to x, and where that is: the sample's name, its date.
+  function told(plot, x, { names, dated }) {
     const values = new Map();
+    let name = "";
     for (const line of plot.renderers) {
-      if (!line.visible || values.has(line.name)) continue;
+      const drawn = line.data_source.get_column("y");
+      if (!line.visible || !drawn || values.has(line.name)) continue;
       const times = line.data_source.get_column("x");
       let low = 0;
       let high = times.length - 1;
@@ -113,10 +115,12 @@
         else low = middle;
       }
       const nearest = x - times[low] < times[high] - x ? low : high;
-      values.set(line.name, line.data_source.get_column("y")[nearest]);
+      if (names.length === times.length) name = names[nearest];
+      if (Number.isFinite(drawn[nearest])) values.set(line.name, drawn[nearest]);
     }
-    const parts = [...values].map(([name, value]) => `${name} ${Number(value.toPrecision(5))}`);
-    return `at ${Number(x.toPrecision(5))}: ${parts.join(", ")}`;
+    const parts = [...values].map(([label, value]) => `${label} ${Number(value.toPrecision(5))}`);
+    const when = dated ? new Date(x).toISOString().slice(0, 16).replace("T", " ") : Number(x.toPrecision(5));
+    return `at ${name || when}: ${parts.join(", ")}`;
   }
 
   const whole = new Map();

@@ -120,7 +120,7 @@ def _drawn(sections: Sequence[Section]) -> dict[int, dict[str, Any]]:
             if block.plot.difference:
                 views["difference"] = block.plot.difference
             content = {
-                view: live(panels, block.plot.x_label, f"{name}-{view}", points)
+                view: live(block.plot, panels, f"{name}-{view}", points)
                 for view, panels in views.items()
             }
             one |= {"script": Markup(as_script(content)), "views": views, "legend": _legend(block.plot)}

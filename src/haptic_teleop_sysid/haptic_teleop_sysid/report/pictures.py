@@ -12,6 +12,7 @@ import io
 import re
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -25,9 +26,9 @@ if TYPE_CHECKING:  # importing matplotlib takes half a second
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-INK, GRID, SHADE = "#1c2431", "#dfe3ea", "#e9edf4"
+INK, GRID, SHADE, BAND = "#1c2431", "#dfe3ea", "#e9edf4", "#cfdcef"
 COLOUR = {name: role.light for name, role in ROLES.items()}
-CSS_VARIABLE = {INK: "--ink", GRID: "--grid", SHADE: "--shade"} | {
+CSS_VARIABLE = {INK: "--ink", GRID: "--grid", SHADE: "--shade", BAND: "--band"} | {
     colour: variable(name) for name, colour in COLOUR.items()
 }
 #: Samples of a line that a picture of this size can show.
@@ -82,22 +83,39 @@ def still(plot: Plot, points: int = POINTS, width: float = 10.0, height: float =
         figure = blank(width, height * len(plot.panels) + 0.5)
         axes = figure.subplots(len(plot.panels), 1, sharex=not own, squeeze=False)[:, 0]
         for axis, panel in zip(axes, plot.panels, strict=True):
-            _draw(axis, panel, points)
+            _draw(axis, panel, points, plot.dated)
             if panel.x_label:
                 axis.set_xlabel(panel.x_label)
         if not own:
             axes[-1].set_xlabel(plot.x_label)
+        if plot.named_ticks:
+            axes[-1].set_xticks(range(1, len(plot.names) + 1), plot.names, rotation=30, ha="right")
         figure.align_ylabels(list(axes))
     return figure
 
 
-def _draw(axis: Axes, panel: Panel, points: int) -> None:
+def _draw(axis: Axes, panel: Panel, points: int, dated: bool = False) -> None:
+    def when(time: Any) -> Any:
+        # matplotlib counts days.
+        return np.asarray(time) / 86400.0 if dated else time
+
+    if dated:
+        axis.xaxis_date()
     for start, end in panel.spans:
-        axis.axvspan(start, end, color=SHADE, linewidth=0, zorder=0)
+        axis.axvspan(when(start), when(end), color=SHADE, linewidth=0, zorder=0)
+    if panel.band is not None:
+        band = panel.band
+        axis.fill_between(
+            when(band.time), band.low, band.high, color=BAND, linewidth=0, zorder=0.5, label=band.label
+        )
     for level in panel.guides:
         axis.axhline(level, color=INK, linewidth=0.7, linestyle=(0, (2, 3)), zorder=1)
+    for moment in panel.moments:
+        axis.axvline(when(moment), color=COLOUR["fourth"], linewidth=0.8, zorder=1)
     for line in panel.series:
-        _line(axis, line, points)
+        _line(axis, replace(line, time=when(line.time)), points)
+    if panel.logarithmic:
+        axis.set_yscale("log")
     axis.set_title(f"{panel.title}{': ' if panel.note else ''}{panel.note}")
     axis.set_ylabel(panel.unit)
     axis.set_ylim(*panel.limits())
@@ -121,11 +139,15 @@ def _line(axis: Axes, line: Series, points: int) -> None:
         color=role.light,
         linewidth=width,
         linestyle=style if line.line else "none",
-        marker="o" if line.marks else None,
-        markersize=3,
+        marker=("s" if line.square else "o") if line.marks else None,
+        markersize=4.5 if line.square else 3,
         label=line.label,
         zorder=order,
     )
+    if line.error is not None:
+        axis.errorbar(
+            line.time, line.value, yerr=line.error, fmt="none", ecolor=role.light, elinewidth=0.8, zorder=1.5
+        )
 
 
 def histogram(values: Sequence[tuple[str, NDArray[np.float64]]], x_label: str, limit: float) -> Figure:

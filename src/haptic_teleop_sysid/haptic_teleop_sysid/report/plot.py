@@ -19,6 +19,8 @@ LEAST_HEIGHT = {"rad": 1e-4, "rad/s": 1e-3, "N·m": 1e-3, "A": 1e-3, "mJ": 1e-2,
     "m/s": 1e-5,
     "N": 1e-3,
 }
+#: Samples up to which their names stand at the axis.
+MOST_NAMED = 12
 #: Room above and below the lines, as a share of the axis.
 _ROOM = 0.06
 
@@ -26,8 +28,9 @@ _ROOM = 0.06
 @dataclass(frozen=True)
 class Series:
     """A line of a panel: ``time`` and ``value``, both (n,); NaN leaves a gap. ``role``: what it means, of
-    `ROLES`; ``dash``: lengths of stroke and gap instead of the role's; ``marks``: a dot at each sample;
-    ``line``: whether they are joined."""
+    `ROLES`; ``dash``: lengths of stroke and gap instead of the role's; ``marks``: a dot at each sample, a
+    square with ``square``; ``line``: whether they are joined; ``error`` (n,): what each may be off by, a
+    bar up and down."""
 
     label: str
     time: Array
@@ -36,12 +39,30 @@ class Series:
     dash: tuple[int, ...] | None = None
     marks: bool = False
     line: bool = True
+    square: bool = False
+    error: Array | None = None
+
+    def reaches(self) -> tuple[Array, Array]:
+        """Values (n,), (n,), from and up to which it is drawn; where an error is not known, the value."""
+        error = 0.0 if self.error is None else np.nan_to_num(self.error)
+        return self.value - error, self.value + error
+
+
+@dataclass(frozen=True)
+class Band:
+    """What lies between ``low`` and ``high`` at ``time``, all (n,) and finite."""
+
+    label: str
+    time: Array
+    low: Array
+    high: Array
 
 
 @dataclass(frozen=True)
 class Panel:
-    """One axes: title, unit, lines, horizontal ``guides``, shaded ``spans`` (start, end), and a ``note`` such
-    as the fits; ``x_label``: of this panel alone, which then has an axis of its own."""
+    """One axes: title, unit, lines, horizontal ``guides``, shaded ``spans`` (start, end), vertical lines at
+    ``moments``, a ``band`` behind the lines, and a ``note`` such as the fits; ``x_label``: of this panel
+    alone, which then has an axis of its own; ``logarithmic``: its values are positive, and so is its axis."""
 
     title: str
     unit: str
@@ -50,13 +71,22 @@ class Panel:
     spans: Sequence[tuple[float, float]] = ()
     note: str = ""
     x_label: str = ""
+    moments: Sequence[float] = ()
+    band: Band | None = None
+    logarithmic: bool = False
 
     def limits(self) -> tuple[float, float]:
         """Lowest and highest value of its vertical axis: of all lines and guides, with some room, and no less
         high than LEAST_HEIGHT."""
-        ends = [extremes(s.value) for s in self.series] + [(g, g) for g in self.guides]
+        reach = [s.reaches() for s in self.series]
+        reach += [] if self.band is None else [(self.band.low, self.band.high)]
+        ends = [(extremes(a)[0], extremes(b)[1]) for a, b in reach] + [(g, g) for g in self.guides]
         low = min((a for a, _ in ends if np.isfinite(a)), default=0.0)
         high = max((b for _, b in ends if np.isfinite(b)), default=0.0)
+        if self.logarithmic:
+            low = max(low, min((extremes(s.value)[0] for s in self.series), default=low))
+            room = max(_ROOM * np.log(high / low), 0.02)
+            return low * float(np.exp(-room)), high * float(np.exp(room))
         least = LEAST_HEIGHT.get(self.unit, 0.0)
         height = max(high - low, least, 1e-6 * max(abs(low), abs(high))) or 1.0
         middle, half = 0.5 * (low + high), (0.5 + _ROOM) * height
@@ -74,11 +104,19 @@ class Panel:
 @dataclass(frozen=True)
 class Plot:
     """``panels`` one below the other over a common axis ``x_label``; ``difference``: what is shown on request
-    instead, one below the other."""
+    instead, one below the other; ``names`` of the samples, told under the mouse, and beside the axis where
+    they are few and the samples stand at 1, 2, 3; ``dated``: times are seconds since 1970, UTC."""
 
     panels: Sequence[Panel]
     x_label: str = "time (s)"
     difference: Sequence[Panel] = ()
+    names: Sequence[str] = ()
+    dated: bool = False
+
+    @property
+    def named_ticks(self) -> bool:
+        """Whether the names stand at the axis."""
+        return 0 < len(self.names) <= MOST_NAMED and not self.dated
 
     def with_difference(self) -> Plot:
         """The same plot with the residual view: in each panel that has a measured line, that line less each
