@@ -11,7 +11,8 @@ from ros_graph import Graph
 from sensor_msgs.msg import JointState
 from std_msgs.msg import String
 
-from haptic_teleop_control import echo_topic, set_parameter
+from haptic_teleop_control import echo_topic, operate, set_parameter
+from haptic_teleop_control.nodes import graph_client
 from haptic_teleop_control.nodes.graph_client import known
 from haptic_teleop_control.nodes.signal_generator import SignalGeneratorNode
 from haptic_teleop_control.nodes.topic_printer import plain
@@ -67,6 +68,16 @@ def test_echo_prints_the_latest_of_what_is_kept_for_late_comers(graph, capsys):
     assert capsys.readouterr().out == "data: devices_ready\n---\n"
     assert echo_topic.main(["/probe/stat", "--once", "--wait", "0.3"]) == 2
     assert "nobody publishes /probe/stat within 0.3 s; " in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("act", ["state", "engage", "devices"])
+def test_operate_says_what_it_waits_for_and_then_what_to_do(monkeypatch, capsys, act):
+    monkeypatch.setattr(graph_client, "SILENT", 0.05)
+    assert operate.main([act, "--wait", "0.3"]) == 2
+    first, last = capsys.readouterr().err.splitlines()
+    waited_for = "a driver" if act == "devices" else "/force_controller"
+    assert first == f"waiting for {waited_for}, at most 0.3 s ..."
+    assert last.startswith("error: ") and "start a scenario" in last
 
 
 def test_a_name_that_is_not_there_is_answered_with_those_that_are():

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import difflib
+import sys
 import time
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
@@ -12,6 +13,9 @@ from rclpy.context import Context
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.node import Node
 from rclpy.signals import SignalHandlerOptions
+
+SILENT = 1.5
+"""s of waiting without a word: a graph that runs answers within that."""
 
 
 class GraphClient:
@@ -25,11 +29,16 @@ class GraphClient:
         self.executor = SingleThreadedExecutor(context=self.context)
         self.executor.add_node(self.node)
 
-    def until(self, happened: Callable[[], bool], wait: float) -> bool:
-        """Runs callbacks until `happened`, at most for `wait` s; whether it did."""
-        deadline = time.monotonic() + wait
-        while not happened() and time.monotonic() < deadline:
+    def until(self, happened: Callable[[], bool], wait: float, what: str = "") -> bool:
+        """Runs callbacks until `happened`, at most for `wait` s; whether it did. Says to standard error that
+        it waits for `what` when that takes longer than SILENT s."""
+        began = time.monotonic()
+        told = not what or wait <= SILENT
+        while not happened() and time.monotonic() < began + wait:
             self.executor.spin_once(timeout_sec=0.05)
+            if not told and time.monotonic() > began + SILENT:
+                print(f"waiting for {what}, at most {wait:g} s ...", file=sys.stderr, flush=True)
+                told = True
         return happened()
 
     def close(self) -> None:

@@ -2,14 +2,10 @@
 
 from __future__ import annotations
 
-import time
-
-import rclpy
 from diagnostic_msgs.msg import DiagnosticArray
-from rclpy.executors import SingleThreadedExecutor
-from rclpy.node import Node
 
 from haptic_teleop_control.errors import ConfigurationError
+from haptic_teleop_control.nodes.graph_client import graph_client
 
 ROUND = 1.5
 """s after the first driver's diagnostics in which those of all others come: they come once a second."""
@@ -24,24 +20,11 @@ what it measures."""
 
 def devices(wait: float) -> list[str]:
     """A line for each driver that runs. Raises ConfigurationError when none is heard within `wait` s."""
-    rclpy.init(args=[])
-    node = Node("operate", start_parameter_services=False)
-    executor = SingleThreadedExecutor()
-    executor.add_node(node)
     found: dict[str, str] = {}
-
-    deadline = time.monotonic() + wait
-    try:
-        node.create_subscription(DiagnosticArray, "/diagnostics", lambda m: found.update(told(m)), 50)
-        while not found and time.monotonic() < deadline:
-            executor.spin_once(timeout_sec=0.05)
-        end = time.monotonic() + ROUND
-        while found and time.monotonic() < end:
-            executor.spin_once(timeout_sec=0.05)
-    finally:
-        executor.shutdown()
-        node.destroy_node()
-        rclpy.try_shutdown()
+    with graph_client("operate") as client:
+        client.node.create_subscription(DiagnosticArray, "/diagnostics", lambda m: found.update(told(m)), 50)
+        if client.until(lambda: bool(found), wait, "a driver"):
+            client.until(lambda: False, ROUND)
     if not found:
         raise ConfigurationError(
             f"no driver is heard within {wait:g} s: start a scenario with drivers and the same ROS_DOMAIN_ID "

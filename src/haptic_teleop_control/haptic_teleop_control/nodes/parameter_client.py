@@ -52,7 +52,7 @@ def _found(client: GraphClient, name: str, wait: float) -> str:
         end = f"/{name.strip('/')}"
         return {full for full in names() if full == name or (not name.startswith("/") and full.endswith(end))}
 
-    client.until(lambda: bool(fitting()), wait)
+    client.until(lambda: bool(fitting()), wait, name)
     found = fitting()
     if len(found) > 1:
         raise ConfigurationError(f"{name} may be {' or '.join(sorted(found))}: write the full name.")

@@ -64,7 +64,7 @@ def _type(client: GraphClient, topic: str, wait: float) -> Any:
         there = dict(client.node.get_topic_names_and_types())
         return {name: types for name, types in there.items() if client.node.count_publishers(name)}
 
-    if not client.until(lambda: topic in published(), wait):
+    if not client.until(lambda: topic in published(), wait, f"somebody who publishes {topic}"):
         others = [name for name in published() if name not in OF_EVERY_NODE]
         raise ConfigurationError(f"nobody publishes {topic} within {wait:g} s; {known(others, topic)}")
     package, _, name = published()[topic][0].partition("/msg/")
