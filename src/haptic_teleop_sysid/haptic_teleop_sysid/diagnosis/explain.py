@@ -13,6 +13,8 @@ from haptic_teleop_sysid.estimation.likelihood import FAILURES
 from haptic_teleop_sysid.estimation.records import Record
 from haptic_teleop_sysid.estimation.whole_fit import fit_from_scratch
 from haptic_teleop_sysid.recordings.dataset import DataSet
+from haptic_teleop_sysid.simulation.parameter_fit import ParameterFit
+from haptic_teleop_sysid.simulation.parameter_fit import fit_parameters as fit_to_free_runs
 
 from .decision.search import LEAST_PERCENT, POOR_FIT, SearchResult, search, search_by_simulation
 from .evidence.current import shown_by_current
@@ -53,6 +55,12 @@ class Explained:
     def errors(self, candidate: Model) -> tuple[float, float]:
         """See `second_opinion.Errors`."""
         return free_errors(self.coarse, self.count, candidate)
+
+    def simulated(self, candidate: Model) -> ParameterFit:
+        """The model fitted to free runs of the estimation recordings, over the windows of `course`."""
+        parts = zip(self.course.data, self.course.windows, strict=True)
+        limits = within_reach(self.given, self.result.scales)
+        return fit_to_free_runs(candidate, [*parts][: self.count], limits)
 
 
 def free_errors(course: Course, count: int, candidate: Model) -> tuple[float, float]:

@@ -28,7 +28,7 @@ def questioned(
     if opinion is not None and believed_instead(
         opinion, found.errors(first.model), lambda: coloured(first, found.learn, found.judge)
     ):
-        result, doubt = as_result(opinion, result, found.learn, found.errors)
+        result, doubt = as_result(opinion, result, found.learn, found.errors, found.simulated)
         return result, doubt, Stand(stand.before, stand.after, {})
     if opinion is not None and doubt is None and (short := inadequate(result, opinion)) is not None:
         kept_before = result.choices[: result.choices.index(short.choice)] if short.choice else ()

@@ -19,6 +19,7 @@ from ..hypotheses.explanation import Explanation
 from ..hypotheses.twins import twin
 from ..policy import ERRS_FAR_LESS, ERRS_LESS, LEAST_EXPLAINED
 from .decide import Choice, prior
+from .free_run_sizes import Simulated, sized_freely
 from .reasons import Doubt
 from .search import SearchResult
 
@@ -45,9 +46,16 @@ def believed_instead(opinion: Opinion, first: tuple[float, float], coloured: Cal
 
 
 def as_result(
-    opinion: Opinion, predicted: SearchResult, records: Sequence[Record], errors: Errors
+    opinion: Opinion,
+    predicted: SearchResult,
+    records: Sequence[Record],
+    errors: Errors,
+    simulated: Simulated,
 ) -> tuple[SearchResult, Doubt | None]:
-    """The second opinion as a search's result, and the doubt where its name explains too little."""
+    """The second opinion as a search's result, and the doubt where its name explains too little;
+    ``simulated``: see `free_run_sizes`."""
+    assert opinion.chosen is not None
+    opinion = replace(opinion, chosen=sized_freely(opinion.chosen, simulated, errors))
     assert opinion.chosen is not None
     baseline = predicted.baseline
     alone = opinion.witness.structure
