@@ -4,9 +4,9 @@ import os
 import signal
 import sqlite3
 import struct
-import time
 import zipfile
 import zlib
+from pathlib import Path
 
 import h5py
 import matio
@@ -335,15 +335,21 @@ def bag(path, kind):
     return path
 
 
+def read_so_far():
+    """Bytes that this process has read by calls."""
+    counts = dict(line.split(": ") for line in Path("/proc/self/io").read_text().splitlines())
+    return int(counts["rchar"])
+
+
 def test_a_mat_file_of_20_gigabytes_is_refused_unread(tmp_path):
     scipy.io.savemat(tmp_path / "log.mat", {"t": T})
     os.truncate(tmp_path / "log.mat", 20_000_000_000)  # sparse; walking over it would take a minute
     with pytest.raises(RecordingError, match=r"20 GB.*save fewer variables"):
         read_log(tmp_path / "log.mat")
     os.truncate(tmp_path / "log.mat", 1_000_000_000)
-    begin = time.process_time()
+    before = read_so_far()
     assert announced_bytes(tmp_path / "log.mat") < 10_000
-    assert time.process_time() - begin < 1.0
+    assert read_so_far() - before < 1_000_000
 
 
 @pytest.mark.parametrize(("name", "kind"), [("log.bag", "ros1"), ("log", "MCAP"), ("log", "SQLITE3")])

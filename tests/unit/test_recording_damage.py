@@ -3,7 +3,6 @@
 import os
 import subprocess
 import sys
-import time
 
 import numpy as np
 import pytest
@@ -218,21 +217,3 @@ def test_the_writer_hands_over_a_chunk_at_least_every_second(tmp_path):
     writer.flush_older()
     assert len(read_recording(tmp_path / "a").topics["/t"]) == 80
     writer.close()
-
-
-def test_a_minute_at_1_khz_is_written_and_read_in_less_than_a_second_each(tmp_path):
-    stamp = START + np.arange(60_000) * 1_000_000
-    values = np.random.default_rng(0).normal(size=(60_000, 4))
-    one = JointStateSeries(stamp, stamp + 40_000, ("a", "b", "c", "d"), values, values, values)
-    data = {"/sfj/joint_states": one, "/omni/joint_states": one, "/sfj/effort_command": one}
-    times = {"write": np.inf, "read": np.inf}
-    for attempt in range(3):  # the best of three: other work on the machine is not ours
-        start = time.perf_counter()
-        path = write_recording(tmp_path / f"a{attempt}", data)
-        middle = time.perf_counter()
-        recording = read_recording(path)
-        times["write"] = min(times["write"], middle - start)
-        times["read"] = min(times["read"], time.perf_counter() - middle)
-        assert sum(map(len, recording.topics.values())) == 180_000
-    assert times["write"] < 1.0
-    assert times["read"] < 0.5
