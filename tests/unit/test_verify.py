@@ -10,7 +10,8 @@ import pytest
 from scenario_recordings import CONSTANT, PARAMETERS, Made, scenario
 
 from haptic_teleop_control.errors import MismatchError
-from haptic_teleop_control.recording import Recording, write_recording
+from haptic_teleop_control.recording import Recording, read_recording, write_recording
+from haptic_teleop_sim import lockstep
 from haptic_teleop_sysid.commands import verify
 from haptic_teleop_sysid.verification.conclusion import conclusion
 from haptic_teleop_sysid.verification.contact import longest_still
@@ -322,3 +323,20 @@ def test_the_first_line_says_what_happened_whether_it_is_good_and_what_to_do():
     assert "0.8000 N·m of 0.6000 N·m asked" in happened and "pictures" in todo
     late = examine(scenario(Made(droop=0.2)), "slow")
     assert conclusion([late], ["slow"])[0] == "fair"
+
+
+def test_a_contact_that_the_end_of_the_recording_cuts_off_is_no_free_motion(tmp_path):
+    scenario_file = Path(__file__).parents[2] / "config" / "scenario1_sim.yaml"
+    assert lockstep.main([str(scenario_file), "--duration", "6", "--record", str(tmp_path / "bag")]) == 0
+    recording = read_recording(tmp_path / "bag")
+    run = examine(recording, "cut")
+    (contact,) = run.merits["stage1"].contacts
+    # By the angle of the arm: it is at the wall of 1 rad for the first time.
+    states = recording.topics["/sfj/joint_states"]
+    touch = states.time()[np.argmax(states.signal("stage1_arm", "position") > 0.999)]
+    assert contact.cut_off and contact.start == pytest.approx(touch, abs=0.01)
+    assert not run.merits["stage2"].contacts[0].cut_off
+    (told,) = [v for v in verdicts(run) if "has not settled when the recording ends" in v[1]]
+    assert told[0] == "fair" and not [v for v in verdicts(run) if "met no wall" in v[1]]
+    assert "meets the wall just before the recording ends" in conclusion([run], ["cut"])[1]
+    assert run.merits["stage1"].free[0].speed > 0.5  # and not that of a rebound

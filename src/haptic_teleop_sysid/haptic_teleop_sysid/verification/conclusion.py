@@ -49,8 +49,12 @@ def _happened(run: Run, label: str) -> str:
 def _stage(merit: StageMerit) -> str:
     parts = []
     if merit.free:
-        parts.append(f"moves freely at {merit.free[0].speed:.2f} rad/s")
-    if merit.contacts:
+        one = merit.free[0]
+        how = "moves freely at" if one.steady else "moves freely, at last at"
+        parts.append(f"{how} {one.speed:.2f} rad/s")
+    if merit.contacts and merit.contacts[0].cut_off:
+        parts.append("meets the wall just before the recording ends")
+    elif merit.contacts:
         one = merit.contacts[0]
         parts.append(f"presses with {one.settled_torque:.3f} of {one.desired_torque:.3f} N·m asked")
     return f"{merit.title} {' and '.join(parts)}" if parts else ""

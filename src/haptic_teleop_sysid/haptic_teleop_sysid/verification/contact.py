@@ -34,6 +34,8 @@ class Contact:
     within ±5 %, or None. Where there is one, desired_torque is the mean, as the settled figures, of its last
     second (or quarter), nothing after it counts, and overshoot is the most by which the torque exceeded the
     one desired at the time, in percent of desired_torque.
+
+    cut_off: the recording ends during the contact, before it has settled.
     """
 
     start: float
@@ -52,6 +54,7 @@ class Contact:
     release_time: float | None
     by_hand: bool = False
     held: tuple[float, float] | None = None
+    cut_off: bool = False
 
 
 def contact_merit(run: StageRun, phase: Phase, following: Phase | None, by_hand: bool = False) -> Contact:
@@ -108,6 +111,7 @@ def contact_merit(run: StageRun, phase: Phase, following: Phase | None, by_hand:
         else None,
         by_hand=by_hand,
         held=held,
+        cut_off=phase.stop >= len(run.time) and settling is None,
     )
 
 

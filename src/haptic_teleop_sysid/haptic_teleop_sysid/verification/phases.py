@@ -43,9 +43,9 @@ def find_phases(run: StageRun) -> list[Phase]:
     """Return the run's phases in order, covering every sample.
 
     A command is a stretch of desired torque of one sign. Its last quarter decides whether it ends in contact:
-    the environment torque holds at least HELD_SHARE of the desired torque and the arm rests. The contact
-    begins when the arm first comes NEAR_WALL to that resting place (or to the known wall); the release lasts
-    until the torque is gone.
+    the environment torque holds at least HELD_SHARE of the desired torque, and the arm rests or has reached
+    the known wall. The contact begins when the arm first comes NEAR_WALL to that resting place (or to the
+    known wall); the release lasts until the torque is gone.
     """
     n = len(run.time)
     commands = _commands(run)
@@ -110,10 +110,13 @@ def _contact_start(run: StageRun, start: int, stop: int, level: float) -> int | 
     seconds = run.time[tail][-1] - run.time[tail][0]
     drift = abs(float(run.arm_position[tail][-1] - run.arm_position[tail][0])) / max(seconds, 1e-9)
     reached = drift * (run.time[stop - 1] - run.time[start]) < 0.1 * max(abs(resting - arm[0]), NEAR_WALL)
-    if not reached and drift > 0.02:
-        return None  # still moving: an accelerating arm, too, deflects its joint
-    place = resting - NEAR_WALL
     wall = run.settings.wall_angle
+    at_wall = wall is not None and float(np.max(arm)) >= abs(wall) - NEAR_WALL
+    if not reached and drift > 0.02:
+        if wall is None or not at_wall:
+            return None  # still moving: an accelerating arm, too, deflects its joint
+        return start + int(np.argmax(arm >= abs(wall) - NEAR_WALL))
+    place = resting - NEAR_WALL
     if wall is not None and abs(abs(wall) - resting) < 0.1:
         place = min(place, abs(wall))
     return start + int(np.argmax(arm >= place))

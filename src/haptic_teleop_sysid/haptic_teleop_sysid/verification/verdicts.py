@@ -86,6 +86,11 @@ def _free(name: str, motion: FreeMotion) -> tuple[Status, str]:
 def _contact(name: str, contact: Contact, by: str = "") -> tuple[Status, str]:
     if contact.by_hand:
         return _contact_by_hand(name, contact, by)
+    if contact.cut_off:
+        return "fair", (
+            f"{name} meets the wall at {contact.start:.2f} s, {_bounces(contact)}, and has not settled when "
+            f"the recording ends {contact.duration:.2f} s later: record for longer."
+        )
     settled = contact.settling_time is not None
     accurate = abs(contact.settled_error) <= TORQUE_SHARE * abs(contact.desired_torque)
     calm = contact.overshoot_percent <= OVERSHOOT_PERCENT
