@@ -176,5 +176,6 @@ def test_something_without_a_name_has_to_exceed_chance_as_well():
 
 def test_what_chance_took_away_is_told():
     found = {"scores": [2.0, 25.0], "alarms": 1, "dropped": ["coulomb_friction at stage1_motor"]}
-    assert "25.0 nats; coulomb_friction at stage1_motor did not exceed" in chance_sentence(found)
-    assert chance_sentence({**found, "dropped": []}).endswith("25.0 nats")
+    said = chance_sentence(found)
+    assert "a log-likelihood of 25.0; coulomb_friction at stage1_motor did not exceed" in said
+    assert chance_sentence({**found, "dropped": []}).endswith("25.0")

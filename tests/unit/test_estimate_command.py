@@ -89,7 +89,7 @@ def test_where_two_predictors_disagree_the_ways_out_are_told_once(tmp_path, shar
     arguments = ["--model", str(pendulum), "--bag", str(bag), "--output"]
     assert main([*arguments, str(tmp_path / "one")]) == 0
     told = " ".join(capsys.readouterr().out.split())
-    assert told.count("which chance does not explain") > 1
+    assert told.count("more than chance makes it differ") > 1
     assert told.count("trust --method output-error") == 1
     assert told.count("--multi-start 6 begins at others") == 1
     assert main([*arguments, str(tmp_path / "two"), "--multi-start", "2"]) == 0

@@ -25,7 +25,13 @@ from haptic_teleop_sysid.commands.treatment_options import (
 from haptic_teleop_sysid.estimation.strategies import METHODS, check_start
 from haptic_teleop_sysid.logs.story import tell
 from haptic_teleop_sysid.many.each import claim, each
-from haptic_teleop_sysid.many.estimates import estimate_jobs, estimates_page, together, write_estimates
+from haptic_teleop_sysid.many.estimates import (
+    doubted_sentence,
+    estimate_jobs,
+    estimates_page,
+    together,
+    write_estimates,
+)
 from haptic_teleop_sysid.many.folder import Listing, find_recordings
 from haptic_teleop_sysid.many.kept import DONE
 from haptic_teleop_sysid.many.options import add_means_options, means_of, refuse_means
@@ -119,6 +125,8 @@ def _each_into(
     for name, row in all_.items():
         text = f"{name}: {with_error(row['mean'], row['std'], row['unit'])}"
         say(f"{text} of {counted(row['count'], 'recording')}" + ("" if row["alike"] else ", which differ"))
+    if (doubted := doubted_sentence(outcomes)) is not None:
+        say(doubted)
     unusable = {n: o["message"] for n, o in outcomes.items() if o["status"] != DONE}
     for name, why in unusable.items():
         say(f"not used: {name}: {why}")

@@ -125,14 +125,17 @@ def estimates_page(model: Model, outcomes: Mapping[str, Mapping[str, Any]], with
         [(n, o["message"]) for n, o in outcomes.items() if o["status"] != DONE],
     )
     different = [name for name, row in all_.items() if not row["alike"]]
+    if (doubted := doubted_sentence(outcomes)) is not None:
+        page.verdict("bad", doubted)
     if different:
         page.verdict(
             "fair",
             f"{', '.join(different)} differ from recording to recording by more than their errors: put them "
             "in order of time with `trend`, or find what differs between the recordings.",
         )
-    else:
-        page.verdict("good", "The recordings agree with each other within their standard errors.")
+    elif all_:
+        status = "good" if doubted is None else "plain"
+        page.verdict(status, "The recordings agree with each other within their standard errors.")
     if unusable:
         page.verdict("fair", f"{counted(len(unusable), 'recording')} could not be used, see below.")
     page.section("Together").table(
@@ -162,21 +165,34 @@ def estimates_page(model: Model, outcomes: Mapping[str, Mapping[str, Any]], with
                 "weighted mean",
             )
         section.table(
-            ("recording", *names, "least fit", "doubts"),
+            ("recording", *(_headed(name, first["parameters"][name]["unit"]) for name in names), "least fit"),
             [
                 (
                     Link(n, f"{n}/report.html") if with_page else n,
                     *(_cell(o["parameters"].get(name)) for name in names),
                     _least(o["fit"]),
-                    " ".join(o["doubts"]) or "–",
                 )
                 for n, o in done.items()
             ],
             "value ± standard error; least simulated fit of all signals, percent",
         )
+        doubts = [(n, " ".join(o["doubts"])) for n, o in done.items() if o["doubts"]]
+        if doubts:
+            page.section("Not to be used as they are").table(("recording", "why"), doubts)
     if unusable:
         page.section("Not used").table(("recording", "why"), unusable)
     return page
+
+
+def doubted_sentence(outcomes: Mapping[str, Mapping[str, Any]]) -> str | None:
+    """How many estimates say of themselves that they are not to be used, and why the first one does; None
+    where none does."""
+    doubted = [(name, o["doubts"][0]) for name, o in outcomes.items() if o["status"] == DONE and o["doubts"]]
+    if not doubted:
+        return None
+    done = sum(o["status"] == DONE for o in outcomes.values())
+    head = f"{len(doubted)} of {done} estimates are not to be used as they are"
+    return f"{head}; {doubted[0][0]}: {doubted[0][1]}"
 
 
 def estimates_plot(done: Mapping[str, Mapping[str, Any]], means: Mapping[str, Mapping[str, Any]]) -> Plot:
@@ -212,6 +228,10 @@ def write_estimates(outcomes: Mapping[str, Mapping[str, Any]], path: Path) -> Pa
                 [name, *("" if c is None else f"{c:.9g}" for c in cells), fit, o["status"], o["message"]]
             )
     return path
+
+
+def _headed(name: str, unit: str) -> str:
+    return f"{name} ({unit_text(unit)})" if unit not in ("", "1") else name
 
 
 def _cell(row: Mapping[str, Any] | None) -> str:

@@ -6,6 +6,7 @@ import numpy as np
 
 from haptic_teleop_sysid.recordings.dataset import DataSet
 from haptic_teleop_sysid.report import Panel, Plot, Series, unit_text
+from haptic_teleop_sysid.report.endings import shortest_ending
 from haptic_teleop_sysid.report.roles import model_roles
 from haptic_teleop_sysid.runs.comparison import Comparison
 
@@ -61,10 +62,10 @@ def within(simulated: np.ndarray, measured: np.ndarray) -> np.ndarray:
 
 
 def short(name: str, result: Comparison) -> str:
-    """Return the shortest ending of a path that no other model shares."""
-    parts = name.replace("\\", "/").split("/")
-    for count in range(1, len(parts) + 1):
-        ending = "/".join(parts[-count:])
-        if sum(other == ending or other.endswith("/" + ending) for other in result.models) == 1:
-            return ending
-    return name
+    """Return a model's path by its shortest ending."""
+    return shortest_ending(name, result.models)
+
+
+def short_bag(bag: str, result: Comparison) -> str:
+    """Return a recording's path by its shortest ending."""
+    return shortest_ending(bag, result.data)

@@ -11,7 +11,7 @@ from haptic_teleop_sysid.recordings.parameter_units import Units
 from haptic_teleop_sysid.recordings.small_motion import hardly_moving, judged, spread
 from haptic_teleop_sysid.report import Page, Plot, Status, unit_text
 from haptic_teleop_sysid.runs.comparison import Comparison
-from haptic_teleop_sysid.runs.comparison_pictures import percent_text, short
+from haptic_teleop_sysid.runs.comparison_pictures import percent_text, short, short_bag
 from haptic_teleop_sysid.runs.residual_picture import residual_picture
 from haptic_teleop_sysid.simulation.windows import closed_loop
 
@@ -35,7 +35,7 @@ def comparison_table(result: Comparison) -> dict[str, Table]:
         for name in result.models:
             percent = result.fits[name, bag].percent
             table.add_row(
-                Text(name),  # brackets in a file name are no markup
+                Text(short(name, result)),  # brackets in a file name are no markup
                 *(percent_text(percent.get(signal, float("nan"))) for signal in signals),
             )
         tables[f"{bag}: simulated fit in % ({extent}; {chosen.why})"] = table
@@ -59,14 +59,17 @@ def comparison_page(result: Comparison, pictures: dict[str, Plot]) -> Page:
     _parameters(page, result)
     for bag in result.data:
         _residuals(page, result, bag)
+    files = [(short(name, result), name) for name in result.models]
+    files += [(short_bag(bag, result), bag) for bag in result.data]
+    page.section("Files", folded=True).table(("here called", "file"), files)
     return page
 
 
 def _recording(page: Page, result: Comparison, bag: str, picture: Plot) -> None:
     """The response to one recording: picture, fits, errors, and how it was simulated."""
     dataset, chosen = result.data[bag], result.windows[bag]
-    section = page.section(f"Recording {bag}")
-    section.plot(picture, f"Measured and simulated response, {bag}")
+    section = page.section(f"Recording {short_bag(bag, result)}")
+    section.plot(picture, f"Measured and simulated response, {short_bag(bag, result)}")
     signals, units = list(dataset.signals()), dataset.units()
     still = hardly_moving([dataset])
     moves = [
@@ -76,8 +79,9 @@ def _recording(page: Page, result: Comparison, bag: str, picture: Plot) -> None:
     rows, errors = [["(the recording moves by)", *moves]], []
     for name in result.models:
         fit = result.fits[name, bag]
-        rows.append([name, *(percent_text(fit.percent.get(signal, float("nan"))) for signal in signals)])
-        errors.append([name, *(f"{fit.rms[s]:.4g}" if s in fit.rms else "–" for s in signals)])
+        called, nan = short(name, result), float("nan")
+        rows.append([called, *(percent_text(fit.percent.get(signal, nan)) for signal in signals)])
+        errors.append([called, *(f"{fit.rms[s]:.4g}" if s in fit.rms else "–" for s in signals)])
     section.table(["model", *signals], rows, "Fit in percent: 100·(1 − ‖y − ŷ‖ / ‖y − mean y‖)")
     section.table(["model", *(f"{s} ({units[s]})" for s in signals)], errors, "Error, root mean square")
     extent = (
@@ -104,7 +108,7 @@ def _residuals(page: Page, result: Comparison, bag: str) -> None:
     if not rows:
         return
     section = page.section(
-        f"One-step errors, {bag}",
+        f"One-step errors, {short_bag(bag, result)}",
         "One-step prediction errors, the noise levels tuned for each model: of a model that explains "
         "everything about "
         "1 % of the correlations lie beyond the 99 % bound." + (f" {UNDER_FEEDBACK}" if loop else ""),
@@ -114,7 +118,7 @@ def _residuals(page: Page, result: Comparison, bag: str) -> None:
     section.table(header, rows, "Residual analysis")
     for name in result.models:
         if found := result.residuals.get((name, bag)):
-            title = f"Correlation of the one-step errors of {short(name, result)}, {bag}"
+            title = f"Correlation of the one-step errors of {short(name, result)}, {short_bag(bag, result)}"
             section.plot(residual_picture(found, result.data[bag].dt), title)
 
 
@@ -138,7 +142,9 @@ def _conclusion(result: Comparison) -> tuple[Status, str, str]:
     best = max(means, key=lambda name: means[name])
     nearest = short(best, result)
     others = ", ".join(f"{short(n, result)} {percent_text(m)} %" for n, m in means.items() if n != best)
-    bags = " and ".join(result.data) if len(result.data) < 4 else f"{len(result.data)} recordings"
+    bags = " and ".join(short_bag(b, result) for b in result.data)
+    if len(result.data) > 3:
+        bags = f"{len(result.data)} recordings"
     if others:
         happened = f"{nearest} comes nearest to {bags}: mean fit {percent_text(means[best])} % ({others})."
     else:
@@ -156,13 +162,13 @@ def _summary(page: Page, result: Comparison) -> None:
         fits = ", ".join(
             f"{signal} {percent_text(value)} %" for signal, value in result.fits[best, bag].percent.items()
         )
-        page.verdict("plain", f"{bag}: {short(best, result)}: {fits}.")
+        page.verdict("plain", f"{short_bag(bag, result)}: {short(best, result)}: {fits}.")
     for name, found in result.fitted.items():
         if found.converged:
             page.verdict(
                 "plain",
-                f"{short(name, result)}: free parameters fitted to {next(iter(result.data))} by least "
-                f"squares.",
+                f"{short(name, result)}: free parameters fitted to "
+                f"{short_bag(next(iter(result.data)), result)} by least squares.",
             )
         else:
             page.verdict(
@@ -179,7 +185,7 @@ def _summary(page: Page, result: Comparison) -> None:
             )
     for bag, dataset in result.data.items():
         for problem in dataset.problems:
-            page.verdict("fair", f"{bag}: {problem}.")
+            page.verdict("fair", f"{short_bag(bag, result)}: {problem}.")
 
 
 def _parameters(page: Page, result: Comparison) -> None:

@@ -14,7 +14,7 @@ from haptic_teleop_sysid.estimation.result import Estimate
 from haptic_teleop_sysid.recordings.dataset import DataSet
 from haptic_teleop_sysid.recordings.parameter_units import Units
 from haptic_teleop_sysid.recordings.small_motion import hardly_moving, judged
-from haptic_teleop_sysid.report import Page, Panel, Plot, Series, Status
+from haptic_teleop_sysid.report import Page, Panel, Plot, Series, Status, unit_text
 from haptic_teleop_sysid.runs.comparison_pictures import input_panel, percent_text, within
 from haptic_teleop_sysid.runs.parameter_table import HEADER, Row, as_text, parameter_rows
 from haptic_teleop_sysid.runs.residual_picture import residual_picture
@@ -22,8 +22,8 @@ from haptic_teleop_sysid.simulation.fit import SimulatedFit
 from haptic_teleop_sysid.simulation.windows import closed_loop
 
 _DISAGREEMENT = (
-    "a predictor that looks {ahead:.2g} s ahead, and so weighs slow motion more, finds {value:.4g} instead, "
-    "which chance does not explain."
+    "predicting {ahead:.2g} s ahead, where slow motion counts for more, takes {value:.4g}{unit} instead: "
+    "more than chance makes it differ."
 )
 _OPEN = (
     "Either the measured input carries noise, or something is missing from the model: for slow motion trust "
@@ -136,7 +136,8 @@ def verdict(result: Result) -> list[tuple[str, str]]:
         looped = any(closed_loop(result.data[b]) for b in result.data if b not in result.validation)
         for name, value in found.disagreement().items():
             ahead = 0.0 if found.far_sighted is None else found.far_sighted.ahead
-            sentence = _DISAGREEMENT.format(ahead=ahead, value=value)
+            unit = unit_text(units_of(result).of_parameter(found.model, name))
+            sentence = _DISAGREEMENT.format(ahead=ahead, value=value, unit=f" {unit}" if unit else "")
             told.append(("bad", f"{name}: {sentence}"))
         if found.disagreement():
             told.append(("bad", _LOOPED if looped else _OPEN))

@@ -63,7 +63,7 @@ def choose_windows(model: Model, dataset: DataSet, window: float | str | None = 
         return cut(dataset, float(window), "as asked")
     duration = len(dataset) * dataset.dt
     if duration <= 1.5 * DEFAULT_SECONDS:
-        return cut(dataset, None, f"the recording is no longer than {1.5 * DEFAULT_SECONDS:g} s")
+        return cut(dataset, None, f"windows are for recordings of more than {1.5 * DEFAULT_SECONDS:g} s")
     if closed_loop(dataset):
         return cut(dataset, DEFAULT_SECONDS, "the recording was made in closed loop")
     whole = simulated_fit(model, dataset, cut(dataset, None, ""))

@@ -75,8 +75,8 @@ def doubted(
         if here:
             best = max(here, key=lambda e: e.gain)
             why = (
-                f"{best.effect.effect} would predict the estimation recordings better by {best.gain:.0f} "
-                "nats, but the others do not bear it out"
+                f"with {best.effect.effect} the log-likelihood of the estimation recordings would rise by "
+                f"{best.gain:.0f}, but the others do not bear it out"
             )
             return result, rather_event(Doubt(Choice(best, 1.0), why), both), stand
         if min(before) > COLOURED and _more_coloured(before, both):

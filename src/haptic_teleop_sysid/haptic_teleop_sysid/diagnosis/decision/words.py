@@ -7,6 +7,7 @@ from typing import Any
 from haptic_teleop_sim.effects import EffectParameter
 from haptic_teleop_sim.model import Effect
 
+from ..policy import LEAST_GAIN, LEAST_HELD_OUT
 from .decide import Choice
 
 
@@ -33,11 +34,12 @@ def because(choice: Choice, fitted: Effect) -> str:
     )
     text = f"{sentence[0].upper()}{sentence[1:]} ({numbers}): " + (
         e.witnessed
-        or f"with it the recording is predicted better by {e.gain:.0f} nats, and the other recordings, which "
-        f"also choose, by {e.elsewhere:.0f}"
+        or f"with it the log-likelihood of the recording rises by {e.gain:.0f}, and that of the other "
+        f"recordings, which also choose, by {e.elsewhere:.0f} ({LEAST_GAIN:g} and {LEAST_HELD_OUT:g} are "
+        "asked for)"
     )
     if e.by_current > 0.0:
-        text += f"; the measured current gives {e.by_current:.0f} of these nats"
+        text += f"; {e.by_current:.0f} of that come from the measured current"
     if e.beside is not None:
         text += "; the motion follows the command, so that only the record of the current is off"
     mistaken = e.effect.entry.mistaken
@@ -61,7 +63,7 @@ def chance_sentence(nulls: dict[str, Any]) -> str:
     gone = f"; {', '.join(dropped)} did not exceed that and is not believed" if dropped else ""
     return (
         f"{nulls['alarms']} of {len(scores)} simulated sets of recordings with nothing hidden would have "
-        f"raised an alarm; the best explanation there scores {max(scores):.1f} nats{gone}"
+        f"raised an alarm; the best explanation there gains a log-likelihood of {max(scores):.1f}{gone}"
     )
 
 

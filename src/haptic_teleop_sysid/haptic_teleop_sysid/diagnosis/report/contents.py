@@ -104,8 +104,8 @@ def contents(
     found_by_chance, dropped = chance
     if found_by_chance:
         content["nulls"] = {
-            "what": "score (nats) of the best explanation on simulated recordings with nothing hidden, and "
-            "how many of them would have raised an alarm; a finding has to exceed the highest",
+            "what": "log-likelihood that the best explanation gains on simulated recordings with nothing "
+            "hidden, and how many of them would have raised an alarm; a finding has to exceed the highest",
             "scores": sorted(round(one.score, 2) for one in found_by_chance),
             "alarms": sum(one.alarm for one in found_by_chance),
             "dropped": [f"{c.chosen.effect.effect} at {c.chosen.effect.location}" for c in dropped],

@@ -163,7 +163,10 @@ def suggest(
     if not found:
         return None
     nats, option = max(found, key=lambda one: one[0])
-    why = f"separates {names[0]} from {names[1]}: {nats:.0f} nats expected over {SECONDS:.0f} s"
+    why = (
+        f"separates {names[0]} from {names[1]}: their log-likelihoods are expected to differ by {nats:.0f} "
+        f"after {SECONDS:.0f} s"
+    )
     return Suggestion(why, option, probability(nats))
 
 

@@ -89,6 +89,5 @@ def tried(page: Page, result: SearchResult) -> None:
     ]
     if rows:
         text = "Further effects that did not stand up in the last round of the search."
-        page.section("What else was tried", text, folded=True).table(
-            ("effect", "at", "gain (nats)", "on validation recordings", "large enough to matter"), rows
-        )
+        head = ("effect", "at", "log-likelihood gained", "on validation recordings", "large enough to matter")
+        page.section("What else was tried", text, folded=True).table(head, rows)
