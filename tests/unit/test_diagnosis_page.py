@@ -18,6 +18,7 @@ from haptic_teleop_sysid.diagnosis.report.page_law import law_curve, law_plot
 from haptic_teleop_sysid.diagnosis.report.page_lead import lead
 from haptic_teleop_sysid.diagnosis.report.page_reasons import reasons
 from haptic_teleop_sysid.diagnosis.report.page_steps import Origin, steps
+from haptic_teleop_sysid.diagnosis.report.testimony import second_method
 from haptic_teleop_sysid.recordings.parameter_units import Units
 from haptic_teleop_sysid.report import Page
 
@@ -93,6 +94,7 @@ def content(robot="sfj", joint="stage1", excitation=None, **changes):
     fits = {part: {"stage1_motor.velocity": 61.2} for part in ("estimation", "validation")} | {"test": {}}
     better = {part: dict.fromkeys(found, 97.3) for part, found in fits.items()}
     return {
+        "inverse_dynamics": None,
         "robot": robot,
         "joint": joint,
         "verdict": "identified",
@@ -184,6 +186,14 @@ def test_the_page_says_where_under_which_condition_and_when():
     assert "N*m" not in html
 
 
+@pytest.mark.parametrize(("confidence", "told"), [(0.83, True), (0.7, False)])
+def test_a_confidence_that_is_held_down_by_what_is_left_says_so(confidence, told):
+    page = Page("t")
+    found = content(adequacy={"torque": 0.83, "free_run": 0.9})
+    reasons(page, verdict("identified", [finding(confidence)]), found, [])
+    assert ("share of what is missing that is explained, 83 %" in page.render()) == told
+
+
 EXCITATION = {"joint": "stage1", "signal.multisine.rms": 0.2}
 PARSERS = {"compare": compare._parser, "export": export._parser, "acquire": acquire._parser}
 
@@ -210,3 +220,21 @@ def test_each_command_is_one_that_its_program_takes(robot, joint, table, tmp_pat
     taken = PARSERS["compare"]().parse_args(compared[2:])
     assert taken.model == ["my models/lab.yaml", str(output / "augmented_model.yaml")]
     assert taken.bag == ["logs/check one", "b"]
+
+
+def test_what_a_second_method_says_for_and_against_stands_beside_how_sure_it_is():
+    def said(own, named, from_here=False):
+        effects = [{"effect": e, "location": p} for e, p in own]
+        agrees = set(own) == set(named) if own else None
+        found = {"agrees": agrees, "verdict_from_here": from_here, "groups": [{"effects": effects}]}
+        findings = [{"effect": e, "location": p} for e, p in named]
+        return second_method({"inverse_dynamics": found, "findings": findings})
+
+    gap, drag, pull = ("backlash", "j"), ("quadratic_drag", "m"), ("gravity", "m")
+    assert said([gap], [gap]).endswith("names the same.")
+    assert "made this answer" in said([gap], [gap], from_here=True)
+    assert "names the same, and beside it quadratic_drag at m" in said([gap, drag], [gap])
+    assert "names quadratic_drag at m instead: take the answer with care" in said([drag], [gap])
+    assert "names less instead" in said([gap], [gap, pull])
+    assert "names nothing" in said([], [gap])
+    assert "failed" in second_method({"inverse_dynamics": None, "findings": []})

@@ -12,6 +12,7 @@ from ..decision.verdict import Verdict
 from ..decision.words import chance_sentence
 from .page_law import LawCurve, explained_after
 from .page_lead import parameter_text
+from .testimony import second_method
 
 
 def reasons(page: Page, verdict: Verdict, content: dict[str, Any], curves: list[LawCurve]) -> None:
@@ -30,6 +31,14 @@ def reasons(page: Page, verdict: Verdict, content: dict[str, Any], curves: list[
                 [(a["effect"], a["location"], f"{100 * a['confidence']:.0f} %") for a in f["alternatives"]],
                 f"What {f['effect']} at {f['location']} could be instead",
             )
+    told = [f["confidence"] for f in verdict.findings]
+    share = content["adequacy"]
+    least = None if share is None else min(share["torque"], share["free_run"])
+    if least is not None and any(abs(p - least) < 0.006 for p in told) and least < 0.995:
+        share_text = f"share of what is missing that is explained, {100 * least:.0f} %"
+        section.text(f"No confidence is above the {share_text}.")
+    if verdict.findings:
+        section.text(second_method(content))
     for c in curves:
         section.text(
             f"Of the torque that follows the {c.quantity} without {c.name}, {100 * c.explained:.0f} % (mean "

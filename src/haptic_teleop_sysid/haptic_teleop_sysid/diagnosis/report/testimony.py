@@ -63,6 +63,27 @@ def _agrees(chosen: Heard | None, verdict: Verdict) -> bool | None:
     return own == {(f["effect"], f["location"]) for f in verdict.findings}
 
 
+def second_method(content: dict[str, Any]) -> str:
+    """What the inverse dynamics say of the findings, for and against, in a sentence."""
+    found, head = content["inverse_dynamics"], "The second method, inverse dynamics,"
+    if found is None:
+        return f"{head} says nothing: its arithmetic failed on these recordings."
+    if found["agrees"] is None:
+        return f"{head} names nothing: no torque along the motion gains enough there."
+    if found["verdict_from_here"]:
+        return f"{head} made this answer."
+    if found["agrees"]:
+        return f"{head} names the same."
+    told = {(f["effect"], f["location"]) for f in content["findings"]}
+    own = [(e["effect"], e["location"]) for e in found["groups"][0]["effects"]]
+    more = " and ".join(f"{effect} at {place}" for effect, place in own if (effect, place) not in told)
+    if told and told <= set(own):
+        return f"{head} names the same, and beside it {more}, which the first does not bear out."
+    if not told:
+        return f"{head} names {more}, which the first does not bear out."
+    return f"{head} names {more or 'less'} instead: take the answer with care."
+
+
 def testimony_section(page: Page, content: dict[str, Any]) -> None:
     """The page's section on the inverse dynamics."""
     found = content["inverse_dynamics"]
@@ -70,10 +91,10 @@ def testimony_section(page: Page, content: dict[str, Any]) -> None:
     if found is None:
         page.section(title, "Nothing: their arithmetic failed on these recordings.")
         return
-    section = page.section(title, _sentence(found), folded=True)
+    section = page.section(title, f"{_sentence(found)} {second_method(content)}", folded=True)
     if found["groups"]:
         section.table(
-            ("effects", "torque fit of validation", "explained of what is missing", "error of free runs"),
+            ("effects", "torque fit of validation", "explained of what is missing", "simulated error"),
             [
                 (
                     " and ".join(f"{e['effect']} at {e['location']}" for e in g["effects"]),
@@ -83,7 +104,7 @@ def testimony_section(page: Page, content: dict[str, Any]) -> None:
                 )
                 for g in found["groups"]
             ],
-            "groups of effects, regressed on the input in the band of the motion and then run freely",
+            "Effects that were fitted together to the input below that frequency, and then simulated",
         )
 
 
@@ -92,17 +113,11 @@ def _sentence(found: dict[str, Any]) -> str:
         f"The equations of motion, filtered at {found['cutoff_hz']:.3g} Hz and solved by least squares, "
         "without any model of the noise."
     )
-    if found["agrees"] is None:
-        return f"{text} No effect gains enough there to be named."
-    if found["verdict_from_here"]:
+    if found["agrees"] is not None and found["verdict_from_here"]:
         text += (
-            " They made the verdict: run freely, what they name comes nearer to the recordings than what "
-            "one-step prediction found."
+            " They made the verdict: simulated freely, what they name comes nearer to the recordings than "
+            "what one-step prediction found."
         )
-    elif found["agrees"]:
-        text += " They name the same."
-    else:
-        text += " They name something else than the verdict does: take it with care."
     left = found.get("left_over")
     if left is not None:
         text += (
