@@ -304,7 +304,7 @@ def test_without_a_coordinator_a_node_says_what_it_waits_for(graph):
     assert values["state"] == "waiting for a coordinator of simulated time"
     node = graph.start(TimeCoordinator, participants=["sfj_sim", "omni_sim"], real_time_factor=0.0)
     graph.until(lambda: graph.wall.advance(0.01) or plant.time.participant.joined)
-    assert plant._doing() == "waiting for omni_sim: start it with use_sim_time: true"
+    assert plant._doing() == "waiting for omni_sim to take part (each with use_sim_time: true)"
     graph.start(OmniSim, use_sim_time=True)
     graph.until(lambda: graph.wall.advance(0.01) or node._coordinator.ticks > 3)
     assert plant._doing() == plant.state()

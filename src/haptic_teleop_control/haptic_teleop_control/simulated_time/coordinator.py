@@ -371,4 +371,4 @@ class Coordinator:
         missing = [name for name in self.participants if name not in there]
         if not missing:
             return "" if self.armed else "waiting for the start"
-        return f"waiting for {', '.join(missing)}: start it with use_sim_time: true"
+        return f"waiting for {', '.join(missing)} to take part (each with use_sim_time: true)"

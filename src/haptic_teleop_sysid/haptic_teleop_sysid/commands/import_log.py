@@ -28,6 +28,7 @@ from haptic_teleop_sysid.logs.prose import is_prose
 from haptic_teleop_sysid.logs.reading import SUFFIXES, ReadOptions, read_log
 from haptic_teleop_sysid.logs.second_look import mend, tried
 from haptic_teleop_sysid.logs.suggest import propose
+from haptic_teleop_sysid.report import unit_text
 
 PARTLY = 1
 """Exit status where some of several logs became recordings."""
@@ -197,7 +198,7 @@ def _tell(recording: Recording, output: Path, console: Console, screen: Console)
                 unit = units["input"] if name == "input" else units[kind]
                 low, high = float(np.nanmin(column)), float(np.nanmax(column))
                 what = "input" if name == "input" else f"{name} {kind}"
-                _say(console, f"{joint} {what}: {low:.6g} to {high:.6g} {unit}")
+                _say(console, f"{joint} {what}: {low:.6g} to {high:.6g} {unit_text(unit)}")
     for line in story["odd"]:
         _say(screen, f"note: {line}")
     _say(console, f"recording: {output} ({_samples(recording)})")

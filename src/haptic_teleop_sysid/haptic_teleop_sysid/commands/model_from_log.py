@@ -20,6 +20,7 @@ from haptic_teleop_sysid.logs.opened import open_recording
 from haptic_teleop_sysid.logs.story import tell
 from haptic_teleop_sysid.recordings.parameter_units import Units
 from haptic_teleop_sysid.recordings.recorded_parameters import recorded_units
+from haptic_teleop_sysid.report import with_error
 from haptic_teleop_sysid.results import tool_version
 
 PARTLY = 1
@@ -85,7 +86,7 @@ def lines_of(found: StartingModel, units: dict[str, str]) -> list[str]:
     lines = [f"{model.joint}: {model.structure}, by least squares below {found.cutoff:.3g} Hz"]
     for name, std in found.std.items():
         value = model.parameters[name]
-        lines.append(f"  {name} {value:.4g} ± {std:.2g} {known.of_parameter(model, name)}")
+        lines.append(f"  {name} {with_error(value, std, known.of_parameter(model, name))}")
     lines.append(f"  fit of the input: {found.percent:.1f} %")
     if found.percent_beside > found.percent + 1.0:
         beside = ", ".join(f"{n} {v:.4g}" for n, v in found.beside.items())

@@ -95,7 +95,7 @@ def diagnose_into(
     write_acquire_file(output, model, content["next_experiment"])
     if not options.page:
         return content, None
-    judge = tuple(d.name for d in (validation if validation else estimation))
-    origin = Origin(model.source, judge, output, options.mapping)
+    judge = tuple(d.name for d in (test or validation or estimation))
+    origin = Origin(model.source, judge, output, options.mapping, unused=bool(test))
     page = diagnosis_page(result, verdict, content, proof, records_of(estimation), units, origin)
     return content, page.write(output / "report.html")

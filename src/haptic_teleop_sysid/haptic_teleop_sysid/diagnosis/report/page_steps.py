@@ -15,12 +15,14 @@ from .next_experiment import FILE
 @dataclass(frozen=True)
 class Origin:
     """What a diagnosis was made from, as it was named on the command line: the ``model`` file, the
-    recordings that ``judge``, the ``mapping`` of logs; and the folder ``output``."""
+    recordings that ``judge``, the ``mapping`` of logs; the folder ``output``; ``unused``: whether those that
+    judge were neither fitted to nor chosen by."""
 
     model: str
     judge: tuple[str, ...]
     output: Path
     mapping: str | None = None
+    unused: bool = False
 
 
 def steps(page: Page, content: dict[str, Any], origin: Origin) -> None:
@@ -32,7 +34,7 @@ def steps(page: Page, content: dict[str, Any], origin: Origin) -> None:
             (f"Simulate with what augmented_model.yaml holds: {content['augmented_model']['what']} "
              f"({_means(content)}).",
              _simulate(content, augmented, origin)),
-            ("Compare it with your model, on a recording that neither was fitted to.",
+            (f"Compare it with your model, on {_compared_on(origin)}.",
              _compare(augmented, origin)),
             (f"Run the next experiment: {experiment['why']}.", _record(content, origin)),
         ]
@@ -44,6 +46,16 @@ def steps(page: Page, content: dict[str, Any], origin: Origin) -> None:
             f"The next experiment; expected to tell them apart with probability "
             f"{experiment['expected_discrimination']:.2f}",
         )
+
+
+def _compared_on(origin: Origin) -> str:
+    """What the recordings of the second command were used for."""
+    if origin.unused:
+        return "recordings that were used for nothing else"
+    return (
+        "the validation recordings: it was not fitted to them, but they helped to choose it, and others are "
+        "a harder test"
+    )
 
 
 def _simulate(content: dict[str, Any], model: str, origin: Origin) -> str:
