@@ -194,34 +194,6 @@ METHODS: dict[str, tuple[Method, tuple[float, ...]]] = {
 """Each method with its thresholds, the usual one first."""
 
 
-WITNESS, LEAST = "diagnose's inverse dynamics alone", (6.0, 12.0, 24.0, 48.0, 96.0)
-"""The second method of `diagnose` without the first and without free runs, and its thresholds: log-likelihood
-that each further effect must gain where it was not fitted."""
-
-
-def witnessed(directory: Path) -> list[list[str]]:
-    """Return what band-limited inverse dynamics name, strongest first, for each threshold of LEAST."""
-    from haptic_teleop_sim.model import load_model
-    from haptic_teleop_sysid.diagnosis.evidence.inverse_dynamics.witness import witness
-    from haptic_teleop_sysid.diagnosis.inputs.scales import recording_scales
-    from haptic_teleop_sysid.diagnosis.usable import records_of
-    from haptic_teleop_sysid.runs.diagnosis_run import load
-
-    model = load_model(str(directory / "model.yaml"))
-    learn, judge = (records_of([load(str(directory / part), model)]) for part in ("estimation", "validation"))
-    levels = witness(model, learn, judge, recording_scales(model, learn)).levels
-    found = []
-    for least in LEAST:
-        said, gain = list[str](), 0.0
-        for level in levels:
-            best = level[0]
-            if best.gain - gain <= least * (len(best.effects) - len(said)):
-                continue
-            gain, said = best.gain, [f"{e.effect} {e.location}" for e in best.effects]
-        found.append(said)
-    return found
-
-
 def examine(directory: Path, stage: str) -> dict[str, Any]:
     """Return {method: {"seconds", "said": [names for each threshold]}} for one case."""
     parameters = yaml.safe_load((directory / "model.yaml").read_text())["parameters"]
@@ -233,9 +205,6 @@ def examine(directory: Path, stage: str) -> dict[str, Any]:
         seconds = time.perf_counter() - begin
         said += [method(motion, parameters, x) for x in thresholds[1:]]
         found[name] = {"seconds": seconds, "said": said}
-    begin = time.perf_counter()
-    said = witnessed(directory)
-    found[WITNESS] = {"seconds": time.perf_counter() - begin, "said": said}
     return found
 
 
@@ -261,7 +230,7 @@ def run_baselines(
     clean = [name for name in chosen if labels[name]["kind"] == "clean"]
     practice, judged = clean[::2], clean[1::2]
     table: dict[str, dict[str, Any]] = {}
-    for method, thresholds in [*((n, x) for n, (_, x) in METHODS.items()), (WITNESS, LEAST)]:
+    for method, (_, thresholds) in METHODS.items():
         calibrated = next(
             (
                 i
