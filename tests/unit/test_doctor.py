@@ -8,7 +8,7 @@ import pytest
 
 from haptic_teleop_2dsfj import doctor_checks as sfj
 from haptic_teleop_control import doctor
-from haptic_teleop_control.health import ABSENT, BAD, OK, Check
+from haptic_teleop_control.health import ABSENT, BAD, OK, SLOW, Check
 from haptic_teleop_omni import doctor_checks as omni
 from haptic_teleop_omni.confirmation import confirm, confirmation_file
 
@@ -135,11 +135,14 @@ def test_the_exit_status_counts_problems_and_with_hardware_what_is_absent(monkey
     assert doctor.main([]) == 0
     assert "b: not there; buy one" in capsys.readouterr().out
     assert doctor.main(["--hardware"]) == 1
+    found[1] = Check("b", SLOW, "late", "hurry")
+    assert doctor.main([]) == 0 and "slow     b: late; hurry" in capsys.readouterr().out
+    assert doctor.main(["--hardware"]) == 1
     found.append(Check("c", BAD, "broken", "mend it"))
     assert doctor.main([]) == 1
 
 
-@pytest.mark.parametrize(("late", "level"), [(0.0002, OK), (0.003, ABSENT), (0.05, BAD)])
+@pytest.mark.parametrize(("late", "level"), [(0.0002, OK), (0.003, SLOW), (0.05, BAD)])
 def test_a_loop_that_misses_samples_is_not_called_fine(monkeypatch, late, level):
     """A clock on which every sleep takes its time, and one in the middle too long."""
     now = iter(range(10**9))

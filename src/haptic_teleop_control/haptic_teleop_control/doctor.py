@@ -22,7 +22,7 @@ from pathlib import Path
 
 from haptic_teleop_control.command_line import run_command
 from haptic_teleop_control.front_door import PACKAGES, version
-from haptic_teleop_control.health import ABSENT, BAD, OK, Check
+from haptic_teleop_control.health import ABSENT, BAD, OK, SLOW, Check
 from haptic_teleop_control.plugins import load_object
 
 MESSAGES = ("sensor_msgs", "std_srvs", "diagnostic_msgs")
@@ -180,7 +180,7 @@ def _timing() -> Check:
         )
     if worst > PERIOD:
         lost = f"{text}: samples of a device would be missed, simulated time does not mind"
-        return Check("timing", ABSENT, lost, "set realtime_priority where a device shall run")
+        return Check("timing", SLOW, lost, "set realtime_priority where a device shall run")
     return Check("timing", OK, text)
 
 
@@ -196,10 +196,11 @@ def _doctor(arguments: list[str]) -> int:
     parser = argparse.ArgumentParser(
         prog="haptic-teleop doctor",
         description="Say what is there: environment, ROS 2, scheduling, devices; each line OK or the remedy.",
-        epilog="Exit status: 0 when nothing is a problem, 1 otherwise. Only hardware needs what is absent.",
+        epilog="Exit status: 0 when nothing is a problem, 1 otherwise. Only hardware needs what is absent, or "
+        "minds what is slow.",
     )
     parser.add_argument(
-        "--hardware", action="store_true", help="count what hardware needs and is absent as a problem"
+        "--hardware", action="store_true", help="count what is absent or slow as a problem, too"
     )
     parser.add_argument("--udev-rule", action="store_true", help="print the udev rules for the devices")
     parser.add_argument(
@@ -222,7 +223,8 @@ def _doctor(arguments: list[str]) -> int:
                 found += module.board_checks(options.board, options.board_key)
     for check in found:
         print(check.line)
-    problems = sum(check.level == BAD or (options.hardware and check.level == ABSENT) for check in found)
+    counted = (BAD, ABSENT, SLOW) if options.hardware else (BAD,)
+    problems = sum(check.level in counted for check in found)
     print(f"{problems} problem{'' if problems == 1 else 's'}")
     return 1 if problems else 0
 

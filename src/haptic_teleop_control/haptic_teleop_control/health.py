@@ -4,13 +4,13 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-OK, ABSENT, BAD = "ok", "absent", "bad"
-"""ABSENT: only hardware needs it."""
+OK, ABSENT, SLOW, BAD = "ok", "absent", "slow", "bad"
+"""ABSENT: only hardware needs it; SLOW: good enough for everything but hardware."""
 
 
 @dataclass(frozen=True)
 class Check:
-    """level: OK, ABSENT or BAD. finding: what is there. remedy: what to do; empty when OK."""
+    """level: OK, ABSENT, SLOW or BAD. finding: what is there. remedy: what to do; empty when OK."""
 
     subject: str
     level: str
@@ -20,5 +20,5 @@ class Check:
     @property
     def line(self) -> str:
         """For the terminal."""
-        mark = {OK: "OK      ", ABSENT: "absent  ", BAD: "PROBLEM "}[self.level]
+        mark = {OK: "OK      ", ABSENT: "absent  ", SLOW: "slow    ", BAD: "PROBLEM "}[self.level]
         return f"{mark} {self.subject}: {self.finding}" + (f"; {self.remedy}" if self.remedy else "")

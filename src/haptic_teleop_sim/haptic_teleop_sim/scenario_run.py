@@ -70,7 +70,7 @@ def simulate_scenario(
     topics["/reference"] = series(run.reference_times, run.joints, **{kind: run.published})
     topics.update(result.channels)
     codes = [code.name.lower() for code in StepResult if code.name]
-    names = [f"{robot} {name}" for robot in NODES for name in codes] + ["law saturated"]
+    names = [f"{robot} {name}" for robot in NODES for name in codes] + ["force law at the current limit"]
     counts = {name: int(n) for name, n in zip(names, result.counts, strict=True) if n}
     counts |= {f"fault {name}": n for name, n in result.faults.items()}
     energies = result.energies or _energies(topics)

@@ -119,7 +119,7 @@ def _contact_by_hand(name: str, contact: Contact, by: str) -> tuple[Status, str]
     start, end = contact.held
     return "bad" if not accurate else ("good" if calm else "fair"), (
         f"{_pressing(name, contact, by)} while the hand that leads holds still, {start:.2f} to {end:.2f} s; "
-        f"until then at most {contact.overshoot_percent:.1f} % beyond what is asked at the time, "
+        f"before that at most {contact.overshoot_percent:.1f} % more than is asked for at the time, "
         f"{_bounces(contact)}."
     )
 

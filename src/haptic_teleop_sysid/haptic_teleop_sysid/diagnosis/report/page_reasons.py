@@ -84,14 +84,19 @@ def curves_table(page: Page, verdict: Verdict) -> None:
         )
 
 
+def _whole(value: float) -> str:
+    """A number without decimals, and none that is -0."""
+    return f"{value:.0f}".replace("-0", "0") if abs(value) < 0.5 else f"{value:.0f}"
+
+
 def tried(page: Page, result: SearchResult) -> None:
     """What did not stand up."""
     rows = [
         (
             e.effect.effect,
             e.effect.location,
-            f"{e.gain:.0f}",
-            f"{e.elsewhere:.0f}",
+            _whole(e.gain),
+            _whole(e.elsewhere),
             "yes" if e.material else "no",
         )
         for e in result.last_round[:10]
