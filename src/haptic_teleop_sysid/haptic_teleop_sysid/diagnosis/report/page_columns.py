@@ -14,6 +14,11 @@ HEADS = ("yours", "re-estimated", "augmented")
 """What the models of `MODELS` are called."""
 
 
+_MADE_UP = (
+    " Re-estimated, your structure makes up for what is missing by wrong numbers, further off than their ±."
+)
+
+
 def fits(page: Page, content: dict[str, Any], proof: Proof) -> None:
     """Fits of the three models on all kinds of recordings, with how far each signal moves."""
     rows, told = [], content["uses"]["what"]
@@ -67,7 +72,8 @@ def parameters(page: Page, content: dict[str, Any]) -> None:
         ("parameter", "unit", "yours", "re-estimated", "change", "augmented", "change"),
         rows,
         "± is the standard error, with what the other recordings differ by; a parameter without one was "
-        "held, is at a bound, or cannot be determined from these recordings.",
+        "held, is at a bound, or cannot be determined from these recordings."
+        + (_MADE_UP if content["verdict"] != "no_mismatch" else ""),
     )
 
 
