@@ -98,7 +98,7 @@ def test_a_linear_axis_and_an_input_in_ampere_have_their_units(tmp_path, capsys)
     header = ("time [s]", "current [A]", "angle [rad]")
     made(table(tmp_path / "log.csv", header, (t, torque, angle)), tmp_path, "--overwrite")
     out = capsys.readouterr().out
-    assert "per A of it" in out and " A*s^2/rad\n" in out
+    assert "per A of it" in out and " A·s²/rad\n" in out
 
 
 def test_every_joint_of_a_log_gets_its_model(tmp_path, capsys):
