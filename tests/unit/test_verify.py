@@ -325,6 +325,14 @@ def test_the_first_line_says_what_happened_whether_it_is_good_and_what_to_do():
     assert conclusion([late], ["slow"])[0] == "fair"
 
 
+def test_a_contact_that_had_time_to_settle_and_has_not_is_a_failure_wherever_the_recording_ends():
+    for duration in (10.0, 8.0):  # released at 9 s, or pressing until the end
+        run = examine(scenario(Made(offset=-0.06, duration=duration)), "made")
+        (contact,) = run.merits["stage1"].contacts
+        assert contact.settling_time is None and not contact.cut_off
+        assert [s for s, text in verdicts(run) if text.startswith("Stage 1 in contact")] == ["bad"]
+
+
 def test_a_contact_that_the_end_of_the_recording_cuts_off_is_no_free_motion(tmp_path):
     scenario_file = Path(__file__).parents[2] / "config" / "scenario1_sim.yaml"
     assert lockstep.main([str(scenario_file), "--duration", "6", "--record", str(tmp_path / "bag")]) == 0

@@ -15,6 +15,8 @@ LEFT_WALL = 2.0 * NEAR_WALL
 """rad; an arm this far from where it comes to rest has left the wall."""
 SETTLED_BAND = 0.05
 """Share of the desired torque within which the contact torque counts as settled, and a hand as still."""
+TIME_TO_SETTLE = 2.0
+"""s; a contact that has lasted for so long and not settled does not settle."""
 HELD_SECONDS = 1.0
 """A hand that asks for the same for so long holds still."""
 
@@ -35,7 +37,7 @@ class Contact:
     second (or quarter), nothing after it counts, and overshoot is the most by which the torque exceeded the
     one desired at the time, in percent of desired_torque.
 
-    cut_off: the recording ends during the contact, before it has settled.
+    cut_off: the recording ends within TIME_TO_SETTLE of the touch, before the contact has settled.
     """
 
     start: float
@@ -86,6 +88,8 @@ def contact_merit(run: StageRun, phase: Phase, following: Phase | None, by_hand:
         settling = None if last[outside[-1]] else float(time[outside[-1] + 1] - time[0])
     before = slice(max(0, phase.start - 5), phase.start + 1)
     error = (torque - desired)[last]
+    duration = float(run.time[phase.stop - 1] - time[0])
+    at_the_end = phase.stop >= len(run.time) and duration < TIME_TO_SETTLE
     released = following is not None and following.kind == "release"
     peak = float(np.max(torque))
     excess = peak - level if held is None else max(0.0, float(np.max(torque - desired)))
@@ -94,7 +98,7 @@ def contact_merit(run: StageRun, phase: Phase, following: Phase | None, by_hand:
     bounces, rebound = _rebounds(arm[int(np.argmax(arm >= resting - NEAR_WALL)) :], resting)
     return Contact(
         start=float(time[0]),
-        duration=float(run.time[phase.stop - 1] - time[0]),
+        duration=duration,
         desired_torque=float(sign * level),
         arm_position=float(np.median(run.arm_position[span][last])),
         approach_speed=float(np.mean(run.arm_velocity[before])),
@@ -111,7 +115,7 @@ def contact_merit(run: StageRun, phase: Phase, following: Phase | None, by_hand:
         else None,
         by_hand=by_hand,
         held=held,
-        cut_off=phase.stop >= len(run.time) and settling is None,
+        cut_off=at_the_end and settling is None and not by_hand,
     )
 
 
