@@ -13,6 +13,7 @@ from haptic_teleop_sim.model import Effect, Model
 from haptic_teleop_sim.omni_robot import OMNI_PARAMETERS
 from haptic_teleop_sim.sfj_robot import SFJ_PARAMETERS
 from haptic_teleop_sysid.commands import acquire, compare, export
+from haptic_teleop_sysid.diagnosis.decision.adequacy import Adequacy
 from haptic_teleop_sysid.diagnosis.evidence.inverse_dynamics.motion import banded, motion_band
 from haptic_teleop_sysid.diagnosis.report.page_law import law_curve, law_plot
 from haptic_teleop_sysid.diagnosis.report.page_lead import lead
@@ -120,8 +121,8 @@ def content(robot="sfj", joint="stage1", excitation=None, **changes):
     } | changes
 
 
-def verdict(kind, findings, where=()):
-    return SimpleNamespace(kind=kind, findings=findings, where=list(where))
+def verdict(kind, findings, where=(), adequacy=None):
+    return SimpleNamespace(kind=kind, findings=findings, where=list(where), adequacy=adequacy)
 
 
 def first_line(kind, findings, **changes):
@@ -189,8 +190,8 @@ def test_the_page_says_where_under_which_condition_and_when():
 @pytest.mark.parametrize(("confidence", "told"), [(0.83, True), (0.7, False)])
 def test_a_confidence_that_is_held_down_by_what_is_left_says_so(confidence, told):
     page = Page("t")
-    found = content(adequacy={"torque": 0.83, "free_run": 0.9})
-    reasons(page, verdict("identified", [finding(confidence)]), found, [])
+    answer = verdict("identified", [finding(confidence)], adequacy=Adequacy(torque=0.83, free_run=0.9))
+    reasons(page, answer, content(), [])
     assert ("share of what is missing that is explained, 83 %" in page.render()) == told
 
 

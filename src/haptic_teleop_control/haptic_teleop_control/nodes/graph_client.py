@@ -15,7 +15,7 @@ from rclpy.node import Node
 from rclpy.signals import SignalHandlerOptions
 
 SILENT = 1.5
-"""s of waiting without a word: a graph that runs answers within that."""
+"""s of waiting without a word: nodes that run are found after up to 3 s."""
 
 
 class GraphClient:

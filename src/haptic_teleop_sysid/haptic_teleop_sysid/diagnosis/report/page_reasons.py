@@ -31,12 +31,10 @@ def reasons(page: Page, verdict: Verdict, content: dict[str, Any], curves: list[
                 [(a["effect"], a["location"], f"{100 * a['confidence']:.0f} %") for a in f["alternatives"]],
                 f"What {f['effect']} at {f['location']} could be instead",
             )
-    told = [f["confidence"] for f in verdict.findings]
-    share = content["adequacy"]
-    least = None if share is None else min(share["torque"], share["free_run"])
-    if least is not None and any(abs(p - least) < 0.006 for p in told) and least < 0.995:
-        share_text = f"share of what is missing that is explained, {100 * least:.0f} %"
-        section.text(f"No confidence is above the {share_text}.")
+    least = 1.0 if verdict.adequacy is None else verdict.adequacy.least
+    if any(f["confidence"] == round(least, 4) < 1.0 for f in verdict.findings):
+        share = f"share of what is missing that is explained, {100 * least:.0f} %"
+        section.text(f"No confidence is above the {share}.")
     if verdict.findings:
         section.text(second_method(content))
     for c in curves:
@@ -84,19 +82,14 @@ def curves_table(page: Page, verdict: Verdict) -> None:
         )
 
 
-def _whole(value: float) -> str:
-    """A number without decimals, and none that is -0."""
-    return f"{value:.0f}".replace("-0", "0") if abs(value) < 0.5 else f"{value:.0f}"
-
-
 def tried(page: Page, result: SearchResult) -> None:
     """What did not stand up."""
     rows = [
         (
             e.effect.effect,
             e.effect.location,
-            _whole(e.gain),
-            _whole(e.elsewhere),
+            f"{e.gain:z.0f}",
+            f"{e.elsewhere:z.0f}",
             "yes" if e.material else "no",
         )
         for e in result.last_round[:10]

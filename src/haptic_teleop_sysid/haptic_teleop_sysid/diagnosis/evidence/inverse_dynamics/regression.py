@@ -76,10 +76,13 @@ class Equations:
         return self._known[term]
 
     def seen(self, term: Hypothesis) -> float:
-        """Share of an effect's torque (mean square) that lies in the band, of the column of which least does.
+        """Share of an effect's torque (mean square) that lies in the band, of the column of which least does;
+        1 for an actuator's, of which the band has what it has of the input.
 
         A ripple of a high order turns many times within a period of the cut-off: what is left of it in the
         band is an accident of where the motion slows down, and of how exactly the angle is known."""
+        if term.entry.kind == "input":
+            return 1.0
         inside = np.sum(self.torque(term) ** 2, axis=0)
         whole = np.sum(np.concatenate([term.whole(m, self.model) for m in self.motions]) ** 2, axis=0)
         return float(np.min(inside / np.maximum(whole, 1e-300)))

@@ -69,10 +69,7 @@ class Hypothesis:
         return motion.filtered(self._along(motion, model), times=2)
 
     def whole(self, motion: BandedMotion, model: Model) -> FloatArray:
-        """The same, (n, columns), before it is filtered; of an actuator filtered, too: nothing else is
-        known of its input."""
-        if self.entry.kind == "input":
-            return self.columns(motion, model)
+        """The same, (n, columns), of a torque that follows from the motion, before it is filtered."""
         return self._along(motion, model)[motion.kept]
 
     def _along(self, motion: BandedMotion, model: Model) -> FloatArray:
