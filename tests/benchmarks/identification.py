@@ -16,6 +16,7 @@ import time
 from pathlib import Path
 
 import numpy as np
+from _promises import Promises
 from scipy.integrate import solve_ivp
 from scipy.optimize import least_squares
 
@@ -107,13 +108,7 @@ def against_mujoco(promise) -> None:
 
 
 def main() -> int:
-    failed = []
-
-    def promise(kept, sentence):
-        print(f"   {'kept' if kept else 'NOT KEPT'}: {sentence}")
-        if not kept:
-            failed.append(sentence)
-
+    promise = Promises()
     recording, start = axis_recording(seed=1, seconds=SECONDS, rms=0.1), off(AXIS, 1)
     names = start.free_parameters()
     assert len(names) == 9, names
@@ -151,7 +146,7 @@ def main() -> int:
     promise(theirs > 100.0 * ours, f"{theirs / ours:.0f} times as fast as the obvious way, at least 100")
 
     against_mujoco(promise)
-    return 1 if failed else 0
+    return promise.status
 
 
 if __name__ == "__main__":

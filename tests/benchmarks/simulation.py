@@ -10,6 +10,7 @@ import time
 from pathlib import Path
 
 import numpy as np
+from _promises import Promises
 from scipy.integrate import solve_ivp
 
 from haptic_teleop_sim.kernel import pack, predict, simulate
@@ -63,13 +64,7 @@ def solved(current):
 
 
 def main() -> int:
-    failed = []
-
-    def promise(kept, sentence):
-        print(f"   {'kept' if kept else 'NOT KEPT'}: {sentence}")
-        if not kept:
-            failed.append(sentence)
-
+    promise = Promises()
     t = DT * np.arange(N)
     current = 0.2 * np.sin(2 * np.pi * 0.5 * t) + 0.05 * np.sin(2 * np.pi * 3.1 * t)
     friction = joint(Effect("coulomb_friction", "stage1_motor", COULOMB))
@@ -117,7 +112,7 @@ def main() -> int:
         scenario.duration > 100.0 * lockstep,
         f"{scenario.duration / lockstep:.0f} times real time, at least 100",
     )
-    return 1 if failed else 0
+    return promise.status
 
 
 if __name__ == "__main__":

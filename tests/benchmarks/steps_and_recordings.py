@@ -11,6 +11,7 @@ import timeit
 from pathlib import Path
 
 import numpy as np
+from _promises import Promises
 
 from haptic_teleop_control.filters import VelocityFilter
 from haptic_teleop_control.laws import AugmentedErrorGains, AugmentedErrorLaw, MasterSettings, MasterSide
@@ -53,13 +54,7 @@ def signal_value():
 
 
 def main() -> int:
-    failed = []
-
-    def promise(kept, sentence):
-        print(f"   {'kept' if kept else 'NOT KEPT'}: {sentence}")
-        if not kept:
-            failed.append(sentence)
-
+    promise = Promises()
     for make in (law, velocity_filter, master_side, signal_value):
         taken = min(timeit.repeat(make(), number=2000, repeat=10)) / 2000
         print(f"a step of the {make.__name__.replace('_', ' ')}: {1e6 * taken:.2f} microseconds")
@@ -82,7 +77,7 @@ def main() -> int:
     print(f"{SECONDS} s at 1 kHz on three topics: written in {min(written):.2f} s, read in {min(read):.2f} s")
     promise(60.0 * min(written) < SECONDS, f"written {SECONDS / min(written):.0f} times as fast as it lasts")
     promise(120.0 * min(read) < SECONDS, f"read {SECONDS / min(read):.0f} times as fast as it lasts")
-    return 1 if failed else 0
+    return promise.status
 
 
 if __name__ == "__main__":
