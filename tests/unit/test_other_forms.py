@@ -9,6 +9,7 @@ from numba import njit
 from stepped_machines import DT, FINE, RIGID, drive, record
 
 from haptic_teleop_sim.model import Effect
+from haptic_teleop_sysid.diagnosis.evidence import other_forms
 from haptic_teleop_sysid.diagnosis.evidence.certainty import standard_errors
 from haptic_teleop_sysid.diagnosis.evidence.inverse_dynamics.motion import motion_band
 from haptic_teleop_sysid.diagnosis.evidence.other_forms import spread_by_form, together
@@ -64,3 +65,14 @@ def test_what_does_not_depend_on_the_form_stays_as_sure_as_it_was():
     assert spread["motor_inertia"] < 1e-3 * 0.14
     plain = RIGID.with_effects(Effect("coulomb_friction", "j_motor", {"torque": 0.2}))
     assert spread_by_form(plain, [one], motion_band([one])) == {}
+
+
+def test_a_regression_that_fails_ends_no_diagnosis(monkeypatch):
+    def fails(*_):
+        raise np.linalg.LinAlgError("singular")
+
+    monkeypatch.setattr(other_forms, "equations", fails)
+    sizes = {"coulomb": 0.3, "breakaway": 0.45, "velocity": 0.5}
+    model = RIGID.with_effects(Effect("stribeck_friction", "j_motor", sizes))
+    one = record(drive(0, 2.0), np.zeros((10_000, 1)))
+    assert other_forms.spread_by_form(model, [one], 4.0) == {}

@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 
 from haptic_teleop_sim.effects import EffectEntry
 from haptic_teleop_sim.model import Effect, Model
+from haptic_teleop_sysid.estimation.likelihood import FAILURES
 from haptic_teleop_sysid.estimation.records import Record
 
 from .inverse_dynamics.motion import MOST_OF_RATE
@@ -36,13 +37,21 @@ _SHAPES = np.geomspace(0.25, 4.0, 25)
 def spread_by_form(model: Model, records: Sequence[Record], cutoff: float) -> dict[str, float]:
     """By full parameter name, in its unit: how much sizes of the model's effects, and the structure's free
     parameters beside them, differ between the published forms of a law (root mean square over the other
-    forms); empty where no effect has another form. ``cutoff``: Hz, of the band of the motion."""
+    forms); empty where no effect has another form, or the arithmetic of the regression fails. ``cutoff``: Hz,
+    of the band of the motion."""
     several = [e for e in model.effects if e.entry.other_forms]
     if not several:
         return {}
     highest = min(MOST_OF_RATE / r.dt for r in records)
     bare = replace(model, effects=(), fixed=tuple(n for n in model.fixed if "." not in n))
-    side = equations(bare, records, min(WIDER * cutoff, highest))
+    try:
+        side = equations(bare, records, min(WIDER * cutoff, highest))
+        return _differences(side, several)
+    except FAILURES:
+        return {}
+
+
+def _differences(side: Equations, several: Sequence[Effect]) -> dict[str, float]:
     found: dict[str, float] = {}
     for effect in several:
         squares: dict[str, float] = {}
