@@ -80,6 +80,14 @@ def test_operate_says_what_it_waits_for_and_then_what_to_do(monkeypatch, capsys,
     assert last.startswith("error: ") and "start a scenario" in last
 
 
+@pytest.mark.parametrize("wait", ["nan", "-1", "0", "inf", "long"])
+@pytest.mark.parametrize("command", [(operate, "state"), (set_parameter, "a", "b", "1"), (echo_topic, "/a")])
+def test_a_wait_that_is_no_time_is_refused_at_once(capsys, command, wait):
+    program, *arguments = command
+    assert program.main([*arguments, f"--wait={wait}"]) == 2
+    assert f"{wait!r} is not a number above zero" in capsys.readouterr().err
+
+
 def test_a_name_that_is_not_there_is_answered_with_those_that_are():
     # Without a graph: what has been discovered when the wait is over is the machine's affair.
     assert known(["/signal_generator", "/link"], "sinal_generator") == "did you mean /signal_generator?"

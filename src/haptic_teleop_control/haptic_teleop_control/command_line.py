@@ -1,5 +1,7 @@
 """What every command does about errors: a sentence for the user's, a traceback for ours."""
 
+import argparse
+import math
 import os
 import sys
 from collections.abc import Callable, Sequence
@@ -49,3 +51,14 @@ def _status_of(leaving: SystemExit) -> int:
         return leaving.code
     print(leaving.code, file=sys.stderr)
     return 1
+
+
+def positive(text: str) -> float:
+    """The number above zero that an argument is: a `type` of argparse, which tells what is wrong with it."""
+    try:
+        value = float(text)
+    except ValueError:
+        value = math.nan
+    if not 0.0 < value < math.inf:
+        raise argparse.ArgumentTypeError(f"{text!r} is not a number above zero")
+    return value

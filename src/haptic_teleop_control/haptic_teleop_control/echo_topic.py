@@ -5,7 +5,7 @@ from __future__ import annotations
 import argparse
 from collections.abc import Sequence
 
-from haptic_teleop_control.command_line import run_command
+from haptic_teleop_control.command_line import positive, run_command
 from haptic_teleop_control.plugins import load_object
 
 PRINTER = "haptic_teleop_control.nodes.topic_printer:print_messages"
@@ -27,7 +27,7 @@ def _main(argv: list[str]) -> int:
     parser.add_argument("--once", action="store_true", help="one message: the next, or the latest kept")
     parser.add_argument("--count", type=_count, metavar="N", help="so many messages")
     parser.add_argument(
-        "--wait", type=float, default=10.0, metavar="S", help="for a publisher to be found (default: 10 s)"
+        "--wait", type=positive, default=10.0, metavar="S", help="for a publisher to be found (default: 10 s)"
     )
     options = parser.parse_args(argv)
     load_object(PRINTER, "PRINTER")(options.topic, 1 if options.once else options.count, options.wait)

@@ -6,7 +6,7 @@ from __future__ import annotations
 import argparse
 from collections.abc import Sequence
 
-from haptic_teleop_control.command_line import run_command
+from haptic_teleop_control.command_line import positive, run_command
 from haptic_teleop_control.plugins import load_object
 
 ACTS = {
@@ -63,7 +63,7 @@ def _main(argv: list[str]) -> int:
         help="its name (default: /force_controller)",
     )
     parser.add_argument(
-        "--wait", type=float, default=10.0, metavar="S", help="for the node to be found (default: 10 s)"
+        "--wait", type=positive, default=10.0, metavar="S", help="for the node to be found (default: 10 s)"
     )
     options = parser.parse_args(argv)
     if options.act == "devices":

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 
 import yaml
 
-from haptic_teleop_control.command_line import run_command
+from haptic_teleop_control.command_line import positive, run_command
 from haptic_teleop_control.errors import ConfigurationError
 from haptic_teleop_control.plugins import load_object
 from haptic_teleop_control.strict_yaml import parse_value
@@ -47,7 +47,7 @@ def _main(argv: list[str]) -> int:
     parser.add_argument("parameter", metavar="PARAMETER", help="such as stage1.lambda")
     parser.add_argument("value", metavar="VALUE", help="as in a parameter file: 0.5, true, [1.0, 2.0]")
     parser.add_argument(
-        "--wait", type=float, default=10.0, metavar="S", help="for the node to be found (default: 10 s)"
+        "--wait", type=positive, default=10.0, metavar="S", help="for the node to be found (default: 10 s)"
     )
     options = parser.parse_args(_negative_value_last(argv))
     value = value_of(options.value)

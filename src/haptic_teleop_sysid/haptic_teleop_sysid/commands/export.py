@@ -11,7 +11,7 @@ from rich.console import Console
 from rich.markup import escape
 from rich.table import Table
 
-from haptic_teleop_control.command_line import run_command
+from haptic_teleop_control.command_line import positive, run_command
 from haptic_teleop_control.errors import ConfigurationError
 from haptic_teleop_sim.export import Exported, mjcf_export, python_export, urdf_export
 from haptic_teleop_sim.model import Model, load_model
@@ -140,25 +140,15 @@ def _lowest(fits: dict[str, float]) -> tuple[str, float]:
     return min(fits.items(), key=lambda item: math.inf if math.isnan(item[1]) else item[1])
 
 
-def _positive(text: str) -> float:
-    try:
-        value = float(text)
-    except ValueError:
-        value = 0.0
-    if not 0.0 < value < math.inf:
-        raise argparse.ArgumentTypeError(f"{text!r} is not a number above zero")
-    return value
-
-
 def _duration(text: str) -> float:
-    value = _positive(text)
+    value = positive(text)
     if not 1.0 <= value <= 600.0:
         raise argparse.ArgumentTypeError(f"{text!r} is not between 1 and 600 s")
     return value
 
 
 def _timestep(text: str) -> float:
-    value = _positive(text)
+    value = positive(text)
     if not 1e-6 <= value <= 0.01:
         raise argparse.ArgumentTypeError(f"{text!r} is not between 1e-6 and 0.01 s")
     return value
@@ -176,7 +166,7 @@ def _parser() -> argparse.ArgumentParser:
         "--bag", metavar="BAG", help="measure on this recording or log (default: a simulated multisine)"
     )
     parser.add_argument(
-        "--rms", type=_positive, help="root mean square of the multisine, in the model's input"
+        "--rms", type=positive, help="root mean square of the multisine, in the model's input"
     )
     parser.add_argument("--seconds", type=_duration, default=20.0, help="length of the multisine (20)")
     parser.add_argument(

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import argparse
-import math
 
+from haptic_teleop_control.command_line import positive
 from haptic_teleop_sysid.recordings.preparation import Treatment
 
 
@@ -49,18 +49,8 @@ def treatment_of(arguments: argparse.Namespace) -> Treatment:
 
 
 def _lead_in(text: str) -> str | float:
-    return text if text in ("auto", "none") else _positive(text)
+    return text if text in ("auto", "none") else positive(text)
 
 
 def _rate(text: str) -> float:
-    return _positive(text)
-
-
-def _positive(text: str) -> float:
-    try:
-        value = float(text)
-    except ValueError:
-        value = math.nan
-    if not 0.0 < value < math.inf:
-        raise argparse.ArgumentTypeError(f"{text!r} is not a positive number")
-    return value
+    return positive(text)

@@ -5,7 +5,6 @@ simulation of the same scenario over them, and write a report.
 from __future__ import annotations
 
 import argparse
-import math
 import time
 from dataclasses import dataclass
 from pathlib import Path
@@ -13,7 +12,7 @@ from typing import Any
 
 from rich.console import Console
 
-from haptic_teleop_control.command_line import run_command
+from haptic_teleop_control.command_line import positive, run_command
 from haptic_teleop_control.errors import ConfigurationError, MismatchError
 from haptic_teleop_control.recording import read_recording
 from haptic_teleop_control.robots import STAGES
@@ -233,7 +232,7 @@ def _parser() -> argparse.ArgumentParser:
     )
     for name, meaning in OVERRIDES.items():
         option = "--" + name.replace("_", "-")
-        group.add_argument(option, nargs="+", type=_positive, action=_OnePerStage, metavar="X", help=meaning)
+        group.add_argument(option, nargs="+", type=positive, action=_OnePerStage, metavar="X", help=meaning)
     return parser
 
 
@@ -250,16 +249,6 @@ class _OnePerStage(argparse.Action):
                 f"{option} takes one value, or one for each of {', '.join(STAGES)}; got {len(values)}"
             )
         setattr(namespace, self.dest, values)
-
-
-def _positive(text: str) -> float:
-    try:
-        value = float(text)
-    except ValueError:
-        value = math.nan
-    if not math.isfinite(value) or value <= 0.0:
-        raise argparse.ArgumentTypeError(f"{text!r} is not a number above zero")
-    return value
 
 
 if __name__ == "__main__":
