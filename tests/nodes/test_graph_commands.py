@@ -47,6 +47,8 @@ def test_set_changes_what_may_change_and_tells_what_may_not(graph, capsys):
         capsys.readouterr()
         assert set_parameter.main(["signal_generator", "rate", "400.0"]) == 1
         assert "rate cannot change while the node runs" in capsys.readouterr().out
+        assert set_parameter.main(["signal_generator", "stage1.step.amplitude", "abc"]) == 1
+        assert "stage1.step.amplitude is a double (-0.001), not a string" in capsys.readouterr().out
         assert set_parameter.main(["signal_generator", "stage1.step.amplitud", "1.0"]) == 2
         assert "did you mean stage1.step.amplitude" in capsys.readouterr().err
         assert set_parameter.main(["sinal_generator", "rate", "1.0", "--wait", "0.3"]) == 2

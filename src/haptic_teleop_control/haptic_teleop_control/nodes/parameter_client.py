@@ -36,6 +36,9 @@ def change(node: str, name: str, value: Any, wait: float) -> tuple[bool, str]:
             value = float(value)
         elif before.type_ == Parameter.Type.DOUBLE_ARRAY and kind == Parameter.Type.INTEGER_ARRAY:
             value = [float(v) for v in value]
+        elif before.type_ != kind and before.type_ != Parameter.Type.NOT_SET:
+            needs, got = (one.name.lower().replace("_", " ") for one in (before.type_, kind))
+            return False, f"{full} refuses: {name} is a {needs} ({_text(before.value)}), not a {got}."
         answer = _answer(client, full, remote.set_parameters([Parameter(name, value=value)]))
         (result,) = answer.results
         if not result.successful:

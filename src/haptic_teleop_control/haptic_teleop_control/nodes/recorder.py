@@ -18,9 +18,10 @@ from rclpy.signals import SignalHandlerOptions
 
 from haptic_teleop_control.command_line import run_command
 from haptic_teleop_control.errors import RecordingError
+from haptic_teleop_control.forced_exit import ends_within
 from haptic_teleop_control.nodes.base.haptic_node import HapticNode
 from haptic_teleop_control.nodes.base.node_help import node_help
-from haptic_teleop_control.nodes.base.run import create_nodes, make_executor, read_arguments
+from haptic_teleop_control.nodes.base.run import LEAVING, create_nodes, make_executor, read_arguments
 from haptic_teleop_control.nodes.launching.arming import ArmedStart
 from haptic_teleop_control.nodes.launching.connections import IN, Endpoints, endpoints
 from haptic_teleop_control.nodes.launching.stopping import stop_requests
@@ -200,6 +201,9 @@ class Recorder(HapticNode):
             self.writer.close()
         except RecordingError as refusal:
             self._problem(str(refusal))
+
+    def leave_topics(self) -> None:
+        """Ends its subscriptions; nothing is recorded from then on."""
         self._input.destroy_node()
 
     def begin(self) -> None:
@@ -336,17 +340,22 @@ def _main(argv: list[str]) -> int:
                 node.arm(armed)
             else:
                 node.begin()
+            status = 1
             try:
                 while rclpy.ok() and not node.stop and not stop.is_set():
                     node.spin_once(executor)
                 node.stop = True
-                return node.finish(executor) if node.armed is None else node.withdraw()
+                status = node.finish(executor) if node.armed is None else node.withdraw()
             except ExternalShutdownException:
-                return 1
+                pass
             finally:
                 node.shutdown_safely()
-                executor.remove_node(node)
-                executor.shutdown()
-                node.destroy_node()
+                with ends_within(LEAVING, status):
+                    executor.remove_node(node)
+                    executor.shutdown()
+                    node.leave_topics()
+                    node.destroy_node()
+                    rclpy.try_shutdown()
+            return status
         finally:
             rclpy.try_shutdown()

@@ -13,6 +13,7 @@ from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
 
 from haptic_teleop_control.command_line import run_command
 from haptic_teleop_control.errors import ConfigurationError
+from haptic_teleop_control.forced_exit import ends_within
 from haptic_teleop_control.nodes.base.haptic_node import HapticNode
 from haptic_teleop_control.nodes.base.node_help import node_help
 from haptic_teleop_control.nodes.base.parameters import overrides
@@ -34,6 +35,9 @@ BURST = 32
 
 START_POLL = 0.01
 """The same while the start is awaited: processes that start together shall do so within two states."""
+
+LEAVING = 5.0
+"""Seconds that the middleware is given to leave the graph: fewer than a parent waits for the process."""
 
 SWITCH_INTERVAL = 5e-4
 """Seconds after which a thread that waits for the interpreter gets it: Python's 5 ms are five periods of 1
@@ -182,6 +186,7 @@ def _run(node_classes: Sequence[type[HapticNode]], argv: Sequence[str]) -> int:
             telling = nullcontext() if armed is None else armed.telling_compilation()
             with stop.interruptible(), telling:
                 nodes = create_nodes(node_classes, arguments)
+            status = 1
             try:
                 priority = max(node.values.get("realtime_priority", 0) for node in nodes)
                 if armed is None:
@@ -189,9 +194,12 @@ def _run(node_classes: Sequence[type[HapticNode]], argv: Sequence[str]) -> int:
                 else:
                     armed.ready(lambda: nodes)
                     spin(nodes, lambda: stop.is_set() or armed.abandoned, priority, armed.begin)
+                status = 0
             finally:
-                for node in reversed(nodes):
-                    node.destroy_node()
+                with ends_within(LEAVING, status):
+                    for node in reversed(nodes):
+                        node.destroy_node()
+                    rclpy.try_shutdown()
         except StopRequests.Interrupt:
             pass
         finally:
