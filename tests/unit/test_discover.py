@@ -349,6 +349,16 @@ def test_a_failed_diagnosis_ends_with_1_and_the_label_stays_sealed(tmp_path, mon
     assert not (output / "discover.json").exists()
 
 
+def test_ctrl_c_tells_what_the_folder_holds(tmp_path, monkeypatch, capsys):
+    def interrupted(*_):
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(discover, "discover", interrupted)
+    assert discover.main(["--seed", "1", "--plant", "sfj_sim", "--output", str(tmp_path / "o")]) == 130
+    told = capsys.readouterr().err
+    assert f"interrupted; {tmp_path / 'o'} holds what was made so far" in told and "Traceback" not in told
+
+
 def test_an_aborted_acquisition_is_a_failed_step(tmp_path, monkeypatch, capsys):
     content = campaign.acquisition_content
 

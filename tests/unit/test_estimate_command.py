@@ -269,3 +269,26 @@ def test_treatments_do_what_they_say(recording):
     flat, _ = prepare(dataset, recording, STAGE, Treatment(lead_in="none", detrend="linear", span=(1.0, 5.0)))
     slope = np.polyfit(flat.time, flat.motor_position, 1)[0]
     assert abs(slope) < 1e-12
+
+
+@pytest.mark.usefixtures("unillustrated")
+def test_what_to_expect_of_a_recording_does_not_hang_on_how_wrong_the_model_is(tmp_path, model, recording):
+    """What a model with wrong values leaves unexplained is no noise: an estimate does not have to live with
+    it."""
+    off = {"motor_inertia": 0.5, "motor_damping": 2.0, "arm_inertia": 1.8, "arm_damping": 3.0}
+    parameters = {n: v * off.get(n, 1.0) for n, v in STAGE.parameters.items()}
+    replace(STAGE, parameters=parameters).save(tmp_path / "off.yaml")
+    bag, told = str(written(tmp_path, recording)), {}
+    for name in (model.stem, "off"):
+        arguments = [
+            "--bag",
+            bag,
+            "--model",
+            str(tmp_path / f"{name}.yaml"),
+            "--output",
+            str(tmp_path / f"look {name}"),
+        ]
+        assert dataset_main(arguments) == 0
+        found = json.loads((tmp_path / f"look {name}" / "dataset.json").read_text())["recordings"][0]
+        told[name] = found["expected_std"]
+    assert told["off"] == pytest.approx(told[model.stem], rel=0.5)

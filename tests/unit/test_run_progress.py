@@ -8,9 +8,8 @@ import pytest
 from identification_plants import STAGE, stage_recording
 from rich.console import Console
 
+from haptic_teleop_sysid import run_progress
 from haptic_teleop_sysid.blind.forked import run_forked
-from haptic_teleop_sysid.commands import run_progress
-from haptic_teleop_sysid.commands.run_progress import OFTEN, SELDOM, RunProgress
 from haptic_teleop_sysid.diagnosis.report.forecast import (
     BASELINE,
     REST,
@@ -20,6 +19,8 @@ from haptic_teleop_sysid.diagnosis.report.forecast import (
 )
 from haptic_teleop_sysid.diagnosis.usable import records_of
 from haptic_teleop_sysid.recordings.dataset import load_dataset
+from haptic_teleop_sysid.run_progress import OFTEN, SELDOM, RunProgress, share_progress
+from haptic_teleop_sysid.spread import spread
 
 
 class Clock:
@@ -142,9 +143,7 @@ def test_the_end_is_never_behind_what_has_passed():
 
 
 def test_a_pass_over_four_times_the_samples_takes_longer():
-    short, long = (
-        records_of([load_dataset(stage_recording(seed=1, seconds=s), STAGE)]) for s in (4.0, 16.0)
-    )
+    short, long = (records_of([load_dataset(stage_recording(seed=1, seconds=s), STAGE)]) for s in (4.0, 16.0))
     assert 0.0 < min(pass_seconds(STAGE, short) for _ in range(3)) < pass_seconds(STAGE, long)
 
 
@@ -155,3 +154,27 @@ def test_a_fork_s_lines_are_passed_on_while_it_runs():
     assert words == told[-1:]
     assert any("usage" in line for line in told)
     assert run_forked("diagnose", ["--no-such-option"], 120.0) == (status, words)
+
+
+def test_a_share_that_is_done_tells_how_long_all_takes(monkeypatch):
+    monkeypatch.setattr(run_progress, "OFTEN", 0.02)
+    paper = Paper()
+    with share_progress(Console(file=paper), "generating") as tell:
+        tell("75 of 300", 0.25)
+        assert paper.full.wait(20.0)
+    seconds = [
+        re.fullmatch(r"generating: 0:(\d\d) of about 0:(\d\d) min: 75 of 300", one).groups()
+        for one in paper.getvalue().splitlines()
+    ]
+    assert all(3 * int(elapsed) <= int(total) <= 4 * int(elapsed) + 4 for elapsed, total in seconds)
+
+
+def test_many_things_tell_how_many_are_done_where_there_is_no_terminal(monkeypatch, capsys):
+    monkeypatch.setattr(run_progress, "OFTEN", 0.02)
+    waiting = threading.Event()
+    results = spread(
+        lambda n: waiting.wait(0.3) or n, [(n,) for n in range(3)], 1, None, "sorting", threads=True
+    )
+    assert results == [0, 1, 2]
+    told = capsys.readouterr().err.splitlines()
+    assert any(re.fullmatch(r"sorting: 0:0\d of about 0:0\d min: 1 of 3", line) for line in told)

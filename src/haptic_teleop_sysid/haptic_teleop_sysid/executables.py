@@ -27,7 +27,7 @@ EXECUTABLES: dict[str, tuple[str, str]] = {
     ),
     "dataset": (
         "haptic_teleop_sysid.commands.dataset_report:main",
-        "look at recordings before anything is fitted: gaps, jitter, excitation",
+        "look at recordings before anything is estimated: gaps, jitter, excitation",
     ),
     "stiffness": (
         "haptic_teleop_sysid.commands.stiffness:main",

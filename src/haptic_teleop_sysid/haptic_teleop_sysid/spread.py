@@ -6,9 +6,10 @@ from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager, nullcontext
 from typing import Any
 
-from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
+from rich.console import Console
 
 from haptic_teleop_control.errors import ConfigurationError
+from haptic_teleop_sysid.run_progress import share_progress
 
 ONE_THREAD: dict[str, str] = {
     **{f"{name}_NUM_THREADS": "1" for name in ("OMP", "OPENBLAS", "MKL", "NUMBA")},
@@ -55,25 +56,24 @@ def spread(
     title: str,
     threads: bool = False,
 ) -> list[Any]:
-    """Return the results of `work(*arguments)`, as they come, with a progress bar on standard error.
+    """Return the results of `work(*arguments)`, as they come, with their progress on standard error.
 
     ``jobs``: processes (``threads``: threads) at once, -1 for all cores; ``dask``: None, the address of a
     scheduler, or "local" for a cluster of ``jobs`` processes here. Raises ConfigurationError where no
     scheduler answers or a library is missing.
     """
     from joblib import delayed
-    from rich.console import Console
 
     results: list[Any] = []
     if not jobs_of:
         return results
-    columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeRemainingColumn())
+    total = len(jobs_of)
     with (
-        Progress(*columns, console=Console(stderr=True)) as progress,
+        share_progress(Console(stderr=True), title) as tell,
         _workers(jobs, dask, threads) as parallel,
     ):
-        task = progress.add_task(title, total=len(jobs_of))
+        tell(f"0 of {total}", 0.0)
         for result in parallel(delayed(work)(*arguments) for arguments in jobs_of):
             results.append(result)
-            progress.advance(task)
+            tell(f"{len(results)} of {total}", len(results) / total)
     return results

@@ -19,7 +19,7 @@ from haptic_teleop_sysid.commands.treatment_options import add_mapping_option
 from haptic_teleop_sysid.logs.opened import open_recording
 from haptic_teleop_sysid.logs.story import tell
 from haptic_teleop_sysid.recordings.preparation import refuse_huge
-from haptic_teleop_sysid.report import claim_output_directory, save_png
+from haptic_teleop_sysid.report import claimed, save_png
 from haptic_teleop_sysid.results import tool_version, write_json
 from haptic_teleop_sysid.runs.comparison import Comparison, compare
 from haptic_teleop_sysid.runs.comparison_pictures import comparison_pictures
@@ -84,27 +84,27 @@ def run(argv: list[str]) -> int:
     models = {name: replace(load_model(name), source=name) for name in arguments.model}
     for bag in arguments.bag:
         refuse_huge(bag)
-    output = claim_output_directory(arguments.output, "compare.json", arguments.overwrite)
     console, progress = Console(), Console(stderr=True)
-    with progress.status("reading recordings"):
-        recordings = {bag: open_recording(bag, arguments.mapping) for bag in arguments.bag}
-    tell(progress, {bag: recording.experiment for bag, recording in recordings.items()})
-    with progress.status("simulating"):
-        span = None if arguments.range is None else (arguments.range[0], arguments.range[1])
-        result = compare(
-            models, recordings, arguments.window, span, arguments.fit_parameters, arguments.allow_gaps
-        )
-    with progress.status("writing the report"):
-        content = as_json(result)
-        for name, path in _fitted_paths(result, output).items():
-            result.models[name].save(path)
-            content["parameter_fit"][name]["model"] = path.name
-        pictures = comparison_pictures(result)
-        for number, figure in enumerate(pictures.values(), start=1):
-            save_png(figure, output / ("compare.png" if number == 1 else f"compare-{number}.png"))
-        report = comparison_page(result, pictures).write(output / "report.html")
-        content |= {"runtime_s": time.perf_counter() - began, "version": tool_version()}
-        write_json(output / "compare.json", content)
+    with claimed(arguments.output, "compare.json", arguments.overwrite) as output:
+        with progress.status("reading recordings"):
+            recordings = {bag: open_recording(bag, arguments.mapping) for bag in arguments.bag}
+        tell(progress, {bag: recording.experiment for bag, recording in recordings.items()})
+        with progress.status("simulating"):
+            span = None if arguments.range is None else (arguments.range[0], arguments.range[1])
+            result = compare(
+                models, recordings, arguments.window, span, arguments.fit_parameters, arguments.allow_gaps
+            )
+        with progress.status("writing the report"):
+            content = as_json(result)
+            for name, path in _fitted_paths(result, output).items():
+                result.models[name].save(path)
+                content["parameter_fit"][name]["model"] = path.name
+            pictures = comparison_pictures(result)
+            for number, figure in enumerate(pictures.values(), start=1):
+                save_png(figure, output / ("compare.png" if number == 1 else f"compare-{number}.png"))
+            report = comparison_page(result, pictures).write(output / "report.html")
+            content |= {"runtime_s": time.perf_counter() - began, "version": tool_version()}
+            write_json(output / "compare.json", content)
     for title, table in comparison_table(result).items():
         console.print(title, markup=False, highlight=False, soft_wrap=True)  # a path stays whole
         console.print(table)

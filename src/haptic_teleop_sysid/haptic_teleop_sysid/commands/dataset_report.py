@@ -1,4 +1,4 @@
-"""`haptic-teleop dataset`: look at recordings before anything is fitted.
+"""`haptic-teleop dataset`: look at recordings before anything is estimated.
 
 What is there, what is suspicious (gaps, duplicates, jitter, stamps that run backward, values that are no
 numbers), and, with a model, whether the excitation can teach it: spectrum, and the standard errors to expect.
@@ -268,7 +268,7 @@ def _quality(report: Page, looks: dict[str, Look]) -> None:
 
 
 def _expected(report: Page, name: str, one: Look) -> None:
-    """What an estimate could reach, and the spectra that say why."""
+    """What an estimate can be expected to reach, and the spectra that say why."""
     if one.excitation is None or one.dataset is None:
         return
     e, values = one.excitation, one.excitation.fit.model.parameter_values()
@@ -285,9 +285,9 @@ def _expected(report: Page, name: str, one: Look) -> None:
     ]
     section = report.section(f"What {name} can teach")
     section.table(
-        ["parameter", "unit", "model's value", "std. error to expect", "relative"],
+        ["parameter", "unit", "value by a quick fit", "std. error to expect", "relative"],
         rows,
-        "What an estimate could reach if the model were true at these values",
+        "What an estimate can be expected to reach: standard errors of a quick fit",
     )
     section.plot(spectrum_picture(e, one.dataset.input_unit), "Power density of input and response")
 
@@ -324,7 +324,7 @@ def main(argv: Sequence[str] | None = None) -> int:
 
 def _parser() -> argparse.ArgumentParser:
     parser = argparse.ArgumentParser(
-        prog="haptic-teleop dataset", description="Look at recordings before anything is fitted."
+        prog="haptic-teleop dataset", description="Look at recordings before anything is estimated."
     )
     parser.add_argument("--bag", nargs="+", required=True, metavar="BAG", help="recordings")
     parser.add_argument("--model", metavar="MODEL.yaml", help="judge the excitation for this model")

@@ -16,7 +16,6 @@ from haptic_teleop_control.command_line import run_command
 from haptic_teleop_control.errors import ConfigurationError
 from haptic_teleop_sim.model import Model, load_model
 from haptic_teleop_sysid.commands.diagnose_many import run_many
-from haptic_teleop_sysid.commands.run_progress import RunProgress
 from haptic_teleop_sysid.commands.treatment_options import add_mapping_option
 from haptic_teleop_sysid.diagnosis.inputs.cuts import refuse_too_long
 from haptic_teleop_sysid.diagnosis.report.forecast import DiagnosisForecast, pass_seconds
@@ -26,6 +25,7 @@ from haptic_teleop_sysid.logs.reading import is_foreign
 from haptic_teleop_sysid.logs.story import tell
 from haptic_teleop_sysid.many.options import add_means_options, refuse_means
 from haptic_teleop_sysid.report import claimed
+from haptic_teleop_sysid.run_progress import RunProgress
 from haptic_teleop_sysid.runs.diagnosis_run import Options, diagnose_into, load, refuse_too_many
 
 MOST_NULLS = 1000

@@ -11,7 +11,6 @@ from functools import partial
 from pathlib import Path
 
 from rich.console import Console
-from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
 
 from haptic_teleop_control.command_line import run_command
 from haptic_teleop_control.counted import counted
@@ -37,6 +36,7 @@ from haptic_teleop_sysid.many.kept import DONE
 from haptic_teleop_sysid.many.options import add_means_options, means_of, refuse_means
 from haptic_teleop_sysid.report import claimed, with_error
 from haptic_teleop_sysid.results import tool_version, write_json
+from haptic_teleop_sysid.run_progress import share_progress
 from haptic_teleop_sysid.runs.estimation_report import tables, verdict
 from haptic_teleop_sysid.runs.estimation_run import Choices, load, run_estimate, write_results
 
@@ -72,8 +72,7 @@ def run(argv: list[str]) -> int:
         with screen.status("reading recordings"):
             data, told = load([*bags, *validation], model, choices)
         tell(screen, {bag: dataset.experiment for bag, dataset in data.items()})
-        columns = (TextColumn("{task.description}"), BarColumn(), TimeElapsedColumn())
-        with Progress(*columns, console=screen, transient=True) as progress:
+        with share_progress(screen, "estimate") as progress:
             result = run_estimate(model, data, told, validation, choices, progress)
         with screen.status("writing the report"):
             path = write_results(result, output, began)

@@ -59,6 +59,9 @@ def run(argv: list[str]) -> int:
     except StepFailed as failure:
         print(f"discover: {failure}", file=sys.stderr)
         return 1
+    except KeyboardInterrupt as leaving:
+        told = f"interrupted; {output} holds what was made so far, which is no whole result"
+        raise KeyboardInterrupt(told) from leaving
     for line in summary(content):
         print(line)
     print(f"report: {output / 'report.html'}")

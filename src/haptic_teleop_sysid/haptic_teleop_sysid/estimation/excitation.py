@@ -15,9 +15,10 @@ from haptic_teleop_sim.kernel import pack
 from haptic_teleop_sim.model import Model
 from haptic_teleop_sysid.estimation.gauss_newton import Fit, normal_equations
 from haptic_teleop_sysid.estimation.graduated import distrustful_noise
-from haptic_teleop_sysid.estimation.records import Record, record_from, records_from
+from haptic_teleop_sysid.estimation.records import Record, record_from, records_from, thinned_to
 from haptic_teleop_sysid.estimation.tuning import tune_noise
 from haptic_teleop_sysid.estimation.uncertainty import Uncertainty, uncertainty
+from haptic_teleop_sysid.estimation.whole_fit import fit_from_scratch
 from haptic_teleop_sysid.recordings.dataset import DataSet
 
 Array = NDArray[np.float64]
@@ -55,8 +56,8 @@ def refuse_idle(dataset: DataSet) -> None:
 @dataclass(frozen=True)
 class Excitation:
     """frequency (k,) Hz; input_spectrum, response_spectrum (k,): power densities of input and motor speed,
-    unit²/Hz. band: (low, high) Hz with 95 % of the input's power. expected: standard errors that the
-    model's parameters would have if the model were true; condition of the scaled information in it."""
+    unit²/Hz. band: (low, high) Hz with 95 % of the input's power. expected: standard errors of the
+    parameters, and condition of the scaled information; fit: the quick fit that they are those of."""
 
     frequency: Array
     input_spectrum: Array
@@ -67,7 +68,10 @@ class Excitation:
 
 
 def excitation(model: Model, datasets: Sequence[DataSet]) -> Excitation:
-    """Judge recordings with a model and its present values; nothing is fitted but the noise levels."""
+    """Judge recordings with a model.
+
+    What a recording can say of parameters depends on what they leave unexplained: with a model's present
+    values that is mostly how wrong these are. So it is asked of a quick fit to the thinned recordings."""
     records = [piece for d in datasets for piece in records_from(d)]
     longest = max(datasets, key=len)
     length = min(len(longest), max(256, round(8.0 / longest.dt)))
@@ -77,8 +81,10 @@ def excitation(model: Model, datasets: Sequence[DataSet]) -> Excitation:
     low, high = (
         float(frequency[min(int(np.searchsorted(share, s)), len(frequency) - 1)]) for s in (0.025, 0.975)
     )
-    fit = at_values(model, records)
-    return Excitation(frequency, power, response, (low, high), uncertainty(fit, records), fit)
+    fit = fit_from_scratch(model, thinned_to(records))
+    if not np.isfinite(fit.log_likelihood):
+        fit = at_values(model, records)
+    return Excitation(frequency, power, response, (low, high), uncertainty(fit, thinned_to(records)), fit)
 
 
 def at_values(model: Model, records: Sequence[Record]) -> Fit:

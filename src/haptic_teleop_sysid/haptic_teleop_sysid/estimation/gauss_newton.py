@@ -1,4 +1,4 @@
-"""Damped Gauss-Newton on the prediction errors, with bounds and honest uncertainty."""
+"""Parameters by damped Gauss-Newton on the prediction errors, at given noise levels."""
 
 from __future__ import annotations
 
@@ -14,6 +14,7 @@ from haptic_teleop_control.compiled import njit
 from haptic_teleop_sim.kernel import Packed, pack
 from haptic_teleop_sim.model import STRUCTURES, Model
 
+from .descent import Damping, Equations, Problem, maximise
 from .likelihood import FAILURES, channels, covariance, innovations, log_likelihood, seen, settled
 from .noise import NoiseModel
 from .records import Record
@@ -22,8 +23,9 @@ FloatArray = NDArray[np.float64]
 
 #: A parameter of the structure moves at most by this factor in one step.
 _LARGEST_FACTOR = 4.0
-#: A step relatively smaller than this is rounding.
-_RESOLUTION = 1e-8
+#: From this damping on a step may well gain nothing, and its derivatives are not worth their time.
+_DOUBTFUL = 1e-3
+_DAMPING = Damping(first=1e-6, raised=1e-4, least=1e-9, tries=8)
 #: A trial stiffer than this (steps per sample), and four times stiffer than the start, is not worth its time.
 _MOST_SUBSTEPS = 32
 #: Derivatives beyond this are taken for diverged.
@@ -163,19 +165,13 @@ def _decorrelated(slope: FloatArray, weight: FloatArray) -> FloatArray:
     return found
 
 
-def gauss_newton_step(
-    information: FloatArray, gradient: FloatArray, damping: float, active: NDArray[np.bool_]
-) -> FloatArray:
-    """Damped step (p,) in parameters scaled to unit information; inactive and unexcited ones stay."""
-    scale = np.sqrt(np.maximum(np.diag(information), 0.0))
-    active = active & (scale > 1e-150)
-    step = np.zeros(len(gradient))
-    if not np.any(active):
-        return step
-    s = scale[active]
-    a = information[np.ix_(active, active)] / np.outer(s, s)
-    step[active] = -np.linalg.lstsq(a + damping * np.eye(len(s)), gradient[active] / s, rcond=1e-12)[0] / s
-    return step
+@dataclass(frozen=True)
+class _Point:
+    """A model, the likelihood that it has, and its equations where they came with that."""
+
+    model: Model
+    value: float
+    equations: Equations | None
 
 
 @ends_with_its_model
@@ -200,54 +196,53 @@ def fit_parameters(
     values = model.parameter_values()
     theta = np.clip(np.array([values[n] for n in names], dtype=float), low, high)
     model = model.with_values(dict(zip(names, theta, strict=True)))
-    information, gradient, best = normal_equations(model, noise, records, names)
-    steps_allowed = most_substeps(model, records)
-    damping, converged, message, count = 1e-6, False, "stopped at the limit of iterations", 0
-    if not np.isfinite(best):
-        return Fit(
-            model, noise, names, best, information, gradient, False, 0, "the start does not predict anything"
-        )
-    for count in range(1, iterations + 1):
-        active = ~((theta <= low) & (gradient > 0)) & ~((theta >= high) & (gradient < 0))
-        whole = gauss_newton_step(information, gradient, 0.0, active)
-        promised = -0.5 * float(gradient @ whole)
-        if abs(promised) < tolerance:
-            converged, message = True, "converged"
-            break
-        if np.all(np.abs(whole) <= _RESOLUTION * np.maximum(np.abs(theta), 1e-12)):
-            # Data without noise: the likelihood gains without end by ever smaller residuals.
-            converged, message = True, "at the resolution of the arithmetic"
-            break
-        for _ in range(8):
-            step = gauss_newton_step(information, gradient, damping, active)
-            new = np.clip(theta + step, low, high)
-            new = clipped_step(model, names, theta, new, records)
-            trial = model.with_values(dict(zip(names, new, strict=True)))
-            if substeps(trial, records) > steps_allowed:
-                damping = max(damping * 30, 1e-4)
-                continue
-            result = normal_equations(trial, noise, records, names) if damping < 1e-3 else None
-            value = result[2] if result is not None else likelihood_value(trial, noise, records)
-            if value > best:
-                if result is None:
-                    result = normal_equations(trial, noise, records, names)
-                break
-            damping = max(damping * 30, 1e-4)
-        else:
-            converged = promised < 1.0
-            message = "no step gains anything: the model bends too much here or is at its best"
-            break
-        gained = result[2] - best
-        theta, model, (information, gradient, best) = new, trial, result
-        damping = max(damping / 30, 1e-9)
-        if progress is not None:
-            progress(count, best)
-        if gained < 0.1 * tolerance:
-            # Where the model has kinks, steps promise what they do not hold.
-            converged, message = True, "converged"
-            break
-    at_bound = tuple(n for n, t, a, b in zip(names, theta, low, high, strict=True) if t <= a or t >= b)
-    return Fit(model, noise, names, best, information, gradient, converged, count, message, at_bound)
+    allowed = most_substeps(model, records)
+
+    def at(theta: FloatArray, before: _Point, damping: float) -> _Point | None:
+        model = before.model.with_values(dict(zip(names, theta, strict=True)))
+        if substeps(model, records) > allowed:
+            return None
+        if damping >= _DOUBTFUL:
+            return _Point(model, likelihood_value(model, noise, records), None)
+        *found, value = normal_equations(model, noise, records, names)
+        return _Point(model, value, (found[0], found[1]))
+
+    def equations(point: _Point, theta: FloatArray) -> Equations:
+        return point.equations or normal_equations(point.model, noise, records, names)[:2]
+
+    def limited(point: _Point, theta: FloatArray, new: FloatArray) -> FloatArray:
+        return clipped_step(point.model, names, theta, new, records)
+
+    *found, value = normal_equations(model, noise, records, names)
+    start = _Point(model, value, (found[0], found[1]))
+    if not np.isfinite(value):
+        message = "the start does not predict anything"
+        return Fit(model, noise, names, value, found[0], found[1], False, 0, message)
+    end = maximise(
+        Problem(at, equations, limited, low, high),
+        theta,
+        start,
+        _DAMPING,
+        iterations=iterations,
+        enough=tolerance,
+        progress=progress,
+    )
+    return Fit(
+        end.point.model,
+        noise,
+        names,
+        end.point.value,
+        *equations(end.point, end.theta),
+        end.converged,
+        end.count,
+        end.message,
+        at_bound(names, end.theta, low, high),
+    )
+
+
+def at_bound(names: Sequence[str], theta: FloatArray, low: FloatArray, high: FloatArray) -> tuple[str, ...]:
+    """Names of the parameters that ended at their bounds, all (p,) or longer."""
+    return tuple(n for n, t, a, b in zip(names, theta, low, high, strict=False) if t <= a or t >= b)
 
 
 def clipped_step(

@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 
 from haptic_teleop_sim.kernel import pack
 from haptic_teleop_sim.model import Model
+from haptic_teleop_sysid.estimation.correlation import autocorrelation, correlation
 from haptic_teleop_sysid.estimation.gauss_newton import Fit
 from haptic_teleop_sysid.estimation.likelihood import channels, innovations, settled
 from haptic_teleop_sysid.estimation.records import Record, records_from
@@ -87,8 +88,10 @@ def correlations(e: Array, u: Array, lags: int, signal: str = "") -> Residuals:
     e, u = e - np.mean(e), whitened(u - np.mean(u))
     n = len(e)
     around = np.arange(-lags, lags + 1)
-    auto = _correlation(e, e, lags) / max(float(e @ e), 1e-300)
-    cross = _correlation(u, e, lags) / max(float(np.sqrt((e @ e) * (u @ u))), 1e-300)
+    after = autocorrelation(e, lags)
+    auto = np.concatenate([after[:0:-1], after])
+    cross = np.concatenate([correlation(e, u, lags)[:0:-1], correlation(u, e, lags)])
+    cross /= max(float(np.sqrt((e @ e) * (u @ u))), 1e-300)
     bound = QUANTILE_99 / np.sqrt(n)
     later = around > 0
     outside = tuple(float(np.mean(np.abs(r[later]) > bound)) for r in (auto, cross))
@@ -99,7 +102,7 @@ def correlations(e: Array, u: Array, lags: int, signal: str = "") -> Residuals:
 def whitened(u: Array) -> Array:
     """Residual of an autoregressive model of order ORDER of u (n,)."""
     n, order = len(u), min(ORDER, len(u) // 10)
-    r = _correlation(u, u, order)[order:] / n
+    r = correlation(u, u, order) / n
     if order < 1 or r[0] <= 0.0:
         return u
     # A ridge, because the power of a smooth input falls by more than the arithmetic resolves.
@@ -127,9 +130,3 @@ def reading(found: list[Residuals], closed_loop: bool | None) -> list[str]:
         told.append(UNDER_FEEDBACK)
     return told
 
-
-def _correlation(a: Array, b: Array, lags: int) -> Array:
-    """(2 lags + 1,) sums of a_t b_(t+k), k = -lags .. lags."""
-    full = scipy.signal.fftconvolve(b, a[::-1])
-    middle = len(a) - 1
-    return full[middle - lags : middle + lags + 1]

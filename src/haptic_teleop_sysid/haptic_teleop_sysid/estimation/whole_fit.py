@@ -19,14 +19,15 @@ from numpy.typing import NDArray
 from haptic_teleop_sim.kernel import Packed, pack
 from haptic_teleop_sim.model import STRUCTURES, Model, parameter_bounds
 
+from .descent import Damping, Equations, Problem, maximise
 from .gauss_newton import (
     OVERFLOW,
     Fit,
     Limits,
+    at_bound,
     bounds,
     clipped_step,
     ends_with_its_model,
-    gauss_newton_step,
     most_substeps,
     substeps,
     whiten,
@@ -44,9 +45,7 @@ _STEP = 1e-3
 _TIMES = ("motor_time", "arm_time")
 #: No level changes by more than this factor in one step.
 _LARGEST_FACTOR = 16.0
-_TRIES = 6
-#: Nats that a step may promise and not keep at the top.
-_NEXT_TO_NOTHING = 1.0
+_DAMPING = Damping(first=1e-4, raised=1e-3, least=1e-8, tries=6)
 #: Correlation times of the disturbances at motor and arm from which a fit starts that knows nothing of the
 #: noise, s: one start alone stops now and then a hundred nats below the top.
 START_TIMES = ((1.0, 1.0), (0.1, 0.1), (0.003, 0.3))
@@ -111,58 +110,43 @@ def fit_whole(
             0,
             "the start does not predict anything",
         )
-    damping, count, converged = 1e-4, 0, False
     allowed = most_substeps(model, records)
-    information, gradient = np.zeros((len(theta), len(theta))), np.zeros(len(theta))
-    while count < iterations:
-        count += 1
+
+    def equations(point: _Point, theta: FloatArray) -> Equations | None:
         found = _equations(point, names, levels, len(theta), records)
         if found is None:
-            break
+            return None
         information, gradient = found
         information[:p, :p] += known
         gradient[:p] += known @ (theta[:p] - center)
-        active = ~((theta <= low) & (gradient > 0)) & ~((theta >= high) & (gradient < 0))
-        whole = gauss_newton_step(information, gradient, 1e-9, active)
-        promised = abs(0.5 * float(gradient @ whole))
-        if promised < enough:
-            converged = True
-            break
-        before = point.value
-        for _ in range(_TRIES):
-            step = gauss_newton_step(information, gradient, damping, active)
-            new = np.clip(theta + step, low, high)
-            new[:p] = np.clip(
-                clipped_step(point.model, names, theta[:p], new[:p], records), low[:p], high[:p]
-            )
-            reach = np.log(_LARGEST_FACTOR)
-            new[p:] = np.clip(new[p:], theta[p:] - reach, theta[p:] + reach)
-            trial = at(point.model, point.noise, new, allowed)
-            if trial is not None and trial.value > before:
-                break
-            damping = max(30.0 * damping, 1e-3)
-        else:
-            converged = promised < _NEXT_TO_NOTHING
-            break
-        theta, point = new, trial
-        damping = max(damping / 30.0, 1e-8)
-        if progress is not None:
-            progress(count, point.value)
-        if point.value - before < 0.1 * enough:
-            converged = True
-            break
-    at_bound = tuple(n for n, t, a, b in zip(names, theta, low, high, strict=False) if t <= a or t >= b)
+        return information, gradient
+
+    def limited(point: _Point, theta: FloatArray, new: FloatArray) -> FloatArray:
+        near = clipped_step(point.model, names, theta[:p], new[:p], records)
+        reach = np.log(_LARGEST_FACTOR)
+        return np.concatenate(
+            [np.clip(near, low[:p], high[:p]), np.clip(new[p:], theta[p:] - reach, theta[p:] + reach)]
+        )
+
+    problem = Problem(
+        lambda theta, before, damping: at(before.model, before.noise, theta, allowed),
+        equations,
+        limited,
+        low,
+        high,
+    )
+    end = maximise(problem, theta, point, _DAMPING, iterations=iterations, enough=enough, progress=progress)
     return Fit(
-        point.model,
-        point.noise,
+        end.point.model,
+        end.point.noise,
         names,
-        point.value,
-        _without_levels(information, p),
-        gradient[:p],
-        converged,
-        count,
-        "converged" if converged else "no step gains anything, or stopped at the limit of iterations",
-        at_bound,
+        end.point.value,
+        _without_levels(end.information, p),
+        end.gradient[:p],
+        end.converged,
+        end.count,
+        end.message,
+        at_bound(names, end.theta, low, high),
     )
 
 

@@ -15,6 +15,7 @@ from haptic_teleop_control.robots import SFJ_STAGES, VELOCITY_FILTER_CUTOFF_HZ, 
 from haptic_teleop_sim.model import Model, other_signals
 from haptic_teleop_sysid.recordings.channels import Channels, channels_for
 from haptic_teleop_sysid.recordings.damage import encoder_step, refuse_holes
+from haptic_teleop_sysid.recordings.encoder_zeros import arm_zero, told
 from haptic_teleop_sysid.recordings.motion import Damage, derivative, finite, leave_out_stills, motion
 from haptic_teleop_sysid.recordings.recorded_parameters import recorded_units, recorded_value
 from haptic_teleop_sysid.recordings.slips import Slip
@@ -123,7 +124,8 @@ def load_dataset(recording: Recording, model: Model, name: str = "", allow_gaps:
     it is taken one sample early), the commanded effort otherwise. Stamps that repeat or run backward are
     dropped; others are moved to a uniform grid only where they are off it by more than IRREGULAR of a period.
 
-    Readings that no joint can have made (`damage.py`) count as not taken.
+    Readings that no joint can have made (`damage.py`) count as not taken; an arm's encoder that counts from
+    another zero than the motor's is put to the motor's (`encoder_zeros.py`).
 
     Raises MismatchError when the recording does not hold what the model describes, RecordingError when it has
     fewer than ten samples, no movement recorded, or holes longer than GAP_PERIODS periods (nothing sent, no
@@ -176,6 +178,8 @@ def load_dataset(recording: Recording, model: Model, name: str = "", allow_gaps:
     if not allow_gaps:
         refuse_holes(valid, grid.dt, name, damage.told)
     units = recorded_units(recording.experiment, channels.motor.joint)
+    zero = 0.0 if arm is None else arm_zero(motor, arm, input_, valid, grid.dt, model)
+    zeros = (told(zero, units["position"]),) if zero else ()
     encoders = {channels.motor.joint: model.location("motor_encoder")}
     if channels.arm is not None:
         encoders[channels.arm.joint] = model.location("arm_encoder")
@@ -189,7 +193,7 @@ def load_dataset(recording: Recording, model: Model, name: str = "", allow_gaps:
         input_source=source,
         motor_position=motor,
         motor_velocity=motor_rate,
-        arm_position=arm,
+        arm_position=None if arm is None else arm - zero,
         arm_velocity=arm_rate,
         commanded_input=None if commanded is None else finite(commanded, None),
         exogenous=_of_other_arm(channels, grid, model),
@@ -198,7 +202,7 @@ def load_dataset(recording: Recording, model: Model, name: str = "", allow_gaps:
         if model.robot == "generic"
         else (VELOCITY_FILTER_CUTOFF_HZ, VELOCITY_FILTER_DAMPING),
         resampled=grid.resampled,
-        problems=(*quality.problems, *damage.told),
+        problems=(*quality.problems, *damage.told, *zeros),
         slips=tuple(replace(s, encoder=encoders[s.encoder]) for s in damage.slips),
         experiment=dict(recording.experiment),
         position_unit=units["position"],

@@ -8,12 +8,11 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
-from rich.progress import Progress
-
 from haptic_teleop_control.errors import RecordingError
 from haptic_teleop_control.recording import Recording
 from haptic_teleop_sim.model import Model
 from haptic_teleop_sysid.estimation.excitation import at_values, refuse_idle
+from haptic_teleop_sysid.estimation.progress import Progress, silent
 from haptic_teleop_sysid.estimation.records import records_from, with_trusted_input
 from haptic_teleop_sysid.estimation.residuals import residual_analysis
 from haptic_teleop_sysid.estimation.result import Estimate
@@ -79,7 +78,7 @@ def run_estimate(
     told: dict[str, list[str]],
     validation: Sequence[str] = (),
     choices: Choices | None = None,
-    progress: Progress | None = None,
+    progress: Progress = silent,
 ) -> Result:
     """Estimate from the data sets that `validation` does not name, and judge the result on all of them."""
     choices = choices or Choices()
@@ -89,12 +88,6 @@ def run_estimate(
             f"{', '.join(d.name for d in used)}: {sum(len(d) for d in used)} samples are more than the "
             f"{MOST_SAMPLES} that one estimate takes: choose a part with --range, or a lower --rate."
         )
-    task = progress.add_task("estimating", total=1.0) if progress is not None else None
-
-    def tell(what: str, share: float) -> None:
-        if progress is not None and task is not None:
-            progress.update(task, description=what, completed=share)
-
     found = estimate(
         model,
         used,
@@ -104,9 +97,9 @@ def run_estimate(
         seed=choices.seed,
         limits=choices.limits,
         cross_check=True,
-        progress=tell,
+        progress=progress,
     )
-    tell("simulating", 1.0)
+    progress("simulating", 1.0)
     fits, residuals = {}, {}
     for bag, dataset in data.items():
         windows = choose_windows(found.model, dataset)

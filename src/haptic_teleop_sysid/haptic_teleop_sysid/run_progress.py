@@ -5,12 +5,13 @@ from __future__ import annotations
 
 import threading
 import time
-from collections.abc import Callable
-from contextlib import nullcontext
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager, nullcontext
 from types import TracebackType
 from typing import Any, Protocol
 
 from rich.console import Console
+from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
 from rich.text import Text
 
 #: Seconds between two lines, during the first minute and from then on; and of the status on a terminal.
@@ -78,6 +79,39 @@ class RunProgress:
         if self._console.is_terminal:
             return LIVE
         return OFTEN if self._clock() - self._began < _FIRST_MINUTE else SELDOM
+
+
+class _Share:
+    """Expects the rest to go at the pace of what is done."""
+
+    done = 0.0
+
+    def step(self, text: str, elapsed: float) -> None:
+        """What is done is told by `done`."""
+
+    def total(self, elapsed: float) -> float | None:
+        """Nothing can be known of what has not begun."""
+        return elapsed / self.done if self.done > 0.0 else None
+
+
+@contextmanager
+def share_progress(console: Console, name: str) -> Iterator[Callable[[str, float], None]]:
+    """Gives what is to be called with (what is done now, share that is done, 0 to 1): a bar on a terminal,
+    a line now and then elsewhere."""
+    if console.is_terminal:
+        columns = (TextColumn("{task.description}"), BarColumn(), TimeElapsedColumn(), TimeRemainingColumn())
+        with Progress(*columns, console=console, transient=True) as bar:
+            task = bar.add_task(name, total=1.0)
+            yield lambda text, share: bar.update(task, description=f"{name}: {text}", completed=share)
+        return
+    forecast = _Share()
+    with RunProgress(console, name, forecast) as lines:
+
+        def tell(text: str, share: float) -> None:
+            forecast.done = share
+            lines.say(text)
+
+        yield tell
 
 
 def in_minutes(seconds: float) -> str:
