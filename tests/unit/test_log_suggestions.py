@@ -114,3 +114,13 @@ def test_names_of_any_characters_survive_a_suggestion(tmp_path, capsys):
     suggested(log, tmp_path, capsys)
     states = open_recording(log, tmp_path / "suggested.yaml").topics[STATES]
     assert np.allclose(states.signal("joint", "position"), ANGLE, atol=1e-8)
+
+
+def test_a_velocity_that_was_filtered_and_is_late_does_not_reverse_the_input(tmp_path, capsys):
+    late = np.concatenate([np.zeros(160), SPEED[:-160]])
+    assert np.mean(TORQUE * late) < 0.0 < np.mean(TORQUE * SPEED)
+    log = table(tmp_path / "log.csv", ("t", "tau", "q", "dq"), (T, TORQUE, ANGLE, late))
+    suggested(log, tmp_path, capsys)
+    recording = open_recording(log, tmp_path / "suggested.yaml")
+    assert np.allclose(recording.topics[STATES].signal("joint", "effort"), TORQUE, atol=1e-6)
+    assert not any("brakes" in problem for problem in recording.problems)

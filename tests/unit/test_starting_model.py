@@ -12,6 +12,7 @@ from haptic_teleop_sysid.commands import estimate
 from haptic_teleop_sysid.commands.model_from_log import main
 from haptic_teleop_sysid.logs.opened import open_recording
 from haptic_teleop_sysid.recordings.dataset import load_dataset
+from haptic_teleop_sysid.recordings.encoder_zeros import arm_zero
 from haptic_teleop_sysid.simulation.fit import simulated_fit
 
 TIME = 0.002 * np.arange(6000)
@@ -46,19 +47,49 @@ def test_a_rigid_body_has_the_inertia_and_damping_of_the_machine(tmp_path, capsy
 
 
 def test_a_flexible_joint_is_seen_and_has_all_its_parameters(tmp_path):
-    rng = np.random.default_rng(1)
-    t = DT * np.arange(15_000)
-    lines = [(f, rng.uniform(0, 6)) for f in (0.4, 0.7, 0.9, 1.3, 1.9, 2.9)]
-    current = 0.1 * sum(np.sin(2 * np.pi * f * t + p) for f, p in lines)
-    states = response(current)
-    header = ("time [s]", "torque [Nm]", "motor angle [rad]", "arm angle [rad]")
-    log = table(tmp_path / "log.csv", header, (t, 8.925 * current, states[:, 0], states[:, 1]), digits=12)
+    log = flexible_log(tmp_path / "log.csv")
     model = made(log, tmp_path)
     assert model.structure == "flexible_joint"
     for name in ("stiffness", "motor_damping", "arm_inertia"):
         assert model.parameters[name] == pytest.approx(TRUTH[name], rel=0.05), name
     assert model.parameters["motor_inertia"] == pytest.approx(TRUTH["motor_inertia"], rel=0.2)
     assert made(log, tmp_path, "--structure", "rigid_body", "--overwrite").rigid
+
+
+def flexible_log(path, zero=0.0):
+    """The log of a flexible joint whose arm's encoder reads ``zero`` rad where the motor's reads none."""
+    rng = np.random.default_rng(1)
+    t = DT * np.arange(15_000)
+    lines = [(f, rng.uniform(0, 6)) for f in (0.4, 0.7, 0.9, 1.3, 1.9, 2.9)]
+    current = 0.1 * sum(np.sin(2 * np.pi * f * t + p) for f, p in lines)
+    states = response(current)
+    header = ("time [s]", "torque [Nm]", "motor angle [rad]", "arm angle [rad]")
+    return table(path, header, (t, 8.925 * current, states[:, 0], states[:, 1] + zero), digits=12)
+
+
+@pytest.mark.parametrize("zero", [np.pi / 2, -700.0])
+def test_encoders_that_count_from_different_zeros_are_told_and_change_nothing_else(tmp_path, capsys, zero):
+    same = made(flexible_log(tmp_path / "same.csv"), tmp_path)
+    assert "different zeros" not in capsys.readouterr().out
+    other = made(flexible_log(tmp_path / "log.csv", zero), tmp_path, "--overwrite")
+    assert other.parameters == pytest.approx(same.parameters, rel=0.02)
+    log = open_recording(tmp_path / "log.csv")
+    data = load_dataset(log, other)
+    (told,) = [p for p in data.problems if "different zeros" in p]
+    assert float(told.split("zeros: ")[1].split(" rad")[0]) == pytest.approx(zero, abs=2e-3)
+    assert simulated_fit(other, data).percent["joint_arm.position"] > 95.0
+
+
+def test_a_deflection_that_the_motor_holds_is_the_joint_s(tmp_path):
+    """A weight at the arm bends the spring all the time: no other zero."""
+    log = flexible_log(tmp_path / "log.csv")
+    model = made(log, tmp_path)
+    data = load_dataset(open_recording(log), model)
+    held = 2.0  # N·m at both ends of the spring
+    bent = held / model.parameters["stiffness"]
+    valid = np.ones(len(data), dtype=bool)
+    found = arm_zero(data.motor_position, data.arm_position - bent, data.input + held, valid, data.dt, model)
+    assert found == 0.0 and abs(np.mean(data.motor_position - data.arm_position + bent)) > 0.4
 
 
 def test_an_arm_that_does_not_move_by_itself_makes_no_flexible_joint(tmp_path, capsys):
@@ -88,6 +119,33 @@ def test_gravity_does_not_become_inertia(tmp_path, capsys):
     assert model.parameters["motor_inertia"] == pytest.approx(0.05, rel=0.05)
     out = capsys.readouterr().out
     assert "gravity (sine)" in out and "which the model lacks" in out
+
+
+def test_what_explains_nearly_all_is_preferred_to_what_explains_half(tmp_path):
+    """An inertia alone follows half of this pull over small angles, ten times too large."""
+    angle, speed, acceleration = motion(0.4)
+    torque = 0.05 * acceleration + 1.0 * speed + 2.0 * np.cos(angle + 0.8)
+    model = made(table(tmp_path / "log.csv", HEADER, (TIME, torque, angle)), tmp_path)
+    assert model.parameters["motor_inertia"] == pytest.approx(0.05, rel=0.1)
+    assert model.parameters["motor_damping"] == pytest.approx(1.0, rel=0.05)
+
+
+def test_dry_friction_never_drives(tmp_path, capsys):
+    angle, speed, acceleration = motion()
+    torque = 0.2 * acceleration + 0.5 * speed - 0.3 * np.sign(speed)
+    made(table(tmp_path / "log.csv", HEADER, (TIME, torque, angle)), tmp_path)
+    assert "dry friction -" not in capsys.readouterr().out
+
+
+def test_a_slow_joint_gets_the_inertia_that_it_may_have_at_most(tmp_path, capsys):
+    rng = np.random.default_rng(5)
+    angle, speed, _ = (0.02**k * one for k, one in enumerate(motion()))
+    slow = 50.0 * TIME  # the same motion, fifty times slower
+    torque = 0.3 * np.sign(speed) + 0.03 * rng.normal(size=len(slow))
+    log = table(tmp_path / "log.csv", HEADER, (slow, torque, angle))
+    model = made(log, tmp_path)
+    assert "the inertia does not show in this motion: it is below about" in capsys.readouterr().out
+    assert model.parameters["motor_inertia"] > 0.0
 
 
 def test_a_linear_axis_and_an_input_in_ampere_have_their_units(tmp_path, capsys):

@@ -92,7 +92,7 @@ def lines_of(found: StartingModel, units: dict[str, str]) -> list[str]:
         beside = ", ".join(f"{n} {v:.4g}" for n, v in found.beside.items())
         lines.append(
             f"  with {beside} beside it would be {found.percent_beside:.1f} %: `diagnose` says what "
-            "is missing, and till then the numbers are further off than their ±"
+            "is missing"
         )
     return lines + [f"  {one}" for one in found.told]
 

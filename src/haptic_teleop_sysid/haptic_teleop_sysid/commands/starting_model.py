@@ -12,7 +12,7 @@ constant, gravity) stand beside it, so that the inertia does not have to explain
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -39,6 +39,9 @@ _TURNS = 0.02
 _UNSEEN = 0.5
 #: Fit of the input, %, below which a structure alone does not say what its parameters are.
 _EXPLAINS = 50.0
+#: Factor by which a plain fit may leave more of the input than the fullest does, and fit from which it may
+#: anyhow: otherwise its parameters stand for what it lacks.
+_LEAVES, _NEARLY_ALL = 2.0, 90.0
 #: Share of the sampling rate at which the motion's band ends where noise, not motion, fills it.
 _NOISY, _QUIET = 0.0999, 0.25
 
@@ -141,7 +144,8 @@ def starting_model(
     if chosen.beside:
         told.append(
             f"the structure alone explains {plain.percent:.3g} % of the input, too little to show its "
-            f"parameters: they were found with {', '.join(chosen.beside)} beside it, which the model lacks"
+            f"parameters: they were found with {', '.join(chosen.beside)} beside it "
+            f"({chosen.percent:.3g} %), which the model lacks"
         )
     richer = chosen if chosen.beside else _ladder(motions, _motor_columns(motions, kind), turns)[1]
     model = Model(
@@ -188,8 +192,15 @@ def _motor_columns(motions: Sequence[BandedMotion], structure: str) -> FloatArra
     """Columns (m, 2 or 3) of the motor's equation: acceleration, velocity, and deflection."""
     found = [_rows(motions, lambda m: m.acceleration[:, 0]), _rows(motions, lambda m: m.velocity[:, 0])]
     if structure != "rigid_body":
-        found.append(_rows(motions, lambda m: m.angle[:, 0] - m.angle[:, 1]))
+        found.append(_bend(motions))
     return np.column_stack(found)
+
+
+def _bend(motions: Sequence[BandedMotion]) -> FloatArray:
+    """Deflection (m,) about its mean: encoders of motor and arm may count from different zeros, and what
+    holds a mean is the constant's."""
+    found = _rows(motions, lambda m: m.angle[:, 0] - m.angle[:, 1])
+    return found - np.mean(found)
 
 
 def _ladder(motions: Sequence[BandedMotion], columns: FloatArray, turns: bool) -> list[_Fit]:
@@ -213,13 +224,16 @@ def _ladder(motions: Sequence[BandedMotion], columns: FloatArray, turns: bool) -
         (("dry friction", "a constant"), np.column_stack([columns, friction])),
         (("dry friction", "a constant", *names), np.column_stack([columns, friction, *pull])),
     ]
-    return [_fitted(every, target, count, beside) for beside, every in steps]
+    # Dry friction, too, is none below zero.
+    return [_fitted(every, target, count + bool(beside), beside) for beside, every in steps]
 
 
 def _chosen(fits: Sequence[_Fit], count: int) -> _Fit:
-    """The plainest fit that explains the input and shows the first ``count`` parameters, else the one that
-    explains most."""
-    good = [f for f in fits if f.percent > _EXPLAINS and f.seen(count)]
+    """The plainest fit that explains the input about as well as any and shows the first ``count`` parameters,
+    else the one that explains most."""
+    most = max(f.percent for f in fits)
+    enough = max(_EXPLAINS, min(100.0 - _LEAVES * (100.0 - most), _NEARLY_ALL))
+    good = [f for f in fits if f.percent > enough and f.seen(count)]
     return good[0] if good else max(fits, key=lambda f: f.percent)
 
 
@@ -228,7 +242,17 @@ def _rigid(
 ) -> tuple[_Fit, _Fit, dict[str, float], dict[str, float]]:
     fits = _ladder(motions, _motor_columns(motions, "rigid_body"), turns)
     chosen = _chosen(fits, 1)
-    _refuse_unseen(chosen, joint, recording)
+    if not chosen.seen(1) and chosen.percent > _EXPLAINS:
+        # Slow motion against friction, which is none below zero, so that signs are right: the inertia is what
+        # it may be at most, and the search goes from there.
+        most = float(chosen.values[0] + 2.0 * chosen.errors[0])
+        told.append(
+            f"the inertia does not show in this motion: it is below about {most:.2g}, which the model has; "
+            "a faster motion shows it"
+        )
+        chosen = replace(chosen, values=np.concatenate([[most], chosen.values[1:]]))
+    else:
+        _refuse_unseen(chosen, joint, recording)
     if not chosen.errors[1] < _UNSEEN * chosen.values[1]:
         told.append("motor_damping is hardly seen in this motion")
     names = ("motor_inertia", "motor_damping")
@@ -241,7 +265,7 @@ def _rigid(
 def _flexible(
     motions: Sequence[BandedMotion], turns: bool, joint: str, recording: str, told: list[str]
 ) -> tuple[_Fit, _Fit, dict[str, float], dict[str, float]]:
-    bend = _rows(motions, lambda m: m.angle[:, 0] - m.angle[:, 1])
+    bend = _bend(motions)
     arm = np.column_stack(
         [_rows(motions, lambda m: m.acceleration[:, 1]), _rows(motions, lambda m: m.velocity[:, 1])]
     )

@@ -125,8 +125,10 @@ def contradictions(time: Array, signals: Mapping[str, Signal]) -> tuple[list[str
     drive = signals.get("input")
     velocity = signals.get("motor_velocity")
     if drive is not None and len(time) > 1:
-        speed = (
-            velocity.values if velocity is not None else None if motor is None else np.gradient(motor.values)
+        speed = speed_of(
+            None if motor is None else motor.values,
+            None if velocity is None else velocity.values,
+            motor is not None and wraps(motor.values) > 0,
         )
         if speed is not None and len(drive.values) == len(speed) and brakes(drive.values, speed):
             odd.append(
@@ -177,6 +179,15 @@ def _held(time: Array, position: Signal, velocity: Signal) -> list[str]:
                 f"{_of(velocity)} moves: was its sensor read?"
             ]
     return []
+
+
+def speed_of(position: Array | None, velocity: Array | None, jumps: bool) -> Array | None:
+    """The velocity (n,), in any unit, that tells in which direction a joint moves: the position's change,
+    because a recorded velocity may have been filtered and be late, unless the position ``jumps`` by whole
+    turns; None where there is neither."""
+    if position is not None and len(position) > 1 and not (jumps and velocity is not None):
+        return np.gradient(position)
+    return velocity
 
 
 def brakes(drive: Array, velocity: Array) -> bool:

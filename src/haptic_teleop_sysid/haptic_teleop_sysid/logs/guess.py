@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from haptic_teleop_control.counted import counted
-from haptic_teleop_sysid.logs.evidence import ALIKE, NEAR, brakes, derivative_relation
+from haptic_teleop_sysid.logs.evidence import ALIKE, NEAR, brakes, derivative_relation, speed_of
 from haptic_teleop_sysid.logs.log import Column, Log
 from haptic_teleop_sysid.logs.roles import Candidate, input_unit_by_name
 from haptic_teleop_sysid.logs.signals import wraps
@@ -117,14 +117,16 @@ def guess_units(
 
 def _sign(chosen: Mapping[str, Candidate], found: Mapping[str, Any]) -> None:
     """Reverse the sign of an input that brakes the joint on the whole."""
-    motion = next((n for n in ("motor_velocity", "motor_position") if n in chosen), None)
-    if "input" not in chosen or motion is None or chosen["input"].stated:
+    if "input" not in chosen or chosen["input"].stated:
         return  # what a header states is not changed: `contradictions` tells of it
-    drive, values = chosen["input"].column, chosen[motion].column.values * found[motion].entry.sign
-    if len(values) < 2:
-        return
-    speed = values if motion == "motor_velocity" else np.gradient(values)
-    if len(drive.values) == len(speed) and brakes(drive.values, speed):
+    drive = chosen["input"].column
+    moved, velocity = (
+        chosen[n].column.values * found[n].entry.sign if n in chosen else None
+        for n in ("motor_position", "motor_velocity")
+    )
+    position = found.get("motor_position")
+    speed = speed_of(moved, velocity, position is not None and position.entry.unwrap)
+    if speed is not None and len(drive.values) == len(speed) > 1 and brakes(drive.values, speed):
         found["input"].entry = replace(found["input"].entry, sign=-1)
         found["input"].less("likely", "it would brake the joint on the whole, so its sign is reversed")
 
