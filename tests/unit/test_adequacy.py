@@ -113,6 +113,16 @@ def test_a_name_that_explains_less_than_half_becomes_the_nearest_one():
     assert "nearest name, coulomb_friction at j_motor, explains 30 %" in doubt.why
 
 
+def test_a_name_beside_which_only_chance_is_left_stands_however_little_it_takes():
+    records = [pendulum(0, coulomb=0.4)]
+    result = result_with(records, 0.4)
+    small = Adequacy(0.1, 0.2, white=True)
+    assert short_of(result, small) == (result, None)
+    assert small.least == pytest.approx(0.69)  # right or not, nobody is sure
+    assert Adequacy(0.8, 0.9, white=True).least == 0.8
+    assert small.content()["torque"] == 0.1 and small.content()["left_is_random"]
+
+
 def test_what_only_the_currents_show_needs_no_torque():
     records = [pendulum(0, coulomb=0.4)]
     result = result_with(records, 0.4)
@@ -179,4 +189,7 @@ def test_a_reader_is_told_how_much_was_explained_unless_it_is_nearly_all():
     )
     assert explains_sentence(content | {"adequacy": {"torque": 0.95, "free_run": 0.92}}) == ""
     assert explains_sentence(content | {"findings": []}) == ""
+    white = {"adequacy": {"torque": 0.2, "free_run": 0.3, "left_is_random": True}}
+    told = explains_sentence(content | white)
+    assert told.startswith("What is named is 20 % of the torque") and "the rest is random" in told
     assert explains_sentence(content | {"adequacy": None}) == ""

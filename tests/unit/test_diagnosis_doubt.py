@@ -53,7 +53,7 @@ def found(effect, estimation):
 
 def unimpressed(model):
     """A free simulation in which no model is better than another."""
-    return 90.0
+    return (90.0,)
 
 
 def test_the_right_name_stands(records):
@@ -70,6 +70,46 @@ def test_a_wrong_name_is_given_up(records):
     assert kept.choices == ()
     assert kept.final is kept.baseline
     assert "coulomb_friction" in doubt.why
+
+
+def knocked_readings(record, seed):
+    """The record with readings that are off by milliradians for some samples, six times."""
+    measured, rng = record.measured.copy(), np.random.default_rng(seed)
+    for start in rng.integers(600, len(measured) - 100, 6):
+        measured[start : start + 6] += 5e-3 * rng.normal(size=(6, 1))
+    return replace(record, measured=measured)
+
+
+def test_a_right_name_stands_beside_something_that_acts_at_some_times(records):
+    learn, judge = ([knocked_readings(one, seed) for one in kind] for seed, kind in enumerate(records))
+    result = found(DRAG, learn)
+    kept, doubt, _ = doubted(result, learn, judge, unimpressed)
+    assert doubt is None and kept.choices == result.choices
+
+
+def test_a_name_that_explains_little_is_given_up_beside_it_and_told(records):
+    clean = [recorded(STAGE, 0.2, 3)], [recorded(STAGE, 0.07, 4)]
+    learn, judge = ([knocked_readings(one, seed) for one in kind] for seed, kind in enumerate(clean))
+    result = found(Effect("coulomb_friction", "stage1_motor", {"torque": 0.05}), learn)
+    kept, doubt, _ = doubted(result, learn, judge, unimpressed)
+    assert kept.choices == () and doubt is not None
+    assert [one.found.effect.effect for one in kept.given_up] == ["coulomb_friction"]
+    assert kept.given_up[0].why
+
+
+def test_an_axis_whose_position_drifts_is_judged_by_its_velocity(records, monkeypatch):
+    """What is left unsteady gives a name up, unless it takes much off the simulation's error; positions of an
+    axis that nothing holds err with every model."""
+    learn, judge = ([knocked_readings(one, seed) for one in kind] for seed, kind in enumerate(records))
+    result = found(DRAG, learn)
+    monkeypatch.setattr(doubt_module, "all_the_time", lambda *_: False)
+    drifts = {False: (20.0, 50.0), True: (30.0, 90.0)}
+    kept, doubt, _ = doubted(result, learn, judge, lambda model: drifts[bool(model.effects)])
+    assert doubt is None and kept.choices == result.choices
+    kept, doubt, _ = doubted(result, learn, judge, lambda model: drifts[bool(model.effects)][:1])
+    assert kept.choices == () and "at some times" in doubt.why
+    assert [one.found.effect.effect for one in kept.given_up] == ["quadratic_drag"]
+    assert "at some times" in kept.given_up[0].why
 
 
 def test_what_is_left_of_a_right_model_is_white_and_of_a_wrong_one_is_not():

@@ -178,6 +178,15 @@ def test_that_your_own_model_is_better_stands_before_everything_else():
     assert status == "bad" and happened.startswith("Worse than your own model") and "keep your model" in todo
 
 
+def test_what_was_found_comes_first_where_only_the_structure_without_it_is_worse():
+    worse = {"models": {"baseline": {}}, "sentence": "Worse than your own model on the validation recordings"}
+    held = {"holds": "augmented", "what": "your structure, re-estimated, with what was found"}
+    page = first_line("identified", [finding()], worse_than_given=worse, augmented_model=held)
+    status, happened, _ = page.conclusion
+    assert status == "fair" and happened.startswith("The missing physics has a name")
+    assert happened.endswith("Worse than your own model on the validation recordings.")
+
+
 def test_the_page_says_where_under_which_condition_and_when():
     page = Page("t")
     reasons(page, verdict("identified", [finding()]), content(), [])

@@ -93,7 +93,7 @@ torque without a form explains in the same quantities. Below, it is the nearest 
 `unknown`. Higher: right names of an effect beside which much else is missing fall; lower: more physics
 outside the table gets a name. By hand, on the first draw of such physics in
 `docs/diagnosis_measured.md`; of the second one 20 of 24 were then called `unknown`, and one got a wrong name
-surely; 22 and none later."""
+surely; 22 and none later, 19 and none since a name whose innovations are white is kept, unsurely."""
 
 ERRS_LESS, ERRS_FAR_LESS = 0.9, 0.7
 """Factor by which the free run of the second witness must err less than the first opinion's, in the mean of

@@ -12,6 +12,7 @@ from haptic_teleop_sysid.recordings.dataset import DataSet
 
 from .decision.adequacy import adequacy, short_of
 from .decision.decide import Choice
+from .decision.doubt import coloured
 from .decision.nulls import Null, beyond_chance, nulls
 from .decision.own_quantity import follows_still
 from .decision.search import SearchResult
@@ -68,7 +69,11 @@ def diagnose(
     if any(c.chosen.by_current <= 0.0 for c in result.choices):
         models = result.baseline.model, result.final.model
         adequate = adequacy(
-            result.baseline, result.final, [*found.learn, *found.judge], *map(found.errors, models)
+            result.baseline,
+            result.final,
+            [*found.learn, *found.judge],
+            *map(found.errors, models),
+            white=not coloured(result.final, found.learn, found.judge),
         )
         result, short = short_of(result, adequate)
         result, bent = follows_still(result, found.learn, found.judge)

@@ -19,7 +19,7 @@ from haptic_teleop_sysid.estimation.likelihood import settled
 from haptic_teleop_sysid.estimation.records import Record
 
 from ..evidence.residual import left_over
-from ..policy import LEAST_EXPLAINED
+from ..policy import LEAST_EXPLAINED, SURE
 from .reasons import Doubt
 from .search import SearchResult
 
@@ -27,6 +27,8 @@ from .search import SearchResult
 SLIGHT_TORQUE = 0.03
 #: Error of a free run, as a share of the motion's spread (rms), that is not worth a word.
 SLIGHT_ERROR = 0.05
+#: Confidence of a name that explains less than that where only chance is left: below SURE.
+NOT_SURE = SURE - 0.01
 #: Share of what is missing from which the findings explain nearly all of it.
 NEARLY_ALL = 0.9
 
@@ -35,23 +37,30 @@ NEARLY_ALL = 0.9
 class Adequacy:
     """``torque``: share of the mean square of the torque that the observer adds to the structure alone which
     it does not add to the final model; ``free_run``: share of the mean square error of the structure's free
-    run that the final model's does not have; 0 to 1 each, 1 where nothing worth a word is left."""
+    run that the final model's does not have; 0 to 1 each, 1 where nothing worth a word is left. ``white``:
+    the final model's innovations are, so that what is left is random as far as these recordings show, however
+    large its share: nothing more could be explained."""
 
     torque: float
     free_run: float
+    white: bool = False
 
     @property
     def least(self) -> float:
-        """The smaller one: nobody is surer of a name than this."""
-        return min(self.torque, self.free_run)
+        """The smaller one: nobody is surer of a name than this. Where only chance is left a name may be right
+        that explains little, but none is sure: what passes for it could hide there, too."""
+        least = min(self.torque, self.free_run)
+        return max(least, NOT_SURE) if self.white else least
 
     def content(self) -> dict[str, Any]:
         """What diagnosis.json says."""
         return {
             "what": "share of the mean square of the torque that the structure alone lacks, and of the error "
-            "of its free runs, that is explained; no confidence is above the smaller one",
+            "of its free runs, that is explained; no confidence is above the smaller one, but where what is "
+            f"left is random {NOT_SURE:g} is allowed",
             "torque": round(self.torque, 3),
             "free_run": round(self.free_run, 3),
+            "left_is_random": self.white,
         }
 
 
@@ -61,12 +70,14 @@ def adequacy(
     records: Sequence[Record],
     errors_before: tuple[float, float],
     errors_after: tuple[float, float],
+    white: bool = False,
 ) -> Adequacy:
     """Adequacy of what ``after`` has and ``before`` has not, on ``records`` of both kinds; errors: those of
-    their free runs on either kind (see `second_opinion.Errors`)."""
+    their free runs on either kind (see `second_opinion.Errors`); ``white``: as there."""
     return Adequacy(
         explained_torque(before, after, records),
         _share(np.array(errors_before), np.array(errors_after), SLIGHT_ERROR),
+        white,
     )
 
 
@@ -104,12 +115,13 @@ def short_of(result: SearchResult, found: Adequacy) -> tuple[SearchResult, Doubt
     """The result without names that explain less than LEAST_EXPLAINED of the torque that is missing, and the
     doubt that says so; what is seen in the currents alone stays."""
     moving = [c for c in result.choices if c.chosen.by_current <= 0.0]
-    if not moving or found.torque >= LEAST_EXPLAINED:
+    if not moving or found.white or found.torque >= LEAST_EXPLAINED:
         return result, None
     names = " and ".join(f"{c.chosen.effect.effect} at {c.chosen.effect.location}" for c in moving)
     why = (
         f"the nearest name, {names}, explains {100 * found.torque:.0f} % of the torque that the structure "
         "alone lacks to follow the recordings"
     )
+    result = result.without(moving, why)
     bare = replace(result, final=result.baseline, choices=(), last_round=(), nameless=None)
     return bare, Doubt(moving[0], why)

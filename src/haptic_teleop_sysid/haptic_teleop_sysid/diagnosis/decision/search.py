@@ -30,10 +30,19 @@ MOST_EFFECTS = 3
 
 
 @dataclass(frozen=True)
+class GivenUp:
+    """What was found and is not believed, and ``why``."""
+
+    found: Explanation
+    why: str
+
+
+@dataclass(frozen=True)
 class SearchResult:
     """``baseline``: the given structure re-estimated; ``final``: with all chosen effects; ``choices``: one
     per effect found; ``last_round``: what was tried after the last choice and did not stand up; ``nameless``:
-    what explains the recordings (or what the choices leave) better than anything that has a name.
+    what explains the recordings (or what the choices leave) better than anything that has a name;
+    ``given_up``: what was found and is not believed.
     """
 
     baseline: Fit
@@ -42,6 +51,11 @@ class SearchResult:
     last_round: tuple[Explanation, ...]
     scales: Scales
     nameless: Choice | None = None
+    given_up: tuple[GivenUp, ...] = ()
+
+    def without(self, choices: Sequence[Choice], why: str) -> SearchResult:
+        """The result, in which some of its choices are told as given up."""
+        return replace(self, given_up=(*self.given_up, *(GivenUp(c.chosen, why) for c in choices)))
 
 
 #: Simulated fit (percent) of the re-estimated baseline below which the search by simulation is tried.

@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from haptic_teleop_sim.kernel import pack
+from haptic_teleop_sysid.estimation.correlation import correlation
 from haptic_teleop_sysid.estimation.gauss_newton import Fit
 from haptic_teleop_sysid.estimation.likelihood import channels, innovations, seen, settled
 from haptic_teleop_sysid.estimation.records import Record
@@ -48,11 +49,9 @@ def ljung_box(e: NDArray[np.float64], read: NDArray[np.bool_], lags: int = LAGS)
     power = float(e @ e) / m
     if power <= 0.0:
         return 0.0
-    total = 0.0
-    for k in range(1, lags + 1):
-        pairs = np.count_nonzero(known[k:] & known[:-k])
-        total += (float(e[k:] @ e[:-k]) / power) ** 2 / pairs if pairs else 0.0
-    return (m + 2) / m * total
+    counted = known.astype(np.float64)
+    pairs, products = correlation(counted, counted, lags)[1:], correlation(e, e, lags)[1:]
+    return (m + 2) / m * float(np.sum((products / power) ** 2 / np.maximum(pairs, 1.0)))
 
 
 def unsteadiness(fits: Sequence[tuple[Fit, Sequence[Record]]]) -> float:

@@ -10,7 +10,8 @@ from typing import Any
 import numpy as np
 
 from haptic_teleop_sim.model import Model
-from haptic_teleop_sysid.estimation.gauss_newton import Fit, bounds, gauss_newton_step, normal_equations
+from haptic_teleop_sysid.estimation.descent import gauss_newton_step
+from haptic_teleop_sysid.estimation.gauss_newton import Fit, bounds, normal_equations
 from haptic_teleop_sysid.estimation.records import Record
 from haptic_teleop_sysid.recordings.parameter_units import Units
 

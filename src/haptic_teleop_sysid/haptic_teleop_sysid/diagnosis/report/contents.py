@@ -14,7 +14,7 @@ from haptic_teleop_sysid.estimation.records import Record
 from ..decision.decide import Choice, significant
 from ..decision.nulls import Null
 from ..decision.reasons import Doubt, slipped
-from ..decision.search import SearchResult
+from ..decision.search import GivenUp, SearchResult
 from ..decision.stand import Stand
 from ..decision.verdict import FOLLOWS, Verdict
 from ..evidence.proof import PARTS, Proof
@@ -101,6 +101,17 @@ def contents(
         for e in _fallen(result)[:_MOST_TRIED]
         if np.isfinite(e.gain) and np.isfinite(e.elsewhere)
     ]
+    content["given_up"] = [
+        {
+            "effect": one.found.effect.effect,
+            "location": one.found.effect.location,
+            "parameters": dict(one.found.effect.parameters),
+            "gain": round(one.found.gain, 2),
+            "held_out": round(one.found.elsewhere, 2),
+            "why": one.why,
+        }
+        for one in not_believed(result)
+    ]
     found_by_chance, dropped = chance
     if found_by_chance:
         content["nulls"] = {
@@ -141,6 +152,17 @@ def _follows(verdict: Verdict) -> dict[str, Any] | None:
     if best is None or best.explained < FOLLOWS:
         return None
     return {"equation": best.equation, "follows": best.name, "explained": round(best.explained, 3)}
+
+
+def not_believed(result: SearchResult) -> list[GivenUp]:
+    """What was given up and was not found again in another way, every effect at a place once."""
+    named = {(c.chosen.effect.effect, c.chosen.effect.location) for c in result.choices}
+    found: dict[tuple[str, str], GivenUp] = {}
+    for one in result.given_up:
+        where = one.found.effect.effect, one.found.effect.location
+        if where not in named and np.isfinite(one.found.gain + one.found.elsewhere):
+            found.setdefault(where, one)
+    return list(found.values())
 
 
 def _fallen(result: SearchResult) -> list[Explanation]:

@@ -22,7 +22,7 @@ from . import page_columns
 from .page_law import LawCurve, condition_plot, law_curves, law_plot
 from .page_lead import lead
 from .page_map import map_section
-from .page_reasons import curves_table, reasons, tried
+from .page_reasons import curves_table, given_up, reasons, tried
 from .page_steps import Origin, steps
 from .summary import PART_LABELS, percent
 from .testimony import testimony_section
@@ -65,6 +65,7 @@ def diagnosis_page(
                     _response(dataset, proof, part, number), f"Measured and simulated, {dataset.name}"
                 )
     testimony_section(page, content)
+    given_up(page, result)
     tried(page, result)
     problems = [(name, p) for name, told in content["recordings"].items() for p in told]
     if problems:

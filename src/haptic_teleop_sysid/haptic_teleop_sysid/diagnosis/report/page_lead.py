@@ -10,7 +10,7 @@ from haptic_teleop_sysid.report import Page, Status, with_error
 
 from ..decision.verdict import Verdict
 from ..policy import SURE
-from .summary import LIMIT, PART_LABELS, explains_sentence, moved_sentence, percent
+from .summary import LIMIT, PART_LABELS, explains_sentence, found_is_better, moved_sentence, percent
 
 
 def lead(
@@ -20,8 +20,10 @@ def lead(
     status, happened = _headline(verdict, content)
     worse = content["worse_than_given"]
     if worse is not None:
-        found = bool(content["findings"]) and "augmented" not in worse["models"]
-        status, happened = ("fair" if found else "bad"), f"{worse['sentence']}. {happened}"
+        if found_is_better(content):  # what it is about is the structure without what was found
+            status, happened = "fair", f"{happened} {worse['sentence']}."
+        else:
+            status, happened = "bad", f"{worse['sentence']}. {happened}"
     page.conclude(status, happened, _todo(verdict, content))
     for f in verdict.findings:
         page.key_figure(f"{100 * f['confidence']:.0f} %", f"{f['effect']} at {f['location']}", "confidence")

@@ -10,6 +10,7 @@ from haptic_teleop_sysid.report import Page, Section
 from ..decision.search import SearchResult
 from ..decision.verdict import Verdict
 from ..decision.words import chance_sentence
+from .contents import not_believed
 from .page_law import LawCurve, explained_after
 from .page_lead import parameter_text
 from .testimony import second_method
@@ -33,8 +34,7 @@ def reasons(page: Page, verdict: Verdict, content: dict[str, Any], curves: list[
             )
     least = 1.0 if verdict.adequacy is None else verdict.adequacy.least
     if any(f["confidence"] == round(least, 4) < 1.0 for f in verdict.findings):
-        share = f"share of what is missing that is explained, {100 * least:.0f} %"
-        section.text(f"No confidence is above the {share}.")
+        section.text(_ceiling(verdict, least))
     if verdict.findings:
         section.text(second_method(content))
     for c in curves:
@@ -63,6 +63,17 @@ def _where(section: Section, content: dict[str, Any]) -> None:
         section.table(("place", "share of what is missing", "depends on", "strongest at"), rows, caption)
 
 
+def _ceiling(verdict: Verdict, least: float) -> str:
+    """Why no confidence is higher."""
+    found = verdict.adequacy
+    if found is not None and found.white and least > min(found.torque, found.free_run):
+        return (
+            f"No confidence is above {100 * least:.0f} % where what is named explains little beside torque that "
+            "is random."
+        )
+    return f"No confidence is above the share of what is missing that is explained, {100 * least:.0f} %."
+
+
 def curves_table(page: Page, verdict: Verdict) -> None:
     """What the left-over torque follows, before and after."""
     rows = [
@@ -80,6 +91,24 @@ def curves_table(page: Page, verdict: Verdict) -> None:
             rows,
             "share of the left-over torque that a curve explains on recordings it was not drawn from",
         )
+
+
+def given_up(page: Page, result: SearchResult) -> None:
+    """What was found and is not believed, and why."""
+    rows = [
+        (
+            one.found.effect.effect,
+            one.found.effect.location,
+            f"{one.found.gain:z.0f}",
+            f"{one.found.elsewhere:z.0f}",
+            one.why,
+        )
+        for one in not_believed(result)
+    ]
+    if rows:
+        text = "Each predicted the recordings better, and something spoke against it."
+        head = ("effect", "at", "log-likelihood gained", "on validation recordings", "why it is not believed")
+        page.section("Found and given up", text, folded=True).table(head, rows)
 
 
 def tried(page: Page, result: SearchResult) -> None:

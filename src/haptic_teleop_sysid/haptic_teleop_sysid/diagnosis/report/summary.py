@@ -22,10 +22,11 @@ LIMIT = {"lowest": "the lowest value allowed", "highest": "the highest value all
 
 
 def summary(content: dict[str, Any]) -> str:
-    """The verdict in a few lines; what is worse than the user's own model is said first."""
+    """The verdict in a few lines; said first is that what is handed on is worse than the user's own model."""
     lines = []
-    if content["worse_than_given"] is not None:
-        lines.append(f"{content['worse_than_given']['sentence']}.")
+    worse = content["worse_than_given"]
+    if worse is not None and not found_is_better(content):
+        lines.append(f"{worse['sentence']}.")
     lines.append(f"verdict: {content['verdict']}")
     if "doubt" in content:
         lines.append(f"  because {content['doubt']}")
@@ -36,6 +37,8 @@ def summary(content: dict[str, Any]) -> str:
             f"    or {a['effect']} at {a['location']} ({100 * a['confidence']:.0f} %)"
             for a in f["alternatives"]
         ]
+    if worse is not None and found_is_better(content):
+        lines.append(f"  {worse['sentence']}.")
     sentence = explains_sentence(content)
     if sentence:
         lines.append(f"  {sentence}")
@@ -59,6 +62,12 @@ def summary(content: dict[str, Any]) -> str:
     return "\n".join(lines)
 
 
+def found_is_better(content: dict[str, Any]) -> bool:
+    """Whether something is named with which nothing is simulated worse than by the user's own model."""
+    worse = content["worse_than_given"]
+    return bool(content["findings"]) and (worse is None or "augmented" not in worse["models"])
+
+
 def map_sentences(content: dict[str, Any]) -> list[str]:
     """What became of a measured torque where no name was found, and what stands in for it."""
     found = content.get(MEASURED.name)  # none in results of earlier versions
@@ -73,6 +82,11 @@ def explains_sentence(content: dict[str, Any]) -> str:
     found = content["adequacy"]
     if found is None or not content["findings"] or min(found["torque"], found["free_run"]) >= NEARLY_ALL:
         return ""
+    if found.get("left_is_random"):
+        return (
+            f"What is named is {100 * found['torque']:.0f} % of the torque that the structure lacks; the "
+            "rest is random, as far as these recordings show."
+        )
     text = (
         f"What is named explains {100 * found['torque']:.0f} % of the torque that the structure lacks and "
         f"{100 * found['free_run']:.0f} % of the error of its free runs"

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from haptic_teleop_sim.model import Model
+from haptic_teleop_sysid.estimation.correlation import autocorrelation
 
 from ...hypotheses.candidates import family
 from .folds import Fold
@@ -59,11 +60,16 @@ class Search:
         if terms not in self._ratios:
             found = []
             for judged, side in enumerate(self.sides):
-                whole = side.square_left((), self.fitted(1 - judged, ()))
+                whole = self._structure_leaves[judged]
                 left = side.square_left(terms, self.fitted(1 - judged, terms))
                 found.append(math.log((left + FORM * whole) / max((1.0 + FORM) * whole, 1e-300)))
             self._ratios[terms] = (found[0], found[1])
         return self._ratios[terms]
+
+    @cached_property
+    def _structure_leaves(self) -> list[float]:
+        """What the structure alone leaves on each side, fitted to the other (`Products.square_left`)."""
+        return [s.square_left((), self.fitted(1 - k, ())) for k, s in enumerate(self.sides)]
 
     def left_over(self, terms: Terms) -> float:
         """Sum over both sides of rows times the logarithm of what is left (`ratios`)."""
@@ -147,10 +153,7 @@ class Search:
 def independent(left: FloatArray) -> float:
     """How many of the samples (n,) say something that their neighbours do not: n over the sum of their
     autocorrelations, up to the first that is none."""
-    e, n = left - left.mean(), len(left)
-    size = 1 << (2 * n - 1).bit_length()
-    power = np.abs(np.fft.rfft(e, size)) ** 2
-    correlation = np.fft.irfft(power, size)[: max(n // 4, 2)]
-    correlation = correlation / max(float(correlation[0]), 1e-300)
-    first = int(np.argmax(correlation < 0.05)) or len(correlation)
-    return n / (1.0 + 2.0 * float(np.sum(correlation[1:first])))
+    n = len(left)
+    correlations = autocorrelation(left - left.mean(), max(n // 4, 2) - 1)
+    first = int(np.argmax(correlations < 0.05)) or len(correlations)
+    return n / (1.0 + 2.0 * float(np.sum(correlations[1:first])))

@@ -44,6 +44,8 @@ class Products:
         self._partners: dict[str, FloatArray] = {}
         self._own: dict[Term, FloatArray] = {}
         self._pairs: dict[tuple[Term, Term], FloatArray] = {}
+        # A group that is solved on this side is judged on it next, by the other side's solution.
+        self._last: tuple[Terms, tuple[FloatArray, FloatArray, float]] | None = None
 
     def columns(self, terms: Terms) -> FloatArray:
         """All columns of a group, (equations n, p), motor first."""
@@ -74,6 +76,7 @@ class Products:
         """Products (p, p) of the columns of a group, with what keeps torques without a form straight, and
         those with the target (p,)."""
         products, mixed, _ = self._group(terms)
+        products = products.copy()
         place = len(self.side.names)
         for term in terms:
             own = slice(place, place := place + self._width(term))
@@ -94,6 +97,11 @@ class Products:
 
     def _group(self, terms: Terms) -> tuple[FloatArray, FloatArray, float]:
         """Products (p, p) of all columns, those with the target (p,), and its own."""
+        if self._last is None or self._last[0] != terms:
+            self._last = terms, self._multiplied(terms)
+        return self._last[1]
+
+    def _multiplied(self, terms: Terms) -> tuple[FloatArray, FloatArray, float]:
         base, with_target, whole = self._whole
         first = len(base)
         size = first + sum(map(self._width, terms))

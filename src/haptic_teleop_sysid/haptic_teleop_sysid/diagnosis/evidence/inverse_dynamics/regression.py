@@ -83,8 +83,10 @@ class Equations:
         band is an accident of where the motion slows down, and of how exactly the angle is known."""
         if term.entry.kind == "input":
             return 1.0
-        inside = np.sum(self.torque(term) ** 2, axis=0)
-        whole = np.sum(np.concatenate([term.whole(m, self.model) for m in self.motions]) ** 2, axis=0)
+        found = [term.whole_and_columns(m, self.model) for m in self.motions]
+        whole, columns = (np.concatenate([pair[i] for pair in found]) for i in (0, 1))
+        self._known[term] = columns  # whoever asks what is seen of a torque asks for the torque next
+        inside, whole = np.sum(columns**2, axis=0), np.sum(whole**2, axis=0)
         return float(np.min(inside / np.maximum(whole, 1e-300)))
 
     def acting(self, term: Hypothesis) -> float:

@@ -66,11 +66,13 @@ class Hypothesis:
         if self.entry.kind == "input":
             effect = Effect(self.entry.name, self.location, dict(self.shape))
             return motion.filtered(motion.of_input(_acting_less(motion.record, model, effect)))[:, None]
-        return motion.filtered(self._along(motion, model), times=2)
+        return self.whole_and_columns(motion, model)[1]
 
-    def whole(self, motion: BandedMotion, model: Model) -> FloatArray:
-        """The same, (n, columns), of a torque that follows from the motion, before it is filtered."""
-        return self._along(motion, model)[motion.kept]
+    def whole_and_columns(self, motion: BandedMotion, model: Model) -> tuple[FloatArray, FloatArray]:
+        """Of a torque that follows from the motion: as it is, before it is filtered, and its `columns`; both
+        (n, columns) at the samples that count."""
+        along = self._along(motion, model)
+        return along[motion.kept], motion.filtered(along, times=2)
 
     def _along(self, motion: BandedMotion, model: Model) -> FloatArray:
         """Torques (n, columns) along the whole of a motion."""
