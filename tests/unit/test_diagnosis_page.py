@@ -204,6 +204,16 @@ def test_a_confidence_that_is_held_down_by_what_is_left_says_so(confidence, told
     assert ("share of what is missing that is explained, 83 %" in page.render()) == told
 
 
+def test_a_small_effect_beside_random_torque_is_told_what_holds_it_down():
+    page = Page("t")
+    beside_chance = Adequacy(torque=0.2, free_run=0.3, white=True)
+    answer = verdict("identified", [finding(beside_chance.least)], adequacy=beside_chance)
+    reasons(page, answer, content(), [])
+    html = page.render()
+    assert "No confidence is above 69 % where what is named explains little" in html
+    assert "share of what is missing that is explained" not in html
+
+
 EXCITATION = {"joint": "stage1", "signal.multisine.rms": 0.2}
 PARSERS = {"compare": compare._parser, "export": export._parser, "acquire": acquire._parser}
 

@@ -3,12 +3,15 @@
 import io
 import re
 import threading
+from contextlib import contextmanager
 
 import pytest
 from identification_plants import STAGE, stage_recording
 from rich.console import Console
 
 from haptic_teleop_sysid import run_progress
+from haptic_teleop_sysid import spread as spread_module
+from haptic_teleop_sysid.blind import forked
 from haptic_teleop_sysid.blind.forked import run_forked
 from haptic_teleop_sysid.diagnosis.report.forecast import (
     BASELINE,
@@ -156,6 +159,15 @@ def test_a_fork_s_lines_are_passed_on_while_it_runs():
     assert run_forked("diagnose", ["--no-such-option"], 120.0) == (status, words)
 
 
+def test_the_lines_of_a_fork_that_ends_before_the_first_look_are_passed_on(monkeypatch):
+    process = forked._SERVER.Process
+    start = process.start
+    monkeypatch.setattr(process, "start", lambda self: (start(self), self.join()))
+    told = []
+    status, words = run_forked("diagnose", ["--no-such-option"], 120.0, told.append)
+    assert (status, words) == ("2", told[-1:]) and words
+
+
 def test_a_share_that_is_done_tells_how_long_all_takes(monkeypatch):
     monkeypatch.setattr(run_progress, "OFTEN", 0.02)
     paper = Paper()
@@ -169,12 +181,14 @@ def test_a_share_that_is_done_tells_how_long_all_takes(monkeypatch):
     assert all(3 * int(elapsed) <= int(total) <= 4 * int(elapsed) + 4 for elapsed, total in seconds)
 
 
-def test_many_things_tell_how_many_are_done_where_there_is_no_terminal(monkeypatch, capsys):
-    monkeypatch.setattr(run_progress, "OFTEN", 0.02)
-    waiting = threading.Event()
-    results = spread(
-        lambda n: waiting.wait(0.3) or n, [(n,) for n in range(3)], 1, None, "sorting", threads=True
-    )
-    assert results == [0, 1, 2]
-    told = capsys.readouterr().err.splitlines()
-    assert any(re.fullmatch(r"sorting: 0:0\d of about 0:0\d min: 1 of 3", line) for line in told)
+def test_many_things_tell_how_many_are_done(monkeypatch):
+    told = []
+
+    @contextmanager
+    def noting(console, name):
+        yield lambda text, share: told.append((name, text, share))
+
+    monkeypatch.setattr(spread_module, "share_progress", noting)
+    results = spread(lambda n: n, [(n,) for n in range(4)], 1, None, "sorting", threads=True)
+    assert results == [0, 1, 2, 3]
+    assert told == [("sorting", f"{n} of 4", n / 4) for n in range(5)]

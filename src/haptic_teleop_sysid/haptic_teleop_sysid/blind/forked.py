@@ -42,9 +42,13 @@ def run_forked(
             process.join(min(_LOOK, deadline - time.monotonic()) if tell is not None else timeout)
             if tell is not None:
                 _tell_new_lines(words, tell)
-        if process.exitcode is None:
+        ended = process.exitcode is not None
+        if not ended:
             process.kill()
             process.join()
+        if tell is not None:  # what came between the last look and the end
+            _tell_new_lines(words, tell)
+        if not ended:
             return "timeout", []
         words.seek(0)
         return str(process.exitcode), words.read().strip().splitlines()[-1:]

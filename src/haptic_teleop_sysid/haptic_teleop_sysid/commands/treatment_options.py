@@ -29,7 +29,7 @@ def add_treatment_options(parser: argparse.ArgumentParser) -> None:
         "depends on the angle",
     )
     add("--detrend", choices=("none", "constant", "linear"), default="none", help="of angles and input")
-    add("--rate", type=_rate, metavar="HZ", help="resample to the recorded rate divided by a whole number")
+    add("--rate", type=positive, metavar="HZ", help="resample to the recorded rate divided by a whole number")
 
 
 def add_mapping_option(parser: argparse.ArgumentParser) -> None:
@@ -50,7 +50,3 @@ def treatment_of(arguments: argparse.Namespace) -> Treatment:
 
 def _lead_in(text: str) -> str | float:
     return text if text in ("auto", "none") else positive(text)
-
-
-def _rate(text: str) -> float:
-    return positive(text)

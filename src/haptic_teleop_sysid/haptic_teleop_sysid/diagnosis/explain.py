@@ -110,7 +110,7 @@ def explain(
         gained = sum(percent(free.final.model)) - sum(percent(kept.final.model))
         if free.choices and (not kept.choices or gained > LEAST_PERCENT):
             better = "what a search by free simulation finds simulates all recordings better"
-            kept = replace(free, given_up=kept.without(kept.choices, better).given_up)
+            kept = replace(free, given_up=kept.giving_up(kept.choices, better).given_up)
             freely = True
     say("asking the inverse dynamics")
 
@@ -138,5 +138,5 @@ def unharmful(result: SearchResult, percent: Callable[[Model], float]) -> Search
         return result
     final = kept[-1].chosen.fit if kept else result.baseline
     spoils = "with it validation recordings are simulated worse"
-    result = result.without(result.choices[len(kept) :], spoils)
+    result = result.giving_up(result.choices[len(kept) :], spoils)
     return replace(result, choices=tuple(kept), final=final, last_round=())

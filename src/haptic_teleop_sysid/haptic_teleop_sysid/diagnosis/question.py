@@ -29,7 +29,7 @@ def questioned(
         opinion, found.errors(first.model), lambda: coloured(first, found.learn, found.judge)
     ):
         errs_less = "what the inverse dynamics name simulates all recordings better"
-        result = result.without(result.choices, errs_less)
+        result = result.giving_up(result.choices, errs_less)
         result, doubt = as_result(opinion, result, found.learn, found.errors, found.simulated)
         return result, doubt, Stand(stand.before, stand.after, {})
     # Where innovations are white, what is left is random, and a torque without a form follows chance.
@@ -37,11 +37,11 @@ def questioned(
     if opinion is not None and left and (short := inadequate(result, opinion)) is not None:
         kept_before = result.choices[: result.choices.index(short.choice)] if short.choice else ()
         final = kept_before[-1].chosen.fit if kept_before else result.baseline
-        result = result.without(result.choices[len(kept_before) :], short.why)
+        result = result.giving_up(result.choices[len(kept_before) :], short.why)
         result = replace(result, choices=kept_before, final=final, last_round=())
         doubt = None if kept_before else short
     if doubt is None and (far := beyond_reach(result, found.given)) is not None:
-        result = result.without(result.choices, far.why)
+        result = result.giving_up(result.choices, far.why)
         bare = replace(result, choices=(), final=result.baseline, last_round=())
         return bare, far, Stand(stand.before, stand.before, {})
     if harmful is not None and (doubt is None or doubt.choice is None):

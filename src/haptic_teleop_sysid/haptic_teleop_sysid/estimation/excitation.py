@@ -81,10 +81,11 @@ def excitation(model: Model, datasets: Sequence[DataSet]) -> Excitation:
     low, high = (
         float(frequency[min(int(np.searchsorted(share, s)), len(frequency) - 1)]) for s in (0.025, 0.975)
     )
-    fit = fit_from_scratch(model, thinned_to(records))
+    thinned = thinned_to(records)
+    fit = fit_from_scratch(model, thinned)
     if not np.isfinite(fit.log_likelihood):
         fit = at_values(model, records)
-    return Excitation(frequency, power, response, (low, high), uncertainty(fit, thinned_to(records)), fit)
+    return Excitation(frequency, power, response, (low, high), uncertainty(fit, thinned), fit)
 
 
 def at_values(model: Model, records: Sequence[Record]) -> Fit:

@@ -15,7 +15,16 @@ from haptic_teleop_sim.kernel import Packed, pack
 from haptic_teleop_sim.model import STRUCTURES, Model
 
 from .descent import Damping, Equations, Problem, maximise
-from .likelihood import FAILURES, channels, covariance, innovations, log_likelihood, seen, settled
+from .likelihood import (
+    FAILURES,
+    channels,
+    covariance,
+    innovations,
+    likelihood_of,
+    log_likelihood,
+    seen,
+    settled,
+)
 from .noise import NoiseModel
 from .records import Record
 
@@ -203,7 +212,7 @@ def fit_parameters(
         if substeps(model, records) > allowed:
             return None
         if damping >= _DOUBTFUL:
-            return _Point(model, likelihood_value(model, noise, records), None)
+            return _Point(model, likelihood_of(pack(model), noise, records), None)
         *found, value = normal_equations(model, noise, records, names)
         return _Point(model, value, (found[0], found[1]))
 
@@ -293,12 +302,3 @@ def _effect_parameter(model: Model, name: str):
         if name.startswith(head):
             return effect.entry.parameter(name.removeprefix(head))
     return None
-
-
-def likelihood_value(model: Model, noise: NoiseModel, records: Sequence[Record]) -> float:
-    """Log-likelihood without derivatives; -inf where the prediction overflows."""
-    packed = pack(model)
-    try:
-        return log_likelihood(packed, records, [innovations(packed, noise, r).innovation for r in records])
-    except FAILURES:
-        return -np.inf

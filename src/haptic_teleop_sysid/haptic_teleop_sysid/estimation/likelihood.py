@@ -131,3 +131,11 @@ def log_likelihood(packed: Packed, records: Sequence[Record], innovation: Sequen
             arm = float(spread[1, 1])
             total -= 0.5 * (len(alone) * (np.log(arm) - 1.0) + float(alone @ alone) / arm)
     return float(total)
+
+
+def likelihood_of(packed: Packed, noise: NoiseModel, records: Sequence[Record]) -> float:
+    """Log-likelihood of recordings under a model and a noise model; -inf where it cannot be computed."""
+    try:
+        return log_likelihood(packed, records, [innovations(packed, noise, r).innovation for r in records])
+    except FAILURES:
+        return -np.inf

@@ -8,7 +8,7 @@ import numpy as np
 
 from haptic_teleop_sim.kernel import Packed
 
-from .likelihood import FAILURES, channels, innovations, log_likelihood
+from .likelihood import channels, likelihood_of
 from .noise import NoiseModel
 from .records import Record
 
@@ -30,14 +30,6 @@ def initial_noise(packed: Packed, records: Sequence[Record]) -> NoiseModel:
     torque = max(torque, 1e-9)
     motor, arm = (float(np.mean([r.resolution[i] for r in records])) / np.sqrt(12.0) for i in (0, 1))
     return NoiseModel(0.05 * torque, 0.02 * torque, motor, arm)
-
-
-def likelihood_of(packed: Packed, noise: NoiseModel, records: Sequence[Record]) -> float:
-    """Log-likelihood of recordings under a model and a noise model; -inf where it cannot be computed."""
-    try:
-        return log_likelihood(packed, records, [innovations(packed, noise, r).innovation for r in records])
-    except FAILURES:
-        return -np.inf
 
 
 def level_bounds(packed: Packed, records: Sequence[Record]) -> dict[str, tuple[float, float]]:

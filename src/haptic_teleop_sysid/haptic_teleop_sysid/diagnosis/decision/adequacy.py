@@ -56,8 +56,8 @@ class Adequacy:
         """What diagnosis.json says."""
         return {
             "what": "share of the mean square of the torque that the structure alone lacks, and of the error "
-            "of its free runs, that is explained; no confidence is above the smaller one, but where what is "
-            f"left is random {NOT_SURE:g} is allowed",
+            "of its free runs, that is explained; no confidence is above the smaller one, nor, where what is "
+            f"left is random, above {NOT_SURE:g} if that is larger",
             "torque": round(self.torque, 3),
             "free_run": round(self.free_run, 3),
             "left_is_random": self.white,
@@ -122,6 +122,6 @@ def short_of(result: SearchResult, found: Adequacy) -> tuple[SearchResult, Doubt
         f"the nearest name, {names}, explains {100 * found.torque:.0f} % of the torque that the structure "
         "alone lacks to follow the recordings"
     )
-    result = result.without(moving, why)
+    result = result.giving_up(moving, why)
     bare = replace(result, final=result.baseline, choices=(), last_round=(), nameless=None)
     return bare, Doubt(moving[0], why)

@@ -95,7 +95,7 @@ def doubted(
     def given_up(last: Choice, why: str, condition: str | None = None) -> None:
         # What is said is what speaks against the name that came first.
         nonlocal doubt, result
-        result = result.without([last], why)
+        result = result.giving_up([last], why)
         if doubt is None or doubt.choice is None or not _instead_of(doubt.choice, last):
             doubt = Doubt(last, why, condition)
 

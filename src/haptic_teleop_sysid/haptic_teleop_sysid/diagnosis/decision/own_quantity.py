@@ -37,7 +37,7 @@ def follows_still(
                 f"the nearest name, {effect.effect} at {effect.location}, leaves a torque of which the "
                 f"{still.name} explains {100 * still.explained:.0f} % on recordings that were not fitted"
             )
-            result = result.without([choice], why)
+            result = result.giving_up([choice], why)
             bare = replace(result, final=result.baseline, choices=(), last_round=(), nameless=None)
             return bare, Doubt(choice, why)
     return result, None

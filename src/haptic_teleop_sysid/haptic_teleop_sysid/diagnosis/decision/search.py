@@ -53,7 +53,7 @@ class SearchResult:
     nameless: Choice | None = None
     given_up: tuple[GivenUp, ...] = ()
 
-    def without(self, choices: Sequence[Choice], why: str) -> SearchResult:
+    def giving_up(self, choices: Sequence[Choice], why: str) -> SearchResult:
         """The result, in which some of its choices are told as given up."""
         return replace(self, given_up=(*self.given_up, *(GivenUp(c.chosen, why) for c in choices)))
 

@@ -9,7 +9,8 @@ import numpy as np
 
 from haptic_teleop_sim.kernel import pack
 from haptic_teleop_sim.model import Effect, Model
-from haptic_teleop_sysid.estimation.gauss_newton import Fit, fit_parameters, likelihood_value
+from haptic_teleop_sysid.estimation.gauss_newton import Fit, fit_parameters
+from haptic_teleop_sysid.estimation.likelihood import likelihood_of
 from haptic_teleop_sysid.estimation.noise import NoiseModel
 from haptic_teleop_sysid.estimation.parallel import side_by_side
 from haptic_teleop_sysid.estimation.records import Record
@@ -71,7 +72,7 @@ def explore_simulated(
     progress("screening mechanical effects")
     tried = mechanical(candidates(fit.model, estimation, scales))
     screened = best_per_effect(screen(fit, estimation, tried))[:_MOST_FITS]
-    before = likelihood_value(fit.model, fit.noise, validation)
+    before = likelihood_of(pack(fit.model), fit.noise, validation)
     index = len(fit.model.effects)
 
     def explained(s: Screened) -> Explanation | None:
@@ -89,7 +90,7 @@ def explore_simulated(
         best = max(fits, key=lambda f: f.log_likelihood)
         if not np.isfinite(best.log_likelihood):
             return None
-        after = likelihood_value(best.model, best.noise, validation)
+        after = likelihood_of(pack(best.model), best.noise, validation)
         return Explanation(
             best,
             best.log_likelihood - fit.log_likelihood,

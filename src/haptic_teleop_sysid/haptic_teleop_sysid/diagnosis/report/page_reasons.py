@@ -68,8 +68,8 @@ def _ceiling(verdict: Verdict, least: float) -> str:
     found = verdict.adequacy
     if found is not None and found.white and least > min(found.torque, found.free_run):
         return (
-            f"No confidence is above {100 * least:.0f} % where what is named explains little beside torque that "
-            "is random."
+            f"No confidence is above {100 * least:.0f} % where what is named explains little beside torque "
+            "that is random."
         )
     return f"No confidence is above the share of what is missing that is explained, {100 * least:.0f} %."
 
