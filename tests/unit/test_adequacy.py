@@ -116,10 +116,10 @@ def test_a_name_that_explains_less_than_half_becomes_the_nearest_one():
 def test_a_name_beside_which_only_chance_is_left_stands_however_little_it_takes():
     records = [pendulum(0, coulomb=0.4)]
     result = result_with(records, 0.4)
-    small = Adequacy(0.1, 0.2, white=True)
+    small = Adequacy(0.1, 0.2, random_left=True)
     assert short_of(result, small) == (result, None)
     assert small.least == pytest.approx(0.69)  # right or not, nobody is sure
-    assert Adequacy(0.8, 0.9, white=True).least == 0.8
+    assert Adequacy(0.8, 0.9, random_left=True).least == 0.8
     assert small.content()["torque"] == 0.1 and small.content()["left_is_random"]
 
 

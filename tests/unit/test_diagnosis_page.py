@@ -12,7 +12,7 @@ from stepped_machines import RIGID, drive, pendulum, record, two_masses
 from haptic_teleop_sim.model import Effect, Model
 from haptic_teleop_sim.omni_robot import OMNI_PARAMETERS
 from haptic_teleop_sim.sfj_robot import SFJ_PARAMETERS
-from haptic_teleop_sysid.commands import acquire, compare, export
+from haptic_teleop_sysid.commands import acquire, compare, diagnose, export
 from haptic_teleop_sysid.diagnosis.decision.adequacy import Adequacy
 from haptic_teleop_sysid.diagnosis.evidence.inverse_dynamics.motion import banded, motion_band
 from haptic_teleop_sysid.diagnosis.report.page_law import law_curve, law_plot
@@ -140,6 +140,11 @@ def test_the_first_line_names_the_physics_with_its_size_error_and_unit_and_says_
     assert ("61.2 → 97.3 %", "fit of stage1_motor.velocity") in [figure[:2] for figure in page.figures]
 
 
+def test_a_name_of_which_nobody_is_sure_is_said_to_be_probable():
+    status, happened, _ = first_line("identified", [finding(0.58)]).conclusion
+    assert status == "fair" and happened.startswith("The missing physics probably has a name")
+
+
 def test_what_cannot_be_told_apart_and_what_has_no_name_send_for_the_next_experiment():
     other = {"effect": "stribeck_friction", "location": "stage1_motor", "confidence": 0.45}
     status, happened, todo = first_line("ambiguous", [finding(0.55, [other])]).conclusion
@@ -206,7 +211,7 @@ def test_a_confidence_that_is_held_down_by_what_is_left_says_so(confidence, told
 
 def test_a_small_effect_beside_random_torque_is_told_what_holds_it_down():
     page = Page("t")
-    beside_chance = Adequacy(torque=0.2, free_run=0.3, white=True)
+    beside_chance = Adequacy(torque=0.2, free_run=0.3, random_left=True)
     answer = verdict("identified", [finding(beside_chance.least)], adequacy=beside_chance)
     reasons(page, answer, content(), [])
     html = page.render()
@@ -215,31 +220,53 @@ def test_a_small_effect_beside_random_torque_is_told_what_holds_it_down():
 
 
 EXCITATION = {"joint": "stage1", "signal.multisine.rms": 0.2}
-PARSERS = {"compare": compare._parser, "export": export._parser, "acquire": acquire._parser}
+PARSERS = {
+    "compare": compare._parser,
+    "export": export._parser,
+    "acquire": acquire._parser,
+    "diagnose": diagnose._parser,
+}
+LOGS = (("logs/learn one", "a"), ("logs/check one", "b"))
 
 
 @pytest.mark.parametrize(
-    ("robot", "joint", "table"),
-    [("sfj", "stage1", SFJ_PARAMETERS), ("omni", "omni_y", OMNI_PARAMETERS), ("generic", "j2", None)],
+    ("robot", "joint", "table", "excitation"),
+    [
+        ("sfj", "stage1", SFJ_PARAMETERS, EXCITATION),
+        ("sfj", "stage1", SFJ_PARAMETERS, None),
+        ("omni", "omni_y", OMNI_PARAMETERS, EXCITATION),
+        ("generic", "j2", None, EXCITATION),
+        ("generic", "j2", None, None),
+    ],
 )
-def test_each_command_is_one_that_its_program_takes(robot, joint, table, tmp_path):
+def test_each_command_is_one_that_its_program_takes(robot, joint, table, excitation, tmp_path):
     page, output = Page("t"), tmp_path / "a folder"
-    origin = Origin("my models/lab.yaml", ("logs/check one", "b"), output)
-    told = content(robot, joint, EXCITATION if robot != "generic" else None)
-    steps(page, told, origin)
-    commands = [shlex.split(command) for _, command in page.sections[0].blocks[0].rows]
-    assert len(commands) == 3 and all(words[0] == "haptic-teleop" for words in commands if words)
-    simulate, compared, recorded = commands
+    learn, check = LOGS
+    origin = Origin("my models/lab.yaml", learn, check, check, output)
+    steps(page, content(robot, joint, excitation), origin)
+    lines = [[shlex.split(line) for line in told.splitlines()] for _, told in page.sections[0].blocks[0].rows]
+    assert all(words[0] == "haptic-teleop" for commands in lines for words in commands)
+    (simulate,), (compared,), (*recorded, diagnosed) = lines
     if table is None:
-        assert PARSERS["export"]().parse_args(simulate[2:]).to == "python" and recorded == []
+        assert PARSERS["export"]().parse_args(simulate[2:]).to == "python"
     else:
         assert simulate[1] == f"{robot}_sim" and simulate[2:4] == ["--ros-args", "-p"]
         key, _, path = simulate[4].partition(":=")
         assert key in table.defaults() and Path(path) == output / "augmented_model.yaml"
-        assert PARSERS["acquire"]().parse_args(recorded[2:]).config == str(output / "next_experiment.yaml")
     taken = PARSERS["compare"]().parse_args(compared[2:])
     assert taken.model == ["my models/lab.yaml", str(output / "augmented_model.yaml")]
     assert taken.bag == ["logs/check one", "b"]
+    # Whatever the next experiment is, its recording is diagnosed with those that there are.
+    taken = PARSERS["diagnose"]().parse_args(diagnosed[2:])
+    assert taken.model == ["my models/lab.yaml"] and taken.validation == list(check)
+    assert taken.estimation == [*learn, str(output / "next_recording")]
+    assert len(recorded) == (table is not None and excitation is not None)
+    for words in recorded:
+        taken = PARSERS["acquire"]().parse_args(words[2:])
+        assert (taken.config, taken.output) == (
+            str(output / "next_experiment.yaml"),
+            str(output / "next_recording"),
+        )
 
 
 def test_what_a_second_method_says_for_and_against_stands_beside_how_sure_it_is():

@@ -6,7 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from identification_plants import AXIS, STAGE, axis_recording, stage_recording
-from test_diagnosis_parts import RIGID
+from stepped_machines import RIGID, pendulum
 from test_own_springs import recorded
 
 from haptic_teleop_control.acquisition import Acquisition
@@ -21,7 +21,13 @@ from haptic_teleop_sysid.diagnosis.hypotheses.explanation import Explanation
 from haptic_teleop_sysid.diagnosis.inputs.scales import recording_scales
 from haptic_teleop_sysid.diagnosis.report.contents import disturbance, overflows
 from haptic_teleop_sysid.diagnosis.report.experiment import menu, series, sharpen, simulated_experiment
-from haptic_teleop_sysid.diagnosis.report.next_experiment import FILE, next_experiment, write_acquire_file
+from haptic_teleop_sysid.diagnosis.report.next_experiment import (
+    FILE,
+    SIGNAL_FILE,
+    next_experiment,
+    varied,
+    write_experiment,
+)
 from haptic_teleop_sysid.estimation.noise import NoiseModel
 from haptic_teleop_sysid.estimation.records import record_from
 from haptic_teleop_sysid.estimation.whole_fit import fit_from_scratch
@@ -67,7 +73,7 @@ def test_acquire_takes_every_setting_of_the_menu(tmp_path, model, recording):
     assert len(options) == 12
     for option in options:
         told = {"why": "separates a from b", "signal_generator": option, "expected_discrimination": 0.9}
-        path = write_acquire_file(tmp_path, model, told)
+        path = write_experiment(tmp_path, model, told, "A")
         assert path == tmp_path / FILE
         experiment, sections = experiment_from(path)
         assert experiment.joint == model.joint
@@ -84,12 +90,37 @@ def test_acquire_takes_every_setting_of_the_menu(tmp_path, model, recording):
             assert 0.0 < peak < experiment.values["limit.position"]
 
 
-def test_another_machine_gets_no_file_and_a_stale_one_goes(tmp_path):
+def test_another_machine_gets_the_signal_as_a_table_and_a_stale_file_goes(tmp_path):
     (tmp_path / FILE).write_text("stale", encoding="utf-8")
-    told = {"why": "x", "signal_generator": {"rate": 100.0}, "expected_discrimination": 0.9}
-    assert write_acquire_file(tmp_path, RIGID, told) is None
-    assert not (tmp_path / FILE).exists()
-    assert write_acquire_file(tmp_path, STAGE, {**told, "signal_generator": {}}) is None
+    record = pendulum(1)
+    option = menu(RIGID, recording_scales(RIGID, [record]), record.dt)[0]
+    told = {"why": "x", "signal_generator": option, "expected_discrimination": 0.9}
+    path = write_experiment(tmp_path, RIGID, told, "N")
+    assert path == tmp_path / SIGNAL_FILE and not (tmp_path / FILE).exists()
+    assert path.read_text().startswith("time [s],input [N]\n")
+    time, signal = np.loadtxt(path, delimiter=",", skiprows=1).T
+    np.testing.assert_allclose(np.diff(time), record.dt, rtol=1e-3)
+    assert np.all(signal[time < option["signal.delay"]] == 0.0)
+    rms = np.std(signal[time > option["signal.delay"]])
+    assert rms == pytest.approx(option["signal.multisine.rms"], rel=0.2)
+    assert np.max(np.abs(signal)) <= option["signal.saturation"]
+    nothing = {**told, "signal_generator": {}}
+    assert write_experiment(tmp_path, RIGID, nothing, "N") is None and not path.exists()
+    assert write_experiment(tmp_path, STAGE, nothing, "A") is None
+
+
+@pytest.mark.parametrize(
+    ("condition", "words"),
+    [
+        ("motor angle, periodically", "two other angles"),
+        ("sign of motor velocity", "at three times its speed"),
+        ("input torque", "three times its size"),
+        ("deflection near zero", "three times its size"),
+        ("humidity", "once with much humidity"),
+    ],
+)
+def test_what_a_torque_follows_is_varied_in_the_words_of_who_moves_the_machine(condition, words):
+    assert words in varied(condition)
 
 
 def test_a_simulated_experiment_stays_within_the_limits(stage):

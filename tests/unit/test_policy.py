@@ -227,6 +227,17 @@ def test_what_is_left_and_follows_something_is_physics_without_a_name(explained,
     assert (structured(fit_of(), [left], [], result_of()) is not None) == counts
 
 
+@pytest.mark.parametrize(
+    ("colour", "explained", "random"), [(90.0, 0.08, True), (90.0, 0.12, False), (110.0, 0.08, False)]
+)
+def test_what_is_left_is_random_where_it_is_white_and_follows_nothing(monkeypatch, colour, explained, random):
+    left = Condition("stage1_motor", "motor angle", "rad", explained, np.zeros(8), np.ones(8))
+    answers = {"colour": colour, "_more_coloured": True, "held_out_fit": fit_of(), "conditions": [left]}
+    for name, answer in answers.items():
+        monkeypatch.setattr(doubt_module, name, lambda *_, answer=answer: answer)
+    assert doubt_module.left_is_random(fit_of(), [], []) == random
+
+
 def test_every_number_says_what_it_means_and_where_it_comes_from():
     """... in a text that stands behind it, and is used by a module beside it."""
     body = ast.parse((FOLDER / "policy.py").read_text()).body

@@ -95,6 +95,13 @@ outside the table gets a name. By hand, on the first draw of such physics in
 `docs/diagnosis_measured.md`; of the second one 20 of 24 were then called `unknown`, and one got a wrong name
 surely; 22 and none later, 19 and none since a name whose innovations are white is kept, unsurely."""
 
+STILL_RANDOM = 0.1
+"""Share of the left-over torque that a curve may explain on the other recordings while what is left passes
+for random, beside white innovations: these are white, too, where a random torque with a memory makes up for
+slow physics. Higher: names are kept beside physics that was left out; lower: small effects beside random
+torque are `unknown`. By hand; of a robot's axis that the others pull at, 0.28 of what was left followed its
+angle, with white innovations."""
+
 ERRS_LESS, ERRS_FAR_LESS = 0.9, 0.7
 """Factor by which the free run of the second witness must err less than the first opinion's, in the mean of
 both kinds of recordings, to take its place: where the first one's innovations are coloured, and where they

@@ -7,7 +7,7 @@ from dataclasses import replace
 from haptic_teleop_sysid.recordings.dataset import DataSet
 
 from .decision.constancy import inconstant
-from .decision.doubt import coloured, doubted
+from .decision.doubt import coloured, doubted, left_is_random
 from .decision.overruled import as_result, believed_instead, beyond_reach, inadequate
 from .decision.reasons import Doubt, off_the_mark, runs_away, slipped
 from .decision.search import SearchResult
@@ -32,8 +32,10 @@ def questioned(
         result = result.giving_up(result.choices, errs_less)
         result, doubt = as_result(opinion, result, found.learn, found.errors, found.simulated)
         return result, doubt, Stand(stand.before, stand.after, {})
-    # Where innovations are white, what is left is random, and a torque without a form follows chance.
-    left = bool(result.choices) and doubt is None and coloured(result.final, found.learn, found.judge)
+    # Where what is left is random, a torque without a form follows chance.
+    left = (
+        bool(result.choices) and doubt is None and not left_is_random(result.final, found.learn, found.judge)
+    )
     if opinion is not None and left and (short := inadequate(result, opinion)) is not None:
         kept_before = result.choices[: result.choices.index(short.choice)] if short.choice else ()
         final = kept_before[-1].chosen.fit if kept_before else result.baseline

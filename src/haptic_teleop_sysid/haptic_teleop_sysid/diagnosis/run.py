@@ -12,7 +12,7 @@ from haptic_teleop_sysid.recordings.dataset import DataSet
 
 from .decision.adequacy import adequacy, short_of
 from .decision.decide import Choice
-from .decision.doubt import coloured
+from .decision.doubt import left_is_random
 from .decision.nulls import Null, beyond_chance, nulls
 from .decision.own_quantity import follows_still
 from .decision.search import SearchResult
@@ -73,7 +73,7 @@ def diagnose(
             result.final,
             [*found.learn, *found.judge],
             *map(found.errors, models),
-            white=not coloured(result.final, found.learn, found.judge),
+            random_left=left_is_random(result.final, found.learn, found.judge),
         )
         result, short = short_of(result, adequate)
         result, bent = follows_still(result, found.learn, found.judge)

@@ -17,7 +17,7 @@ from .numbers import units_in
 from .pictures import inline_svg, still
 from .plot import Plot, Series
 from .roles import ROLES, variables
-from .section import Link, Section
+from .section import Link, Section, foldable, unbreakable
 
 Status = Literal["good", "fair", "bad", "plain"]
 STATUS_WORD = {"good": "OK", "fair": "NOTE", "bad": "PROBLEM", "plain": "INFO"}
@@ -61,7 +61,9 @@ class Page:
             autoescape=True, undefined=jinja2.StrictUndefined, trim_blocks=True, lstrip_blocks=True
         )
         environment.tests["link"] = lambda cell: isinstance(cell, Link)
+        environment.tests["unbreakable"] = unbreakable
         environment.filters["units"] = units_in
+        environment.filters["foldable"] = foldable
         environment.filters["identity"] = id
         files = importlib.resources.files("haptic_teleop_sysid.report")
         text = {

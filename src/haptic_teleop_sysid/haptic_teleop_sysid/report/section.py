@@ -8,6 +8,8 @@ from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Literal
 from urllib.parse import quote
 
+from markupsafe import Markup, escape
+
 from .plot import Plot
 
 if TYPE_CHECKING:  # importing matplotlib takes half a second
@@ -15,6 +17,10 @@ if TYPE_CHECKING:  # importing matplotlib takes half a second
 
 #: Cells that say that there is nothing, and how a date begins.
 _NOTHING, _DATE = ("", "–", "—"), re.compile(r"\d{4}-\d\d-\d\d")
+#: Where a name may be broken.
+_FOLDS = re.compile(r"(_|(?<=[\w/])[./](?=[A-Za-z]{2}))")
+#: Characters without a space from which a word may be broken anywhere: no column has room for it.
+_LONG_WORD = 22
 
 
 class Link(str):
@@ -89,3 +95,14 @@ def looks_numeric(cell: str) -> bool:
     """True for a cell that begins like a number and is no date."""
     text = cell.strip().lstrip("+-−±<>≈ ")
     return (text[:1].isdigit() or text in ("nan", "inf")) and not _DATE.match(text)
+
+
+def unbreakable(cell: str) -> bool:
+    """Whether a cell holds a word too long for a column of a sheet of paper: it alone is broken."""
+    return max(map(len, cell.split()), default=0) >= _LONG_WORD
+
+
+def foldable(cell: str) -> Markup:
+    """The cell as HTML in which a narrow column may break names: behind underscores, and before what follows
+    a dot or a slash."""
+    return Markup(_FOLDS.sub(r"\1<wbr>", str(escape(cell))))

@@ -14,7 +14,7 @@ from haptic_teleop_sysid.diagnosis.evidence.suggested_law.entry_file import FILE
 from haptic_teleop_sysid.diagnosis.inputs.cuts import MOST_SAMPLES, with_cuts_told
 from haptic_teleop_sysid.diagnosis.inputs.plausible import refuse_implausible, with_contradictions
 from haptic_teleop_sysid.diagnosis.report.beside_given import handed_on, settled
-from haptic_teleop_sysid.diagnosis.report.next_experiment import write_acquire_file
+from haptic_teleop_sysid.diagnosis.report.next_experiment import write_experiment
 from haptic_teleop_sysid.diagnosis.report.page import diagnosis_page
 from haptic_teleop_sysid.diagnosis.report.page_steps import Origin
 from haptic_teleop_sysid.diagnosis.run import diagnose
@@ -92,10 +92,12 @@ def diagnose_into(
     write_json(output / "diagnosis.json", content)
     place = output / "augmented_model.yaml"
     replace(settled(handed_on(proof)[1]), source=str(place)).save(place, comments(content))
-    write_acquire_file(output, model, content["next_experiment"])
+    write_experiment(output, model, content["next_experiment"], estimation[0].input_unit)
     if not options.page:
         return content, None
-    judge = tuple(d.name for d in (test or validation or estimation))
-    origin = Origin(model.source, judge, output, options.mapping, unused=bool(test))
+    learn, choose, judge = (
+        tuple(d.name for d in data) for data in (estimation, validation, test or validation or estimation)
+    )
+    origin = Origin(model.source, learn, choose, judge, output, options.mapping, unused=bool(test))
     page = diagnosis_page(result, verdict, content, proof, records_of(estimation), units, origin)
     return content, page.write(output / "report.html")

@@ -37,20 +37,20 @@ NEARLY_ALL = 0.9
 class Adequacy:
     """``torque``: share of the mean square of the torque that the observer adds to the structure alone which
     it does not add to the final model; ``free_run``: share of the mean square error of the structure's free
-    run that the final model's does not have; 0 to 1 each, 1 where nothing worth a word is left. ``white``:
-    the final model's innovations are, so that what is left is random as far as these recordings show, however
-    large its share: nothing more could be explained."""
+    run that the final model's does not have; 0 to 1 each, 1 where nothing worth a word is left.
+    ``random_left``: what is left is random as far as these recordings show, however large its share: nothing
+    more could be explained."""
 
     torque: float
     free_run: float
-    white: bool = False
+    random_left: bool = False
 
     @property
     def least(self) -> float:
         """The smaller one: nobody is surer of a name than this. Where only chance is left a name may be right
         that explains little, but none is sure: what passes for it could hide there, too."""
         least = min(self.torque, self.free_run)
-        return max(least, NOT_SURE) if self.white else least
+        return max(least, NOT_SURE) if self.random_left else least
 
     def content(self) -> dict[str, Any]:
         """What diagnosis.json says."""
@@ -60,7 +60,7 @@ class Adequacy:
             f"left is random, above {NOT_SURE:g} if that is larger",
             "torque": round(self.torque, 3),
             "free_run": round(self.free_run, 3),
-            "left_is_random": self.white,
+            "left_is_random": self.random_left,
         }
 
 
@@ -70,14 +70,14 @@ def adequacy(
     records: Sequence[Record],
     errors_before: tuple[float, float],
     errors_after: tuple[float, float],
-    white: bool = False,
+    random_left: bool = False,
 ) -> Adequacy:
     """Adequacy of what ``after`` has and ``before`` has not, on ``records`` of both kinds; errors: those of
-    their free runs on either kind (see `second_opinion.Errors`); ``white``: as there."""
+    their free runs on either kind (see `second_opinion.Errors`); ``random_left``: as there."""
     return Adequacy(
         explained_torque(before, after, records),
         _share(np.array(errors_before), np.array(errors_after), SLIGHT_ERROR),
-        white,
+        random_left,
     )
 
 
@@ -115,7 +115,7 @@ def short_of(result: SearchResult, found: Adequacy) -> tuple[SearchResult, Doubt
     """The result without names that explain less than LEAST_EXPLAINED of the torque that is missing, and the
     doubt that says so; what is seen in the currents alone stays."""
     moving = [c for c in result.choices if c.chosen.by_current <= 0.0]
-    if not moving or found.white or found.torque >= LEAST_EXPLAINED:
+    if not moving or found.random_left or found.torque >= LEAST_EXPLAINED:
         return result, None
     names = " and ".join(f"{c.chosen.effect.effect} at {c.chosen.effect.location}" for c in moving)
     why = (

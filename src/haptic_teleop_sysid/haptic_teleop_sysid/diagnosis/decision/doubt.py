@@ -24,9 +24,10 @@ from ..evidence.events import all_the_time
 from ..evidence.held_out import held_out_fit
 from ..evidence.modulation import changes_with, modulations
 from ..evidence.null_records import expected_colour, null_records, rounding_shows
+from ..evidence.residual import conditions
 from ..evidence.whiteness import colour, unsteadiness
 from ..hypotheses.explanation import Explanation
-from ..policy import COLOURED, ONLY_HERE, UNSTEADY
+from ..policy import COLOURED, ONLY_HERE, STILL_RANDOM, UNSTEADY
 from .decide import Choice, significant
 from .reasons import Doubt, momentary, rather_event
 from .search import SearchResult
@@ -144,6 +145,15 @@ def coloured(fit: Fit, estimation: Sequence[Record], validation: Sequence[Record
     there = held_out_fit(fit, validation, [fit.noise])
     found = colour(fit, estimation), colour(there, validation)
     return min(found) > COLOURED and _more_coloured(found, [(fit, estimation), (there, validation)])
+
+
+def left_is_random(fit: Fit, estimation: Sequence[Record], validation: Sequence[Record]) -> bool:
+    """Whether what a fit leaves is random as far as these recordings show: its innovations are white, and the
+    left-over torque follows nothing that was measured."""
+    if coloured(fit, estimation, validation):
+        return False
+    found = conditions(fit, estimation, validation, fit.model.joint)
+    return all(c.explained <= STILL_RANDOM for c in found)
 
 
 def _changing(

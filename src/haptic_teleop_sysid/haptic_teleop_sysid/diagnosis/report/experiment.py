@@ -88,6 +88,11 @@ def _short(value: object) -> object:
     return float(f"{trunc(value / unit + copysign(1e-9, value)) * unit:.6g}")
 
 
+def times(period: float) -> np.ndarray:
+    """When an experiment is sampled (n,), s, at rest first."""
+    return period * np.arange(int((_DELAY + SECONDS) / period))
+
+
 def series(model: Model, option: dict[str, object], time: np.ndarray) -> np.ndarray | None:
     """The signal (n,) of an experiment at times (n,), s; None where `acquire` would refuse it."""
     try:
@@ -103,10 +108,10 @@ def simulated_experiment(
 ) -> Record | None:
     """The recording that a fitted model would give of an experiment, with the fitted noise level at the
     motor; None where it reaches a limit (_MARGIN)."""
-    n = int((_DELAY + SECONDS) / record.dt)
-    signal = series(fit.model, option, record.dt * np.arange(n))
+    signal = series(fit.model, option, times(record.dt))
     if signal is None:
         return None
+    n = len(signal)
     decay = fit.noise.decay(record.dt)[0]
     white = np.random.default_rng(seed).standard_normal(n) * fit.noise.motor_torque * np.sqrt(1 - decay**2)
     gain = float(str(option.get("gain", 0.0))) if option.get("control") == "position" else 0.0

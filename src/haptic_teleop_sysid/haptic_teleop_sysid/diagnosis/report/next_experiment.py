@@ -1,4 +1,5 @@
-"""What to record next, and why: told in the result, and written as a file that `acquire` runs."""
+"""What to record next, and why: told in the result, and written as a file: one that `acquire` runs, or the
+signal as a table for a machine of one's own."""
 
 from __future__ import annotations
 
@@ -17,13 +18,22 @@ from ..decision.decide import Choice
 from ..decision.search import SearchResult
 from ..decision.verdict import Verdict
 from ..decision.words import placed, separating
-from .experiment import Suggestion, sharpen, suggest
+from ..policy import STILL_RANDOM
+from .experiment import Suggestion, series, sharpen, suggest, times
 
-#: The file, beside diagnosis.json.
-FILE = "next_experiment.yaml"
+#: The files, beside diagnosis.json: for `acquire`, and for another machine.
+FILE, SIGNAL_FILE = "next_experiment.yaml", "next_experiment.csv"
 #: Probability that the better of two models would be told (one half says nothing) from which an experiment is
 #: suggested.
 _WORTH_RECORDING = 0.8
+#: How to record little and much of what a missing torque follows, by a word of its name.
+_VARIED = {
+    "angle": "the same motion around two other angles, as far apart as the joint allows",
+    "velocity": "the same motion at a third and at three times its speed",
+    "deflection": "the same signal at a third and at three times its size, as far as the limits allow",
+    "input": "the same signal at a third and at three times its size, as far as the limits allow",
+    "time": "the same signal at once and after an hour of work",
+}
 #: Uncertainty of a size, as a share of it, from which it should be made surer.
 _UNSURE = 0.2
 
@@ -43,8 +53,7 @@ def next_experiment(result: SearchResult, verdict: Verdict, records: Sequence[Re
     if verdict.kind == "unknown" and verdict.where:
         place, condition = verdict.where[0]["equation"], verdict.where[0]["condition"]
         why = (
-            f"what has no name sits at {place} and depends on {condition}: record twice alike but for "
-            "that, little of it once and much of it once"
+            f"what has no name sits at {place} and depends on {condition}: record {varied(condition)}"
         )
         return _without(why, 0.5)
     worst = max(_unsure_sizes(verdict), default=None)
@@ -61,14 +70,21 @@ def next_experiment(result: SearchResult, verdict: Verdict, records: Sequence[Re
     )  # not ambiguous, and yet not alone
     if second is not None:
         return _separating(second, result, records)
-    if verdict.adequacy is not None and verdict.adequacy.least < NEARLY_ALL and verdict.remaining:
-        best = verdict.remaining[0]
+    best = verdict.remaining[0] if verdict.remaining else None
+    short = verdict.adequacy is not None and verdict.adequacy.least < NEARLY_ALL
+    if short and best is not None and best.explained > STILL_RANDOM:
         why = (
-            f"what is named does not explain all; most of what is left at {best.equation} follows the "
-            f"{best.name}: record twice alike but for that, little of it once and much of it once"
+            f"what is named does not explain all, and {100 * best.explained:.0f} % of the torque that is "
+            f"left at {best.equation} follows the {best.name}: record {varied(best.name)}"
         )
         return _without(why, 0.5)
-    return _without("nothing is left to separate; a recording of another day would show drift", 1.0)
+    return _without("nothing is left to separate; a recording of another day shows whether it lasts", 1.0)
+
+
+def varied(condition: str) -> str:
+    """What to record where a torque depends on a quantity, in words: it, little and much."""
+    otherwise = f"twice alike, once with little and once with much {condition}"
+    return next((words for name, words in _VARIED.items() if name in condition), otherwise)
 
 
 def _separating(choice: Choice, result: SearchResult, records: Sequence[Record]) -> dict[str, Any]:
@@ -143,11 +159,32 @@ def acquire_file(model: Model, experiment: Mapping[str, Any]) -> str | None:
     )
 
 
-def write_acquire_file(folder: Path, model: Model, experiment: Mapping[str, Any]) -> Path | None:
-    """Write the file into a folder, or remove an earlier one where there is none to write."""
-    path, content = folder / FILE, acquire_file(model, experiment)
-    if content is None:
-        path.unlink(missing_ok=True)
+def signal_table(model: Model, experiment: Mapping[str, Any], unit: str) -> str | None:
+    """The input of the experiment over time, as CSV for a machine that `acquire` does not drive; ``unit`` of
+    the input. None where there is no experiment, or `acquire` runs it."""
+    option = experiment["signal_generator"]
+    if model.robot in ("sfj", "omni") or not option:
         return None
-    path.write_text(content, encoding="utf-8")
-    return path
+    at = times(1.0 / float(option["rate"]))
+    signal = series(model, option, at)
+    if signal is None:
+        return None
+    rows = [f"{t:.6g},{u:.6g}" for t, u in zip(at, signal, strict=True)]
+    return "\n".join([f"time [s],input [{unit}]", *rows, ""])
+
+
+def write_experiment(folder: Path, model: Model, experiment: Mapping[str, Any], unit: str) -> Path | None:
+    """Write the file of the experiment into a folder, and remove what an earlier diagnosis left there; None
+    where there is none to write. ``unit`` of the model's input."""
+    written = None
+    for name, content in (
+        (FILE, acquire_file(model, experiment)),
+        (SIGNAL_FILE, signal_table(model, experiment, unit)),
+    ):
+        path = folder / name
+        if content is None:
+            path.unlink(missing_ok=True)
+        else:
+            path.write_text(content, encoding="utf-8")
+            written = path
+    return written

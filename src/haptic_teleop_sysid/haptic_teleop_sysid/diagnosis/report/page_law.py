@@ -28,8 +28,9 @@ from ..evidence.residual import UNITS, Condition
 
 FloatArray = NDArray[np.float64]
 
-#: Most and fewest dots of a curve, and samples that each is the mean of at least.
-_MOST_DOTS, _FEWEST_DOTS, _SAMPLES = 60, 12, 8
+#: Most and fewest dots of a curve, and samples that each is the mean of at least, and where there are more
+#: of them.
+_MOST_DOTS, _FEWEST_DOTS, _SAMPLES, _WANTED = 60, 8, 4, 8
 
 
 @dataclass(frozen=True)
@@ -80,7 +81,7 @@ def law_curve(
         before = lacking - sum(laws[id(e)] for e in others)
         found.append(np.column_stack([_followed(motion, name, model), before, laws[id(effect)]]))
     x, before, law = np.concatenate(found).T
-    dots = min(len(x) // _SAMPLES, _MOST_DOTS)
+    dots = min(len(x) // _SAMPLES, _MOST_DOTS, max(_FEWEST_DOTS, len(x) // _WANTED))
     if dots < _FEWEST_DOTS or not np.all(np.isfinite([x, before, law])):
         return None
     bins = np.array_split(np.argsort(x, kind="stable"), dots)

@@ -46,6 +46,8 @@ def _headline(verdict: Verdict, content: dict[str, Any]) -> tuple[Status, str]:
     places = ", ".join(f"{w['equation']} and depends on {w['condition']}" for w in verdict.where)
     if verdict.kind == "identified":
         named = " and ".join(_named(f) for f in verdict.findings)
+        if any(f["confidence"] < SURE for f in verdict.findings):
+            return "fair", f"The missing physics probably has a name: {named}."
         return "good", f"The missing physics has a name: {named}."
     if verdict.kind == "ambiguous":
         sure = " and ".join(_named(f) for f in verdict.findings if not _unsure(f))

@@ -66,7 +66,7 @@ def _where(section: Section, content: dict[str, Any]) -> None:
 def _ceiling(verdict: Verdict, least: float) -> str:
     """Why no confidence is higher."""
     found = verdict.adequacy
-    if found is not None and found.white and least > min(found.torque, found.free_run):
+    if found is not None and found.random_left and least > min(found.torque, found.free_run):
         return (
             f"No confidence is above {100 * least:.0f} % where what is named explains little beside torque "
             "that is random."

@@ -9,16 +9,21 @@ from typing import Any
 
 from haptic_teleop_sysid.report import Page
 
-from .next_experiment import FILE
+from .next_experiment import FILE, SIGNAL_FILE
+
+#: What the next recording is called, in the folder of the results.
+RECORDING = "next_recording"
 
 
 @dataclass(frozen=True)
 class Origin:
-    """What a diagnosis was made from, as it was named on the command line: the ``model`` file, the
-    recordings that ``judge``, the ``mapping`` of logs; the folder ``output``; ``unused``: whether those that
-    judge were neither fitted to nor chosen by."""
+    """What a diagnosis was made from, as it was named on the command line: the ``model`` file, the recordings
+    for ``estimation``, for ``validation``, and that ``judge``, the ``mapping`` of logs; the folder
+    ``output``; ``unused``: whether those that judge were neither fitted to nor chosen by."""
 
     model: str
+    estimation: tuple[str, ...]
+    validation: tuple[str, ...]
     judge: tuple[str, ...]
     output: Path
     mapping: str | None = None
@@ -36,15 +41,16 @@ def steps(page: Page, content: dict[str, Any], origin: Origin) -> None:
              _simulate(content, augmented, origin)),
             (f"Compare it with your model, on {_compared_on(origin)}.",
              _compare(augmented, origin)),
-            (f"Run the next experiment: {experiment['why']}.", _record(content, origin)),
+            (f"Run the next experiment: {experiment['why']}. {_recorded_by(content, origin)}",
+             _record(content, origin)),
         ]
     )  # fmt: skip
     if experiment["signal_generator"]:
         page.sections[-1].table(
-            ("parameter of acquire", "setting"),
+            ("parameter of the signal", "setting"),
             sorted(experiment["signal_generator"].items()),
-            f"The next experiment; expected to tell them apart with probability "
-            f"{experiment['expected_discrimination']:.2f}",
+            "The signal of the next experiment; chance that the better of two models is told by it: "
+            f"{100 * experiment['expected_discrimination']:.0f} %",
         )
 
 
@@ -80,9 +86,35 @@ def _compare(model: str, origin: Origin) -> str:
     return shlex.join([*words, "--allow-gaps", "--output", str(origin.output / "compare")])
 
 
+def _recorded_by(content: dict[str, Any], origin: Origin) -> str:
+    """How the recording comes about, and what the command that follows does with it."""
+    place = origin.output / RECORDING
+    then = "the command diagnoses it with the others"
+    if not content["next_experiment"]["signal_generator"]:
+        return f"Save it as {place}: {then}."
+    if _driven(content):
+        return f"The first command records it, {then.replace('the', 'the second', 1)}."
+    return (
+        f"Let your machine follow the input of {origin.output / SIGNAL_FILE}, at first at a tenth of its "
+        f"size, and save the log as {place}: {then}."
+    )
+
+
 def _record(content: dict[str, Any], origin: Origin) -> str:
-    """What records it; empty where no excitation is proposed, or the robot is none that `acquire` drives."""
-    if content["robot"] not in ("sfj", "omni") or not content["next_experiment"]["signal_generator"]:
-        return ""
-    place, recording = str(origin.output / FILE), str(origin.output / "next_recording")
-    return shlex.join(["haptic-teleop", "acquire", "--config", place, "--output", recording])
+    """What records it, where `acquire` drives the robot, and what diagnoses it with the recordings that there
+    are."""
+    recording = str(origin.output / RECORDING)
+    words = ["haptic-teleop", "diagnose", "--model", origin.model]
+    words += ["--estimation", *origin.estimation, recording]
+    words += ["--validation", *origin.validation] if origin.validation else []
+    words += ["--mapping", origin.mapping] if origin.mapping else []
+    diagnosed = shlex.join([*words, "--allow-gaps", "--output", str(origin.output / "with_next_recording")])
+    if not _driven(content):
+        return diagnosed
+    acquire = ["haptic-teleop", "acquire", "--config", str(origin.output / FILE), "--output", recording]
+    return f"{shlex.join(acquire)}\n{diagnosed}"
+
+
+def _driven(content: dict[str, Any]) -> bool:
+    """Whether there is an experiment that `acquire` runs."""
+    return content["robot"] in ("sfj", "omni") and bool(content["next_experiment"]["signal_generator"])

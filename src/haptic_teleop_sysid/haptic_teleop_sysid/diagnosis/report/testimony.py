@@ -98,8 +98,8 @@ def testimony_section(page: Page, content: dict[str, Any]) -> None:
             [
                 (
                     " and ".join(f"{e['effect']} at {e['location']}" for e in g["effects"]),
-                    f"{g['torque_fit']:.0f} %",
-                    f"{100 * g['explained']:.0f} %",
+                    f"{g['torque_fit']:z.0f} %",
+                    f"{100 * g['explained']:z.0f} %",
                     f"{100 * g['free_run_error']['validation']:.1f} % of the motion",
                 )
                 for g in found["groups"]
