@@ -54,6 +54,11 @@ def report(tmp_path_factory):
     header = ["recording", *(f"a column {n} (N·m)" for n in range(15))]
     row = [LONG, *(f"{n}.012345 ± 0.000123" for n in range(15))]
     page.section("Table").table(header, [row] * 3, "Many columns").table(["a", "b"], [["c", LONG]])
+    fits = ["signal", "yours (%)", "re-estimated (%)", "augmented (%)", "moves by", "recordings"]
+    signals = [f"stage1_{place}.{name}" for place in ("motor", "arm") for name in ("position", "velocity")]
+    page.section("Fits").table(
+        fits, [[s, "58.2", "93.8", "99.1", "0.822 rad", "other recordings, also used"] for s in signals]
+    )
     page.section("Steps").commands([("Compare.", f"haptic-teleop compare --model {LONG} --bag {LONG}")])
     page.section("Details", "What is folded.", folded=True).picture(still(plot), "Standing still")
     return page.write(tmp_path_factory.mktemp("report") / "report.html")
@@ -97,6 +102,11 @@ FITS = """() => {
 def test_no_page_scrolls_sideways_and_its_plots_are_large_enough_to_read(browser, report, width):
     page, wrong = opened(browser, report, viewport={"width": width, "height": 900})
     assert page.evaluate(FITS) == {"page": 0, "out": []}
+    # The three models stand beside each other without scrolling.
+    ends = page.evaluate(
+        "[...document.querySelectorAll('[aria-label=Fits] th')].map(e => e.getBoundingClientRect().right)"
+    )
+    assert max(ends[:4]) <= width
     # A table that is too wide scrolls in its own box, which the keyboard reaches.
     boxes = page.evaluate("[...document.querySelectorAll('.scroll')].map(e => [e.tabIndex, e.clientWidth])")
     assert boxes and all(index == 0 and 0 < inner <= width for index, inner in boxes)
@@ -201,6 +211,24 @@ def test_one_zooms_by_keyboard_and_by_mouse_hides_lines_and_sees_the_difference(
     page.close()
 
 
+#: Words that stand on two lines; a name may be broken where its parts meet.
+BROKEN_WORDS = """() => {
+  const found = [];
+  for (const cell of document.querySelectorAll("th:not(.long), td:not(.long)")) {
+    const texts = document.createTreeWalker(cell, NodeFilter.SHOW_TEXT);
+    for (let node; (node = texts.nextNode()); ) {
+      for (const word of node.data.matchAll(/[^\\s-]+/g)) {
+        const range = document.createRange();
+        range.setStart(node, word.index);
+        range.setEnd(node, word.index + word[0].length);
+        if (new Set([...range.getClientRects()].map((r) => Math.round(r.top))).size > 1) found.push(word[0]);
+      }
+    }
+  }
+  return found;
+}"""
+
+
 def test_paper_shows_everything_and_cuts_no_table_off(browser, report):
     page, _ = opened(browser, report, viewport={"width": A4, "height": 1000}, color_scheme="dark")
     page.emulate_media(media="print")
@@ -209,6 +237,8 @@ def test_paper_shows_everything_and_cuts_no_table_off(browser, report):
         "[...document.querySelectorAll('table')].map(t => t.getBoundingClientRect().right)"
     )
     assert cut and max(cut) <= A4 + 1
+    assert page.evaluate(BROKEN_WORDS) == []
+    assert not page.is_visible("nav")  # nobody clicks on paper
     assert page.is_visible(".plot .still svg") and not page.is_visible(".live")
     grounds = page.evaluate("getComputedStyle(document.body).backgroundColor")
     assert grounds == "rgb(255, 255, 255)"  # also for somebody whose screen is dark
@@ -276,7 +306,7 @@ def test_a_screen_reader_finds_landmarks_headings_names_and_the_way_past_the_con
     page.wait_for_function("document.activeElement.closest('main > *')")
     page.wait_for_function("getComputedStyle(document.activeElement).outlineStyle === 'solid'")
     page.click("nav >> text=Details")  # a link opens what is folded
-    page.wait_for_function("document.querySelector('#section4 details').open")
+    page.wait_for_function("document.querySelector('#section5 details').open")
     page.close()
 
 

@@ -21,6 +21,8 @@ _NOTHING, _DATE = ("", "–", "—"), re.compile(r"\d{4}-\d\d-\d\d")
 _FOLDS = re.compile(r"(_|(?<=[\w/])[./](?=[A-Za-z]{2}))")
 #: Characters without a space from which a word may be broken anywhere: no column has room for it.
 _LONG_WORD = 22
+#: Characters of a name from which a narrow column may break it where its parts meet.
+_WIDE_WORD = 14
 
 
 class Link(str):
@@ -103,6 +105,7 @@ def unbreakable(cell: str) -> bool:
 
 
 def foldable(cell: str) -> Markup:
-    """The cell as HTML in which a narrow column may break names: behind underscores, and before what follows
-    a dot or a slash."""
-    return Markup(_FOLDS.sub(r"\1<wbr>", str(escape(cell))))
+    """The cell as HTML in which a narrow column may break long names: behind underscores, dots and
+    slashes."""
+    html = re.sub(rf"\S{{{_WIDE_WORD},}}", lambda word: _FOLDS.sub(r"\1<wbr>", word[0]), str(escape(cell)))
+    return Markup(html)
