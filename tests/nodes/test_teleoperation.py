@@ -169,6 +169,7 @@ def test_in_simulated_mode_roles_are_swapped_there_and_back_while_the_command_is
     graph.until(lambda: reference.send(position=[0.0, 0.0]) and received.refused, what="the wrong command")
     refused = setting.call("engage")
     assert not refused.success and "omni_y" in refused.message
+    assert "generator with `kind: effort`" in refused.message and "let a hand lead" in refused.message
     before = setting.controller._reference
     assert setting.call("swap").success and setting.controller.faults.latched is None
     for joints in (["omni_y", "omni_z"], ["stage1_arm", "stage2_arm"]):  # taken before, seen after

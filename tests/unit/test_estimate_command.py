@@ -1,6 +1,9 @@
 """`estimate` and `dataset` on the command line: what they write, and one sentence for what cannot be used."""
 
+import html
 import json
+import re
+import shlex
 from dataclasses import replace
 
 import numpy as np
@@ -10,6 +13,7 @@ from identification_plants import STAGE, axis_recording, stage_recording
 
 from haptic_teleop_control.recording import JointStateSeries, write_recording
 from haptic_teleop_sim.model import load_model
+from haptic_teleop_sysid.commands import estimate
 from haptic_teleop_sysid.commands.compare import main as compare_main
 from haptic_teleop_sysid.commands.dataset_report import main as dataset_main
 from haptic_teleop_sysid.commands.estimate import main
@@ -225,6 +229,18 @@ def test_the_data_set_report_judges_recording_and_excitation(tmp_path, model, re
     low, high = found["band_hz"]
     assert 0.1 <= low < high <= 13.0
     assert "samples are lost" in " ".join(capsys.readouterr().out.split())
+
+
+@pytest.mark.usefixtures("unillustrated")
+def test_the_data_set_report_ends_with_a_command_that_estimate_takes(tmp_path, model, recording):
+    bag = written(tmp_path, recording)
+    arguments = ["--bag", str(bag), "--model", str(model), "--range", "0.5", "8", "--detrend", "linear"]
+    assert dataset_main([*arguments, "--output", str(tmp_path / "look")]) == 0
+    page = html.unescape((tmp_path / "look" / "report.html").read_text())
+    words = shlex.split(re.search(r"<code>(haptic-teleop estimate .*?)</code>", page)[1])
+    taken = estimate._parser().parse_args(words[2:])
+    assert (taken.model, taken.bag, taken.range) == (str(model), [str(bag)], [0.5, 8.0])
+    assert taken.detrend == "linear" and taken.lead_in == "auto"
 
 
 @pytest.mark.usefixtures("unillustrated")

@@ -1,5 +1,6 @@
 """Verification reads back what was put into recordings made from formulas."""
 
+import html
 import json
 import math
 from dataclasses import replace
@@ -285,7 +286,12 @@ def test_the_command_writes_report_pictures_and_figures(tmp_path, capsys):
     assert page.count("<svg role=") == 4  # two stages, energy, latency
     assert result["runs"][bag]["energy_j"]["slave"]["end"][0] > 0.0
     assert (output / "stage1.png").stat().st_size > 10_000
-    assert "Stage 1 in free motion" in capsys.readouterr().out
+    told = capsys.readouterr().out
+    assert "Stage 1 in free motion" in told
+    # What happened and what to do come first, as on the page.
+    first, then = told.splitlines()[:2]
+    assert first.startswith(("ok: ", "note: ")) and "rad/s" in first and then.startswith("what to do: ")
+    assert first.split(": ", 1)[1] in html.unescape(page)
 
 
 def test_an_earlier_report_is_kept_unless_overwriting_is_asked_for(tmp_path, capsys):

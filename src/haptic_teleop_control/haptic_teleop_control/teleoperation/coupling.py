@@ -21,6 +21,7 @@ from haptic_teleop_control.teleoperation.machine import State, TeleoperationMach
 from haptic_teleop_control.teleoperation.passivity import PassivitySettings, PortEnergies
 from haptic_teleop_control.teleoperation.settings import longest_round_trip
 from haptic_teleop_control.teleoperation.sides import (
+    REFERENCES,
     MasterPort,
     OmniMaster,
     OmniSlave,
@@ -240,12 +241,21 @@ class Coupling:
         """See Streams.round_trip."""
         return self.streams.round_trip
 
+    def _other_command(self) -> str:
+        """What to command this master with."""
+        joints, field = REFERENCES[self.roles[0]]
+        return (
+            f"the {self.roles[0]} as master takes the {field} of {' and '.join(joints)}: start a signal "
+            f"generator with `kind: {field}`, or set `command_source: device` and let a hand lead"
+        )
+
     def obstacle(self, now: int) -> str | None:
         """Why the two sides cannot be coupled now, in words; None when they can."""
         missing = self.streams.missing(now)
         if missing is not None:
             if missing.refused:
-                return f"{missing.name} cannot be used: {missing.refused}"
+                told = f"{missing.name} cannot be used: {missing.refused}"
+                return f"{told}; {self._other_command()}" if missing is self.streams.reference else told
             if missing.at is None:
                 return f"waiting for {missing.name}"
             return f"{missing.name} is silent for {missing.silence(now):.3f} s"

@@ -7,6 +7,7 @@ numbers), and, with a model, whether the excitation can teach it: spectrum, and 
 from __future__ import annotations
 
 import argparse
+import shlex
 import time
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass
@@ -22,6 +23,7 @@ from haptic_teleop_sysid.commands.treatment_options import (
     add_mapping_option,
     add_treatment_options,
     treatment_of,
+    treatment_words,
 )
 from haptic_teleop_sysid.estimation.excitation import Excitation, excitation, refuse_idle
 from haptic_teleop_sysid.logs.opened import open_recording
@@ -209,8 +211,8 @@ def spectrum_picture(one: Excitation, unit: str) -> Plot:
     return Plot(panels, "frequency (Hz); shaded: 95 % of the input's power")
 
 
-def page(looks: dict[str, Look]) -> Page:
-    """The report."""
+def page(looks: dict[str, Look], next_steps: Sequence[tuple[str, str]] = ()) -> Page:
+    """The report; ``next_steps``: what to do after it, and the command."""
     report = Page("Recordings before identification", ", ".join(looks))
     report.conclude(*_conclusion(looks))
     for name, one in looks.items():
@@ -223,7 +225,23 @@ def page(looks: dict[str, Look]) -> Page:
             section.text(f"{sentence[0].upper()}{sentence[1:]}.")
         _expected(report, name, one)
     _quality(report, looks)
+    if next_steps:
+        report.section("What comes next").commands(next_steps)
     return report
+
+
+def next_steps(arguments: argparse.Namespace) -> list[tuple[str, str]]:
+    """What to do after a look at these recordings, with the command."""
+    bags = list(dict.fromkeys(arguments.bag))
+    more = ["--mapping", arguments.mapping] if arguments.mapping else []
+    if arguments.model is None:
+        words = ["haptic-teleop", "dataset", "--bag", *bags, *more, "--model", "MODEL.yaml"]
+        what = "Look again with a model, to hear whether the excitation teaches it."
+        return [(what, shlex.join([*words, "--output", f"{arguments.output}_with_model"]))]
+    words = ["haptic-teleop", "estimate", "--model", arguments.model, "--bag", *bags, *more]
+    treatment = treatment_words(arguments)
+    what = "Estimate the model's parameters; add `--validation BAG` to check them on another recording."
+    return [(what, shlex.join([*words, *treatment, "--output", f"{arguments.output}_estimate"]))]
 
 
 def _conclusion(looks: dict[str, Look]) -> tuple[Status, str, str]:
@@ -305,7 +323,7 @@ def run(argv: list[str]) -> int:
     with screen.status("writing the report"):
         for number, one in enumerate(looks.values(), start=1):
             save_png(picture(one), output / ("dataset.png" if number == 1 else f"dataset-{number}.png"))
-        path = page(looks).write(output / "report.html")
+        path = page(looks, next_steps(arguments)).write(output / "report.html")
         content = {"schema": 1, "recordings": [as_json(name, one) for name, one in looks.items()]}
         content |= {"runtime_s": time.perf_counter() - began, "version": tool_version()}
         write_json(output / "dataset.json", content)

@@ -48,5 +48,14 @@ def treatment_of(arguments: argparse.Namespace) -> Treatment:
     return Treatment(arguments.lead_in, arguments.offset, arguments.detrend, arguments.rate, span)
 
 
+def treatment_words(arguments: argparse.Namespace) -> list[str]:
+    """The options that were given and differ from what is done without them, as words of a command line."""
+    words = [] if arguments.range is None else ["--range", *(f"{s:g}" for s in arguments.range)]
+    words += [] if arguments.lead_in == "auto" else ["--lead-in", str(arguments.lead_in)]
+    words += [] if arguments.offset == "auto" else ["--offset", arguments.offset]
+    words += [] if arguments.detrend == "none" else ["--detrend", arguments.detrend]
+    return words + ([] if arguments.rate is None else ["--rate", f"{arguments.rate:g}"])
+
+
 def _lead_in(text: str) -> str | float:
     return text if text in ("auto", "none") else positive(text)

@@ -16,8 +16,9 @@ from haptic_teleop_control.command_line import positive, run_command
 from haptic_teleop_control.errors import ConfigurationError, MismatchError
 from haptic_teleop_control.recording import read_recording
 from haptic_teleop_control.robots import STAGES
-from haptic_teleop_sysid.report import claim_output_directory, save_png
+from haptic_teleop_sysid.report import Status, claim_output_directory, save_png
 from haptic_teleop_sysid.results import tool_version, write_json
+from haptic_teleop_sysid.verification.conclusion import conclusion
 from haptic_teleop_sysid.verification.overlay_report import overlay_all
 from haptic_teleop_sysid.verification.page import key_figures, verification_page
 from haptic_teleop_sysid.verification.pictures import stage_picture
@@ -44,10 +45,11 @@ STATUSES = """exit status:
 @dataclass(frozen=True)
 class Verification:
     """What a verification found. not_simulated: by a run's name, why no simulation was laid over it, as the
-    end of a sentence about it."""
+    end of a sentence about it; conclusion: how good it is, what happened, what to do."""
 
     runs: list[Run]
     not_simulated: dict[str, str]
+    conclusion: tuple[Status, str, str]
 
     @property
     def failed(self) -> bool:
@@ -114,7 +116,7 @@ def verify(
         "version": tool_version(),
     }
     write_json(output / RESULT, content)
-    return Verification(runs, not_simulated)
+    return Verification(runs, not_simulated, conclusion(runs, labels))
 
 
 def short_names(bags: list[str]) -> list[str]:
@@ -157,8 +159,8 @@ def run(argv: list[str]) -> int:
 
 
 def print_summary(found: Verification, report: Path, figures_only: bool = False) -> None:
-    """Print each run's verdicts (or its failures and key figures only), why one was not simulated, and where
-    the report lies."""
+    """Print the conclusion, each run's verdicts (or its failures and key figures only), why one was not
+    simulated, and where the report lies."""
     console = Console(highlight=False)
     words = {
         "good": "[green]ok[/green]  ",
@@ -166,6 +168,10 @@ def print_summary(found: Verification, report: Path, figures_only: bool = False)
         "bad": "[red]bad[/red] ",
         "plain": "    ",
     }
+    status, happened, todo = found.conclusion
+    console.print(f"{words[status].strip()}: ", end="")
+    console.print(happened, markup=False, soft_wrap=True)
+    console.print(f"what to do: {todo}", markup=False, soft_wrap=True)
     for one in found.runs:
         console.print(one.name, markup=False, soft_wrap=True)
         if figures_only:

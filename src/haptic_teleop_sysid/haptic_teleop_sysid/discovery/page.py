@@ -63,7 +63,7 @@ def discovery_page(
         "along the way."
     )
     _sizes(page.section("What was hidden, and what was estimated"), content, judgement)
-    _envelope(page.section("The envelope", folded=True), content)
+    _secrecy(page.section("How the secret was kept", folded=True), content)
     page.section("To look further").table(
         ["what", "where"],
         [[what, _where(where)] for what, where in content["files"].items()],
@@ -77,7 +77,7 @@ def _where(path: str) -> str:
     return Link(path, path) if one else path
 
 
-def _envelope(section: Section, content: Mapping[str, Any]) -> None:
+def _secrecy(section: Section, content: Mapping[str, Any]) -> None:
     section.text(
         "Before any recording was made the label - the effect, its place and size, the robot's parameters "
         "and a random nonce - was sealed, and its SHA-256 digest was printed. The diagnosis ran as a process "
