@@ -12,7 +12,7 @@ from stepped_machines import RIGID, drive, pendulum, record, two_masses
 from haptic_teleop_sim.model import Effect, Model
 from haptic_teleop_sim.omni_robot import OMNI_PARAMETERS
 from haptic_teleop_sim.sfj_robot import SFJ_PARAMETERS
-from haptic_teleop_sysid.commands import acquire, compare, diagnose, export
+from haptic_teleop_sysid.commands import acquire, compare, diagnose, export, verify
 from haptic_teleop_sysid.diagnosis.decision.adequacy import Adequacy
 from haptic_teleop_sysid.diagnosis.evidence.inverse_dynamics.motion import banded, motion_band
 from haptic_teleop_sysid.diagnosis.report.page_law import law_curve, law_plot
@@ -242,12 +242,16 @@ LOGS = (("logs/learn one", "a"), ("logs/check one", "b"))
 def test_each_command_is_one_that_its_program_takes(robot, joint, table, excitation, tmp_path):
     page, output = Page("t"), tmp_path / "a folder"
     learn, check = LOGS
-    origin = Origin("my models/lab.yaml", learn, check, check, output)
+    scenario = None if table is None or excitation is None else output / "scenario.yaml"
+    origin = Origin("my models/lab.yaml", learn, check, check, output, scenario=scenario)
     steps(page, content(robot, joint, excitation), origin)
     lines = [[shlex.split(line) for line in told.splitlines()] for _, told in page.sections[0].blocks[0].rows]
     assert all(words[0] == "haptic-teleop" for commands in lines for words in commands)
-    (simulate,), (compared,), (*recorded, diagnosed) = lines
-    if table is None:
+    (simulate, *looked), (compared,), (*recorded, diagnosed) = lines
+    if scenario is not None:
+        assert simulate[1:4] == ["lockstep", str(scenario), "--record"]
+        assert verify._parser().parse_args(looked[0][2:]).bag == simulate[4:]
+    elif table is None:
         assert PARSERS["export"]().parse_args(simulate[2:]).to == "python"
     else:
         assert simulate[1] == f"{robot}_sim" and simulate[2:4] == ["--ros-args", "-p"]

@@ -14,7 +14,7 @@ from haptic_teleop_control.recording.texts import STRING_TYPE, encode_text
 from haptic_teleop_sim.lockstep import record_scenario, run_scenario
 from haptic_teleop_sim.scenario_parameters import check_scenario
 from haptic_teleop_sysid.commands import demo, verify
-from haptic_teleop_sysid.commands.demo import find_scenario
+from haptic_teleop_sysid.shipped_files import find_scenario
 from haptic_teleop_sysid.verification.run import examine
 from haptic_teleop_sysid.verification.verdicts import failures, verdicts
 

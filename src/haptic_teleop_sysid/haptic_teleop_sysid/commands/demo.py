@@ -3,46 +3,24 @@
 from __future__ import annotations
 
 import argparse
-import os
 import signal
 import subprocess
 import sys
 from pathlib import Path
 
 from haptic_teleop_control.command_line import INTERRUPTED, run_command
-from haptic_teleop_control.errors import ConfigurationError, HapticTeleopError
+from haptic_teleop_control.errors import HapticTeleopError
 from haptic_teleop_control.parent_death import ends_with_parent
 from haptic_teleop_sysid.commands.verify import print_summary, verify
 from haptic_teleop_sysid.report import numbered_output_directory
+from haptic_teleop_sysid.shipped_files import SCENARIO, find_scenario
 from haptic_teleop_sysid.verification.run import Run
 from haptic_teleop_sysid.verification.signals import COMMAND_TOPIC, STATE_TOPIC
 
-SCENARIO = "scenario1_sim.yaml"
 STOPPING_SECONDS = 20.0
 """How long the scenario is given to stop its nodes and close the recording after Ctrl-C."""
 COVERED_SHARE = 0.9
 ANSWERED_SHARE = 0.9
-
-
-def find_scenario(name: str = SCENARIO) -> Path:
-    """Return the path of a configuration file of the project: of the working tree, or as installed.
-
-    Raises ConfigurationError naming the places looked at.
-    """
-    here = Path(__file__).resolve()
-    prefixes = [Path(entry) for entry in os.environ.get("AMENT_PREFIX_PATH", "").split(os.pathsep) if entry]
-    places = [
-        Path.cwd() / "config",
-        *(parent / "config" for parent in here.parents[4:6]),
-        *(prefix / "share" / "haptic_teleop_control" / "config" for prefix in (*prefixes, Path(sys.prefix))),
-    ]
-    for place in places:
-        if (place / name).is_file():
-            return place / name
-    looked = ", ".join(str(place) for place in dict.fromkeys(places))
-    raise ConfigurationError(
-        f"{name} is in none of {looked}: start from the project's folder, or give --scenario."
-    )
 
 
 def run_scenario(scenario: Path, recording: Path, duration: float, factor: float | None = None) -> int:

@@ -26,9 +26,10 @@ from haptic_teleop_sim.lockstep import simulate_scenario
 from haptic_teleop_sim.model import Model
 from haptic_teleop_sim.scenario_parameters import check_scenario
 from haptic_teleop_sysid.commands import acquire
-from haptic_teleop_sysid.commands.demo import SCENARIO, find_scenario, run_scenario
+from haptic_teleop_sysid.commands.demo import run_scenario
 from haptic_teleop_sysid.recordings.recorded_parameters import flattened
 from haptic_teleop_sysid.recordings.time_grid import GAP_PERIODS
+from haptic_teleop_sysid.shipped_files import SCENARIO, find_scenario
 from haptic_teleop_sysid.verification.signals import STATE_TOPIC
 
 Array = NDArray[np.float64]

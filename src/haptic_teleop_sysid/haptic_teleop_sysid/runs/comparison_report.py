@@ -84,15 +84,10 @@ def _recording(page: Page, result: Comparison, bag: str, picture: Plot) -> None:
         errors.append([called, *(f"{fit.rms[s]:.4g}" if s in fit.rms else "–" for s in signals)])
     section.table(["model", *signals], rows, "Fit in percent: 100·(1 − ‖y − ŷ‖ / ‖y − mean y‖)")
     section.table(["model", *(f"{s} ({units[s]})" for s in signals)], errors, "Error, root mean square")
-    extent = (
-        "over the whole recording"
-        if chosen.seconds is None
-        else f"over {len(chosen.spans)} consecutive windows of {chosen.seconds:.2f} s"
-    )
     section.text(
         f"{len(dataset)} samples of {dataset.dt * 1e3:.3g} ms from {dataset.time[0]:.2f} to "
         f"{dataset.time[-1]:.2f} s. "
-        f"The response is simulated {extent} ({chosen.why}); the initial state is estimated for each, "
+        f"The response is simulated {chosen.extent} ({chosen.why}); the initial state is estimated for each, "
         f"nothing is "
         "corrected along the way, and all models use the same."
     )

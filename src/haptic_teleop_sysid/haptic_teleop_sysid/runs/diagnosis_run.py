@@ -24,6 +24,7 @@ from haptic_teleop_sysid.recordings.dataset import DataSet, load_dataset
 from haptic_teleop_sysid.recordings.parameter_units import Units
 from haptic_teleop_sysid.recordings.preparation import with_damage_told
 from haptic_teleop_sysid.results import tool_version, write_json
+from haptic_teleop_sysid.runs.augmented_scenario import write_scenario
 
 
 @dataclass(frozen=True)
@@ -91,13 +92,15 @@ def diagnose_into(
     content |= {"runtime_s": round(time.perf_counter() - began, 2), "version": tool_version()}
     write_json(output / "diagnosis.json", content)
     place = output / "augmented_model.yaml"
-    replace(settled(handed_on(proof)[1]), source=str(place)).save(place, comments(content))
+    handed = replace(settled(handed_on(proof)[1]), source=str(place))
+    handed.save(place, comments(content))
+    scenario = write_scenario(output, handed, place.name)
     write_experiment(output, model, content["next_experiment"], estimation[0].input_unit)
     if not options.page:
         return content, None
     learn, choose, judge = (
         tuple(d.name for d in data) for data in (estimation, validation, test or validation or estimation)
     )
-    origin = Origin(model.source, learn, choose, judge, output, options.mapping, unused=bool(test))
+    origin = Origin(model.source, learn, choose, judge, output, options.mapping, bool(test), scenario)
     page = diagnosis_page(result, verdict, content, proof, records_of(estimation), units, origin)
     return content, page.write(output / "report.html")

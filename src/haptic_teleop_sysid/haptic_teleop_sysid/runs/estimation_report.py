@@ -273,11 +273,8 @@ def _recording(report: Page, result: Result, bag: str) -> None:
     dataset, windows = result.data[bag], result.fits["estimate", bag].windows
     part = report.section(f"{bag} ({'validation' if bag in result.validation else 'estimation'})")
     part.plot(fit_picture(result, bag), f"Measured and simulated response, {bag}")
-    extent = (
-        "the whole" if windows.seconds is None else f"{len(windows.spans)} windows of {windows.seconds:.2f} s"
-    )
     samples = f"{len(dataset)} samples of {dataset.dt * 1e3:.3g} ms"
-    part.text(f"{samples}; simulated over {extent} ({windows.why}).")
+    part.text(f"{samples}; simulated {windows.extent} ({windows.why}).")
     for sentence in result.told[bag]:
         part.text(f"{sentence[0].upper()}{sentence[1:]}.")
 

@@ -63,11 +63,9 @@ def choose_windows(model: Model, dataset: DataSet, window: float | str | None = 
         return cut(dataset, float(window), "as asked")
     duration = len(dataset) * dataset.dt
     if duration <= 1.5 * DEFAULT_SECONDS:
-        short = f"simulated as a whole, as recordings up to {1.5 * DEFAULT_SECONDS:g} s are"
-        return cut(dataset, None, short)
-    in_windows = f"simulated in windows of {DEFAULT_SECONDS:g} s"
+        return cut(dataset, None, f"as recordings up to {1.5 * DEFAULT_SECONDS:g} s are")
     if closed_loop(dataset):
-        return cut(dataset, DEFAULT_SECONDS, f"{in_windows}, because the recording was made in closed loop")
+        return cut(dataset, DEFAULT_SECONDS, "because the recording was made in closed loop")
     whole = simulated_fit(model, dataset, cut(dataset, None, ""))
     measured = dataset.signals()
     start, stop = whole.windows.spans[0][0], whole.windows.spans[-1][1]
@@ -79,10 +77,9 @@ def choose_windows(model: Model, dataset: DataSet, window: float | str | None = 
         return cut(
             dataset,
             DEFAULT_SECONDS,
-            f"{in_windows}, because the first model's angle drifts by {100 * drifting:.0f} % of its spread",
+            f"because the first model's angle drifts by {100 * drifting:.0f} % of its spread",
         )
-    why = "simulated as a whole: no controller is declared, and the first model's angle stays near"
-    return cut(dataset, None, why)
+    return cut(dataset, None, "because no controller is declared and the first model's angle stays near")
 
 
 def simulated_fit(model: Model, dataset: DataSet, windows: Windows | None = None) -> SimulatedFit:

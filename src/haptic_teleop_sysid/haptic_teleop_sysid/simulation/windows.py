@@ -34,6 +34,13 @@ class Windows:
     seconds: float | None
     why: str
 
+    @property
+    def extent(self) -> str:
+        """Over what is simulated, in words."""
+        if self.seconds is None:
+            return "over the whole recording"
+        return f"over {len(self.spans)} consecutive windows of {self.seconds:.2f} s"
+
 
 def cut(dataset: DataSet, seconds: float | None, why: str) -> Windows:
     """Return windows of `seconds` (the whole for None). Stretches between invalid samples are cut apart, each

@@ -54,7 +54,7 @@ class Proof:
         return {
             **percent,
             "window_s": baseline["validation"][-1].windows.seconds,
-            "windows": "; ".join(f"{d.name}: {f.windows.why}" for d, f in told),
+            "windows": "; ".join(f"{d.name}: simulated {f.windows.extent}, {f.windows.why}" for d, f in told),
         }
 
 

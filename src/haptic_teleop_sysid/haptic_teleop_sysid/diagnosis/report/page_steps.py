@@ -19,7 +19,8 @@ RECORDING = "next_recording"
 class Origin:
     """What a diagnosis was made from, as it was named on the command line: the ``model`` file, the recordings
     for ``estimation``, for ``validation``, and that ``judge``, the ``mapping`` of logs; the folder
-    ``output``; ``unused``: whether those that judge were neither fitted to nor chosen by."""
+    ``output``; ``unused``: whether those that judge were neither fitted to nor chosen by; ``scenario``: a
+    file that simulates the robot with the model that is handed on, where there is one."""
 
     model: str
     estimation: tuple[str, ...]
@@ -28,6 +29,7 @@ class Origin:
     output: Path
     mapping: str | None = None
     unused: bool = False
+    scenario: Path | None = None
 
 
 def steps(page: Page, content: dict[str, Any], origin: Origin) -> None:
@@ -37,7 +39,7 @@ def steps(page: Page, content: dict[str, Any], origin: Origin) -> None:
     page.section("The next three steps").commands(
         [
             (f"Simulate with what augmented_model.yaml holds: {content['augmented_model']['what']} "
-             f"({_means(content)}).",
+             f"({_means(content, origin)}).",
              _simulate(content, augmented, origin)),
             (f"Compare it with your model, on {_compared_on(origin)}.",
              _compare(augmented, origin)),
@@ -65,7 +67,14 @@ def _compared_on(origin: Origin) -> str:
 
 
 def _simulate(content: dict[str, Any], model: str, origin: Origin) -> str:
-    """The simulated robot with the model, where it is one of ours; else the model as a Python function."""
+    """The scenario with the model in the simulated robot; the robot alone where there is no such file; else
+    the model as a Python function."""
+    if origin.scenario is not None:
+        recording = str(origin.output / "simulated")
+        run = ["haptic-teleop", "lockstep", str(origin.scenario), "--record", recording]
+        verified = str(origin.output / "simulated_verified")
+        look = ["haptic-teleop", "verify", recording, "--output", verified]
+        return f"{shlex.join(run)}\n{shlex.join(look)}"
     if content["robot"] in ("sfj", "omni"):
         value = f"{content['joint']}.model:={Path(model).resolve()}"
         return shlex.join(["haptic-teleop", f"{content['robot']}_sim", "--ros-args", "-p", value])
@@ -73,8 +82,10 @@ def _simulate(content: dict[str, Any], model: str, origin: Origin) -> str:
     return shlex.join(["haptic-teleop", "export", "--model", model, "--to", "python", "--output", script])
 
 
-def _means(content: dict[str, Any]) -> str:
+def _means(content: dict[str, Any], origin: Origin) -> str:
     """What the first command gives."""
+    if origin.scenario is not None:
+        return "scenario 1 and a page on it; with `scenario` in place of `lockstep` it runs as ROS 2 nodes"
     if content["robot"] in ("sfj", "omni"):
         return "a robot in simulation that speaks its topics; Ctrl-C ends it"
     return "one Python function; a simulated robot there is for the 2DSFJ and the Omni alone"
