@@ -10,6 +10,7 @@ simulation, whose errors show every wrong parameter; then less noisy ones, each 
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from typing import Any
 
 import numpy as np
 
@@ -17,15 +18,19 @@ from haptic_teleop_sim.kernel import pack
 from haptic_teleop_sim.model import Model
 
 from .gauss_newton import Fit, Limits, fit_parameters
-from .joint_fit import fit_model
 from .noise import NoiseModel
-from .records import Record, thinned
-from .tuning import initial_noise, tune_noise
+from .parallel import side_by_side
+from .records import Record, thinned, thinned_to
+from .tuning import initial_noise
+from .whole_fit import fit_whole, noise_starts
 
 #: Encoder noise of each stage as a share of the motion's standard deviation.
 STAGES = (0.1, 0.003)
 #: Hz that the first stage makes do with.
 _COARSE_RATE = 250.0
+#: Iterations of the one-step predictor, and nats that its last step may still promise: a tenth of a standard
+#: error.
+_MOST, _ENOUGH = 30, 0.005
 _MOTOR_SHARE, _ARM_SHARE = 0.02, 0.0004
 
 
@@ -90,19 +95,6 @@ def approach(
     return fit
 
 
-def fit_from_afar(
-    model: Model,
-    records: Sequence[Record],
-    *,
-    free: tuple[str, ...] | None = None,
-    limits: Limits | None = None,
-    progress: Callable[[int, float], None] | None = None,
-) -> Fit:
-    """`fit_model` after `approach`, then `polish`; where the approach did not arrive, the better of this
-    and of `fit_model` alone."""
-    return fit_far_and_near(model, records, free=free, limits=limits, progress=progress)[1]
-
-
 def fit_far_and_near(
     model: Model,
     records: Sequence[Record],
@@ -111,51 +103,27 @@ def fit_far_and_near(
     limits: Limits | None = None,
     progress: Callable[[int, float], None] | None = None,
 ) -> tuple[Fit, Fit]:
-    """Two fits: of the predictor that looks far ahead (`approach`, its last stage), and `fit_from_afar`'s.
+    """Two fits: of the predictor that looks far ahead (`approach`, its last stage), and from there of the
+    one-step predictor, parameters and noise levels together (`fit_whole`).
 
     They agree when the model is right, and the second is then the surer. Where something is missing that acts
     within few samples (a contact that gives before it slides), the second can be far off."""
     far = approach(model, records, free=free, limits=limits, progress=progress)
+    few = thinned_to(records)
+
+    def whole(start: tuple[Model, NoiseModel]) -> Fit:
+        return fit_whole(*start, few, free=free, limits=limits, iterations=_MOST, progress=progress)
+
     # From a quiet noise model, so that the disturbance does not grow until it replaces friction.
-    quiet = distrustful_noise(far.model, records, 0.0)
-    # Two rounds: the polish below does the rest.
-    fit = fit_model(
-        far.model,
-        records,
-        noise=quiet,
-        free=free,
-        rounds=2,
-        iterations=25,
-        limits=limits,
-        progress=progress,
-    )
-    if not (far.converged and fit.converged):
-        other = fit_model(model, records, free=free, limits=limits, progress=progress)
-        fit = max(fit, other, key=lambda one: one.log_likelihood)
-    return far, polish(fit, records, limits=limits, progress=progress)
-
-
-def polish(
-    fit: Fit,
-    records: Sequence[Record],
-    *,
-    rounds: int = 2,
-    limits: Limits | None = None,
-    progress: Callable[[int, float], None] | None = None,
-) -> Fit:
-    """Tune the noise levels to 5 % and fit once more, ``rounds`` times at most, while likelihood is gained.
-
-    Measured: with levels found to a factor of 1.4 only, weakly excited parameters were biased by 0.8 of their
-    standard error, and polished by 0.3.
-    """
-    for _ in range(rounds):
-        if not np.isfinite(fit.log_likelihood):
-            break
-        noise, _ = tune_noise(pack(fit.model), fit.noise, records, factor=1.25, rounds=2, enough=0.1)
-        better = fit_parameters(fit.model, noise, records, free=fit.free, limits=limits, progress=progress)
-        if not better.log_likelihood > fit.log_likelihood:
-            break
-        gained, fit = better.log_likelihood - fit.log_likelihood, better
-        if gained < 0.5:
-            break
-    return fit
+    near = whole((far.model, distrustful_noise(far.model, few, 0.0)))
+    if not (far.converged and near.converged):
+        others = [(one, noise) for one in (far.model, model) for noise in noise_starts(one, few)]
+        near = max([near, *side_by_side(whole, others)], key=lambda one: one.log_likelihood)
+    if np.isfinite(near.log_likelihood):
+        common: Any = {"free": free, "limits": limits, "progress": progress}
+        near = fit_whole(near.model, near.noise, records, iterations=_MOST, enough=_ENOUGH, **common)
+        if not near.converged:
+            # Where hardly any noise is left, derivatives through the observer's gain, which are differences,
+            # are too rough for the last digits; those at its levels are exact.
+            near = fit_parameters(near.model, near.noise, records, **common)
+    return far, near

@@ -101,7 +101,7 @@ def _led_out(
     levels find together from there (and with that parameter as at the ``start``), if that is far better and
     the predictor that looks ahead stays with it.
 
-    Parameters and levels fitted in turn can end in a hollow that neither leaves alone. Where the recording
+    A single start can end in a hollow. Where the recording
     itself misleads the one-step predictor, the other one moves away again, and nothing changes.
     """
     if not np.isfinite(near.log_likelihood) or (_agree(far, near) and not near.at_bound):
