@@ -110,7 +110,7 @@ def run(argv: list[str]) -> int:
         console.print(table)
     for bag, dataset in result.data.items():
         for problem in dataset.problems:
-            progress.print(f"note: {bag}: {problem}", markup=False, highlight=False)
+            progress.print(f"note: {bag}: {problem}", markup=False, highlight=False, soft_wrap=True)
     console.print(f"report: {report}", markup=False, highlight=False, soft_wrap=True)
     return 0
 

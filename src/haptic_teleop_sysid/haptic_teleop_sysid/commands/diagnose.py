@@ -67,7 +67,7 @@ def run_one(arguments: argparse.Namespace, model: Model, began: float) -> int:
     tell(screen, read)
     for name, problems in content["recordings"].items():
         for problem in problems:
-            screen.print(f"note: {name}: {problem}", markup=False, highlight=False)
+            screen.print(f"note: {name}: {problem}", markup=False, highlight=False, soft_wrap=True)
     console.print(summary(content), markup=False, highlight=False, soft_wrap=True)
     if report is not None:
         console.print(f"report: {report}", markup=False, highlight=False, soft_wrap=True)

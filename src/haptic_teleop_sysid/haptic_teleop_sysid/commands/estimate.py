@@ -79,7 +79,7 @@ def run(argv: list[str]) -> int:
     for table in tables(result):
         console.print(table)
     for _, sentence in verdict(result):
-        console.print(sentence, markup=False, highlight=False)
+        console.print(sentence, markup=False, highlight=False, soft_wrap=True)
     console.print(f"report: {path}", markup=False, highlight=False, soft_wrap=True)
     return 0
 
