@@ -93,7 +93,8 @@ torque without a form explains in the same quantities. Below, it is the nearest 
 `unknown`. Higher: right names of an effect beside which much else is missing fall; lower: more physics
 outside the table gets a name. By hand, on the first draw of such physics in
 `docs/diagnosis_measured.md`; of the second one 20 of 24 were then called `unknown`, and one got a wrong name
-surely; 22 and none later, 19 and none since a name whose innovations are white is kept, unsurely."""
+surely; 22 and none later, 19 and none since a name whose innovations are white is kept, unsurely; of a third
+one, looked at once, 20 and one."""
 
 STILL_RANDOM = 0.1
 """Share of the left-over torque that a curve may explain on the other recordings while what is left passes
