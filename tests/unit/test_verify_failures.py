@@ -96,7 +96,8 @@ def test_a_latched_fault_comes_first_on_page_terminal_and_in_json_and_ends_with_
     )
     assert result["runs"][path]["verdicts"][0] == ["bad", sentence]
     printed = capsys.readouterr().out.splitlines()
-    assert sentence in printed[1], "right below the recording's name"
+    assert printed[0].startswith("bad: The run failed. ") and sentence in printed[0]
+    assert sentence in printed[printed.index(path) + 1], "right below the recording's name"
     first, then = page.index("Fault in /force_controller"), page.index("Stage 1 in free motion")
     assert first < then
 

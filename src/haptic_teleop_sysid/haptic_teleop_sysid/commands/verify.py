@@ -16,7 +16,7 @@ from haptic_teleop_control.command_line import positive, run_command
 from haptic_teleop_control.errors import ConfigurationError, MismatchError
 from haptic_teleop_control.recording import read_recording
 from haptic_teleop_control.robots import STAGES
-from haptic_teleop_sysid.report import Status, claim_output_directory, save_png
+from haptic_teleop_sysid.report import claim_output_directory, save_png
 from haptic_teleop_sysid.results import tool_version, write_json
 from haptic_teleop_sysid.verification.conclusion import conclusion
 from haptic_teleop_sysid.verification.overlay_report import overlay_all
@@ -45,11 +45,10 @@ STATUSES = """exit status:
 @dataclass(frozen=True)
 class Verification:
     """What a verification found. not_simulated: by a run's name, why no simulation was laid over it, as the
-    end of a sentence about it; conclusion: how good it is, what happened, what to do."""
+    end of a sentence about it."""
 
     runs: list[Run]
     not_simulated: dict[str, str]
-    conclusion: tuple[Status, str, str]
 
     @property
     def failed(self) -> bool:
@@ -116,7 +115,7 @@ def verify(
         "version": tool_version(),
     }
     write_json(output / RESULT, content)
-    return Verification(runs, not_simulated, conclusion(runs, labels))
+    return Verification(runs, not_simulated)
 
 
 def short_names(bags: list[str]) -> list[str]:
@@ -168,7 +167,7 @@ def print_summary(found: Verification, report: Path, figures_only: bool = False)
         "bad": "[red]bad[/red] ",
         "plain": "    ",
     }
-    status, happened, todo = found.conclusion
+    status, happened, todo = conclusion(found.runs, short_names([one.name for one in found.runs]))
     console.print(f"{words[status].strip()}: ", end="")
     console.print(happened, markup=False, soft_wrap=True)
     console.print(f"what to do: {todo}", markup=False, soft_wrap=True)
