@@ -169,7 +169,7 @@ def signal_table(model: Model, experiment: Mapping[str, Any], unit: str) -> str 
     signal = series(model, option, at)
     if signal is None:
         return None
-    rows = [f"{t:.6g},{u:.6g}" for t, u in zip(at, signal, strict=True)]
+    rows = [f"{t:.9g},{u:.6g}" for t, u in zip(at, signal, strict=True)]
     return "\n".join([f"time [s],input [{unit}]", *rows, ""])
 
 

@@ -100,11 +100,11 @@ def _compare(model: str, origin: Origin) -> str:
 def _recorded_by(content: dict[str, Any], origin: Origin) -> str:
     """How the recording comes about, and what the command that follows does with it."""
     place = origin.output / RECORDING
+    if _driven(content):
+        return "The first command records it, the second diagnoses it with the others."
     then = "the command diagnoses it with the others"
     if not content["next_experiment"]["signal_generator"]:
         return f"Save it as {place}: {then}."
-    if _driven(content):
-        return f"The first command records it, {then.replace('the', 'the second', 1)}."
     return (
         f"Let your machine follow the input of {origin.output / SIGNAL_FILE}, at first at a tenth of its "
         f"size, and save the log as {place}: {then}."
