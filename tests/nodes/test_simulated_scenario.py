@@ -44,6 +44,8 @@ class Hanging(AugmentedErrorLaw):
 """
 """A law that does not return any more."""
 
+FRONT_DOOR = [sys.executable, "-m", "haptic_teleop_control.front_door"]
+
 
 @pytest.fixture
 def file(tmp_path, monkeypatch) -> Path:
@@ -61,8 +63,7 @@ def usual(file: Path) -> Path:
 
 
 def start(file: Path, *options: str) -> subprocess.Popen:
-    command = [sys.executable, "-m", "haptic_teleop_control.front_door", "scenario", str(file), *options]
-    return subprocess.Popen(command, stderr=subprocess.PIPE, text=True)
+    return subprocess.Popen([*FRONT_DOOR, "scenario", str(file), *options], stderr=subprocess.PIPE, text=True)
 
 
 @pytest.mark.parametrize(
@@ -106,15 +107,44 @@ def test_a_law_that_does_not_return_ends_a_scenario_of_one_process_too(file):
     assert "a node in it that does not return" in errors
 
 
+def until_it_runs(process: subprocess.Popen) -> list[str]:
+    """The lines that it has said until its states came."""
+    lines, end = [], time.monotonic() + 60.0
+    while not any("stage 1:" in line for line in lines):
+        assert time.monotonic() < end
+        lines.append(process.stderr.readline())
+        assert lines[-1], "".join(lines)
+    return lines
+
+
+@pytest.mark.parametrize("options", [(), ("--processes",)])
+def test_a_second_run_and_a_stray_node_are_refused_and_the_first_run_goes_on(file, options):
+    usual(file)
+    first = start(file, *options, "--real-time-factor", "1")
+    try:
+        until_it_runs(first)
+        second = start(file, *options)
+        _, refusal = second.communicate(timeout=100)
+        assert second.returncode == 2 and "is also published by" in refusal, refusal
+        stray = subprocess.run(
+            [*FRONT_DOOR, "signal_generator", "--ros-args", "-p", "use_sim_time:=true"],
+            stderr=subprocess.PIPE, text=True, timeout=60, check=False,
+        )  # fmt: skip
+        assert stray.returncode == 2 and "another node of this name takes part" in stray.stderr, stray.stderr
+        assert first.poll() is None
+        first.send_signal(signal.SIGINT)
+        _, errors = first.communicate(timeout=60)
+    finally:
+        first.kill()
+        first.wait()
+    assert first.returncode == 0 and "fault" not in errors, errors
+
+
 def test_a_coordinator_that_is_killed_ends_the_scenario_with_1_and_is_named(file):
     process = start(usual(file), "--processes")
     try:
-        coordinator, end = None, time.monotonic() + 60.0
-        lines = []
-        while not any("stage 1:" in line for line in lines):
-            assert time.monotonic() < end
-            lines.append(process.stderr.readline())
-            assert lines[-1], "".join(lines)
+        coordinator = None
+        until_it_runs(process)
         children = Path(f"/proc/{process.pid}/task/{process.pid}/children").read_text().split()
         for child in map(int, children):
             if b"time_coordinator" in Path(f"/proc/{child}/cmdline").read_bytes().split(b"\0"):

@@ -101,7 +101,7 @@ class Toy:
         self.world, self.name = world, member.name
         self.faults = []
         say = lambda report: world.send("coordinator", report)  # noqa: E731
-        self.participant = Participant(member, say, self.on_tick, self.faults.append)
+        self.participant = Participant(member, say, self.on_tick, self.faults.append, self.faults.append)
 
     def hear(self, message):
         if isinstance(message, (Tick, Status)):

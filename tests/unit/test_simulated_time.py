@@ -33,9 +33,9 @@ from haptic_teleop_control.simulated_time.schedule import Schedule
 from haptic_teleop_control.simulated_time.stamps import ORIGIN, sample_stamp
 
 
-def joined(coordinator, *members, wall=0.0):
+def joined(coordinator, *members, wall=0.0, sender="", run=""):
     for member in members:
-        coordinator.hear(Report(member.name, "join", member=member), wall)
+        coordinator.hear(Report(member.name, "join", member=member, sender=sender, run=run), wall)
     return coordinator
 
 
@@ -44,6 +44,21 @@ PLANT_MEMBER = Member("/sfj/sfj_sim", PLANT, 500.0, "/sfj/joint_states", "/sfj/e
 
 def open_loop(**options):
     return joined(Coordinator(["sfj_sim"], 0.0, **options), PLANT_MEMBER)
+
+
+def listening(faults, refusals=None, say=lambda report: None, **options):
+    """A participant that has not joined yet."""
+    return Participant(
+        PLANT_MEMBER, say, lambda tick, repeated: None, faults.append,
+        [].append if refusals is None else refusals.append, **options,
+    )  # fmt: skip
+
+
+def taken_part(participant, session="one", state=RUNNING, reason=""):
+    """A coordinator's word that `participant` has joined."""
+    name, sender = participant.member.name, participant.sender
+    participant.hear(Status(session, state, ORIGIN, (name,), reason, senders=(sender,)))
+    return participant
 
 
 def ticks(messages):
@@ -82,28 +97,65 @@ def test_without_a_plant_time_does_not_begin_and_says_why():
 def test_what_joins_late_or_doubles_another_is_refused_with_the_reason():
     coordinator = open_loop()
     coordinator.poll(0.0)
-    joined(coordinator, Member("/omni/omni_sim", PLANT, 1000.0, "/omni/joint_states"))
-    assert "runs already" in coordinator.status().refused["/omni/omni_sim"]
-    waiting = joined(Coordinator(["sfj_sim", "x"]), PLANT_MEMBER, replace(PLANT_MEMBER, name="/mujoco_sim"))
-    assert "/sfj/joint_states" in waiting.status().refused["/mujoco_sim"]
-    waiting = joined(Coordinator(["sfj_sim", "x"]), PLANT_MEMBER, replace(PLANT_MEMBER, rate=100.0))
-    assert "another node of this name" in waiting.status().refused["/sfj/sfj_sim"]
+    joined(coordinator, Member("/omni/omni_sim", PLANT, 1000.0, "/omni/joint_states"), sender="late")
+    assert "runs already" in coordinator.status().refused["late"]
+    other = replace(PLANT_MEMBER, name="/mujoco_sim")
+    waiting = joined(joined(Coordinator(["sfj_sim", "x"]), PLANT_MEMBER), other, sender="second")
+    assert "/sfj/joint_states" in waiting.status().refused["second"]
+    waiting = joined(joined(Coordinator(["sfj_sim", "x"]), PLANT_MEMBER), PLANT_MEMBER, sender="second")
+    assert "another node of this name" in waiting.status().refused["second"]
 
 
-def test_a_refused_participant_has_a_fault():
+def test_a_refused_participant_is_told_once_and_has_no_fault_of_what_follows():
+    faults, refusals = [], []
+    participant = listening(faults, refusals)
+    for state in (RUNNING, RUNNING, HALTED):
+        participant.hear(Status("s", state, ORIGIN, (), "", {participant.sender: "too late"}))
+    assert len(refusals) == 1 and "too late" in refusals[0] and not faults
+
+
+@pytest.mark.parametrize("state", [RUNNING, OVER, HALTED])
+def test_what_a_second_coordinator_announces_changes_nothing(state):
+    faults, heard = [], []
+    participant = taken_part(listening(faults, on_status=heard.append))
+    participant.hear(Tick("two", 1, ORIGIN + 5, ("/sfj/sfj_sim",)))
+    participant.hear(Status("two", state, ORIGIN + 5, ("/sfj/sfj_sim",), "it was stopped", senders=("x",)))
+    assert not faults and len(heard) == 1 and participant.stamp == ORIGIN and participant.tick is None
+
+
+def test_the_end_of_a_node_of_the_same_name_is_not_the_end_of_the_one_that_takes_part():
+    coordinator = open_loop()
+    coordinator.poll(0.0)
+    joined(coordinator, PLANT_MEMBER, sender="stray")
+    coordinator.hear(Report("/sfj/sfj_sim", "done", 1, sender="stray"), 0.0)
+    coordinator.hear(Report("/sfj/sfj_sim", "left", sender="stray"), 0.0)
+    assert coordinator.state == RUNNING and coordinator.status().members == ("/sfj/sfj_sim",)
+    assert not ticks(coordinator.poll(0.0)), "the stray's answer has been taken for the participant's"
+
+
+def test_two_runs_of_one_file_in_one_domain_do_not_hear_each_other():
     faults = []
-    participant = Participant(PLANT_MEMBER, lambda report: None, lambda tick, repeated: None, faults.append)
-    participant.hear(Status("s", RUNNING, ORIGIN, (), "", {"/sfj/sfj_sim": "too late"}))
-    participant.hear(Status("s", RUNNING, ORIGIN, (), "", {"/sfj/sfj_sim": "too late"}))
-    assert len(faults) == 1 and "too late" in faults[0]
+    first, second = (Coordinator(["sfj_sim"], 0.0, run=run) for run in ("first", "second"))
+    for node, run in ((listening(faults, run="first"), "first"), (listening(faults, run="second"), "second")):
+        for coordinator in (second, first):
+            joined(coordinator, PLANT_MEMBER, sender=node.sender, run=run)
+            node.hear(coordinator.status())
+        assert node.joined
+        if run == "first":
+            first_node = node
+    assert first.status().senders == (first_node.sender,) and first.status().refused == {}
+    first_node.hear(second.end("the coordinator was stopped"))
+    second.hear(Report("/sfj/sfj_sim", "left", sender=second.status().senders[0], run="second"), 0.0)
+    assert not faults and first_node.state == WAITING
 
 
-def test_a_second_coordinator_is_a_fault():
-    faults = []
-    participant = Participant(PLANT_MEMBER, lambda report: None, lambda tick, repeated: None, faults.append)
-    participant.hear(Status("one", RUNNING, ORIGIN, ("/sfj/sfj_sim",)))
-    participant.hear(Tick("two", 1, ORIGIN, ("/sfj/sfj_sim",)))
-    assert "another coordinator" in faults[0]
+def test_a_node_started_by_hand_does_not_take_the_place_of_a_scenarios_own():
+    coordinator = Coordinator(["sfj_sim", "recorder"], 0.0, run="this")
+    joined(coordinator, PLANT_MEMBER, sender="stray")
+    assert coordinator.status().members == () and "another node" in coordinator.status().refused["stray"]
+    spectator = Member("/spectator", RECORDER, topics=("/sfj/joint_states",))
+    joined(coordinator, spectator, sender="hand")
+    assert coordinator.status().members == ("/spectator",)
 
 
 def test_pause_holds_time_a_step_is_one_tick_and_a_step_while_running_is_refused():
@@ -252,8 +304,7 @@ def test_any_text_is_a_message_or_none(text):
 
 def test_a_coordinator_that_begins_anew_is_told_from_a_second_one():
     faults = []
-    participant = Participant(PLANT_MEMBER, lambda report: None, lambda tick, repeated: None, faults.append)
-    participant.hear(Status("one", RUNNING, ORIGIN, ("/sfj/sfj_sim",)))
+    participant = taken_part(listening(faults))
     participant.hear(Status("one", OVER, ORIGIN, ("/sfj/sfj_sim",), "the coordinator was stopped"))
     participant.hear(Status("two", WAITING, ORIGIN))
     assert len(faults) == 1 and "start this node anew" in faults[0]
@@ -269,9 +320,9 @@ def test_what_cannot_be_paused_yet_says_what_it_waits_for():
     "text",
     [
         '{"type":"report","name":"/a","act":"recorded","number":0,"what":"","stamps":null,"arrivals":[],'
-        '"member":null,"silent":false}',
+        '"member":null,"silent":false,"sender":"","run":""}',
         '{"type":"status","session":"s","state":"running","stamp":1,"members":[],"reason":"","refused":[],'
-        '"achieved":1.0}',
+        '"achieved":1.0,"senders":[],"run":""}',
         encode(Report("/a", "join", member=Member("/a", PLANT, 0.0, "/t"))),
         encode(Report("/a", "join", member=Member("/a", SOURCE, float("nan"), "/t"))),
         encode(Report("/a", "join", member=Member("/a", "guest"))),
@@ -290,12 +341,11 @@ def test_a_packet_of_a_way_that_nobody_has_is_left_out():
 
 def test_a_participant_in_a_fault_says_so_and_is_not_accused_of_silence():
     said = []
-    participant = Participant(PLANT_MEMBER, said.append, lambda tick, repeated: None, lambda detail: None)
-    participant.hear(Status("one", RUNNING, ORIGIN, ("/sfj/sfj_sim",)))
+    participant = taken_part(listening([], say=said.append))
     for wall in range(200):
         participant.poll(0.1 * wall)
     assert said[-1].act == "left" and "silent" in said[-1].what
-    coordinator = open_loop()
+    coordinator = joined(Coordinator(["sfj_sim"], 0.0), PLANT_MEMBER, sender=participant.sender)
     coordinator.poll(0.0)
     coordinator.hear(said[-1], 0.0)
     assert coordinator.state == HALTED and "takes no part any more" in coordinator.reason

@@ -37,6 +37,7 @@ from haptic_teleop_control.parameter_files import (
     load_parameter_file,
     parameters_for,
 )
+from haptic_teleop_control.simulated_time.runs import new_run
 from haptic_teleop_control.teleoperation.agreement import check_agreement, simulates
 
 FIRST_STATE_LIMIT = 30.0
@@ -108,9 +109,9 @@ def _watched(nodes: Sequence[str], slave: str | None) -> str:
     return "sfj" if "sfj" in robots else "omni"
 
 
-def start_children(scenario: Scenario) -> list[Child]:
+def start_children(scenario: Scenario, run: str) -> list[Child]:
     """The control processes, one or one for each node, and after them the recorder if there is to be one; all
-    wait for the start."""
+    wait for the start. run: id of this run."""
     ros = ["--ros-args", "--params-file", str(scenario.file)]
     nodes = list(scenario.nodes)
     if scenario.simulated:
@@ -123,9 +124,9 @@ def start_children(scenario: Scenario) -> list[Child]:
         )
         nodes.append(TIME_COORDINATOR.node_name)
     if scenario.processes:
-        children = [Child(name, ros, armed=True) for name in nodes]
+        children = [Child(name, ros, armed=True, run=run) for name in nodes]
     else:
-        children = [Child("composed", [*nodes, *ros], armed=True)]
+        children = [Child("composed", [*nodes, *ros], armed=True, run=run)]
     if scenario.record:
         given = _stated(
             Recorder.NAME,
@@ -134,7 +135,7 @@ def start_children(scenario: Scenario) -> list[Child]:
             note=scenario.note,
             use_sim_time=scenario.simulated,
         )
-        children.append(Child(Recorder.NAME, [*ros, *given], armed=True))
+        children.append(Child(Recorder.NAME, [*ros, *given], armed=True, run=run))
     return children
 
 
@@ -145,13 +146,14 @@ def _stated(node: str, **values: Any) -> list[str]:
 
 def run(scenario: Scenario) -> int:
     """Runs it to its end; exit status 0, or that of the first process that failed, or 1 for a fault."""
+    own_id = new_run()
     children: list[Child] = []
     faults: dict[str, str] = {}
     warnings: dict[str, tuple[int, str]] = {}
     with stop_requests() as stop:
         try:
-            children = start_children(scenario)
-            faults = _watch(scenario, children, stop, warnings)
+            children = start_children(scenario, own_id)
+            faults = _watch(scenario, own_id, children, stop, warnings)
             faults |= _ended_early(children)
         finally:
             # In order: outputs to zero, then the recording's end.
@@ -204,12 +206,13 @@ def _causes(faults: dict[str, str]) -> dict[str, str]:
 
 def _watch(
     scenario: Scenario,
+    run: str,
     children: Sequence[Child],
     stop: StopRequests,
     warnings: dict[str, tuple[int, str]],
 ) -> dict[str, str]:
     """The faults; `warnings` is filled."""
-    with Watcher(scenario.watched, scenario.simulated) as watcher, ProgressLine() as progress:
+    with Watcher(scenario.watched, scenario.simulated, run) as watcher, ProgressLine() as progress:
         watcher.warnings = warnings
         starter = Starter(children, watcher.node, scenario.simulated)
         while not stop.is_set() and all(child.status is None for child in children):

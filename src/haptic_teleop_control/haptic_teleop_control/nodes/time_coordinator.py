@@ -16,6 +16,7 @@ from haptic_teleop_control.nodes.timing.exchange import CoordinatorEnd
 from haptic_teleop_control.nodes.timing.time_base import steady_timer
 from haptic_teleop_control.simulated_time.coordinator import Coordinator
 from haptic_teleop_control.simulated_time.messages import HALTED, OVER, WAITING, Report, Status
+from haptic_teleop_control.simulated_time.runs import own_run
 from haptic_teleop_control.simulated_time.stamps import ORIGIN, seconds
 
 POLL = 0.005
@@ -63,6 +64,7 @@ class TimeCoordinator(HapticNode):
             values["liveness"],
             armed=False,
             paused=values["paused"],
+            run=own_run(),
         )
         self._told = ORIGIN - CLOCK_PERIOD
         self._over = False
@@ -98,6 +100,8 @@ class TimeCoordinator(HapticNode):
 
     def _proceed(self) -> None:
         coordinator = self._coordinator
+        if not coordinator.armed:
+            return  # the scenario may yet be refused, and nobody else in the domain shall have heard of it
         for message in coordinator.poll(self.wall.now() * 1e-9):
             if isinstance(message, Status):
                 self._tell_clock()
@@ -148,7 +152,7 @@ class TimeCoordinator(HapticNode):
 
     def shutdown_safely(self) -> None:
         coordinator = self._coordinator
-        if coordinator.state not in (OVER, HALTED):
+        if coordinator.armed and coordinator.state not in (OVER, HALTED):
             self._end.announce(coordinator.end("the coordinator was stopped"), coordinator.members)
         self._end.close()
 

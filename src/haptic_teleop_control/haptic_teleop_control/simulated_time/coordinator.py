@@ -55,7 +55,9 @@ load ran at 0.7 times real time, and at 2.4 times with this limit)."""
 
 class Coordinator:
     """participants: bare or full names of the nodes that must join before time begins; others may, until
-    then. duration: s, 0: no end. liveness: s. `poll` and `hear` return what is to be announced."""
+    then. duration: s, 0: no end. liveness: s. run: of the `scenario` that has started it; its participants
+    are then that run's, and what another run's nodes report is not for it. `poll` and `hear` return what is
+    to be announced."""
 
     def __init__(
         self,
@@ -65,7 +67,9 @@ class Coordinator:
         liveness: float = 5.0,
         armed: bool = True,
         paused: bool = False,
+        run: str = "",
     ) -> None:
+        self._run = run
         self.session = secrets.token_hex(4)
         self.participants = list(participants)
         self.pace = Pace(factor)
@@ -73,6 +77,7 @@ class Coordinator:
         self.stamp = ORIGIN
         self.ticks = self.repeats = 0
         self.members: dict[str, Member] = {}
+        self._senders: dict[str, str] = {}  # name -> id of who has joined under it
         self.reason = ""
         self.armed, self._paused = armed, paused
         self._duration, self._liveness = duration, liveness
@@ -126,9 +131,16 @@ class Coordinator:
 
     def status(self) -> Status:
         reason = self.reason or self._missing()
-        members, refused = tuple(self.members), dict(self._refused)
         return Status(
-            self.session, self.state, self.stamp, members, reason, refused, round(self.pace.achieved, 3)
+            self.session,
+            self.state,
+            self.stamp,
+            tuple(self.members),
+            reason,
+            dict(self._refused),
+            round(self.pace.achieved, 3),
+            tuple(self._senders.values()),
+            self._run,
         )
 
     # Messages.
@@ -136,11 +148,13 @@ class Coordinator:
     def hear(self, report: Report, wall: float) -> None:
         """Takes what a participant says; `poll` then says what follows."""
         self._live(wall)
+        if report.run not in ("", self._run):
+            return
         name = report.name
         if report.act == "join" and report.member is not None:
-            self._join(report.member)
+            self._join(report.member, report.sender, report.run)
             return
-        if name not in self.members:
+        if name not in self.members or self._senders[name] != report.sender:
             return
         self._heard[name] = self._lived
         member = self.members[name]
@@ -338,27 +352,34 @@ class Coordinator:
         self.state, self.reason = HALTED, reason
         self.pace.stop()
 
-    def _join(self, member: Member) -> None:
+    def _join(self, member: Member, sender: str, run: str) -> None:
         self._news = True
-        known = self.members.get(member.name)
-        if known is None and self.state != WAITING and member.kind != RECORDER:
-            self._refused[member.name] = "simulated time runs already; start it before, or start all anew"
+        if refusal := self._refusal(member, sender, run):
+            self._refused[sender] = refusal
             return
-        if known is not None and known != member:
-            self._refused[member.name] = "another node of this name takes part; give one of them another name"
-            return
-        if member.kind in (PLANT, SOURCE) and any(
-            other.topic == member.topic and other.name != member.name for other in self.members.values()
-        ):
-            self._refused[member.name] = f"another node publishes {member.topic}; stop one of them"
-            return
-        self._refused.pop(member.name, None)
-        self.members[member.name] = member
+        self._refused.pop(sender, None)
+        self.members[member.name], self._senders[member.name] = member, sender
         self._kept_by_all = 0
         self._heard[member.name] = self._lived
 
+    def _refusal(self, member: Member, sender: str, run: str) -> str:
+        """Why it may not take part; else empty."""
+        known = self._senders.get(member.name)
+        if (known is not None and known != sender) or (run != self._run and self._expects(member.name)):
+            return "another node of this name takes part; stop one of them, or give it another name"
+        if known is None and self.state != WAITING and member.kind != RECORDER:
+            return "simulated time runs already; start it before, or start all anew"
+        if member.kind in (PLANT, SOURCE) and any(
+            other.topic == member.topic and other.name != member.name for other in self.members.values()
+        ):
+            return f"another node publishes {member.topic}; stop one of them"
+        return ""
+
+    def _expects(self, name: str) -> bool:
+        return name in self.participants or name.rsplit("/", 1)[-1] in self.participants
+
     def _leave(self, member: Member, why: str) -> None:
-        del self.members[member.name]
+        del self.members[member.name], self._senders[member.name]
         if self.state in (RUNNING, PAUSED) and member.kind != RECORDER:
             self._halt(f"{member.name} {why or 'has ended'}")
         self._owing.discard(member.name)

@@ -3,7 +3,9 @@
     coordinator  -> all           Tick: these act at this stamp      Status: who is there, what is waited for
     participant  -> coordinator   Report: join, done, waiting, recorded, left
 
-A repeated message is the same message: everything here may arrive twice.
+A repeated message is the same message: everything here may arrive twice. Names do not tell who speaks: two
+runs of one file in one ROS domain have nodes of the same names. So reports bear their sender's id, and all of
+one `scenario` the id of that run.
 """
 
 from __future__ import annotations
@@ -58,7 +60,7 @@ class Tick:
     """One grant. number: counts up by one; a repeat bears the same number. stamp: ns of simulated time.
     due: names of the plants and sources that publish now. states: topics among theirs that somebody answers.
     newest: source's topic -> stamp that must have been taken before answering. deliveries: what the link
-    hands over before the answer, in this order. session: of the coordinator.
+    hands over before the answer, in this order. session: the coordinator's id.
     """
 
     session: str
@@ -72,9 +74,10 @@ class Tick:
 
 @dataclass(frozen=True)
 class Status:
-    """The coordinator's state, told when it changes and now and then. members: who has joined. reason: why
-    time is halted, or what is waited for. refused: name -> why it may not take part. achieved: simulated
-    seconds per second so far."""
+    """The coordinator's state, told when it changes and now and then. session: its id. members: names of
+    those who have joined; senders: their ids, in the same order. reason: why time is halted, or what is
+    waited for. refused: sender's id -> why it may not take part. achieved: simulated seconds per second so
+    far. run: of the `scenario` that has started it, else empty."""
 
     session: str
     state: str
@@ -83,6 +86,8 @@ class Status:
     reason: str = ""
     refused: Mapping[str, str] = field(default_factory=dict)
     achieved: float = 0.0
+    senders: tuple[str, ...] = ()
+    run: str = ""
 
 
 @dataclass(frozen=True)
@@ -90,7 +95,8 @@ class Report:
     """What a participant says. act: join, done (with tick `number`), waiting (for `what`), recorded, taken,
     left. stamps: recorded: topic -> newest stamp kept; done of a linked answerer: way -> newest stamp sent;
     taken: way -> stamp of the packet taken last, whose copies arrive at `arrivals` (ns). silent: done of a
-    plant: its next sample is not published, because its device calibrates or is lost.
+    plant: its next sample is not published, because its device calibrates or is lost. sender: id of the
+    participant. run: of the `scenario` that has started it, else empty.
     """
 
     name: str
@@ -101,6 +107,8 @@ class Report:
     arrivals: tuple[int, ...] = ()
     member: Member | None = None
     silent: bool = False
+    sender: str = ""
+    run: str = ""
 
 
 def encode(message: Tick | Status | Report) -> str:
@@ -136,6 +144,8 @@ def _status(content: dict[str, Any]) -> Status:
         str(content["reason"]),
         {str(name): str(why) for name, why in content["refused"].items()},
         float(content["achieved"]),
+        tuple(str(sender) for sender in content["senders"]),
+        str(content["run"]),
     )
 
 
@@ -162,6 +172,8 @@ def _report(content: dict[str, Any]) -> Report | None:
         tuple(int(arrival) for arrival in content["arrivals"]),
         None if member is None else _member(member),
         bool(content["silent"]),
+        str(content["sender"]),
+        str(content["run"]),
     )
 
 

@@ -6,7 +6,9 @@ is lost on the way stops time, and nothing is done twice.
 
 from __future__ import annotations
 
+import secrets
 from collections.abc import Callable, Mapping
+from typing import Any
 
 from haptic_teleop_control.simulated_time.messages import (
     HALTED,
@@ -30,8 +32,10 @@ come first, and a child of `scenario` that was killed is seen at once anyway."""
 
 class Participant:
     """member: itself. say: sends a report. on_tick(tick, repeated): called for every tick, also those that
-    ask nothing of it. on_fault(detail): time is halted, the coordinator is lost, or it refuses this
-    participant; once. on_status: every status. liveness: s without a word from the coordinator.
+    ask nothing of it. on_fault(detail): time is halted or the coordinator is lost; once.
+    on_refused(detail): the coordinator does not take it; once, and nothing else is called then. on_status:
+    every status. liveness: s without a word from the coordinator. run: of the `scenario` that has started
+    it; it then hears only that one's coordinator.
     """
 
     def __init__(
@@ -40,16 +44,20 @@ class Participant:
         say: Callable[[Report], None],
         on_tick: Callable[[Tick, bool], None],
         on_fault: Callable[[str], None],
+        on_refused: Callable[[str], None],
         on_status: Callable[[Status], None] = lambda status: None,
         liveness: float = COORDINATOR_LIVENESS,
+        run: str = "",
     ) -> None:
         self.member = member
+        self.sender = secrets.token_hex(4)
         self.stamp = ORIGIN
         self.tick: Tick | None = None
         self.joined = False
         self.state = self._reason = ""
-        self._say, self._on_tick, self._on_fault, self._on_status = say, on_tick, on_fault, on_status
-        self._liveness = liveness
+        self._send, self._on_tick, self._on_status = say, on_tick, on_status
+        self._on_fault, self._on_refused = on_fault, on_refused
+        self._liveness, self._run = liveness, run
         self._session = ""
         self._faulty = False
         self._lived = self._heard = 0.0
@@ -57,16 +65,14 @@ class Participant:
         self._last_wall: float | None = None
 
     def hear(self, message: Tick | Status) -> None:
-        """Takes an announcement of the coordinator."""
-        self._heard = self._lived
-        if self._session and message.session != self._session:
-            self._fault(
-                "simulated time is over, and a coordinator begins it anew; start this node anew, too"
-                if self.state == OVER
-                else "another coordinator of simulated time announces ticks: stop one of the two or, if the "
-                "first was started anew, start all anew"
-            )
+        """Takes an announcement of the coordinator; that of another one changes nothing."""
+        if isinstance(message, Status) and self._run and message.run != self._run:
             return
+        if self._session and message.session != self._session:
+            if self.state == OVER and isinstance(message, Status) and message.run == self._run:
+                self._fault("simulated time is over, and begins anew elsewhere; start this node anew, too")
+            return
+        self._heard = self._lived
         if isinstance(message, Status):
             self._take_status(message)
             return
@@ -86,7 +92,7 @@ class Participant:
         if not self.joined:
             if self._lived >= self._next_join:
                 self._next_join = self._lived + JOIN_INTERVAL
-                self._say(Report(self.member.name, "join", member=self.member))
+                self._say("join", member=self.member)
         elif self._lived - self._heard > self._liveness and self.state != OVER:
             self._fault(f"the coordinator of simulated time has been silent for {self._liveness:g} s")
 
@@ -109,35 +115,41 @@ class Participant:
         plant, its next sample will not be published."""
         if self.tick is not None:
             number = self.tick.number
-            self._say(Report(self.member.name, "done", number, stamps=stamps or {}, silent=silent))
+            self._say("done", number=number, stamps=stamps or {}, silent=silent)
 
     def waiting(self, what: str) -> None:
         """The tick came again, and `what` is still waited for."""
         if self.tick is not None:
-            self._say(Report(self.member.name, "waiting", self.tick.number, what))
+            self._say("waiting", number=self.tick.number, what=what)
 
     def recorded(self, stamps: Mapping[str, int]) -> None:
         """A recorder has kept these topics up to these stamps."""
-        self._say(Report(self.member.name, "recorded", stamps=dict(stamps)))
+        self._say("recorded", stamps=dict(stamps))
 
     def taken(self, way: str, sent: int, arrivals: tuple[int, ...]) -> None:
         """The link has taken the packet stamped `sent`."""
-        self._say(Report(self.member.name, "taken", stamps={way: sent}, arrivals=arrivals))
+        self._say("taken", stamps={way: sent}, arrivals=arrivals)
 
     def leave(self) -> None:
         """It takes no part any more."""
         if self.joined:
-            self._say(Report(self.member.name, "left"))
+            self._say("left")
         self.joined = False
 
+    def _say(self, act: str, **content: Any) -> None:
+        self._send(Report(self.member.name, act, sender=self.sender, run=self._run, **content))
+
     def _take_status(self, status: Status) -> None:
-        refusal = status.refused.get(self.member.name)
-        if refusal is not None and not self.joined:
-            self._fault(f"the coordinator of simulated time refuses {self.member.name}: {refusal}")
-        if self.member.name in status.members and not self.joined:
+        if not self.joined:
+            refusal = status.refused.get(self.sender)
+            if refusal is not None and not self._faulty:
+                self._faulty = True
+                self._on_refused(f"the coordinator of simulated time refuses {self.member.name}: {refusal}")
+            if self.sender not in status.senders:
+                return
             self.joined, self._session = True, status.session
         self.state, self._reason = status.state, status.reason
-        if status.state == HALTED and self.joined:
+        if status.state == HALTED:
             self._fault(f"simulated time is halted: {status.reason}")
         elif status.state in (PAUSED, OVER):
             self.stamp = max(self.stamp, status.stamp)
@@ -147,5 +159,5 @@ class Participant:
         if not self._faulty:
             self._faulty = True
             if self.joined and self.state != HALTED:
-                self._say(Report(self.member.name, "left", what=f"takes no part any more: {detail}"))
+                self._say("left", what=f"takes no part any more: {detail}")
             self._on_fault(detail)

@@ -17,6 +17,7 @@ from rclpy.node import Node
 from sensor_msgs.msg import JointState
 from std_srvs.srv import Trigger
 
+from haptic_teleop_control.errors import ConfigurationError
 from haptic_teleop_control.faults import FaultLatch
 from haptic_teleop_control.nodes.base.parameters import declare_parameters
 from haptic_teleop_control.nodes.streams.senders import crowded
@@ -111,8 +112,12 @@ class HapticNode(Node):
         said."""
 
     def on_time_fault(self, detail: str) -> None:
-        """Simulated time has ended, or takes us no more: the output is zero from now on."""
+        """Simulated time has ended: the output is zero from now on."""
         self.fault(SIMULATED_TIME, detail)
+
+    def on_time_refused(self, detail: str) -> None:
+        """Simulated time does not take this node: it has done nothing yet, and ends."""
+        self.fail(ConfigurationError(detail))
 
     def on_time_status(self, status: Status) -> None:
         """What the coordinator of simulated time says of itself."""
@@ -123,7 +128,9 @@ class HapticNode(Node):
         """Joins simulated time as a `Member` of this kind; does nothing in real time."""
         if isinstance(self.time, SimulatedTime):
             member = Member(self.full_name, kind, **what)
-            self.time.take_part(member, self.on_tick, self.on_time_fault, self.on_time_status)
+            self.time.take_part(
+                member, self.on_tick, self.on_time_fault, self.on_time_refused, self.on_time_status
+            )
 
     def fault(self, name: str, detail: str) -> None:
         """Counts a fault; logs and publishes the one that latches, and logs repetitions at most once a
@@ -150,7 +157,8 @@ class HapticNode(Node):
             executor.create_task(self._announce)
 
     def fail(self, failure: BaseException) -> None:
-        """An error of the program in a thread of this node: the process ends, safely, with this error."""
+        """An error of the program in a thread of this node, or a refusal that comes only now: the process
+        ends, safely, with this error."""
         self.failure = failure
 
     def count_rate(self, name: str, counter: Callable[[], int]) -> None:

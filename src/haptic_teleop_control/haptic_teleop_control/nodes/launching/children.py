@@ -13,6 +13,7 @@ from collections.abc import Sequence
 from haptic_teleop_control.nodes.launching.parent import OPTION, ParentChannel
 from haptic_teleop_control.nodes.launching.stopping import STOP_SIGNALS
 from haptic_teleop_control.parent_death import ends_with_parent
+from haptic_teleop_control.simulated_time.runs import VARIABLE
 
 STOPPING = ((signal.SIGINT, 8.0), (signal.SIGTERM, 2.0), (signal.SIGKILL, 2.0))
 """What a child is sent in turn, and the seconds it is given to end after each."""
@@ -26,10 +27,11 @@ class Child:
 
     Its standard error comes through the parent (`relay`), who may be keeping a live line on the terminal.
     An `armed` child waits before its nodes start for what comes over `link`.
+    run: id of the run of `scenario` that starts it.
     Start children before any thread: between fork and exec only the forking thread exists.
     """
 
-    def __init__(self, name: str, arguments: Sequence[str], armed: bool = False) -> None:
+    def __init__(self, name: str, arguments: Sequence[str], armed: bool = False, run: str = "") -> None:
         self.name = name
         self._text = b""
         ours, theirs = socket.socketpair()
@@ -41,6 +43,7 @@ class Child:
                 stdin=theirs if armed else subprocess.DEVNULL,
                 stderr=subprocess.PIPE,
                 start_new_session=True,
+                env={**os.environ, VARIABLE: run},
                 # A signal that comes before the child has its handlers waits for them (`stop_requests`).
                 preexec_fn=ends_with_parent(STOP_SIGNALS),
             )

@@ -41,10 +41,11 @@ class Watcher:
 
     faults: node -> the sentence it reported last, also after a reset. warnings: node -> how many warnings it
     reported that were no faults, and the last one. node: the node, within the context.
-    Time counts from `begin`, or is the simulated one. time: what its coordinator said last.
+    Time counts from `begin`, or is the simulated one. time: what its coordinator said last, that of `run`.
     """
 
-    def __init__(self, robot: str = "sfj", simulated: bool = False) -> None:
+    def __init__(self, robot: str = "sfj", simulated: bool = False, run: str = "") -> None:
+        self._run = run
         self._namespace = f"/{robot}/"
         self._topic = f"/{robot}/joint_states"
         self._joints = SFJ_JOINTS if robot == "sfj" else OMNI_JOINTS
@@ -162,7 +163,7 @@ class Watcher:
 
     def _take_status(self, message: String) -> None:
         status = decode(message.data)
-        if isinstance(status, Status):
+        if isinstance(status, Status) and status.run == self._run:
             self.time, self._untold = status, 0.0
             if status.state == OVER and status.reason:
                 self.faults["/time_coordinator"] = f"simulated time ended early: {status.reason}"

@@ -19,6 +19,7 @@ from rclpy.timer import Timer
 from haptic_teleop_control.nodes.timing.exchange import ParticipantEnd
 from haptic_teleop_control.simulated_time.messages import Member, Status, Tick
 from haptic_teleop_control.simulated_time.participant import Participant
+from haptic_teleop_control.simulated_time.runs import own_run
 from haptic_teleop_control.simulated_time.stamps import ORIGIN
 
 LATEST_QOS = QoSProfile(
@@ -127,11 +128,14 @@ class SimulatedTime:
         member: Member,
         on_tick: Callable[[Tick, bool], None],
         on_fault: Callable[[str], None],
+        on_refused: Callable[[str], None],
         on_status: Callable[[Status], None] = lambda status: None,
     ) -> None:
         """Joins the coordinator and is called with every tick (see `Participant`)."""
         assert self.participant is None
-        self.participant = Participant(member, self._say, on_tick, on_fault, on_status)
+        self.participant = Participant(
+            member, self._say, on_tick, on_fault, on_refused, on_status, run=own_run()
+        )
         self._end = ParticipantEnd(self._node, member, self.participant.hear)
         steady_timer(self._node, POLL, self._poll)
 
