@@ -98,7 +98,8 @@ def test_a_recorded_scenario_holds_every_sample_and_the_parameters(file, tmp_pat
         "/omni/joint_states": 750, "/omni/effort_command": 750,
     }  # fmt: skip
     assert len({topic.received[0] for topic in recording.topics.values()}) == 1, "nobody was late"
-    assert recording.experiment["kind"] == "scenario"
+    assert recording.experiment["kind"] == "scenario" and recording.experiment["planned_duration"] == 1.5
+    assert recording.reception["ended"] is True
     assert recording.parameters["/force_controller"]["timeout"] == 0.05
 
 
@@ -139,7 +140,8 @@ def test_ctrl_c_ends_everything_with_0_at_any_moment(file, tmp_path, moment):
     assert not any(alive(child) for child in children)
     # What is there is a recording; before the start there is nothing to keep, and the name stays free.
     if bag.exists():
-        assert read_recording(bag).complete
+        recording = read_recording(bag)
+        assert recording.complete and recording.reception["ended"] is False
         assert "stage 1:" in errors
 
 
@@ -200,6 +202,13 @@ def test_a_mistake_anywhere_in_the_file_is_one_sentence_before_anything_starts(f
     error = capsys.readouterr().err.strip()
     assert len(error.splitlines()) == 1
     assert named in error
+
+
+def test_a_real_time_factor_is_refused_where_time_is_the_walls(file, capsys):
+    file.write_text(FILE.replace("use_sim_time: true", "realtime_priority: 0"))
+    assert main([str(file), "--real-time-factor", "0"]) == 2
+    error = capsys.readouterr().err.strip()
+    assert len(error.splitlines()) == 1 and "runs by the wall" in error
 
 
 def test_a_node_that_refuses_its_parameters_ends_the_scenario_with_2(file):

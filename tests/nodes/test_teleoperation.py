@@ -192,6 +192,9 @@ def test_a_robot_that_reports_a_fault_of_its_own_is_not_coupled(graph):
     say(DiagnosticStatus.ERROR)
     graph.until(lambda: setting.state == "fault")
     assert setting.controller.faults.latched == "robot_fault"
+    refusal = setting.call("engage").message
+    assert "robot_fault" in refusal and "/omni/omni_driver" in refusal
+    assert "haptic-teleop operate reset" in refusal
     assert setting.call("reset").success
     assert "/omni/omni_driver" in setting.call("engage").message
     say(DiagnosticStatus.OK)
@@ -304,10 +307,14 @@ def test_the_command_operate_calls_the_services_and_prints_the_state(graph):
         errors = [e for e in process.stderr.readlines() if not any(i in e for i in ignored)]
         return process.returncode, process.stdout.read() + "".join(errors)
 
-    assert operate("state") == (0, "devices_ready\n")
+    assert operate("state") == (0, "devices_ready\n  devices_ready: aligned\n")
     assert operate("engage") == (0, "engaged\n")
+    assert operate("state") == (0, "engaged\n")
     status, said = operate("swap")
     assert status == 1 and "disengage" in said
+    setting.controller._coupling.fault(setting.controller.time.now(), "stale_slave", "0.1 s")
+    status, said = operate("state")
+    assert status == 0 and said.startswith("fault\n  stale_slave: ")
 
 
 def test_operate_without_a_controller_ends_with_status_2():

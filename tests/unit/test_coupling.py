@@ -217,6 +217,11 @@ def test_a_robot_in_a_fault_of_its_own_ends_the_coupling_and_keeps_it_from_engag
     rig.run(0.1)
     refusal = rig.coupling.engage(rig.now) or ""
     assert "limit_switch" in refusal and "reset --controller /sfj/sfj_driver" in refusal
+    rig.coupling.on_robot_fault(rig.now, "/omni/omni_driver", "device: it is gone")
+    refusal = rig.coupling.engage(rig.now) or ""
+    assert "it is gone" in refusal and "reset --controller /omni/omni_driver" in refusal
+    assert "limit_switch" in refusal and "engage again" not in refusal
+    rig.coupling.on_robot_fault(rig.now, "/omni/omni_driver", None)
     rig.coupling.on_robot_fault(rig.now, "/sfj/sfj_driver", None)
     assert rig.coupling.engage(rig.now) is None
 

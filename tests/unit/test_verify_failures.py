@@ -1,6 +1,7 @@
 """What makes a recording a failure is told first, in words and as data, and by the exit status."""
 
 import json
+import math
 from dataclasses import replace
 
 import numpy as np
@@ -15,6 +16,7 @@ from haptic_teleop_sim.lockstep import record_scenario, run_scenario
 from haptic_teleop_sim.scenario_parameters import check_scenario
 from haptic_teleop_sysid.commands import demo, verify
 from haptic_teleop_sysid.shipped_files import find_scenario
+from haptic_teleop_sysid.verification.conclusion import conclusion
 from haptic_teleop_sysid.verification.run import examine
 from haptic_teleop_sysid.verification.verdicts import failures, verdicts
 
@@ -77,6 +79,53 @@ def test_a_run_without_a_fault_ends_with_0_and_says_so(tmp_path):
     assert status == 0 and result["failed"] is False and "Fault in" not in page
     (run,) = result["runs"].values()
     assert run["faults"] == [] and not run["failed"]
+
+
+def planned(seconds: object) -> Recording:
+    made = scenario(Made())
+    return replace(made, experiment={**made.experiment, "planned_duration": seconds})
+
+
+@pytest.mark.parametrize("reception", [None, {"lost_on_the_way": {}, "ended": False}])
+def test_a_run_that_was_cut_off_begins_with_that_and_ends_with_1(tmp_path, capsys, reception):
+    path = bag(tmp_path / "bag", planned(20.0), **GOOD, reception=reception)
+    status, result, page = verified(path, tmp_path / "out")
+    printed = capsys.readouterr().out.splitlines()
+    lasted = result["runs"][path]["cut_off"]
+    assert status == 1 and result["failed"] and lasted.endswith("of 20 s"), lasted
+    assert printed[0].startswith(f"bad: The run was {lasted}") and "let it run to its end" in printed[1]
+    assert result["runs"][path]["verdicts"][0][1].startswith(f"The run was {lasted}") and lasted in page
+
+
+@pytest.mark.parametrize(
+    ("seconds", "reception"),
+    [(20.0, {"ended": True}), (0.0, {"ended": False}), ("long", None), (math.nan, None)],
+)
+def test_what_came_to_its_end_or_had_none_was_not_cut_off(tmp_path, seconds, reception):
+    path = bag(tmp_path / "bag", planned(seconds), **GOOD, reception=reception)
+    status, result, _ = verified(path, tmp_path / "out")
+    assert status == 0 and result["runs"][path]["cut_off"] == ""
+
+
+def test_of_a_fault_the_end_is_no_second_failure(tmp_path):
+    said = {"diagnostics": reports("/force_controller", 0, 2, 2)}
+    path = bag(tmp_path / "bag", planned(20.0), **said, reception={"ended": False})
+    _, result, _ = verified(path, tmp_path / "out")
+    assert result["runs"][path]["cut_off"] == "" and result["failed"]
+
+
+def test_a_damaged_recording_says_so_first_with_the_remedy_and_ends_with_1(tmp_path, capsys):
+    path = bag(tmp_path / "bag", planned(20.0), **GOOD)
+    (tmp_path / "bag" / "metadata.yaml").unlink()
+    status, _, _ = verified(path, tmp_path / "out")
+    printed = capsys.readouterr().out.splitlines()
+    assert status == 1 and "was cut off" in printed[0] and f"recover {path}" in printed[1]
+
+
+def test_a_promise_that_is_not_kept_ends_with_1_too(tmp_path, capsys):
+    path = bag(tmp_path / "bag", scenario(Made(duration=3.0, release=2.9)), **GOOD)
+    status, result, _ = verified(path, tmp_path / "out")
+    assert status == 1 and result["conclusion"]["status"] == "bad" and "bad: " in capsys.readouterr().out
 
 
 def test_a_latched_fault_comes_first_on_page_terminal_and_in_json_and_ends_with_1(tmp_path, capsys):
@@ -399,7 +448,8 @@ def of_simulated_time(recording: Recording, **told: str) -> Recording:
 def summary(recording: Recording, tmp_path, capsys) -> str:
     """What the demo prints of it."""
     run = examine(recording, "made")
-    verify.print_summary(verify.Verification([run], {}), tmp_path / "report.html", figures_only=True)
+    found = verify.Verification([run], {}, *conclusion([run], ["made"]))
+    verify.print_summary(found, tmp_path / "report.html", figures_only=True)
     return capsys.readouterr().out
 
 
@@ -461,4 +511,4 @@ def test_what_the_emulated_network_loses_is_not_the_computers_doing():
 def test_help_tells_the_exit_status(capsys):
     assert verify.main(["--help"]) == 0
     told = " ".join(capsys.readouterr().out.split())
-    assert "1 the report is written, and tells of one first: a fault that a node or the recorder" in told
+    assert '1 the report is written and begins with "bad": a fault, a run that was cut off' in told

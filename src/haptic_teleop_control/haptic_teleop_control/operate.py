@@ -19,7 +19,7 @@ ACTS = {
     "pause": "stop simulated time before its next tick",
     "resume": "let simulated time go on",
     "step": "one tick of simulated time, while it is paused",
-    "state": "print the state: off, devices_ready, aligning, engaged or fault",
+    "state": "print the state: off, devices_ready, aligning, engaged or fault, and why it is not engaged",
     "devices": "print which device, transport and serial number each driver has, and what it measures",
 }
 

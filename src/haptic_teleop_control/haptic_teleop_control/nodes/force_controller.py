@@ -377,7 +377,14 @@ class ForceController(HapticNode):
 
     def _engage(self, request: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
         obstacle = self._coupling.engage(self.time.now())
+        if obstacle and self._coupling.state is State.FAULT:
+            obstacle = f"{obstacle}, with `{self._reset_command}` ({self.faults.sentence})"
         return self._answer(response, obstacle is None, obstacle or "engaged")
+
+    @property
+    def _reset_command(self) -> str:
+        usual = self.full_name == f"/{self.NAME}"
+        return f"haptic-teleop operate reset{'' if usual else f' --controller {self.full_name}'}"
 
     def _disengage(self, request: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
         done = self._coupling.disengage(self.time.now())

@@ -126,10 +126,12 @@ class Recorder(HapticNode):
 
     def finish(self, executor: Executor) -> int:
         """Asks for the parameters once more, closes, and verifies the recording; 0 if it is whole, else 1."""
+        ended = False
         if self._parent is not None:
             for message in self._parent.link.receive():
                 if "problem" in message:
                     self._problem(message["problem"])
+                ended = ended or "ended" in message
         self._collector.ask_again()
         self._take_the_last(executor)
         until = self._wall_seconds() + self.values["parameter_wait"]
@@ -143,7 +145,7 @@ class Recorder(HapticNode):
                 self.writer.describe(parameters_at_stop=self._with_own(self._collector.latest))
             lost = {topic.name: topic.missed for topic in self._topics if topic.name in self.received}
             told = {"problems": self.problems} if self.problems else {}
-            self.writer.describe(reception={"lost_on_the_way": lost, **told})
+            self.writer.describe(reception={"lost_on_the_way": lost, "ended": ended, **told})
         except RecordingError as refusal:
             self._problem(str(refusal))
         try:

@@ -89,6 +89,12 @@ def load_scenario(path: str | Path, changes: dict[str, Any] | None = None) -> Sc
     checked = check_parameter_file(path, {**own_tables, **tables})
     taking_part = {name: values for name, values in checked.items() if name not in own_tables}
     check_agreement(taking_part, str(path))
+    simulated = simulates(taking_part, str(path))
+    if not simulated and "real_time_factor" in (changes or {}):
+        raise ConfigurationError(
+            f"--real-time-factor is for simulated time, and {path} runs by the wall: leave it out, or set "
+            "use_sim_time: true for all its nodes."
+        )
     return Scenario(
         Path(path),
         tuple(values["nodes"]),
@@ -97,7 +103,7 @@ def load_scenario(path: str | Path, changes: dict[str, Any] | None = None) -> Sc
         values["duration"],
         values["record"],
         values["note"],
-        simulates(taking_part, str(path)),
+        simulated,
         values["real_time_factor"],
     )
 
@@ -131,7 +137,7 @@ def start_children(scenario: Scenario, run: str) -> list[Child]:
         given = _stated(
             Recorder.NAME,
             output=scenario.record,
-            experiment=scenario.file.stem,
+            experiment=json.dumps({"kind": scenario.file.stem, "planned_duration": scenario.duration}),
             note=scenario.note,
             use_sim_time=scenario.simulated,
         )
@@ -150,11 +156,14 @@ def run(scenario: Scenario) -> int:
     children: list[Child] = []
     faults: dict[str, str] = {}
     warnings: dict[str, tuple[int, str]] = {}
+    ended = False
     with stop_requests() as stop:
         try:
             children = start_children(scenario, own_id)
             faults = _watch(scenario, own_id, children, stop, warnings)
-            faults |= _ended_early(children)
+            early = _ended_early(children)
+            ended = not (stop.is_set() or faults or early)
+            faults |= early
         finally:
             # In order: outputs to zero, then the recording's end.
             control = [child for child in children if child.name != Recorder.NAME]
@@ -164,6 +173,8 @@ def run(scenario: Scenario) -> int:
             for recorder in children[len(control) :]:
                 if recorder.status is None and not scenario.simulated:
                     time.sleep(LAST_COMMANDS)
+                if ended:
+                    recorder.link.send(ended=True)
                 for node, sentence in _causes(faults).items():
                     recorder.link.send(problem=f"{node}: {sentence}")
                 statuses[recorder.name] = recorder.stop()

@@ -93,7 +93,9 @@ class TimeCoordinator(HapticNode):
         """Whoever starts nodes by hand shall see what is lacking."""
         status = self._coordinator.status()
         missing = status.reason if status.state == WAITING else ""
-        if missing == self._awaited or self.wall.now() * 1e-9 - self._begun < SILENT:
+        if missing == self._awaited or not self._coordinator.armed:
+            return
+        if missing and self.wall.now() * 1e-9 - self._begun < SILENT:
             return
         self._awaited = missing
         self.get_logger().info(missing or f"all participants are there: time is {status.state}")

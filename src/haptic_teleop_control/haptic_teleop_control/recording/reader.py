@@ -28,9 +28,11 @@ class Recording:
     topics      name -> JointStateSeries, for each topic of type sensor_msgs/JointState that has messages
     parameters  node name -> {parameter: value}, as the recording describes itself; {} when unknown
     parameters_at_stop   the same at the end of the recording where that differs, else {}
-    experiment  {"kind": ..., "note": ...}; {} when unknown
+    experiment  {"kind": ..., "note": ...}, of a scenario also "planned_duration": s, 0 for until it is
+                stopped; {} when unknown
     reception   {"lost_on_the_way": {topic: messages that were published but did not reach the recorder}}, by
-    the publishers' own numbers, and "problems": sentences of the recorder, if any; {} when it did not tell
+                the publishers' own numbers, "ended": whether a scenario came to its end, and "problems":
+                sentences of the recorder, if any; {} when it did not tell
     complete    True when no message is known to be missing and nothing is damaged
     problems    sentences that say what is missing, damaged or odd
     counts      messages by topic, of all types;  types   message type by topic

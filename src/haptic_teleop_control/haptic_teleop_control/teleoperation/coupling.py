@@ -190,12 +190,12 @@ class Coupling:
         """Couple the two sides; None when done, else why not."""
         self._now = now
         if self.machine.state is State.FAULT:
-            return "a fault is latched; call reset first"
+            return "a fault is latched: reset it first"
         obstacle = self.obstacle(now)
         missing = self.streams.missing(now) is not None
         if self.machine.engage(not missing, obstacle is None):
             return None
-        if missing or obstacle is None:
+        if missing or obstacle is None or self.robot_faults:
             return obstacle or "a side is missing"
         return f"{obstacle}; it is being aligned, engage again when it is there"
 
@@ -259,9 +259,11 @@ class Coupling:
             if missing.at is None:
                 return f"waiting for {missing.name}"
             return f"{missing.name} is silent for {missing.silence(now):.3f} s"
-        for node, sentence in self.robot_faults.items():
-            remedy = f"see to that, then `haptic-teleop operate reset --controller {node}`"
-            return f"{node} is in a fault ({sentence}); {remedy}"
+        if self.robot_faults:
+            told = " and ".join(f"{node} is in a fault ({why})" for node, why in self.robot_faults.items())
+            reset = "haptic-teleop operate reset --controller"
+            resets = " and ".join(f"`{reset} {node}`" for node in self.robot_faults)
+            return f"{told}; see to that, then {resets}"
         where = self._offset()
         worst = int(np.argmax(np.abs(where)))
         if not abs(where[worst]) <= self._align_angle:

@@ -204,7 +204,8 @@ def scenario_loop(kinds, stamps, reference, latest, device_commands, slave, slav
                 inputs[1] = arm_torque
                 torque = master_side_step(inputs, felt, enabled, felt_state, results)
                 for i in range(2):
-                    master_effort[i + 1] = min(max(torque[1, i], -master_limit), master_limit) * scale
+                    torque_i = min(max(torque[1, i], -master_limit), master_limit) * scale
+                    master_effort[i + 1] = torque_i + 0.0  # never -0.0: the graph adds its damping here
             master_command[j] = master_effort
             if compensating:
                 compensation_step(

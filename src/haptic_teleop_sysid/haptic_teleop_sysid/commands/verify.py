@@ -16,7 +16,7 @@ from haptic_teleop_control.command_line import positive, run_command
 from haptic_teleop_control.errors import ConfigurationError, MismatchError
 from haptic_teleop_control.recording import read_recording
 from haptic_teleop_control.robots import STAGES
-from haptic_teleop_sysid.report import claim_output_directory, save_png
+from haptic_teleop_sysid.report import Status, claim_output_directory, save_png
 from haptic_teleop_sysid.results import tool_version, write_json
 from haptic_teleop_sysid.verification.conclusion import conclusion
 from haptic_teleop_sysid.verification.overlay_report import overlay_all
@@ -36,24 +36,27 @@ OVERRIDES = {
 RESULT = "verify.json"
 FAILED = 1
 STATUSES = """exit status:
-  0  the report is written, and no recording holds a failure
-  1  the report is written, and tells of one first: a fault that a node or the recorder reported, or a stage
-     that oscillates
+  0  the report is written and begins with "ok" or "note"
+  1  the report is written and begins with "bad": a fault, a run that was cut off, a damaged recording, a
+     stage that oscillates, a promise that was not kept
   2  bad arguments, or a file that cannot be used: there is no report"""
 
 
 @dataclass(frozen=True)
 class Verification:
-    """What a verification found. not_simulated: by a run's name, why no simulation was laid over it, as the
-    end of a sentence about it."""
+    """What a verification found. status, happened, todo: its conclusion. not_simulated: by a run's name, why
+    no simulation was laid over it, as the end of a sentence about it."""
 
     runs: list[Run]
     not_simulated: dict[str, str]
+    status: Status
+    happened: str
+    todo: str
 
     @property
     def failed(self) -> bool:
-        """Whether a run holds a fault, or a stage of one oscillates."""
-        return any(run.failed for run in self.runs)
+        """Whether its conclusion is that something is bad."""
+        return self.status == "bad"
 
 
 def verify(
@@ -98,10 +101,12 @@ def verify(
         for bag, label in zip(bags, labels, strict=True)
         if label in overlays.reasons
     }
+    found = Verification(runs, not_simulated, *conclusion(runs, labels, list(overlays.reasons)))
     content: dict[str, Any] = {
         "schema": 1,
         "scenario": runs[0].scenario,
-        "failed": any(run.failed for run in runs),
+        "failed": found.failed,
+        "conclusion": {"status": found.status, "happened": found.happened, "todo": found.todo},
         "runs": {run.name: run.as_json() | {"verdicts": verdicts(run)} for run in runs},
         "agreement": {bag: agreements[label] for bag, label in zip(bags[1:], labels[1:], strict=True)},
         "simulation": {
@@ -115,7 +120,7 @@ def verify(
         "version": tool_version(),
     }
     write_json(output / RESULT, content)
-    return Verification(runs, not_simulated)
+    return found
 
 
 def short_names(bags: list[str]) -> list[str]:
@@ -167,10 +172,9 @@ def print_summary(found: Verification, report: Path, figures_only: bool = False)
         "bad": "[red]bad[/red] ",
         "plain": "    ",
     }
-    status, happened, todo = conclusion(found.runs, short_names([one.name for one in found.runs]))
-    console.print(f"{words[status].strip()}: ", end="")
-    console.print(happened, markup=False, soft_wrap=True)
-    console.print(f"what to do: {todo}", markup=False, soft_wrap=True)
+    console.print(f"{words[found.status].strip()}: ", end="")
+    console.print(found.happened, markup=False, soft_wrap=True)
+    console.print(f"what to do: {found.todo}", markup=False, soft_wrap=True)
     for one in found.runs:
         console.print(one.name, markup=False, soft_wrap=True)
         if figures_only:
@@ -191,8 +195,8 @@ def print_summary(found: Verification, report: Path, figures_only: bool = False)
 
 
 def main(argv: list[str] | None = None) -> int:
-    """Entry point: exit status 0 when a report was written, 1 when it tells of a fault or an oscillation, 2
-    for bad arguments or files."""
+    """Entry point: exit status 0 when a report was written, 1 when it begins with something bad, 2 for bad
+    arguments or files."""
     return run_command(run, argv)
 
 

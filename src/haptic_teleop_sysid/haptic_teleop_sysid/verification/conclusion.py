@@ -10,18 +10,19 @@ from haptic_teleop_sysid.verification.run import Run
 from haptic_teleop_sysid.verification.verdicts import failures, verdicts
 
 
-def conclusion(runs: Sequence[Run], labels: Sequence[str]) -> tuple[Status, str, str]:
-    """Return how good it is, what happened and what to do, of one run or of several laid over each other."""
+def conclusion(
+    runs: Sequence[Run], labels: Sequence[str], not_simulated: Sequence[str] = ()
+) -> tuple[Status, str, str]:
+    """Return how good it is, what happened and what to do, of one run or of several laid over each other.
+    not_simulated: labels of the runs over which no simulation could be laid."""
     failed = [(run, label) for run, label in zip(runs, labels, strict=True) if run.failed]
     if failed:
         run, label = failed[0]
-        count = f"{len(failed)} of {len(runs)} runs" if len(runs) > 1 else "The run"
         first = failures(run)[0][1].rstrip(".")
-        what = "" if len(runs) == 1 else f"{label}: "
-        return "bad", f"{count} failed. {what}{first}.", (
-            "put right what is told first, record again, and verify once more; what came after it may only "
-            "follow from it."
-        )  # fmt: skip
+        head = f"{len(failed)} of {len(runs)} runs failed. {label}: " if len(runs) > 1 else ""
+        if not head and (run.faults or not (run.cut_off or run.problems)):
+            head = "The run failed. "
+        return "bad", f"{head}{first}.", _remedy(run)
     heads = [label if len(runs) > 1 else "" for label in labels]
     named = list(zip(runs, heads, strict=True))
     worst = [(head, text) for run, head in named for status, text in verdicts(run) if status == "bad"]
@@ -34,7 +35,26 @@ def conclusion(runs: Sequence[Run], labels: Sequence[str]) -> tuple[Status, str,
         )  # fmt: skip
     if any(status == "fair" for run in runs for status, _ in verdicts(run)):
         return "fair", happened, "nothing failed; read the notes below before you build on it."
+    if not_simulated:
+        which = ", ".join(not_simulated) if len(runs) > 1 else "it"
+        return "good", happened, (
+            f"nothing recorded is wrong, but no simulation could be laid over {which}: read below why."
+        )  # fmt: skip
     return "good", happened, "nothing is wrong: zoom into the pictures, or change the scenario and repeat."
+
+
+def _remedy(run: Run) -> str:
+    """What to do about what a failed run's first sentence tells."""
+    if run.faults:
+        return (
+            "put right what is told first, record again, and verify once more; what came after it may only "
+            "follow from it."
+        )
+    if not run.complete:
+        return f"`haptic-teleop recover {run.name}` saves all that is whole; verify that, or record again."
+    if run.cut_off:
+        return "let it run to its end; the figures below are of the part that was recorded."
+    return "lower the gains of that stage, record again, and verify once more."
 
 
 def _happened(run: Run, label: str) -> str:

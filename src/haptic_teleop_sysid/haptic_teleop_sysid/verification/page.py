@@ -84,7 +84,7 @@ def verification_page(
         TITLES[runs[0].scenario],
         ", ".join(run.name for run in runs) + (f" ({kind})" if kind else ""),
     )
-    page.conclude(*conclusion(runs, labels))
+    page.conclude(*conclusion(runs, labels, list(overlays.reasons)))
     for status, text in _checks(runs, labels):
         page.verdict(status, text)
     for figure in key_figures(runs[0]):

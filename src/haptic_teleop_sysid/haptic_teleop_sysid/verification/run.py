@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any
@@ -44,12 +45,15 @@ class Run:
     energies: dict[str, PortEnergy] = field(default_factory=dict)
     """Of the ports "master" and "slave", as far as the recording holds their robots."""
     faults: list[Fault] = field(default_factory=list)
+    cut_off: str = ""
+    """What is missing of a scenario that did not come to its end without a fault; else empty."""
     machine: Machine = field(default_factory=Machine)
 
     @property
     def failed(self) -> bool:
-        """Whether it holds a fault, or a stage oscillates."""
-        return bool(self.faults) or any(merit.oscillation is not None for merit in self.merits.values())
+        """Whether it holds a fault, is damaged or was cut off, or a stage oscillates."""
+        oscillates = any(merit.oscillation is not None for merit in self.merits.values())
+        return bool(self.faults or self.cut_off) or not self.complete or oscillates
 
     def as_json(self) -> dict[str, Any]:
         """Return the figures as plain data."""
@@ -60,6 +64,7 @@ class Run:
             "graph": self.graph,
             "machine": self.machine.as_json(),
             "command_onset_s": self.onset,
+            "cut_off": self.cut_off,
             "complete": self.complete,
             "problems": self.problems,
             "experiment": self.experiment,
@@ -88,6 +93,8 @@ def examine(
     begins = [
         start for merit in merits.values() for kind, start, _ in merit.phases if kind in ("free", "contact")
     ]
+    start, end = int(clock.stamp[0]), int(clock.stamp[-1])
+    faults = find_faults(recording, start, end)
     return Run(
         name=name,
         stages=stages,
@@ -99,10 +106,22 @@ def examine(
         problems=list(recording.problems),
         experiment=dict(recording.experiment),
         scenario=2 if second else 1,
-        faults=find_faults(recording, int(clock.stamp[0]), int(clock.stamp[-1])),
+        faults=faults,
+        cut_off="" if faults else _cut_off(recording, 1e-9 * (end - start)),
         machine=read_machine(graph, recording.diagnostics, own_time),
         energies=port_energies(recording.topics, *(("sfj", "omni") if second else ("omni", "sfj"))),
     )
+
+
+def _cut_off(recording: Recording, seconds: float) -> str:
+    """What is missing of a scenario that was stopped before its end, or whose recorder was."""
+    try:
+        planned = float(recording.experiment.get("planned_duration", 0.0))
+    except (TypeError, ValueError):
+        return ""
+    if not 0.0 < planned < math.inf or recording.reception.get("ended"):
+        return ""
+    return f"cut off after {seconds:.1f} of {planned:g} s"
 
 
 def agreement(first: Run, second: Run) -> dict[str, dict[str, float]]:

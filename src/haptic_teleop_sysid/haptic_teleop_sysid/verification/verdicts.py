@@ -24,11 +24,13 @@ def verdicts(run: Run) -> list[tuple[Status, str]]:
     """Return (status, sentence) for each thing worth saying about a run, most important first: the failures
     of `failures`, what the robots did, what the computer did."""
     found = failures(run)
+    moved = any(merit.free or merit.contacts for merit in run.merits.values())
     for merit in run.merits.values():
         name = merit.title
         if not merit.free and not merit.contacts:
+            status: Status = "plain" if moved else "bad"  # a scenario may well move one stage only
             found.append(
-                ("bad", f"{name}: no command was given, or it did nothing that can be told from rest.")
+                (status, f"{name}: no command was given, or it did nothing that can be told from rest.")
             )
             continue
         found += [_free(name, motion) for motion in merit.free]
@@ -38,16 +40,17 @@ def verdicts(run: Run) -> list[tuple[Status, str]]:
             found.append(("fair", f"{name} met no wall."))
         found.append(_current(name, merit))
     found += run.machine.lines()
-    found += _graph(run)
-    if not run.complete:
-        found.append(("fair", "The recording is not complete: " + "; ".join(run.problems) + "."))
-    return found
+    return found + _graph(run)
 
 
 def failures(run: Run) -> list[tuple[Status, str]]:
-    """Return (status, sentence) of what makes a run a failure: faults in the order in which they came, then
-    the stages that oscillate."""
+    """Return (status, sentence) of what makes a run a failure: faults in the order in which they came, what
+    is missing of the recording, then the stages that oscillate."""
     found: list[tuple[Status, str]] = [("bad", f"Fault in {fault.in_words()}") for fault in run.faults]
+    if run.cut_off:
+        found.append(("bad", f"The run was {run.cut_off}: what follows is judged by that part."))
+    if not run.complete:
+        found.append(("bad", "The recording is damaged: " + "; ".join(run.problems) + "."))
     for merit in run.merits.values():
         if merit.oscillation is not None:
             found.append(("bad", _oscillates(merit.title, merit.oscillation)))
