@@ -141,7 +141,7 @@ def _bounces(contact: Contact) -> str:
 
 
 def _current(name: str, merit: StageMerit) -> tuple[Status, str]:
-    text = f"{name} draws at most {merit.peak_current:.3f} {merit.unit}"
+    text = f"{name} draws at most {merit.peak_current:.3f} {merit.unit} as measured"
     if merit.peak_commanded_current is not None:
         text += f", is asked for at most {merit.peak_commanded_current:.3f} {merit.unit}"
     if merit.share_at_limit_percent > 0.0:
