@@ -8,7 +8,7 @@ import pytest
 
 from haptic_teleop_2dsfj import doctor_checks as sfj
 from haptic_teleop_control import doctor
-from haptic_teleop_control.health import ABSENT, BAD, OK, SLOW, Check
+from haptic_teleop_control.health import ABSENT, BAD, OK, OPEN, SLOW, Check
 from haptic_teleop_omni import doctor_checks as omni
 from haptic_teleop_omni.confirmation import confirm, confirmation_file
 
@@ -104,8 +104,8 @@ def test_the_sdk_without_its_library_is_a_problem(monkeypatch):
     assert sfj.checks()[0].level == BAD
 
 
-@pytest.mark.parametrize(("limit", "level"), [("", BAD), ("SUBNET", BAD), ("LOCALHOST", OK), ("off", OK)])
-def test_a_graph_that_the_whole_network_sees_is_a_problem(monkeypatch, limit, level):
+@pytest.mark.parametrize(("limit", "level"), [("", OPEN), ("SUBNET", OPEN), ("LOCALHOST", OK), ("off", OK)])
+def test_a_graph_that_the_whole_network_sees_is_a_problem_for_robots(monkeypatch, limit, level):
     monkeypatch.setenv("ROS_AUTOMATIC_DISCOVERY_RANGE", limit)
     monkeypatch.delenv("ROS_LOCALHOST_ONLY", raising=False)
     assert doctor._discovery().level == level
@@ -119,13 +119,13 @@ def test_wheels_in_a_sourced_shell_are_a_problem(monkeypatch):
     assert doctor._ros()[0].level == OK
 
 
-def test_refused_real_time_scheduling_is_a_problem_with_its_remedy(monkeypatch):
+def test_refused_real_time_scheduling_is_a_problem_for_robots_with_its_remedy(monkeypatch):
     def refuse(*_: object) -> None:
         raise PermissionError(1, "Operation not permitted")
 
     monkeypatch.setattr(doctor.os, "sched_setscheduler", refuse)
     check = doctor._realtime()
-    assert check.level == BAD
+    assert check.level == SLOW
     assert "rtprio" in check.remedy
 
 
@@ -135,6 +135,10 @@ def test_the_exit_status_counts_problems_and_with_hardware_what_is_absent(monkey
     assert doctor.main([]) == 0
     assert "b: not there; buy one" in capsys.readouterr().out
     assert doctor.main(["--hardware"]) == 1
+    found[1] = Check("b", OPEN, "seen by all", "close it")
+    capsys.readouterr()
+    assert doctor.main([]) == 0 and "0 problems; 1 more that only robots" in capsys.readouterr().out
+    assert doctor.main(["--hardware"]) == 1 and "1 problem\n" in capsys.readouterr().out
     found[1] = Check("b", SLOW, "late", "hurry")
     assert doctor.main([]) == 0 and "slow     b: late; hurry" in capsys.readouterr().out
     assert doctor.main(["--hardware"]) == 1

@@ -22,7 +22,7 @@ from pathlib import Path
 
 from haptic_teleop_control.command_line import run_command
 from haptic_teleop_control.front_door import PACKAGES, version
-from haptic_teleop_control.health import ABSENT, BAD, OK, SLOW, Check
+from haptic_teleop_control.health import BAD, HARDWARE_ONLY, OK, OPEN, SLOW, Check
 from haptic_teleop_control.plugins import load_object
 
 MESSAGES = ("sensor_msgs", "std_srvs", "diagnostic_msgs")
@@ -123,7 +123,7 @@ def _discovery() -> Check:
         return Check("discovery", OK, f"{limit or 'LOCALHOST'}, domain {domain}")
     return Check(
         "discovery",
-        BAD,
+        OPEN,
         f"{limit or 'SUBNET (default)'}, domain {domain}: whoever is on this network can command the robots",
         "export ROS_AUTOMATIC_DISCOVERY_RANGE=LOCALHOST (with ROS_STATIC_PEERS for a second machine)",
     )
@@ -149,7 +149,7 @@ def _realtime() -> Check:
         highest = resource.getrlimit(resource.RLIMIT_RTPRIO)[1]
         return Check(
             "real-time scheduling",
-            BAD,
+            SLOW,
             f"SCHED_FIFO 20 is refused ({refusal[0].strerror}, limit {highest}), kernel {preemption}",
             "add `@realtime - rtprio 99` to /etc/security/limits.conf, join that group and log in again",
         )
@@ -196,11 +196,11 @@ def _doctor(arguments: list[str]) -> int:
     parser = argparse.ArgumentParser(
         prog="haptic-teleop doctor",
         description="Say what is there: environment, ROS 2, scheduling, devices; each line OK or the remedy.",
-        epilog="Exit status: 0 when nothing is a problem, 1 otherwise. Only hardware needs what is absent or "
-        "minds what is slow.",
+        epilog="Exit status: 0 when nothing is a problem, 1 otherwise. Only hardware needs what is absent, or "
+        "minds what is slow, or open to others.",
     )
     parser.add_argument(
-        "--hardware", action="store_true", help="count what is absent or slow as a problem, too"
+        "--hardware", action="store_true", help="count what is absent, slow or open as a problem, too"
     )
     parser.add_argument("--udev-rule", action="store_true", help="print the udev rules for the devices")
     parser.add_argument(
@@ -223,9 +223,11 @@ def _doctor(arguments: list[str]) -> int:
                 found += module.board_checks(options.board, options.board_key)
     for check in found:
         print(check.line)
-    counted = (BAD, ABSENT, SLOW) if options.hardware else (BAD,)
+    counted = (BAD, *HARDWARE_ONLY) if options.hardware else (BAD,)
     problems = sum(check.level in counted for check in found)
-    print(f"{problems} problem{'' if problems == 1 else 's'}")
+    others = 0 if options.hardware else sum(check.level in HARDWARE_ONLY for check in found)
+    also = f"; {others} more that only robots would mind (--hardware counts them)" if others else ""
+    print(f"{problems} problem{'' if problems == 1 else 's'}{also}")
     return 1 if problems else 0
 
 

@@ -4,13 +4,15 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-OK, ABSENT, SLOW, BAD = "ok", "absent", "slow", "bad"
-"""ABSENT: only hardware needs it; SLOW: good enough for everything but hardware."""
+OK, ABSENT, SLOW, OPEN, BAD = "ok", "absent", "slow", "open", "bad"
+"""ABSENT: only hardware needs it. SLOW: good enough for everything but hardware. OPEN: others may take part,
+which endangers nobody where nothing real moves."""
+HARDWARE_ONLY = (ABSENT, SLOW, OPEN)
 
 
 @dataclass(frozen=True)
 class Check:
-    """level: OK, ABSENT, SLOW or BAD. finding: what is there. remedy: what to do; empty when OK."""
+    """level: one of those above. finding: what is there. remedy: what to do; empty when OK."""
 
     subject: str
     level: str
@@ -20,5 +22,5 @@ class Check:
     @property
     def line(self) -> str:
         """For the terminal."""
-        mark = {OK: "OK      ", ABSENT: "absent  ", SLOW: "slow    ", BAD: "PROBLEM "}[self.level]
+        mark = f"{ {OK: 'OK', BAD: 'PROBLEM'}.get(self.level, self.level):8}"
         return f"{mark} {self.subject}: {self.finding}" + (f"; {self.remedy}" if self.remedy else "")
