@@ -15,7 +15,7 @@ from haptic_teleop_sim.sfj_robot import SFJ_PARAMETERS
 from haptic_teleop_sysid.commands import acquire, compare, diagnose, export, verify
 from haptic_teleop_sysid.diagnosis.decision.adequacy import Adequacy
 from haptic_teleop_sysid.diagnosis.evidence.inverse_dynamics.motion import banded, motion_band
-from haptic_teleop_sysid.diagnosis.report.page_law import law_curve, law_plot
+from haptic_teleop_sysid.diagnosis.report.page_law import law_curve, law_curves, law_plot
 from haptic_teleop_sysid.diagnosis.report.page_lead import lead
 from haptic_teleop_sysid.diagnosis.report.page_reasons import reasons
 from haptic_teleop_sysid.diagnosis.report.page_steps import Origin, steps
@@ -40,6 +40,16 @@ def test_dry_friction_shows_as_a_torque_against_the_direction_and_is_gone_with_i
     np.testing.assert_allclose(found.before[fast], -0.3 * np.sign(found.centre[fast]), atol=0.05)
     np.testing.assert_allclose(found.law[fast], -0.3 * np.sign(found.centre[fast]), atol=0.02)
     assert found.explained > 0.95
+
+
+def test_a_name_that_only_stands_in_is_drawn_too():
+    friction = Effect("coulomb_friction", "j_motor", {"torque": 0.3})
+    result = SimpleNamespace(final=SimpleNamespace(model=MODEL.with_effects(friction)), choices=())
+    stands_in = {"effects": [{"effect": friction.effect, "location": friction.location}]}
+    records = [pendulum(1, coulomb=0.3)]
+    assert law_curves(result, records) == []
+    (found,) = law_curves(result, records, stands_in)
+    assert found.name == "coulomb_friction at j_motor" and found.explained > 0.95
 
 
 def test_gravity_beside_friction_shows_by_itself_against_the_angle():

@@ -196,7 +196,7 @@ def _doctor(arguments: list[str]) -> int:
     parser = argparse.ArgumentParser(
         prog="haptic-teleop doctor",
         description="Say what is there: environment, ROS 2, scheduling, devices; each line OK or the remedy.",
-        epilog="Exit status: 0 when nothing is a problem, 1 otherwise. Only hardware needs what is absent, or "
+        epilog="Exit status: 0 when nothing is a problem, 1 otherwise. Only hardware needs what is absent or "
         "minds what is slow, or open to others.",
     )
     parser.add_argument(

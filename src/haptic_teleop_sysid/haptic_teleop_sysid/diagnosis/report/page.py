@@ -47,7 +47,7 @@ def diagnosis_page(
     count = sum(len(proof.parts[part]) for part in PARTS)
     page = Page(f"Diagnosis of {model.robot} {model.joint}", f"{model.structure}; {count} recordings")
     lead(page, verdict, content, {part: hardly_moving(proof.parts[part]) for part in PARTS})
-    curves = law_curves(result, estimation)
+    curves = law_curves(result, estimation, content.get("stand_in"))
     _missing(page, verdict, curves, units)
     page_columns.fits(page, content, proof)
     _best(page, proof)
@@ -81,6 +81,7 @@ def _missing(page: Page, verdict: Verdict, curves: Sequence[LawCurve], units: Un
     caption = (
         "Torque that the equations of motion lack on the recordings fitted to, against what it follows "
         "(dots: means of as many samples each): without the finding, with it, and the law that was named."
+        + ("" if verdict.findings else " It only stands in: it is not believed to be what is missing.")
         if curves
         else "Torque that the observer has to add, against what it follows most (dots: means)."
     )

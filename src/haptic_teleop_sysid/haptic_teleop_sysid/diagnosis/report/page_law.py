@@ -9,8 +9,9 @@ is simulated.  Law and quantity go through the same filter, so that corners are 
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -53,12 +54,17 @@ class LawCurve:
         return min(max(1.0 - rest, 0.0), 1.0)
 
 
-def law_curves(result: SearchResult, records: Sequence[Record]) -> list[LawCurve]:
+def law_curves(
+    result: SearchResult, records: Sequence[Record], stand_in: Mapping[str, Any] | None = None
+) -> list[LawCurve]:
     """One curve for each finding that is a torque along the motion, or what an actuator makes of its input at
-    once; ``records``: what was fitted to."""
+    once; where nothing was found, for each effect that stands in (`StandIn.content`). ``records``: what was
+    fitted to."""
     model = result.final.model
     effects = [e for e in model.effects if _has_law(e)]
     wanted = [(c.chosen.effect.effect, c.chosen.effect.location) for c in result.choices]
+    if not wanted and stand_in is not None:
+        wanted = [(e["effect"], e["location"]) for e in stand_in["effects"]]
     shown = [e for e in effects if (e.effect, e.location) in wanted and _shows(e)]
     if not shown:
         return []
