@@ -6,6 +6,7 @@ from __future__ import annotations
 from itertools import pairwise
 
 import numpy as np
+from numpy.lib.stride_tricks import sliding_window_view
 from numpy.typing import NDArray
 
 from haptic_teleop_control.counted import counted
@@ -80,26 +81,38 @@ def held(values: Array) -> NDArray[np.bool_]:
     new = np.flatnonzero(steps != 0.0) + 1  # samples at which a new value begins
     # From one new value to the next: other repeats nearby, which the next value has caught up with, are even.
     speeds = np.diff(values[new]) / np.diff(new)
-    for k, (first, stop) in enumerate(pairwise(new.tolist())):
-        if not 2 <= stop - first <= LONGEST_HELD or k < _ROUND or k + _ROUND > len(speeds):
-            continue
-        into, out = steps[first - 1], steps[stop - 1]
-        around = speeds[k - _ROUND : k], speeds[k + 1 : k + _ROUND]
-        before, behind = float(np.mean(around[0][:-1])), float(np.mean(around[1]))
-        expected = (stop - first) * 0.5 * (before + behind)
-        even = all(np.max(np.abs(s - np.mean(s))) < EVEN * abs(np.mean(s)) for s in around)
-        if (
-            even  # as no motion by single steps of an encoder is, whose readings repeat by themselves
-            and min(abs(into), abs(before), abs(out)) > least
-            and abs(out) > CATCHES_UP * abs(behind)
-            and CAUGHT_UP * abs(expected) < np.sign(expected) * out < abs(expected) / CAUGHT_UP
-        ):
-            found[first + 1 : stop] = True
-        elif min(abs(into), abs(out)) > OFF * max(abs(before), abs(behind), least) and abs(
-            values[stop] - values[first - 1]
-        ) < 0.5 * min(abs(into), abs(out)):
-            found[first:stop] = True
+    if len(speeds) < 2 * _ROUND:
+        return found
+    k = np.arange(_ROUND, len(speeds) - _ROUND + 1)
+    k = k[(new[k + 1] - new[k] >= 2) & (new[k + 1] - new[k] <= LONGEST_HELD)]
+    first, stop = new[k], new[k + 1]
+    into, out = steps[first - 1], steps[stop - 1]
+    ahead = sliding_window_view(speeds, _ROUND)[k - _ROUND]
+    after = sliding_window_view(speeds, _ROUND - 1)[k + 1]
+    before, behind = np.mean(ahead[:, :-1], axis=1), np.mean(after, axis=1)
+    # As no motion by single steps of an encoder is, whose readings repeat by themselves.
+    even = _even(ahead) & _even(after)
+    expected = np.abs((stop - first) * 0.5 * (before + behind))
+    caught = np.sign(before + behind) * out
+    repeats = (
+        even
+        & (np.minimum(np.minimum(np.abs(into), np.abs(before)), np.abs(out)) > least)
+        & (np.abs(out) > CATCHES_UP * np.abs(behind))
+        & (CAUGHT_UP * expected < caught)
+        & (caught < expected / CAUGHT_UP)
+    )
+    leap = np.minimum(np.abs(into), np.abs(out))
+    usual = np.maximum(np.maximum(np.abs(before), np.abs(behind)), least)
+    off = ~repeats & (leap > OFF * usual) & (np.abs(values[stop] - values[first - 1]) < 0.5 * leap)
+    for i in np.flatnonzero(repeats | off):
+        found[first[i] + int(repeats[i]) : stop[i]] = True
     return found
+
+
+def _even(speeds: Array) -> NDArray[np.bool_]:
+    """Whether the speeds (n, m) of each row differ little from their mean."""
+    mean = np.mean(speeds, axis=1)
+    return np.max(np.abs(speeds - mean[:, None]), axis=1) < EVEN * np.abs(mean)
 
 
 def encoder_step(read: Array, fewest: int = 1) -> float:
