@@ -28,6 +28,11 @@ class Forecast(Protocol):
     def total(self, elapsed: float) -> float | None:
         """About how long it takes in all; None while nobody can know."""
 
+    @property
+    def may_grow(self) -> bool:
+        """Whether it may take longer, by what is found meanwhile."""
+        ...
+
 
 class RunProgress:
     """A context that tells of a run's steps on a console, from a thread of its own, so that a long step is
@@ -66,7 +71,8 @@ class RunProgress:
             elapsed = self._clock() - self._began
             total, text = self._forecast.total(elapsed), self._text
         about = "" if total is None else f" of about {in_minutes(total)}"
-        return f"{self._name}: {in_minutes(elapsed)}{about} min: {text}"
+        more = " or more" if about and self._forecast.may_grow else ""
+        return f"{self._name}: {in_minutes(elapsed)}{about} min{more}: {text}"
 
     def _tell(self) -> None:
         while not self._ended.wait(self._pause()):
@@ -85,6 +91,7 @@ class _Share:
     """Expects the rest to go at the pace of what is done."""
 
     done = 0.0
+    may_grow = False
 
     def step(self, text: str, elapsed: float) -> None:
         """What is done is told by `done`."""

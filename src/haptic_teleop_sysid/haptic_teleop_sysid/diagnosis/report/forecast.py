@@ -60,6 +60,11 @@ class DiagnosisForecast:
         if phase is not None and (not self._began or self._began[-1][0] != phase):
             self._began.append((phase, elapsed))
 
+    @property
+    def may_grow(self) -> bool:
+        """Whether a further effect, or a search by free simulation, may still come."""
+        return not self._began or self._began[-1][0] not in ("free", "nulls", "rest")
+
     def total(self, elapsed: float) -> float | None:
         """About how long it takes in all, s; None before a pass was measured."""
         if self.unit is None or not self._began:
