@@ -126,11 +126,17 @@ def test_a_second_run_and_a_stray_node_are_refused_and_the_first_run_goes_on(fil
         second = start(file, *options)
         _, refusal = second.communicate(timeout=100)
         assert second.returncode == 2 and "is also published by" in refusal, refusal
-        stray = subprocess.run(
-            [*FRONT_DOOR, "signal_generator", "--ros-args", "-p", "use_sim_time:=true"],
-            stderr=subprocess.PIPE, text=True, timeout=60, check=False,
-        )  # fmt: skip
-        assert stray.returncode == 2 and "another node of this name takes part" in stray.stderr, stray.stderr
+        for node in ("signal_generator", "force_controller", "sfj_sim", "omni_sim"):
+            stray = subprocess.run(
+                [*FRONT_DOOR, node, "--ros-args", "-p", "use_sim_time:=true"],
+                stderr=subprocess.PIPE, text=True, timeout=60, check=False,
+            )  # fmt: skip
+            assert stray.returncode == 2, stray.stderr
+            assert "another node of this name takes part" in stray.stderr
+            assert "FAULT" not in stray.stderr, "it has heard the first run"
+            assert first.poll() is None, f"ended by {node}"
+        with pytest.raises(subprocess.TimeoutExpired):  # another coordinator waits for nodes of its own
+            subprocess.run([*FRONT_DOOR, "time_coordinator"], stderr=subprocess.DEVNULL, timeout=4)
         assert first.poll() is None
         first.send_signal(signal.SIGINT)
         _, errors = first.communicate(timeout=60)

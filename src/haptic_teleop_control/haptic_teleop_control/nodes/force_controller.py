@@ -141,7 +141,8 @@ class ForceController(HapticNode):
         for act in (self._engage, self._disengage, self._swap):
             self.create_service(Trigger, f"~/{act.__name__.lstrip('_')}", act)
         self.create_subscription(DiagnosticArray, "/diagnostics", self._on_diagnostics, 10)
-        self._publish_state(State.OFF)
+        # Where another controller of this name takes part already, its state is not ours to say.
+        self.time.when_joined(lambda: self._publish_state(self._coupling.state))
         for name, robot in self._robots.items():
             self.count_rate(f"{name} states", lambda robot=robot: robot.input.count)
         self.warnings.watch(

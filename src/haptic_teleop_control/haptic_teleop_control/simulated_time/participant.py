@@ -33,8 +33,8 @@ come first, and a child of `scenario` that was killed is seen at once anyway."""
 class Participant:
     """member: itself. say: sends a report. on_tick(tick, repeated): called for every tick, also those that
     ask nothing of it. on_fault(detail): time is halted or the coordinator is lost; once.
-    on_refused(detail): the coordinator does not take it; once, and nothing else is called then. on_status:
-    every status. liveness: s without a word from the coordinator. run: of the `scenario` that has started
+    on_refused(detail): the coordinator does not take it; once, and nothing else is called then. on_joined:
+    it takes part from now on. on_status: every status. liveness: s without a word from the coordinator. run: of the `scenario` that has started
     it; it then hears only that one's coordinator.
     """
 
@@ -46,6 +46,7 @@ class Participant:
         on_fault: Callable[[str], None],
         on_refused: Callable[[str], None],
         on_status: Callable[[Status], None] = lambda status: None,
+        on_joined: Callable[[], None] = lambda: None,
         liveness: float = COORDINATOR_LIVENESS,
         run: str = "",
     ) -> None:
@@ -56,7 +57,7 @@ class Participant:
         self.joined = False
         self.state = self._reason = ""
         self._send, self._on_tick, self._on_status = say, on_tick, on_status
-        self._on_fault, self._on_refused = on_fault, on_refused
+        self._on_fault, self._on_refused, self._on_joined = on_fault, on_refused, on_joined
         self._liveness, self._run = liveness, run
         self._session = ""
         self._faulty = False
@@ -148,6 +149,7 @@ class Participant:
             if self.sender not in status.senders:
                 return
             self.joined, self._session = True, status.session
+            self._on_joined()
         self.state, self._reason = status.state, status.reason
         if status.state == HALTED:
             self._fault(f"simulated time is halted: {status.reason}")

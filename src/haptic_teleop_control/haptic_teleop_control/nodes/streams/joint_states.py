@@ -110,7 +110,7 @@ class JointStateReceiver:
     Samples are taken from one publisher only (`SenderGuard`). When another one sends, too, its samples are
     left out, `on_problem` is called with SECOND_SENDER and both names, and the first one's samples go on to
     be taken; `silence` (s) without any lets another take its place. Not `listening`, it takes nothing until
-    `listen`.
+    `listen`; in simulated time, nothing until the node takes part.
     """
 
     def __init__(
@@ -142,14 +142,17 @@ class JointStateReceiver:
         self._on_sample = on_sample
         self._on_problem = on_problem or (lambda kind, detail, stamp: None)
         self._accept = accept
-        self._listening = listening
+        self._listening = self._destroyed = False
         callback = with_info(self._receive)
         self._subscription = node.create_subscription(
             JointState, topic, callback, time_base(node).qos, raw=True
         )
         self.topic = self._subscription.topic_name
-        self._now = time_base(node).now
+        self._time = time_base(node)
+        self._now = self._time.now
         self._sender = SenderGuard(round(silence * 1e9), lambda: publishers(node, self.topic), self._clash)
+        if listening:
+            self.listen()
 
     @property
     def publishers(self) -> int:
@@ -161,8 +164,8 @@ class JointStateReceiver:
         return self._sender.refused
 
     def listen(self) -> None:
-        """Take samples from now on."""
-        self._listening = True
+        """Take samples from now on, in simulated time as soon as the node takes part."""
+        self._time.when_joined(self._open)
 
     def age(self, now: int) -> float:
         """Seconds since the last good sample arrived, by the node's time; infinite before the first."""
@@ -176,8 +179,11 @@ class JointStateReceiver:
 
     def destroy(self, node: Node) -> None:
         """Receive nothing any more, not even what the executor has taken already."""
-        self._listening = False
+        self._destroyed, self._listening = True, False
         node.destroy_subscription(self._subscription)
+
+    def _open(self) -> None:
+        self._listening = not self._destroyed
 
     def _receive(self, message: bytes | JointState, info: Mapping[str, Any]) -> None:
         if not self._listening:

@@ -95,6 +95,10 @@ class WallTime:
         early."""
         changed.wait(None if moment is None else max(0.0, (moment - self.now()) * 1e-9))
 
+    def when_joined(self, work: Callable[[], None]) -> None:
+        """Calls `work` at once: this time is everybody's."""
+        work()
+
     def close(self) -> None:
         pass
 
@@ -113,6 +117,7 @@ class SimulatedTime:
         self._end: ParticipantEnd | None = None
         self.participant: Participant | None = None
         self._told = False
+        self._upon_joining: list[Callable[[], None]] = []
 
     def now(self) -> int:
         return ORIGIN if self.participant is None else self.participant.stamp
@@ -134,10 +139,18 @@ class SimulatedTime:
         """Joins the coordinator and is called with every tick (see `Participant`)."""
         assert self.participant is None
         self.participant = Participant(
-            member, self._say, on_tick, on_fault, on_refused, on_status, run=own_run()
+            member, self._say, on_tick, on_fault, on_refused, on_status, self._joined, run=own_run()
         )
         self._end = ParticipantEnd(self._node, member, self.participant.hear)
         steady_timer(self._node, POLL, self._poll)
+
+    def when_joined(self, work: Callable[[], None]) -> None:
+        """Calls `work` as soon as the node takes part: what it would hear or say before is of a run that may
+        not be its own."""
+        if self.participant is not None and self.participant.joined:
+            work()
+        else:
+            self._upon_joining.append(work)
 
     @property
     def waits_for(self) -> str:
@@ -157,6 +170,11 @@ class SimulatedTime:
         if self.participant is not None and self._end is not None:
             self.participant.leave()
             self._end.close()
+
+    def _joined(self) -> None:
+        works, self._upon_joining = self._upon_joining, []
+        for work in works:
+            work()
 
     def _say(self, report) -> None:
         if self._end is not None:
