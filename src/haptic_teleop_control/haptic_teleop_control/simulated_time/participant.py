@@ -34,8 +34,8 @@ class Participant:
     """member: itself. say: sends a report. on_tick(tick, repeated): called for every tick, also those that
     ask nothing of it. on_fault(detail): time is halted or the coordinator is lost; once.
     on_refused(detail): the coordinator does not take it; once, and nothing else is called then. on_joined:
-    it takes part from now on. on_status: every status. liveness: s without a word from the coordinator. run: of the `scenario` that has started
-    it; it then hears only that one's coordinator.
+    it takes part from now on. on_status: every status. liveness: s without a word from the coordinator.
+    run: of the `scenario` that has started it; it then hears only that one's coordinator.
     """
 
     def __init__(
