@@ -240,8 +240,8 @@ def test_a_warning_is_no_fault_to_the_watcher_nor_to_the_controller(graph):
         message = DiagnosticArray(
             status=[DiagnosticStatus(level=level, name="/omni/omni_sim", message="7 of 9 were late")]
         )
-        watcher._diagnose(message)
-        controller._on_diagnostics(message)
+        watcher._diagnose(message, {})
+        controller._on_diagnostics(message, {})
     assert watcher.faults == {} and controller._coupling.robot_faults == {}
     assert watcher.warnings == {"/omni/omni_sim": (2, "7 of 9 were late")}
 
@@ -250,7 +250,25 @@ def test_a_warning_after_a_fault_says_that_the_fault_is_over(graph):
     watcher, controller = Watcher("sfj"), graph.start(ForceController, auto_engage=False)
     for level in (DiagnosticStatus.ERROR, DiagnosticStatus.WARN):
         status = DiagnosticStatus(level=level, name="/sfj/sfj_sim", message="words")
-        watcher._diagnose(DiagnosticArray(status=[status]))
-        controller._on_diagnostics(DiagnosticArray(status=[status]))
+        watcher._diagnose(DiagnosticArray(status=[status]), {})
+        controller._on_diagnostics(DiagnosticArray(status=[status]), {})
     assert watcher._in_fault == {} and controller._coupling.robot_faults == {}
+    assert watcher.faults == {"/sfj/sfj_sim": "words"}
+
+
+def test_the_fault_of_a_stray_node_with_a_robots_name_is_not_the_robots(graph):
+    """It is told from the robot's by the process that the states come from."""
+    controller = graph.start(ForceController, auto_engage=False)
+    robot, stray = (bytes([number]) * 16 for number in (1, 2))
+    fault = DiagnosticStatus(level=DiagnosticStatus.ERROR, name="/sfj/sfj_sim", message="words")
+    controller._robots["sfj"].input._sender.admit(robot, 0)
+    controller._on_diagnostics(DiagnosticArray(status=[fault]), {"publisher_gid": {"data": stray}})
+    assert controller._coupling.robot_faults == {}
+    controller._on_diagnostics(DiagnosticArray(status=[fault]), {"publisher_gid": {"data": robot}})
+    assert controller._coupling.robot_faults == {"/sfj/sfj_sim": "words"}
+    watcher = Watcher("sfj", simulated=True)
+    watcher.processes = frozenset({robot[:12].hex()})
+    watcher._diagnose(DiagnosticArray(status=[fault]), {"publisher_gid": {"data": stray}})
+    assert watcher.faults == {}
+    watcher._diagnose(DiagnosticArray(status=[fault]), {"publisher_gid": {"data": robot}})
     assert watcher.faults == {"/sfj/sfj_sim": "words"}

@@ -1,18 +1,24 @@
 """`haptic-teleop set` and `echo` on running nodes: parameters change or are refused in a sentence, messages
 come as YAML."""
 
+import subprocess
+import sys
 import threading
+import time
 from array import array
 
 import pytest
 import yaml
+from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
+from rclpy.node import Node
 from rclpy.qos import DurabilityPolicy, QoSProfile
+from rclpy.task import Future
 from ros_graph import Graph
 from sensor_msgs.msg import JointState
 from std_msgs.msg import String
 
 from haptic_teleop_control import echo_topic, operate, set_parameter
-from haptic_teleop_control.nodes import graph_client
+from haptic_teleop_control.nodes import graph_client, operator_devices
 from haptic_teleop_control.nodes.graph_client import known
 from haptic_teleop_control.nodes.signal_generator import SignalGeneratorNode
 from haptic_teleop_control.nodes.topic_printer import plain
@@ -111,3 +117,50 @@ def test_a_joint_state_is_printed_with_all_its_fields_and_numbers():
 def test_echo_wants_a_number_of_messages(count, capsys):
     assert echo_topic.main(["/state", "--count", count]) == 2
     assert "--count" in capsys.readouterr().err
+
+
+def test_a_question_whose_answer_was_lost_is_asked_anew():
+    asked: list[Future] = []
+
+    def question() -> Future:
+        asked.append(Future())
+        if len(asked) == 3:
+            asked[0].set_result("late")
+        return asked[-1]
+
+    client = graph_client.GraphClient("asking")
+    try:
+        assert client.ask(question, time.monotonic() + 20.0) == "late" and len(asked) == 3
+        assert client.ask(Future, time.monotonic() + 0.1) is None
+    finally:
+        client.close()
+
+
+def test_a_command_ends_also_where_the_middleware_hangs_while_it_leaves():
+    """With what it has to say, and its exit status."""
+    program = (
+        "import sys, time\n"
+        "from haptic_teleop_control import operate\n"
+        "from haptic_teleop_control.nodes import graph_client\n"
+        "graph_client.LEAVING = 0.2\n"
+        "graph_client.GraphClient.close = lambda self: time.sleep(3600.0)\n"
+        "sys.exit(operate.main(['engage', '--wait', '0.3']))\n"
+    )
+    done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, timeout=60)
+    assert done.returncode == 2 and "start a scenario" in done.stderr
+
+
+def test_operate_devices_names_who_is_there_and_says_nothing(graph, monkeypatch, capsys):
+    monkeypatch.setattr(operator_devices, "ROUND", 0.5)
+    driver = graph.probe.create_publisher(DiagnosticArray, "/diagnostics", 10)
+    values = [KeyValue(key="device", value="emulated")]
+    status = DiagnosticStatus(name="/omni/omni_driver", message="running", values=values)
+    graph.probe.create_timer(0.05, lambda: driver.publish(DiagnosticArray(status=[status])))
+    silent = Node("sfj_driver", context=graph.probe.context, start_parameter_services=False)
+    silent.create_publisher(DiagnosticArray, "/diagnostics", 10)
+    with Spinning(graph):
+        assert operate.main(["devices"]) == 1
+    silent.destroy_node()
+    told = capsys.readouterr().out
+    assert told.startswith("/omni/omni_driver: device emulated: running\n")
+    assert "/sfj_driver: there, but not heard for 0.5 s" in told

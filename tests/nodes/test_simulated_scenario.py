@@ -8,9 +8,11 @@ import sys
 import time
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from haptic_teleop_control.nodes.scenario import main
+from haptic_teleop_control.recording import read_recording
 
 FILE = """
 /**:
@@ -120,7 +122,7 @@ def until_it_runs(process: subprocess.Popen) -> list[str]:
 @pytest.mark.parametrize("options", [(), ("--processes",)])
 def test_a_second_run_and_a_stray_node_are_refused_and_the_first_run_goes_on(file, options):
     usual(file)
-    first = start(file, *options, "--real-time-factor", "1")
+    first = start(file, *options, "--real-time-factor", "1", "--record", "first")
     try:
         until_it_runs(first)
         second = start(file, *options)
@@ -135,15 +137,39 @@ def test_a_second_run_and_a_stray_node_are_refused_and_the_first_run_goes_on(fil
             assert "another node of this name takes part" in stray.stderr
             assert "FAULT" not in stray.stderr, "it has heard the first run"
             assert first.poll() is None, f"ended by {node}"
-        with pytest.raises(subprocess.TimeoutExpired):  # another coordinator waits for nodes of its own
-            subprocess.run([*FRONT_DOOR, "time_coordinator"], stderr=subprocess.DEVNULL, timeout=4)
-        assert first.poll() is None
+        another = subprocess.run(
+            [*FRONT_DOOR, "time_coordinator"], stderr=subprocess.PIPE, text=True, timeout=60, check=False
+        )
+        assert another.returncode == 2 and "another coordinator of simulated time" in another.stderr
+        for node in ("sfj_sim", "force_controller"):  # by the wall: they do not know of the run
+            with pytest.raises(subprocess.TimeoutExpired):
+                subprocess.run([*FRONT_DOOR, node], stderr=subprocess.DEVNULL, timeout=6)
+            assert first.poll() is None, f"ended by {node} of the wall"
         first.send_signal(signal.SIGINT)
         _, errors = first.communicate(timeout=60)
     finally:
         first.kill()
         first.wait()
     assert first.returncode == 0 and "fault" not in errors, errors
+    topics = read_recording(file.parent / "first").topics
+    for robot, rate in (("sfj", 1000.0), ("omni", 500.0)):
+        states, commands = (topics[f"/{robot}/{name}"].stamp for name in ("joint_states", "effort_command"))
+        assert np.all(np.diff(states) == round(1e9 / rate)), "no stray ones, none missing"
+        assert np.array_equal(states, commands)
+
+
+def test_of_two_scenarios_started_together_one_goes_on(file):
+    usual(file)
+    both = [start(file, "--duration", "2"), start(file, "--duration", "2")]
+    try:
+        told = [process.communicate(timeout=100)[1] for process in both]
+    finally:
+        for process in both:
+            process.kill()
+            process.wait()
+    assert sorted(process.returncode for process in both) == [0, 2], told
+    refused = told[0] if both[0].returncode else told[1]
+    assert "of a run begun before: stop that, or choose another ROS_DOMAIN_ID" in refused
 
 
 def test_a_coordinator_that_is_killed_ends_the_scenario_with_1_and_is_named(file):

@@ -27,9 +27,7 @@ def run_command(main: Callable[[list[str]], int | None], argv: Sequence[str] | N
         status = main(list(sys.argv[1:] if argv is None else argv))
         sys.stdout.flush()  # here, so that a closed pipe is met inside this `try`
     except HapticTeleopError as error:
-        # One line, even if a library's message was quoted in it: scripts show the last line of stderr.
-        print(f"error: {' '.join(str(error).split())}", file=sys.stderr)
-        return USAGE_ERROR
+        return tell(error)
     except SystemExit as leaving:
         return _status_of(leaving)
     except KeyboardInterrupt as leaving:
@@ -41,6 +39,13 @@ def run_command(main: Callable[[list[str]], int | None], argv: Sequence[str] | N
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return PIPE_CLOSED
     return 0 if status is None else status
+
+
+def tell(error: HapticTeleopError) -> int:
+    """Prints the error to standard error, in one line even if a library's message is quoted in it, because
+    scripts show the last line; returns the exit status, USAGE_ERROR."""
+    print(f"error: {' '.join(str(error).split())}", file=sys.stderr)
+    return USAGE_ERROR
 
 
 def _status_of(leaving: SystemExit) -> int:

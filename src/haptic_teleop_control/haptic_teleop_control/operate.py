@@ -67,10 +67,7 @@ def _main(argv: list[str]) -> int:
     )
     options = parser.parse_args(argv)
     if options.act == "devices":
-        print("\n".join(load_object(DEVICES, "DEVICES")(options.wait)))
-        return 0
+        return load_object(DEVICES, "DEVICES")(options.wait)
     node = OTHERS.get(options.act, options.controller)
     remedy = NOT_SIMULATED if node == COORDINATOR else NOT_THERE
-    done, message = load_object(CLIENT, "CLIENT")(node, options.act, options.wait, remedy)
-    print(message)
-    return 0 if done else 1
+    return load_object(CLIENT, "CLIENT")(node, options.act, options.wait, remedy)

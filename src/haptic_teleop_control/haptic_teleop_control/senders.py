@@ -84,6 +84,11 @@ class SenderGuard:
         self.sole, self._other = None, sender
         return False
 
+    @property
+    def sender(self) -> bytes | None:
+        """Whose samples are taken now; None before the first."""
+        return self._sender
+
     def forget(self) -> None:
         """After a reset: another sender that was heard before does not count any more. The sender stays."""
         self.sole = self._sender

@@ -51,9 +51,7 @@ def _main(argv: list[str]) -> int:
     )
     options = parser.parse_args(_negative_value_last(argv))
     value = value_of(options.value)
-    done, message = load_object(CLIENT, "CLIENT")(options.node, options.parameter, value, options.wait)
-    print(message)
-    return 0 if done else 1
+    return load_object(CLIENT, "CLIENT")(options.node, options.parameter, value, options.wait)
 
 
 def _negative_value_last(argv: list[str]) -> list[str]:

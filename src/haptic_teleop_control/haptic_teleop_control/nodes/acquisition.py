@@ -13,6 +13,7 @@ from haptic_teleop_control.node_tables import NODE_PARAMETERS
 from haptic_teleop_control.nodes.base.haptic_node import HapticNode
 from haptic_teleop_control.nodes.base.run import run_node
 from haptic_teleop_control.nodes.streams.joint_states import JointStatePublisher, JointStateReceiver
+from haptic_teleop_control.nodes.streams.senders import Info, with_info
 from haptic_teleop_control.parameters import ParameterTable
 from haptic_teleop_control.robot_faults import RobotFaults
 from haptic_teleop_control.simulated_time.messages import ANSWERER, Tick
@@ -50,7 +51,7 @@ class AcquisitionNode(HapticNode):
             self.get_logger().warning(warning)
         robot = experiment.robot
         self._robot_faults = RobotFaults(robot)
-        self.create_subscription(DiagnosticArray, "/diagnostics", self._on_diagnostics, 10)
+        self.create_subscription(DiagnosticArray, "/diagnostics", with_info(self._on_diagnostics), 10)
         self._first: int | None = None
         self._last = 0
         self._out = JointStatePublisher(self, f"{robot}/effort_command", experiment.motors, ("effort",))
@@ -117,7 +118,9 @@ class AcquisitionNode(HapticNode):
         self.fault("state", detail)
         self._out.send_zero(stamp)
 
-    def _on_diagnostics(self, message: DiagnosticArray) -> None:
+    def _on_diagnostics(self, message: DiagnosticArray, info: Info) -> None:
+        if not self._in.shares_process(info):
+            return  # a stray node of the same name
         for status in message.status:
             sentence = status.message if status.level == DiagnosticStatus.ERROR else None
             values = {entry.key: entry.value for entry in status.values}

@@ -31,6 +31,7 @@ from haptic_teleop_control.nodes.streams.joint_states import (
     JointStatePublisher,
     JointStateReceiver,
 )
+from haptic_teleop_control.nodes.streams.senders import Info, with_info
 from haptic_teleop_control.nodes.timing.time_base import SIMULATED_TIME
 from haptic_teleop_control.robots import OMNI_JOINTS, SFJ_JOINTS, SFJ_MOTOR_JOINTS, STAGES
 from haptic_teleop_control.simulated_time.messages import ANSWERER, Tick
@@ -140,7 +141,7 @@ class ForceController(HapticNode):
         self._bind(self._coupling)
         for act in (self._engage, self._disengage, self._swap):
             self.create_service(Trigger, f"~/{act.__name__.lstrip('_')}", act)
-        self.create_subscription(DiagnosticArray, "/diagnostics", self._on_diagnostics, 10)
+        self.create_subscription(DiagnosticArray, "/diagnostics", with_info(self._on_diagnostics), 10)
         # Where another controller of this name takes part already, its state is not ours to say.
         self.time.when_joined(lambda: self._publish_state(self._coupling.state))
         for name, robot in self._robots.items():
@@ -329,10 +330,11 @@ class ForceController(HapticNode):
         self._reference_seen = max(self._reference_seen, stamp)
         self._advance()
 
-    def _on_diagnostics(self, message: DiagnosticArray) -> None:
-        """Any node in a robot's namespace speaks for the robot."""
+    def _on_diagnostics(self, message: DiagnosticArray, info: Info) -> None:
+        """Who runs where a robot's states come from speaks for it; a stray of the same name does not."""
+        robots = [f"/{name}/" for name, robot in self._robots.items() if robot.input.shares_process(info)]
         for status in message.status:
-            if any(f"/{robot}/" in status.name for robot in JOINTS):
+            if any(robot in status.name for robot in robots):
                 sentence = status.message if status.level == DiagnosticStatus.ERROR else None
                 self._coupling.on_robot_fault(self.time.now(), status.name, sentence)
 

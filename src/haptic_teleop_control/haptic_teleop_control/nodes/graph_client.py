@@ -1,4 +1,5 @@
-"""The node of a command that comes, asks and goes: context, executor, and names as people write them."""
+"""The node of a command that comes, asks and goes: context, executor, an end that does not hang, and names as
+people write them."""
 
 from __future__ import annotations
 
@@ -7,12 +8,18 @@ import sys
 import time
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
+from typing import Any
 
 import rclpy
 from rclpy.context import Context
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.node import Node
 from rclpy.signals import SignalHandlerOptions
+from rclpy.task import Future
+
+from haptic_teleop_control.command_line import INTERRUPTED, tell
+from haptic_teleop_control.errors import HapticTeleopError
+from haptic_teleop_control.forced_exit import ends_within
 
 SILENT = 1.5
 """s of waiting without a word: a node that runs is found by its own announcement, which Fast DDS sends every
@@ -20,8 +27,17 @@ SILENT = 1.5
 both for good (two locks taken in opposite order, Fast DDS 3.2)."""
 
 
+ASK_AGAIN = 0.5
+"""s after which a question is asked anew."""
+
+LEAVING = 5.0
+"""s that the middleware is given to leave the graph; what the command has to say is said by then."""
+
+
 class GraphClient:
-    """node and executor of a command; `until` lets messages in."""
+    """node and executor of a command; `until` lets messages in. status: the command's exit status so far."""
+
+    status = 1
 
     def __init__(self, name: str) -> None:
         self.context = Context()
@@ -43,6 +59,20 @@ class GraphClient:
                 told = True
         return happened()
 
+    def ask(self, question: Callable[[], Future], until: float) -> Any:
+        """The answer to a service call that may be made several times, made until it is answered; None at
+        `until` (s of the steady clock). A node that has not found the client's reader yet gives an answer
+        up."""
+        asked: list[Future] = []
+        while True:
+            asked.append(question())
+            self.until(lambda: any(f.done() for f in asked), min(ASK_AGAIN, until - time.monotonic()))
+            for future in asked:
+                if future.done():
+                    return future.result()
+            if time.monotonic() >= until:
+                return None
+
     def close(self) -> None:
         """Leaves the graph."""
         self.executor.shutdown()
@@ -52,12 +82,21 @@ class GraphClient:
 
 @contextmanager
 def graph_client(name: str) -> Iterator[GraphClient]:
-    """A client that leaves the graph at the end, however that comes."""
+    """A client that leaves the graph at the end, however that comes, and ends the process with its `status`
+    where the middleware hangs over that. So the body prints what it has to say and sets `status`; its
+    HapticTeleopError is printed here and becomes SystemExit."""
     client = GraphClient(name)
     try:
         yield client
+    except HapticTeleopError as error:
+        client.status = tell(error)
+        raise SystemExit(client.status) from None
+    except KeyboardInterrupt:
+        client.status = INTERRUPTED
+        raise
     finally:
-        client.close()
+        with ends_within(LEAVING, client.status):
+            client.close()
 
 
 def known(names: Iterable[str], wanted: str) -> str:

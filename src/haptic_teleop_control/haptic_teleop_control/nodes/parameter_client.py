@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import time
+from collections.abc import Callable
 from typing import Any
 
 from rclpy.parameter import Parameter
@@ -14,36 +16,42 @@ ANSWER = 10.0
 """s within which a node that is there answers."""
 
 
-def change(node: str, name: str, value: Any, wait: float) -> tuple[bool, str]:
-    """Whether the node took the value, and what to tell. node: its full name, or one that only it has.
-
-    Raises ConfigurationError when there is no such node within `wait` s, or it has no such parameter.
-    """
+def change(node: str, name: str, value: Any, wait: float) -> int:
+    """Has the node take the value, and prints what came of it. Returns 0, or 1 when the node refused.
+    node: its full name, or one that only it has. A ConfigurationError when there is no such node within
+    `wait` s, or it has no such parameter: printed, and SystemExit."""
     with graph_client("set") as client:
-        full = _found(client, node, wait)
-        remote = AsyncParameterClient(client.node, full)
-        if not client.until(remote.services_are_ready, wait):
-            raise ConfigurationError(f"{full} offers no parameters: look whether it still starts.")
-        before = _before(client, remote, full, name)
-        (described,) = _answer(client, full, remote.describe_parameters([name])).descriptors
-        if described.read_only:
-            return (
-                False,
-                f"{full} refuses: {name} cannot change while the node runs; set it before the start.",
-            )
-        kind = Parameter.Type.from_parameter_value(value)
-        if before.type_ == Parameter.Type.DOUBLE and kind == Parameter.Type.INTEGER:
-            value = float(value)
-        elif before.type_ == Parameter.Type.DOUBLE_ARRAY and kind == Parameter.Type.INTEGER_ARRAY:
-            value = [float(v) for v in value]
-        elif before.type_ != kind and before.type_ != Parameter.Type.NOT_SET:
-            needs, got = (one.name.lower().replace("_", " ") for one in (before.type_, kind))
-            return False, f"{full} refuses: {name} is a {needs} ({_text(before.value)}), not a {got}."
-        answer = _answer(client, full, remote.set_parameters([Parameter(name, value=value)]))
-        (result,) = answer.results
-        if not result.successful:
-            return False, f"{full} refuses: {result.reason}"
-        return True, f"{full}: {name}: {_text(before.value)} -> {_text(value)}"
+        done, message = _change(client, node, name, value, wait)
+        print(message)
+        client.status = 0 if done else 1
+        return client.status
+
+
+def _change(client: GraphClient, node: str, name: str, value: Any, wait: float) -> tuple[bool, str]:
+    full = _found(client, node, wait)
+    remote = AsyncParameterClient(client.node, full)
+    if not client.until(remote.services_are_ready, wait):
+        raise ConfigurationError(f"{full} offers no parameters: look whether it still starts.")
+    before = _before(client, remote, full, name)
+    (described,) = _answer(client, full, lambda: remote.describe_parameters([name])).descriptors
+    if described.read_only:
+        return (
+            False,
+            f"{full} refuses: {name} cannot change while the node runs; set it before the start.",
+        )
+    kind = Parameter.Type.from_parameter_value(value)
+    if before.type_ == Parameter.Type.DOUBLE and kind == Parameter.Type.INTEGER:
+        value = float(value)
+    elif before.type_ == Parameter.Type.DOUBLE_ARRAY and kind == Parameter.Type.INTEGER_ARRAY:
+        value = [float(v) for v in value]
+    elif before.type_ != kind and before.type_ != Parameter.Type.NOT_SET:
+        needs, got = (one.name.lower().replace("_", " ") for one in (before.type_, kind))
+        return False, f"{full} refuses: {name} is a {needs} ({_text(before.value)}), not a {got}."
+    answer = _answer(client, full, lambda: remote.set_parameters([Parameter(name, value=value)]))
+    (result,) = answer.results
+    if not result.successful:
+        return False, f"{full} refuses: {result.reason}"
+    return True, f"{full}: {name}: {_text(before.value)} -> {_text(value)}"
 
 
 def _found(client: GraphClient, name: str, wait: float) -> str:
@@ -66,10 +74,10 @@ def _found(client: GraphClient, name: str, wait: float) -> str:
 
 def _before(client: GraphClient, remote: AsyncParameterClient, full: str, name: str) -> Parameter:
     """The parameter as it is now."""
-    names = _answer(client, full, remote.list_parameters([], 0)).result.names
+    names = _answer(client, full, lambda: remote.list_parameters([], 0)).result.names
     if name not in names:
         raise ConfigurationError(f"{full} has no parameter {name}; {known(names, name)}")
-    (value,) = _answer(client, full, remote.get_parameters([name])).values
+    (value,) = _answer(client, full, lambda: remote.get_parameters([name])).values
     return Parameter.from_parameter_msg(_message(name, value))
 
 
@@ -79,10 +87,11 @@ def _message(name: str, value: Any) -> Any:
     return message
 
 
-def _answer(client: GraphClient, full: str, future: Any) -> Any:
-    if not client.until(future.done, ANSWER):
+def _answer(client: GraphClient, full: str, question: Callable[[], Any]) -> Any:
+    answer = client.ask(question, time.monotonic() + ANSWER)
+    if answer is None:
         raise ConfigurationError(f"{full} does not answer within {ANSWER:g} s: look whether it still runs.")
-    return future.result()
+    return answer
 
 
 def _text(value: Any) -> str:

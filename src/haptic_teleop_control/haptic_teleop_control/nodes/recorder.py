@@ -23,7 +23,7 @@ from haptic_teleop_control.nodes.base.haptic_node import HapticNode
 from haptic_teleop_control.nodes.base.node_help import node_help
 from haptic_teleop_control.nodes.base.run import LEAVING, create_nodes, make_executor, read_arguments
 from haptic_teleop_control.nodes.launching.arming import ArmedStart
-from haptic_teleop_control.nodes.launching.connections import IN, Endpoints, endpoints
+from haptic_teleop_control.nodes.launching.connections import IN, OUT, Endpoints, endpoints, processes_of
 from haptic_teleop_control.nodes.launching.stopping import stop_requests
 from haptic_teleop_control.nodes.recording.parameter_collector import ParameterCollector
 from haptic_teleop_control.nodes.recording.recorded_topic import RecordedTopic
@@ -109,6 +109,11 @@ class Recorder(HapticNode):
         self.warnings.watch(
             lambda: sum(topic.missed for topic in self._topics), "messages were lost on the way here"
         )
+        self.warnings.watch(
+            lambda: sum(topic.foreign for topic in self._topics),
+            "messages of nodes that do not take part in this run were not recorded; stop those nodes, or "
+            "give them another ROS_DOMAIN_ID",
+        )
         steady_timer(self, FOLLOW_PERIOD, self._follow)
         self._follow()
         self.get_logger().info(f"recording to {self.writer.path}")
@@ -117,7 +122,7 @@ class Recorder(HapticNode):
         return "stopping" if self.stop else "recording"
 
     def measurements(self) -> dict[str, Any]:
-        return dict(self.received)
+        return {**self.received, **{f"publishers of {topic.name}": topic.met for topic in self._topics}}
 
     def arm(self, armed: ArmedStart) -> None:
         """Waits from now on; to be called before the first message."""
@@ -182,6 +187,10 @@ class Recorder(HapticNode):
         if begins and self.armed is not None:
             # What was there before has been taken, and dropped; what comes from now on counts.
             self.armed.confirm()
+            if self.time.simulated and self.armed.expected is not None:
+                for topic in self._topics:
+                    if topic.name in self.armed.expected[OUT]:
+                        topic.only = processes_of(self.armed.expected)
             self.armed = None
             self.begin()
         if max(self._kept.values(), default=0) - self._acknowledged > ACKNOWLEDGED:

@@ -225,7 +225,7 @@ def _watch(
     """The faults; `warnings` is filled."""
     with Watcher(scenario.watched, scenario.simulated, run) as watcher, ProgressLine() as progress:
         watcher.warnings = warnings
-        starter = Starter(children, watcher.node, scenario.simulated)
+        starter = Starter(children, watcher.node, scenario.simulated, watcher.run_node)
         while not stop.is_set() and all(child.status is None for child in children):
             watcher.look(LOOK_INTERVAL if starter.done else START_INTERVAL)
             for child in children:
@@ -237,6 +237,7 @@ def _watch(
                     continue
                 if starter.missing:
                     print(f"warning: {starter.warning}", file=sys.stderr, flush=True)
+                watcher.processes = starter.processes
                 watcher.begin()
             progress.show(watcher.line(scenario.duration))
             over = watcher.over(scenario.duration)

@@ -9,6 +9,7 @@ from rclpy.context import Context
 from rosgraph_msgs.msg import Clock
 from std_srvs.srv import Trigger
 
+from haptic_teleop_control.errors import ConfigurationError
 from haptic_teleop_control.node_tables import TIME_COORDINATOR
 from haptic_teleop_control.nodes.base.haptic_node import HapticNode
 from haptic_teleop_control.nodes.base.run import run_node
@@ -65,13 +66,14 @@ class TimeCoordinator(HapticNode):
             armed=False,
             paused=values["paused"],
             run=own_run(),
+            born=self.wall.stamp(),
         )
         self._told = ORIGIN - CLOCK_PERIOD
         self._over = False
         self._begun = 0.0  # s of the steady clock
         self._awaited = ""  # what it has said that it waits for
         self._clock_out = self.create_publisher(Clock, "/clock", 10)
-        self._end = CoordinatorEnd(self, self._hear)
+        self._end = CoordinatorEnd(self, self._hear, self._hear_other)
         for act in ("pause", "resume", "step"):
             self.create_service(Trigger, f"~/{act}", self._service(act))
         steady_timer(self, POLL, self._look)
@@ -83,6 +85,16 @@ class TimeCoordinator(HapticNode):
     def _hear(self, report: Report) -> None:
         self._coordinator.hear(report, self.wall.now() * 1e-9)
         self._proceed()
+
+    def _hear_other(self, status: Status) -> None:
+        if self._coordinator.armed and self._coordinator.yields_to(status) and self.failure is None:
+            taking_part = ", ".join(status.members) or "nobody yet"
+            self.fail(
+                ConfigurationError(
+                    "another coordinator of simulated time is in this ROS domain (taking part: "
+                    f"{taking_part}): stop one of them, or choose another ROS_DOMAIN_ID."
+                )
+            )
 
     def _look(self) -> None:
         self._end.run()

@@ -46,6 +46,7 @@ def print_messages(topic: str, count: int | None, wait: float, show: Callable[[s
             while waiting and (count is None or shown < count):
                 show(f"{dump_yaml(plain(waiting.popleft())).rstrip()}\n---")
                 shown += 1
+        client.status = 0
 
 
 def plain(value: Any) -> Any:

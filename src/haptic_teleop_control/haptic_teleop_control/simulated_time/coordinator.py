@@ -55,9 +55,9 @@ load ran at 0.7 times real time, and at 2.4 times with this limit)."""
 
 class Coordinator:
     """participants: bare or full names of the nodes that must join before time begins; others may, until
-    then. duration: s, 0: no end. liveness: s. run: of the `scenario` that has started it; its participants
-    are then that run's, and what another run's nodes report is not for it. `poll` and `hear` return what is
-    to be announced."""
+    then. duration: s, 0: no end. liveness: s. run: of the `scenario` that has started it; its
+    participants are then that run's, and what another run's nodes report is not for it. born: ns of the
+    wall clock. `poll` and `hear` return what is to be announced."""
 
     def __init__(
         self,
@@ -68,8 +68,9 @@ class Coordinator:
         armed: bool = True,
         paused: bool = False,
         run: str = "",
+        born: int = 0,
     ) -> None:
-        self._run = run
+        self._run, self._born = run, born
         self.session = secrets.token_hex(4)
         self.participants = list(participants)
         self.pace = Pace(factor)
@@ -141,7 +142,17 @@ class Coordinator:
             round(self.pace.achieved, 3),
             tuple(self._senders.values()),
             self._run,
+            self._born,
         )
+
+    def yields_to(self, other: Status) -> bool:
+        """Whether another coordinator goes on and this one does not: there is one time in a ROS domain, and
+        the one that has begun, or else the one that was there first, has it."""
+        if other.session == self.session or self.state != WAITING:
+            return False
+        if other.state == WAITING:
+            return (other.born, other.session) < (self._born, self.session)
+        return other.state in (RUNNING, PAUSED)
 
     # Messages.
 

@@ -77,7 +77,8 @@ class Status:
     """The coordinator's state, told when it changes and now and then. session: its id. members: names of
     those who have joined; senders: their ids, in the same order. reason: why time is halted, or what is
     waited for. refused: sender's id -> why it may not take part. achieved: simulated seconds per second so
-    far. run: of the `scenario` that has started it, else empty."""
+    far. run: of the `scenario` that has started it, else empty. born: ns of the wall clock when the
+    coordinator began."""
 
     session: str
     state: str
@@ -88,6 +89,7 @@ class Status:
     achieved: float = 0.0
     senders: tuple[str, ...] = ()
     run: str = ""
+    born: int = 0
 
 
 @dataclass(frozen=True)
@@ -146,6 +148,7 @@ def _status(content: dict[str, Any]) -> Status:
         float(content["achieved"]),
         tuple(str(sender) for sender in content["senders"]),
         str(content["run"]),
+        int(content["born"]),
     )
 
 

@@ -40,6 +40,9 @@ Array = NDArray[np.float64]
 PROBLEMS = {NON_FINITE: NON_FINITE_COMMAND, WRONG_JOINTS: MALFORMED_COMMAND}
 """Kind of a problem -> the fault that it is, where the two names differ."""
 
+SIMULATED = 10**15
+"""ns: stamps below are no moment of the last fifty years, but simulated time."""
+
 START_PATIENCE = 200_000_000
 """ns for which late commands are only dropped as long as nothing has been driven yet."""
 
@@ -193,6 +196,11 @@ class CommandedNode(HapticNode):
                 return
         self._driven = False
         what = "without a stamp" if stamp == 0 else f"that answers a state {age:.3f} s old"
+        if 0 < stamp < SIMULATED:
+            what = (
+                f"of simulated time ({seconds(stamp):.3f} s), and this node goes by the wall: set "
+                "use_sim_time: true here, or stop one of the two graphs"
+            )
         self.fault(STALE_COMMAND, f"{self.commands.topic}: a command {what}")
 
     def _command_problem(self, kind: str, detail: str, stamp: int) -> None:

@@ -55,6 +55,11 @@ class ArmedStart:
         self.link.send(ready=endpoints(nodes()) if announced is None else announced)
 
     @property
+    def expected(self) -> Endpoints | None:
+        """What all processes of the run have; None before all are ready."""
+        return self._expected
+
+    @property
     def expecting(self) -> bool:
         """Whether all processes are ready, so that their nodes answer."""
         return self._expected is not None

@@ -75,6 +75,11 @@ def unconnected(nodes: Iterable[Node], expected: Mapping[str, Mapping[str, list[
     return sorted(missing - set(SERVICE_TOPICS))
 
 
+def processes_of(ours: Mapping[str, Mapping[str, list[str]]]) -> frozenset[str]:
+    """The ids of our processes; none where the middleware does not tell them."""
+    return frozenset(ours[PARTICIPANTS]) if _told(ours) else frozenset()
+
+
 def strangers(node: Node, ours: Mapping[str, Mapping[str, list[str]]]) -> dict[str, list[str]]:
     """Topic of joint states that we publish -> nodes that are not ours and publish on it, too, as `node` sees
     it; also those of the same name as ours, as a second run of the same file has them. Two commands, or two

@@ -14,13 +14,12 @@ from rclpy.node import Node
 from rclpy.topic_endpoint_info import TopicEndpointInfo
 from std_msgs.msg import String
 
-PREFIX = 12
-"""Bytes of an endpoint's id that are its participant's in DDS; a process (a context) has one participant."""
+from haptic_teleop_control.nodes.streams.senders import PROCESS
 
 
 def participant_of(end: TopicEndpointInfo) -> str:
     """Hexadecimal id of the participant that the endpoint belongs to."""
-    return bytes(end.endpoint_gid)[:PREFIX].hex()
+    return bytes(end.endpoint_gid)[:PROCESS].hex()
 
 
 def own_participant(node: Node) -> str:

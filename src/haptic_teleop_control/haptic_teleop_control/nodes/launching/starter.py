@@ -13,12 +13,18 @@ from haptic_teleop_control.nodes.launching.connections import (
     Endpoints,
     endpoints,
     merged,
+    processes_of,
     strangers,
     unconnected,
 )
+from haptic_teleop_control.nodes.launching.run_node import RunNode
 
 START_INTERVAL = 0.02
 """Seconds between two looks at the children until they have started."""
+
+UNKNOWN_RUN, LATER_RUN = 1.0, 15.0
+"""Seconds that one waits for others to leave our topics: until one knows whether they belong to a run,
+and until a run that was begun later has been refused."""
 
 DISCOVERY_TIME = 3.5
 """Seconds from the start within which every other participant of the domain has announced itself: they do so
@@ -32,11 +38,16 @@ time can wait, and what a recorder had not met before the start would be missing
 class Starter:
     """Leads `children` to their common start; `watching` is a node of this process that shall hear them, too.
 
+    run: this run as others see it.
     done: the last of them has been told to start. missing: topics on which somebody had not met somebody
     else by then. line: what is being waited for.
     """
 
-    def __init__(self, children: Sequence[Child], watching: Node, simulated: bool = False) -> None:
+    def __init__(
+        self, children: Sequence[Child], watching: Node, simulated: bool = False, run: RunNode | None = None
+    ) -> None:
+        self._run = run
+        self._disturbed: float | None = None
         self._limit = SIMULATED_CONNECT_LIMIT if simulated else CONNECT_LIMIT
         self._children, self._watching = list(children), watching
         self._ready: dict[str, Endpoints] = {}
@@ -60,6 +71,11 @@ class Starter:
                 return f"compiling, once, some 20 s: {', '.join(waited)}"
             return f"starting {', '.join(waited)}"
         return " ".join(["waiting until all know each other", *self._unmet()])
+
+    @property
+    def processes(self) -> frozenset[str]:
+        """The ids of all processes of the run; none before all are ready, or where none are told."""
+        return frozenset() if self._expected is None else processes_of(self._expected)
 
     @property
     def warning(self) -> str:
@@ -86,8 +102,9 @@ class Starter:
             now = time.monotonic()
             connected = len(self._waiting) > len(self._children) and not self._unmet()
             if now > self._deadline or (connected and now > self._all_announced):
+                if not self._alone(self._expected):
+                    return
                 self.missing = self._unmet()
-                self._refuse_strangers(self._expected)
                 self._tell(self._children[-1])  # the recorder, if there is one: it has to be there first
         elif self._told == self._started:
             rest = [child for child in self._children if child.name not in self._told]
@@ -111,15 +128,26 @@ class Starter:
         for child in self._children:
             child.link.send(expect=self._expected)
 
-    def _refuse_strangers(self, ours: Endpoints) -> None:
+    def _alone(self, ours: Endpoints) -> bool:
+        """Whether nobody else publishes on our topics. Of two runs that were started together the earlier one
+        waits until the later one has been refused."""
         # Whoever sees one is right: discovery may be late in this process and not in another.
         self._strangers[""] = strangers(self._watching, ours)
-        for topic, names in sorted(pair for seen in self._strangers.values() for pair in seen.items()):
-            others = ", ".join(names)
-            raise ConfigurationError(
-                f"{topic} is also published by {others}: stop that, or choose another ROS_DOMAIN_ID. "
-                "What was killed is listed for some 20 s more."
-            )
+        found = sorted(pair for seen in self._strangers.values() for pair in seen.items())
+        if not found:
+            self._disturbed = None
+            return True
+        now = time.monotonic()
+        self._disturbed = self._disturbed or now
+        others = [] if self._run is None else self._run.others()
+        earlier = self._run is not None and any(other < self._run.key for other in others)
+        if not earlier and now - self._disturbed < (LATER_RUN if others else UNKNOWN_RUN):
+            return False
+        topic, names = found[0]
+        raise ConfigurationError(
+            f"{topic} is also published by {', '.join(names)}{', of a run begun before' if earlier else ''}: "
+            "stop that, or choose another ROS_DOMAIN_ID. What was killed is listed for some 20 s more."
+        )
 
     def _tell(self, child: Child) -> None:
         self._told.add(child.name)

@@ -23,6 +23,8 @@ from rich.text import Text
 from sensor_msgs.msg import JointState
 from std_msgs.msg import String
 
+from haptic_teleop_control.nodes.launching.run_node import RunNode
+from haptic_teleop_control.nodes.streams.senders import Info, process_of, with_info
 from haptic_teleop_control.robots import OMNI_JOINTS, SFJ_JOINTS, STAGES
 from haptic_teleop_control.simulated_time.messages import HALTED, OVER, PAUSED, STATUS_TOPIC, Status, decode
 from haptic_teleop_control.simulated_time.participant import COORDINATOR_LIVENESS
@@ -39,13 +41,16 @@ class Watcher:
     """An rclpy node that knows the latest state of a robot ("sfj" or "omni") and every fault reported; a
     context manager.
 
+    run: the id of the run that it watches, if it is one of `scenario`; run_node: that run as others see it.
     faults: node -> the sentence it reported last, also after a reset. warnings: node -> how many warnings it
     reported that were no faults, and the last one. node: the node, within the context.
+    processes: ids of the run's own, if known: in simulated time no other diagnostics are the run's.
     Time counts from `begin`, or is the simulated one. time: what its coordinator said last, that of `run`.
     """
 
     def __init__(self, robot: str = "sfj", simulated: bool = False, run: str = "") -> None:
         self._run = run
+        self.processes: frozenset[str] = frozenset()
         self._namespace = f"/{robot}/"
         self._topic = f"/{robot}/joint_states"
         self._joints = SFJ_JOINTS if robot == "sfj" else OMNI_JOINTS
@@ -61,8 +66,9 @@ class Watcher:
     def __enter__(self) -> Self:
         rclpy.init(args=[], signal_handler_options=rclpy.signals.SignalHandlerOptions.NO)
         self.node = Node("scenario", start_parameter_services=False)
+        self.run_node = RunNode(self._run) if self._run else None
         self.node.create_subscription(JointState, self._topic, self._take, NEWEST_ONLY)
-        self.node.create_subscription(DiagnosticArray, "/diagnostics", self._diagnose, 10)
+        self.node.create_subscription(DiagnosticArray, "/diagnostics", with_info(self._diagnose), 10)
         if self.simulated:
             self.node.create_subscription(String, STATUS_TOPIC, self._take_status, 10)
         self._executor = SingleThreadedExecutor()
@@ -73,6 +79,8 @@ class Watcher:
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
         self._executor.shutdown()
+        if self.run_node is not None:
+            self.run_node.destroy_node()
         self.node.destroy_node()
         rclpy.try_shutdown()
 
@@ -170,7 +178,10 @@ class Watcher:
             if status.state == HALTED:
                 self.faults["/time_coordinator"] = f"simulated time is halted: {status.reason}"
 
-    def _diagnose(self, message: DiagnosticArray) -> None:
+    def _diagnose(self, message: DiagnosticArray, info: Info) -> None:
+        process = process_of(info)
+        if self.simulated and process and self.processes and process not in self.processes:
+            return
         for status in message.status:
             if status.level == DiagnosticStatus.ERROR:
                 self.faults[status.name] = status.message

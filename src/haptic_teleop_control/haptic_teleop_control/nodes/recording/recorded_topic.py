@@ -11,6 +11,8 @@ from rclpy.qos import DurabilityPolicy, HistoryPolicy, QoSProfile, ReliabilityPo
 from rclpy.subscription import Subscription
 from rclpy.topic_endpoint_info import TopicEndpointInfo
 
+from haptic_teleop_control.nodes.streams.senders import process_of
+
 Receive = Callable[["RecordedTopic", bytes, int, int], None]
 
 
@@ -18,9 +20,10 @@ class RecordedTopic:
     """Subscribes to `name`; `drain` hands each message to `receive(topic, data, received ns, published ns)`.
 
     Before a publisher is known it subscribes best effort, which any publisher can serve, unless all are
-    `reliable`; when `follow`
-    finds that all publishers are reliable it changes to a reliable subscription, without a gap and without
-    taking a message twice. A type that is not known in advance is taken from the publishers. `problem` is a
+    `reliable`, as in simulated time, where one that is not goes by the wall and is not heard beside one that
+    is. When `follow` finds that all publishers are reliable it changes to a reliable subscription, without a
+    gap and without taking a message twice. only: ids of processes whose messages are taken, if not all;
+    `foreign` counts others. A type that is not known in advance is taken from the publishers. `problem` is a
     sentence or empty; `missed` counts messages that the publishers numbered but that did not arrive.
 
     `node` must not be in an executor: messages are taken here in batches, at a fraction of the cost of one
@@ -35,6 +38,9 @@ class RecordedTopic:
         self.problem = ""
         self.profiles: list[dict[str, Any]] = []
         self.missed = 0
+        self.foreign = 0
+        self.only: frozenset[str] = frozenset()
+        self._simulated = reliable
         self._reliable = False
         self._class: type | None = None
         self._subscription = None
@@ -49,6 +55,14 @@ class RecordedTopic:
     def publishers(self) -> int:
         return len(self.profiles)
 
+    @property
+    def met(self) -> str:
+        """From how many publishers it receives by now, and with which quality of service."""
+        if self._subscription is None:
+            return "0"
+        count = self._subscription.get_publisher_count()
+        return f"{count} ({'reliable' if self._reliable else 'best effort'})"
+
     def follow(self) -> None:
         """Adapts to the publishers that there are now."""
         offers = self.node.get_publishers_info_by_topic(self.name)
@@ -61,7 +75,9 @@ class RecordedTopic:
             self.problem = (
                 f"{self.name} is also published as {', '.join(sorted(others))}, which is not recorded"
             )
-        reliable = all(offer.qos_profile.reliability == ReliabilityPolicy.RELIABLE for offer in offers)
+        reliable = (any if self._simulated else all)(
+            offer.qos_profile.reliability == ReliabilityPolicy.RELIABLE for offer in offers
+        )
         if self._subscription is None or reliable != self._reliable:
             self._subscribe(reliable)
         elif self._boundary is not None:
@@ -107,6 +123,9 @@ class RecordedTopic:
             self._outgoing = None
 
     def _take(self, data: bytes, info: dict[str, Any]) -> None:
+        if self.only and (process := process_of(info)) and process not in self.only:
+            self.foreign += 1
+            return
         self._last_published = info["source_timestamp"]
         self._count_missed(info)
         self.receive(self, data, info["received_timestamp"], self._last_published)

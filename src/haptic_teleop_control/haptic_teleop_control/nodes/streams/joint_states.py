@@ -19,7 +19,7 @@ from rclpy.node import Node
 from rclpy.serialization import deserialize_message
 from sensor_msgs.msg import JointState
 
-from haptic_teleop_control.nodes.streams.senders import publishers, with_info
+from haptic_teleop_control.nodes.streams.senders import PROCESS, process_of, publishers, with_info
 from haptic_teleop_control.nodes.timing.time_base import LATEST_QOS, TimeBase, WallTime
 from haptic_teleop_control.recording.cdr_layout import STAMP
 from haptic_teleop_control.recording.cdr_template import PUT_STAMP, Template, zeros
@@ -162,6 +162,11 @@ class JointStateReceiver:
     def refused(self) -> int:
         """Samples of a second sender that were left out."""
         return self._sender.refused
+
+    def shares_process(self, info: Mapping[str, Any]) -> bool:
+        """Whether a message comes from the process that publishes this topic; also while none is known."""
+        sender, process = self._sender.sender, process_of(info)
+        return sender is None or not process or sender[:PROCESS].hex() == process
 
     def listen(self) -> None:
         """Take samples from now on, in simulated time as soon as the node takes part."""

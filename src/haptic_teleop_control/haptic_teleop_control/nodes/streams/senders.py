@@ -23,6 +23,10 @@ UNTOLD = (
     "diagnostics and not a fault; ROS 2 Kilted or later tells it"
 )
 
+PROCESS = 12
+"""Bytes of a publisher's id that are its process's: DDS numbers participants, and a process (a context) has
+one."""
+
 UNKNOWN_NAME = "_NODE_NAME_UNKNOWN_"
 """What the middleware calls a node whose publishers it has found, and whose name it has not been told yet."""
 
@@ -43,6 +47,12 @@ def with_info(receive: Callable[[Any, Info], None]) -> Callable[..., None]:
         [inspect.Parameter(name, inspect.Parameter.POSITIONAL_ONLY) for name in ("message", "info")]
     )
     return callback
+
+
+def process_of(info: Info) -> str:
+    """Hexadecimal id of the process that has sent a message; empty where the middleware does not tell."""
+    told = info.get("publisher_gid")
+    return "" if told is None else bytes(told["data"])[:PROCESS].hex()
 
 
 def full_name(end: TopicEndpointInfo) -> str:

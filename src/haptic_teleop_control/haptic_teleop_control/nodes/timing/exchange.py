@@ -70,15 +70,19 @@ def _process(node: Node) -> _Process:
 
 
 class CoordinatorEnd:
-    """The coordinator's: `announce`, and `hear` is called with every report."""
+    """The coordinator's: `announce`, and `hear` is called with every report, `hear_other` with every status,
+    also its own."""
 
-    def __init__(self, node: Node, hear: Callable[[Report], None]) -> None:
+    def __init__(
+        self, node: Node, hear: Callable[[Report], None], hear_other: Callable[[Status], None]
+    ) -> None:
         self._process = _process(node)
         self._process.coordinator = hear
         self._ticks = node.create_publisher(String, TICK_TOPIC, QOS)
         self._status = node.create_publisher(String, STATUS_TOPIC, QOS)
         node.create_subscription(String, REPORT_TOPIC, self._receive, QOS)
-        self._hear = hear
+        node.create_subscription(String, STATUS_TOPIC, self._receive, QOS)
+        self._hear, self._hear_other = hear, hear_other
 
     def announce(self, message: Tick | Status, members: dict[str, Member]) -> None:
         here = self._process.participants
@@ -97,9 +101,11 @@ class CoordinatorEnd:
         self._process.coordinator = None
 
     def _receive(self, message: String) -> None:
-        report = decode(message.data)
-        if isinstance(report, Report):
-            self._hear(report)
+        said = decode(message.data)
+        if isinstance(said, Report):
+            self._hear(said)
+        elif isinstance(said, Status):
+            self._hear_other(said)
 
 
 class ParticipantEnd:
