@@ -152,10 +152,11 @@ def test_a_second_run_and_a_stray_node_are_refused_and_the_first_run_goes_on(fil
         first.wait()
     assert first.returncode == 0 and "fault" not in errors, errors
     topics = read_recording(file.parent / "first").topics
-    for robot, rate in (("sfj", 1000.0), ("omni", 500.0)):
+    for robot in ("sfj", "omni"):  # 500 Hz
         states, commands = (topics[f"/{robot}/{name}"].stamp for name in ("joint_states", "effort_command"))
-        assert np.all(np.diff(states) == round(1e9 / rate)), "no stray ones, none missing"
-        assert np.array_equal(states, commands)
+        assert np.all(np.diff(states) == 2_000_000), "no stray ones, none missing"
+        assert 0 <= len(states) - len(commands) <= 1, "Ctrl-C may come before the last answer"
+        assert np.array_equal(states[: len(commands)], commands)
 
 
 def test_of_two_scenarios_started_together_one_goes_on(file):
