@@ -27,6 +27,7 @@ from haptic_teleop_control.nodes.launching.connections import IN, OUT, Endpoints
 from haptic_teleop_control.nodes.launching.stopping import stop_requests
 from haptic_teleop_control.nodes.recording.parameter_collector import ParameterCollector
 from haptic_teleop_control.nodes.recording.recorded_topic import RecordedTopic
+from haptic_teleop_control.nodes.recording.repetitions import Repetitions
 from haptic_teleop_control.nodes.recording.table import (
     JOINT_STATE,
     KNOWN_TYPES,
@@ -89,6 +90,7 @@ class Recorder(HapticNode):
         self._next_log = self.started + LOG_PERIOD
         self._stored: dict[str, dict[str, Any]] = {}
         self._kept: dict[str, int] = {}  # stamped topic -> newest stamp, ns
+        self._said: dict[str, Repetitions] = {}
         self._acknowledged = 0
         self._collector = ParameterCollector(self)
         # The topics have a node of their own, hidden by its name: this node's executor must not take them.
@@ -252,10 +254,11 @@ class Recorder(HapticNode):
         try:
             if self.time.simulated:
                 stamp = header_stamp(data) if topic.kind == JOINT_STATE else 0
-                if stamp and stamp == self._kept.get(name):
-                    return  # said again, because an answer to it was lost
                 if stamp:
-                    self._kept[name] = stamp
+                    said = self._said.setdefault(name, Repetitions())
+                    if said.is_one(stamp):
+                        return
+                    self._kept[name] = said.newest
                 received = published = stamp or max(self._kept.values(), default=ORIGIN)
             if name not in self.received:
                 self.writer.add_topic(name, topic.kind or "", qos=topic.profiles)

@@ -94,7 +94,8 @@ def contact_merit(run: StageRun, phase: Phase, following: Phase | None, by_hand:
     peak = float(np.max(torque))
     excess = peak - level if held is None else max(0.0, float(np.max(torque - desired)))
     arm = sign * run.arm_position[span]
-    resting = float(np.median(arm[last]))
+    cut_off = at_the_end and settling is None and not by_hand
+    resting = float(np.max(arm) if cut_off else np.median(arm[last]))  # cut off, it may be anywhere
     bounces, rebound = _rebounds(arm[int(np.argmax(arm >= resting - NEAR_WALL)) :], resting)
     return Contact(
         start=float(time[0]),
@@ -115,7 +116,7 @@ def contact_merit(run: StageRun, phase: Phase, following: Phase | None, by_hand:
         else None,
         by_hand=by_hand,
         held=held,
-        cut_off=at_the_end and settling is None and not by_hand,
+        cut_off=cut_off,
     )
 
 

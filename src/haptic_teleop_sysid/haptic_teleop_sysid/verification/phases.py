@@ -7,9 +7,11 @@ from itertools import pairwise
 from typing import Literal
 
 import numpy as np
+from numpy.typing import NDArray
 
 from haptic_teleop_sysid.verification.signals import StageRun
 
+Array = NDArray[np.float64]
 Kind = Literal["idle", "free", "contact", "release"]
 COMMAND_SHARE = 0.1
 """Below this share of its greatest value the desired torque counts as none."""
@@ -21,6 +23,8 @@ SHORTEST = 0.1
 """s; commands and interruptions shorter than this are not phases of their own."""
 NEAR_WALL = 1.5e-3
 """rad, six counts of the joint encoder: this near to where it comes to rest the arm is at the wall."""
+REBOUND, STRIKE = 5.0 * NEAR_WALL, 0.1
+"""rad, and s from the turn: by so much the arm is thrown back, and so long the torque of the blow lasts."""
 
 
 @dataclass(frozen=True)
@@ -44,7 +48,8 @@ def find_phases(run: StageRun) -> list[Phase]:
 
     A command is a stretch of desired torque of one sign. Its last quarter decides whether it ends in contact:
     the environment torque holds at least HELD_SHARE of the desired torque, and the arm rests or has reached
-    the known wall. The contact begins when the arm first comes NEAR_WALL to that resting place (or to the
+    the known wall; or the arm has been thrown back from something and has not come to rest again. The contact
+    begins when the arm first comes NEAR_WALL to that resting place (or to the
     known wall); the release lasts until the torque is gone.
     """
     n = len(run.time)
@@ -103,9 +108,9 @@ def _commands(run: StageRun) -> list[tuple[int, int, float]]:
 def _contact_start(run: StageRun, start: int, stop: int, level: float) -> int | None:
     sign = np.sign(level)
     tail = slice(stop - max(2, (stop - start) // 4), stop)
-    if sign * np.median(run.environment_torque[tail]) < HELD_SHARE * abs(level):
-        return None
     arm = sign * run.arm_position[start:stop]
+    if sign * np.median(run.environment_torque[tail]) < HELD_SHARE * abs(level):
+        return _thrown_back(run, start, arm, sign, level)
     resting = sign * float(np.median(run.arm_position[tail]))
     seconds = run.time[tail][-1] - run.time[tail][0]
     drift = abs(float(run.arm_position[tail][-1] - run.arm_position[tail][0])) / max(seconds, 1e-9)
@@ -120,3 +125,15 @@ def _contact_start(run: StageRun, start: int, stop: int, level: float) -> int | 
     if wall is not None and abs(abs(wall) - resting) < 0.1:
         place = min(place, abs(wall))
     return start + int(np.argmax(arm >= place))
+
+
+def _thrown_back(run: StageRun, start: int, arm: Array, sign: float, level: float) -> int | None:
+    """Where the arm met what it was thrown back from, although it is pushed on: it turns at its farthest
+    place, and the torque on the environment then is one of contact. None where it was not."""
+    turn = int(np.argmax(arm))
+    if arm[turn] - arm[turn:].min() < REBOUND:
+        return None
+    near = np.abs(run.time[start : start + len(arm)] - run.time[start + turn]) <= STRIKE
+    if np.max(sign * run.environment_torque[start : start + len(arm)][near]) < HELD_SHARE * abs(level):
+        return None
+    return start + int(np.argmax(arm >= arm[turn] - NEAR_WALL))
