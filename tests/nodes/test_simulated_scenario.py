@@ -13,6 +13,7 @@ import pytest
 
 from haptic_teleop_control.nodes.scenario import main
 from haptic_teleop_control.recording import read_recording
+from haptic_teleop_sim import lockstep
 
 FILE = """
 /**:
@@ -75,6 +76,11 @@ def start(file: Path, *options: str) -> subprocess.Popen:
         ("real_time_factor: 0.0", "real_time_factor: .nan", "real_time_factor"),
         ("real_time_factor: 0.0", "real_time_factor: .inf", "real_time_factor"),
         ("{rate: 500.0}", "{rate: 500.0, use_sim_time: false}", "omni_sim does not; set use_sim_time alike"),
+        (
+            "omni_sim:\n",
+            "recorder:\n  ros__parameters: {use_sim_time: false}\nomni_sim:\n",
+            "the scenario runs in simulated time and recorder does not; set use_sim_time alike",
+        ),
         ("[sfj_sim,", "[sfj_driver,", "device hardware is hardware, whose time nobody can hold"),
     ],
 )
@@ -86,7 +92,13 @@ def test_what_cannot_be_in_a_file_is_one_sentence_and_status_2(file, capsys, old
     assert told in error and str(file) in error
 
 
-@pytest.mark.parametrize("factor", ["-1", "nan", "inf"])
+def test_lockstep_refuses_mixed_times_like_the_graph(file, capsys):
+    usual(file).write_text(file.read_text().replace("{rate: 500.0}", "{rate: 500.0, use_sim_time: false}"))
+    assert lockstep.main([str(file), "--duration", "1"]) == 2
+    assert "omni_sim does not; set use_sim_time alike" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("factor", ["-1", "nan", "inf", ".inf", "-.inf"])
 def test_a_real_time_factor_that_is_none_is_refused_on_the_command_line(file, capsys, factor):
     assert main([str(usual(file)), f"--real-time-factor={factor}"]) == 2
     error = capsys.readouterr().err.strip()

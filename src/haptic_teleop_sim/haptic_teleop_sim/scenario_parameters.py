@@ -18,7 +18,7 @@ from haptic_teleop_control.node_tables import (
 )
 from haptic_teleop_control.parameter_files import load_parameter_file, parameters_for
 from haptic_teleop_control.parameters import ParameterTable
-from haptic_teleop_control.teleoperation.agreement import ROBOTS
+from haptic_teleop_control.teleoperation.agreement import ROBOTS, simulates
 
 from .hardware import OMNI_PARAMETERS, SFJ_PARAMETERS
 
@@ -73,7 +73,11 @@ def load_scenario(path: str | Path) -> ScenarioParameters:
     # What a wildcard says to the nodes is checked with them.
     stated = parameters_for(sections, "scenario", SCENARIO)
     own = SCENARIO.check({"nodes": ["sfj_sim"], **stated}, str(path))
-    return check_scenario(sections, path.parent, str(path), own["duration"], own["note"])
+    scenario = check_scenario(sections, path.parent, str(path), own["duration"], own["note"])
+    named = stated.get("nodes", ())
+    # Lockstep has one time; but what the graph refuses is no scenario here either.
+    simulates({node: values for node, values in scenario.nodes.items() if node in named}, str(path))
+    return scenario
 
 
 def check_scenario(

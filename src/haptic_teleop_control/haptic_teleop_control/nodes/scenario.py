@@ -38,7 +38,8 @@ from haptic_teleop_control.parameter_files import (
     parameters_for,
 )
 from haptic_teleop_control.simulated_time.runs import new_run
-from haptic_teleop_control.teleoperation.agreement import check_agreement, simulates
+from haptic_teleop_control.strict_yaml import parse_value
+from haptic_teleop_control.teleoperation.agreement import check_agreement, check_recorder, simulates
 
 FIRST_STATE_LIMIT = 30.0
 """Seconds from the start until the first state; a device may have to be calibrated."""
@@ -90,6 +91,7 @@ def load_scenario(path: str | Path, changes: dict[str, Any] | None = None) -> Sc
     taking_part = {name: values for name, values in checked.items() if name not in own_tables}
     check_agreement(taking_part, str(path))
     simulated = simulates(taking_part, str(path))
+    check_recorder(parameters_for(sections, Recorder.NAME, Recorder.TABLE), simulated, str(path))
     if not simulated and "real_time_factor" in (changes or {}):
         raise ConfigurationError(
             f"--real-time-factor is for simulated time, and {path} runs by the wall: leave it out, or set "
@@ -254,6 +256,17 @@ def _watch(
     return watcher.faults
 
 
+def _number(text: str) -> float:
+    """As in a file, where infinity is `.inf`; the table tells which numbers may be."""
+    try:
+        return float(text)
+    except ValueError:
+        value = parse_value(text)
+    if not isinstance(value, float):
+        raise argparse.ArgumentTypeError(f"{text!r} is not a number")
+    return value
+
+
 def _scenario(argv: Sequence[str]) -> int:
     parser = argparse.ArgumentParser(
         prog="haptic-teleop scenario",
@@ -269,7 +282,7 @@ def _scenario(argv: Sequence[str]) -> int:
         "--record", metavar="DIR", help="directory of the recording, which must not exist yet"
     )
     parser.add_argument(
-        "--real-time-factor", type=float, metavar="F",
+        "--real-time-factor", type=_number, metavar="F",
         help="with use_sim_time: simulated seconds per second, at most; 0: as fast as it goes",
     )  # fmt: skip
     parser.add_argument("--processes", action="store_true", default=None, help="one process for each node")

@@ -52,16 +52,30 @@ def simulates(nodes: Mapping[str, Mapping[str, Any]], source: str) -> bool:
     by_ticks = [name for name, values in stating.items() if values["use_sim_time"]]
     by_the_wall = [name for name in stating if name not in by_ticks]
     if by_ticks and by_the_wall:
-        raise ConfigurationError(
-            f"{source}: {by_ticks[0]} runs in simulated time and {by_the_wall[0]} does not; set use_sim_time "
-            "alike, once for all under `/**:`."
-        )
+        raise ConfigurationError(f"{source}: {_two_times(by_ticks[0], by_the_wall[0])}")
     simulated = bool(by_ticks)
     for name, values in nodes.items():
         device = values.get("device", VIRTUAL_DEVICES[0])
         if simulated and device not in VIRTUAL_DEVICES:
             raise ConfigurationError(f"{source}: {hardware_refusal(name, device)}")
     return simulated
+
+
+def check_recorder(stated: Mapping[str, Any], simulated: bool, source: str) -> None:
+    """stated: what the file says to the recorder, which takes the time of the run that it records.
+
+    Raises ConfigurationError where it is to take another one.
+    """
+    if stated.get("use_sim_time", simulated) != simulated:
+        both = ("the scenario", "recorder") if simulated else ("recorder", "the scenario")
+        raise ConfigurationError(f"{source}: {_two_times(*both)}")
+
+
+def _two_times(by_ticks: str, by_the_wall: str) -> str:
+    return (
+        f"{by_ticks} runs in simulated time and {by_the_wall} does not; set use_sim_time alike, once for all "
+        "under `/**:`."
+    )
 
 
 def hardware_refusal(node: str, device: str) -> str:

@@ -5,6 +5,7 @@ from __future__ import annotations
 
 import gc
 import sys
+import warnings
 from collections.abc import Callable, Sequence
 from contextlib import nullcontext
 
@@ -91,6 +92,8 @@ def stop_nodes(nodes: Sequence[HapticNode]) -> None:
 def make_executor(context: rclpy.Context | None = None) -> rclpy.executors.Executor:
     """The events executor, which holds 1 kHz in Python, or the single-threaded one where it does not
     exist."""
+    # Who asked has gone, or has not been found yet and asks again: no news for the node's terminal.
+    warnings.filterwarnings("ignore", "failed to send response", RuntimeWarning)
     try:
         from rclpy.experimental import EventsExecutor
     except ImportError:
