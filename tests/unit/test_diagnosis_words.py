@@ -7,13 +7,18 @@ from dataclasses import replace
 import pytest
 from test_diagnosis_parts import MODEL, explanation, fit_of, joint_record
 
+from haptic_teleop_sim.effects import EFFECTS, locations
 from haptic_teleop_sim.model import Effect
 from haptic_teleop_sysid import results
 from haptic_teleop_sysid.diagnosis.decision.decide import Choice
+from haptic_teleop_sysid.diagnosis.decision.verdict import finding
 from haptic_teleop_sysid.diagnosis.decision.words import because
 from haptic_teleop_sysid.diagnosis.hypotheses.explanation import Explanation
 from haptic_teleop_sysid.diagnosis.inputs.scales import recording_scales
 from haptic_teleop_sysid.diagnosis.report.experiment import menu
+from haptic_teleop_sysid.diagnosis.report.page_lead import parameter_text
+from haptic_teleop_sysid.diagnosis.report.summary import finding_number
+from haptic_teleop_sysid.report import unit_text
 
 
 def test_the_sentence_has_the_numbers_of_the_final_model_and_none_of_the_smoothing():
@@ -24,9 +29,31 @@ def test_the_sentence_has_the_numbers_of_the_final_model_and_none_of_the_smoothi
     assert "contact_angle" not in text
 
 
-def test_a_number_without_unit_has_none():
+def test_a_ratio_says_what_it_is_a_share_of():
     found = explanation("friction_drift", 300.0, 200.0, change=-0.06, time_constant=50.0)
-    assert "change -0.06, time_constant 50 s" in because(Choice(found, 1.0), found.effect)
+    text = because(Choice(found, 1.0), found.effect)
+    assert "change -0.06 of the friction, time_constant 50 s" in text
+
+
+SIZED = {name: entry for name, entry in EFFECTS.items() if entry.parameters}
+
+
+@pytest.mark.parametrize("entry", SIZED.values(), ids=SIZED)
+def test_text_page_and_json_write_a_unit_behind_every_number_of_every_effect(entry):
+    parameters = {p.name: p.typical or p.default or 1.0 for p in entry.parameters}
+    effect = Effect(entry.name, f"stage1_{locations(entry.name, MODEL.structure)[0]}", parameters)
+    found = Explanation(fit_of(MODEL.with_effects(effect)), 300.0, 200.0, True, 0)
+    made = finding(Choice(found, 1.0), found.fit, {})
+    shown = [p for p in entry.parameters if p.reported(parameters[p.name])]
+    assert list(made["parameters"]) == [p.name for p in shown]
+    sentence = because(Choice(found, 1.0), effect)
+    for p in shown:
+        number = made["parameters"][p.name]
+        assert len(p.unit) > 0 and p.unit != "1", p.name
+        assert number["unit"] == p.unit  # in diagnosis.json
+        assert f"{p.name} {parameters[p.name]:.4g} {p.unit}" in sentence
+        assert parameter_text(number).endswith(f" {unit_text(p.unit)}")  # on the page
+        assert finding_number(p.name, number).endswith(f" {unit_text(p.unit)}")  # in the terminal
 
 
 def test_a_gain_beside_a_believed_stiffness_may_be_the_stiffness():

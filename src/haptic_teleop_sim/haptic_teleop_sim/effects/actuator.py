@@ -111,7 +111,13 @@ GAIN_ERROR = EffectEntry(
     where=("actuator",),
     parameters=(
         EffectParameter(
-            "gain", "1", "acting over commanded torque", minimum=0.01, maximum=100.0, typical=1.2, neutral=1.0
+            "gain",
+            "of the command",
+            "acting over commanded torque",
+            minimum=0.01,
+            maximum=100.0,
+            typical=1.2,
+            neutral=1.0,
         ),
     ),
     sentence="the actuator gives more (or less) torque than its nominal constant says",
@@ -132,7 +138,7 @@ GAIN_DRIFT = EffectEntry(
     parameters=(
         EffectParameter(
             "change",
-            "1",
+            "of the gain",
             "relative change of the gain, in the end",
             minimum=-0.99,
             maximum=10.0,

@@ -214,7 +214,7 @@ DRIFT = EffectEntry(
     parameters=(
         EffectParameter(
             "change",
-            "1",
+            "of the friction",
             "relative change of all friction there, in the end",
             minimum=-1.0,
             maximum=20.0,
@@ -245,7 +245,7 @@ LOAD_DEPENDENT = EffectEntry(
     parameters=(
         EffectParameter(
             "coefficient",
-            "1",
+            "of the joint torque",
             "friction torque per transmitted joint torque",
             minimum=0.0,
             maximum=100.0,

@@ -194,7 +194,7 @@ ANGLE_DEPENDENT_INERTIA = EffectEntry(
     parameters=(
         EffectParameter(
             "amplitude",
-            "1",
+            "of the mean inertia",
             "how far the inertia varies about its mean, over its mean",
             minimum=0.0,
             maximum=0.95,
@@ -247,7 +247,7 @@ EXTRA_MODE = EffectEntry(
         ),
         EffectParameter(
             "damping_ratio",
-            "1",
+            "of critical damping",
             "damping ratio of the added part on a fixed arm",
             minimum=0.0,
             maximum=2.0,

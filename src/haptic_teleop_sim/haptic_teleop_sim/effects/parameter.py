@@ -16,13 +16,16 @@ STICTION_ANGLE = 2e-5
 class EffectParameter:
     """One number of an effect.
 
-    ``unit`` is the unit for a rotary joint; ``typical`` is the size at which the effect is neither negligible
-    nor absurd, relative to the scales that diagnosis measures on a recording (see ``scale``): a torque of
-    0.2 means 20 % of the rms input torque.  ``grid`` lists values worth trying as a start when the effect
-    depends on the parameter in a non-convex way (an order, a width); where they would have to lie too dense
-    for that, ``scan`` says along which scale diagnosis seeks them on a recording; ``hills``: from each of
-    them a fit climbs another hill, so that one that knows nothing starts from all.  A parameter with a
-    ``default`` is optional: left out of a model file it keeps the default and is not estimated.
+    ``unit`` is the unit for a rotary joint, and of a ratio what it is a share of ("of the friction"): text,
+    page and JSON write it behind the number, which alone would leave open what has changed.
+
+    ``typical`` is the size at which the effect is neither negligible nor absurd, relative to the scales that
+    diagnosis measures on a recording (see ``scale``): a torque of 0.2 means 20 % of the rms input torque.
+    ``grid`` lists values worth trying as a start when the effect depends on the parameter in a non-convex way
+    (an order, a width); where they would have to lie too dense for that, ``scan`` says along which scale
+    diagnosis seeks them on a recording; ``hills``: from each of them a fit climbs another hill, so that one
+    that knows nothing starts from all.  A parameter with a ``default`` is optional: left out of a model file
+    it keeps the default and is not estimated.
 
     ``turns``: where an optional parameter is sought from the beginning, because the effect's size says
     little without it: a ``phase`` turns sine into cosine, an ``offset`` shifts the angle. ``numerical``: it

@@ -214,8 +214,8 @@ HARD_STOP = EffectEntry(
         ),
         EffectParameter(
             "both_sides",
-            "1",
-            "1: a second stop at the opposite angle",
+            "(1: yes, 0: no)",
+            "a second stop at the opposite angle",
             minimum=0.0,
             maximum=1.0,
             default=0.0,

@@ -48,7 +48,13 @@ ENCODER_SCALE = EffectEntry(
     where=("motor_encoder", "arm_encoder"),
     parameters=(
         EffectParameter(
-            "scale", "1", "reported over true angle", minimum=0.1, maximum=10.0, typical=1.03, neutral=1.0
+            "scale",
+            "of the true angle",
+            "reported over true angle",
+            minimum=0.1,
+            maximum=10.0,
+            typical=1.03,
+            neutral=1.0,
         ),
     ),
     sentence="the encoder reports angles by a constant factor too large or too small",

@@ -53,8 +53,7 @@ def because(choice: Choice, fitted: Effect) -> str:
 
 def told(parameter: EffectParameter, value: float) -> str:
     """A parameter in words: name, value, unit."""
-    unit = "" if parameter.unit == "1" else f" {parameter.unit}"
-    return f"{parameter.name} {value:.4g}{unit}"
+    return f"{parameter.name} {value:.4g} {parameter.unit}"
 
 
 def chance_sentence(nulls: dict[str, Any]) -> str:

@@ -31,7 +31,7 @@ def summary(content: dict[str, Any]) -> str:
     if "doubt" in content:
         lines.append(f"  because {content['doubt']}")
     for f in content["findings"]:
-        numbers = ", ".join(_finding_number(n, p) for n, p in f["parameters"].items())
+        numbers = ", ".join(finding_number(n, p) for n, p in f["parameters"].items())
         lines.append(f"  {f['effect']} at {f['location']} ({100 * f['confidence']:.0f} %): {numbers}")
         lines += [
             f"    or {a['effect']} at {a['location']} ({100 * a['confidence']:.0f} %)"
@@ -124,7 +124,8 @@ def percent(fit: float | None) -> str:
     return f"{fit:.1f}" if fit > -1000.0 else "< -1000"
 
 
-def _finding_number(name: str, p: dict[str, Any]) -> str:
+def finding_number(name: str, p: dict[str, Any]) -> str:
+    """A finding's parameter by name, with its error and unit, and whether it is at a bound."""
     bound = f" ({LIMIT[p['at_bound']]})" if "at_bound" in p else ""
     return f"{name} {with_error(p['value'], p['std'], p['unit'])}{bound}"
 
