@@ -270,7 +270,7 @@ def test_a_fault_that_was_reset_leaves_the_line_and_stays_in_the_account():
     watcher._take(JointState(name=OMNI_JOINTS, position=[0.0] * 3, velocity=[0.0] * 3, effort=[0.0] * 3))
     for level, shown in ((DiagnosticStatus.ERROR, True), (DiagnosticStatus.OK, False)):
         status = DiagnosticStatus(level=level, name="/omni/omni_driver", message="late: it was late")
-        watcher._diagnose(DiagnosticArray(status=[status]))
+        watcher._diagnose(DiagnosticArray(status=[status]), {})
         assert ("FAULT in /omni/omni_driver" in watcher.line(0.0)) is shown
     assert watcher.faults == {"/omni/omni_driver": "late: it was late"}
 

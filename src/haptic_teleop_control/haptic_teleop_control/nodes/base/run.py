@@ -5,11 +5,13 @@ from __future__ import annotations
 
 import gc
 import sys
+import time
 import warnings
 from collections.abc import Callable, Sequence
 from contextlib import nullcontext
 
 import rclpy
+from rclpy.duration import Duration
 from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
 
 from haptic_teleop_control.command_line import run_command
@@ -39,6 +41,9 @@ START_POLL = 0.01
 
 LEAVING = 5.0
 """Seconds that the middleware is given to leave the graph: fewer than a parent waits for the process."""
+
+LAST_WORDS = 2.0
+"""Seconds that the last samples are given to arrive; a recorder that was killed never takes them."""
 
 SWITCH_INTERVAL = 5e-4
 """Seconds after which a thread that waits for the interpreter gets it: Python's 5 ms are five periods of 1
@@ -87,6 +92,15 @@ def stop_nodes(nodes: Sequence[HapticNode]) -> None:
     quiet_nodes(nodes)
     for node in reversed(nodes):
         node.destroy_node()
+
+
+def heard_by_all(nodes: Sequence[HapticNode]) -> None:
+    """Waits, for LAST_WORDS at most, until everything has arrived that was said in simulated time, where
+    nothing may be lost: a publisher that is destroyed takes back what is still on its way."""
+    until = time.monotonic() + LAST_WORDS
+    for node in nodes:
+        for publisher in node.publishers if node.time.simulated else ():
+            publisher.wait_for_all_acked(Duration(seconds=max(0.0, until - time.monotonic())))
 
 
 def make_executor(context: rclpy.Context | None = None) -> rclpy.executors.Executor:
@@ -200,6 +214,7 @@ def _run(node_classes: Sequence[type[HapticNode]], argv: Sequence[str]) -> int:
                 status = 0
             finally:
                 with ends_within(LEAVING, status):
+                    heard_by_all(nodes)
                     for node in reversed(nodes):
                         node.destroy_node()
                     rclpy.try_shutdown()
