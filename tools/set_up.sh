@@ -61,9 +61,12 @@ rm -f "$stamp"
 
 quiet="--quiet --quiet --disable-pip-version-check"  # twice: errors only
 echo "set-up: installing the locked dependencies (1.2 GB on disk; a minute or more the first time) ..."
-"$environment/bin/python" -m pip install $quiet --require-hashes --requirement requirements.lock
+# The lock is complete, so pip has nothing to look for. Left to resolve, the pip of Python 3.11 takes the newest
+# release of what another package asks for with an extra, `coverage[toml]`, and refuses it for want of a hash.
+"$environment/bin/python" -m pip install $quiet --no-deps --require-hashes --requirement requirements.lock
 # Without build isolation: the build back end is locked too.
 "$environment/bin/python" -m pip install $quiet --no-deps --no-build-isolation --editable .
+lacking=$("$environment/bin/python" -m pip check) || fail "requirements.lock does not fit pyproject.toml, run make lock: $lacking"
 fingerprint >"$stamp"
 echo "set-up: done; $environment/bin/haptic-teleop lists what can be started"
 command -v chromium >/dev/null || command -v chromium-browser >/dev/null || command -v google-chrome >/dev/null ||
