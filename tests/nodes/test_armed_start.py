@@ -20,6 +20,7 @@ from rclpy.node import Node
 from rclpy.qos import QoSProfile, ReliabilityPolicy
 from sensor_msgs.msg import JointState
 
+from haptic_teleop_control.errors import ConfigurationError
 from haptic_teleop_control.nodes.base.registry import node_names
 from haptic_teleop_control.nodes.launching import starter as starter_module
 from haptic_teleop_control.nodes.launching.children import Child
@@ -278,3 +279,32 @@ with stop_requests() as stop:
     assert stop.is_set()
 """
     subprocess.run([sys.executable, "-c", asks], check=True, timeout=60)
+
+
+class Run:
+    """As others see it: `known` are the keys of the other runs."""
+
+    def __init__(self) -> None:
+        self.key, self.known = (2, "ours"), [(3, "later")]
+
+    def others(self) -> list[tuple[int, str]]:
+        return self.known
+
+
+def test_of_two_runs_the_earlier_one_waits_until_all_of_the_later_one_has_left(graph, monkeypatch):
+    seen = {"/command": ["/force_controller"]}
+    now = 100.0
+    monkeypatch.setattr(starter_module, "strangers", lambda *_: seen)
+    monkeypatch.setattr(starter_module.time, "monotonic", lambda: now)
+    run = Run()
+    starter = Starter([], graph.probe, run=run)
+    assert not starter._alone({})
+    now, run.known = 110.0, []  # its node has gone, its controller has not
+    assert not starter._alone({})
+    seen = {}
+    assert starter._alone({})
+    seen, run.known = {"/command": ["/stray"]}, []
+    assert not starter._alone({})
+    now = 120.0
+    with pytest.raises(ConfigurationError, match="is also published by /stray"):
+        starter._alone({})

@@ -206,6 +206,35 @@ def test_the_states_of_the_teleoperation_are_recorded_as_the_node_publishes_them
     assert offered.durability == QosDurability.TRANSIENT_LOCAL  # latched again by who plays it
 
 
+def test_a_recording_holds_the_topics_that_the_recorder_is_told(tmp_path, repository):
+    content = yaml.safe_load((repository / "config/scenario1_sim.yaml").read_text())
+    content["recorder"]["ros__parameters"]["topics"] = ["/reference", "sfj/joint_states"]
+    file = tmp_path / "few.yaml"
+    file.write_text(yaml.safe_dump(content))
+    assert main([str(file), "--duration", "0.5", "--record", str(tmp_path / "few")]) == 0
+    with AnyReader([tmp_path / "few"]) as reader:
+        assert set(reader.topics) == {"/reference", "/sfj/joint_states"}
+
+
+@pytest.mark.parametrize(
+    ("key", "value", "hint"),
+    [
+        ("topics", ["/no/such"], "recorder.topics names nothing that there is: choose among /"),
+        ("topisc", ["/reference"], "topisc"),
+    ],
+)
+def test_topics_that_are_not_there_and_unknown_keys_of_the_recorder_are_refused(
+    tmp_path, repository, capsys, key, value, hint
+):
+    content = yaml.safe_load((repository / "config/scenario1_sim.yaml").read_text())
+    content["recorder"]["ros__parameters"] = {key: value}
+    file = tmp_path / "wrong.yaml"
+    file.write_text(yaml.safe_dump(content))
+    assert main([str(file), "--duration", "0.5", "--record", str(tmp_path / "none")]) == 2
+    assert hint in capsys.readouterr().err
+    assert not (tmp_path / "none").exists()
+
+
 def test_an_existing_recording_is_not_overwritten(tmp_path, repository, capsys):
     (tmp_path / "bag").mkdir()
     arguments = [str(repository / "config" / "scenario1_sim.yaml"), "--record", str(tmp_path / "bag")]

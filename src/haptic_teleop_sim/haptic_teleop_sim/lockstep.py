@@ -55,7 +55,8 @@ def record_scenario(
 ) -> ScenarioResult:
     """Run a scenario and write it as a recording at `path`, a directory that must not exist (RecordingError).
 
-    Beside the topics it holds the states of the teleoperation on STATE_TOPIC, as the node publishes them.
+    Beside the topics it holds the states of the teleoperation on STATE_TOPIC, as the node publishes them;
+    where the file states `recorder.topics`, what these name.
     """
     length = _duration(scenario, duration)
     result = simulate_scenario(scenario, length, seed)
@@ -73,7 +74,15 @@ def record_scenario(
                 values["seed"] = seed
     entered = [(0.0, State.OFF.value), *result.states]  # `off` is what the node begins with
     states = [(ORIGIN + round(at * 1e9), state) for at, state in entered]
-    write_recording(path, result.topics, recorded, experiment, texts={STATE_TOPIC: states})
+    wanted = {f"/{topic.lstrip('/')}" for topic in scenario.topics} or {*result.topics, STATE_TOPIC}
+    topics = {topic: series for topic, series in result.topics.items() if topic in wanted}
+    texts = {STATE_TOPIC: states} if STATE_TOPIC in wanted else {}
+    if not topics:
+        raise ConfigurationError(
+            f"{scenario.source}: recorder.topics names nothing that there is: choose among "
+            f"{', '.join([*result.topics, STATE_TOPIC])}"
+        )
+    write_recording(path, topics, recorded, experiment, texts=texts)
     return result
 
 

@@ -18,6 +18,7 @@ from haptic_teleop_control.node_tables import (
 )
 from haptic_teleop_control.parameter_files import load_parameter_file, parameters_for
 from haptic_teleop_control.parameters import ParameterTable
+from haptic_teleop_control.recorder_parameters import TABLE as RECORDER
 from haptic_teleop_control.teleoperation.agreement import ROBOTS, simulates
 
 from .hardware import OMNI_PARAMETERS, SFJ_PARAMETERS
@@ -48,7 +49,8 @@ _OTHERS = ("scenario", "recorder", "time_coordinator")
 class ScenarioParameters:
     """A checked scenario. nodes: node -> all its parameters. folder: where relative model files are looked
     for.
-    source: the file's name, for messages. duration: s, 0 where the file says nothing.
+    source: the file's name, for messages. duration: s, 0 where the file says nothing. topics: what a
+    recording shall hold; empty for all that there is.
     """
 
     nodes: Mapping[str, Mapping[str, Any]]
@@ -56,6 +58,7 @@ class ScenarioParameters:
     note: str = ""
     folder: Path | None = None
     source: str = "parameters"
+    topics: tuple[str, ...] = ()
     recorded: Mapping[str, Mapping[str, Any]] = field(init=False)
 
     def __post_init__(self) -> None:
@@ -97,7 +100,10 @@ def check_scenario(
     nodes = {
         node: table.check(parameters_for(sections, node, table), source) for node, table in TABLES.items()
     }
-    return ScenarioParameters(nodes, duration, note, folder, source)
+    told = parameters_for(sections, "recorder", RECORDER)
+    recorder = RECORDER.check(told, source)
+    topics = tuple(recorder["topics"]) if "topics" in told else ()
+    return ScenarioParameters(nodes, duration, note, folder, source, topics)
 
 
 def _hint(name: str) -> str:

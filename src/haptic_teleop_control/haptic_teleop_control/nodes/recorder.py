@@ -28,14 +28,14 @@ from haptic_teleop_control.nodes.launching.stopping import stop_requests
 from haptic_teleop_control.nodes.recording.parameter_collector import ParameterCollector
 from haptic_teleop_control.nodes.recording.recorded_topic import RecordedTopic
 from haptic_teleop_control.nodes.recording.repetitions import Repetitions
-from haptic_teleop_control.nodes.recording.table import (
+from haptic_teleop_control.nodes.recording.verdict import print_verdict
+from haptic_teleop_control.nodes.timing.time_base import SimulatedTime, steady_timer
+from haptic_teleop_control.recorder_parameters import (
     JOINT_STATE,
     KNOWN_TYPES,
     TABLE,
     experiment_description,
 )
-from haptic_teleop_control.nodes.recording.verdict import print_verdict
-from haptic_teleop_control.nodes.timing.time_base import SimulatedTime, steady_timer
 from haptic_teleop_control.recording.free_space import FreeSpace
 from haptic_teleop_control.recording.joint_state_cdr import header_stamp
 from haptic_teleop_control.recording.verify import verify_recording

@@ -22,13 +22,13 @@ from haptic_teleop_control.nodes.launching.run_node import RunNode
 START_INTERVAL = 0.02
 """Seconds between two looks at the children until they have started."""
 
-UNKNOWN_RUN, LATER_RUN = 1.0, 15.0
-"""Seconds that one waits for others to leave our topics: until one knows whether they belong to a run,
-and until a run that was begun later has been refused."""
-
 DISCOVERY_TIME = 3.5
 """Seconds from the start within which every other participant of the domain has announced itself: they do so
 every three seconds, and a first announcement that gets lost is not repeated sooner."""
+
+UNKNOWN_RUN, LATER_RUN = DISCOVERY_TIME, 15.0
+"""Seconds that one waits for others to leave our topics: until one knows whether they belong to a run,
+and until a run that was begun later has been refused."""
 
 CONNECT_LIMIT, SIMULATED_CONNECT_LIMIT = 15.0, 60.0
 """Seconds that processes which are ready are given to find each other; then it goes on without. Simulated
@@ -48,6 +48,7 @@ class Starter:
     ) -> None:
         self._run = run
         self._disturbed: float | None = None
+        self._others_seen = False
         self._limit = SIMULATED_CONNECT_LIMIT if simulated else CONNECT_LIMIT
         self._children, self._watching = list(children), watching
         self._ready: dict[str, Endpoints] = {}
@@ -70,6 +71,9 @@ class Starter:
             if self._compiling:
                 return f"compiling, once, some 20 s: {', '.join(waited)}"
             return f"starting {', '.join(waited)}"
+        if self._disturbed is not None:
+            topics = sorted({topic for seen in self._strangers.values() for topic in seen})
+            return f"somebody else publishes on {', '.join(topics)}: waiting for them to go"
         return " ".join(["waiting until all know each other", *self._unmet()])
 
     @property
@@ -135,13 +139,15 @@ class Starter:
         self._strangers[""] = strangers(self._watching, ours)
         found = sorted(pair for seen in self._strangers.values() for pair in seen.items())
         if not found:
-            self._disturbed = None
+            self._disturbed, self._others_seen = None, False
             return True
         now = time.monotonic()
         self._disturbed = self._disturbed or now
         others = [] if self._run is None else self._run.others()
         earlier = self._run is not None and any(other < self._run.key for other in others)
-        if not earlier and now - self._disturbed < (LATER_RUN if others else UNKNOWN_RUN):
+        # A run that leaves is gone from the graph before the last of its processes is.
+        self._others_seen = self._others_seen or bool(others)
+        if not earlier and now - self._disturbed < (LATER_RUN if self._others_seen else UNKNOWN_RUN):
             return False
         topic, names = found[0]
         raise ConfigurationError(
