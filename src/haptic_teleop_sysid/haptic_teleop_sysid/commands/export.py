@@ -8,8 +8,6 @@ from pathlib import Path
 from typing import Any
 
 from rich.console import Console
-from rich.markup import escape
-from rich.table import Table
 
 from haptic_teleop_control.command_line import positive, run_command
 from haptic_teleop_control.errors import ConfigurationError
@@ -20,6 +18,7 @@ from haptic_teleop_sysid.commands.export_cost import costs, simulated_there
 from haptic_teleop_sysid.commands.export_reference import multisine, recorded
 from haptic_teleop_sysid.commands.treatment_options import add_mapping_option
 from haptic_teleop_sysid.logs.story import tell
+from haptic_teleop_sysid.report.terminal_table import TerminalTable
 from haptic_teleop_sysid.results import tool_version, write_json
 
 TARGETS = ("mujoco", "urdf", "python")
@@ -97,12 +96,8 @@ def _show(console: Console, content: dict[str, Any], output: Path, beside: Path)
     if content["structure"] is not None:
         rows.insert(0, ("flexible joint", content["structure"]))
     if rows:
-        table = Table()
-        for heading in ("physics", "in the file", "cost, points of fit", "how"):
-            table.add_column(heading, overflow="fold")
-        for name, row in rows:
-            table.add_row(*(escape(cell) for cell in (name, row["how"], _cost(row), row["note"])))
-        console.print(table)
+        cells = [(name, row["how"], _cost(row), row["note"]) for name, row in rows]
+        console.print(TerminalTable(("physics", "in the file", "cost, points of fit", "how"), cells))
     on = content["measured_on"]
     told = f"{on['bag']}" if on["kind"] == "recording" else (
         f"a multisine of {on['rms']:g} {on['unit']} rms, {on['f_min_hz']:g} to {on['f_max_hz']:g} Hz, "

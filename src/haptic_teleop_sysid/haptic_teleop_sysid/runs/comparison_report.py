@@ -3,20 +3,19 @@
 from __future__ import annotations
 
 import numpy as np
-from rich.table import Table
-from rich.text import Text
 
 from haptic_teleop_sysid.estimation.residuals import UNDER_FEEDBACK
 from haptic_teleop_sysid.recordings.parameter_units import Units
 from haptic_teleop_sysid.recordings.small_motion import hardly_moving, judged, spread
 from haptic_teleop_sysid.report import Page, Plot, Status, unit_text
+from haptic_teleop_sysid.report.terminal_table import TerminalTable
 from haptic_teleop_sysid.runs.comparison import Comparison
 from haptic_teleop_sysid.runs.comparison_pictures import percent_text, short, short_bag
 from haptic_teleop_sysid.runs.residual_picture import residual_picture
 from haptic_teleop_sysid.simulation.windows import closed_loop
 
 
-def comparison_table(result: Comparison) -> dict[str, Table]:
+def comparison_table(result: Comparison) -> dict[str, TerminalTable]:
     """Return one table per recording, by what it is of: models down, signals across, fit in percent."""
     tables = {}
     for bag, dataset in result.data.items():
@@ -27,18 +26,15 @@ def comparison_table(result: Comparison) -> dict[str, Table]:
             if chosen.seconds is None
             else f"{len(chosen.spans)} windows of {chosen.seconds:.2f} s"
         )
-        table = Table()
-        table.add_column("model", overflow="fold")
-        for signal in signals:
-            # Two lines, so that a terminal of 80 columns does not cut what tells the columns apart.
-            table.add_column(Text(signal.replace(".", "\n")), justify="right")
-        for name in result.models:
-            percent = result.fits[name, bag].percent
-            table.add_row(
-                Text(short(name, result)),  # brackets in a file name are no markup
-                *(percent_text(percent.get(signal, float("nan"))) for signal in signals),
-            )
-        tables[f"{bag}: simulated fit in % ({extent}; {chosen.why})"] = table
+        # Two lines, so that a terminal of 80 columns does not widen for what tells the columns apart.
+        heads = [signal.replace(".", "\n") for signal in signals]
+        fits = {name: result.fits[name, bag].percent for name in result.models}
+        rows = [
+            [short(name, result), *(percent_text(fit.get(signal, float("nan"))) for signal in signals)]
+            for name, fit in fits.items()
+        ]
+        title = f"{bag}: simulated fit in % ({extent}; {chosen.why})"
+        tables[title] = TerminalTable(("model", *heads), rows, heads)
     return tables
 
 

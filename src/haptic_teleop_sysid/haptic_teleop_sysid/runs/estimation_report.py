@@ -6,8 +6,6 @@ from dataclasses import asdict, dataclass
 from typing import Any
 
 import numpy as np
-from rich.table import Table
-from rich.text import Text
 
 from haptic_teleop_sysid.estimation.residuals import Residuals, reading
 from haptic_teleop_sysid.estimation.result import Estimate
@@ -15,6 +13,7 @@ from haptic_teleop_sysid.recordings.dataset import DataSet
 from haptic_teleop_sysid.recordings.parameter_units import Units
 from haptic_teleop_sysid.recordings.small_motion import hardly_moving, judged
 from haptic_teleop_sysid.report import Page, Panel, Plot, Series, Status, unit_text
+from haptic_teleop_sysid.report.terminal_table import TerminalTable
 from haptic_teleop_sysid.runs.comparison_pictures import input_panel, percent_text, within
 from haptic_teleop_sysid.runs.parameter_table import HEADER, Row, as_text, parameter_rows
 from haptic_teleop_sysid.runs.residual_picture import residual_picture
@@ -30,6 +29,7 @@ _OPEN = (
     "--method output-error."
 )
 _LOOPED = "Something is missing from the model, or acts that nobody recorded: look at the residuals first."
+_SHOWN = ("parameter", "estimate", "std. error", "unit", "remark")
 _FURTHER = "The search may also have ended beside the best place: --multi-start 6 begins at others, too."
 
 
@@ -176,25 +176,25 @@ def misled_sentence(found: Estimate) -> str:
     )
 
 
-def tables(result: Result) -> list[Table]:
+def tables(result: Result) -> list[TerminalTable]:
     """Parameters, and fits of start and estimate on all recordings, for the terminal."""
-    title = Text(f"{result.estimate.model.joint}: {result.estimate.method}")
-    found = Table(title=title, title_justify="left")
-    shown = ("parameter", "estimate", "std. error", "unit", "remark")
-    for column in shown:
-        right = column in ("estimate", "std. error")
-        found.add_column(column, justify="right" if right else "left", overflow="fold")
+    found = []
     for row in parameter_rows(result.estimate, units_of(result)):
         cells = dict(zip(HEADER, as_text(row), strict=True)) | {"remark": row.status}
         if row.value is None:
             cells["estimate"] = "–"
-        found.add_row(*(Text(cells[column]) for column in shown))
-    fits = Table(title="simulated fit in %", title_justify="left")
-    for column in ("recording", "signal", "start", "estimate"):
-        fits.add_column(column, justify="right" if column in ("start", "estimate") else "left")
-    for row in fit_rows(result):
-        fits.add_row(*(Text(cell) for cell in row))
-    return [found, fits]
+        found.append([cells[column] for column in _SHOWN])
+    fits, last = [], ""
+    for bag, *rest in fit_rows(result):
+        fits.append([bag if bag != last else "", *rest])  # a long name once
+        last = bag
+    title = f"{result.estimate.model.joint}: {result.estimate.method}"
+    return [
+        TerminalTable(_SHOWN, found, ("estimate", "std. error"), title),
+        TerminalTable(
+            ("recording", "signal", "start", "estimate"), fits, ("start", "estimate"), "simulated fit in %"
+        ),
+    ]
 
 
 def fit_rows(result: Result) -> list[list[str]]:

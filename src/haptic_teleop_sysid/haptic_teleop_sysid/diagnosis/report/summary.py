@@ -56,9 +56,9 @@ def summary(content: dict[str, Any]) -> str:
         lines.append("  fit: yours -> re-estimated -> augmented")
     for part, label in PART_LABELS.items():
         columns = [fit[model][part] for model in ("given", "baseline", "augmented")]
-        told = [f"{n} {' -> '.join(percent(c[n]) for c in columns)} %" for n in columns[0]]
-        if told:
-            lines.append(f"  {part} ({label}): {', '.join(told)}")
+        if columns[0]:
+            lines.append(f"  {part} ({label}):")
+            lines += [f"    {n} {' -> '.join(percent(c[n]) for c in columns)} %" for n in columns[0]]
     return "\n".join(lines)
 
 
