@@ -72,7 +72,7 @@ def thinned(record: Record, rate: float) -> Record:
 
 
 #: Samples in all, and rate, Hz, to which long recordings are thinned for what is to come near only.
-ENOUGH_SAMPLES, LEAST_RATE = 12000, 200.0
+ENOUGH_SAMPLES, LEAST_RATE = 8000, 200.0
 
 
 def thinning(samples: int, dt: float, least_rate: float = LEAST_RATE, share: float = 1.0) -> float:

@@ -84,7 +84,7 @@ def _trial(model: Model, effect: Effect, noise: NoiseModel, records: Sequence[Re
 
 def polish(fit: Fit, records: Sequence[Record], limits: Limits, steps: int = LAST_STEPS) -> Fit:
     """The fit with its noise levels free as well, ``steps`` further."""
-    return fit_whole(fit.model, fit.noise, records, free=fit.free, iterations=steps, limits=limits)
+    return fit_whole(fit.model, fit.noise, records, free=fit.free, iterations=steps, enough=_ENOUGH, limits=limits)
 
 
 def with_contact(fit: Fit) -> Fit:

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, field
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -26,6 +27,7 @@ class Fold:
 
     parts: tuple[Equations, ...]
     odd: bool
+    _known: dict[Term, FloatArray] = field(default_factory=dict, compare=False)
 
     @property
     def model(self) -> Model:
@@ -43,17 +45,19 @@ class Fold:
     def samples(self) -> int:
         return len(self.target)
 
-    @property
+    @cached_property
     def target(self) -> FloatArray:
         return self._rows(lambda part: part.target)
 
-    @property
+    @cached_property
     def base(self) -> FloatArray:
         return np.moveaxis(self._rows(lambda part: np.moveaxis(part.base, 1, 0)), 0, 1)
 
     def torque(self, term: Term) -> FloatArray:
         """See `Equations.torque`."""
-        return self._rows(lambda part: part.torque(term))
+        if term not in self._known:
+            self._known[term] = self._rows(lambda part: part.torque(term))
+        return self._known[term]
 
     def bounds(self) -> tuple[FloatArray, FloatArray]:
         """See `Equations.bounds`."""

@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from haptic_teleop_sim.model import Model
 
+from .block_means import sparse_block_means
 from .motion import BandedMotion
 from .terms import turning
 
@@ -54,11 +55,16 @@ class Latent:
 
     def columns(self, motion: BandedMotion, model: Model) -> FloatArray:
         """Torque (N·m) of each knot's function at the samples that count, (n, columns)."""
-        found = np.ones((len(motion.time), 1))
+        places, values = np.zeros((len(motion.time), 1), dtype=np.intp), np.ones((len(motion.time), 1))
+        number = 1
         for name, knots in zip(self.quantities, self.knots, strict=True):
-            hats = _hats(quantity(motion, self.place, name, self.turns), np.array(knots))
-            found = (found[:, :, None] * hats[:, None, :]).reshape(len(found), -1)
-        return motion.filtered(found, times=2)
+            left, share = _between(quantity(motion, self.place, name, self.turns), np.array(knots))
+            at, hat = np.column_stack([left, left + 1]), np.column_stack([1.0 - share, share])
+            places = (len(knots) * places[:, :, None] + at[:, None, :]).reshape(len(at), -1)
+            values = (values[:, :, None] * hat[:, None, :]).reshape(len(at), -1)
+            number *= len(knots)
+        means = sparse_block_means(places, values, number, motion.block, motion.first)
+        return motion.of_blocks(means, times=2)
 
     def bends(self) -> FloatArray:
         """(rows, columns): second differences of the function along each quantity, all zero for a plane; and
@@ -125,7 +131,8 @@ def _knots(values: FloatArray, number: int) -> tuple[float, ...]:
     return tuple(np.unique(0.5 * (filled + even)).tolist())
 
 
-def _hats(values: FloatArray, knots: FloatArray) -> FloatArray:
-    """(n, knots) piecewise linear functions that are 1 at one knot and 0 at the others, constant beyond."""
-    units = np.eye(len(knots))
-    return np.column_stack([np.interp(values, knots, unit) for unit in units])
+def _between(values: FloatArray, knots: FloatArray) -> tuple[NDArray[np.intp], FloatArray]:
+    """Of each value (n,) the knot below it and the share of the way to the next one, 0 to 1: of the piecewise
+    linear functions that are 1 at one knot and 0 at the others, constant beyond, these two are not zero."""
+    left = np.clip(np.searchsorted(knots, values, side="right") - 1, 0, len(knots) - 2)
+    return left, np.clip((values - knots[left]) / (knots[left + 1] - knots[left]), 0.0, 1.0)

@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import lru_cache
 from itertools import pairwise
+from types import SimpleNamespace
 
 import numpy as np
 import scipy
@@ -14,6 +15,7 @@ from numpy.typing import NDArray
 from haptic_teleop_sysid.estimation.records import Record
 
 from ...inputs.scales import bridged
+from .block_means import block_means, response
 
 FloatArray = NDArray[np.float64]
 
@@ -42,8 +44,8 @@ class BandedMotion:
     ``angle`` rad, ``velocity`` rad/s, ``acceleration`` rad/s^2, filtered once; ``input``: A or N·m, filtered
     once, as it was at the times of the readings; ``exogenous`` rad/s^2; ``time`` s; ``dt``: s, of all these,
     thinned to a rate at which a sign of the velocity is still a step; ``cutoff``: Hz; ``kept``: samples that
-    count, thinned to what the band carries; ``record``: as it came; ``thin``:
-    its samples that remain.
+    count, every second one of the blocks of ``block`` samples, or all where ``block`` is 1; ``record``: as it
+    came; ``thin``: its samples that remain; ``known``: for what follows from it and is asked for often.
     """
 
     angle: FloatArray
@@ -55,8 +57,10 @@ class BandedMotion:
     dt: float
     cutoff: float
     kept: NDArray[np.intp]
+    block: int
     record: Record
     thin: slice
+    known: dict[str, SimpleNamespace] = field(default_factory=dict, compare=False)
 
     def of_input(self, values: FloatArray) -> FloatArray:
         """What was held from each sample of the record to the next, (n,), as `input` has it."""
@@ -67,12 +71,25 @@ class BandedMotion:
 
         The input and what is linear in the angles, filtered already, go through it once more; a torque that
         is not linear in them (the sign of a velocity) goes through it twice: then all have met the same."""
-        return low_passed(values, self.dt, self.cutoff, times)[self.kept]
+        rows = block_means(values.reshape(len(values), -1), self.block, self.first)
+        return self.of_blocks(rows, times).reshape(-1, *values.shape[1:])
+
+    @property
+    def first(self) -> int:
+        """The sample around which the first block lies."""
+        return int(self.kept[0]) % self.block if len(self.kept) else 0
+
+    def of_blocks(self, means: FloatArray, times: int) -> FloatArray:
+        """`filtered` of what `block_means` says around `first` and every ``block`` samples further on."""
+        found = low_passed(means, self.block * self.dt, self.cutoff, times, self.block)
+        return found[(self.kept - self.first) // self.block]
 
 
-def low_passed(values: FloatArray, dt: float, cutoff: float, times: int = 1) -> FloatArray:
+def low_passed(values: FloatArray, dt: float, cutoff: float, times: int = 1, block: int = 1) -> FloatArray:
     """``values`` (n, ...) through a Butterworth low pass of ``cutoff``, Hz, forward and backward ``times``
-    times: as its response in the frequency domain, on the values and their odd reflections at both ends."""
+    times: as its response in the frequency domain, on the values and their odd reflections at both ends.
+
+    block: they are means (`block_means`) over blocks of so many samples, and get back what these took."""
     rows: FloatArray = np.ascontiguousarray(np.moveaxis(values, 0, -1), dtype=np.float64)
     n = len(values)
     pad = min(n - 1, round(PADDED / (cutoff * dt)))
@@ -80,16 +97,18 @@ def low_passed(values: FloatArray, dt: float, cutoff: float, times: int = 1) -> 
     after = 2.0 * rows[..., -1:] - rows[..., -2 : -pad - 2 : -1]
     length = scipy.fft.next_fast_len(n + 2 * pad, real=True)
     spectrum = np.asarray(scipy.fft.rfft(np.concatenate([before, rows, after], axis=-1), length))
-    found = np.asarray(scipy.fft.irfft(spectrum * _response(length, round(cutoff * dt, 15), times), length))
+    passed = _response(length, round(cutoff * dt, 15), times, block)
+    found = np.asarray(scipy.fft.irfft(spectrum * passed, length))
     return np.moveaxis(found[..., pad : pad + n], -1, 0)
 
 
 @lru_cache(maxsize=64)
-def _response(length: int, cutoff: float, times: int) -> FloatArray:
+def _response(length: int, cutoff: float, times: int, block: int) -> FloatArray:
     """Response of the low pass forward and backward ``times`` times at the frequencies of ``length`` samples;
-    ``cutoff``: cycles per sample."""
-    warped = np.tan(np.pi * np.minimum(np.fft.rfftfreq(length), 0.4999)) / np.tan(np.pi * cutoff)
-    return (1.0 / (1.0 + warped ** (2 * ORDER))) ** times
+    ``cutoff``: cycles per sample. It is the one of the samples in the blocks: both rates meet one filter."""
+    frequency: FloatArray = np.asarray(np.fft.rfftfreq(length), dtype=np.float64)
+    warped = np.tan(np.pi / block * np.minimum(frequency, 0.4999)) / np.tan(np.pi / block * cutoff)
+    return (1.0 / (1.0 + warped ** (2 * ORDER))) ** times / response(frequency, block)
 
 
 def motion_band(records: Sequence[Record]) -> float:
@@ -129,8 +148,9 @@ def banded(record: Record, rigid: bool, cutoff: float) -> BandedMotion:
     velocity = np.gradient(angle, record.dt, axis=0)
     thin = slice(None, None, max(1, int(1.0 / (FINE_PER_PERIOD * cutoff * record.dt))))
     dt = record.dt * (thin.step or 1)
-    time = record.start + record.dt * np.arange(len(record), dtype=np.float64)[thin]
     missing = ~np.isfinite(measured[:, 0]) | ~np.isfinite(arm)
+    block, kept = _counting(missing, thin, dt, cutoff)
+    time = record.start + record.dt * np.arange(len(record), dtype=np.float64)[thin]
     return BandedMotion(
         angle[thin],
         velocity[thin],
@@ -140,7 +160,8 @@ def banded(record: Record, rigid: bool, cutoff: float) -> BandedMotion:
         time,
         dt,
         cutoff,
-        _counting(missing, thin, dt, cutoff),
+        kept,
+        block,
         record,
         thin,
     )
@@ -152,13 +173,19 @@ def held_in_band(values: FloatArray, dt: float, cutoff: float) -> FloatArray:
     return low_passed(0.5 * (values + np.append(values[:1], values[:-1])), dt, cutoff)
 
 
-def _counting(missing: NDArray[np.bool_], thin: slice, dt: float, cutoff: float) -> NDArray[np.intp]:
-    """Samples of the thinned ones that count: not at the ends, and not where readings near by are missing."""
+def _counting(
+    missing: NDArray[np.bool_], thin: slice, dt: float, cutoff: float
+) -> tuple[int, NDArray[np.intp]]:
+    """Samples in a block, and of the thinned samples those that count: not at the ends, and not where
+    readings near by are missing."""
     number = len(missing[thin])
     end = min(round(ENDS / (cutoff * dt)), number // 10)
-    kept = np.arange(end, number - end, max(1, int(1.0 / (KEPT_PER_PERIOD * cutoff * dt))))
+    # Two blocks to a sample that counts: what is left at the blocks' rate cannot fold into the band.
+    block = max(1, int(0.5 / (KEPT_PER_PERIOD * cutoff * dt)))
+    step = 2 * block if block > 1 else max(1, int(1.0 / (KEPT_PER_PERIOD * cutoff * dt)))
+    kept = np.arange(end, number - end, step)
     if np.any(missing):
         reach = max(1, round(0.5 * (thin.step or 1) / (cutoff * dt)))
         near = np.convolve(missing, np.ones(2 * reach + 1), "same")[thin] > 0.25 * reach
         kept = kept[~near[kept]]
-    return kept
+    return block, kept

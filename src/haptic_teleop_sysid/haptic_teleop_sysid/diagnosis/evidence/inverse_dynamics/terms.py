@@ -9,6 +9,7 @@ from __future__ import annotations
 import itertools
 import math
 from collections.abc import Iterator
+from copy import copy
 from dataclasses import dataclass, replace
 from types import SimpleNamespace
 
@@ -76,7 +77,8 @@ class Hypothesis:
 
     def _along(self, motion: BandedMotion, model: Model) -> FloatArray:
         """Torques (n, columns) along the whole of a motion."""
-        variables = _variables(motion, self.place, model.parameters.get("stiffness", 0.0), self.gives)
+        variables = _variables(motion, self.place, self.gives)
+        variables.stiffness = model.parameters.get("stiffness", 0.0)
         variables.inertia = model.parameters["arm_inertia" if self.place == "arm" else "motor_inertia"]
         found = [self._torque(variables, size) for size in self.sizes]
         if self.angle is not None:
@@ -277,8 +279,16 @@ def _within(parameter: EffectParameter, value: float) -> float:
     return min(max(value, parameter.minimum), parameter.maximum)
 
 
-def _variables(motion: BandedMotion, place: str, stiffness: float, gives: float) -> SimpleNamespace:
-    """What equations are written in, as arrays (n,) along the motion."""
+def _variables(motion: BandedMotion, place: str, gives: float) -> SimpleNamespace:
+    """What equations are written in but what the model says, as arrays (n,) along the motion."""
+    if gives > 0.0:  # hardly asked for twice
+        return _variables_of(motion, place, gives)
+    if place not in motion.known:
+        motion.known[place] = _variables_of(motion, place, gives)
+    return copy(motion.known[place])
+
+
+def _variables_of(motion: BandedMotion, place: str, gives: float) -> SimpleNamespace:
     deflection = motion.angle[:, 0] - motion.angle[:, 1]
     if place == "joint":
         position, velocity = deflection, motion.velocity[:, 0] - motion.velocity[:, 1]
@@ -296,7 +306,6 @@ def _variables(motion: BandedMotion, place: str, stiffness: float, gives: float)
         velocity=velocity,
         acceleration=acceleration,
         deflection=deflection,
-        stiffness=stiffness,
         time=motion.time,
         exogenous=motion.exogenous,
         direction=direction,
