@@ -13,12 +13,14 @@ import pytest
 
 from haptic_teleop_control import front_door
 
+WIDE = {name: value for name, value in os.environ.items() if name != "COLUMNS"}
 COMMAND = Path(sys.executable).with_name("haptic-teleop")
 
 
 def run(*arguments: str, **options) -> subprocess.CompletedProcess[str]:
     return subprocess.run(
-        [str(COMMAND), *arguments], capture_output=True, text=True, timeout=30, check=False, **options
+        [str(COMMAND), *arguments],
+        **{"capture_output": True, "text": True, "timeout": 30, "check": False, "env": WIDE, **options},
     )
 
 
@@ -50,6 +52,15 @@ def test_without_arguments_and_with_help_it_lists_every_executable_with_its_line
     for package, entries in front_door.registries().items():
         for name, (_, line) in entries.items():
             assert re.search(rf"^  {name} +{re.escape(line)}$", listed[package], re.MULTILINE)
+
+
+def test_the_list_fits_a_narrow_terminal_and_loses_no_word(monkeypatch):
+    monkeypatch.delenv("COLUMNS", raising=False)
+    whole = front_door.listing()
+    monkeypatch.setenv("COLUMNS", "80")
+    narrow = front_door.listing()
+    assert max(map(len, narrow.splitlines())) <= 80 < max(map(len, whole.splitlines()))
+    assert narrow.split() == whole.split()
 
 
 def test_listing_imports_neither_ros_nor_numpy():

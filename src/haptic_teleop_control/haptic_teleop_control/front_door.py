@@ -9,7 +9,9 @@ import importlib
 import importlib.metadata
 import importlib.util
 import os
+import shutil
 import sys
+import textwrap
 from collections.abc import Callable, Sequence
 
 from haptic_teleop_control.command_line import run_command
@@ -48,17 +50,26 @@ def executables() -> dict[str, tuple[str, str]]:
 
 
 def listing() -> str:
-    """What `haptic-teleop` alone prints: usage, then every executable with its line, grouped by package."""
+    """What `haptic-teleop` alone prints: usage, then every executable with its line, grouped by package; in
+    the terminal's width, and one line each where it goes into a file or a pipe."""
     width = max(len(name) for name in executables())
+    available = shutil.get_terminal_size((1000, 24)).columns
+
+    def told(begin: str, text: str) -> str:
+        return textwrap.fill(
+            text, max(available, width + 24), initial_indent=begin, subsequent_indent=" " * len(begin),
+            break_long_words=False, break_on_hyphens=False,
+        )  # fmt: skip
+
     lines = [
         f"usage: {PROGRAM} EXECUTABLE [arguments]",
         "",
-        "Starts an executable with the same arguments as `ros2 run PACKAGE EXECUTABLE`, --ros-args included.",
+        told("", "Starts an executable with the arguments of `ros2 run PACKAGE EXECUTABLE`, --ros-args too."),
         f"`{PROGRAM} EXECUTABLE --help` explains its own arguments.",
     ]
     for package, entries in registries().items():
         lines += ["", f"{package}:"]
-        lines += [f"  {name:{width}}  {line}" for name, (_, line) in entries.items()]
+        lines += [told(f"  {name:{width}}  ", line) for name, (_, line) in entries.items()]
         if not entries:
             lines.append("  (no executable yet)")
     lines += [

@@ -19,7 +19,7 @@ from ..hypotheses.candidates import companion
 _SOON = 0.02
 #: Gauss-Newton steps of a trial, of one whose noise levels are fitted with it, and of a fit to the end.
 _TRIAL_STEPS = 5
-#: Nats that a step of a trial must promise: it is to come near, not to arrive.
+#: Nats that a step must promise: what decides is larger by far.
 _ENOUGH = 1.0
 TUNING_STEPS = 3
 LAST_STEPS = 15
@@ -84,7 +84,9 @@ def _trial(model: Model, effect: Effect, noise: NoiseModel, records: Sequence[Re
 
 def polish(fit: Fit, records: Sequence[Record], limits: Limits, steps: int = LAST_STEPS) -> Fit:
     """The fit with its noise levels free as well, ``steps`` further."""
-    return fit_whole(fit.model, fit.noise, records, free=fit.free, iterations=steps, enough=_ENOUGH, limits=limits)
+    return fit_whole(
+        fit.model, fit.noise, records, free=fit.free, iterations=steps, enough=_ENOUGH, limits=limits
+    )
 
 
 def with_contact(fit: Fit) -> Fit:
