@@ -38,6 +38,18 @@ def test_help_prints_topics_and_every_parameter(name, capsys):
         assert f"  {parameter.name} [" in text
 
 
+@pytest.mark.parametrize("name", node_names())
+def test_help_fits_a_narrow_terminal_and_loses_no_word(name, capsys, monkeypatch):
+    monkeypatch.delenv("COLUMNS", raising=False)
+    run(name, "--help")
+    wide = capsys.readouterr().out
+    monkeypatch.setenv("COLUMNS", "80")
+    run(name, "--help")
+    narrow = capsys.readouterr().out
+    assert max(map(len, narrow.splitlines())) <= 80
+    assert narrow.split() == wide.split()
+
+
 @pytest.mark.parametrize("name", NODES)
 @pytest.mark.parametrize("section", ["{name}", "/**", "/{full}"])
 def test_an_unknown_key_in_a_parameter_file_is_refused_by_file_and_key(name, section, tmp_path, capsys):

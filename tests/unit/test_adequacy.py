@@ -77,6 +77,20 @@ def test_the_whole_effect_explains_nearly_all_and_a_third_of_it_only_a_part():
     assert parts[2] == pytest.approx(0.0, abs=0.01)
 
 
+def test_what_a_name_explains_of_the_torque_is_told_by_the_sizes_that_the_torques_want():
+    # A free run may want other sizes than the torques: the name is then no less near to what is missing.
+    records = [pendulum(0, coulomb=0.4), pendulum(1, coulomb=0.4)]
+    bare, torques, runs = (
+        fitted(TRUE.with_effects(*(rubbing(t) for t in size)), records[:1], ()) for size in ((), (0.4,), (0.7,))
+    )
+    before, after = (0.5, 0.5), (0.1, 0.1)
+    alone = adequacy(bare, runs, records, before, after)
+    both = adequacy(bare, runs, records, before, after, by_torque=torques)
+    assert alone.torque < 0.5
+    assert both.torque == adequacy(bare, torques, records, before, after).torque > 0.95
+    assert both.free_run == alone.free_run
+
+
 def test_where_nothing_worth_a_word_was_missing_nothing_is_asked_of_a_name():
     records = [pendulum(0, coulomb=0.01)]
     bare = fitted(TRUE, records, ())

@@ -74,6 +74,7 @@ def diagnose(
             [*found.learn, *found.judge],
             *map(found.errors, models),
             random_left=left_is_random(result.final, found.learn, found.judge),
+            by_torque=result.by_torque,
         )
         result, short = short_of(result, adequate)
         result, bent = follows_still(result, found.learn, found.judge)

@@ -2,9 +2,16 @@
 
 from __future__ import annotations
 
+import re
+import shutil
 import textwrap
 
 from haptic_teleop_control.nodes.base.haptic_node import HapticNode
+
+#: Columns of a help's lines: within the terminal's own, and of a pipe's.
+NARROWEST, WIDEST = 60, 100
+#: Blanks from which a line stands below a heading, and what follows stands below it alike.
+FAR = 4
 
 
 def node_help(node_class: type[HapticNode]) -> str:
@@ -29,5 +36,18 @@ def node_help(node_class: type[HapticNode]) -> str:
         default = f"{entry.default!r} {entry.unit}".strip()
         lines.append(f"  {entry.name} [{default}]")
         text = "; ".join(note for note in (entry.meaning, *notes) if note)
-        lines += textwrap.wrap(text, 100, initial_indent="      ", subsequent_indent="      ")
-    return "\n".join(lines)
+        lines.append(f"      {text}")
+    width = min(max(shutil.get_terminal_size((WIDEST, 24)).columns, NARROWEST), WIDEST)
+    return "\n".join(folded(line, width) for line in lines)
+
+
+def folded(line: str, width: int) -> str:
+    """The line in lines of ``width`` columns, each below what stands behind the last gap of two blanks in the
+    left part of the first one; a longer word stays whole."""
+    own = len(line) - len(line.lstrip())
+    gaps = [found.end() for found in re.finditer(r"(?<=\S) {2,}", line) if found.end() < 0.6 * width]
+    below = gaps[-1] if gaps else own + 2 * (own < FAR)
+    return textwrap.fill(
+        line, width, subsequent_indent=" " * below,
+        drop_whitespace=True, break_long_words=False, break_on_hyphens=False,
+    )  # fmt: skip

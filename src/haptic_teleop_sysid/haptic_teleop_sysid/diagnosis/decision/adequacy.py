@@ -71,11 +71,15 @@ def adequacy(
     errors_before: tuple[float, float],
     errors_after: tuple[float, float],
     random_left: bool = False,
+    by_torque: Fit | None = None,
 ) -> Adequacy:
     """Adequacy of what ``after`` has and ``before`` has not, on ``records`` of both kinds; errors: those of
-    their free runs on either kind (see `second_opinion.Errors`); ``random_left``: as there."""
+    their free runs on either kind (see `second_opinion.Errors`); ``random_left``: as there. ``by_torque``:
+    ``after`` with the sizes that the torques want (`SearchResult.by_torque`): where free runs and torques do
+    not agree about sizes, either measure says how much the names explain with its own."""
+    explained = [explained_torque(before, fit, records) for fit in (after, by_torque) if fit is not None]
     return Adequacy(
-        explained_torque(before, after, records),
+        max(explained),
         _share(np.array(errors_before), np.array(errors_after), SLIGHT_ERROR),
         random_left,
     )

@@ -55,7 +55,8 @@ def as_result(
     """The second opinion as a search's result, and the doubt where its name explains too little;
     ``simulated``: see `free_run_sizes`."""
     assert opinion.chosen is not None
-    opinion = replace(opinion, chosen=sized_freely(opinion.chosen, simulated, errors))
+    heard = opinion.chosen
+    opinion = replace(opinion, chosen=sized_freely(heard, simulated, errors))
     assert opinion.chosen is not None
     baseline = predicted.baseline
     alone = opinion.witness.structure
@@ -63,6 +64,7 @@ def as_result(
         baseline = _fit(alone.model, alone.std, baseline, records)
     group = opinion.chosen.group
     final = _fit(group.model, group.std, baseline, records)
+    other = None if group is heard.group else _fit(heard.group.model, heard.group.std, baseline, records)
     adequacy = opinion.adequacy
     choices = tuple(
         _choice(opinion, final, len(group.model.effects) - len(group.effects) + i)
@@ -78,9 +80,8 @@ def as_result(
         )
         bare = replace(predicted, baseline=baseline, final=baseline, choices=(), last_round=(), nameless=None)
         return bare, Doubt(choices[0], why, " and ".join(sorted(shapes)) or None)
-    return replace(
-        predicted, baseline=baseline, final=final, choices=choices, last_round=(), nameless=None
-    ), None
+    named = replace(predicted, baseline=baseline, final=final, choices=choices, by_torque=other)
+    return replace(named, last_round=(), nameless=None), None
 
 
 def inadequate(result: SearchResult, opinion: Opinion) -> Doubt | None:

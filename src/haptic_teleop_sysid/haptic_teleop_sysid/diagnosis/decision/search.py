@@ -42,7 +42,8 @@ class SearchResult:
     """``baseline``: the given structure re-estimated; ``final``: with all chosen effects; ``choices``: one
     per effect found; ``last_round``: what was tried after the last choice and did not stand up; ``nameless``:
     what explains the recordings (or what the choices leave) better than anything that has a name;
-    ``given_up``: what was found and is not believed.
+    ``given_up``: what was found and is not believed; ``by_torque``: ``final`` with the sizes that the torques
+    want, where its own are those that free runs want.
     """
 
     baseline: Fit
@@ -52,6 +53,7 @@ class SearchResult:
     scales: Scales
     nameless: Choice | None = None
     given_up: tuple[GivenUp, ...] = ()
+    by_torque: Fit | None = None
 
     def giving_up(self, choices: Sequence[Choice], why: str) -> SearchResult:
         """The result, in which some of its choices are told as given up."""
