@@ -81,7 +81,7 @@ def test_what_a_name_explains_of_the_torque_is_told_by_the_sizes_that_the_torque
     # A free run may want other sizes than the torques: the name is then no less near to what is missing.
     records = [pendulum(0, coulomb=0.4), pendulum(1, coulomb=0.4)]
     bare, torques, runs = (
-        fitted(TRUE.with_effects(*(rubbing(t) for t in size)), records[:1], ()) for size in ((), (0.4,), (0.7,))
+        fitted(TRUE.with_effects(*map(rubbing, sizes)), records[:1], ()) for sizes in ((), (0.4,), (0.7,))
     )
     before, after = (0.5, 0.5), (0.1, 0.1)
     alone = adequacy(bare, runs, records, before, after)
