@@ -18,7 +18,7 @@ from sensor_msgs.msg import JointState
 from std_msgs.msg import String
 
 from haptic_teleop_control import echo_topic, operate, set_parameter
-from haptic_teleop_control.nodes import graph_client, operator_devices
+from haptic_teleop_control.nodes import graph_client, operator_devices, topic_printer
 from haptic_teleop_control.nodes.graph_client import known
 from haptic_teleop_control.nodes.signal_generator import SignalGeneratorNode
 from haptic_teleop_control.nodes.topic_printer import plain
@@ -76,6 +76,22 @@ def test_echo_prints_the_latest_of_what_is_kept_for_late_comers(graph, capsys):
     assert capsys.readouterr().out == "data: devices_ready\n---\n"
     assert echo_topic.main(["/probe/stat", "--once", "--wait", "0.3"]) == 2
     assert "nobody publishes /probe/stat within 0.3 s; " in capsys.readouterr().err
+
+
+def test_echo_says_that_nothing_comes_and_prints_what_comes_then(graph, capsys, monkeypatch):
+    publisher = graph.probe.create_publisher(String, "/probe/state", 5)
+    said = topic_printer._silent
+
+    def silent(*given):
+        publisher.publish(String(data="at last"))
+        return said(*given)
+
+    monkeypatch.setattr(topic_printer, "_silent", silent)
+    monkeypatch.setattr(topic_printer, "POLL", 0.1)
+    assert echo_topic.main(["/probe/state", "--once", "--wait", "0.3"]) == 0
+    printed = capsys.readouterr()
+    assert printed.out == "data: at last\n---\n"
+    assert "nothing has come on /probe/state in 0.3 s, which /probe can publish on; " in printed.err
 
 
 @pytest.mark.parametrize("act", ["state", "engage", "devices"])

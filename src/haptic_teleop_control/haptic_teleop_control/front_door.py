@@ -10,11 +10,12 @@ import importlib.metadata
 import importlib.util
 import os
 import shutil
+import signal
 import sys
 import textwrap
 from collections.abc import Callable, Sequence
 
-from haptic_teleop_control.command_line import run_command
+from haptic_teleop_control.command_line import INTERRUPTED, run_command
 from haptic_teleop_control.completion import SHELLS, completion_script
 from haptic_teleop_control.errors import ConfigurationError
 from haptic_teleop_control.private_folder import refuse_untrusted_numba_cache
@@ -160,7 +161,11 @@ def _front_door(arguments: list[str]) -> int:
 
 def main(argv: Sequence[str] | None = None) -> int:
     """The command: list, complete, or start; returns the exit status (2: a mistake in the command line)."""
-    return run_command(_front_door, argv)
+    status = run_command(_front_door, argv)
+    if argv is None and status == INTERRUPTED:
+        # All that another Ctrl-C could still interrupt is Python's own end, which would print a traceback.
+        signal.signal(signal.SIGINT, signal.SIG_IGN)
+    return status
 
 
 if __name__ == "__main__":

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import importlib
+import sys
+import time
 from collections import deque
 from collections.abc import Callable
 from typing import Any
@@ -11,6 +13,8 @@ from rclpy.qos import DurabilityPolicy, HistoryPolicy, QoSProfile, ReliabilityPo
 
 from haptic_teleop_control.errors import ConfigurationError
 from haptic_teleop_control.nodes.graph_client import GraphClient, graph_client, known
+from haptic_teleop_control.nodes.streams.senders import full_name
+from haptic_teleop_control.senders import NAMELESS
 from haptic_teleop_control.strict_yaml import dump_yaml
 
 DEPTH = 100
@@ -40,13 +44,26 @@ def print_messages(topic: str, count: int | None, wait: float, show: Callable[[s
                 client.executor.spin_once(timeout_sec=0.01)
             while len(waiting) > 1:
                 waiting.popleft()
-        shown = 0
+        shown, began, told = 0, time.monotonic(), False
         while count is None or shown < count:
             client.until(lambda: bool(waiting), POLL)
+            if not waiting and not shown and not told and time.monotonic() > began + wait:
+                print(_silent(client, full, wait), file=sys.stderr, flush=True)
+                told = True
             while waiting and (count is None or shown < count):
                 show(f"{dump_yaml(plain(waiting.popleft())).rstrip()}\n---")
                 shown += 1
         client.status = 0
+
+
+def _silent(client: GraphClient, topic: str, wait: float) -> str:
+    """What to say where a topic has publishers and no message comes."""
+    ends = client.node.get_publishers_info_by_topic(topic)
+    names = ", ".join(sorted({full_name(end) or NAMELESS for end in ends})) or "nobody any more"
+    return (
+        f"nothing has come on {topic} in {wait:g} s, which {names} can publish on; Ctrl-C ends the "
+        "wait. Where simulated time is paused, `haptic-teleop operate resume` lets it go on."
+    )
 
 
 def plain(value: Any) -> Any:
