@@ -17,6 +17,7 @@ import numpy as np
 import scipy
 from numpy.typing import NDArray
 
+from haptic_teleop_control.compiled import njit
 from haptic_teleop_sim.effects import EFFECTS
 from haptic_teleop_sim.kernel import acting_torque, pack
 from haptic_teleop_sim.model import Effect, Model
@@ -34,6 +35,8 @@ _CLEAR, _LEAST_AGAINST = 25.0, 2.0
 _EXACT = 1e-4
 #: Samples that speak most for an effect and do not count.
 _SPIKES = 3
+#: Error of a value that is found, relative: its standard error is far larger.
+_NEAR = 1e-6
 #: Samples at the start that may still answer what was commanded before the recording.
 _UNSEEN = 64
 #: Starts: times in samples (a loop's command is so lively that a delay shows only within one of its own),
@@ -106,7 +109,7 @@ def _fitted(
         lambda v: -nats(float(v), estimation),
         bounds=edges,
         method="bounded",
-        options={"xatol": 1e-9 * max(map(abs, edges))},
+        options={"xatol": _NEAR * max(map(abs, edges))},
     )
     value, top = float(ended.x), -float(ended.fun)
     if values[best] > top:
@@ -147,19 +150,49 @@ def _nats(model: Model, effect: Effect, data: DataSet) -> float:
         packed = pack(model.with_effects(effect))
         expected = acting_torque(packed, command, data.dt, data.start) / packed.torque_constant
     floor = (_EXACT * float(np.std(command[good]))) ** 2
-    pairs = [(c[good], sensed[good]) for c in (command, expected)]
-    rests = [np.square(_left(*pair)) for pair in pairs]
-    # What speaks for the effect at a few samples alone is a spike, or the command that ended the experiment.
-    spikes = np.argpartition(rests[0] - rests[1], -_SPIKES)[-_SPIKES:]
-    before, after = (
-        float(np.mean(np.square(_left(np.delete(c, spikes), np.delete(s, spikes))))) + floor for c, s in pairs
-    )
-    return 0.5 * int(np.sum(good)) * float(np.log(before / after))
+    before, after = _errors(command[good], expected[good], sensed[good], _SPIKES)
+    return 0.5 * int(np.sum(good)) * float(np.log((before + floor) / (after + floor)))
 
 
-def _left(expected: FloatArray, sensed: FloatArray) -> FloatArray:
-    """What is left (n,), A, of the measured current about offset and scale times the expected one."""
-    a = expected - expected.mean()
-    b = sensed - sensed.mean()
-    power = float(a @ a)
-    return b - a * (float(a @ b) / power) if power > 0.0 else b
+@njit(cache=True, nogil=True, error_model="numpy")
+def _errors(
+    command: FloatArray, expected: FloatArray, sensed: FloatArray, spikes: int
+) -> tuple[float, float]:
+    """Mean squares, A^2, of what is left of the measured current (n,) about offset and scale times the
+    command and about those times what is expected of it.
+
+    The samples that speak most for the latter do not count: what speaks for an effect at a few alone is a
+    spike, or the command that ended the experiment."""
+    n = len(sensed)
+    a, b = sensed - sensed.mean(), np.empty((2, n))
+    b[0], b[1] = command - command.mean(), expected - expected.mean()
+    slopes = np.zeros(2)
+    for k in range(2):
+        power = b[k] @ b[k]
+        slopes[k] = (b[k] @ a) / power if power > 0.0 else 0.0
+    # Largest differences of the squares, in rising order, and where they are.
+    most, where = np.full(spikes, -np.inf), np.zeros(spikes, dtype=np.int64)
+    for i in range(n):
+        gain = (a[i] - slopes[0] * b[0, i]) ** 2 - (a[i] - slopes[1] * b[1, i]) ** 2
+        if gain > most[0]:
+            j = 0
+            while j + 1 < spikes and gain > most[j + 1]:
+                most[j], where[j] = most[j + 1], where[j + 1]
+                j += 1
+            most[j], where[j] = gain, i
+    left = np.empty(2)
+    for k in range(2):
+        own, cross, both, mean_a, mean_b = a @ a, a @ b[k], b[k] @ b[k], 0.0, 0.0
+        for j in range(spikes):
+            x, y = a[where[j]], b[k, where[j]]
+            own, cross, both, mean_a, mean_b = (
+                own - x * x,
+                cross - x * y,
+                both - y * y,
+                mean_a - x,
+                mean_b - y,
+            )
+        count = n - spikes
+        own, cross, both = own - mean_a**2 / count, cross - mean_a * mean_b / count, both - mean_b**2 / count
+        left[k] = max(own - cross**2 / both, 0.0) / count if both > 0.0 else own / count
+    return left[0], left[1]

@@ -10,6 +10,7 @@ import numpy as np
 import scipy
 from numpy.typing import NDArray
 
+from .bounded import RIDGE, scale_of, within_bounds
 from .folds import Fold
 from .latent import Latent
 from .regression import Equations, signs
@@ -17,11 +18,11 @@ from .term import Term
 
 FloatArray = NDArray[np.float64]
 Terms = tuple[Term, ...]
+#: Products (p, p) of columns, those with the target (p,), and its own.
+Multiplied = tuple[FloatArray, FloatArray, float]
 
 #: Weight that keeps a torque without a form straight, relative to the best visited knot.
 STIFF = 0.05
-#: Added to the products of scaled columns, so that those which are alike share what they explain.
-_RIDGE = 1e-10
 
 
 class Products:
@@ -45,7 +46,8 @@ class Products:
         self._own: dict[Term, FloatArray] = {}
         self._pairs: dict[tuple[Term, Term], FloatArray] = {}
         # A group that is solved on this side is judged on it next, by the other side's solution.
-        self._last: tuple[Terms, tuple[FloatArray, FloatArray, float]] | None = None
+        self._last: tuple[Terms, Multiplied] | None = None
+        self._rest: tuple[Terms, Multiplied] | None = None
 
     def columns(self, terms: Terms) -> FloatArray:
         """All columns of a group, (equations n, p), motor first."""
@@ -76,6 +78,8 @@ class Products:
         """Products (p, p) of the columns of a group, with what keeps torques without a form straight, and
         those with the target (p,)."""
         products, mixed, _ = self._group(terms)
+        if not any(isinstance(term, Latent) for term in terms):
+            return products, mixed
         products = products.copy()
         place = len(self.side.names)
         for term in terms:
@@ -90,34 +94,38 @@ class Products:
         """Share (mean square) of the torque of a term that no columns of another at the same place give."""
         among, whole = self._pair(other, other), float(np.trace(self._pair(term, term)))
         mixed = self._pair(other, term)
-        scale = _scale(among)
+        scale = scale_of(among)
         values, vectors = np.linalg.eigh(among / np.outer(scale, scale))
         along = vectors.T @ (mixed / scale[:, None])
-        return 1.0 - float(np.sum(along**2 / (values + _RIDGE)[:, None])) / max(whole, 1e-300)
+        return 1.0 - float(np.sum(along**2 / (values + RIDGE)[:, None])) / max(whole, 1e-300)
 
-    def _group(self, terms: Terms) -> tuple[FloatArray, FloatArray, float]:
+    def _group(self, terms: Terms) -> Multiplied:
         """Products (p, p) of all columns, those with the target (p,), and its own."""
         if self._last is None or self._last[0] != terms:
             self._last = terms, self._multiplied(terms)
         return self._last[1]
 
-    def _multiplied(self, terms: Terms) -> tuple[FloatArray, FloatArray, float]:
-        base, with_target, whole = self._whole
-        first = len(base)
-        size = first + sum(map(self._width, terms))
-        products, mixed = np.zeros((size, size)), np.zeros(size)
-        products[:first, :first], mixed[:first] = base, with_target
-        place, slices = first, list[slice]()
-        for term in terms:
-            own = slice(place, place := place + self._width(term))
-            partners = self._partner(term)
-            products[own, :first], mixed[own] = partners[:, :-1], partners[:, -1]
-            products[:first, own] = partners[:, :-1].T
-            slices.append(own)
-        for i, one in enumerate(terms):
-            for j, other in enumerate(terms[: i + 1]):
-                block = self._pair(one, other)
-                products[slices[i], slices[j]], products[slices[j], slices[i]] = block, block.T
+    def _multiplied(self, terms: Terms) -> Multiplied:
+        """`_group`, from that of all terms but the last: many groups differ in that one alone."""
+        if not terms:
+            return self._whole
+        *others, one = terms
+        rest = tuple(others)
+        if self._rest is None or self._rest[0] != rest:
+            self._rest = rest, self._multiplied(rest)
+        before, before_mixed, whole = self._rest[1]
+        partners = self._partner(one)
+        known, structure = len(before), len(self.side.names)
+        size = known + len(partners)
+        products, mixed = np.empty((size, size)), np.empty(size)
+        products[:known, :known], mixed[:known] = before, before_mixed
+        products[known:, :structure], mixed[known:] = partners[:, :-1], partners[:, -1]
+        place = structure
+        for other in rest:
+            own = slice(place, place := place + self._width(other))
+            products[known:, own] = self._pair(one, other)
+        products[known:, known:] = self._pair(one, one)
+        products[:known, known:] = products[known:, :known].T
         return products, mixed, whole
 
     def _partner(self, term: Term) -> FloatArray:
@@ -154,17 +162,14 @@ def solved(products: FloatArray, mixed: FloatArray, low: FloatArray, high: Float
     that units do not matter, and the shortest where columns are alike."""
     if not len(products):
         return np.zeros(0)
-    scale = _scale(products)
+    found, ended = within_bounds(products, mixed, low, high)
+    if ended and np.all(np.isfinite(found)):
+        return found
+    # From the root of the products, which a rounding below zero does not stop.
+    scale = scale_of(products)
     values, vectors = np.linalg.eigh(products / np.outer(scale, scale))
-    root = np.sqrt(np.maximum(values, 0.0) + _RIDGE)
+    root = np.sqrt(np.maximum(values, 0.0) + RIDGE)
     rows, right = root[:, None] * vectors.T, vectors.T @ (mixed / scale) / root
-    free = vectors @ (right / root) / scale
-    if np.all(free >= low) and np.all(free <= high):
-        return free
-    found = scipy.optimize.lsq_linear(rows, right, bounds=(low * scale, high * scale), method="bvls")
-    return np.asarray(found.x, dtype=np.float64) / scale
-
-
-def _scale(products: FloatArray) -> FloatArray:
-    size = np.sqrt(np.diag(products))
-    return np.where(size > 0.0, size, 1.0)
+    bounds = (low * scale, high * scale)
+    exact = scipy.optimize.lsq_linear(rows, right, bounds=bounds, method="bvls")
+    return np.asarray(exact.x, dtype=np.float64) / scale
