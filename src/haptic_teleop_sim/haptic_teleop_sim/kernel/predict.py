@@ -53,6 +53,7 @@ def predict(
     initial_state: ArrayLike | None = None,
     external_torque: ArrayLike | None = None,
     exogenous: ArrayLike | None = None,
+    moment: ArrayLike | None = None,
     t0: float = 0.0,
     keep_states: bool = False,
 ) -> Prediction:
@@ -62,14 +63,15 @@ def predict(
     ``gain`` (states, 2): observer gain, zero gives a plain simulation; ``decay``: factor per sample of the
     two disturbance torques (the last two states); ``gain_slopes``: derivatives of ``gain`` (states, 2,
     columns) and of ``decay`` (2, columns), the columns being those of ``free`` and after them as many more as
-    there are quantities on which nothing else depends; by default gain and decay are held.  ``free`` may also
+    there are quantities on which nothing else depends; by default gain and decay are held.  ``moment`` (n,):
+    of the input within each sample, see `acting`.  ``free`` may also
     hold the names in ``INITIAL`` (derivatives by the initial state).  Derivatives of input effects are
     central differences, all others are exact.
     """
     measured = np.ascontiguousarray(measured, dtype=np.float64)
-    torque, moment = acting(packed, input_, dt, t0)
+    torque, spread = acting(packed, input_, dt, t0, moment)
     n = len(torque)
-    spreading = bool(moment.any())
+    spreading = bool(spread.any())
     d_gain, d_decay = (np.empty((0, 2, 0)), np.empty((2, 0))) if gain_slopes is None else gain_slopes
     ncol = max(len(free), d_gain.shape[2])
     base_col = np.full(5, -1, dtype=np.int64)
@@ -79,7 +81,7 @@ def predict(
     moment_slopes: list[FloatArray] = []
 
     def through_actuator(column: int, name: str) -> None:
-        by_torque, by_moment = _torque_slope(packed, input_, dt, t0, name)
+        by_torque, by_moment = _torque_slope(packed, input_, dt, t0, moment, name)
         driven.append(column)
         torque_slopes.append(by_torque)
         moment_slopes.append(by_moment)
@@ -97,11 +99,12 @@ def predict(
         if group == "base":
             base_col[position] = column
         elif group == "torque_constant":
-            if len(packed.in_codes) or spreading:
+            if len(packed.in_codes):
                 through_actuator(column, name)
             else:
                 driven.append(column)
                 torque_slopes.append(torque / packed.torque_constant)
+                moment_slopes.append(spread / packed.torque_constant)
         else:
             p_col[position] = column
             if any(position == o for _, o in packed.skew):
@@ -143,7 +146,7 @@ def predict(
             k,
             np.array(decay),
             torque,
-            moment,
+            spread,
             outer,
             other,
             t0,
@@ -171,8 +174,8 @@ def predict(
         np.ascontiguousarray(d_decay),
         torque,
         _columns(torque_slopes, n),
-        moment,
-        _columns(moment_slopes if spreading else [], n),
+        spread,
+        _columns(moment_slopes, n) if spreading else np.empty((0, 0)),
         np.array(driven, dtype=np.int64),
         outer,
         other,
@@ -202,7 +205,7 @@ def _columns(series: list[FloatArray], n: int) -> FloatArray:
 
 
 def _torque_slope(
-    packed: Packed, input_: ArrayLike, dt: float, t0: float, name: str
+    packed: Packed, input_: ArrayLike, dt: float, t0: float, moment: ArrayLike | None, name: str
 ) -> tuple[FloatArray, FloatArray]:
     """Derivatives (n,) of the acting torque and its moment by one parameter of the actuator, by central
     differences."""
@@ -212,6 +215,6 @@ def _torque_slope(
     low, high = parameter_bounds(packed.model, name)
     step = 1e-5 * max(abs(value), 1e-3)
     above, below = min(value + step, high), max(value - step, low)
-    up = acting(pack(packed.model.with_values({name: above})), input_, dt, t0)
-    down = acting(pack(packed.model.with_values({name: below})), input_, dt, t0)
+    up = acting(pack(packed.model.with_values({name: above})), input_, dt, t0, moment)
+    down = acting(pack(packed.model.with_values({name: below})), input_, dt, t0, moment)
     return (up[0] - down[0]) / (above - below), (up[1] - down[1]) / (above - below)

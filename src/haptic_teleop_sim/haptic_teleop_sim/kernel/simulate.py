@@ -39,11 +39,16 @@ def acting_torque(packed: Packed, input_: ArrayLike, dt: float, t0: float = 0.0)
     return acting(packed, input_, dt, t0)[0]
 
 
-def acting(packed: Packed, input_: ArrayLike, dt: float, t0: float = 0.0) -> tuple[FloatArray, FloatArray]:
+def acting(
+    packed: Packed, input_: ArrayLike, dt: float, t0: float = 0.0, moment_of_input: ArrayLike | None = None
+) -> tuple[FloatArray, FloatArray]:
     """Mean (n,) of the torque that acts over each sample, N·m, and its moment (n,), N·m·s²: what it does
-    beside its mean because it changed within the sample, see ``effects/actuator.py``."""
+    beside its mean because it changed within the sample, see ``effects/actuator.py``. ``moment_of_input``
+    (n,): that of the input, in its unit times s², where it is the mean of one that changes faster."""
     torque = np.array(input_, dtype=np.float64) * packed.torque_constant
     moment = np.zeros(len(torque))
+    if moment_of_input is not None:
+        moment += packed.torque_constant * np.asarray(moment_of_input, dtype=np.float64)
     for channel, offset in packed.skew:
         if channel == 2:
             # Stamped late by d: what the record shows at t + d acted at t.
@@ -52,8 +57,9 @@ def acting(packed: Packed, input_: ArrayLike, dt: float, t0: float = 0.0) -> tup
             at = np.clip(np.floor(steps).astype(np.int64), 0, len(torque) - 1)
             part = np.clip(steps - at, 0.0, 1.0)
             # Until the change that lies within the sample the older value acts, for 1 - part of it.
-            moment = 0.5 * dt * dt * (ends[at] - ends[at + 1]) * part * (1.0 - part)
-            torque = np.interp(steps, np.arange(len(torque)), torque)
+            own = 0.5 * dt * dt * (ends[at] - ends[at + 1]) * part * (1.0 - part)
+            torque, moment = (np.interp(steps, np.arange(len(v)), v) for v in (torque, moment))
+            moment += own
     if len(packed.in_codes):
         kernel().actuate_series(torque, moment, t0, dt, packed.in_codes, packed.p, np.zeros(packed.memory))
     return torque, moment

@@ -49,6 +49,7 @@ def innovations(
         gain_slopes=gain_slopes,
         initial_state=record.initial_state(),
         exogenous=record.exogenous,
+        moment=record.moment,
         t0=record.start,
     )
 

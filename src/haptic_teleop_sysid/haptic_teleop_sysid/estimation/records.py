@@ -30,7 +30,9 @@ class Record:
     ``resolution``: rad, step of either encoder, or the rms of its noise where no step is known.
     ``at_rest``: the joint is known to rest at the first sample, which then counts like every other;
     otherwise the observer is given time to find out, beginning with the speeds ``rates`` of motor and arm,
-    rad/s.  ``start``: s, time of the first sample, from which effects that depend on time count.
+    rad/s.  ``start``: s, time of the first sample, from which effects that depend on time count. ``moment``
+    (n,): of the input within each sample, in its unit times s² (see `acting`), where it is the mean of one
+    that changed faster.
     """
 
     name: str
@@ -42,6 +44,7 @@ class Record:
     at_rest: bool = False
     start: float = 0.0
     rates: tuple[float, float] = (0.0, 0.0)
+    moment: FloatArray | None = None
 
     def __len__(self) -> int:
         return len(self.input)
@@ -55,17 +58,23 @@ class Record:
 
 
 def thinned(record: Record, rate: float) -> Record:
-    """Every k-th reading and the mean of the input over the k samples that follow, k as large as leaves at
-    least `rate`, Hz; the record itself where that is 1. Good enough to come near, not to arrive."""
+    """Every k-th reading, and of the input over the k samples that follow the mean and the moment, k as large
+    as leaves at least `rate`, Hz; the record itself where that is 1. Good enough to come near, not to arrive.
+
+    Without the moment the mean acts at the wrong time within the k samples, and so like a delay."""
     k = int(1.0 / (record.dt * rate) + 1e-6)
     n = len(record) // max(k, 1)
     if k < 2 or n < 2:
         return record
     blocks = slice(0, n * k)
+    whole = record.input[blocks].reshape(n, k)
+    left = record.dt * (k - 0.5 - np.arange(k))  # of the time of a block, at the middle of each sample
+    mean = whole.mean(axis=1)
     return replace(
         record,
         dt=k * record.dt,
-        input=record.input[blocks].reshape(n, k).mean(axis=1),
+        input=mean,
+        moment=record.dt * ((whole - mean[:, None]) @ left),
         measured=record.measured[blocks][::k].copy(),
         exogenous=record.exogenous[blocks].reshape(n, k).mean(axis=1),
     )

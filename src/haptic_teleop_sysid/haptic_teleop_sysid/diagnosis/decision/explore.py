@@ -19,6 +19,7 @@ from ..hypotheses.candidates import contacts, larger_starts
 from ..hypotheses.explanation import Explanation
 from ..hypotheses.material import material
 from ..inputs.scales import Scales, within_reach
+from ..policy import LEAST_GAIN
 from ..starts.forms import richer_forms
 from ..starts.plain import plain
 from ..starts.screen import Screened
@@ -43,6 +44,8 @@ _MOST_POLISHED = 6
 _MOST_ABLATED = 2
 #: Nats behind the best on thinned recordings, both fitted to the end there, from which nothing is expected.
 _HOPELESS = 60.0
+#: Nats that an effect must gain on thinned recordings for a fit on all samples: half of what it needs there.
+_WORTH_THE_END = 0.5 * LEAST_GAIN
 #: Fits from nothing that are fitted to the end, on all samples.
 _MOST_FROM_NOTHING = 3
 #: Colour that the best explanation leaves (25 in the mean where there is none, 53 once in a thousand) from
@@ -71,7 +74,7 @@ def explore(
     """
     say = progress or (lambda text: None)
     limits = within_reach(lab, scales)
-    fits, few = _tried(fit, lab, estimation, scales, limits, again, say)
+    fits, few, near = _tried(fit, lab, estimation, scales, limits, again, say)
     index = len(fit.model.effects)
 
     def to_the_end(trial: Fit) -> Fit:
@@ -81,10 +84,12 @@ def explore(
     def ended(trials: Sequence[Fit]) -> list[Fit]:
         trials = [with_contact(t) for t in trials]
         if few is not estimation:
-            trials = _in_the_running(side_by_side(lambda t: polish(t, few, limits), trials))
+            trials = side_by_side(lambda t: polish(t, few, limits), trials)
+            trials = _in_the_running(trials, near.log_likelihood + _WORTH_THE_END)
         return side_by_side(to_the_end, trials)
 
-    fits = best_of_each(ended(_most_material(fits, index, scales)), index)
+    begun = _most_material(fits, index, scales)
+    fits = best_of_each(ended(begun), index)
     if colour((fits or [fit])[0], estimation) > _COLOURED:
         found = best_of_each(plain(lab, few, scales, limits, say), index)
         rest = found[_MOST_FROM_NOTHING:] if few is estimation else []
@@ -94,7 +99,7 @@ def explore(
     fits = best_of_each([*fits, *ended(richer_forms(fits, fit, index, few, scales, limits))], index)
     fits = with_shadows(fits, fit, estimation, limits)
     say("fitting the model without them once more")
-    better = better_baseline(fit, fits[:_MOST_ABLATED], estimation, limits)
+    better = better_baseline(fit, (fits or begun)[:_MOST_ABLATED], estimation, limits)
     moved = better.log_likelihood > fit.log_likelihood + _ANOTHER_HOLLOW
     stands = bool(fits) and fits[0].log_likelihood > better.log_likelihood + _STANDS
     if again and not fit.model.effects and moved and not stands:
@@ -111,12 +116,12 @@ def _most_material(fits: Sequence[Fit], index: int, scales: Scales) -> list[Fit]
     return sorted(best, key=lambda f: not material(f.model.effects[index], scales))[:_MOST_POLISHED]
 
 
-def _in_the_running(fits: Sequence[Fit]) -> list[Fit]:
-    """Fits on thinned recordings without those so far behind the best that all samples cannot turn it; a best
-    one and a runner-up at least."""
+def _in_the_running(fits: Sequence[Fit], least: float) -> list[Fit]:
+    """Fits on thinned recordings with a log-likelihood of at least ``least``, without those so far behind the
+    best that all samples cannot turn it; a best one and a runner-up at least."""
     ranked = sorted((f.log_likelihood for f in fits), reverse=True)
-    least = min([ranked[0] - _HOPELESS, *ranked[1:2]]) if ranked else 0.0
-    return [f for f in fits if f.log_likelihood >= least]
+    near_the_best = min([ranked[0] - _HOPELESS, *ranked[1:2]]) if ranked else 0.0
+    return [f for f in fits if f.log_likelihood >= max(near_the_best, least)]
 
 
 def _tried(
@@ -127,9 +132,9 @@ def _tried(
     limits: Limits,
     first: bool,
     say: Callable[[str], None],
-) -> tuple[list[Fit], Sequence[Record]]:
-    """The best trials of the effects worth one, and the recordings they were made on: thinned where they are
-    long."""
+) -> tuple[list[Fit], Sequence[Record], Fit]:
+    """The best trials of the effects worth one, the recordings they were made on, thinned where they are
+    long, and the model so far on these."""
     say("screening all effects")
     few = thinned_to(estimation)
     near = fit
@@ -172,7 +177,7 @@ def _tried(
         # have gone far to make up for it.
         late = [t for t in promised if all(t is not other for other in trials[:_MOST_TUNED])]
         worth += [*trials[:_MOST_TUNED], *late]
-    return side_by_side(lambda t: polish(t, few, limits, TUNING_STEPS), worth), few
+    return side_by_side(lambda t: polish(t, few, limits, TUNING_STEPS), worth), few, near
 
 
 def _chains(promising: Sequence[Screened]) -> list[list[int]]:

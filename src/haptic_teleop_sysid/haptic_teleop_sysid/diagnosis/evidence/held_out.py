@@ -30,6 +30,8 @@ _FEWER = 0.5
 
 def judged(fit: Fit, fits: Sequence[Fit], validation: Sequence[Record], scales: Scales) -> list[Explanation]:
     """The fits as explanations beside ``fit``, best first (material ones before others)."""
+    if not fits:
+        return []
     levels = [fit.noise, *(f.noise for f in fits[:_MOST_LENDING]), *noise_starts(fit.model, validation)]
     before = held_out_fit(fit, validation, levels)
     after = side_by_side(lambda f: held_out_fit(f, validation, [f.noise, before.noise]), fits)

@@ -49,6 +49,8 @@ def _at_rest(effect: Effect) -> float:
 def with_shadows(fits: Sequence[Fit], before: Fit, records: Sequence[Record], limits: Limits) -> list[Fit]:
     """The fits (best first), and the shadows of those that load the joint and are among the best, where they
     are missing or stopped short of them; ``before``: without any of these effects."""
+    if not fits:
+        return []
     index = len(before.model.effects)
     near = [f for f in fits if f.log_likelihood > fits[0].log_likelihood - _AMONG_THE_BEST]
     found, again = list(fits), Counter()
