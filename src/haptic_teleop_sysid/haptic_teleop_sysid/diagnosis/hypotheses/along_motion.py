@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from copy import copy
 from types import SimpleNamespace
 
 import numpy as np
@@ -21,23 +22,19 @@ _ASIDE = (-1e-5, 0.0, 1e-5)
 
 
 def columns(
-    entry: EffectEntry,
-    parameter: EffectParameter,
-    value: float,
-    record: Record,
-    states: FloatArray,
-    channel: int,
+    entry: EffectEntry, parameter: EffectParameter, value: float, variables: SimpleNamespace
 ) -> FloatArray:
-    """Torques (N·m, or encoder errors, rad) (columns, n) by unit sizes of the effect along the motion."""
+    """Torques (N·m, or encoder errors, rad) (columns, n) by unit sizes of the effect along the motion, of
+    which ``variables`` are those of `variables_along`."""
     zero = {p.name: 0.0 if p.default is None else p.default for p in entry.parameters}
     zero[parameter.name] = value
-    travel = float(np.ptp(states[:, channel]))
+    travel = float(np.ptp(variables.position))
     zero |= {p.name: p.held * travel for p in entry.parameters if p.held}
     sizes = [p.name for p in entry.parameters if p.default is None and p.neutral == 0.0 and not p.steady]
     trials = [{**zero, name: 1.0} for name in sizes]
     for phase in (p.name for p in entry.parameters if p.turns == "phase"):
         trials += [{**zero, name: 1.0, phase: math.pi / 2} for name in sizes]
-    variables = _variables(record, states, channel)
+    variables = copy(variables)
     equation = entry.equation
     if equation is None:
         raise ValueError(f"{entry.name} has no equation that could be followed along a motion")
@@ -45,11 +42,11 @@ def columns(
     for numbers in trials:
         p = SimpleNamespace(**numbers)
         if entry.rates:
-            _own_states(entry, variables, p, record.dt)
+            _own_states(entry, variables, p)
         if entry.kind == "relative_inertia":
             torque = inertia_torque(entry, variables, p)
         else:
-            torque = np.broadcast_to(np.asarray(equation(variables, p), dtype=float), len(record))
+            torque = np.broadcast_to(np.asarray(equation(variables, p), dtype=float), len(variables.position))
         found.append(torque - variables.position if entry.kind == "output" else torque)
     return np.array(found)
 
@@ -64,11 +61,14 @@ def inertia_torque(entry: EffectEntry, variables: SimpleNamespace, p: SimpleName
     return -(value * variables.acceleration + 0.5 * slope * variables.velocity**2)
 
 
-def _variables(record: Record, states: FloatArray, channel: int) -> SimpleNamespace:
-    """The variables and helpers in which effects write their equations, as arrays (n,) of a recording."""
-    velocity = states[:, 2 + channel]
+def variables_along(record: Record, states: FloatArray, channel: int) -> SimpleNamespace:
+    """The variables and helpers in which effects write their equations, as arrays (n,) along the motion of
+    motor (0) or arm (1) that ``states`` (n, ...) of a recording are."""
+    # Each in one piece of memory: functions of arrays that are not take several times as long.
+    position, velocity = (np.ascontiguousarray(states[:, k]) for k in (channel, 2 + channel))
     return SimpleNamespace(
-        position=states[:, channel],
+        dt=record.dt,
+        position=position,
         velocity=velocity,
         acceleration=np.gradient(velocity, record.dt) if len(velocity) > 1 else 0.0 * velocity,
         deflection=states[:, 0] - states[:, 1],
@@ -81,7 +81,7 @@ def _variables(record: Record, states: FloatArray, channel: int) -> SimpleNamesp
     )
 
 
-def _own_states(entry: EffectEntry, variables: SimpleNamespace, p: SimpleNamespace, dt: float) -> None:
+def _own_states(entry: EffectEntry, variables: SimpleNamespace, p: SimpleNamespace) -> None:
     """Fill in the own states (at most two) of an effect whose rates are linear in them."""
     names = [f"state{i}" for i in range(len(entry.rates))]
     for name in names:
@@ -96,7 +96,7 @@ def _own_states(entry: EffectEntry, variables: SimpleNamespace, p: SimpleNamespa
     n = len(names)
     whole = np.zeros((2 * n, 2 * n))
     whole[:n, :n], whole[:n, n:] = matrix, np.eye(n)
-    step = np.asarray(scipy.linalg.expm(whole * dt), dtype=np.float64)
+    step = np.asarray(scipy.linalg.expm(whole * variables.dt), dtype=np.float64)
     # Each rate's drive as it was in the middle of the step.
     drive = np.concatenate([0.5 * (drive[:, 1:] + drive[:, :-1]), drive[:, -1:]], axis=1)
     followed = _followed(np.ascontiguousarray(step[:n, :n]), np.ascontiguousarray(step[:n, n:] @ drive))

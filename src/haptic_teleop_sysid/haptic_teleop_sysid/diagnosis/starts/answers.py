@@ -15,7 +15,7 @@ from haptic_teleop_sysid.estimation.likelihood import channels, innovations
 from haptic_teleop_sysid.estimation.noise import observer
 from haptic_teleop_sysid.estimation.records import Record
 
-from ..hypotheses.along_motion import columns
+from ..hypotheses.along_motion import columns, variables_along
 
 FloatArray = NDArray[np.float64]
 
@@ -56,14 +56,18 @@ class Answers:
         """Nats (values,) that the effect promises at each value of its scanned parameter."""
         found = np.zeros(len(values))
         channel = 1 if place.startswith("arm") else 0
+        motions = [
+            variables_along(record, run.states, channel)
+            for record, run in zip(self.records, self.runs, strict=True)
+        ]
         chunk = max(1, min(_CHUNK, _MOST_AT_ONCE // sum(len(r) for r in self.records)))
         for begin in range(0, len(values), chunk):
             some = values[begin : begin + chunk]
             parts = []
-            for record, run, (transition, gain, shown) in zip(
-                self.records, self.runs, self.observers, strict=True
+            for record, run, motion, (transition, gain, shown) in zip(
+                self.records, self.runs, motions, self.observers, strict=True
             ):
-                torques = [columns(entry, parameter, v, record, run.states, channel) for v in some]
+                torques = [columns(entry, parameter, v, motion) for v in some]
                 answers = answers_to(
                     np.ascontiguousarray(np.concatenate(torques).T),
                     channel,
