@@ -119,6 +119,9 @@ def predict_series(x, s, measured, gain, d_gain, decay, d_decay, torque, d_torqu
     slope = np.zeros(1)
     dpar = np.zeros((2, ncol))
     slopes = np.zeros(2)
+    # Of the present innovations, and of gain and decay, with the same room for whole vectors.
+    d_now = np.zeros((2, wide))
+    by_gain, by_decay = np.zeros((n, 2, wide)), np.zeros((2, wide))
     keep = d_states.shape[0] > 0
     correcting = False
     for j in range(n):
@@ -127,6 +130,9 @@ def predict_series(x, s, measured, gain, d_gain, decay, d_decay, torque, d_torqu
     spreading = d_moment.shape[0] > 0
     mapped = out_codes.shape[0] > 0
     moving = d_gain.shape[0] > 0
+    if moving:
+        by_gain[:, :, :ncol] = d_gain
+        by_decay[:, :ncol] = d_decay
     for i in range(torque.shape[0]):
         for j in range(n):
             states[i, j] = x[j]
@@ -149,27 +155,38 @@ def predict_series(x, s, measured, gain, d_gain, decay, d_decay, torque, d_torqu
             m = measured[i, ch]
             if math.isnan(m):
                 innovation[i, ch] = 0.0
-                for c in range(ncol):
-                    d_innovation[i, ch, c] = 0.0
+                for c in range(wide):
+                    d_now[ch, c] = 0.0
             else:
                 innovation[i, ch] = m - yh
-                for c in range(ncol):
-                    moved = s[ch, c]
-                    if late:
+                turned = -slopes[ch]
+                for c in range(wide):
+                    d_now[ch, c] = turned * s[ch, c]
+                if late:
+                    for c in range(ncol):
                         moved = within_sample(theta, dt, last_s[ch, c], last_s[2 + ch, c], s[ch, c],
                                               s[2 + ch, c])
-                    d_innovation[i, ch, c] = -slopes[ch] * moved - dpar[ch, c]
+                        d_now[ch, c] = turned * moved
+                if mapped:
+                    for c in range(ncol):
+                        d_now[ch, c] -= dpar[ch, c]
                 if skew_col[ch] >= 0:
                     rate = within_sample_rate(theta, dt, last[ch], last[2 + ch], x[ch], x[2 + ch])
-                    d_innovation[i, ch, skew_col[ch]] += slopes[ch] * rate
+                    d_now[ch, skew_col[ch]] += slopes[ch] * rate
+            for c in range(ncol):
+                d_innovation[i, ch, c] = d_now[ch, c]
         if correcting:
+            e0, e1 = innovation[i, 0], innovation[i, 1]
             for j in range(n):
-                x[j] += gain[j, 0] * innovation[i, 0] + gain[j, 1] * innovation[i, 1]
-                for c in range(ncol):
-                    s[j, c] += gain[j, 0] * d_innovation[i, 0, c] + gain[j, 1] * d_innovation[i, 1, c]
+                g0, g1 = gain[j, 0], gain[j, 1]
+                x[j] += g0 * e0 + g1 * e1
                 if moving:
-                    for c in range(ncol):
-                        s[j, c] += d_gain[j, 0, c] * innovation[i, 0] + d_gain[j, 1, c] * innovation[i, 1]
+                    for c in range(wide):
+                        s[j, c] += (g0 * d_now[0, c] + g1 * d_now[1, c]
+                                    + (by_gain[j, 0, c] * e0 + by_gain[j, 1, c] * e1))
+                else:
+                    for c in range(wide):
+                        s[j, c] += g0 * d_now[0, c] + g1 * d_now[1, c]
         if looking_back:
             for j in range(4):
                 last[j] = x[j]
@@ -195,13 +212,13 @@ def predict_series(x, s, measured, gain, d_gain, decay, d_decay, torque, d_torqu
             if base_col[2] >= 0:
                 s[2, base_col[2]] -= shift / jm
             spread(x, moment[i], base)
-        for c in range(ncol):
+        for c in range(wide):
             s[n - 2, c] *= decay[0]
             s[n - 1, c] *= decay[1]
         if moving:
-            for c in range(ncol):
-                s[n - 2, c] += d_decay[0, c] * x[n - 2]
-                s[n - 1, c] += d_decay[1, c] * x[n - 1]
+            for c in range(wide):
+                s[n - 2, c] += by_decay[0, c] * x[n - 2]
+                s[n - 1, c] += by_decay[1, c] * x[n - 1]
         x[n - 2] *= decay[0]
         x[n - 1] *= decay[1]
 
