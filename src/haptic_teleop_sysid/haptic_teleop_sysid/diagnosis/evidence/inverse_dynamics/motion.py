@@ -12,6 +12,7 @@ import numpy as np
 import scipy
 from numpy.typing import NDArray
 
+from haptic_teleop_control.compiled import njit
 from haptic_teleop_sysid.estimation.records import Record
 
 from ...inputs.scales import bridged
@@ -90,16 +91,29 @@ def low_passed(values: FloatArray, dt: float, cutoff: float, times: int = 1, blo
     times: as its response in the frequency domain, on the values and their odd reflections at both ends.
 
     block: they are means (`block_means`) over blocks of so many samples, and get back what these took."""
-    rows: FloatArray = np.ascontiguousarray(np.moveaxis(values, 0, -1), dtype=np.float64)
     n = len(values)
+    rows = np.ascontiguousarray(values, dtype=np.float64).reshape(n, -1)
     pad = min(n - 1, round(PADDED / (cutoff * dt)))
-    before = 2.0 * rows[..., :1] - rows[..., pad:0:-1]
-    after = 2.0 * rows[..., -1:] - rows[..., -2 : -pad - 2 : -1]
     length = scipy.fft.next_fast_len(n + 2 * pad, real=True)
-    spectrum = np.asarray(scipy.fft.rfft(np.concatenate([before, rows, after], axis=-1), length))
-    passed = _response(length, round(cutoff * dt, 15), times, block)
-    found = np.asarray(scipy.fft.irfft(spectrum * passed, length))
-    return np.moveaxis(found[..., pad : pad + n], -1, 0)
+    spectrum = np.asarray(scipy.fft.rfft(_reflected(rows, pad, length), overwrite_x=True))
+    spectrum *= _response(length, round(cutoff * dt, 15), times, block)
+    found = np.asarray(scipy.fft.irfft(spectrum, length, overwrite_x=True))
+    return found[:, pad : pad + n].T.reshape(values.shape)
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _reflected(values: FloatArray, pad: int, length: int) -> FloatArray:
+    """Columns of ``values`` (n, columns) as rows (columns, length), with ``pad`` samples turned about either
+    end before and behind them, and zeros after that."""
+    n, columns = values.shape
+    found = np.zeros((columns, length))
+    for c in range(columns):
+        for k in range(n):
+            found[c, pad + k] = values[k, c]
+        for k in range(pad):
+            found[c, k] = 2.0 * values[0, c] - values[pad - k, c]
+            found[c, pad + n + k] = 2.0 * values[n - 1, c] - values[n - 2 - k, c]
+    return found
 
 
 @lru_cache(maxsize=64)
