@@ -40,11 +40,15 @@ def pytest_xdist_auto_num_workers() -> int:
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
     """A test's folder says what kind it is. Where several processes share the tests, those that need the
-    machine to themselves come last, when the others are through."""
+    machine to themselves come last, when the others are through. Processes take tests by files: one of these
+    among others would come in the middle, and its process wait until all happen to be between two tests."""
     for item in items:
         for kind in ("nodes", "end_to_end"):
             if item.path.is_relative_to(REPOSITORY / "tests" / kind):
                 item.add_marker(kind)
+    mixed = {i.path.name for i in items if _alone(i)} & {i.path.name for i in items if not _alone(i)}
+    if mixed:
+        raise pytest.UsageError(f"tests marked wall_time need a file without others: {', '.join(mixed)}")
     if WORKER:
         items.sort(key=lambda item: (_alone(item), not item.get_closest_marker("end_to_end")))
 

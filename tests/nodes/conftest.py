@@ -10,6 +10,7 @@ sys.path.insert(
     0, str(Path(__file__).parent)
 )  # pytest's importlib mode leaves helpers beside the tests unfound
 
+from recorder_runs import Recorder
 from ros_graph import Graph
 
 
@@ -18,3 +19,18 @@ def graph(ros_isolation: None) -> Iterator[Graph]:
     graph = Graph()
     yield graph
     graph.close()
+
+
+@pytest.fixture
+def start_recorder(ros_isolation: None):
+    running: list[Recorder] = []
+
+    def start(output: Path, **parameters: object) -> Recorder:
+        running.append(Recorder(output, **parameters))
+        return running[-1]
+
+    yield start
+    for recorder in running:
+        if recorder.process.poll() is None:
+            recorder.process.kill()
+            recorder.process.communicate()

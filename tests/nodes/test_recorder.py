@@ -2,155 +2,15 @@
 
 from __future__ import annotations
 
-import os
 import signal
-import subprocess
-import sys
-import threading
 import time
-from pathlib import Path
 
-import numpy as np
-import pytest
 from diagnostic_msgs.msg import DiagnosticArray
-from rclpy.qos import QoSProfile, ReliabilityPolicy
-from ros_graph import Graph
+from recorder_runs import Source, finish, recorder_hears
 from sensor_msgs.msg import JointState
 
 from haptic_teleop_control.nodes.recorder import Recorder as RecorderNode
-from haptic_teleop_control.nodes.streams.joint_states import STREAM_QOS
-from haptic_teleop_control.recording import bag_problems, read_recording
-from haptic_teleop_control.recording.recover import main as recover
-
-RELIABLE = QoSProfile(depth=1000, reliability=ReliabilityPolicy.RELIABLE)
-PERIOD = 1_000_000
-
-
-class Recorder:
-    """The executable, started with these parameters; ended by `stop`, or with the test at the latest."""
-
-    def __init__(self, output: Path, **parameters: object) -> None:
-        given = {"output": output, "topics": "[/sfj/joint_states]", **parameters}
-        arguments = [part for name, value in given.items() for part in ("-p", f"{name}:={value}")]
-        command = [
-            sys.executable,
-            "-m",
-            "haptic_teleop_control.front_door",
-            "recorder",
-            "--ros-args",
-            *arguments,
-        ]
-        self.process = subprocess.Popen(
-            command, text=True, stdout=subprocess.PIPE, stderr=subprocess.PIPE, env=dict(os.environ)
-        )
-
-    def stop(self, number: int = signal.SIGINT) -> tuple[int, str, str]:
-        """Exit status, standard output and standard error."""
-        self.process.send_signal(number)
-        out, err = self.process.communicate(timeout=20)
-        return self.process.returncode, out, err
-
-
-@pytest.fixture
-def start_recorder(ros_isolation: None):
-    running: list[Recorder] = []
-
-    def start(output: Path, **parameters: object) -> Recorder:
-        running.append(Recorder(output, **parameters))
-        return running[-1]
-
-    yield start
-    for recorder in running:
-        if recorder.process.poll() is None:
-            recorder.process.kill()
-            recorder.process.communicate()
-
-
-def recorder_hears(graph: Graph, topic: str, publishers: str) -> None:
-    """Until the recorder says that these publish."""
-    met: list[str | None] = []
-
-    def look(message: DiagnosticArray) -> None:
-        met.extend(v.value for s in message.status for v in s.values if v.key == f"publishers of {topic}")
-
-    told = graph.probe.create_subscription(DiagnosticArray, "/diagnostics", look, 10)
-    graph.until(lambda: publishers in met, 20.0, f"the recorder hears {topic}")
-    graph.probe.destroy_subscription(told)
-
-
-class Source:
-    """Publishes numbered joint states at 1 kHz from a thread of its own, from the moment that it is heard: so
-    says the recorder, because a publisher that has met its reader may not have been met by it."""
-
-    def __init__(self, graph: Graph, count: int, qos: QoSProfile = STREAM_QOS) -> None:
-        self.publisher = graph.probe.create_publisher(JointState, "/sfj/joint_states", qos)
-        reliable = qos.reliability == ReliabilityPolicy.RELIABLE
-        recorder_hears(graph, "/sfj/joint_states", f"1 ({'reliable' if reliable else 'best effort'})")
-        self.sent = 0
-        self.thread = threading.Thread(target=self._publish, args=(count,))
-        self.thread.start()
-
-    def _publish(self, count: int) -> None:
-        message = JointState(name=["stage1_motor"], position=[0.0])
-        start = time.monotonic_ns()
-        for number in range(count):
-            time.sleep(max(0, start + number * PERIOD - time.monotonic_ns()) * 1e-9)
-            seconds, nanoseconds = divmod(time.time_ns(), 10**9)
-            message.header.stamp.sec, message.header.stamp.nanosec = seconds, nanoseconds
-            message.position[0] = float(number)
-            self.publisher.publish(message)
-            self.sent += 1
-
-
-def finish(graph: Graph, source: Source) -> None:
-    graph.until(lambda: not source.thread.is_alive(), 20.0)
-    graph.listen(0.3)
-
-
-@pytest.mark.wall_time
-@pytest.mark.parametrize("qos", [STREAM_QOS, RELIABLE], ids=["best_effort", "reliable"])
-def test_two_seconds_at_1_khz_are_recorded_without_loss_with_the_parameters_of_the_graph(
-    graph, start_recorder, tmp_path, qos, stalls
-):
-    graph.probe.declare_parameter("gain", 2.5)
-    recorder = start_recorder(tmp_path / "a", experiment="free motion", note="a test")
-    source = Source(graph, 2000, qos)
-    finish(graph, source)
-    status, out, err = recorder.stop()
-    recording = read_recording(tmp_path / "a")
-    assert recording.complete, recording.problems
-    one = recording.topics["/sfj/joint_states"]
-    lost = 2000 - len(one)
-    assert status == 0, err
-    assert f"{2000 - lost} messages on 1 topics" in out
-    assert f"{lost} lost on the way, verified" in out, "what is lost is counted"
-    assert np.all(np.diff(one.position[:, 0]) > 0)
-    # Best effort loses what comes while a machine stands still; reliable loses nothing.
-    assert lost == 0 or (qos is STREAM_QOS and stalls.excuse(0.1))
-    assert recording.parameters["/probe"]["gain"] == 2.5
-    assert recording.parameters["/recorder"]["experiment"] == "free motion"
-    assert recording.experiment == {"kind": "free motion", "note": "a test"}
-    assert recording.reception["lost_on_the_way"] == {"/sfj/joint_states": lost}
-    latency = bag_problems(one).latency
-    assert latency > 0
-    assert latency < 0.1 or stalls.excuse(0.1)
-
-
-@pytest.mark.wall_time
-def test_a_killed_recorder_loses_at_most_the_last_second(graph, start_recorder, tmp_path, stalls):
-    recorder = start_recorder(tmp_path / "a")
-    source = Source(graph, 3000, RELIABLE)
-    finish(graph, source)
-    recorder.process.kill()
-    recorder.process.communicate()
-    assert not read_recording(tmp_path / "a").complete
-    assert recover([str(tmp_path / "a"), "--output", str(tmp_path / "b")]) == 3
-    recovered = read_recording(tmp_path / "b")
-    assert recovered.complete, recovered.problems
-    position = recovered.topics["/sfj/joint_states"].position[:, 0]
-    assert len(position) >= 2000 or stalls.excuse(1.0)
-    assert np.array_equal(position, np.arange(float(len(position))))
-    assert "/recorder" in recovered.parameters
+from haptic_teleop_control.recording import read_recording
 
 
 def test_a_parameter_changed_while_recording_is_kept_beside_the_first(graph, start_recorder, tmp_path):

@@ -3,15 +3,13 @@
 import os
 import re
 import signal
-import subprocess
-import sys
 import time
 from pathlib import Path
 
-import numpy as np
 import pytest
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 from sensor_msgs.msg import JointState
+from small_scenario import FILE, start
 
 from haptic_teleop_control.errors import ConfigurationError
 from haptic_teleop_control.nodes.launching.children import Child, stop_all
@@ -21,38 +19,12 @@ from haptic_teleop_control.nodes.streams.joint_states import STREAM_QOS
 from haptic_teleop_control.recording import read_recording
 from haptic_teleop_control.robots import OMNI_JOINTS
 
-FILE = """
-/**:
-  ros__parameters: {use_sim_time: true}
-scenario:
-  ros__parameters: {nodes: [sfj_sim, omni_sim, force_controller, signal_generator], duration: 1.5}
-sfj_sim:
-  ros__parameters: {timeout: 0.05}
-omni_sim:
-  ros__parameters: {rate: 500.0}
-force_controller:
-  ros__parameters: {timeout: 0.05, master_rate: 500.0}
-signal_generator:
-  ros__parameters:
-    rate: 200.0
-    stage1: {enabled: true, step: {enabled: true, amplitude: 0.05}}
-"""
-
 
 @pytest.fixture
 def file(tmp_path) -> Path:
     path = tmp_path / "scenario.yaml"
     path.write_text(FILE)
     return path
-
-
-def start(*arguments: str) -> subprocess.Popen:
-    return subprocess.Popen(
-        [sys.executable, "-m", "haptic_teleop_control.front_door", *arguments],
-        stdout=subprocess.PIPE,
-        stderr=subprocess.PIPE,
-        text=True,
-    )
 
 
 def started_by(pid: int) -> list[int]:
@@ -101,29 +73,6 @@ def test_a_recorded_scenario_holds_every_sample_and_the_parameters(file, tmp_pat
     assert recording.experiment["kind"] == "scenario" and recording.experiment["planned_duration"] == 1.5
     assert recording.reception["ended"] is True
     assert recording.parameters["/force_controller"]["timeout"] == 0.05
-
-
-@pytest.mark.wall_time
-@pytest.mark.parametrize("mode", [[], ["--processes"]])
-def test_by_the_wall_it_begins_together_moves_and_ends_with_zero(file, tmp_path, mode, stalls):
-    """A machine that stands still for longer than a command holds ends it by a fault, and by nothing else."""
-    file.write_text(FILE.replace("use_sim_time: true", "realtime_priority: 20"))
-    bag = tmp_path / "bag"
-    process = start("scenario", str(file), "--record", str(bag), *mode)
-    _, errors = process.communicate(timeout=60)
-    faults = [line for line in errors.splitlines() if line.startswith("fault in")]
-    assert process.returncode == (1 if faults else 0), errors
-    assert all("stale" in fault or "robot_fault" in fault for fault in faults)
-    assert not faults or stalls.excuse(0.05), errors
-    recording = read_recording(bag)
-    assert recording.complete
-    effort = recording.topics["/sfj/effort_command"].effort
-    assert not effort[-1].any()
-    first = [topic.received[0] for topic in recording.topics.values()]
-    assert max(first) - min(first) < 50_000_000 or stalls.excuse(0.05), "ns: nobody was late when it began"
-    if not faults:
-        assert abs(effort[:-5]).max() > 0.0
-        assert np.ptp(recording.topics["/sfj/joint_states"].signal("stage1_arm", "position")) > 0.05
 
 
 @pytest.mark.parametrize("moment", [0.0, 0.5, 1.5, 6.0])
