@@ -9,6 +9,9 @@ that compile the function for different types at the same time both read the ind
 number, and what is found under it afterwards can be the other's code. Here only one process at a time adds
 to an index; and only one compiles a function, which takes seconds, while others that need it wait and then
 read it from the cache.
+
+Compiled functions copy one array into another element by element: an assignment of a whole row brings along
+the text of the error that other shapes would be, whose formatting takes two seconds to compile.
 """
 
 from __future__ import annotations

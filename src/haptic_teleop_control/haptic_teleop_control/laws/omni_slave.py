@@ -272,7 +272,7 @@ def omni_slave_step(inputs, settings, dt, coefficients, enabled, state, results,
             state[i, 3], state[i, 4], state[i, 5] = driving, 0.0, driving
             state[i, 6] = 1.0
         one[0] = driving
-        memory[0] = state[i, 3:6]
+        memory[0, 0], memory[0, 1], memory[0, 2] = state[i, 3], state[i, 4], state[i, 5]
         velocity_step(one, memory, coefficients)
         momentum_rate = inertia * (velocity - state[i, 2]) / dt
         imbalance = memory[0, 0] - momentum_rate
@@ -291,7 +291,8 @@ def omni_slave_step(inputs, settings, dt, coefficients, enabled, state, results,
             results[i] = _REFUSED_INPUT
             continue
         inner[0, i], inner[1, i], inner[2, i] = s, environment, friction
-        state[i, 1], state[i, 2], state[i, 3:6] = environment, velocity, memory[0]
+        state[i, 1], state[i, 2] = environment, velocity
+        state[i, 3], state[i, 4], state[i, 5] = memory[0, 0], memory[0, 1], memory[0, 2]
         if not enabled[i]:
             state[i, 0] = 0.0
             results[i] = _DISABLED

@@ -200,18 +200,21 @@ def scenario_loop(kinds, stamps, reference, latest, device_commands, slave, slav
             axis[0], axis[1] = state[0, 1], state[0, 2]
             master_effort[:] = 0.0
             if engaged >= 0:
-                inputs[0] = axis
-                inputs[1] = arm_torque
+                for i in range(2):
+                    inputs[0, i] = axis[i]
+                    inputs[1, i] = arm_torque[i]
                 torque = master_side_step(inputs, felt, enabled, felt_state, results)
                 for i in range(2):
                     torque_i = min(max(torque[1, i], -master_limit), master_limit) * scale
                     master_effort[i + 1] = torque_i + 0.0  # never -0.0: the graph adds its damping here
-            master_command[j] = master_effort
+            for i in range(3):
+                master_command[j, i] = master_effort[i]
             if compensating:
                 compensation_step(
                     state[:2], compensation_settings, compensation_dt, compensation_state, added
                 )
-                master_effort += added
+                for i in range(3):
+                    master_effort[i] += added[i]
             count_flags(
                 robot_step(master_effort, hand[j], master, master_device, master_noise[j]), counts[3:6]
             )
@@ -230,12 +233,13 @@ def scenario_loop(kinds, stamps, reference, latest, device_commands, slave, slav
                 law_inputs[2, i] = state[0, 2 * i + 1]
                 law_inputs[3, i] = state[1, 2 * i]
             torque = master_side_step(inputs, wanted, enabled, wanted_state, results)
-            law_inputs[0] = torque[0]
+            for i in range(2):
+                law_inputs[0, i] = torque[0, i]
             current = augmented_error_step(law_inputs, gains, law_dt, enabled, law_state, results, inner)
             if results[0] == 1 or results[1] == 1:
                 counts[6] += 1
             for i in range(2):
                 slave_effort[i] = current[i] * gains[i, 6] * scale
-            slave_command[k] = slave_effort
+                slave_command[k, i] = slave_effort[i]
             count_flags(robot_step(slave_effort, push[k], slave, slave_device, slave_noise[k]), counts[:3])
             k += 1

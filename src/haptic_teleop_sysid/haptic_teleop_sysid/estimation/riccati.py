@@ -48,8 +48,9 @@ def stationary_filter(
 def _filter(
     f: FloatArray, c: FloatArray, q: FloatArray, r: FloatArray, most: int
 ) -> tuple[bool, FloatArray, FloatArray]:
+    # r has two rows at most, so its inverse is as good as a solution, and is compiled for the gain anyway.
     ct = np.ascontiguousarray(c.T)
-    found, p = _doubling(np.ascontiguousarray(f.T), ct @ np.linalg.solve(r, c), q.copy(), most)
+    found, p = _doubling(np.ascontiguousarray(f.T), ct @ np.linalg.inv(r) @ c, q.copy(), most)
     if not found:
         return False, p, ct
     shown = p @ ct

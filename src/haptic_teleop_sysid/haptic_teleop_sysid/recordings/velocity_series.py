@@ -32,5 +32,7 @@ def velocity_series(
 def _series(position: Array, state: Array, coefficients: Array) -> Array:
     out = np.empty(position.shape)
     for i in range(len(position)):
-        out[i] = velocity_step(position[i], state, coefficients)
+        velocity = velocity_step(position[i], state, coefficients)
+        for j in range(len(velocity)):  # one by one: see `compiled.py`
+            out[i, j] = velocity[j]
     return out
