@@ -33,6 +33,12 @@ hypothesis.settings.load_profile("repeatable")
 DOMAINS = range(1, 102)
 
 
+BEGINNING = ("test_diagnose.py", "test_simulated_scenario.py", "test_scenario.py")
+"""Files with which several processes begin: the first compiles what a diagnosis calls, for which others of
+its kind would only wait; these wait for nodes most of their time, and at the end the others would wait for
+them."""
+
+
 def pytest_xdist_auto_num_workers() -> int:
     """One process more than there are cores: tests that start nodes wait for them much of their time."""
     return len(os.sched_getaffinity(0)) + 1
@@ -50,7 +56,13 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
     if mixed:
         raise pytest.UsageError(f"tests marked wall_time need a file without others: {', '.join(mixed)}")
     if WORKER:
-        items.sort(key=lambda item: (_alone(item), not item.get_closest_marker("end_to_end")))
+        items.sort(key=lambda item: (_alone(item), _turn(item), not item.get_closest_marker("end_to_end")))
+
+
+def _turn(item: pytest.Item) -> int:
+    """The place of a test's file among those that begin; the others share the next one."""
+    name = item.path.name
+    return BEGINNING.index(name) if name in BEGINNING else len(BEGINNING)
 
 
 def _alone(item: pytest.Item) -> bool:
