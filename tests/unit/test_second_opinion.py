@@ -59,15 +59,15 @@ def test_sizes_that_free_runs_want_are_taken_where_they_simulate_other_recording
         other = model.with_values({name: before + 0.2})
         return ParameterFit(other, True, (1.0, 0.5), 9, std=dict.fromkeys(model.free_parameters(), 0.01))
 
-    taken = sized_freely(found, larger, lambda model: (0.1, 0.05))
+    taken = sized_freely(found, larger, lambda model: (0.1, 0.05), 1.0)
     assert taken.errors == (0.1, 0.05)
     assert taken.group.model.parameter_values()[name] == before + 0.2
     # What the two ways of fitting differ by is part of the standard error: 0.2 apart are +- 0.14 for each.
     assert taken.group.std[name] == pytest.approx(math.hypot(0.01, 0.2 / math.sqrt(2.0)))
     for errors in ((0.1, 0.115), (0.2, 0.05)):  # no better on the others; worse where it was fitted
-        assert sized_freely(found, larger, lambda model, e=errors: e) is found
+        assert sized_freely(found, larger, lambda model, e=errors: e, 1.0) is found
     fled = replace(as_it_is(found.group.model), fled=("motor_inertia",))
-    assert sized_freely(found, lambda model: fled, lambda model: (0.01, 0.01)) is found
+    assert sized_freely(found, lambda model: fled, lambda model: (0.01, 0.01), 1.0) is found
 
 
 def test_what_gains_by_inverse_dynamics_and_by_free_runs_becomes_the_result(rubbing):

@@ -16,6 +16,7 @@ from haptic_teleop_sysid.recordings.dataset import DataSet
 from haptic_teleop_sysid.simulation.parameter_fit import ParameterFit
 from haptic_teleop_sysid.simulation.parameter_fit import fit_parameters as fit_to_free_runs
 
+from .decision.free_run_sizes import turning_limits
 from .decision.search import LEAST_PERCENT, POOR_FIT, SearchResult, search, search_by_simulation
 from .evidence.current import shown_by_current
 from .evidence.inverse_dynamics.motion import motion_band
@@ -60,7 +61,8 @@ class Explained:
     def simulated(self, candidate: Model) -> ParameterFit:
         """The model fitted to free runs of the estimation recordings, over the windows of `course`."""
         parts = zip(self.course.data, self.course.windows, strict=True)
-        limits = within_reach(self.given, self.result.scales)
+        scales = self.result.scales
+        limits = within_reach(self.given, scales) | turning_limits(candidate, scales.size["fastest"])
         return fit_to_free_runs(candidate, [*parts][: self.count], limits)
 
 

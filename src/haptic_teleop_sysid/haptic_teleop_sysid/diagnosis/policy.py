@@ -106,7 +106,9 @@ angle, with white innovations."""
 ERRS_LESS, ERRS_FAR_LESS = 0.9, 0.7
 """Factor by which the free run of the second witness must err less than the first opinion's, in the mean of
 both kinds of recordings, to take its place: where the first one's innovations are coloured, and where they
-are white. Lower: the witness, which sees no sensors, is believed less often. By hand."""
+are white. Lower: the witness, which sees no sensors, is believed less often. The first also where sizes that
+free runs want take the place of those that torques want, and those with a smoothed sign the place of those
+that stick: what errs less by less than that is an accident of where a search ended. By hand."""
 
 COLOURED = 100.0
 """Portmanteau statistic over 25 lags (25 for white innovations, 53 once in a thousand) on both kinds of

@@ -4,6 +4,12 @@ A regression on torques weighs every stretch of the motion alike and knows nothi
 inertia leads over seconds; an input that is a little late, or filtered, shifts its sizes together. The model
 is handed on to be simulated. So its parameters are fitted to the simulated angles, too, and that is taken
 where the other recordings, which neither was fitted to, are simulated clearly better by it.
+
+Dry friction that sticks makes the squared error of a free run rough: where the joint starts from rest or
+turns, a hair's breadth of a parameter decides whether it sticks for another sample, every derivative is that
+of one facet, and the search ends at the next edge: of a pendulum the same recording gave gravities from 3.1
+to 3.5 N·m, by where the search began. With a sign that is smoothed, over a velocity that is fitted, too, all
+of them end at one place. What is handed on sticks, with the sizes found so.
 """
 
 from __future__ import annotations
@@ -13,24 +19,30 @@ from collections.abc import Callable
 from dataclasses import replace
 
 from haptic_teleop_control.errors import ModelError
-from haptic_teleop_sim.model import Model
+from haptic_teleop_sim.model import Effect, Model
 from haptic_teleop_sysid.estimation.likelihood import FAILURES
 from haptic_teleop_sysid.simulation.parameter_fit import ParameterFit
 
+from ..evidence.inverse_dynamics.terms import SMOOTHED
 from ..evidence.second_opinion import NO_WORSE, PERFECT, Errors, Heard
 from ..policy import ERRS_LESS
 
 #: The model fitted to free runs of the estimation recordings.
 Simulated = Callable[[Model], ParameterFit]
 
+#: Factor by which the velocity of a smoothed sign may differ from SMOOTHED of the top speed: far below, the
+#: error is as rough as without, and what is smooth far above is no dry friction.
+_OTHERWISE = 5.0
+_SMOOTHING = "smoothing"
 
-def sized_freely(heard: Heard, simulated: Simulated, errors: Errors) -> Heard:
+
+def sized_freely(heard: Heard, simulated: Simulated, errors: Errors, fastest: float) -> Heard:
     """The group with the sizes that its free runs want, where those err on other recordings by ERRS_LESS as
     much and by no more on those that were fitted; else as it is. Standard errors hold what the two ways of
-    fitting differ by."""
+    fitting differ by. ``fastest``: top speed, rad/s."""
     group = heard.group
     try:
-        found = simulated(group.model)
+        found = _fitted(group.model, simulated, fastest)
         reached = errors(found.model)
     except (*FAILURES, ModelError):
         return heard
@@ -45,3 +57,34 @@ def sized_freely(heard: Heard, simulated: Simulated, errors: Errors) -> Heard:
         apart = (one[name] - other[name]) / math.sqrt(2.0) if name in one and name in other else 0.0
         std[name] = math.hypot(own if math.isfinite(own) else error, apart)
     return Heard(replace(group, model=found.model, std=std), heard.gain, reached)
+
+
+def turning_limits(model: Model, fastest: float) -> dict[str, tuple[float, float]]:
+    """Lowest and highest velocity within which a model's smoothed frictions may turn, by parameter name."""
+    velocity = SMOOTHED * fastest
+    return {
+        f"{e.location}.{e.effect}.{_SMOOTHING}": (velocity / _OTHERWISE, velocity * _OTHERWISE)
+        for e in model.effects
+        if e.values.get(_SMOOTHING, 0.0) > 0.0
+    }
+
+
+def _fitted(model: Model, simulated: Simulated, fastest: float) -> ParameterFit:
+    """The fit of the model as it is or, where that errs less by ERRS_LESS (costs are squares), the sizes of
+    the one whose frictions do not stick."""
+    as_it_is = simulated(model)
+    smooth = replace(model, effects=tuple(_smoothed(e, SMOOTHED * fastest) for e in model.effects))
+    if smooth.effects == model.effects:
+        return as_it_is
+    found = simulated(smooth)
+    if found.fled or not found.cost[1] < ERRS_LESS**2 * as_it_is.cost[1]:
+        return as_it_is
+    sizes = {n: v for n, v in found.model.parameter_values().items() if n in model.free_parameters()}
+    return replace(found, model=model.with_values(sizes))
+
+
+def _smoothed(effect: Effect, velocity: float) -> Effect:
+    """The effect with a smoothed sign of the velocity, if it is friction that sticks."""
+    if effect.entry.memory != "direction" or effect.values.get(_SMOOTHING, 1.0) > 0.0:
+        return effect
+    return replace(effect, parameters={**effect.parameters, _SMOOTHING: velocity})

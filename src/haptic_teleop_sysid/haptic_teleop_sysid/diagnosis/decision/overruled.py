@@ -56,7 +56,8 @@ def as_result(
     ``simulated``: see `free_run_sizes`."""
     assert opinion.chosen is not None
     heard = opinion.chosen
-    opinion = replace(opinion, chosen=sized_freely(heard, simulated, errors))
+    fastest = predicted.scales.size["fastest"]
+    opinion = replace(opinion, chosen=sized_freely(heard, simulated, errors, fastest))
     assert opinion.chosen is not None
     baseline = predicted.baseline
     alone = opinion.witness.structure
