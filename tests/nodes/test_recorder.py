@@ -26,6 +26,18 @@ def test_a_parameter_changed_while_recording_is_kept_beside_the_first(graph, sta
     assert recording.parameters_at_stop["/probe"]["gain"] == 4.0
 
 
+def test_the_text_of_a_model_file_that_a_node_names_is_kept(graph, start_recorder, tmp_path):
+    model, secret = tmp_path / "model.yaml", tmp_path / "board.key"
+    model.write_text("damping: 2.6  # N·m·s/rad\n", encoding="utf-8")
+    secret.write_text("shared with the board")
+    for name, value in (("stage1.model", model), ("stage2.model", tmp_path / "absent"), ("key.file", secret)):
+        graph.probe.declare_parameter(name, str(value))
+    recorder = start_recorder(tmp_path / "a")
+    finish(graph, Source(graph, 300))
+    recorder.stop()
+    assert read_recording(tmp_path / "a").models == {str(model): model.read_text(encoding="utf-8")}
+
+
 def test_topics_of_other_and_of_unknown_types_are_recorded_as_they_are(graph, start_recorder, tmp_path):
     recorder = start_recorder(tmp_path / "a", topics="[/diagnostics, /own]")
     own = graph.probe.create_publisher(JointState, "/own", 10)

@@ -10,12 +10,15 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from identification_plants import STAGE
 
 from haptic_teleop_control.errors import ConfigurationError, MismatchError
-from haptic_teleop_control.recording import Recording, write_recording
+from haptic_teleop_control.recording import Recording, read_recording, write_recording
+from haptic_teleop_sim import lockstep
 from haptic_teleop_sim.lockstep import load_scenario, run_scenario
 from haptic_teleop_sim.scenario_parameters import check_scenario
 from haptic_teleop_sysid.commands import demo, verify
+from haptic_teleop_sysid.runs.augmented_scenario import write_scenario
 from haptic_teleop_sysid.verification.overlay import overlay
 from haptic_teleop_sysid.verification.overlay_report import overlay_all, overlay_pictures, overlay_table
 from haptic_teleop_sysid.verification.simulation import UntrustedCode, simulate_recording
@@ -151,6 +154,38 @@ def test_a_model_file_that_is_not_here_leaves_a_run_out_unless_its_simulation_wa
     assert "cannot be simulated here" in reasons["bag"] and "not/here.yaml" in reasons["bag"]
     with pytest.raises(ConfigurationError, match=r"bag cannot be simulated.*not/here\.yaml"):
         simulate_recording(recording, "bag")
+
+
+@pytest.mark.usefixtures("unillustrated")
+def test_a_recording_holds_the_models_that_it_was_made_with(tmp_path, monkeypatch, capsys):
+    made, elsewhere = tmp_path / "made", tmp_path / "elsewhere"
+    made.mkdir(), elsewhere.mkdir()
+    slower = STAGE.with_values({"motor_damping": 2.0 * STAGE.parameters["motor_damping"]})
+    slower.save(made / "augmented_model.yaml")
+    write_scenario(made, slower, "augmented_model.yaml")
+    monkeypatch.chdir(made)
+    assert lockstep.main(["scenario.yaml", "--duration", "5", "--record", "simulated"]) == 0
+    bag = str(made / "simulated")
+    stated = read_recording(bag).parameters["/sfj/sfj_sim"]["stage1.model"]
+    assert stated == str(made / "augmented_model.yaml"), "as the nodes state it"
+    (made / "augmented_model.yaml").unlink()
+    monkeypatch.chdir(elsewhere)
+    verify.main([bag, "--output", "out"])
+    result = json.loads((elsewhere / "out" / "verify.json").read_text())
+    assert set(result["simulation"][bag]["fit_percent"]["stage 1"].values()) == {100.0}
+
+
+@pytest.mark.usefixtures("unillustrated")
+def test_without_a_simulation_the_run_is_no_more_than_a_note_and_why_is_said_once(tmp_path, capsys):
+    one = recorded()
+    one.parameters["/sfj/sfj_sim"]["stage1.model"] = "not/here.yaml"
+    bag = str(write_recording(tmp_path / "simulated", one.topics, one.parameters, {}))
+    assert verify.main([bag, "--output", str(tmp_path / "out")]) == 0
+    result = json.loads((tmp_path / "out" / "verify.json").read_text())
+    assert result["conclusion"]["status"] == "fair"
+    page = (tmp_path / "out" / "report.html").read_text()
+    for told in (result["not_simulated"][bag], capsys.readouterr().out, page):
+        assert told.count("cannot be simulated") == 1 and told.count("not/here.yaml") <= 2
 
 
 def test_the_second_scenario_is_laid_over_its_simulation_too(tmp_path, capsys):

@@ -13,6 +13,7 @@ from rich.console import Console
 from haptic_teleop_control.command_line import run_command
 from haptic_teleop_control.errors import ConfigurationError
 from haptic_teleop_control.laws import ForceLaw
+from haptic_teleop_control.named_files import model_texts
 from haptic_teleop_control.recording import JointStateSeries, write_recording
 from haptic_teleop_control.signals import SignalGenerator
 from haptic_teleop_control.simulated_time.stamps import ORIGIN
@@ -82,7 +83,7 @@ def record_scenario(
             f"{scenario.source}: recorder.topics names nothing that there is: choose among "
             f"{', '.join([*result.topics, STATE_TOPIC])}"
         )
-    write_recording(path, topics, recorded, experiment, texts=texts)
+    write_recording(path, topics, recorded, experiment, models=model_texts(recorded), texts=texts)
     return result
 
 

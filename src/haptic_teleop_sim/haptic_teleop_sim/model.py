@@ -186,16 +186,23 @@ def load_model(path: str | Path) -> Model:
     """Read a model file; ModelError names the file, the key and the remedy."""
     path = Path(path)
     try:
-        content = parse_yaml(path.read_text(encoding="utf-8"))
+        text = path.read_text(encoding="utf-8")
     except FileNotFoundError:
         raise ModelError(f"{path}: there is no such model file; give the path of a model YAML") from None
     except (OSError, UnicodeDecodeError) as error:
         raise ModelError(
             f"{path}: the model file cannot be read ({error}); give a readable YAML file"
         ) from None
+    return read_model(text, str(path))
+
+
+def read_model(text: str, source: str) -> Model:
+    """A model from the text of a model file; ModelError names ``source``, the key and the remedy."""
+    try:
+        content = parse_yaml(text)
     except yaml.YAMLError as error:
-        raise ModelError(f"{path}: {yaml_problem(error)}") from None
-    return model_from_mapping(content, str(path))
+        raise ModelError(f"{source}: {yaml_problem(error)}") from None
+    return model_from_mapping(content, source)
 
 
 def model_from_mapping(content: object, source: str = "the model") -> Model:

@@ -2,24 +2,32 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from pathlib import Path
 
 from haptic_teleop_control.errors import ConfigurationError, ModelError
 
-from .model import Effect, Model, load_model
+from .model import Effect, Model, load_model, read_model
 
 
 def choose_model(
-    joint: str, path: str, built_in: Callable[[str], Model], folder: str | Path | None, source: str
+    joint: str,
+    path: str,
+    built_in: Callable[[str], Model],
+    folder: str | Path | None,
+    source: str,
+    models: Mapping[str, str] | None = None,
 ) -> Model:
-    """The model of `joint`: from the file `path`, looked for beside the parameter file (`folder`), then from
-    the working directory; the built-in one when `path` is empty.
+    """The model of `joint`: the text that `models` (path -> text of a model file) holds of `path`, else from
+    the file `path`, looked for beside the parameter file (`folder`), then from the working directory; the
+    built-in one when `path` is empty.
 
     Raises ConfigurationError when there is no such file, ModelError when it is no model of this joint.
     """
     if not path:
         return built_in(joint)
+    if models and path in models:
+        return check_joint(read_model(models[path], path), joint)
     candidates = [Path(folder) / path] if folder is not None else []
     candidates.append(Path(path))
     for candidate in candidates:

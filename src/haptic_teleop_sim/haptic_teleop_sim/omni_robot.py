@@ -139,17 +139,21 @@ class OmniSettings:
 
     @classmethod
     def from_parameters(
-        cls, values: Mapping[str, Any], folder: str | Path | None = None, source: str = "parameters"
+        cls,
+        values: Mapping[str, Any],
+        folder: str | Path | None = None,
+        source: str = "parameters",
+        models: Mapping[str, str] | None = None,
     ) -> Self:
         """From flat parameters (checked against OMNI_PARAMETERS); model files are looked for in `folder`
-        first.
+        first. models: path -> text of model files that need not be there.
 
         Raises ConfigurationError or ModelError naming file, key and remedy.
         """
         checked = OMNI_PARAMETERS.check(values, source)
         axes = []
         for axis in OMNI_JOINTS:
-            model = choose_model(axis, checked[f"{axis}.model"], omni_axis_model, folder, source)
+            model = choose_model(axis, checked[f"{axis}.model"], omni_axis_model, folder, source, models)
             model = from_parameters(Surfaces, checked, f"{axis}.").apply(model)
             renamed = {f"{axis}.{name}": checked[f"{axis}.{_NAMES.get(name, name)}"] for name in _OWN}
             axes.append(from_parameters(JointHardware, renamed, f"{axis}.", model=model))
@@ -184,11 +188,12 @@ class OmniRobot(Robot):
         dt: float | None = None,
         folder: str | Path | None = None,
         source: str = "parameters",
+        models: Mapping[str, str] | None = None,
     ) -> Self:
         """The robot that parameters describe (OMNI_PARAMETERS); dt, s, defaults to 1/`rate`."""
         checked = OMNI_PARAMETERS.check(values, source)
         step = 1.0 / checked["rate"] if dt is None else dt
-        robot = cls(OmniSettings.from_parameters(checked, folder, source), step, checked["seed"])
+        robot = cls(OmniSettings.from_parameters(checked, folder, source, models), step, checked["seed"])
         compensation = OmniCompensation.from_parameters(checked, source)
         if compensation.settings.active:
             robot.compensation = compensation

@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from haptic_teleop_control.errors import ConfigurationError
+from haptic_teleop_control.named_files import located
 from haptic_teleop_control.node_tables import (
     FORCE_CONTROLLER,
     LINK,
@@ -48,7 +49,7 @@ _OTHERS = ("scenario", "recorder", "time_coordinator")
 @dataclass(frozen=True)
 class ScenarioParameters:
     """A checked scenario. nodes: node -> all its parameters. folder: where relative model files are looked
-    for.
+    for. models: path as a parameter states it -> text, of model files that need not be there.
     source: the file's name, for messages. duration: s, 0 where the file says nothing. topics: what a
     recording shall hold; empty for all that there is.
     """
@@ -59,6 +60,7 @@ class ScenarioParameters:
     folder: Path | None = None
     source: str = "parameters"
     topics: tuple[str, ...] = ()
+    models: Mapping[str, str] = field(default_factory=dict)
     recorded: Mapping[str, Mapping[str, Any]] = field(init=False)
 
     def __post_init__(self) -> None:
@@ -89,9 +91,11 @@ def check_scenario(
     source: str = "parameters",
     duration: float = 0.0,
     note: str = "",
+    models: Mapping[str, str] | None = None,
 ) -> ScenarioParameters:
     """A scenario from sections as `load_parameter_file` gives them (node name -> {dotted key: value}); what
-    is not stated keeps its default. ConfigurationError names source, key and remedy.
+    is not stated keeps its default, and files have absolute paths, as nodes state them. ConfigurationError
+    names source, key and remedy.
     """
     for name in sections:
         last = name.rstrip("/").rsplit("/", 1)[-1]
@@ -100,10 +104,15 @@ def check_scenario(
     nodes = {
         node: table.check(parameters_for(sections, node, table), source) for node, table in TABLES.items()
     }
+    if not models:  # else the paths only name these texts
+        nodes = {
+            node: {key: located(key, value, folder or Path()) for key, value in values.items()}
+            for node, values in nodes.items()
+        }
     told = parameters_for(sections, "recorder", RECORDER)
     recorder = RECORDER.check(told, source)
     topics = tuple(recorder["topics"]) if "topics" in told else ()
-    return ScenarioParameters(nodes, duration, note, folder, source, topics)
+    return ScenarioParameters(nodes, duration, note, folder, source, topics, dict(models or {}))
 
 
 def _hint(name: str) -> str:

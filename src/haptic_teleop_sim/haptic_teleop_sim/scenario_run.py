@@ -105,16 +105,14 @@ def _prepare(
     kinds = np.concatenate([np.full(len(times[role]), kind) for kind, role in enumerate(roles)])
     order = np.argsort(stamps(both), kind="stable")
     at = stamps(both)[order]
-    omni = OmniRobot.from_parameters(_own(nodes["omni_sim"], seed), folder=parameters.folder, source=source)
+    found: dict[str, Any] = {"folder": parameters.folder, "source": source, "models": parameters.models}
+    omni = OmniRobot.from_parameters(_own(nodes["omni_sim"], seed), **found)
     own_law = law
     if roles[SLAVE] == "sfj" and law is None:
         law = find_law(control["law"]).from_parameters(control, STAGES, 1.0 / control["slave_rate"])
     return Prepared(
         robots={
-            "sfj": sfj
-            or SfjRobot.from_parameters(
-                _own(nodes["sfj_sim"], seed), folder=parameters.folder, source=source
-            ),
+            "sfj": sfj or SfjRobot.from_parameters(_own(nodes["sfj_sim"], seed), **found),
             "omni": omni,
         },
         control=control,

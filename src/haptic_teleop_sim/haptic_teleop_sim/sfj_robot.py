@@ -146,17 +146,21 @@ class SfjSettings:
 
     @classmethod
     def from_parameters(
-        cls, values: Mapping[str, Any], folder: str | Path | None = None, source: str = "parameters"
+        cls,
+        values: Mapping[str, Any],
+        folder: str | Path | None = None,
+        source: str = "parameters",
+        models: Mapping[str, str] | None = None,
     ) -> Self:
         """From flat parameters (checked against SFJ_PARAMETERS); model files are looked for in `folder`
-        first.
+        first. models: path -> text of model files that need not be there.
 
         Raises ConfigurationError or ModelError naming file, key and remedy.
         """
         checked = SFJ_PARAMETERS.check(values, source)
         stages = []
         for stage in STAGES:
-            model = choose_model(stage, checked[f"{stage}.model"], sfj_stage_model, folder, source)
+            model = choose_model(stage, checked[f"{stage}.model"], sfj_stage_model, folder, source, models)
             model = from_parameters(Surroundings, checked, f"{stage}.").apply(model)
             stages.append(from_parameters(JointHardware, checked, f"{stage}.", model=model))
         return cls(*stages, operator=Operator.from_parameters(checked, source, STAGES))
@@ -186,8 +190,9 @@ class SfjRobot(Robot):
         dt: float | None = None,
         folder: str | Path | None = None,
         source: str = "parameters",
+        models: Mapping[str, str] | None = None,
     ) -> Self:
         """The robot that parameters describe (SFJ_PARAMETERS); dt, s, defaults to 1/`rate`."""
         checked = SFJ_PARAMETERS.check(values, source)
         step = 1.0 / checked["rate"] if dt is None else dt
-        return cls(SfjSettings.from_parameters(checked, folder, source), step, checked["seed"])
+        return cls(SfjSettings.from_parameters(checked, folder, source, models), step, checked["seed"])

@@ -19,6 +19,7 @@ from rclpy.signals import SignalHandlerOptions
 from haptic_teleop_control.command_line import run_command
 from haptic_teleop_control.errors import RecordingError
 from haptic_teleop_control.forced_exit import ends_within
+from haptic_teleop_control.named_files import model_texts
 from haptic_teleop_control.nodes.base.haptic_node import HapticNode
 from haptic_teleop_control.nodes.base.node_help import node_help
 from haptic_teleop_control.nodes.base.run import LEAVING, create_nodes, make_executor, read_arguments
@@ -310,7 +311,7 @@ class Recorder(HapticNode):
             return
         self._stored = dict(self._collector.parameters)
         try:
-            self.writer.describe(parameters=self._with_own(self._stored))
+            self.writer.describe(parameters=self._with_own(self._stored), models=model_texts(self._stored))
         except RecordingError as refusal:
             self._problem(str(refusal))
             self.stop = True

@@ -16,7 +16,7 @@ from haptic_teleop_control.recording.expansion import Budget, Damaged
 from haptic_teleop_control.recording.mcap_scan import McapScan
 
 SELF_DESCRIPTION = "haptic_teleop"
-KEYS = ("parameters", "parameters_at_stop", "experiment", "reception")
+KEYS = ("parameters", "parameters_at_stop", "models", "experiment", "reception")
 
 
 class Bag:
@@ -103,8 +103,7 @@ class Bag:
 
 
 def describe(bag: Bag) -> dict[str, dict[str, Any]]:
-    """``parameters``, ``parameters_at_stop`` and ``experiment`` as the recording describes itself, {} where
-    unknown."""
+    """What the recording says of itself under each of KEYS, {} where unknown."""
     custom = bag.information.get("custom_data")
     texts = {**bag.custom, **(custom if isinstance(custom, dict) else {})}
     result: dict[str, dict[str, Any]] = {key: {} for key in KEYS}

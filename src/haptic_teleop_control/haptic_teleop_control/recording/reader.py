@@ -28,6 +28,7 @@ class Recording:
     topics      name -> JointStateSeries, for each topic of type sensor_msgs/JointState that has messages
     parameters  node name -> {parameter: value}, as the recording describes itself; {} when unknown
     parameters_at_stop   the same at the end of the recording where that differs, else {}
+    models      path as a parameter states it -> text, of the model files that the parameters name
     experiment  {"kind": ..., "note": ...}, of a scenario also "planned_duration": s, 0 for until it is
                 stopped; {} when unknown
     reception   {"lost_on_the_way": {topic: messages that were published but did not reach the recorder}}, by
@@ -45,6 +46,7 @@ class Recording:
     topics: dict[str, JointStateSeries]
     parameters: dict[str, Any] = field(default_factory=dict)
     parameters_at_stop: dict[str, Any] = field(default_factory=dict)
+    models: dict[str, Any] = field(default_factory=dict)
     experiment: dict[str, Any] = field(default_factory=dict)
     reception: dict[str, Any] = field(default_factory=dict)
     complete: bool = True

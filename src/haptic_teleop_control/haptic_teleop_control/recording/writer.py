@@ -66,8 +66,8 @@ class RecordingWriter:
         self.describe(parameters=parameters, experiment=experiment)
 
     def describe(self, **content: Mapping[str, Any] | None) -> None:
-        """Sets ``parameters``, ``parameters_at_stop``, ``experiment`` or ``reception``; None leaves one as it
-        is.
+        """Sets ``parameters``, ``parameters_at_stop``, ``models``, ``experiment`` or ``reception``; None
+        leaves one as it is.
 
         It is written into the file at once, so that a recording whose writer is killed still knows it.
         """
@@ -217,13 +217,15 @@ def write_recording(
     parameters: Mapping[str, Any] | None = None,
     experiment: Mapping[str, Any] | None = None,
     *,
+    models: Mapping[str, str] | None = None,
     texts: Mapping[str, Sequence[tuple[int, str]]] | None = None,
     compression: str = "",
     numbered: bool = False,
 ) -> Path:
     """Writes a whole recording at once, in the layout of the recorder's; returns where it lies.
 
-    ``received`` of each series is the time of reception, not negative. texts: topic -> (time of reception ns,
+    ``received`` of each series is the time of reception, not negative. models: path -> text of the model
+    files that ``parameters`` name. texts: topic -> (time of reception ns,
     text) of latched std_msgs/String, in order of time. Raises RecordingError like RecordingWriter.
     """
     for topic, series in topics.items():
@@ -232,6 +234,7 @@ def write_recording(
     with RecordingWriter(
         path, parameters=parameters, experiment=experiment, compression=compression, numbered=numbered
     ) as writer:
+        writer.describe(models=models)
         for topic, said in (texts or {}).items():
             writer.add_topic(topic, STRING_TYPE, qos=[LATCHED_PROFILE])
             for received, text in said:

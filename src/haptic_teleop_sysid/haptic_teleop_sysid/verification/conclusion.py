@@ -37,7 +37,7 @@ def conclusion(
         return "fair", happened, "nothing failed; read the notes below before you build on it."
     if not_simulated:
         which = ", ".join(not_simulated) if len(runs) > 1 else "it"
-        return "good", happened, (
+        return "fair", happened, (
             f"nothing recorded is wrong, but no simulation could be laid over {which}: read below why."
         )  # fmt: skip
     return "good", happened, "nothing is wrong: zoom into the pictures, or change the scenario and repeat."

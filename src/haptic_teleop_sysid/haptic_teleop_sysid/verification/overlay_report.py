@@ -43,10 +43,17 @@ def overlay_all(
         except HapticTeleopError as error:
             if scenario is not None:  # somebody asked for it
                 raise
-            reason = f"cannot be simulated here ({str(error).rstrip('.')})"
+            reason = _without_name(str(error).rstrip("."), label)
         if reason is not None:
             reasons[label] = reason
     return Overlays(done, {label: overlay_pictures(one) for label, one in done.items()}, reasons)
+
+
+def _without_name(sentence: str, label: str) -> str:
+    """What is said of the run `label`, as the end of a sentence that begins with its name."""
+    if sentence.startswith(f"{label} "):
+        return sentence.removeprefix(f"{label} ")
+    return f"cannot be simulated here: {sentence.removeprefix(f'{label}: ')}"
 
 
 def fit_in_words(one: Comparison, unit: str = "") -> str:

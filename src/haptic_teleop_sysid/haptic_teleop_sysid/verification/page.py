@@ -141,7 +141,7 @@ def _overlay_section(page: Page, overlays: Overlays) -> None:
         return
     section = page.section("Simulation and recording of the same scenario")
     for label, reason in overlays.reasons.items():
-        section.text(f"{label} {reason}. There is no simulation beside it.")
+        section.text(f"No simulation lies over {label}: it {reason}.")
     for label, one in overlays.done.items():
         delay = "removed" if one.removed else "left in"
         section.text(

@@ -92,7 +92,8 @@ def simulate_recording(
     """The scenario of `recording` in lockstep, as long as the recording.
 
     scenario: a scenario file whose plants are simulated; what the recording says of the controller and the
-    command is used beside them. The command is that of the signal generator where it commanded, otherwise
+    command is used beside them. Without one, models are taken from the recording, from their files only where
+    it holds none. The command is that of the signal generator where it commanded, otherwise
     the recorded one: what the operator did with the device. trust_code: whether a force law that does not
     come with the project may be imported because the recording names it.
     Raises UntrustedCode naming such a law otherwise, MismatchError naming the recording when it does not say
@@ -117,10 +118,14 @@ def simulate_recording(
     duration = float(states.time()[-1]) + float(np.median(np.diff(states.time())))
     folder = None if parameters is None else parameters.folder
     try:
-        checked = check_scenario(nodes, folder, name if scenario is None else scenario)
+        if scenario is None:
+            models = {path: text for path, text in recording.models.items() if isinstance(text, str)}
+            checked = check_scenario(nodes, source="its description", models=models)
+        else:
+            checked = check_scenario(nodes, folder, scenario)
         topics = run_scenario(checked, duration)
     except (ConfigurationError, ModelError) as error:
-        raise type(error)(f"{name} cannot be simulated: {error}") from error
+        raise type(error)(f"{name} cannot be simulated here: {error}") from error
     simulated = Recording(
         path=recording.path,
         topics=topics,

@@ -17,6 +17,7 @@ from rclpy.node import Node
 from rclpy.parameter import Parameter as RosParameter
 
 from haptic_teleop_control.errors import ConfigurationError
+from haptic_teleop_control.named_files import located, names_a_file
 from haptic_teleop_control.nodes.base.registry import parameter_tables
 from haptic_teleop_control.nodes.base.ros_arguments import RosArguments
 from haptic_teleop_control.parameter_files import is_wildcard, load_parameter_file, parameters_for
@@ -27,11 +28,6 @@ ROS_OWN = {
     "qos_overrides": None,
 }
 """First parts of parameters that every ROS node has; in no node's table. None: rclpy checks it."""
-
-FILE_KEYS = ("model", "file")
-"""Last parts of names of parameters that name a file, relative to the parameter file that states it."""
-
-
 def declare_parameters(node: Node, table: ParameterTable) -> dict[str, Any]:
     """Declares the table on `node` and returns all values.
 
@@ -96,7 +92,7 @@ def overrides(
             for name, values in load_parameter_file(file).items()
         }
         values = _check_stated(table, _section_values(sections, full_name), str(file))
-        stated.update({key: _resolve(key, value, Path(file).parent) for key, value in values.items()})
+        stated.update({key: _beside(key, value, Path(file).parent) for key, value in values.items()})
     for target, key, value in arguments.parameters:
         if _means(target, full_name) and not (target is None and elsewhere(key)):
             stated.update(_check_stated(table, {key: value}, "--ros-args"))
@@ -157,11 +153,11 @@ def _check_stated(table: ParameterTable, stated: Mapping[str, Any], source: str)
     return {key: checked[key] for key in stated}
 
 
-def _resolve(name: str, value: Any, directory: Path) -> Any:
-    if not value or name.rsplit(".", 1)[-1] not in FILE_KEYS:
-        return value
-    beside = (directory / value).resolve()
-    return value if Path(value).is_file() and not beside.is_file() else str(beside)
+def _beside(name: str, value: Any, folder: Path) -> Any:
+    """As `located`; a file that is nowhere is said to be missing beside the parameter file."""
+    found = located(name, value, folder)
+    missing = value and names_a_file(name) and not Path(found).is_file()
+    return str((folder / value).resolve()) if missing else found
 
 
 def _plain(value: Any) -> Any:
