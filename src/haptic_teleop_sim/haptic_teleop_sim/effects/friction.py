@@ -82,6 +82,7 @@ STRIBECK = EffectEntry(
     condition="{v} near reversal",
     practical=falls,
     families=_DRY,
+    ordered=(("coulomb", "breakaway", "this friction falls with speed"),),
     refinement=Refinement("coulomb_friction", falling),
     other_forms=(by_gauss, by_exponential),
     large=True,
@@ -204,6 +205,7 @@ POSITION_DEPENDENT = EffectEntry(
     follows="angle",
     practical=varies,
     families=_DRY,
+    ordered=(("amplitude", "torque", "friction never pushes"),),
     refinement=Refinement("coulomb_friction", rippled),
 )
 

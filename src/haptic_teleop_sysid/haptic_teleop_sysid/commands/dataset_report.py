@@ -10,7 +10,7 @@ import argparse
 import shlex
 import time
 from collections.abc import Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -26,6 +26,7 @@ from haptic_teleop_sysid.commands.treatment_options import (
     treatment_words,
 )
 from haptic_teleop_sysid.estimation.excitation import Excitation, excitation, refuse_idle
+from haptic_teleop_sysid.estimation.records import records_from
 from haptic_teleop_sysid.logs.opened import open_recording
 from haptic_teleop_sysid.logs.story import tell
 from haptic_teleop_sysid.recordings.dataset import DataSet, load_dataset
@@ -44,6 +45,8 @@ from haptic_teleop_sysid.report import (
 )
 from haptic_teleop_sysid.results import tool_version, write_json
 from haptic_teleop_sysid.runs.comparison_pictures import input_panel
+from haptic_teleop_sysid.runs.form_errors import widened_by_form
+from haptic_teleop_sysid.runs.shape_starts import shape_starts
 
 ILL_CONDITIONED = 1e6
 """Condition of the scaled information beyond which parameters can hardly be told apart."""
@@ -51,6 +54,8 @@ SIGNALS_DRAWN = 12
 """Signals of a recording that a picture without a model shows."""
 WELL_KNOWN = 0.2
 """Expected standard error, relative, up to which a recording is rich enough for a parameter."""
+
+_ODD = "Start from other values, or ask `diagnose` for what else it may be."
 
 
 @dataclass(frozen=True)
@@ -83,7 +88,14 @@ def look(name: str, model: Model | None, arguments: argparse.Namespace) -> Look:
     dataset = load_dataset(recording, model, name, allow_gaps=True)
     refuse_idle(dataset)
     dataset, told = prepare(dataset, recording, model, treatment_of(arguments))
-    return Look(recording, quality, dataset, tuple(told), excitation(model, [dataset]))
+    return Look(recording, quality, dataset, tuple(told), _judged(model, dataset))
+
+
+def _judged(model: Model, dataset: DataSet) -> Excitation:
+    """The excitation, with the errors that `estimate` would give."""
+    records = records_from(dataset)
+    found = excitation(model, [dataset], shape_starts(model, records))
+    return replace(found, expected=widened_by_form(found.expected, found.fit, records)[0])
 
 
 def judgement(one: Look) -> list[tuple[str, str]]:
@@ -108,10 +120,13 @@ def judgement(one: Look) -> list[tuple[str, str]]:
                     "frequencies.",
                 )
             )
+        odd = one.excitation.contradictions
+        for effect, why in odd.items():
+            said.append(("bad", f"{effect} cannot be judged: in a quick fit {why}. {_ODD}"))
         if unsure := _unsure(one):
             listed = ", ".join(f"{name} ± {100 * share:.0f} %" for name, share in unsure.items())
             said.append(("fair", f"not well known from this recording: {listed}; excite more, or longer."))
-        elif expected.condition <= ILL_CONDITIONED and not expected.undetermined:
+        elif expected.condition <= ILL_CONDITIONED and not expected.undetermined and not odd:
             said.append(
                 (
                     "good",

@@ -84,9 +84,9 @@ def lines_of(found: StartingModel, units: dict[str, str]) -> list[str]:
     """What to know of a model, in lines."""
     model, known = found.model, Units(units["position"], units["input"])
     lines = [f"{model.joint}: {model.structure}, by least squares below {found.cutoff:.3g} Hz"]
-    for name, std in found.std.items():
-        value = model.parameters[name]
-        lines.append(f"  {name} {with_error(value, std, known.of_parameter(model, name))}")
+    # Least squares know an error only of a model that is right; a start is made because nobody knows that.
+    for name in found.std:
+        lines.append(f"  {name} {with_error(model.parameters[name], None, known.of_parameter(model, name))}")
     lines.append(f"  fit of the input: {found.percent:.1f} %")
     if found.percent_beside > found.percent + 1.0:
         beside = ", ".join(f"{n} {v:.4g}" for n, v in found.beside.items())
@@ -94,6 +94,7 @@ def lines_of(found: StartingModel, units: dict[str, str]) -> list[str]:
             f"  with {beside} beside it would be {found.percent_beside:.1f} %: `diagnose` says what "
             "is missing"
         )
+    lines.append("  values to start from; `estimate` says how sure they are")
     return lines + [f"  {one}" for one in found.told]
 
 

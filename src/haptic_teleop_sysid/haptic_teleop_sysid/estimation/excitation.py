@@ -3,8 +3,8 @@ show."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
 
 import numpy as np
 import scipy
@@ -13,8 +13,9 @@ from numpy.typing import NDArray
 from haptic_teleop_control.errors import RecordingError
 from haptic_teleop_sim.kernel import pack
 from haptic_teleop_sim.model import Model
+from haptic_teleop_sysid.estimation.contradictions import contradictions
 from haptic_teleop_sysid.estimation.gauss_newton import Fit, normal_equations
-from haptic_teleop_sysid.estimation.graduated import distrustful_noise
+from haptic_teleop_sysid.estimation.graduated import distrustful_noise, nearest_start
 from haptic_teleop_sysid.estimation.records import Record, record_from, records_from, thinned_to
 from haptic_teleop_sysid.estimation.tuning import tune_noise
 from haptic_teleop_sysid.estimation.uncertainty import Uncertainty, uncertainty
@@ -57,7 +58,8 @@ def refuse_idle(dataset: DataSet) -> None:
 class Excitation:
     """frequency (k,) Hz; input_spectrum, response_spectrum (k,): power densities of input and motor speed,
     unit²/Hz. band: (low, high) Hz with 95 % of the input's power. expected: standard errors of the
-    parameters, and condition of the scaled information; fit: the quick fit that they are those of."""
+    parameters, and condition of the scaled information; fit: the quick fit that they are those of;
+    contradictions: of that fit, by effect in words."""
 
     frequency: Array
     input_spectrum: Array
@@ -65,10 +67,11 @@ class Excitation:
     band: tuple[float, float]
     expected: Uncertainty
     fit: Fit
+    contradictions: Mapping[str, str] = field(default_factory=dict)
 
 
-def excitation(model: Model, datasets: Sequence[DataSet]) -> Excitation:
-    """Judge recordings with a model.
+def excitation(model: Model, datasets: Sequence[DataSet], starts: Sequence[Model] = ()) -> Excitation:
+    """Judge recordings with a model; ``starts``: the same model with other values to fit it from.
 
     What a recording can say of parameters depends on what they leave unexplained: with a model's present
     values that is mostly how wrong these are. So it is asked of a quick fit to the thinned recordings."""
@@ -82,10 +85,12 @@ def excitation(model: Model, datasets: Sequence[DataSet]) -> Excitation:
         float(frequency[min(int(np.searchsorted(share, s)), len(frequency) - 1)]) for s in (0.025, 0.975)
     )
     thinned = thinned_to(records)
-    fit = fit_from_scratch(model, thinned)
+    fit = fit_from_scratch(nearest_start([model, *starts], thinned), thinned)
     if not np.isfinite(fit.log_likelihood):
         fit = at_values(model, records)
-    return Excitation(frequency, power, response, (low, high), uncertainty(fit, thinned), fit)
+    expected = uncertainty(fit, thinned)
+    odd = contradictions(fit.model, expected)
+    return Excitation(frequency, power, response, (low, high), expected, fit, odd)
 
 
 def at_values(model: Model, records: Sequence[Record]) -> Fit:

@@ -26,6 +26,8 @@ from .whole_fit import fit_whole, noise_starts
 
 #: Encoder noise of each stage as a share of the motion's standard deviation.
 STAGES = (0.1, 0.003)
+#: Iterations of the first stage after which starts are compared.
+FEW_STEPS = 8
 #: Hz that the first stage makes do with.
 _COARSE_RATE = 250.0
 #: Iterations of the one-step predictor, and nats that its last step may still promise: a tenth of a standard
@@ -93,6 +95,17 @@ def approach(
     if fit is None:
         raise ValueError("no stage was given")
     return fit
+
+
+def nearest_start(starts: Sequence[Model], records: Sequence[Record]) -> Model:
+    """Of several starts of one model the one from which a few steps of the far-sighted predictor come
+    nearest."""
+    if len(starts) == 1:
+        return starts[0]
+    reached = side_by_side(
+        lambda one: approach(one, records, iterations=FEW_STEPS, stages=STAGES[:1]).log_likelihood, starts
+    )
+    return starts[int(np.argmax(reached))]
 
 
 def fit_far_and_near(

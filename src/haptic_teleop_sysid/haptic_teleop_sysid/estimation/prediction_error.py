@@ -21,7 +21,7 @@ from haptic_teleop_sysid.simulation.fit import choose_windows, simulated_fit
 from haptic_teleop_sysid.simulation.windows import Windows
 
 from .gauss_newton import Fit, Limits, bounds, fit_parameters
-from .graduated import STAGES, approach, distrustful_noise, fit_far_and_near
+from .graduated import FEW_STEPS, STAGES, approach, distrustful_noise, fit_far_and_near
 from .likelihood import channels
 from .noise import NoiseModel, linearised, observer_gain
 from .progress import Progress, silent
@@ -53,11 +53,13 @@ def prediction_error(
     multi_start: int = 1,
     seed: int = 1,
     limits: Limits | None = None,
+    others: Sequence[Model] = (),
     progress: Progress = silent,
 ) -> Estimate:
-    """Estimate the free parameters from data sets with the input that acted (`with_trusted_input`)."""
+    """Estimate the free parameters from data sets with the input that acted (`with_trusted_input`): from the
+    model's values, from those of ``others``, and from ``multi_start`` - 1 that are drawn."""
     records = [piece for d in datasets for piece in records_from(d, at_rest)]
-    starts = [model, *further_starts(model, records, multi_start - 1, seed, limits)]
+    starts = [model, *others, *further_starts(model, records, multi_start - 1, seed, limits)]
     steps = len(starts) + 1
 
     def stage(number: int, name: str) -> Callable[[int, float], None]:
@@ -66,10 +68,10 @@ def prediction_error(
         )
 
     reached: list[Fit] = []
-    for i, start in enumerate(starts if multi_start > 1 else []):
+    for i, start in enumerate(starts if len(starts) > 1 else []):
         tell = stage(i, f"start {i + 1} of {len(starts)}")
         reached.append(
-            approach(start, records, limits=limits, iterations=8, stages=STAGES[:1], progress=tell)
+            approach(start, records, limits=limits, iterations=FEW_STEPS, stages=STAGES[:1], progress=tell)
         )
     begin = max(reached, key=lambda one: one.log_likelihood).model if reached else model
     far, fit = fit_far_and_near(begin, records, limits=limits, progress=stage(steps - 1, "predictor"))

@@ -41,7 +41,9 @@ class Estimate:
     know no noise; ``starts``: log-likelihood reached from each start (the given one first); ``seconds`` it
     took; ``far_sighted``: the cross-check, None where it was not asked for; ``misled``: set where the
     one-step predictor was not believed, and ``fit`` is that of the one that looks further ahead;
-    ``plain_std``: standard errors by parameter of a method without noise model, NaN where it has none."""
+    ``plain_std``: standard errors by parameter of a method without noise model, NaN where it has none;
+    ``contradictions``: by effect, what of its numbers it cannot have, in words; ``by_form``: by parameter,
+    the part of its standard error that other published forms of its law make."""
 
     model: Model
     start: Model
@@ -56,6 +58,8 @@ class Estimate:
     far_sighted: FarSighted | None = None
     misled: Misled | None = None
     plain_std: dict[str, float] = field(default_factory=dict)
+    contradictions: dict[str, str] = field(default_factory=dict)
+    by_form: dict[str, float] = field(default_factory=dict)
 
     def disagreement(self) -> dict[str, float]:
         """Parameters that the far-sighted predictor puts elsewhere, by more than 10 % and DISAGREEMENT of its

@@ -12,6 +12,7 @@ from haptic_teleop_sysid.recordings.dataset import DataSet
 from haptic_teleop_sysid.simulation.fit import choose_windows
 from haptic_teleop_sysid.simulation.parameter_fit import fit_parameters as least_squares
 
+from .contradictions import contradictions
 from .gauss_newton import Limits, bounds
 from .prediction_error import cross_checked, prediction_error
 from .progress import Progress, silent
@@ -32,12 +33,14 @@ def estimate(
     seed: int = 1,
     limits: Limits | None = None,
     cross_check: bool = False,
+    starts: Sequence[Model] = (),
     progress: Progress = silent,
 ) -> Estimate:
     """Estimate the model's free parameters from data sets of its joint.
 
     ``at_rest``: the initial state is known (at rest where it was first read), otherwise it is estimated.
-    ``multi_start``: number of starts, the further ones drawn with ``seed`` (prediction error only).
+    ``starts``: the same model with other values to start from, ``multi_start``: number of starts beside
+    them, the further ones drawn with ``seed`` (prediction error only).
     ``cross_check``: estimate with a predictor that looks further ahead, too, to compare. ``limits`` narrow
     the parameters' physical ranges.  ``progress(what, share)`` is called now and then.  Raises ModelError
     when nothing is free, or a start lies outside its limits.
@@ -46,7 +49,7 @@ def estimate(
     check_start(model, limits)
     datasets = [with_trusted_input(d) for d in datasets]
     if method == "prediction-error":
-        found = prediction_error(model, datasets, at_rest, multi_start, seed, limits, progress)
+        found = prediction_error(model, datasets, at_rest, multi_start, seed, limits, starts, progress)
         if cross_check and found.fit is not None:
             progress("cross-check by looking further ahead", 1.0)
             found = cross_checked(found, datasets, at_rest, limits)
@@ -54,7 +57,11 @@ def estimate(
         found = _output_error(model, datasets, at_rest, limits)
     else:
         found = progressive(model, datasets, at_rest, limits, progress)
-    return replace(found, seconds=time.perf_counter() - begun)
+    return replace(
+        found,
+        seconds=time.perf_counter() - begun,
+        contradictions=contradictions(found.model, found.uncertainty),
+    )
 
 
 def check_start(model: Model, limits: Limits | None) -> None:

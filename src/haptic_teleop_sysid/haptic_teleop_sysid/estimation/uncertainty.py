@@ -10,7 +10,7 @@ innovations are not quite white, as behind an encoder that steps, where H^-1 alo
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from statistics import NormalDist
 
@@ -155,7 +155,6 @@ def _slope(
 def _judge(fit: Fit, information: FloatArray, meat: FloatArray) -> Uncertainty:
     names, p = fit.free, len(information)
     everything = (*names, *(f"{_LEVEL} {i}" for i in range(p - len(names))))
-    values = fit.model.parameter_values()
     undetermined: dict[str, str] = {}
     scale = np.sqrt(np.maximum(np.diag(information), 0.0))
     seen = scale > 1e-150
@@ -182,8 +181,39 @@ def _judge(fit: Fit, information: FloatArray, meat: FloatArray) -> Uncertainty:
     plain = np.sqrt(np.maximum(np.diag(bread), 0.0))
     # Overlapping windows may underrate: never surer than the information itself.
     std = np.maximum(std, plain)
-    near_zero = []
+    near_zero = _told_apart(fit, std, undetermined)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        correlation = covariance / np.outer(np.sqrt(np.diag(covariance)), np.sqrt(np.diag(covariance)))
     for i, name in enumerate(names):
+        if name in undetermined:
+            std[i] = plain[i] = np.inf
+            correlation[i, :] = correlation[:, i] = np.nan
+    return Uncertainty(names, std, correlation, plain, undetermined, near_zero, condition)
+
+
+def widened(unsure: Uncertainty, fit: Fit, further: Mapping[str, float]) -> Uncertainty:
+    """The uncertainty of a fit with ``further`` standard deviations, by parameter, that are independent of
+    it: what is undetermined or near zero is judged anew."""
+    std = np.hypot(unsure.std, [further.get(name, 0.0) for name in unsure.names])
+    undetermined = dict(unsure.undetermined)
+    near_zero = _told_apart(fit, std, undetermined)
+    lost = np.array([name in undetermined for name in unsure.names])
+    correlation = np.where(lost[:, None] | lost[None, :], np.nan, unsure.correlation)
+    return replace(
+        unsure,
+        std=np.where(lost, np.inf, std),
+        information_std=np.where(lost, np.inf, unsure.information_std),
+        correlation=correlation,
+        undetermined=undetermined,
+        near_zero=near_zero,
+    )
+
+
+def _told_apart(fit: Fit, std: FloatArray, undetermined: dict[str, str]) -> tuple[str, ...]:
+    """Names that may as well be zero at these standard deviations; what is not determined is added to
+    ``undetermined``."""
+    values, near_zero = fit.model.parameter_values(), []
+    for i, name in enumerate(fit.free):
         if name in undetermined:
             continue
         value = abs(values[name])
@@ -195,13 +225,7 @@ def _judge(fit: Fit, information: FloatArray, meat: FloatArray) -> Uncertainty:
         elif std[i] > VAGUE * value:
             share = 100.0 * std[i] / max(value, 1e-300)
             undetermined[name] = f"its standard deviation is {share:.0f} % of its value"
-    with np.errstate(divide="ignore", invalid="ignore"):
-        correlation = covariance / np.outer(np.sqrt(np.diag(covariance)), np.sqrt(np.diag(covariance)))
-    for i, name in enumerate(names):
-        if name in undetermined:
-            std[i] = plain[i] = np.inf
-            correlation[i, :] = correlation[:, i] = np.nan
-    return Uncertainty(names, std, correlation, plain, undetermined, tuple(near_zero), condition)
+    return tuple(near_zero)
 
 
 def _condition(bread: FloatArray) -> float:

@@ -75,6 +75,8 @@ def as_json(result: Result) -> dict[str, Any]:
         "far_sighted": None if found.far_sighted is None else asdict(found.far_sighted),
         "misled": None if found.misled is None else asdict(found.misled),
         "disagreement": found.disagreement(),
+        "contradictions": found.contradictions,
+        "error_by_form": found.by_form,
         "fit": {
             which: {bag: result.fits[which, bag].percent for bag in result.data}
             for which in ("start", "estimate")
@@ -128,6 +130,8 @@ def verdict(result: Result) -> list[tuple[str, str]]:
         told.append(
             ("bad", f"The search did not end at an optimum: {found.message}. Do not use these numbers.")
         )
+    for effect, why in found.contradictions.items():
+        told.append(("bad", f"{effect}: {why}. Do not use its numbers."))
     if found.misled is not None:
         told.append(("bad", misled_sentence(found)))
     if found.uncertainty is not None:

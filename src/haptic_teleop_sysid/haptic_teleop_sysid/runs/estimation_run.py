@@ -16,7 +16,7 @@ from haptic_teleop_sysid.estimation.progress import Progress, silent
 from haptic_teleop_sysid.estimation.records import records_from, with_trusted_input
 from haptic_teleop_sysid.estimation.residuals import residual_analysis
 from haptic_teleop_sysid.estimation.result import Estimate
-from haptic_teleop_sysid.estimation.strategies import estimate
+from haptic_teleop_sysid.estimation.strategies import METHODS, estimate
 from haptic_teleop_sysid.logs.opened import open_recording
 from haptic_teleop_sysid.logs.story import how_read
 from haptic_teleop_sysid.recordings.dataset import DataSet, load_dataset
@@ -30,6 +30,8 @@ from haptic_teleop_sysid.recordings.preparation import (
 from haptic_teleop_sysid.report import save_png
 from haptic_teleop_sysid.results import tool_version, write_json
 from haptic_teleop_sysid.runs.estimation_report import Result, as_json, fit_picture, page
+from haptic_teleop_sysid.runs.form_errors import with_forms
+from haptic_teleop_sysid.runs.shape_starts import shape_starts
 from haptic_teleop_sysid.simulation.fit import choose_windows, simulated_fit
 
 
@@ -88,6 +90,8 @@ def run_estimate(
             f"{', '.join(d.name for d in used)}: {sum(len(d) for d in used)} samples are more than the "
             f"{MOST_SAMPLES} that one estimate takes: choose a part with --range, or a lower --rate."
         )
+    records = [piece for d in used for piece in records_from(with_trusted_input(d), choices.at_rest)]
+    one_step = choices.method == METHODS[0]
     found = estimate(
         model,
         used,
@@ -97,8 +101,10 @@ def run_estimate(
         seed=choices.seed,
         limits=choices.limits,
         cross_check=True,
+        starts=shape_starts(model, records, choices.limits) if one_step else (),
         progress=progress,
     )
+    found = with_forms(found, records)
     progress("simulating", 1.0)
     fits, residuals = {}, {}
     for bag, dataset in data.items():

@@ -9,11 +9,15 @@ from haptic_teleop_sysid.estimation.result import Estimate
 from haptic_teleop_sysid.recordings.parameter_units import Units
 from haptic_teleop_sysid.report import error_text, rounded, unit_text
 
+MOSTLY = 0.5
+"""Share of a standard error from which it is said that other forms of a law make it."""
+
 
 @dataclass(frozen=True)
 class Row:
     """`value` is None where the data do not determine it, `std` and `interval` where there is nothing to say.
-    status: "estimated", "fixed", "not determined" or "not distinguishable from zero"; `note` in words."""
+    status: "estimated", "fixed", "not determined", "not distinguishable from zero" or "not to be used";
+    `note` in words."""
 
     name: str
     unit: str
@@ -36,6 +40,9 @@ def parameter_rows(found: Estimate, units: Units | None = None) -> list[Row]:
         unit = units.of_parameter(found.model, name)
         if name not in free:
             rows.append(Row(name, unit, start[name], value, None, None, "fixed"))
+        elif (why := found.contradictions.get(name.rpartition(".")[0])) is not None:
+            note = f"not to be used: {why}"
+            rows.append(Row(name, unit, start[name], value, None, None, "not to be used", note))
         elif unsure is None:
             std = found.plain_std.get(name, math.nan)
             note = f"{found.method} knows no noise"
@@ -66,10 +73,16 @@ def parameter_rows(found: Estimate, units: Units | None = None) -> list[Row]:
                     std,
                     unsure.interval(name, value),
                     "not distinguishable from zero" if zero else "estimated",
-                    "it may as well be zero" if zero else "",
+                    _note(zero, found.by_form.get(name, 0.0) > MOSTLY * std),
                 )
             )
     return rows
+
+
+def _note(zero: bool, by_form: bool) -> str:
+    said = ["it may as well be zero"] if zero else []
+    said += ["the error covers other published forms of this law"] if by_form else []
+    return "; ".join(said)
 
 
 def as_text(row: Row) -> list[str]:
