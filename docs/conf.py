@@ -21,6 +21,7 @@ extensions = [
     "sphinx.ext.viewcode",
     "plain_docstrings",
     "reference_pages",
+    "stacked_tables",
 ]
 # reference_pages writes into `generated`; `examples` and `blind` hold data.
 exclude_patterns = ["_ext", "examples", "blind"]

@@ -10,6 +10,7 @@ import os
 import re
 from pathlib import Path
 
+import yaml
 from effects_page import effects_page
 
 CONTROL, SIM, SYSID = "haptic_teleop_control", "haptic_teleop_sim", "haptic_teleop_sysid"
@@ -98,7 +99,8 @@ To start it alone: `haptic-teleop {name}`, or `ros2 run {package} {name}`.
 
 ## Parameters
 
-*while running*: whether `haptic-teleop set` or `ros2 param set` may change it.
+Below each meaning stands what is allowed. *Live*: `haptic-teleop set` or `ros2 param set` may change it while
+the node runs.
 
 {table}
 
@@ -112,7 +114,7 @@ def node_pages():
     """A page for each node from what it states of itself, and their list."""
     pages, lines = {}, []
     for name, node in sorted(nodes().items()):
-        table = in_words(node.TABLE.markdown())
+        table = parameter_table(node.TABLE)
         told = ", ".join(f"[`{fault}`](../faults.md)" for fault in node.FAULTS)
         pages[f"nodes/{name}.md"] = NODE_PAGE.format(
             name=name,
@@ -136,13 +138,31 @@ def node_pages():
     return pages
 
 
-def in_words(table):
-    """A parameter table with ranges that take less room, and that cannot be taken for HTML: `above 0, to 1`
-    for `0 < value <= 1`."""
-    return _RANGE.sub(_range_in_words, table).replace("<", "&lt;").replace(">", "&gt;")
+def parameter_table(parameters):
+    """Name and default in a first column, meaning and range in a second: both fit a page."""
+    rows = ["| parameter | meaning |", "|---|---|"]
+    for p in parameters:
+        unit = p.unit.replace("*", "·").replace("^2", "²").replace("^3", "³")
+        default = "required" if p.required else f"default `{yaml_text(p.default)}` {unit}".strip()
+        facts = [*([in_words(p.limits())] if p.limits() else []), *(["live"] if p.runtime else [])]
+        told = f"<br>*{'; '.join(facts)}*" if facts else ""
+        meaning = p.meaning.replace("<", "&lt;").replace(">", "&gt;")
+        rows.append(f"| `{p.name}`<br>{default} | {meaning}{told} |")
+    return "\n".join(rows)
 
 
-_RANGE = re.compile(r"(?:(\S+) (<=?) )?\bvalue\b(?: (<=?) (\S+))?(?= \|)")
+def yaml_text(value):
+    """A default as one writes it in a parameter file."""
+    return yaml.safe_dump(value, default_flow_style=True, width=10**6).removesuffix("\n...\n").strip()
+
+
+def in_words(limits):
+    """A range in words, which cannot be taken for HTML: `above 0, to 1` for `0 < value <= 1`; choices with
+    `or`."""
+    return _RANGE.sub(_range_in_words, limits.replace(" | ", " or ")).replace("_", "\\_")
+
+
+_RANGE = re.compile(r"(?:(\S+) (<=?) )?\bvalue\b(?: (<=?) (\S+))?$")
 
 
 def _range_in_words(found):
@@ -167,8 +187,8 @@ A node that finds a fault counts it, makes its output safe, and stays so until i
 cause; those after it are usually consequences. The fault stands in the node's `/diagnostics` and in the
 recording, and `haptic-teleop verify` begins with it.
 
-| fault | what happened | what to do | reported by |
-|---|---|---|---|
+| fault, reported by | what happened | what to do |
+|---|---|---|
 {rows}
 """
 
@@ -179,7 +199,7 @@ def faults_page():
     for (fault, sentence), who in sorted(faults().items()):
         cause, _, remedy = sentence.partition("; ")
         linked = ", ".join(f"[{name}](nodes/{name}.md)" for name in who)
-        rows.append(f"| `{fault}` | {cause} | {remedy} | {linked} |")
+        rows.append(f"| `{fault}`<br>{linked} | {cause} | {remedy} |")
     return FAULTS_PAGE.format(rows="\n".join(rows))
 
 
@@ -187,25 +207,34 @@ COMMANDS_LEAD = """\
 # Commands
 
 What `haptic-teleop NAME --help` says. Nodes have [pages of their own](nodes.md).
+
+| command | does |
+|---|---|
+{rows}
 """
+COMMAND_ORDER = (SYSID, SIM, CONTROL, SFJ, OMNI)
+"""Packages in the order in which a reader needs their commands."""
 
 
 def commands_page():
-    """What `--help` says, of every executable that is no node."""
+    """A list of the executables that are no nodes, and what `--help` says of each."""
     from haptic_teleop_control.front_door import load, registries
 
-    text = [COMMANDS_LEAD]
+    rows, text = [], []
     its_nodes = nodes()
-    for package, entries in registries().items():
-        for name, (_, meaning) in entries.items():
+    listed = registries()
+    for package in sorted(listed, key=COMMAND_ORDER.index):
+        for name, (_, meaning) in listed[package].items():
             if name in its_nodes:
                 continue
             said = io.StringIO()
             with contextlib.redirect_stdout(said), contextlib.suppress(SystemExit):
                 load(name)(["--help"])
-            does = f"{meaning[0].upper()}{meaning[1:]}. With ROS: `ros2 run {package} {name}`."
-            text.append(f"## {name}\n\n{does}\n\n```text\n{said.getvalue().rstrip()}\n```\n")
-    return "\n".join(text)
+            does = f"{meaning[0].upper()}{meaning[1:]}."
+            rows.append(f"| [`{name}`](#{name}) | {does} |")
+            with_ros = f"With ROS: `ros2 run {package} {name}`."
+            text.append(f"## {name}\n\n{does} {with_ros}\n\n```text\n{said.getvalue().rstrip()}\n```\n")
+    return "\n".join([COMMANDS_LEAD.format(rows="\n".join(rows)), *text])
 
 
 API_PAGE = """\
