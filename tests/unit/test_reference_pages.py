@@ -61,7 +61,8 @@ def test_ranges_are_told_in_words(pages, limits, told):
 
 def test_a_default_stands_on_the_page_as_one_writes_it(pages):
     text = pages.node_pages()["nodes/force_controller.md"]
-    assert "| `timeout`<br>default `0.05` s | largest age of an input that is used<br>*0.005 to 0.2* |" in text
+    row = "| `timeout`<br>default `0.05` s | largest age of an input that is used<br>*0.005 to 0.2* |"
+    assert row in text
     assert pages.yaml_text([True, float("inf"), "a"]) == "[true, .inf, a]"
 
 
