@@ -2,6 +2,7 @@
 recordings."""
 
 import contextlib
+import html
 import io
 import json
 import re
@@ -13,9 +14,12 @@ import pytest
 from identification_plants import STAGE, stage_recording
 from joint_recordings import TRUTH, excitation, joint_recording, response
 
-from haptic_teleop_control.recording import write_recording
+from haptic_teleop_control.recording import read_recording, write_recording
 from haptic_teleop_sim.model import Model, load_model
 from haptic_teleop_sysid.commands import compare
+from haptic_teleop_sysid.runs.comparison import compare as compare_models
+from haptic_teleop_sysid.runs.comparison_pictures import comparison_pictures, percent_text
+from haptic_teleop_sysid.runs.comparison_report import comparison_page, conclusion
 
 TRUE_MODEL = Model("sfj", "stage1", "flexible_joint", TRUTH, fixed=("stiffness", "torque_constant"))
 MODELS = Path(__file__).resolve().parents[1] / "data"
@@ -82,6 +86,26 @@ def test_the_report_shows_a_picture_and_escapes_names(compared, models):
     # One file that needs nothing else.
     assert not re.search(r'(src|href)="(?!#)', page)
     assert (output / "compare.png").read_bytes().startswith(b"\x89PNG")
+
+
+def test_the_worst_signal_is_told_with_a_word_and_the_command_that_finds_out_why(bag, models):
+    found = compare_models({models[0]: TRUE_MODEL}, {bag: read_recording(bag)})
+    for percent, word, status in ((56.7, "poor", "fair"), (-3.0, "no better than a constant", "bad")):
+        fit = found.fits[models[0], bag]
+        fit.percent["stage1_arm.velocity"] = percent
+        told = conclusion(found, "haptic-teleop diagnose ...")
+        assert told[0] == status
+        assert f"Worst is stage1_arm.velocity with {percent_text(percent)} %, which is {word}." in told[1]
+        assert told[3] == "haptic-teleop diagnose ..."
+    page = comparison_page(found, comparison_pictures(found), "haptic-teleop diagnose ...").render()
+    page = html.unescape(page)
+    assert "<pre tabindex=\"0\"><code>haptic-teleop diagnose ..." in page and "estimate.json" in page
+
+
+def test_a_model_that_follows_everything_needs_no_command(compared, models):
+    output, told = compared
+    assert "ok: right.yaml comes nearest" in told and "what to do: simulate with right.yaml." in told
+    assert "haptic-teleop diagnose" not in told
 
 
 @pytest.mark.usefixtures("unillustrated")

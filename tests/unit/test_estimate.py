@@ -13,7 +13,7 @@ from haptic_teleop_sim.model import Effect, load_model
 from haptic_teleop_sysid.estimation.records import records_from
 from haptic_teleop_sysid.estimation.strategies import estimate
 from haptic_teleop_sysid.recordings.dataset import load_dataset
-from haptic_teleop_sysid.runs.estimation_report import misled_sentence
+from haptic_teleop_sysid.runs.estimation_verdict import misled_sentence
 from haptic_teleop_sysid.runs.parameter_table import parameter_rows
 from haptic_teleop_sysid.simulation.fit import simulated_fit
 from haptic_teleop_sysid.simulation.scores import score_covariance

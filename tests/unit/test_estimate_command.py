@@ -16,6 +16,7 @@ from haptic_teleop_sim.model import load_model
 from haptic_teleop_sysid.commands import estimate
 from haptic_teleop_sysid.commands.compare import main as compare_main
 from haptic_teleop_sysid.commands.dataset_report import main as dataset_main
+from haptic_teleop_sysid.commands.diagnose import _parser as diagnose_arguments
 from haptic_teleop_sysid.commands.estimate import main
 from haptic_teleop_sysid.recordings.preparation import Treatment, prepare, resampled
 
@@ -87,17 +88,25 @@ def test_the_offset_of_a_current_sense_makes_no_right_model_look_wrong_in_compar
 
 
 @pytest.mark.usefixtures("unillustrated")
-def test_where_two_predictors_disagree_the_ways_out_are_told_once(tmp_path, shared_data, repository, capsys):
+def test_where_two_predictors_disagree_one_thing_is_to_be_done(tmp_path, shared_data, repository, capsys):
     pendulum = repository / "tests" / "data" / "dfki_gravity_coulomb.yaml"
     bag = shared_data / "real" / "dfki" / "estimation"
     arguments = ["--model", str(pendulum), "--bag", str(bag), "--output"]
     assert main([*arguments, str(tmp_path / "one")]) == 0
-    told = " ".join(capsys.readouterr().out.split())
-    assert told.count("more than chance makes it differ") > 1
-    assert told.count("trust --method output-error") == 1
-    assert told.count("--multi-start 6 begins at others") == 1
-    assert main([*arguments, str(tmp_path / "two"), "--multi-start", "2"]) == 0
-    assert "--multi-start" not in capsys.readouterr().out
+    told = capsys.readouterr().out
+    assert told.count("these parameters do not hold for slow motion") == 1
+    assert told.count("what to do:") == 1 and told.count("haptic-teleop ") == 1
+    (command,) = [line for line in told.splitlines() if "haptic-teleop " in line]
+    program, name, *words = shlex.split(command)
+    assert (program, name) == ("haptic-teleop", "diagnose")
+    parsed = vars(diagnose_arguments().parse_args(words))
+    assert parsed["model"] == [str(pendulum)] and parsed["estimation"] == [str(bag)]
+    for other in ("--method", "--multi-start", "do not use"):
+        assert other not in told
+    page = html.unescape((tmp_path / "one" / "report.html").read_text())
+    headings = re.findall(r"<h2 id=[^>]*>(.*?)</h2>", page)
+    assert headings[:2] == ["Parameters", "Why these parameters do not hold"]
+    assert command.strip() in page and "differ by more than chance" in page
 
 
 def test_an_empty_recording(tmp_path, model, recording, capsys):

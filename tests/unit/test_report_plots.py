@@ -20,6 +20,7 @@ from haptic_teleop_sysid.report import (
     Plot,
     Series,
     error_text,
+    rounded,
     still,
     unit_text,
     units_in,
@@ -172,6 +173,12 @@ def test_the_script_that_travels_inside_is_bokeh():
 )
 def test_a_number_ends_where_its_error_begins(value, std, unit, text):
     assert with_error(value, std, unit) == text
+
+
+def test_the_ends_of_a_narrow_interval_are_told_apart():
+    for value, std in ((0.17, 3.7e-7), (1.7e-6, 3.7e-10), (1.7e8, 20.0)):
+        low, high = (float(rounded(end, std)) for end in (value - 2.0 * std, value + 2.0 * std))
+        assert high - low == pytest.approx(4.0 * std, rel=0.1)
 
 
 @pytest.mark.parametrize(

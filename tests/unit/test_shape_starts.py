@@ -17,8 +17,9 @@ from haptic_teleop_sysid.estimation.strategies import estimate
 from haptic_teleop_sysid.estimation.uncertainty import Uncertainty
 from haptic_teleop_sysid.recordings.dataset import load_dataset
 from haptic_teleop_sysid.recordings.preparation import Treatment, prepare
-from haptic_teleop_sysid.runs.estimation_report import Result, verdict
+from haptic_teleop_sysid.runs.estimation_result import Result
 from haptic_teleop_sysid.runs.estimation_run import run_estimate
+from haptic_teleop_sysid.runs.estimation_verdict import problems
 from haptic_teleop_sysid.runs.parameter_table import parameter_rows
 from haptic_teleop_sysid.runs.shape_starts import shape_starts
 
@@ -58,8 +59,8 @@ def test_a_single_start_that_ends_on_the_wrong_hill_is_not_to_be_used(slow):
         row = rows[f"{HEAD}.{name}"]
         assert row.status == "not to be used" and row.std is None and row.interval is None
     assert rows["arm_inertia"].status == "estimated"
-    told = verdict(Result(found, {"bag": slow[1]}, (), {}, {}, {}))
-    assert any(status == "bad" and HEAD in text for status, text in told)
+    told = problems(Result(found, {"bag": slow[1]}, (), {}, {}, {}))
+    assert any(HEAD in problem.headline for problem in told)
 
 
 def test_dataset_does_not_call_a_recording_rich_that_tells_the_forms_of_a_law_badly_apart(slow):

@@ -20,10 +20,17 @@ from haptic_teleop_sysid.logs.opened import open_recording
 from haptic_teleop_sysid.logs.story import tell
 from haptic_teleop_sysid.recordings.preparation import refuse_huge
 from haptic_teleop_sysid.report import claimed, save_png
+from haptic_teleop_sysid.report.terminal_conclusion import print_conclusion
 from haptic_teleop_sysid.results import tool_version, write_json
 from haptic_teleop_sysid.runs.comparison import Comparison, compare
 from haptic_teleop_sysid.runs.comparison_pictures import comparison_pictures
-from haptic_teleop_sysid.runs.comparison_report import comparison_page, comparison_table
+from haptic_teleop_sysid.runs.comparison_report import (
+    comparison_page,
+    comparison_table,
+    conclusion,
+    nearest_model,
+)
+from haptic_teleop_sysid.runs.next_command import diagnose_command
 
 
 def as_json(result: Comparison) -> dict[str, Any]:
@@ -102,12 +109,20 @@ def run(argv: list[str]) -> int:
             pictures = comparison_pictures(result)
             for number, figure in enumerate(pictures.values(), start=1):
                 save_png(figure, output / ("compare.png" if number == 1 else f"compare-{number}.png"))
-            report = comparison_page(result, pictures).write(output / "report.html")
+            command = diagnose_command(
+                nearest_model(result),
+                arguments.bag,
+                [],
+                f"{Path(arguments.output)}_diagnosed",
+                arguments.mapping,
+            )
+            report = comparison_page(result, pictures, command).write(output / "report.html")
             content |= {"runtime_s": time.perf_counter() - began, "version": tool_version()}
             write_json(output / "compare.json", content)
     for title, table in comparison_table(result).items():
         console.print(title, markup=False, highlight=False, soft_wrap=True)  # a path stays whole
         console.print(table)
+    print_conclusion(console, *conclusion(result, command))
     for bag, dataset in result.data.items():
         for problem in dataset.problems:
             progress.print(f"note: {bag}: {problem}", markup=False, highlight=False, soft_wrap=True)

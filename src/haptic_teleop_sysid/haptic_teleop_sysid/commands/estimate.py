@@ -35,10 +35,13 @@ from haptic_teleop_sysid.many.folder import Listing, find_recordings
 from haptic_teleop_sysid.many.kept import DONE
 from haptic_teleop_sysid.many.options import add_means_options, means_of, refuse_means
 from haptic_teleop_sysid.report import claimed, with_error
+from haptic_teleop_sysid.report.terminal_conclusion import print_conclusion
 from haptic_teleop_sysid.results import tool_version, write_json
 from haptic_teleop_sysid.run_progress import share_progress
-from haptic_teleop_sysid.runs.estimation_report import tables, verdict
+from haptic_teleop_sysid.runs.estimation_report import tables
 from haptic_teleop_sysid.runs.estimation_run import Choices, load, run_estimate, write_results
+from haptic_teleop_sysid.runs.estimation_verdict import Commands, conclusion, notes, problems
+from haptic_teleop_sysid.runs.next_command import again_command, diagnose_command
 
 
 def run(argv: list[str]) -> int:
@@ -74,14 +77,26 @@ def run(argv: list[str]) -> int:
         tell(screen, {bag: dataset.experiment for bag, dataset in data.items()})
         with share_progress(screen, "estimate") as progress:
             result = run_estimate(model, data, told, validation, choices, progress)
+        commands = _next(argv, arguments)
         with screen.status("writing the report"):
-            path = write_results(result, output, began)
+            path = write_results(result, output, began, commands=commands)
     for table in tables(result):
         console.print(table)
-    for _, sentence in verdict(result):
+    print_conclusion(console, *conclusion(result, commands))
+    further = [problem.headline for problem in problems(result)[1:]]
+    for sentence in [*further, *(text for status, text in notes(result) if status != "good")]:
         console.print(sentence, markup=False, highlight=False, soft_wrap=True)
     console.print(f"report: {path}", markup=False, highlight=False, soft_wrap=True)
     return 0
+
+
+def _next(argv: list[str], arguments: argparse.Namespace) -> Commands:
+    """What comes after this command line."""
+    where = str(Path(arguments.output))
+    diagnosed = diagnose_command(
+        arguments.model, arguments.bag, arguments.validation or [], f"{where}_diagnosed", arguments.mapping
+    )
+    return Commands(diagnosed, again_command("estimate", argv, f"{where}_again", "--multi-start", "6"))
 
 
 def _each(arguments: argparse.Namespace, model: Model, choices: Choices, began: float) -> int:

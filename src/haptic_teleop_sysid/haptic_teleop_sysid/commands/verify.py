@@ -17,6 +17,7 @@ from haptic_teleop_control.errors import ConfigurationError, MismatchError
 from haptic_teleop_control.recording import read_recording
 from haptic_teleop_control.robots import STAGES
 from haptic_teleop_sysid.report import Status, claim_output_directory, save_png
+from haptic_teleop_sysid.report.terminal_conclusion import print_conclusion
 from haptic_teleop_sysid.results import tool_version, write_json
 from haptic_teleop_sysid.verification.conclusion import conclusion
 from haptic_teleop_sysid.verification.overlay_report import overlay_all
@@ -172,9 +173,7 @@ def print_summary(found: Verification, report: Path, figures_only: bool = False)
         "bad": "[red]bad[/red] ",
         "plain": "    ",
     }
-    console.print(f"{words[found.status].strip()}: ", end="")
-    console.print(found.happened, markup=False, soft_wrap=True)
-    console.print(f"what to do: {found.todo}", markup=False, soft_wrap=True)
+    print_conclusion(console, found.status, found.happened, found.todo)
     for one in found.runs:
         console.print(one.name, markup=False, soft_wrap=True)
         if figures_only:

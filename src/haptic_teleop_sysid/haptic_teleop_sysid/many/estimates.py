@@ -27,8 +27,8 @@ from haptic_teleop_sysid.report import (
     with_error,
 )
 from haptic_teleop_sysid.results import plain
-from haptic_teleop_sysid.runs.estimation_report import verdict
 from haptic_teleop_sysid.runs.estimation_run import Choices, load, run_estimate, write_results
+from haptic_teleop_sysid.runs.estimation_verdict import problems
 from haptic_teleop_sysid.runs.parameter_table import parameter_rows
 
 from .each import Job
@@ -84,7 +84,7 @@ def estimate_one(
                 signal: min(result.fits["estimate", b].percent[signal] for b in shown)
                 for signal in data[bag].signals()
             },
-            "doubts": [sentence for status, sentence in verdict(result) if status == "bad"],
+            "doubts": [problem.headline for problem in problems(result)],
         }
     )
 

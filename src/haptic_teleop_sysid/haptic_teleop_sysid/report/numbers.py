@@ -5,6 +5,8 @@ from __future__ import annotations
 import math
 import re
 
+#: Digits of a number, however small its error.
+MOST_DIGITS = 10
 _EXPONENT = {"2": "²", "3": "³"}
 _UNIT = re.compile(
     r"(?<![\w·])(?:N|kg|rad|m|s|A|V)(?:[*·](?:m|s|rad)(?:\^[23])?|/(?:rad|A|V|s|m)(?:\^[23])?)+(?![\w*/])"
@@ -30,7 +32,8 @@ def rounded(value: float, std: float | None) -> str:
     digits = 1 - math.floor(math.log10(std))
     if digits - 1 >= -3 and abs(value) < 1e6 and digits <= 7:
         return f"{round(value, digits) + 0.0:.{max(digits, 0)}f}"
-    return f"{value:.4g}"
+    known = digits + (math.floor(math.log10(abs(value))) + 1 if value else 0)
+    return f"{value:.{min(max(known, 4), MOST_DIGITS)}g}"
 
 
 def error_text(std: float) -> str:

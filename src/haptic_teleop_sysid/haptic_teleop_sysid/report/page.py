@@ -32,14 +32,16 @@ class Page:
     title: str
     subtitle: str = ""
     conclusion: tuple[Status, str, str] | None = None
+    command: str = ""
     verdicts: list[tuple[Status, str]] = field(default_factory=list)
     figures: list[tuple[str, str, str]] = field(default_factory=list)
     sections: list[Section] = field(default_factory=list)
 
-    def conclude(self, status: Status, happened: str, todo: str = "") -> None:
-        """State the page's first line: ``status`` says how good it is, ``happened`` what happened, and
-        ``todo`` what to do. Without it the first of the worst verdicts stands there."""
-        self.conclusion = (status, happened, todo)
+    def conclude(self, status: Status, happened: str, todo: str = "", command: str = "") -> None:
+        """State the page's first line: ``status`` says how good it is, ``happened`` what happened, ``todo``
+        what to do, and ``command`` what to paste for that. Without it the first of the worst verdicts stands
+        there."""
+        self.conclusion, self.command = (status, happened, todo), command
 
     def verdict(self, status: Status, text: str) -> None:
         """Add a check: what is not good stands below the conclusion, what is good is folded away."""

@@ -40,15 +40,17 @@ def comparison_table(result: Comparison) -> dict[str, TerminalTable]:
 
 #: Mean fit (percent) from which a model is close to a recording, and from which it is roughly right.
 CLOSE, ROUGH = 90.0, 70.0
+#: Fit (percent) below which a signal is followed no better than by its mean.
+USELESS = 0.0
 
 
-def comparison_page(result: Comparison, pictures: dict[str, Plot]) -> Page:
-    """Return the report."""
+def comparison_page(result: Comparison, pictures: dict[str, Plot], command: str = "") -> Page:
+    """Return the report; ``command``: what finds out why the nearest model does not follow."""
     first = next(iter(result.models.values()))
     page = Page(
         "Models against recordings", f"{first.robot} {first.joint}: simulated response to the recorded input"
     )
-    page.conclude(*_conclusion(result))
+    page.conclude(*conclusion(result, command))
     _summary(page, result)
     for bag in result.data:
         _recording(page, result, bag, pictures[bag])
@@ -127,10 +129,35 @@ def _means(result: Comparison) -> dict[str, float]:
     return found
 
 
-def _conclusion(result: Comparison) -> tuple[Status, str, str]:
-    """Which model comes nearest, whether that is near, and what to do."""
+def nearest_model(result: Comparison) -> str:
+    """The model with the greatest mean fit, by the name that the command line gave it."""
     means = _means(result)
-    best = max(means, key=lambda name: means[name])
+    return max(means, key=lambda name: means[name])
+
+
+def _worst(result: Comparison, model: str) -> tuple[Status, str] | None:
+    """The signal that a model follows worst on any recording, and how good that is; None where it comes close
+    to all of them. A signal that hardly moves is left out where others move."""
+    fits = [
+        (percent, signal, bag)
+        for bag, dataset in result.data.items()
+        for signal, percent in judged(result.fits[model, bag].percent, hardly_moving([dataset])).items()
+        if np.isfinite(percent)
+    ]
+    percent, signal, bag = min(fits, default=(CLOSE, "", ""))
+    if percent >= CLOSE:
+        return None
+    status: Status = "good" if percent >= ROUGH else "fair" if percent >= USELESS else "bad"
+    word = {"good": "still near", "fair": "poor", "bad": "no better than a constant"}[status]
+    where = f" on {short_bag(bag, result)}" if len(result.data) > 1 else ""
+    return status, f"Worst is {signal}{where} with {percent_text(percent)} %, which is {word}."
+
+
+def conclusion(result: Comparison, command: str = "") -> tuple[Status, str, str, str]:
+    """How good the nearest model is, which it is and where it is worst, what to do, and ``command`` where
+    that is what to do."""
+    means = _means(result)
+    best = nearest_model(result)
     nearest = short(best, result)
     others = ", ".join(f"{short(n, result)} {percent_text(m)} %" for n, m in means.items() if n != best)
     bags = " and ".join(short_bag(b, result) for b in result.data)
@@ -140,10 +167,16 @@ def _conclusion(result: Comparison) -> tuple[Status, str, str]:
         happened = f"{nearest} comes nearest to {bags}: mean fit {percent_text(means[best])} % ({others})."
     else:
         happened = f"{nearest} follows {bags} with a mean fit of {percent_text(means[best])} %."
-    if means[best] >= CLOSE:
-        return "good", happened, f"simulate with {nearest}."
-    look = "look at Difference in the picture to see when; haptic-teleop diagnose tells what is missing."
-    return ("fair" if means[best] >= ROUGH else "bad"), happened, look
+    of_mean: Status = "good" if means[best] >= CLOSE else "fair" if means[best] >= ROUGH else "bad"
+    worst = _worst(result, best)
+    status: Status = "good"
+    if worst is not None:
+        status, sentence = worst
+        happened = f"{happened} {sentence}"
+    if (status, of_mean) == ("good", "good"):
+        return "good", happened, f"simulate with {nearest}.", ""
+    todo = "let diagnose find what is missing; Difference in the picture shows when."
+    return min((status, of_mean), key=("bad", "fair", "good").index), happened, todo, command
 
 
 def _summary(page: Page, result: Comparison) -> None:
@@ -191,5 +224,8 @@ def _parameters(page: Page, result: Comparison) -> None:
         rows.append([key, unit, *("–" if value is None else f"{value:.6g}" for value in values)])
     header = ["parameter", "unit", *(short(name, result) for name in result.models)]
     page.section("Parameters").table(
-        header, rows, "As the model files state them; estimate gives standard errors."
+        header,
+        rows,
+        "As the model files state them. A model file holds no standard errors: those of an estimated one "
+        "stand in estimate.json and report.html, beside its model.yaml.",
     )

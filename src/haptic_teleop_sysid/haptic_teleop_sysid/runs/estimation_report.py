@@ -1,54 +1,23 @@
-"""How an estimate is shown: table and verdict on the terminal, page with pictures, estimate.json."""
+"""How an estimate is shown: tables on the terminal, page with pictures, estimate.json."""
 
 from __future__ import annotations
 
-from dataclasses import asdict, dataclass
+from dataclasses import asdict
 from typing import Any
 
 import numpy as np
 
-from haptic_teleop_sysid.estimation.residuals import Residuals, reading
-from haptic_teleop_sysid.estimation.result import Estimate
-from haptic_teleop_sysid.recordings.dataset import DataSet
-from haptic_teleop_sysid.recordings.parameter_units import Units
-from haptic_teleop_sysid.recordings.small_motion import hardly_moving, judged
-from haptic_teleop_sysid.report import Page, Panel, Plot, Series, Status, unit_text
+from haptic_teleop_sysid.estimation.residuals import reading
+from haptic_teleop_sysid.report import Page, Panel, Plot, Series
 from haptic_teleop_sysid.report.terminal_table import TerminalTable
 from haptic_teleop_sysid.runs.comparison_pictures import input_panel, percent_text, within
-from haptic_teleop_sysid.runs.parameter_table import HEADER, Row, as_text, parameter_rows
+from haptic_teleop_sysid.runs.estimation_result import Result, units_of
+from haptic_teleop_sysid.runs.estimation_verdict import Commands, conclusion, notes, problems
+from haptic_teleop_sysid.runs.parameter_table import HEADER, as_text, parameter_rows
 from haptic_teleop_sysid.runs.residual_picture import residual_picture
-from haptic_teleop_sysid.simulation.fit import SimulatedFit
 from haptic_teleop_sysid.simulation.windows import closed_loop
 
-_DISAGREEMENT = (
-    "predicting {ahead:.2g} s ahead, where slow motion counts for more, takes {value:.4g}{unit} instead: "
-    "more than chance makes it differ."
-)
-_OPEN = (
-    "Either the measured input carries noise, or something is missing from the model: for slow motion trust "
-    "--method output-error."
-)
-_LOOPED = "Something is missing from the model, or acts that nobody recorded: look at the residuals first."
 _SHOWN = ("parameter", "estimate", "std. error", "unit", "remark")
-_FURTHER = "The search may also have ended beside the best place: --multi-start 6 begins at others, too."
-
-
-@dataclass(frozen=True)
-class Result:
-    """Everything `estimate` found. Data sets by bag, `validation` names those not used for the fit; fits by
-    (start or estimate, bag); `residuals` by bag; `told` by bag: what was done to the data set."""
-
-    estimate: Estimate
-    data: dict[str, DataSet]
-    validation: tuple[str, ...]
-    fits: dict[tuple[str, str], SimulatedFit]
-    residuals: dict[str, list[Residuals]]
-    told: dict[str, list[str]]
-
-
-def units_of(result: Result) -> Units:
-    """The units of the machine that was estimated."""
-    return Units.of(result.estimate.model, next(iter(result.data.values())))
 
 
 def as_json(result: Result) -> dict[str, Any]:
@@ -76,6 +45,7 @@ def as_json(result: Result) -> dict[str, Any]:
         "misled": None if found.misled is None else asdict(found.misled),
         "disagreement": found.disagreement(),
         "contradictions": found.contradictions,
+        "problems": [asdict(problem) for problem in problems(result)],
         "error_by_form": found.by_form,
         "fit": {
             which: {bag: result.fits[which, bag].percent for bag in result.data}
@@ -117,69 +87,6 @@ def as_json(result: Result) -> dict[str, Any]:
     }
 
 
-def verdict(result: Result) -> list[tuple[str, str]]:
-    """(status, sentence) of what may be believed: convergence, what is undetermined, what the residuals
-    say."""
-    found = result.estimate
-    told: list[tuple[str, str]] = []
-    if found.converged:
-        told.append(
-            ("good", f"The search ended at an optimum after {found.iterations} iterations ({found.message}).")
-        )
-    else:
-        told.append(
-            ("bad", f"The search did not end at an optimum: {found.message}. Do not use these numbers.")
-        )
-    for effect, why in found.contradictions.items():
-        told.append(("bad", f"{effect}: {why}. Do not use its numbers."))
-    if found.misled is not None:
-        told.append(("bad", misled_sentence(found)))
-    if found.uncertainty is not None:
-        for name, why in found.uncertainty.undetermined.items():
-            told.append(("fair", f"{name} cannot be determined from these recordings: {why}."))
-        looped = any(closed_loop(result.data[b]) for b in result.data if b not in result.validation)
-        for name, value in found.disagreement().items():
-            ahead = 0.0 if found.far_sighted is None else found.far_sighted.ahead
-            unit = unit_text(units_of(result).of_parameter(found.model, name))
-            sentence = _DISAGREEMENT.format(ahead=ahead, value=value, unit=f" {unit}" if unit else "")
-            told.append(("bad", f"{name}: {sentence}"))
-        if found.disagreement():
-            told.append(("bad", _LOOPED if looped else _OPEN))
-        beside = not found.converged or (found.fit is not None and bool(found.fit.at_bound))
-        if (found.disagreement() or beside) and not found.starts:
-            told.append(("plain", _FURTHER))
-        if found.far_sighted is not None and not found.far_sighted.values:
-            told.append(("plain", "The cross-check by looking further ahead did not arrive: it is silent."))
-        for name in found.uncertainty.near_zero:
-            told.append(("plain", f"{name} cannot be told from zero."))
-    else:
-        sentence = "its standard errors, where it has any, hold for an open loop and a right model only"
-        told.append(("fair", f"{found.method} knows no noise: {sentence}."))
-    for bag, dataset in result.data.items():
-        for problem in dataset.problems:
-            told.append(("fair", f"{bag}: {problem}."))
-    return told
-
-
-def misled_sentence(found: Estimate) -> str:
-    """What is said where the one-step predictor was not believed."""
-    misled = found.misled
-    assert misled is not None
-    values = found.model.parameter_values()
-    apart = [
-        f"{name} {other:.4g} instead of {values[name]:.4g}"
-        for name, other in misled.values.items()
-        if abs(other - values[name]) > 0.1 * abs(values[name])
-    ]
-    return (
-        "Something quick is missing from the model, and it misleads the one-step predictor"
-        + (f" ({', '.join(apart)})" if apart else "")
-        + f": simulated with its values, the angles err by {100 * misled.error:.3g} % of their spread, with "
-        f"those shown by {100 * misled.error_ahead:.3g} %. Shown are those of a predictor that looks some "
-        f"{misled.ahead:.2g} s ahead; run diagnose to find what is missing."
-    )
-
-
 def tables(result: Result) -> list[TerminalTable]:
     """Parameters, and fits of start and estimate on all recordings, for the terminal."""
     found = []
@@ -212,25 +119,33 @@ def fit_rows(result: Result) -> list[list[str]]:
     return rows
 
 
-def page(result: Result) -> Page:
-    """The report."""
+def page(result: Result, commands: Commands | None = None) -> Page:
+    """The report; ``commands``: what to paste after it."""
     found = result.estimate
     report = Page("Estimated parameters", f"{found.model.robot} {found.model.joint}, {found.method}")
-    report.conclude(*_conclusion(result))
-    for status, sentence in verdict(result):
-        report.verdict(status, sentence)  # pyright: ignore[reportArgumentType]
-    for bag in result.data:
-        _recording(report, result, bag)
+    report.conclude(*conclusion(result, commands or Commands()))
+    told = problems(result)
+    for problem in told[1:]:
+        report.verdict("bad", problem.headline)
+    for status, sentence in notes(result):
+        report.verdict(status, sentence)
     rows = parameter_rows(found, units_of(result))
     report.section("Parameters").table(
         HEADER, [as_text(row) for row in rows], "Estimates with their standard errors and intervals of 95 %"
     )
+    if any(problem.details for problem in told):
+        why = report.section("Why these parameters do not hold", folded=True)
+        for problem in told:
+            for sentence in problem.details:
+                why.text(sentence)
     section = report.section(
         "Fit",
         "Simulated response to the recorded input, 100·(1 − ‖y − ŷ‖ / ‖y − mean y‖); "
         "initial state estimated for each window, nothing corrected along the way.",
     )
     section.table(["recording", "signal", "start", "estimate"], fit_rows(result), "in percent")
+    for bag in result.data:
+        _recording(report, result, bag)
     _correlation(report, result)
     for bag, dataset in result.data.items():
         residuals = result.residuals.get(bag, [])
@@ -242,34 +157,6 @@ def page(result: Result) -> Page:
                 residual_picture(residuals, dataset.dt), "Correlation of the one-step prediction errors"
             )
     return report
-
-
-def _conclusion(result: Result) -> tuple[Status, str, str]:
-    """What was estimated, whether it may be used, and what to do."""
-    found, told = result.estimate, verdict(result)
-    count = sum(1 for row in parameter_rows(found, units_of(result)) if row.status != "fixed")
-    before, after = (_mean_fit(result, which) for which in ("start", "estimate"))
-    where = "recordings that were not used" if result.validation else "the recordings that were used"
-    happened = (
-        f"{count} parameters of {found.model.joint} estimated: on {where} the mean fit goes from "
-        f"{percent_text(before)} to {percent_text(after)} %."
-    )
-    bad = [sentence for status, sentence in told if status == "bad"]
-    if bad:
-        return "bad", f"{happened} {bad[0]}", "do not use these numbers; diagnose tells what is missing."
-    if any(status == "fair" for status, _ in told):
-        return "fair", happened, "model.yaml holds the estimate; read the notes below before you use it."
-    if after < before:
-        return "fair", happened, "the start was nearer: see where in the picture, with Difference."
-    todo = "model.yaml holds the estimate: simulate with it"
-    return "good", happened, f"{todo}{'' if result.validation else ', and judge it on another recording'}."
-
-
-def _mean_fit(result: Result, which: str) -> float:
-    """Mean fit of start or estimate over the signals of the recordings that judge, percent."""
-    bags = [b for b in result.data if b in result.validation] or list(result.data)
-    fits = [judged(result.fits[which, b].percent, hardly_moving([result.data[b]])) for b in bags]
-    return float(np.mean([p for found in fits for p in found.values()]))
 
 
 def _recording(report: Page, result: Result, bag: str) -> None:
@@ -308,6 +195,3 @@ def fit_picture(result: Result, bag: str) -> Plot:
         panels.append(Panel(signal, dataset.units()[signal], lines, note=", ".join(fits)))
     panels.append(input_panel(dataset))
     return Plot(panels, "time since the recording's first sample (s)").with_difference()
-
-
-__all__ = ["Result", "Row", "as_json", "fit_picture", "page", "residual_picture", "tables", "verdict"]

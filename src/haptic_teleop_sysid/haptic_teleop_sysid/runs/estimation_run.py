@@ -29,7 +29,9 @@ from haptic_teleop_sysid.recordings.preparation import (
 )
 from haptic_teleop_sysid.report import save_png
 from haptic_teleop_sysid.results import tool_version, write_json
-from haptic_teleop_sysid.runs.estimation_report import Result, as_json, fit_picture, page
+from haptic_teleop_sysid.runs.estimation_report import as_json, fit_picture, page
+from haptic_teleop_sysid.runs.estimation_result import Result
+from haptic_teleop_sysid.runs.estimation_verdict import Commands
 from haptic_teleop_sysid.runs.form_errors import with_forms
 from haptic_teleop_sysid.runs.shape_starts import shape_starts
 from haptic_teleop_sysid.simulation.fit import choose_windows, simulated_fit
@@ -125,15 +127,21 @@ def usable_model(found: Estimate) -> Model:
     return replace(found.model, source="estimate")
 
 
-def write_results(result: Result, output: Path, began: float, with_page: bool = True) -> Path | None:
+def write_results(
+    result: Result,
+    output: Path,
+    began: float,
+    with_page: bool = True,
+    commands: Commands | None = None,
+) -> Path | None:
     """Write model.yaml and estimate.json, and with ``with_page`` report.html, whose path is returned, and
-    its pictures. ``began``: `time.perf_counter` when it began."""
+    its pictures. ``began``: `time.perf_counter` when it began; ``commands``: what the page gives to paste."""
     usable_model(result.estimate).save(output / "model.yaml")
     path = None
     if with_page:
         for number, bag in enumerate(result.data, start=1):
             save_png(fit_picture(result, bag), output / ("fit.png" if number == 1 else f"fit-{number}.png"))
-        path = page(result).write(output / "report.html")
+        path = page(result, commands).write(output / "report.html")
     content = as_json(result) | {"runtime_s": time.perf_counter() - began, "version": tool_version()}
     write_json(output / "estimate.json", content)
     return path
