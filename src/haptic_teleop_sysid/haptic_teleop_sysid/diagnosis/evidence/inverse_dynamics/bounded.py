@@ -1,10 +1,10 @@
 """Least squares of a few numbers within bounds, from products of columns: compiled, because a witness asks
 for thousands of such solutions, each of less than ten numbers.
 
-An active set (Lawson and Hanson, Solving Least Squares Problems, 1974, ch. 23; Stark and Parker, Computational
-Statistics 10, 1995): numbers beyond their bounds are held there, and one is let go again when the squares
-fall inwards from its bound. The products are positive definite by what is added to them, so there is one
-solution, whichever way leads to it.
+An active set (Lawson and Hanson, Solving Least Squares Problems, 1974, ch. 23; Stark and Parker,
+Computational Statistics 10, 1995): numbers beyond their bounds are held there, and one is let go again when
+the squares fall inwards from its bound. The products are positive definite by what is added to them, so there
+is one solution, whichever way leads to it.
 """
 
 from __future__ import annotations
