@@ -128,4 +128,4 @@ def short_of(result: SearchResult, found: Adequacy) -> tuple[SearchResult, Doubt
     )
     result = result.giving_up(moving, why)
     bare = replace(result, final=result.baseline, choices=(), last_round=(), nameless=None)
-    return bare, Doubt(moving[0], why)
+    return bare, Doubt(moving[0], why, short=True)

@@ -56,7 +56,7 @@ def sized_freely(heard: Heard, simulated: Simulated, errors: Errors, fastest: fl
         # Half the squared difference is the variance of either, if they have the same.
         apart = (one[name] - other[name]) / math.sqrt(2.0) if name in one and name in other else 0.0
         std[name] = math.hypot(own if math.isfinite(own) else error, apart)
-    return Heard(replace(group, model=found.model, std=std), heard.gain, reached)
+    return Heard(replace(group, model=found.model, std=std, at_bound=()), heard.gain, reached)
 
 
 def turning_limits(model: Model, fastest: float) -> dict[str, tuple[float, float]]:

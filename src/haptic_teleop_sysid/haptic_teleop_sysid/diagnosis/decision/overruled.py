@@ -14,6 +14,7 @@ from haptic_teleop_sysid.estimation.records import Record
 from haptic_teleop_sysid.estimation.whole_fit import fit_whole
 
 from ..evidence.inverse_dynamics.terms import Hypothesis, follows_from_motion
+from ..evidence.inverse_dynamics.witness import Group
 from ..evidence.second_opinion import NO_WORSE, PERFECT, Errors, Opinion
 from ..hypotheses.explanation import Explanation
 from ..hypotheses.twins import twin
@@ -62,10 +63,10 @@ def as_result(
     baseline = predicted.baseline
     alone = opinion.witness.structure
     if errors(alone.model)[0] < errors(baseline.model)[0]:
-        baseline = _fit(alone.model, alone.std, baseline, records)
+        baseline = _fit(alone, baseline, records)
     group = opinion.chosen.group
-    final = _fit(group.model, group.std, baseline, records)
-    other = None if group is heard.group else _fit(heard.group.model, heard.group.std, baseline, records)
+    final = _fit(group, baseline, records)
+    other = None if group is heard.group else _fit(heard.group, baseline, records)
     adequacy = opinion.adequacy
     choices = tuple(
         _choice(opinion, final, len(group.model.effects) - len(group.effects) + i)
@@ -80,7 +81,7 @@ def as_result(
             f"explains in the same quantities ({', '.join(sorted(shapes))})"
         )
         bare = replace(predicted, baseline=baseline, final=baseline, choices=(), last_round=(), nameless=None)
-        return bare, Doubt(choices[0], why, " and ".join(sorted(shapes)) or None)
+        return bare, Doubt(choices[0], why, " and ".join(sorted(shapes)) or None, short=True)
     named = replace(predicted, baseline=baseline, final=final, choices=choices, by_torque=other)
     return replace(named, last_round=(), nameless=None), None
 
@@ -102,7 +103,7 @@ def inadequate(result: SearchResult, opinion: Opinion) -> Doubt | None:
                 f"{name} explains {100 * adequacy:.0f} % of what a torque without a form explains "
                 "in the same quantities"
             )
-            return Doubt(choice, why)
+            return Doubt(choice, why, short=True)
     return None
 
 
@@ -129,12 +130,14 @@ def beyond_reach(result: SearchResult, lab: Model) -> Doubt | None:
     return None
 
 
-def _fit(model: Model, std: dict[str, float], like: Fit, records: Sequence[Record]) -> Fit:
-    """The model as it is, with noise levels for its observer and the regression's standard errors."""
+def _fit(group: Group, like: Fit, records: Sequence[Record]) -> Fit:
+    """The group's model as it is, with noise levels for its observer and the regression's standard errors."""
+    model, std = group.model, group.std
     tuned = fit_whole(model, like.noise, records, free=(), iterations=_LEVELS)
     names = tuple(n for n in model.free_parameters() if std.get(n, 0.0) > 0.0)
     information = np.diag([1.0 / std[n] ** 2 for n in names])
-    return replace(tuned, free=names, information=information, gradient=np.zeros(len(names)), at_bound=())
+    nothing = np.zeros(len(names))
+    return replace(tuned, free=names, information=information, gradient=nothing, at_bound=group.at_bound)
 
 
 def _choice(opinion: Opinion, final: Fit, index: int) -> Choice:

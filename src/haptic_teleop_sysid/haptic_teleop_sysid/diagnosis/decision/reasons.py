@@ -19,13 +19,15 @@ from .decide import Choice
 class Doubt:
     """``choice``: the finding that was given up, None where nothing was named; ``why`` in words;
     ``condition``: when the mismatch shows, where that is not when the finding's effect would; ``intervals``:
-    the same on the first recording, s; ``place``: where it is, if known."""
+    the same on the first recording, s; ``place``: where it is, if known; ``short``: all that speaks against
+    the name is that it explains too little."""
 
     choice: Choice | None
     why: str
     condition: str | None = None
     intervals: tuple[tuple[float, float], ...] = ()
     place: str | None = None
+    short: bool = False
 
 
 def off_the_mark(percent: Mapping[str, float]) -> Doubt | None:

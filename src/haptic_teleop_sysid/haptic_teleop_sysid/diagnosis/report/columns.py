@@ -116,6 +116,10 @@ def at_bounds(fit: Fit, given: Model) -> dict[str, str]:
             near = 1e-6 * max(abs(limit), abs(sizes.get(name, 0.0)))  # a limit of zero has no size of its own
             if np.isfinite(limit) and beyond * (values[name] - limit) >= -near:
                 found[name] = side
+    # A fit may have kept nearer to what was given than a machine may be from it.
+    for name in fit.at_bound:
+        if name in given.parameters and name not in found:
+            found[name] = _SIDES[int(values[name] > sizes[name])]
     return found
 
 

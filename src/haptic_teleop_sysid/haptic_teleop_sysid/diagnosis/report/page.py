@@ -82,10 +82,19 @@ def _missing(page: Page, verdict: Verdict, curves: Sequence[LawCurve], units: Un
         "Torque that the equations of motion lack on the recordings fitted to, against what it follows "
         "(dots: means of as many samples each): without the finding, with it, and the law that was named."
         + ("" if verdict.findings else " It only stands in: it is not believed to be what is missing.")
+        + _only(verdict, curves)
         if curves
         else "Torque that the observer has to add, against what it follows most (dots: means)."
     )
     page.section("What is missing" if verdict.kind != "no_mismatch" else "What is left").plot(plot, caption)
+
+
+def _only(verdict: Verdict, curves: Sequence[LawCurve]) -> str:
+    """What is said where some of the laws drawn only stand in."""
+    if verdict.kind != "unknown" or not verdict.findings or len(curves) <= len(verdict.findings):
+        return ""
+    named = " and ".join(f"{f['effect']} at {f['location']}" for f in verdict.findings)
+    return f" Of these {named} is believed; the rest stands in."
 
 
 def _shown(proof: Proof) -> tuple[str, int]:

@@ -54,8 +54,11 @@ def _headline(verdict: Verdict, content: dict[str, Any]) -> tuple[Status, str]:
         named = f"Part of the missing physics has a name: {sure}. Beside it these" if sure else "These"
         return "fair", f"{named} recordings cannot tell {_rivals(verdict)} apart."
     if verdict.kind == "unknown":
+        sure = " and ".join(_named(f) for f in verdict.findings)
+        beside = f" Beside it there is {sure}." if sure else ""
         return "fair", (
             f"Something is missing that no known effect explains; it sits at {places or 'no single place'}."
+            f"{beside}"
         )
     if content["parameters_moved"]:
         return "fair", moved_sentence(content).replace("->", "→")

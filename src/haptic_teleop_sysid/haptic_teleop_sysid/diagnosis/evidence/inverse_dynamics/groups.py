@@ -106,18 +106,19 @@ class Search:
         quantities, at the same place, it does, 0 to 1; 1 where none explains clearly more.
 
         A torque without a form has the quantities of an effect where it can take on the effect's shape."""
-        found = []
-        for one in chosen:
-            rest = tuple(h for h in chosen if h is not one)
-            none, own = self.explained(rest), self.explained(chosen) - self.explained(rest)
-            clearer = [
-                wider
-                for latent in self.alike(one)
-                if self.likelier(wider := (*rest, latent)) > self.likelier(chosen) + CLEARLY
-            ]
-            most = max([self.explained(wider) - none for wider in clearer], default=own)
-            found.append(min(max(own, 0.0) / most, 1.0) if most > 0.0 else 1.0)
-        return found
+        return [self.adequacy_beside(one, tuple(h for h in chosen if h is not one)) for one in chosen]
+
+    def adequacy_beside(self, one: Hypothesis, rest: Terms) -> float:
+        """The same of one effect, ``rest`` beside it."""
+        chosen = (*rest, one)
+        none, own = self.explained(rest), self.explained(chosen) - self.explained(rest)
+        clearer = [
+            wider
+            for latent in self.alike(one)
+            if self.likelier(wider := (*rest, latent)) > self.likelier(chosen) + CLEARLY
+        ]
+        most = max([self.explained(wider) - none for wider in clearer], default=own)
+        return min(max(own, 0.0) / most, 1.0) if most > 0.0 else 1.0
 
     def alike(self, hypothesis: Hypothesis) -> list[Latent]:
         """Torques without a form, at the same place, that can take on the shape of an effect; none over time,

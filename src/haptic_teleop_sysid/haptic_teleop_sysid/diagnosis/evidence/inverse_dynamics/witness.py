@@ -44,7 +44,8 @@ class Group:
     independent; ``percent``: torque fit of the validation recordings, 100 (1 - rms left / rms about the
     mean); ``explained``: share of what the structure alone leaves that the effects explain, as in
     `Witness.recoverable`; ``std``: standard errors by parameter of the regression, with what the
-    recordings of either kind put them apart.
+    recordings of either kind put them apart; ``at_bound``: parameters of the structure that the regression
+    wants beyond its bounds (no damping is none).
     """
 
     model: Model
@@ -53,6 +54,7 @@ class Group:
     percent: float
     explained: float
     std: dict[str, float]
+    at_bound: tuple[str, ...] = ()
 
     @property
     def effects(self) -> tuple[Effect, ...]:
@@ -174,6 +176,9 @@ def _group(search: Search, chosen: Chosen, gain: float) -> Group:
     for i, name in enumerate(side.names):
         scale = arm if name.startswith("arm") else 1.0
         found[name], std[name] = max(scale * float(values[i]), 1e-12), scale * float(errors[i])
+    low, high = side.bounds()
+    stuck = zip(side.names, values, low, high, strict=False)
+    at_bound = tuple(n for n, v, a, b in stuck if v > 0.0 and min(v - a, b - v) < 1e-6 * v)
     effects, place = [], len(side.names)
     for h in chosen:
         own = slice(place, place := place + len(h.bounds()[0]))
@@ -185,4 +190,4 @@ def _group(search: Search, chosen: Chosen, gain: float) -> Group:
     target = there.target.ravel()
     missed = float(np.linalg.norm(there.left(chosen, values)))
     percent = 100.0 * (1.0 - missed / max(float(np.linalg.norm(target - target.mean())), 1e-300))
-    return Group(model, chosen, gain, percent, search.explained(chosen), std)
+    return Group(model, chosen, gain, percent, search.explained(chosen), std, at_bound)

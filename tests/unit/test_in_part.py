@@ -1,0 +1,88 @@
+"""What is surely found beside something without a name."""
+
+from dataclasses import replace
+
+import pytest
+from stepped_machines import RIGID, pendulum
+
+from haptic_teleop_sim.model import Effect
+from haptic_teleop_sysid.diagnosis.decision.adequacy import NOT_SURE
+from haptic_teleop_sysid.diagnosis.decision.decide import Choice
+from haptic_teleop_sysid.diagnosis.decision.in_part import found_in_part, with_found
+from haptic_teleop_sysid.diagnosis.decision.reasons import Doubt
+from haptic_teleop_sysid.diagnosis.decision.stand_in import StandIn
+from haptic_teleop_sysid.diagnosis.decision.verdict import Verdict
+from haptic_teleop_sysid.diagnosis.evidence.inverse_dynamics.witness import witness
+from haptic_teleop_sysid.diagnosis.evidence.second_opinion import Opinion
+from haptic_teleop_sysid.diagnosis.hypotheses.explanation import Explanation
+from haptic_teleop_sysid.diagnosis.inputs.scales import recording_scales
+from haptic_teleop_sysid.diagnosis.report.columns import column
+from haptic_teleop_sysid.estimation.whole_fit import fit_whole, noise_starts
+
+FRICTION = Effect("coulomb_friction", "j_motor", {"torque": 0.4})
+VALLEY = Effect("gravity", "j_motor", {"torque": 0.8, "phase": 0.0})
+
+
+def opinion_of(**hidden):
+    learn, judge = ([pendulum(seed, **hidden)] for seed in (0, 1))
+    return Opinion(None, (), witness(RIGID, learn, judge, recording_scales(RIGID, learn))), learn
+
+
+@pytest.fixture(scope="module")
+def notched():
+    """A pendulum with dry friction and a detent, which has no name."""
+    return opinion_of(coulomb=0.4, detent=0.8)
+
+
+def stand_in_of(learn, *effects):
+    model = RIGID.with_effects(*effects)
+    fit = fit_whole(model, noise_starts(model, learn)[1], learn, free=(), iterations=3)
+    return StandIn(fit, effects, 0.5)
+
+
+def test_friction_is_found_beside_a_torque_without_a_name(notched):
+    opinion, learn = notched
+    (found,) = found_in_part(stand_in_of(learn, VALLEY, FRICTION), RIGID, opinion)
+    assert (found.effect.effect, found.index) == ("coulomb_friction", 1)
+    assert found.effect.values["torque"] == pytest.approx(0.4, rel=0.05)
+    assert found.rest.quantities == ("motor angle",)
+    assert found.adequacy > 0.9
+
+
+def test_the_size_is_that_of_the_torque_and_what_free_runs_want_is_told(notched):
+    opinion, learn = notched
+    other = replace(FRICTION, parameters={"torque": 0.5})
+    (found,) = found_in_part(stand_in_of(learn, other), RIGID, opinion)
+    assert found.effect.values["torque"] == pytest.approx(0.4, rel=0.05)
+    assert found.std["torque"] == pytest.approx(0.1 / 2**0.5, rel=0.3)
+    assert "free runs of the stand-in want torque 0.5" in found.told()
+
+
+def test_friction_that_is_not_there_is_not_found():
+    opinion, learn = opinion_of(detent=0.8)
+    assert found_in_part(stand_in_of(learn, VALLEY, FRICTION), RIGID, opinion) == []
+
+
+def test_the_verdict_stays_unknown_and_no_name_in_it_is_sure(notched):
+    opinion, learn = notched
+    instead = stand_in_of(learn, VALLEY, FRICTION)
+    given_up = Choice(Explanation(instead.fit, 50.0, 20.0, True, 0), 1.0)
+    doubt = Doubt(given_up, "it explains too little", short=True)
+    unknown = Verdict("unknown", [], [], [], [])
+    parts = found_in_part(instead, RIGID, opinion)
+    verdict = with_found(unknown, parts, instead, doubt, {})
+    assert verdict.kind == "unknown"
+    (finding,) = verdict.findings
+    assert (finding["effect"], finding["location"]) == ("coulomb_friction", "j_motor")
+    assert 0.5 <= finding["confidence"] <= NOT_SURE
+    assert "has no name" in finding["because"]
+    assert [(w["equation"], w["condition"]) for w in verdict.where] == [("j_motor", "motor angle")]
+    assert with_found(unknown, [], instead, doubt, {}) is unknown
+
+
+def test_a_parameter_at_a_bound_of_the_regression_says_so(notched):
+    _, learn = notched
+    fit = fit_whole(RIGID, noise_starts(RIGID, learn)[1], learn, free=(), iterations=3)
+    low = RIGID.with_values({"motor_inertia": 0.1})
+    fit = replace(fit, model=low, free=("motor_inertia",), at_bound=("motor_inertia",))
+    assert column(low, RIGID, fit)["motor_inertia"].bound == "lowest"
