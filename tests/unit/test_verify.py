@@ -14,9 +14,14 @@ from haptic_teleop_control.errors import MismatchError
 from haptic_teleop_control.recording import Recording, read_recording, write_recording
 from haptic_teleop_sim import lockstep
 from haptic_teleop_sysid.commands import verify
+from haptic_teleop_sysid.report import Page
 from haptic_teleop_sysid.verification.conclusion import conclusion
 from haptic_teleop_sysid.verification.contact import longest_still
+from haptic_teleop_sysid.verification.overlay_report import Overlays
+from haptic_teleop_sysid.verification.page import verification_page
+from haptic_teleop_sysid.verification.pictures import stage_picture
 from haptic_teleop_sysid.verification.run import agreement, examine
+from haptic_teleop_sysid.verification.tables import settings_table
 from haptic_teleop_sysid.verification.verdicts import verdicts
 
 FIELDS = ("position", "velocity", "effort")
@@ -329,6 +334,62 @@ def test_the_first_line_says_what_happened_whether_it_is_good_and_what_to_do():
     assert "0.8000 N·m of 0.6000 N·m asked" in happened and "pictures" in todo
     late = examine(scenario(Made(droop=0.2)), "slow")
     assert conclusion([late], ["slow"])[0] == "fair"
+
+
+def test_several_runs_stand_side_by_side_with_one_line_of_what_they_did(tmp_path):
+    runs = [examine(scenario(Made(damping=d)), f"damping {d}") for d in (0.3, 0.5, 0.7)]
+    labels = [run.name for run in runs]
+    most = runs[0].merits["stage1"].contacts[0].overshoot_percent
+    _, happened, _ = conclusion(runs, labels)
+    assert happened.startswith("3 runs of scenario 1 came to their end. Stage 1 moves freely at 1.14 rad/s")
+    assert f"overshoot at most {most:.0f} % (damping 0.3)" in happened and len(happened) < 300
+    plots = {stage: stage_picture(runs, stage, labels) for stage in ("stage1", "stage2")}
+    page = verification_page(runs, labels, {}, plots, Overlays({}, {}, {}))
+    assert not page.figures, "those of one run alone would tell nothing of the others"
+    table = page.sections[0].blocks[0]
+    assert page.sections[0].title == "The runs side by side" and len(table.rows) == 2 * len(runs)
+    overshoot = [float(row[table.header.index("overshoot (%)")]) for row in table.rows[:3]]
+    found = [run.merits["stage1"].contacts[0].overshoot_percent for run in runs]
+    assert overshoot == pytest.approx(found, abs=0.05)
+
+
+def test_of_several_runs_the_difference_to_the_first_can_be_shown():
+    runs = [examine(scenario(Made(droop=d)), f"droop {d}") for d in (0.0, 0.05)]
+    plot = stage_picture(runs, "stage1", ["one", "two"])
+    assert len(plot.difference) == len(plot.panels) == 5 and plot.difference_of == "each run less one"
+    (slower,) = plot.difference[2].series
+    free = runs[0].merits["stage1"].free[0]
+    inside = (slower.time > free.start + 0.5 * free.duration) & (slower.time < free.start + free.duration)
+    assert np.median(slower.value[inside]) == pytest.approx(-0.05 * free.speed, rel=0.1)
+    assert "Show each run less one instead" in page_of(plot)
+    told = stage_picture(runs, "stage1", ["recorded", "lab"], roles=["measured", "given"])
+    assert told.difference_of == "measured less simulated"
+    assert np.nanmax(np.abs(told.difference[2].series[0].value + slower.value)) == 0.0
+    assert not stage_picture(runs[:1], "stage1", ["one"]).difference
+
+
+def page_of(plot):
+    page = Page("Runs")
+    page.section("Stage 1").plot(plot, "Stage 1")
+    return page.render()
+
+
+def test_walls_and_limits_have_a_name_in_the_legend():
+    run = examine(scenario(Made()), "made")
+    stage = run.stages["stage1"]
+    settings = replace(stage.settings, current_limit=float(np.nanmax(stage.current)))
+    run.stages["stage1"] = replace(stage, settings=settings)
+    plot = stage_picture([run], "stage1", ["made"])
+    assert {"wall", "current limit"} <= {series.label for series in plot.legend()}
+    assert not any(panel.guides for panel in plot.panels)
+
+
+def test_settings_have_units_and_a_source():
+    run = examine(scenario(Made()), "made")
+    header, rows, _ = settings_table([run], ["made"])
+    assert header[-2:] == ["unit", "source"]
+    units = {row[2]: row[4] for row in rows}
+    assert units["lambda"] == "N·m·s/rad" and units["current_limit"] == "A" and "" not in units.values()
 
 
 def test_a_contact_that_had_time_to_settle_and_has_not_is_a_failure_wherever_the_recording_ends():

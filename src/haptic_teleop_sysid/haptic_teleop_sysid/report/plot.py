@@ -19,6 +19,8 @@ LEAST_HEIGHT = {"rad": 1e-4, "rad/s": 1e-3, "N·m": 1e-3, "A": 1e-3, "mJ": 1e-2,
     "m/s": 1e-5,
     "N": 1e-3,
 }
+LESS = "measured less simulated"
+"""What a residual view shows where nothing else is said."""
 #: Samples up to which their names stand at the axis.
 MOST_NAMED = 12
 #: Room above and below the lines, as a share of the axis.
@@ -104,14 +106,16 @@ class Panel:
 @dataclass(frozen=True)
 class Plot:
     """``panels`` one below the other over a common axis ``x_label``; ``difference``: what is shown on request
-    instead, one below the other; ``names`` of the samples, told under the mouse, and beside the axis where
-    they are few and the samples stand at 1, 2, 3; ``dated``: times are seconds since 1970, UTC."""
+    instead, one below the other, and ``difference_of`` in words what that is; ``names`` of the samples, told
+    under the mouse, and beside the axis where they are few and the samples stand at 1, 2, 3; ``dated``: times
+    are seconds since 1970, UTC."""
 
     panels: Sequence[Panel]
     x_label: str = "time (s)"
     difference: Sequence[Panel] = ()
     names: Sequence[str] = ()
     dated: bool = False
+    difference_of: str = LESS
 
     @property
     def named_ticks(self) -> bool:
@@ -141,7 +145,7 @@ def differences(panel: Panel) -> Panel:
         for s in panel.series
         if s is not measured and len(s.value) == len(measured.value) and s.role != "reference"
     ]
-    return Panel(f"{panel.title}: measured less simulated", panel.unit, others, (0.0,), panel.spans)
+    return Panel(f"{panel.title}: {LESS}", panel.unit, others, (0.0,), panel.spans)
 
 
 def extremes(value: Array) -> tuple[float, float]:

@@ -26,7 +26,7 @@ def conclusion(
     heads = [label if len(runs) > 1 else "" for label in labels]
     named = list(zip(runs, heads, strict=True))
     worst = [(head, text) for run, head in named for status, text in verdicts(run) if status == "bad"]
-    happened = " ".join(_happened(run, head) for run, head in named)
+    happened = _happened(runs[0]) if len(runs) == 1 else _all_happened(runs, labels)
     if worst:
         head, text = worst[0]
         ended = f"{head} came to its end" if head else "The run came to its end"
@@ -57,10 +57,39 @@ def _remedy(run: Run) -> str:
     return "lower the gains of that stage, record again, and verify once more."
 
 
-def _happened(run: Run, label: str) -> str:
+def _all_happened(runs: Sequence[Run], labels: Sequence[str]) -> str:
+    """One line of what several runs have in common, and where they lie apart."""
+    told = []
+    for stage in dict.fromkeys(stage for run in runs for stage in run.merits):
+        pairs = zip(runs, labels, strict=True)
+        named = [(run.merits[stage], one) for run, one in pairs if stage in run.merits]
+        text = _stage_of_all(named)
+        told += [f"{named[0][0].title} {text}"] if text else []
+    head = f"{len(runs)} runs of scenario {runs[0].scenario} came to their end."
+    return f"{head} {'; '.join(told)}." if told else f"{head} No stage was given a command that did anything."
+
+
+def _stage_of_all(named: Sequence[tuple[StageMerit, str]]) -> str:
+    parts = []
+    if speeds := [merit.free[0].speed for merit, _ in named if merit.free]:
+        parts.append(f"moves freely at {_range(speeds, 2)} rad/s")
+    pressing = [(merit.contacts[0], label) for merit, label in named if merit.contacts]
+    if pressing:
+        torques = [contact.settled_torque for contact, _ in pressing]
+        most, label = max(((c.overshoot_percent, label) for c, label in pressing), key=lambda one: one[0])
+        parts.append(f"presses with {_range(torques, 3)} N·m, overshoot at most {most:.0f} % ({label})")
+    return " and ".join(parts)
+
+
+def _range(values: Sequence[float], digits: int) -> str:
+    low, high = f"{min(values):.{digits}f}", f"{max(values):.{digits}f}"
+    return low if low == high else f"{low} to {high}"
+
+
+def _happened(run: Run) -> str:
     """One sentence of what the robots did."""
     told = [text for merit in run.merits.values() if (text := _stage(merit))]
-    head = f"{label}: " if label else f"Scenario {run.scenario} ran to its end. "
+    head = f"Scenario {run.scenario} ran to its end. "
     if not told:
         return f"{head}No stage was given a command that did anything."
     return f"{head}{'; '.join(told)}."

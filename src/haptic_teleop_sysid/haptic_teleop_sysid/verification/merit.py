@@ -92,6 +92,7 @@ def stage_merit(run: StageRun, by_hand: bool = False) -> StageMerit:
     settings = {
         "lambda": run.settings.lambda_,
         "torque_gain": run.settings.torque_gain,
+        "neutral": run.settings.neutral,
         "wall": run.settings.wall_angle,
         "stiffness": run.settings.stiffness,
         "torque_constant": run.settings.torque_constant,

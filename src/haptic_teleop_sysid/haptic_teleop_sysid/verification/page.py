@@ -76,8 +76,9 @@ def verification_page(
     pictures: Mapping[str, Plot],
     overlays: Overlays,
 ) -> Page:
-    """Return the page: the conclusion, each stage's pictures and figures, simulation over recording; then,
-    folded, energies, the graph's health, the settings and their sources.
+    """Return the page: the conclusion, key figures of one run or a table of several, each stage's pictures
+    and figures, simulation over recording; then, folded, energies, the graph's health, the settings and their
+    sources.
     """
     kind = runs[0].experiment.get("kind")
     page = Page(
@@ -87,8 +88,12 @@ def verification_page(
     page.conclude(*conclusion(runs, labels, list(overlays.reasons)))
     for status, text in _checks(runs, labels):
         page.verdict(status, text)
-    for figure in key_figures(runs[0]):
-        page.key_figure(*figure)
+    if len(runs) > 1:
+        table = tables.runs_table([run.merits for run in runs], labels)
+        page.section("The runs side by side").table(*table)
+    else:
+        for figure in key_figures(runs[0]):
+            page.key_figure(*figure)
     for stage, picture in pictures.items():
         _stage_section(page, runs, labels, stage, picture)
     _overlay_section(page, overlays)
@@ -113,7 +118,7 @@ def _stage_section(page: Page, runs: Sequence[Run], labels: Sequence[str], stage
     page.section(_title(runs, stage)).plot(
         picture,
         f"{_title(runs, stage)}. Shaded: contact and release{whose}. Td and Td / λ: what the force law "
-        "promises.",
+        f"promises.{f' Difference shows each run less {labels[0]}.' if len(runs) > 1 else ''}",
     )
 
 
@@ -152,7 +157,7 @@ def _overlay_section(page: Page, overlays: Overlays) -> None:
         section.table(*overlay_table(overlays.done))
     for label in overlays.done:
         for group, picture in overlays.pictures[label].items():
-            page.section(f"{label} and its simulation: {group}", folded=True).plot(
+            page.section(f"{group.capitalize()}: {label} and its simulation", folded=True).plot(
                 picture, f"{label}, {group}: recording and simulation"
             )
 
@@ -190,5 +195,5 @@ def _graph_section(page: Page, runs: Sequence[Run], labels: Sequence[str]) -> No
 
 
 def _settings_section(page: Page, runs: Sequence[Run], labels: Sequence[str]) -> None:
-    section = page.section("Settings, and who says so", folded=True)
+    section = page.section("Settings and their source", folded=True)
     section.table(*tables.settings_table(runs, labels))

@@ -8,6 +8,16 @@ from haptic_teleop_sysid.verification.merit import StageMerit
 from haptic_teleop_sysid.verification.run import Run
 
 Table = tuple[list[str], list[list[object]], str]
+SETTING_UNITS: dict[str, str | None] = {
+    "lambda": "N·m·s/rad",
+    "torque_gain": "N·m/rad",
+    "neutral": "rad",
+    "wall": "rad",
+    "stiffness": "N·m/rad",
+    "torque_constant": "N·m/A",
+    "current_limit": None,
+}
+"""Unit of each setting of a stage; None: that of what limits its motor."""
 Named = Sequence[tuple[str, StageMerit]]
 
 
@@ -15,6 +25,27 @@ def number(value: float | None, digits: int = 3, scale: float = 1.0) -> str:
     """Return a number as text, a dash for none."""
     # Adding zero turns a rounded -0.0 into 0.0.
     return "–" if value is None else f"{round(scale * value, digits) + 0.0:.{digits}f}"
+
+
+def runs_table(merits: Sequence[Mapping[str, StageMerit]], labels: Sequence[str]) -> Table:
+    """Several runs side by side, stage by stage: the figures of their first free motion and first contact."""
+    header = ["stage", "run", "free speed (rad/s)", "contact torque (N·m)", "of Td (N·m)"]
+    header += ["overshoot (%)", "settling (s)"]
+    rows: list[list[object]] = []
+    for stage in dict.fromkeys(stage for one in merits for stage in one):
+        for found, label in zip(merits, labels, strict=True):
+            if (merit := found.get(stage)) is None:
+                continue
+            free = merit.free[0] if merit.free else None
+            contact = merit.contacts[0] if merit.contacts else None
+            row = [number(free.speed if free else None)]
+            if contact is None:
+                row += 4 * ["–"]
+            else:
+                row += [number(contact.settled_torque), number(contact.desired_torque)]
+                row += [number(contact.overshoot_percent, 1), number(contact.settling_time, 2)]
+            rows.append([merit.title, label, *row])
+    return header, rows, "First free motion and first contact of each run"
 
 
 def free_table(merits: Named) -> Table:
@@ -98,15 +129,17 @@ def latency_table(runs: Sequence[Run], labels: Sequence[str]) -> Table:
 
 
 def settings_table(runs: Sequence[Run], labels: Sequence[str]) -> Table:
-    """Settings of each stage and who states them."""
+    """Settings of each stage with their units and sources."""
     rows: list[list[object]] = []
     for run, label in zip(runs, labels, strict=True):
         for stage, merit in run.merits.items():
             for key, source in merit.settings["source"].items():
-                value = merit.settings.get(key)
-                rows.append([label, stage, key, "–" if value is None else f"{value:g}", source])
-            rows.append([label, stage, "desired torque", "–", merit.settings["desired_torque_from"]])
-    return ["run", "stage", "setting", "value", "from"], rows, ""
+                value, unit = merit.settings.get(key), SETTING_UNITS[key]
+                unit = merit.unit if unit is None else unit
+                rows.append([label, merit.title, key, "–" if value is None else f"{value:g}", unit, source])
+            made = merit.settings["desired_torque_from"]
+            rows.append([label, merit.title, "desired torque", "–", "N·m", made])
+    return ["run", "stage", "setting", "value", "unit", "source"], rows, ""
 
 
 def agreement_table(agreements: Mapping[str, Mapping[str, Mapping[str, float]]]) -> Table:
