@@ -132,7 +132,7 @@ def settings_table(runs: Sequence[Run], labels: Sequence[str]) -> Table:
     """Settings of each stage with their units and sources."""
     rows: list[list[object]] = []
     for run, label in zip(runs, labels, strict=True):
-        for stage, merit in run.merits.items():
+        for merit in run.merits.values():
             for key, source in merit.settings["source"].items():
                 value, unit = merit.settings.get(key), SETTING_UNITS[key]
                 unit = merit.unit if unit is None else unit
