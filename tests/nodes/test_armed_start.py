@@ -217,6 +217,28 @@ def test_a_node_that_answers_only_after_seconds_is_asked_again_until_its_paramet
         busy.destroy_node()
 
 
+def test_at_the_end_no_client_is_destroyed_before_the_recording_is_closed(graph, monkeypatch):
+    """The middleware may wait for good while it destroys a client whose server has just gone: a recording was
+    left without its end."""
+    other = Node("other", context=graph.context)
+    other.declare_parameter("gain", 2.5)
+    graph.executor.add_node(other)
+    collector, destroyed = ParameterCollector(graph.probe), []
+    try:
+        graph.until(lambda: collector.poll() or "/other" in collector.parameters, 20.0)
+        really = graph.probe.destroy_client
+        monkeypatch.setattr(graph.probe, "destroy_client", lambda c: destroyed.append(c) or really(c))
+        collector.ask_again()
+        graph.until(lambda: collector.poll() or not collector.waiting, 20.0)
+        assert collector.latest["/other"]["gain"] == 2.5
+        assert not destroyed
+    finally:
+        collector.close()
+        graph.executor.remove_node(other)
+        other.destroy_node()
+    assert destroyed
+
+
 def test_an_armed_executable_that_nobody_leads_refuses_in_one_sentence():
     command = [sys.executable, "-m", "haptic_teleop_control.front_door", "signal_generator", "--armed"]
     done = subprocess.run(command, stdin=subprocess.DEVNULL, capture_output=True, text=True, timeout=30)

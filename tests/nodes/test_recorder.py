@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import signal
 import time
+from types import SimpleNamespace
 
+import pytest
 from diagnostic_msgs.msg import DiagnosticArray
 from recorder_runs import Source, finish, recorder_hears
 from sensor_msgs.msg import JointState
@@ -108,3 +110,29 @@ def test_a_sender_that_goes_on_does_not_keep_the_recorder():
     endless = Late([1] * 1000)
     endless._take_the_last(None)
     assert 0 < len(endless.turns) < 1000
+
+
+class Ending(RecorderNode):
+    """A recorder at its end, whose question for parameters breaks off."""
+
+    def __init__(self) -> None:
+        self.described: list[str] = []
+        self._parent, self.problems, self.received, self._topics, self.started = None, [], {}, [], 0.0
+        self.writer = SimpleNamespace(describe=lambda **told: self.described.extend(told))
+        self._collector = SimpleNamespace(ask_again=lambda: None)
+        self.values = {"parameter_wait": 0.0}
+
+    def _wall_seconds(self) -> float:
+        if self.described:
+            raise InterruptedError
+        return 0.0
+
+    def _take_the_last(self, executor: object) -> None:
+        pass
+
+
+def test_what_was_received_is_told_before_anything_that_may_hang():
+    ending = Ending()
+    with pytest.raises(InterruptedError):
+        ending.finish(None)
+    assert ending.described == ["reception"]

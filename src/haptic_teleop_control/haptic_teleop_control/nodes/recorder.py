@@ -142,6 +142,9 @@ class Recorder(HapticNode):
                 ended = ended or "ended" in message
         self._collector.ask_again()
         self._take_the_last(executor)
+        # First of all: whatever holds up the rest, what was received and lost is told.
+        self._tell_reception(ended)
+        told = len(self.problems)
         until = self._wall_seconds() + self.values["parameter_wait"]
         while self._collector.waiting and self._wall_seconds() < until:
             self.spin_once(executor)
@@ -151,17 +154,25 @@ class Recorder(HapticNode):
             self._store_parameters()
             if self._collector.latest != self._collector.parameters:
                 self.writer.describe(parameters_at_stop=self._with_own(self._collector.latest))
-            lost = {topic.name: topic.missed for topic in self._topics if topic.name in self.received}
-            told = {"problems": self.problems} if self.problems else {}
-            self.writer.describe(reception={"lost_on_the_way": lost, "ended": ended, **told})
         except RecordingError as refusal:
             self._problem(str(refusal))
+        if len(self.problems) > told:
+            self._tell_reception(ended)
         try:
             self.writer.close()
             self.problems += verify_recording(self.writer.path, self.received)
         except RecordingError as refusal:
             self._problem(str(refusal))
         return print_verdict(self.writer.path, self._topics, self.received, self.problems, elapsed)
+
+    def _tell_reception(self, ended: bool) -> None:
+        """Writes what was lost on the way here, whether the run came to its end, and what went wrong."""
+        lost = {topic.name: topic.missed for topic in self._topics if topic.name in self.received}
+        problems = {"problems": self.problems} if self.problems else {}
+        try:
+            self.writer.describe(reception={"lost_on_the_way": lost, "ended": ended, **problems})
+        except RecordingError as refusal:
+            self._problem(str(refusal))
 
     def _take_the_last(self, executor: Executor) -> None:
         """Takes what was sent before the end and is still on its way: on a busy machine a message arrives
@@ -210,7 +221,6 @@ class Recorder(HapticNode):
 
     def shutdown_safely(self) -> None:
         self.time.close()
-        self._collector.close()
         try:
             self.writer.close()
         except RecordingError as refusal:
@@ -219,6 +229,10 @@ class Recorder(HapticNode):
     def leave_topics(self) -> None:
         """Ends its subscriptions; nothing is recorded from then on."""
         self._input.destroy_node()
+
+    def leave_questions(self) -> None:
+        """Gives up what was asked of other nodes."""
+        self._collector.close()
 
     def begin(self) -> None:
         self.take_part(RECORDER, topics=tuple(topic.name for topic in self._topics))
@@ -369,6 +383,7 @@ def _main(argv: list[str]) -> int:
                     executor.remove_node(node)
                     executor.shutdown()
                     node.leave_topics()
+                    node.leave_questions()
                     node.destroy_node()
                     rclpy.try_shutdown()
             return status

@@ -30,6 +30,7 @@ class ParameterCollector:
         self.parameters: dict[str, dict[str, Any]] = {}
         self.latest: dict[str, dict[str, Any]] = {}
         self._queries: dict[str, _Query] = {}
+        self._answered: list[_Query] | None = None  # kept from `ask_again` on
         self._vain: dict[str, int] = {}
         node.create_subscription(
             ParameterEvent, "/parameter_events", self._event, qos_profile_parameter_events
@@ -51,16 +52,20 @@ class ParameterCollector:
         self._advance()
 
     def ask_again(self) -> None:
-        """Asks every known node once more; its answer goes to `latest`."""
+        """Asks every known node once more; its answer goes to `latest`. To be called at the end: from now on
+        clients are kept until `close`, because the middleware may wait for good while it destroys one whose
+        server has just gone."""
+        self._answered = []
         for full in self.parameters:
             self._ask(full)
         self._advance()
 
     def close(self) -> None:
-        """Gives up what is outstanding."""
-        for query in self._queries.values():
+        """Gives up what is outstanding, and ends the clients of what was answered."""
+        for query in (*self._queries.values(), *(self._answered or ())):
             query.destroy()
         self._queries.clear()
+        self._answered = None
 
     def _ask(self, full: str) -> None:
         if full not in self._queries:
@@ -76,7 +81,10 @@ class ParameterCollector:
                 self.latest[full] = dict(query.answer)
             elif full not in self.parameters:
                 self._vain[full] = self._vain.get(full, 0) + 1
-            query.destroy()
+            if self._answered is None:
+                query.destroy()
+            else:
+                self._answered.append(query)
             del self._queries[full]
 
     def _event(self, event: ParameterEvent) -> None:
