@@ -87,6 +87,16 @@ def test_a_model_file_is_looked_for_beside_the_parameter_file(tmp_path, capsys):
     assert str(tmp_path / "mine.yaml") in capsys.readouterr().err
 
 
+def test_composed_refuses_nodes_that_run_in_two_times(tmp_path, capsys):
+    mixed = tmp_path / "mixed.yaml"
+    mixed.write_text("sfj_sim:\n  ros__parameters: {use_sim_time: true}\n", encoding="utf-8")
+    arguments = ["sfj_sim", "force_controller", "--ros-args", "--params-file", str(mixed)]
+    assert composed(arguments) == 2
+    said = capsys.readouterr().err
+    assert "sfj_sim runs in simulated time and force_controller does not" in said
+    assert "set use_sim_time alike" in said
+
+
 def test_composed_knows_every_node_and_refuses_what_is_none(capsys):
     assert set(NODES) <= set(node_names())
     assert composed(["--help"]) == 0

@@ -27,6 +27,7 @@ from haptic_teleop_control.nodes.launching.stopping import StopRequests, stop_re
 from haptic_teleop_control.nodes.streams.senders import SENDERS_TOLD, UNTOLD
 from haptic_teleop_control.nodes.timing.deadline import request_realtime
 from haptic_teleop_control.parameter_files import load_parameter_file
+from haptic_teleop_control.teleoperation.agreement import simulates
 from haptic_teleop_control.warning_list import REALTIME_REFUSED
 
 POLL = 0.05
@@ -62,12 +63,20 @@ def run_nodes(node_classes: Sequence[type[HapticNode]], argv: Sequence[str]) -> 
 
 
 def create_nodes(node_classes: Sequence[type[HapticNode]], arguments: RosArguments) -> list[HapticNode]:
-    """The nodes with their parameters from `arguments`, all checked before the first is made."""
+    """The nodes with their parameters from `arguments`, all checked before the first is made: also that they
+    run in one time, because those that wait for a coordinator would wait for good beside others."""
     options = []
     for node_class in node_classes:
         neighbours = [other.TABLE for other in node_classes if other is not node_class]
         full_name = arguments.full_name(node_class.NAME, node_class.NAMESPACE)
         options.append(overrides(node_class.TABLE, full_name, arguments, neighbours))
+    if len(node_classes) > 1:
+        times = {
+            node_class.NAME: {"use_sim_time": any(p.name == "use_sim_time" and p.value for p in given)}
+            for node_class, given in zip(node_classes, options, strict=True)
+            if node_class.MAY_BE_SIMULATED
+        }
+        simulates(times, "nodes of one process")
     nodes: list[HapticNode] = []
     try:
         for node_class, given in zip(node_classes, options, strict=True):
