@@ -12,8 +12,9 @@ from sensor_msgs.msg import JointState
 from small_scenario import FILE, start
 
 from haptic_teleop_control.errors import ConfigurationError
+from haptic_teleop_control.nodes.launching import watch
 from haptic_teleop_control.nodes.launching.children import Child, stop_all
-from haptic_teleop_control.nodes.launching.watch import Watcher
+from haptic_teleop_control.nodes.launching.watch import ProgressLine, Watcher
 from haptic_teleop_control.nodes.scenario import load_scenario, main
 from haptic_teleop_control.nodes.streams.joint_states import STREAM_QOS
 from haptic_teleop_control.recording import read_recording
@@ -54,6 +55,14 @@ def test_a_scenario_moves_the_plant_and_ends_by_itself_with_0(file, mode):
         float(line.split("stage 1:")[1].split()[0]) for line in errors.splitlines() if "stage 1:" in line
     ]
     assert angles[-1] > 0.05, errors
+
+
+def test_where_there_is_no_terminal_no_line_of_progress_is_printed_twice(monkeypatch, capsys):
+    monkeypatch.setattr(watch, "PLAIN_INTERVAL", -1.0)
+    with ProgressLine() as progress:
+        for text in ("starting composed", "compiling, once", "starting composed", "1.0 s", "1.0 s"):
+            progress.show(text)
+    assert capsys.readouterr().err.splitlines() == ["starting composed", "compiling, once", "1.0 s"]
 
 
 def test_a_recorded_scenario_holds_every_sample_and_the_parameters(file, tmp_path):

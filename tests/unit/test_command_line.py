@@ -4,7 +4,7 @@ import argparse
 
 import pytest
 
-from haptic_teleop_control import errors
+from haptic_teleop_control import errors, operate
 from haptic_teleop_control.command_line import run_command
 
 KINDS = [errors.ConfigurationError, errors.ModelError, errors.RecordingError, errors.MismatchError]
@@ -52,6 +52,14 @@ def test_leaving_through_argparse_is_a_status(arguments, status, capsys):
 @pytest.mark.parametrize(("code", "status"), [(None, 0), (4, 4), ("a reason", 1)])
 def test_sys_exit_means_what_python_says_it_means(code, status):
     assert run_command(raising(SystemExit(code)), []) == status
+
+
+@pytest.mark.parametrize(
+    ("typed", "hint"), [("engag", "did you mean engage?"), ("fly", "choose from engage, disengage")]
+)
+def test_a_mistyped_act_of_operate_is_told_with_the_nearest(typed, hint, capsys):
+    assert operate.main([typed]) == 2
+    assert hint in capsys.readouterr().err
 
 
 def test_interrupting_says_what_the_interrupt_carries_and_no_more(capsys):

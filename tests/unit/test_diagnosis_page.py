@@ -255,6 +255,7 @@ def test_each_command_is_one_that_its_program_takes(robot, joint, table, excitat
     scenario = None if table is None or excitation is None else output / "scenario.yaml"
     origin = Origin("my models/lab.yaml", learn, check, check, output, scenario=scenario)
     steps(page, content(robot, joint, excitation), origin)
+    assert not any("`" in what for what, _ in page.sections[0].blocks[0].rows), "a page sets no code in text"
     lines = [[shlex.split(line) for line in told.splitlines()] for _, told in page.sections[0].blocks[0].rows]
     assert all(words[0] == "haptic-teleop" for commands in lines for words in commands)
     (simulate, *looked), (compared,), (*recorded, diagnosed) = lines

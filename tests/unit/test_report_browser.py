@@ -13,6 +13,8 @@ from joint_recordings import TRUTH, excitation, joint_recording, response
 from scenario_recordings import Made, scenario
 
 from haptic_teleop_sim.model import Effect, Model
+from haptic_teleop_sysid.diagnosis.evidence.proof import MODELS
+from haptic_teleop_sysid.diagnosis.report.page_columns import parameters
 from haptic_teleop_sysid.report import Band, Page, Panel, Plot, Series, still
 from haptic_teleop_sysid.runs.comparison import compare
 from haptic_teleop_sysid.runs.comparison_pictures import comparison_pictures
@@ -276,6 +278,33 @@ def test_the_pages_of_the_commands_fit_a_narrow_screen_and_a_sheet_of_paper(brow
     assert page.evaluate(FITS)["page"] == 0
     cut = page.evaluate("[...document.querySelectorAll('table')].map(t => t.getBoundingClientRect().right)")
     assert len(cut) >= 3 and max(cut) <= A4 + 1
+    page.close()
+
+
+def compared_parameters():
+    """The parameters of a diagnosis, with an effect of a long name."""
+    number = {"value": 0.41234, "std": 0.0101, "unit": "N*m*s/rad", "at_bound": None, "change": -0.061}
+    own = dict.fromkeys(("torque_constant", "stiffness", "motor_damping"), number)
+    found = own | {"stage1_motor.position_dependent_friction.amplitude": number}
+    models = {name: {"parameters": own} for name in MODELS} | {"augmented": {"parameters": found}}
+    what = {"what": "the structure with what was found"}
+    page = Page("Diagnosis")
+    parameters(page, {"models": models, "augmented_model": what, "verdict": "identified"})
+    return page
+
+
+def test_on_a_narrow_screen_the_augmented_parameters_are_in_sight_and_more_is_hinted_at(browser, tmp_path):
+    report = compared_parameters().write(tmp_path / "report.html")
+    page = browser.new_page(**WATCHED | {"viewport": {"width": 420, "height": 900}})
+    page.goto(report.as_uri())
+    page.wait_for_function("!document.querySelector('.more').hidden")
+    right = page.evaluate(
+        "[...document.querySelectorAll('th')].find(h => h.textContent === 'augmented')"
+        ".getBoundingClientRect().right"
+    )
+    assert right <= 420
+    page.set_viewport_size({"width": 1280, "height": 900})
+    page.wait_for_function("document.querySelector('.more').hidden")
     page.close()
 
 

@@ -175,6 +175,11 @@ def test_a_number_ends_where_its_error_begins(value, std, unit, text):
     assert with_error(value, std, unit) == text
 
 
+def test_a_hyphen_before_a_number_becomes_a_minus_and_in_names_dates_and_exponents_it_stays():
+    text = "-6.1 % of (-3) and ± -.5; 2026-11-25, run-3, a/-3, --seed, 1e-09, 0.2-0.3"
+    assert units_in(text) == "−6.1 % of (−3) and ± −.5; 2026-11-25, run-3, a/-3, --seed, 1e-09, 0.2-0.3"
+
+
 def test_the_ends_of_a_narrow_interval_are_told_apart():
     for value, std in ((0.17, 3.7e-7), (1.7e-6, 3.7e-10), (1.7e8, 20.0)):
         low, high = (float(rounded(end, std)) for end in (value - 2.0 * std, value + 2.0 * std))

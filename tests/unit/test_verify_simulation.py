@@ -207,7 +207,9 @@ def test_the_second_scenario_is_laid_over_its_simulation_too(tmp_path, capsys):
         assert (tmp_path / "out" / f"{axis}.png").stat().st_size > 10_000
     said = capsys.readouterr().out
     assert "Omni Y in contact" in said and "an estimated 0.1" in said and "limit 0.446 N·m" in said
-    assert "Scenario 2" in (tmp_path / "out" / "report.html").read_text()
+    page = (tmp_path / "out" / "report.html").read_text()
+    assert "Scenario 2" in page and "> commanded torque<" in page
+    assert "commanded current" not in page, "the Omni's motors are told by their torque"
     first = str(write_recording(tmp_path / "first", recorded().topics, recorded().parameters, {}))
     assert verify.main([first, bag, "--output", str(tmp_path / "both")]) == 2
     assert "not all of one scenario" in capsys.readouterr().err

@@ -1,10 +1,11 @@
 """What every command does about errors: a sentence for the user's, a traceback for ours."""
 
 import argparse
+import difflib
 import math
 import os
 import sys
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Collection, Sequence
 
 from haptic_teleop_control.errors import HapticTeleopError
 
@@ -39,6 +40,19 @@ def run_command(main: Callable[[list[str]], int | None], argv: Sequence[str] | N
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return PIPE_CLOSED
     return 0 if status is None else status
+
+
+def one_of(known: Collection[str]) -> Callable[[str], str]:
+    """An argument's type for `argparse`: one of the known words; another one is refused with the nearest."""
+
+    def word(text: str) -> str:
+        if text in known:
+            return text
+        near = difflib.get_close_matches(text.lower(), known, n=1)
+        hint = f"did you mean {near[0]}?" if near else f"choose from {', '.join(known)}"
+        raise argparse.ArgumentTypeError(f"{text!r} is not known: {hint}")
+
+    return word
 
 
 def tell(error: HapticTeleopError) -> int:

@@ -6,7 +6,7 @@ from __future__ import annotations
 import argparse
 from collections.abc import Sequence
 
-from haptic_teleop_control.command_line import positive, run_command
+from haptic_teleop_control.command_line import one_of, positive, run_command
 from haptic_teleop_control.plugins import load_object
 
 ACTS = {
@@ -55,7 +55,7 @@ def _main(argv: list[str]) -> int:
         epilog="\n".join(lines),
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
-    parser.add_argument("act", choices=list(ACTS))
+    parser.add_argument("act", type=one_of(ACTS), choices=list(ACTS))
     parser.add_argument(
         "--controller",
         default="/force_controller",

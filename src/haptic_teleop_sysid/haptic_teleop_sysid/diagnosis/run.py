@@ -64,7 +64,7 @@ def diagnose(
         if not found.freely:  # what only a simulation found has no score that chance could be held against
             kept = beyond_chance(found.kept, chance)
             dropped = found.kept.choices[len(kept.choices) :]
-    say("doubting")
+    say("checking what was found")
     result, doubt, stand = questioned(found, believed, kept, [*estimation, *validation])
     adequate = None
     if any(c.chosen.by_current <= 0.0 for c in result.choices):

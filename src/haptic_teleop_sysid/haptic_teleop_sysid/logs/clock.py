@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from datetime import UTC, datetime
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -76,10 +78,15 @@ def stamps_of(
                 "s, which is neither a time since the start nor since 1970: give another unit (ms, us, ns)."
             )
         origin = float(ORIGIN)
-        told.append(f"its times are no dates: stamps are {origin:.0e} s later")
+        told.append(f"the log has no date: its time zero is taken as {_date(origin)}")
     stamps = np.rint(1e9 * seconds).astype(np.int64) + int(origin) * 10**9
     _judge(stamps, log, told)
     return stamps, rows, f"column {clock.name!r}"
+
+
+def _date(seconds: float) -> str:
+    """A time since 1970, s, as a date."""
+    return datetime.fromtimestamp(seconds, UTC).strftime("%Y-%m-%d %H:%M UTC")
 
 
 def _since(stamps: NDArray[np.int64], row: int) -> float:

@@ -167,7 +167,7 @@ def _shared(signals: dict[str, Signal], taken: dict[int, str]) -> list[str]:
 
 def _sorted_told(told: list[str], changes: list[str], odd: list[str]) -> None:
     """What a clock tells: what was done, and what is odd."""
-    done = ("time: column", "no time is read", "its times are no dates")
+    done = ("time: column", "no time is read", "the log has no date")
     changes += [t for t in told if t.startswith(done)]
     odd += [t for t in told if not t.startswith(done)]
 

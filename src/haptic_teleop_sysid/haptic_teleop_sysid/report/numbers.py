@@ -8,6 +8,8 @@ import re
 #: Digits of a number, however small its error.
 MOST_DIGITS = 10
 _EXPONENT = {"2": "²", "3": "³"}
+#: A hyphen that stands for a minus: before a number, and behind no word, path or number.
+_MINUS = re.compile(r"(?<![\w./\\-])-(?=\.?\d)")
 _UNIT = re.compile(
     r"(?<![\w·])(?:N|kg|rad|m|s|A|V)(?:[*·](?:m|s|rad)(?:\^[23])?|/(?:rad|A|V|s|m)(?:\^[23])?)+(?![\w*/])"
 )
@@ -21,8 +23,8 @@ def unit_text(unit: str) -> str:
 
 
 def units_in(text: str) -> str:
-    """A sentence with its units, wherever they stand, written that way."""
-    return _UNIT.sub(lambda m: unit_text(m[0]), text)
+    """A sentence with its units, wherever they stand, written that way, and a minus before its numbers."""
+    return _MINUS.sub("−", _UNIT.sub(lambda m: unit_text(m[0]), text))
 
 
 def rounded(value: float, std: float | None) -> str:

@@ -170,6 +170,14 @@
     for (const one of lives.values()) for (const found of Object.values(one.plots)) paint(found);
   });
 
+  // A table that goes on beyond its box says so: a column out of sight is one that nobody looks for.
+  const boxes = new ResizeObserver((entries) => {
+    for (const { target } of entries) {
+      target.previousElementSibling.hidden = target.scrollWidth <= target.clientWidth + 1;
+    }
+  });
+  document.querySelectorAll(".scroll").forEach((box) => boxes.observe(box));
+
   function unfold() {
     const target = location.hash.length > 1 && document.getElementById(location.hash.slice(1));
     const folded = target && target.querySelector(":scope > details");

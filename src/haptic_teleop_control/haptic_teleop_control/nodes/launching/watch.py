@@ -194,11 +194,12 @@ class Watcher:
 
 
 class ProgressLine:
-    """One line on standard error: rewritten in place on a terminal, otherwise printed every two seconds if it
-    has changed; the last one always stays."""
+    """One line on standard error: rewritten in place on a terminal, otherwise printed every two seconds, and
+    none twice; the last one always stays."""
 
     def __init__(self) -> None:
-        self._text = self._printed = ""
+        self._text = ""
+        self._printed: set[str] = set()
         self._console = Console(stderr=True)
         self._live = Live(console=self._console, auto_refresh=False) if self._console.is_terminal else None
         self._last = -math.inf
@@ -220,9 +221,10 @@ class ProgressLine:
         self._text = text
         if self._live is not None:
             self._live.update(Text(text, no_wrap=True), refresh=True)
-        elif text == self._printed:
+        elif text in self._printed:
             self._text = ""
         elif time.monotonic() - self._last > PLAIN_INTERVAL:
             self._last = time.monotonic()
-            self._text, self._printed = "", text
+            self._text = ""
+            self._printed.add(text)
             print(text, file=sys.stderr, flush=True)

@@ -78,7 +78,7 @@ def explore(
     index = len(fit.model.effects)
 
     def to_the_end(trial: Fit) -> Fit:
-        say(f"once more {trial.model.effects[index].effect}")
+        say(f"fitting {trial.model.effects[index].effect} to the end")
         return with_companion(polish(trial, estimation, limits), fit.model, estimation, limits)
 
     def ended(trials: Sequence[Fit]) -> list[Fit]:
@@ -98,7 +98,7 @@ def explore(
     say("fitting richer forms of friction")
     fits = best_of_each([*fits, *ended(richer_forms(fits, fit, index, few, scales, limits))], index)
     fits = with_shadows(fits, fit, estimation, limits)
-    say("fitting the model without them once more")
+    say("fitting the model without them again")
     better = better_baseline(fit, (fits or begun)[:_MOST_ABLATED], estimation, limits)
     moved = better.log_likelihood > fit.log_likelihood + _ANOTHER_HOLLOW
     stands = bool(fits) and fits[0].log_likelihood > better.log_likelihood + _STANDS

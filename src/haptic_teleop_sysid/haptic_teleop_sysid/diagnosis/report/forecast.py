@@ -22,7 +22,7 @@ BASELINE, ROUND, FREELY, REST = 200.0, 1700.0, 1700.0, 400.0
 #: What a phase that takes longer than thought is taken to need in all, in times of what it has taken so far.
 _LONGER = 1.2
 _ROUND = re.compile(r"effect (\d+): ")
-_REST = ("doubting", "deciding", "simulating", "choosing", "writing")
+_REST = ("checking", "deciding", "simulating", "choosing", "writing")
 
 
 def pass_seconds(model: Model, records: Sequence[Record]) -> float | None:

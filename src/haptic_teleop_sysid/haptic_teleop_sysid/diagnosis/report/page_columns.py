@@ -62,14 +62,14 @@ def parameters(page: Page, content: dict[str, Any]) -> None:
             name,
             unit_text(models[2][name]["unit"]),
             f"{models[0][name]['value']:.5g}" if name in models[0] else "–",
-            *(cell for column in models[1:] for cell in _cells(column.get(name))),
+            *(cell for column in (models[2], models[1]) for cell in _cells(column.get(name))),
         )
         for name in models[2]
     ]
     page.section(
         "Parameters", f"augmented_model.yaml holds {content['augmented_model']['what']}: simulate with it."
     ).table(
-        ("parameter", "unit", "yours", "re-estimated", "change", "augmented", "change"),
+        ("parameter", "unit", "yours", "augmented", "change", "re-estimated", "change"),
         rows,
         "± is the standard error, with what the other recordings differ by; a parameter without one was "
         "held, is at a bound, or cannot be determined from these recordings."

@@ -85,7 +85,7 @@ def _simulate(content: dict[str, Any], model: str, origin: Origin) -> str:
 def _means(content: dict[str, Any], origin: Origin) -> str:
     """What the first command gives."""
     if origin.scenario is not None:
-        return "scenario 1 and a page on it; with `scenario` in place of `lockstep` it runs as ROS 2 nodes"
+        return "scenario 1 and a page on it; with scenario in place of lockstep it runs as ROS 2 nodes"
     if content["robot"] in ("sfj", "omni"):
         return "a robot in simulation that speaks its topics; Ctrl-C ends it"
     return "one Python function; a simulated robot there is for the 2DSFJ and the Omni alone"
