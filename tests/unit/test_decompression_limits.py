@@ -1,5 +1,7 @@
 """Small files that expand hugely are refused in a sentence, before the memory or the disk is full."""
 
+import bz2
+import re
 import sqlite3
 import subprocess
 import sys
@@ -14,6 +16,8 @@ import zstandard
 from mcap.data_stream import RecordBuilder
 from mcap.records import Chunk, DataEnd, Footer
 from mcap.stream_reader import StreamReader
+from rosbags.rosbag1 import Writer as Writer1
+from rosbags.typesys import Stores, get_typestore
 
 from haptic_teleop_control.errors import RecordingError
 from haptic_teleop_control.raw_capture import READ, RawCapture, read_capture
@@ -61,6 +65,19 @@ def with_chunks(file: Path, chunks: list[Chunk]) -> None:
     for record in [*records[:end], *chunks, DataEnd(0), Footer(0, 0, 0)]:
         record.write(builder)
     file.write_bytes(MAGIC + builder.end() + MAGIC)
+
+
+def huge_ros1_bag(path: Path, compression: str, announced: int) -> None:
+    """A bag of ROS 1 with one chunk that is no more than HUGE zeros."""
+    packed = bz2.compress(bytes(HUGE)) if compression == "bz2" else zeros("lz4", HUGE)
+    store = get_typestore(Stores.ROS1_NOETIC)
+    writer = Writer1(path)
+    writer.compression_format, writer.compressor = compression, lambda _: packed
+    with writer:
+        writer.write(writer.add_connection("/big", "std_msgs/msg/String", typestore=store), START, bytes(4))
+    data = path.read_bytes()
+    size = data.index(b"size=", data.index(b"compression=")) + 5
+    path.write_bytes(data[:size] + announced.to_bytes(4, "little") + data[size + 4 :])
 
 
 def small_bag(path: Path) -> Path:
@@ -269,12 +286,57 @@ def test_recordings_that_compress_very_well_are_read(tmp_path):
                 assert zlib.crc32(data) == record.uncompressed_crc
 
 
+IMPORTING = """
+import sys
+from pathlib import Path
+from haptic_teleop_control.errors import RecordingError
+from haptic_teleop_sysid.logs.reading import read_log
+try:
+    print({one.name: len(one.values) for one in read_log(Path(sys.argv[1])).columns})
+except RecordingError as refusal:
+    print("refused:", refusal)
+"""
+IMPORT_ROOM = 500 << 20
+"""Bytes; as ROOM, with pandas and what else reads logs."""
+
+
+@pytest.mark.parametrize("compression", ["bz2", "lz4"])
+@pytest.mark.parametrize(
+    ("announced", "sentence"),
+    [(HUGE, "would expand to 944 MB"), (1000, "it holds more than the 1000 bytes that it announces")],
+)
+def test_import_refuses_a_bag_of_ros_1_with_a_chunk_that_expands_hugely(
+    tmp_path, compression, announced, sentence
+):
+    path = tmp_path / "log.bag"
+    huge_ros1_bag(path, compression, announced)
+    assert path.stat().st_size < HUGE / 100
+    told, memory = peak(IMPORTING, path)
+    assert told.startswith("refused:") and str(path) in told and sentence in told
+    assert memory < IMPORT_ROOM
+
+
+def test_import_refuses_ros_2_bags_that_expand_hugely(tmp_path):
+    file = small_bag(tmp_path / "bag")
+    with_chunks(file, [bomb("zstd", HUGE)])
+    folder = tmp_path / "packed"
+    folder.mkdir()
+    (folder / "bag_0.db3.zstd").write_bytes(zeros("zstd", FILE_BYTES + (64 << 20)))
+    for path, sentence in ((file, "would expand to 944 MB"), (file.parent, "944 MB"), (folder, "more than")):
+        told, memory = peak(IMPORTING, path)
+        assert told.startswith("refused:") and sentence in told and memory < IMPORT_ROOM
+
+
 def test_recordings_are_decompressed_in_one_place():
     """What the libraries read by themselves, they decompress without limit."""
-    package = Path(read_recording.__code__.co_filename).parents[1]
-    for file in package.rglob("*.py"):
+    packages = Path(read_recording.__code__.co_filename).parents[3]
+    files = list(packages.glob("haptic_teleop_*/haptic_teleop_*/**/*.py"))
+    assert len({file.relative_to(packages).parts[0] for file in files}) == 5
+    for file in files:
         text = file.read_text()
         if file.name != "expansion.py":
             assert "Decompressor" not in text and "rosbags.rosbag2" not in text, file
             assert "mcap.reader" not in text and "rosbags.highlevel" not in text, file
             assert "StreamReader(" not in text or "emit_chunks=True" in text, file
+            assert "rosbags.rosbag1" not in text or "decompressor=lambda stored: expand_chunk(" in text, file
+            assert not re.search(r"(import|from) (bz2|lz4|lzma)", text), file

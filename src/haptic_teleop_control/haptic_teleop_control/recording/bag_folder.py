@@ -35,6 +35,7 @@ class Bag:
         self.lost: list[tuple[int, int]] = []
         self.whole = True
         self.lossy = False
+        self._definitions: Callable[[str], tuple[str, str]] = lambda _: ("", "")
         self.per_message = str(self.information.get("compression_mode") or "").lower() == "message"
         if found.problem:
             self.damage(found.problem, lossy=False)
@@ -46,6 +47,11 @@ class Bag:
         self.whole = False
         self.lossy |= lossy
         self.problems.append(sentence)
+
+    def definition(self, kind: str) -> tuple[str, str]:
+        """How the file that is being read defines a message type: ("ros2msg", "ros2idl" or alike, the text);
+        both empty where it does not. Also for `select` of `batches`."""
+        return self._definitions(kind)
 
     def batches(self, select: Callable[[str, str], bool]) -> Iterator[Batch]:
         """All messages, file by file; those of topics (name, type) not selected are only counted."""
@@ -59,6 +65,14 @@ class Bag:
                 self.damage(f"{file}: {damage}")
             except OSError as error:
                 self.damage(f"{file}: it cannot be read ({error.strerror or error})")
+
+    def announced(self) -> dict[str, int]:
+        """Messages by topic that metadata.yaml announces; {} when it is missing or damaged."""
+        try:
+            topics = self.information.get("topics_with_message_count") or []
+            return {t["topic_metadata"]["name"]: int(t["message_count"]) for t in topics}
+        except (KeyError, TypeError, ValueError, AttributeError):
+            return {}
 
     def check_counts(self, counts: Mapping[str, int]) -> None:
         """Compares the messages found with those that metadata.yaml announces."""
@@ -77,6 +91,7 @@ class Bag:
     def _mcap(self, file: Path, select: Callable[[str, str], bool], budget: Budget) -> Iterator[Batch]:
         with open_storage(file, budget) as stream:
             scan = McapScan(stream, budget)
+            self._definitions = scan.definition_of
             yield from mcap_batches(scan, select)
         self.take_from(file, scan)
 
@@ -97,6 +112,7 @@ class Bag:
         if missing := sqlite_messages.missing_bytes(file):
             self.damage(f"{file}: it is cut: {missing} bytes are missing at its end")
         with sqlite_messages.opened(file, budget) as connection:
+            self._definitions = sqlite_messages.definitions(connection).__getitem__
             for batch, kind in sqlite_messages.batches(connection, select, budget):
                 self.types[batch.topic] = kind
                 yield batch

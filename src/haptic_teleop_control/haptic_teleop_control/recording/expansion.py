@@ -8,6 +8,7 @@ size.
 
 from __future__ import annotations
 
+import bz2
 from collections.abc import Iterator
 from typing import BinaryIO, Protocol
 
@@ -57,8 +58,8 @@ def part_limit(stored: int) -> int:
 
 
 def expand_chunk(compression: str, stored: bytes, size: int, budget: Budget) -> bytes:
-    """The contents of a chunk that announces `size` bytes, compressed by "zstd" or "lz4". Damaged when it
-    announces or holds more than it may; TooLarge from `budget`."""
+    """The contents of a chunk that announces `size` bytes, compressed by "zstd", "lz4" or "bz2". Damaged when
+    it announces or holds more than it may; TooLarge from `budget`."""
     _check(size, len(stored))
     budget.take(size)
     try:
@@ -66,9 +67,11 @@ def expand_chunk(compression: str, stored: bytes, size: int, budget: Budget) -> 
         # could ask for any amount of memory.
         if compression == "zstd":
             contents = zstandard.ZstdDecompressor().stream_reader(stored).read(size + 1)
+        elif compression == "bz2":
+            contents = bz2.BZ2Decompressor().decompress(stored, size + 1)
         else:
             contents = lz4.frame.LZ4FrameDecompressor().decompress(stored, max_length=size + 1)
-    except (zstandard.ZstdError, RuntimeError, MemoryError) as error:
+    except (zstandard.ZstdError, RuntimeError, OSError, ValueError, MemoryError) as error:
         raise Damaged("it cannot be decompressed") from error
     if len(contents) > size:
         raise Damaged(f"it holds more than the {size} bytes that it announces")

@@ -70,6 +70,12 @@ class McapScan:
         schema = self.schemas.get(known.schema_id) if known else None
         return schema.name if schema else None
 
+    def definition_of(self, kind: str) -> tuple[str, str]:
+        """Encoding and text of the first schema that defines a message type; both empty when none does."""
+        schemas = (one for one in self.schemas.values() if one.name == kind and one.data)
+        found = next(schemas, None)
+        return (found.encoding, found.data.decode(errors="replace")) if found else ("", "")
+
     def __iter__(self) -> Iterator[Messages]:
         summary = read_summary(self._read, self.size)
         self._summary = summary

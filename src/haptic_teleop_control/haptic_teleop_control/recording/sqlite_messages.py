@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import sqlite3
-from collections.abc import Callable, Iterator
+from collections import defaultdict
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -65,10 +66,23 @@ def missing_bytes(file: Path) -> int:
     return max(0, page * int.from_bytes(head[28:32], "big") - file.stat().st_size)
 
 
-def _check_stored(connection: sqlite3.Connection) -> None:
+def definitions(connection: sqlite3.Connection) -> defaultdict[str, tuple[str, str]]:
+    """Encoding and text by message type, as recorders keep them since 2023; both empty for other types."""
+    found: defaultdict[str, tuple[str, str]] = defaultdict(lambda: ("", ""))
+    present = "SELECT count(*) FROM sqlite_master WHERE name = 'message_definitions'"
+    if connection.execute(present).fetchone()[0]:
+        _check_stored(connection, ("message_definitions",))
+        cursor = connection.execute(
+            "SELECT topic_type, encoding, encoded_message_definition FROM message_definitions"
+        )
+        found.update({str(kind): (str(encoding), str(text)) for kind, encoding, text in cursor})
+    return found
+
+
+def _check_stored(connection: sqlite3.Connection, tables: Sequence[str] = ("topics", "messages")) -> None:
     """Damaged unless what is read are tables with stored columns: a view or a generated column can yield
     any amount of data from a few bytes, and never end."""
-    for table in ("topics", "messages"):
+    for table in tables:
         schema = "SELECT type, sql FROM sqlite_master WHERE lower(name) = ?"
         stated = connection.execute(schema, (table,)).fetchall()
         generated = f"SELECT name FROM pragma_table_xinfo('{table}') WHERE hidden"

@@ -1,19 +1,20 @@
-"""ROS bags of either generation, in any storage that rosbags reads, as columns `topic:field`."""
+"""ROS bags of either generation, in MCAP or SQLite3 if of ROS 2, as columns `topic:field`."""
 
 from __future__ import annotations
 
-from collections import Counter
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-from rosbags.highlevel import AnyReader, AnyReaderError
-from rosbags.typesys import Stores, get_types_from_msg, get_typestore
+from rosbags.typesys import get_types_from_msg
 
 from haptic_teleop_control.counted import counted
 from haptic_teleop_control.errors import ConfigurationError, RecordingError
-from haptic_teleop_sysid.logs.log import MOST_ROWS, Column, Log
+from haptic_teleop_control.recording.expansion import Damaged
+from haptic_teleop_sysid.logs.bag_messages import BagMessages, bag_messages
+from haptic_teleop_sysid.logs.bag_types import BagTypes
+from haptic_teleop_sysid.logs.log import Column, Log
 from haptic_teleop_sysid.logs.messages import getters, joints_of, stamp_of
 
 #: Bytes of a message from which it is a picture or a cloud and holds no signal of a joint.
@@ -32,21 +33,13 @@ _OF_JOINTS = {"position": "rad", "velocity": "rad/s", "effort": "N*m"}
 def read_bag(path: Path, topics: Sequence[str] | None = None, definitions: Sequence[Path] = ()) -> Log:
     """Return the numbers of a bag, of ``topics`` alone where given; ``definitions``: .msg files for messages
     that the bag does not define, named after their type (`package/msg/Type.msg`)."""
-    store = get_typestore(Stores.ROS2_KILTED)
     extra: dict[str, Any] = {}
     for file in definitions:
         extra.update(_definition(file))
-    if extra:
-        store.register(extra)
+    types = BagTypes(extra)
     try:
-        with AnyReader([path], default_typestore=store) as reader:
-            if extra:
-                known = reader.typestore.fielddefs
-                reader.typestore.register({n: t for n, t in extra.items() if n not in known})
-            return _read(path, reader, topics)
-    except (AnyReaderError, OSError, ValueError, KeyError, AssertionError, EOFError) as error:
-        if isinstance(error, RecordingError):
-            raise
+        return _read(path, bag_messages(path, types, topics), types, topics)
+    except (OSError, Damaged) as error:
         raise RecordingError(
             f"{path} is a damaged bag, or of a storage that is not known ({error}): try `ros2 bag convert`, "
             "or `rosbag reindex` for a ROS 1 bag."
@@ -66,41 +59,42 @@ def _definition(file: Path) -> dict[str, Any]:
         raise ConfigurationError(f"--msg {file} is no message definition ({error}): correct it.") from error
 
 
-def _read(path: Path, reader: AnyReader, topics: Sequence[str] | None) -> Log:
-    connections = [c for c in reader.connections if topics is None or c.topic in topics]
-    for topic in topics or ():
-        if topic not in {c.topic for c in connections}:
-            present = ", ".join(sorted({c.topic for c in reader.connections})) or "none"
-            raise RecordingError(f"{path} has no topic {topic}: correct the mapping (it has {present}).")
-    count = sum(c.msgcount for c in connections)
-    if count > MOST_ROWS:
-        raise RecordingError(
-            f"{path} holds {count} messages, more than the {MOST_ROWS} that are taken: name the topics in a "
-            "mapping, or cut a shorter one out of it."
-        )
-    known = reader.typestore.fielddefs
-    unknown = sorted({f"{c.topic} ({c.msgtype})" for c in connections if c.msgtype not in known})
+def _read(path: Path, bag: BagMessages, types: BagTypes, topics: Sequence[str] | None) -> Log:
+    unknown: set[str] = set()
+
+    def select(topic: str, kind: str) -> bool:
+        if topics is not None and topic not in topics:
+            return False
+        if not types.known(kind):
+            unknown.add(f"{topic} ({kind})")
+            return False
+        return True
+
     rows: dict[str, _Rows] = {}
-    large: Counter[str] = Counter()
-    readable = [c for c in connections if c.msgtype in known]
-    for connection, received, raw in reader.messages(connections=readable) if readable else ():
-        if len(raw) > LARGE:
-            large[connection.topic] += 1
+    large: set[str] = set()
+    for message in bag.messages(select):
+        if len(message.data) > LARGE:
+            large.add(message.topic)
             continue
-        message = reader.deserialize(raw, connection.msgtype)
-        rows.setdefault(connection.topic, _Rows(connection.msgtype)).add(message, received)
+        decoded = types.decode(message.kind, message.data, bag.ros1)
+        rows.setdefault(message.topic, _Rows(message.kind)).add(decoded, message.received)
+    for topic in topics or ():
+        if topic not in bag.topics:
+            present = ", ".join(sorted(bag.topics)) or "none"
+            raise RecordingError(f"{path} has no topic {topic}: correct the mapping (it has {present}).")
     remarks = ["read as a ROS bag, with the times of the messages' headers where they have one"]
     if unknown:
-        remarks.append(
-            f"not defined and passed over: {', '.join(unknown)}; give the definitions with --msg FILE.msg"
-        )
+        names = ", ".join(sorted(unknown))
+        remarks.append(f"not defined and passed over: {names}; give the definitions with --msg FILE.msg")
     if large:
         remarks.append(f"passed over, messages of more than {LARGE} bytes: {', '.join(sorted(large))}")
+    remarks += bag.problems
     columns: list[Column] = []
     stamps, times = {}, {}
     for topic, one in sorted(rows.items()):
         if not one.paths:
             continue
+        one.sort()
         columns += one.columns(topic)
         received = np.array(one.received, np.int64)
         stamped = np.array(one.stamps, np.int64)
@@ -144,6 +138,15 @@ class _Rows:
             return
         self.stamps.append(stamp_of(message))
         self.received.append(received)
+
+    def sort(self) -> None:
+        """In order of reception: files and chunks need not be in it."""
+        received = np.array(self.received, np.int64)
+        if np.any(np.diff(received) < 0):
+            order = np.argsort(received, kind="stable").tolist()
+            self.values = [self.values[i] for i in order]
+            self.stamps = [self.stamps[i] for i in order]
+            self.received = [self.received[i] for i in order]
 
     def columns(self, topic: str) -> list[Column]:
         table = np.array(self.values, dtype=np.float64)
