@@ -5,6 +5,7 @@ world without a network. No ROS, no clock: the wall is a number that the test co
 """
 
 import heapq
+import json
 import random
 
 import pytest
@@ -15,10 +16,13 @@ from haptic_teleop_control.simulated_time.coordinator import Coordinator
 from haptic_teleop_control.simulated_time.messages import (
     ANSWERER,
     HALTED,
+    KINDS,
     OVER,
     PLANT,
     SOURCE,
+    Delivery,
     Member,
+    Report,
     Status,
     Tick,
     decode,
@@ -265,3 +269,95 @@ def test_a_coordinator_that_dies_is_a_fault_of_every_participant():
     world.run(until=lambda: all(node.faults for node in world.nodes.values()))
     said = [node.faults[0] for node in world.nodes.values()]
     assert all("coordinator" in fault and "silent" in fault for fault in said)
+
+
+# What anybody may publish on these topics.
+
+NAMES, STAMPS = st.text(st.characters(codec="utf-8"), max_size=8), st.integers(0, 2**31 * 10**9 - 1)
+TUPLES, NEWEST = st.lists(NAMES, max_size=3).map(tuple), st.dictionaries(NAMES, STAMPS, max_size=3)
+DELIVERIES = st.lists(st.builds(Delivery, NAMES, STAMPS, STAMPS), max_size=2).map(tuple)
+MEMBERS = st.builds(
+    lambda kind, rate, **rest: Member(kind=kind, rate=rate if kind in (PLANT, SOURCE) else 0.0, **rest),
+    kind=st.sampled_from(KINDS), rate=st.floats(1e-3, 1e5), name=NAMES, topic=NAMES, commands=NAMES,
+    topics=TUPLES, linked=st.booleans(), silent=st.booleans(),
+)  # fmt: skip
+MESSAGES = st.one_of(
+    st.builds(Tick, NAMES, STAMPS, STAMPS, TUPLES, TUPLES, NEWEST, DELIVERIES),
+    st.builds(
+        Status, NAMES, NAMES, STAMPS, TUPLES, NAMES, st.dictionaries(NAMES, NAMES, max_size=3),
+        st.floats(0, 1e9), TUPLES, NAMES, STAMPS,
+    ),
+    st.builds(
+        Report, NAMES, st.sampled_from(["join", "done", "waiting", "recorded", "taken", "left"]), STAMPS,
+        NAMES, NEWEST, st.lists(STAMPS, max_size=2).map(tuple), st.none() | MEMBERS, st.booleans(), NAMES,
+        NAMES,
+    ),
+)  # fmt: skip
+ODD = st.one_of(
+    st.none(), st.booleans(), st.integers(), st.integers(min_value=2**62), st.floats(), st.text(),
+    st.just("\ud800"), st.lists(st.none() | st.floats() | st.text() | st.lists(st.integers()), max_size=3),
+    st.dictionaries(st.text(), st.none() | st.floats() | st.text(), max_size=3),
+)  # fmt: skip
+ODD_TEXTS = [
+    "1e999", "-1e999", "Infinity", "NaN", "1" + "0" * 400, "1" * 5000, "[" * 100_000, '{"a":' * 50_000,
+]  # fmt: skip
+
+
+def poisoned(message, data):
+    """The text of a message in which one field, maybe within its member, is something else."""
+    content = json.loads(encode(message))
+    inner = content["member"] if content.get("member") and data.draw(st.booleans()) else content
+    key = data.draw(st.sampled_from(sorted(inner)))
+    if data.draw(st.booleans()):
+        inner[key] = data.draw(ODD)
+        return json.dumps(content)
+    inner[key] = "@@"
+    return json.dumps(content).replace('"@@"', data.draw(st.sampled_from(ODD_TEXTS)))
+
+
+def assert_harmless(text):
+    """What is taken for a message can be told again, and neither coordinator nor participant fails by it."""
+    message = decode(text)
+    if message is None:
+        return
+    assert decode(encode(message)) == message
+    if isinstance(message, Report):
+        coordinator = Coordinator([])
+        for wall in (0.0, 0.1, 1.0, 1.1):
+            coordinator.hear(message, wall)
+            for said in coordinator.poll(wall):
+                assert encode(said)
+        return
+    participant = Participant(
+        Member("/n", ANSWERER), lambda _: None, lambda *_: None, lambda _: None, lambda _: None
+    )
+    participant.poll(0.0)
+    participant.hear(message)
+    participant.poll(0.1)
+
+
+@settings(max_examples=200, deadline=None)
+@given(message=MESSAGES)
+def test_every_message_is_what_it_was_after_the_way(message):
+    assert decode(encode(message)) == message
+
+
+@settings(max_examples=400, deadline=None)
+@given(data=st.data())
+def test_a_message_with_anything_in_a_field_is_none_or_does_no_harm(data):
+    assert_harmless(poisoned(data.draw(MESSAGES), data))
+
+
+@settings(max_examples=200, deadline=None)
+@given(text=st.text() | st.recursive(ODD, lambda inner: st.lists(inner, max_size=3)).map(json.dumps))
+def test_any_text_is_a_message_or_none(text):
+    assert_harmless(text)
+
+
+@pytest.mark.parametrize("wrong", ODD_TEXTS)
+def test_numbers_without_end_depth_without_end_and_endless_text_are_no_messages(wrong):
+    whole = encode(Status("s", "running", 777, achieved=0.5, born=1))
+    for right in ("777", "0.5", '"running"'):
+        assert right in whole and decode(whole.replace(right, wrong)) is None
+    assert decode(wrong) is None
+    assert decode(whole.replace("running", "r" * 300_000)) is None

@@ -26,6 +26,13 @@ KINDS = (PLANT, SOURCE, ANSWERER, LINK, RECORDER)
 WAITING, RUNNING, PAUSED, OVER, HALTED = "waiting", "running", "paused", "over", "halted"
 """States of the coordinator."""
 
+MOST_TEXT = 1 << 18
+"""Characters; a status that names a hundred nodes has a tenth of that."""
+LARGEST = 2**31 * 10**9
+"""ns; what a stamp of ROS can hold."""
+MOST_RATE = 1e6
+"""Hz; beyond, and below its inverse, no stamps of samples can be told."""
+
 
 class Delivery(NamedTuple):
     """A packet that the link hands over. way: its topic before the link. sent, arrival: ns."""
@@ -122,7 +129,10 @@ def encode(message: Tick | Status | Report) -> str:
 
 
 def decode(text: str) -> Tick | Status | Report | None:
-    """The message, or None for text that is none: a topic may carry anything."""
+    """The message, or None for text that is none: a topic may carry anything, and whatever comes from here is
+    taken for what the coordinator or a participant said."""
+    if len(text) > MOST_TEXT:
+        return None
     try:
         content = json.loads(text)
         kind = content.pop("type")
@@ -132,65 +142,108 @@ def decode(text: str) -> Tick | Status | Report | None:
             return _status(content)
         if kind == "report":
             return _report(content)
-    except (ValueError, TypeError, KeyError, AttributeError):
+    except (ValueError, TypeError, KeyError, AttributeError, OverflowError, RecursionError):
         return None
     return None
 
 
+def _text(value: Any) -> str:
+    if not isinstance(value, str):
+        raise TypeError
+    value.encode()  # half a character would end whoever prints it
+    return value
+
+
+def _whole(value: Any) -> int:
+    if type(value) is not int or not 0 <= value < LARGEST:
+        raise ValueError
+    return value
+
+
+def _real(value: Any) -> float:
+    if type(value) not in (int, float) or not math.isfinite(value):
+        raise ValueError
+    return float(value)
+
+
+def _flag(value: Any) -> bool:
+    if not isinstance(value, bool):
+        raise TypeError
+    return value
+
+
+def _list(value: Any) -> list[Any]:
+    if not isinstance(value, list):
+        raise TypeError
+    return value
+
+
+def _texts(value: Any) -> tuple[str, ...]:
+    return tuple(_text(one) for one in _list(value))
+
+
+def _stamps(value: Any) -> dict[str, int]:
+    return {_text(topic): _whole(stamp) for topic, stamp in value.items()}
+
+
 def _status(content: dict[str, Any]) -> Status:
     return Status(
-        str(content["session"]),
-        str(content["state"]),
-        int(content["stamp"]),
-        tuple(str(name) for name in content["members"]),
-        str(content["reason"]),
-        {str(name): str(why) for name, why in content["refused"].items()},
-        float(content["achieved"]),
-        tuple(str(sender) for sender in content["senders"]),
-        str(content["run"]),
-        int(content["born"]),
+        _text(content["session"]),
+        _text(content["state"]),
+        _whole(content["stamp"]),
+        _texts(content["members"]),
+        _text(content["reason"]),
+        {_text(name): _text(why) for name, why in content["refused"].items()},
+        _real(content["achieved"]),
+        _texts(content["senders"]),
+        _text(content["run"]),
+        _whole(content["born"]),
     )
 
 
 def _tick(content: dict[str, Any]) -> Tick:
     return Tick(
-        content["session"],
-        int(content["number"]),
-        int(content["stamp"]),
-        tuple(content["due"]),
-        tuple(content["states"]),
-        {str(topic): int(stamp) for topic, stamp in content["newest"].items()},
-        tuple(Delivery(str(way), int(sent), int(arrival)) for way, sent, arrival in content["deliveries"]),
+        _text(content["session"]),
+        _whole(content["number"]),
+        _whole(content["stamp"]),
+        _texts(content["due"]),
+        _texts(content["states"]),
+        _stamps(content["newest"]),
+        tuple(
+            Delivery(_text(way), _whole(sent), _whole(arrival))
+            for way, sent, arrival in _list(content["deliveries"])
+        ),
     )
 
 
-def _report(content: dict[str, Any]) -> Report | None:
+def _report(content: dict[str, Any]) -> Report:
     member = content["member"]
     return Report(
-        str(content["name"]),
-        str(content["act"]),
-        int(content["number"]),
-        str(content["what"]),
-        {str(topic): int(stamp) for topic, stamp in content["stamps"].items()},
-        tuple(int(arrival) for arrival in content["arrivals"]),
+        _text(content["name"]),
+        _text(content["act"]),
+        _whole(content["number"]),
+        _text(content["what"]),
+        _stamps(content["stamps"]),
+        tuple(_whole(arrival) for arrival in _list(content["arrivals"])),
         None if member is None else _member(member),
-        bool(content["silent"]),
-        str(content["sender"]),
-        str(content["run"]),
+        _flag(content["silent"]),
+        _text(content["sender"]),
+        _text(content["run"]),
     )
 
 
 def _member(content: dict[str, Any]) -> Member:
-    rate, kind = float(content["rate"]), str(content["kind"])
-    if kind not in KINDS or not (0.0 < rate < math.inf if kind in (PLANT, SOURCE) else rate == 0.0):
+    rate, kind = _real(content["rate"]), _text(content["kind"])
+    possible = 1 / MOST_RATE <= rate <= MOST_RATE if kind in (PLANT, SOURCE) else rate == 0.0
+    if kind not in KINDS or not possible:
         raise ValueError
     return Member(
-        str(content["name"]),
+        _text(content["name"]),
         kind,
         rate,
-        str(content["topic"]),
-        str(content["commands"]),
-        tuple(str(topic) for topic in content["topics"]),
-        bool(content["linked"]),
-        bool(content["silent"]),
+        _text(content["topic"]),
+        _text(content["commands"]),
+        _texts(content["topics"]),
+        _flag(content["linked"]),
+        _flag(content["silent"]),
     )
