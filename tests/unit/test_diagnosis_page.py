@@ -216,7 +216,8 @@ def test_a_confidence_that_is_held_down_by_what_is_left_says_so(confidence, told
     page = Page("t")
     answer = verdict("identified", [finding(confidence)], adequacy=Adequacy(torque=0.83, free_run=0.9))
     reasons(page, answer, content(), [])
-    assert ("share of what is missing that is explained, 83 %" in page.render()) == told
+    sentence = "Confidence is limited to 83 %, the part of the missing torque that coulomb_friction explains."
+    assert (sentence in page.render()) == told
 
 
 def test_a_small_effect_beside_random_torque_is_told_what_holds_it_down():
@@ -225,8 +226,8 @@ def test_a_small_effect_beside_random_torque_is_told_what_holds_it_down():
     answer = verdict("identified", [finding(beside_chance.least)], adequacy=beside_chance)
     reasons(page, answer, content(), [])
     html = page.render()
-    assert "No confidence is above 69 % where what is named explains little" in html
-    assert "share of what is missing that is explained" not in html
+    assert "Confidence is limited to 69 %: what is named explains little beside torque" in html
+    assert "the part of the missing torque" not in html
 
 
 EXCITATION = {"joint": "stage1", "signal.multisine.rms": 0.2}

@@ -184,6 +184,7 @@ def test_the_ends_of_a_narrow_interval_are_told_apart():
     for value, std in ((0.17, 3.7e-7), (1.7e-6, 3.7e-10), (1.7e8, 20.0)):
         low, high = (float(rounded(end, std)) for end in (value - 2.0 * std, value + 2.0 * std))
         assert high - low == pytest.approx(4.0 * std, rel=0.1)
+    assert rounded(0.1700003, 3.7e-7) == "0.17000030"
 
 
 @pytest.mark.parametrize(

@@ -32,7 +32,8 @@ def rounded(value: float, std: float | None) -> str:
     if std is None or not (math.isfinite(std) and std > 0.0 and math.isfinite(value)):
         return f"{value:.4g}"
     digits = 1 - math.floor(math.log10(std))
-    if digits - 1 >= -3 and abs(value) < 1e6 and digits <= 7:
+    most = MOST_DIGITS if abs(value) >= 1e-3 else 7
+    if digits - 1 >= -3 and abs(value) < 1e6 and digits <= most:
         return f"{round(value, digits) + 0.0:.{max(digits, 0)}f}"
     known = digits + (math.floor(math.log10(abs(value))) + 1 if value else 0)
     return f"{value:.{min(max(known, 4), MOST_DIGITS)}g}"

@@ -148,7 +148,7 @@ def _worst(result: Comparison, model: str) -> tuple[Status, str] | None:
     if percent >= CLOSE:
         return None
     status: Status = "good" if percent >= ROUGH else "fair" if percent >= USELESS else "bad"
-    word = {"good": "still near", "fair": "poor", "bad": "no better than a constant"}[status]
+    word = {"good": "fair", "fair": "poor", "bad": "no better than a constant"}[status]
     where = f" on {short_bag(bag, result)}" if len(result.data) > 1 else ""
     return status, f"Worst is {signal}{where} with {percent_text(percent)} %, which is {word}."
 

@@ -63,7 +63,8 @@ def choose_windows(model: Model, dataset: DataSet, window: float | str | None = 
         return cut(dataset, float(window), "as asked")
     duration = len(dataset) * dataset.dt
     if duration <= 1.5 * DEFAULT_SECONDS:
-        return cut(dataset, None, f"as recordings up to {1.5 * DEFAULT_SECONDS:g} s are")
+        longest = f"{1.5 * DEFAULT_SECONDS:g} s"
+        return cut(dataset, None, f"since recordings up to {longest} are simulated in one piece")
     if closed_loop(dataset):
         return cut(dataset, DEFAULT_SECONDS, "because the recording was made in closed loop")
     whole = simulated_fit(model, dataset, cut(dataset, None, ""))

@@ -68,10 +68,13 @@ def _ceiling(verdict: Verdict, least: float) -> str:
     found = verdict.adequacy
     if found is not None and found.random_left and least > min(found.torque, found.free_run):
         return (
-            f"No confidence is above {100 * least:.0f} % where what is named explains little beside torque "
-            "that is random."
+            f"Confidence is limited to {100 * least:.0f} %: what is named explains little beside torque that "
+            "is random."
         )
-    return f"No confidence is above the share of what is missing that is explained, {100 * least:.0f} %."
+    named = " and ".join(dict.fromkeys(f["effect"] for f in verdict.findings)) or "what is named"
+    return (
+        f"Confidence is limited to {100 * least:.0f} %, the part of the missing torque that {named} explains."
+    )
 
 
 def curves_table(page: Page, verdict: Verdict) -> None:
