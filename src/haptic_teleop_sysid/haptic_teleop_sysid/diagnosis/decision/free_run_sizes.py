@@ -7,8 +7,8 @@ where the other recordings, which neither was fitted to, are simulated clearly b
 
 Dry friction that sticks makes the squared error of a free run rough: where the joint starts from rest or
 turns, a hair's breadth of a parameter decides whether it sticks for another sample, every derivative is that
-of one facet, and the search ends at the next edge: of a pendulum the same recording gave gravities from 3.1
-to 3.5 N·m, by where the search began. With a sign that is smoothed, over a velocity that is fitted, too, all
+of one facet, and the search ends at the next edge: one recording of a pendulum gave weights from 3.1 to 3.5
+N·m, by where the search began. With a sign that is smoothed, over a velocity that is fitted, too, all
 of them end at one place. What is handed on sticks, with the sizes found so.
 """
 
@@ -33,7 +33,6 @@ Simulated = Callable[[Model], ParameterFit]
 #: Factor by which the velocity of a smoothed sign may differ from SMOOTHED of the top speed: far below, the
 #: error is as rough as without, and what is smooth far above is no dry friction.
 _OTHERWISE = 5.0
-_SMOOTHING = "smoothing"
 
 
 def sized_freely(heard: Heard, simulated: Simulated, errors: Errors, fastest: float) -> Heard:
@@ -63,9 +62,9 @@ def turning_limits(model: Model, fastest: float) -> dict[str, tuple[float, float
     """Lowest and highest velocity within which a model's smoothed frictions may turn, by parameter name."""
     velocity = SMOOTHED * fastest
     return {
-        f"{e.location}.{e.effect}.{_SMOOTHING}": (velocity / _OTHERWISE, velocity * _OTHERWISE)
+        f"{e.location}.{e.effect}.{name}": (velocity / _OTHERWISE, velocity * _OTHERWISE)
         for e in model.effects
-        if e.values.get(_SMOOTHING, 0.0) > 0.0
+        if (name := _turning(e)) is not None and e.values[name] > 0.0
     }
 
 
@@ -85,6 +84,13 @@ def _fitted(model: Model, simulated: Simulated, fastest: float) -> ParameterFit:
 
 def _smoothed(effect: Effect, velocity: float) -> Effect:
     """The effect with a smoothed sign of the velocity, if it is friction that sticks."""
-    if effect.entry.memory != "direction" or effect.values.get(_SMOOTHING, 1.0) > 0.0:
+    name = _turning(effect)
+    if name is None or effect.values[name] > 0.0:
         return effect
-    return replace(effect, parameters={**effect.parameters, _SMOOTHING: velocity})
+    return replace(effect, parameters={**effect.parameters, name: velocity})
+
+
+def _turning(effect: Effect) -> str | None:
+    """The parameter that says within which velocity the sign is smoothed, the last one of friction with a
+    memory of its direction (see `EffectEntry`); None for other effects."""
+    return effect.entry.parameters[-1].name if effect.entry.memory == "direction" else None
