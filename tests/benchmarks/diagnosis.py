@@ -30,7 +30,7 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "unit"))
 from identification_plants import STAGE, multisine
 
 DT, RMS = 1e-3, 0.12
-PROMISED, AIMED = 30.0, 8.0
+PROMISED, AIMED = 20.0, 8.0
 """s for one recording of 60 s."""
 HIDDEN = Effect("coulomb_friction", "stage1_motor", {"torque": 0.05})
 LAB = replace(
