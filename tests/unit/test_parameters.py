@@ -138,15 +138,6 @@ def test_a_declaration_that_contradicts_itself_is_refused():
         ParameterTable("n", [Parameter("a", 1), Parameter("a", 2)])
 
 
-def test_the_markdown_table_has_a_line_for_each_parameter_with_its_limits():
-    lines = TABLE.markdown().splitlines()
-    assert len(lines) == 2 + len(TABLE)
-    cells = {line.count(" | ") for line in lines[2:]}
-    assert cells == {5}
-    assert "| `rate` | `500.0` | Hz | 0 < value <= 2000 | no | loop rate |" in lines
-    assert any("`.inf`" in line for line in lines)
-
-
 def test_nested_and_dotted_keys_and_nested_namespaces_read_alike(tmp_path):
     flat = write(tmp_path / "flat.yaml", "/sfj/sim:\n  ros__parameters:\n    a.b.c: 1\n    a.d: [1.0, 2.0]\n")
     nested = write(

@@ -241,21 +241,6 @@ class ParameterTable:
                 raise self._error(source, name, "cannot change while the node runs; set it before the start")
         return {**self.check(current, source), **checked}
 
-    def markdown(self) -> str:
-        """A table in Markdown: name, default, unit, values allowed, whether it can change while running,
-        meaning."""
-        lines = [
-            "| parameter | default | unit | allowed | while running | meaning |",
-            "|---|---|---|---|---|---|",
-        ]
-        for parameter in self:
-            default = "required" if parameter.required else f"`{_yaml_text(parameter.default)}`"
-            allowed = parameter.limits().replace("|", "\\|")
-            runtime = "yes" if parameter.runtime else "no"
-            cells = (f"`{parameter.name}`", default, parameter.unit, allowed, runtime, parameter.meaning)
-            lines.append("| " + " | ".join(cells) + " |")
-        return "\n".join(lines) + "\n"
-
     def _checked(self, mapping: Mapping[str, Any], source: str) -> dict[str, Any]:
         checked = {}
         for name, value in self.spelt_out(mapping, source).items():
@@ -291,13 +276,3 @@ class ParameterTable:
 def _nearest(name: str, known: list[str]) -> str:
     matches = difflib.get_close_matches(name, known, n=1, cutoff=0.6)
     return f"; did you mean {matches[0]}?" if matches else ""
-
-
-def _yaml_text(value: Any) -> str:
-    if isinstance(value, bool):
-        return "true" if value else "false"
-    if isinstance(value, float) and math.isinf(value):
-        return ".inf" if value > 0 else "-.inf"
-    if isinstance(value, (list, tuple)):
-        return "[" + ", ".join(_yaml_text(element) for element in value) + "]"
-    return str(value)
