@@ -248,3 +248,13 @@ def test_dates_keep_their_seconds_and_too_many_names_are_not_told():
     few = Plot([Panel("p", "N", [Series("x", np.arange(1.0, 4.0), np.ones(3))])], names=three)
     (axis,) = still(few).axes
     assert [t.get_text() for t in axis.get_xticklabels()] == three
+
+
+def test_two_lines_of_one_meaning_stand_once_in_a_legend():
+    time = np.array([0.0, 1.0])
+    ends = [Series("limit", time, np.full(2, end), "alarm") for end in (-1.0, 1.0)]
+    plot = Plot([Panel("Current", "A", [Series("current", time, time), *ends])])
+    legend = still(plot).axes[0].get_legend()
+    assert legend is not None
+    assert [text.get_text() for text in legend.get_texts()] == ["current", "limit"]
+    assert [line.label for line in plot.legend()] == ["current", "limit"]

@@ -121,7 +121,10 @@ def _draw(axis: Axes, panel: Panel, points: int, dated: bool = False) -> None:
     axis.set_ylim(*panel.limits())
     axis.margins(x=0.005)
     if sum(bool(line.label) for line in panel.series) > 1:
-        axis.legend(loc="upper left", bbox_to_anchor=(1.005, 1.05), borderaxespad=0.0, handlelength=2.4)
+        handles, labels = axis.get_legend_handles_labels()
+        once = dict(zip(labels, handles, strict=True))  # of both ends of a limit, one
+        place = {"loc": "upper left", "bbox_to_anchor": (1.005, 1.05), "borderaxespad": 0.0}
+        axis.legend(once.values(), once.keys(), handlelength=2.4, **place)
 
 
 def _line(axis: Axes, line: Series, points: int) -> None:
