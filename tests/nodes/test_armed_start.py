@@ -218,8 +218,8 @@ def test_a_node_that_answers_only_after_seconds_is_asked_again_until_its_paramet
 
 
 def test_at_the_end_no_client_is_destroyed_before_the_recording_is_closed(graph, monkeypatch):
-    """The middleware may wait for good while it destroys a client whose server has just gone: a recording was
-    left without its end."""
+    """What the middleware may hold up comes last: a recorder that did not end left a recording without its
+    footer."""
     other = Node("other", context=graph.context)
     other.declare_parameter("gain", 2.5)
     graph.executor.add_node(other)

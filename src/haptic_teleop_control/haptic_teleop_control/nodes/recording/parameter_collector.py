@@ -53,8 +53,8 @@ class ParameterCollector:
 
     def ask_again(self) -> None:
         """Asks every known node once more; its answer goes to `latest`. To be called at the end: from now on
-        clients are kept until `close`, because the middleware may wait for good while it destroys one whose
-        server has just gone."""
+        clients are kept until `close`, because the middleware may hold up whoever destroys one (see
+        `forced_exit`), and a recording is still open here."""
         self._answered = []
         for full in self.parameters:
             self._ask(full)
