@@ -11,6 +11,7 @@ import pytest
 from test_diagnosis_parts import MODEL, explanation, fit_of
 
 import haptic_teleop_sysid.diagnosis.decision.doubt as doubt_module
+import haptic_teleop_sysid.diagnosis.decision.explore as explore_module
 import haptic_teleop_sysid.diagnosis.decision.overruled as overruled_module
 import haptic_teleop_sysid.diagnosis.decision.search as search_module
 import haptic_teleop_sysid.diagnosis.decision.verdict as verdict_module
@@ -27,6 +28,7 @@ from haptic_teleop_sysid.diagnosis.explain import unharmful
 from haptic_teleop_sysid.diagnosis.report.columns import Number, moved
 
 FOLDER = Path(policy.__file__).parent
+FRICTION = Effect("coulomb_friction", "stage1_motor", {"torque": 0.1})
 
 
 def result_of(*choices, last_round=()):
@@ -236,6 +238,32 @@ def test_what_is_left_is_random_where_it_is_white_and_follows_nothing(monkeypatc
     for name, answer in answers.items():
         monkeypatch.setattr(doubt_module, name, lambda *_, answer=answer: answer)
     assert doubt_module.left_is_random(fit_of(), [], []) == random
+
+
+@pytest.mark.parametrize(("gained", "goes_on"), [(5.9, []), (6.1, ["a"])])
+def test_what_gains_too_little_on_thinned_recordings_is_not_fitted_on_all_samples(
+    monkeypatch, gained, goes_on
+):
+    """With a fit of the model so far that ends at 100 there, and one effect that ends so much above it."""
+    trial = replace(fit_of(MODEL.with_effects(FRICTION), 100.0 + gained), message="a")
+    ended = []
+    as_it_is = {
+        "_tried": lambda *_: ([trial], ["thinned"], fit_of(log_likelihood=100.0)),
+        "polish": lambda fit, records, *_: (ended.append(fit.message) if records == ["all"] else None) or fit,
+        "with_contact": lambda fit: fit,
+        "with_companion": lambda fit, *_: fit,
+        "colour": lambda *_: 25.0,
+        "material": lambda *_: True,
+        "richer_forms": lambda *_: [],
+        "with_shadows": lambda fits, *_: fits,
+        "within_reach": lambda *_: None,
+        "better_baseline": lambda fit, *_: fit,
+        "judged": lambda *_: [],
+    }
+    for name, instead in as_it_is.items():
+        monkeypatch.setattr(explore_module, name, instead)
+    explore_module.explore(fit_of(log_likelihood=500.0), MODEL, ["all"], [], SimpleNamespace())
+    assert ended == goes_on
 
 
 def test_every_number_says_what_it_means_and_where_it_comes_from():

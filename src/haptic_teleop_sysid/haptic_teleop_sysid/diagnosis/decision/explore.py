@@ -19,7 +19,7 @@ from ..hypotheses.candidates import contacts, larger_starts
 from ..hypotheses.explanation import Explanation
 from ..hypotheses.material import material
 from ..inputs.scales import Scales, within_reach
-from ..policy import LEAST_GAIN
+from ..policy import WORTH_ALL_SAMPLES
 from ..starts.forms import richer_forms
 from ..starts.plain import plain
 from ..starts.screen import Screened
@@ -44,8 +44,6 @@ _MOST_POLISHED = 6
 _MOST_ABLATED = 2
 #: Nats behind the best on thinned recordings, both fitted to the end there, from which nothing is expected.
 _HOPELESS = 60.0
-#: Nats that an effect must gain on thinned recordings for a fit on all samples: half of what it needs there.
-_WORTH_THE_END = 0.5 * LEAST_GAIN
 #: Fits from nothing that are fitted to the end, on all samples.
 _MOST_FROM_NOTHING = 3
 #: Colour that the best explanation leaves (25 in the mean where there is none, 53 once in a thousand) from
@@ -85,7 +83,7 @@ def explore(
         trials = [with_contact(t) for t in trials]
         if few is not estimation:
             trials = side_by_side(lambda t: polish(t, few, limits), trials)
-            trials = _in_the_running(trials, near.log_likelihood + _WORTH_THE_END)
+            trials = _in_the_running(trials, near.log_likelihood + WORTH_ALL_SAMPLES)
         return side_by_side(to_the_end, trials)
 
     begun = _most_material(fits, index, scales)
