@@ -1,5 +1,7 @@
 """The nodes as executables: help, refused parameters, and an end that leaves zero behind."""
 
+import subprocess
+import sys
 from pathlib import Path
 
 import pytest
@@ -85,6 +87,29 @@ def test_a_model_file_is_looked_for_beside_the_parameter_file(tmp_path, capsys):
     file = write(tmp_path, "sfj_sim:\n  ros__parameters:\n    stage1.model: mine.yaml\n")
     assert run("sfj_sim", "--ros-args", "--params-file", file) == 2
     assert str(tmp_path / "mine.yaml") in capsys.readouterr().err
+
+
+REFUSES = """
+import ctypes, sys
+from rclpy.node import Node
+from haptic_teleop_control.errors import ConfigurationError
+from haptic_teleop_control.nodes import signal_generator
+
+def hang(*_):
+    ctypes.PyDLL(None).pause()  # for good, and it holds the interpreter
+
+Node.destroy_node = hang
+signal_generator.NODE.start = lambda self: self.fail(ConfigurationError("it may not take part."))
+sys.exit(signal_generator.main([]))
+"""
+"""A node that is refused only once it runs, in a middleware that hangs while it leaves."""
+
+
+def test_a_refusal_is_told_with_status_2_though_the_middleware_does_not_let_go():
+    command = [sys.executable, "-c", REFUSES]
+    done = subprocess.run(command, capture_output=True, text=True, timeout=60, check=False)
+    assert done.returncode == 2, done.stderr
+    assert done.stderr.splitlines()[-1] == "error: it may not take part."
 
 
 def test_composed_refuses_nodes_that_run_in_two_times(tmp_path, capsys):

@@ -13,6 +13,7 @@ import pytest
 
 from haptic_teleop_control.nodes.scenario import main
 from haptic_teleop_control.recording import read_recording
+from haptic_teleop_control.simulated_time.stamps import LAST_WORD
 from haptic_teleop_sim import lockstep
 
 FILE = """
@@ -186,7 +187,7 @@ def test_of_two_scenarios_started_together_one_goes_on(file):
 
 
 def test_a_coordinator_that_is_killed_ends_the_scenario_with_1_and_is_named(file):
-    process = start(usual(file), "--processes")
+    process = start(usual(file), "--processes", "--record", "bag")
     try:
         coordinator = None
         until_it_runs(process)
@@ -202,3 +203,9 @@ def test_a_coordinator_that_is_killed_ends_the_scenario_with_1_and_is_named(file
         process.wait()
     assert process.returncode == 1, errors
     assert "time_coordinator ended with exit status 137" in errors
+    topics = read_recording(file.parent / "bag").topics
+    for robot in ("sfj", "omni"):
+        states, commands = (topics[f"/{robot}/{name}"] for name in ("joint_states", "effort_command"))
+        assert not np.any(commands.effort[-1]), "the last command is zero"
+        assert commands.stamp[-1] == commands.stamp[-2] + LAST_WORD and commands.stamp[-1] > states.stamp[-1]
+    assert np.any(topics["/sfj/effort_command"].effort[-2]), "which none before it was"

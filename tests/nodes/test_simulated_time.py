@@ -11,7 +11,7 @@ import pytest
 from diagnostic_msgs.msg import DiagnosticArray
 from rclpy.context import Context
 from rclpy.parameter import Parameter
-from ros_graph import Graph
+from ros_graph import Graph, Sink
 from std_msgs.msg import String
 
 from haptic_teleop_2dsfj.nodes.sfj_driver import SfjDriverNode
@@ -38,7 +38,7 @@ from haptic_teleop_control.simulated_time.messages import (
     decode,
 )
 from haptic_teleop_control.simulated_time.participant import COORDINATOR_LIVENESS
-from haptic_teleop_control.simulated_time.stamps import ORIGIN, sample_stamp
+from haptic_teleop_control.simulated_time.stamps import LAST_WORD, ORIGIN, sample_stamp
 from haptic_teleop_omni.nodes.omni_driver import OmniDriverNode
 from haptic_teleop_sim.nodes.omni_sim import OmniSim
 from haptic_teleop_sim.nodes.sfj_sim import SfjSim
@@ -271,6 +271,35 @@ def test_a_coordinator_that_dies_is_a_fault_of_the_robot_that_says_so(graph, els
     assert "the coordinator of simulated time has been silent for" in plant.faults.sentence
     assert graph.wall.now() - before > 0.9e9 * COORDINATOR_LIVENESS
     assert plant.permitted() is None
+
+
+def test_when_the_coordinator_dies_the_controller_says_zero_last_and_no_robot_takes_it_for_an_answer(graph):
+    robots = [graph.start(plant, use_sim_time=True) for plant in (SfjSim, OmniSim)]
+    controller = graph.start(ForceController, use_sim_time=True)
+    heard = [Sink(graph, robot.commands.topic) for robot in robots]
+    coordinator = Elsewhere(graph, "sfj_sim", "omni_sim", "force_controller")
+    try:
+        coordinator.run(lambda: coordinator.node._coordinator.ticks > 4)
+        for node in (*robots, controller):
+            node.time.participant._liveness = 1.0
+        graph.until(lambda: graph.wall.advance(0.1) or all(n.faults.latched for n in (*robots, controller)))
+        for robot, commands in zip(robots, heard, strict=True):
+            graph.until(lambda robot=robot, heard=commands: heard.answer_to(robot.sampled + LAST_WORD))
+            assert not any(commands.last.effort)
+            assert robot.faults.counts["future_command"] == 0 and robot.permitted() is None
+    finally:
+        coordinator.close()
+
+
+def test_the_last_word_is_no_answer_and_stops_the_robot(graph):
+    setting = Setting(graph)
+    setting.until_tick(20)
+    setting.answerer.efforts = []
+    setting.let_live(lambda: setting.plant._awaiting)
+    setting.answerer.say(setting.plant.sampled + LAST_WORD, [0.0, 0.0])
+    setting.let_live(lambda: not setting.plant._driven)
+    assert setting.plant.faults.latched is None and setting.plant._awaiting
+    assert setting.plant.permitted() is None
 
 
 def test_a_second_coordinator_in_the_domain_and_its_end_change_nothing(graph, elsewhere):

@@ -111,6 +111,11 @@ class Participant:
             return "a coordinator of simulated time"
         return self._reason.removeprefix("waiting for ") if self.state == WAITING else ""
 
+    @property
+    def cut_short(self) -> bool:
+        """Whether time had begun, and nobody has said that it is over."""
+        return bool(self._session) and self.state not in (WAITING, OVER)
+
     def done(self, stamps: Mapping[str, int] | None = None, silent: bool = False) -> None:
         """What the tick asked is done. stamps: of a linked answerer, way -> newest stamp sent. silent: of a
         plant, its next sample will not be published."""

@@ -7,6 +7,10 @@ import math
 ORIGIN = 1_000_000_000
 """ns, stamp of time zero: not 0, which readers of ROS messages take for "no stamp"."""
 
+LAST_WORD = 1
+"""ns after the last state: the stamp of a zero command that answers no state, because nobody grants time any
+more."""
+
 
 def sample_stamp(k: int, rate: float) -> int:
     """ns, stamp of sample k >= 0 of what is sampled at `rate` Hz > 0: ORIGIN + k / rate, rounded."""

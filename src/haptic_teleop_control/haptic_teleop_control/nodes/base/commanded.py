@@ -32,7 +32,7 @@ from haptic_teleop_control.nodes.streams.joint_states import (
 )
 from haptic_teleop_control.nodes.streams.latency import LatencyMeter
 from haptic_teleop_control.simulated_time.messages import Tick
-from haptic_teleop_control.simulated_time.stamps import seconds
+from haptic_teleop_control.simulated_time.stamps import LAST_WORD, seconds
 from haptic_teleop_control.warning_list import DEADLINE_SHARE
 
 Array = NDArray[np.float64]
@@ -132,6 +132,9 @@ class CommandedNode(HapticNode):
 
     def _answers_this_state(self, stamp: int) -> bool:
         """In simulated time nothing is late: an answer is that to the state published last, or it is none."""
+        if stamp == self.sampled + LAST_WORD:
+            self._driven = False
+            return False
         if stamp > self.sampled:
             self._driven = False
             ahead = (stamp - self.sampled) * 1e-9

@@ -14,8 +14,8 @@ import rclpy
 from rclpy.duration import Duration
 from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
 
-from haptic_teleop_control.command_line import run_command
-from haptic_teleop_control.errors import ConfigurationError
+from haptic_teleop_control.command_line import run_command, tell
+from haptic_teleop_control.errors import ConfigurationError, HapticTeleopError
 from haptic_teleop_control.forced_exit import ends_within
 from haptic_teleop_control.nodes.base.haptic_node import HapticNode
 from haptic_teleop_control.nodes.base.node_help import node_help
@@ -169,6 +169,9 @@ def spin(
             node.start()
         while rclpy.ok() and not should_stop() and failed is None:
             failed = _burst(executor, nodes, should_stop)
+        if rclpy.ok() and nodes[0].time.simulated:
+            # That time is over may have come together with the request to stop.
+            failed = failed or _burst(executor, nodes, lambda: False, 0.0)
     except ExternalShutdownException:
         pass
     finally:
@@ -176,17 +179,22 @@ def spin(
         for node in nodes:
             executor.remove_node(node)
         executor.shutdown()
+        # Here, and not when an error that refers to this frame is forgotten: then its nodes have gone.
+        del executor
     if failed is not None:
         raise failed
 
 
 def _burst(
-    executor: rclpy.executors.Executor, nodes: Sequence[HapticNode], should_stop: Callable[[], bool]
+    executor: rclpy.executors.Executor,
+    nodes: Sequence[HapticNode],
+    should_stop: Callable[[], bool],
+    poll: float = POLL,
 ) -> BaseException | None:
     """Some turns of the executor, fewer where something has ended; what a node's thread failed with."""
     for _ in range(BURST):
         # EventsExecutor.spin() keeps a core busy and delivers nothing in some builds; spin_once does not.
-        executor.spin_once(timeout_sec=POLL)
+        executor.spin_once(timeout_sec=poll)
         for node in nodes:
             if node.failure is not None:
                 return node.failure
@@ -221,12 +229,15 @@ def _run(node_classes: Sequence[type[HapticNode]], argv: Sequence[str]) -> int:
                     armed.ready(lambda: nodes)
                     spin(nodes, lambda: stop.is_set() or armed.abandoned, priority, armed.begin)
                 status = 0
+            except HapticTeleopError as refusal:
+                status = tell(refusal)  # at once: what the middleware does while it leaves must not cost it
             finally:
                 with ends_within(LEAVING, status):
                     heard_by_all(nodes)
                     for node in reversed(nodes):
                         node.destroy_node()
                     rclpy.try_shutdown()
+            return status
         except StopRequests.Interrupt:
             pass
         finally:

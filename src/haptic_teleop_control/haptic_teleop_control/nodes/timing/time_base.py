@@ -69,7 +69,7 @@ class WallTime:
     holds.
     """
 
-    simulated = False
+    simulated = cut_short = False
     qos = LATEST_QOS
 
     def now(self) -> int:
@@ -156,6 +156,11 @@ class SimulatedTime:
     def waits_for(self) -> str:
         """What keeps time from beginning, in words; empty once it has begun."""
         return "the start" if self.participant is None else self.participant.waits_for
+
+    @property
+    def cut_short(self) -> bool:
+        """Whether time had begun, and nobody has said that it is over."""
+        return self.participant is not None and self.participant.cut_short
 
     def done(self, stamps: Mapping[str, int] | None = None, silent: bool = False) -> None:
         if self.participant is not None:
