@@ -38,6 +38,24 @@ def test_an_experiment_in_the_graph_moves_one_stage_and_ends_in_a_bag(tmp_path, 
     assert any(name.endswith("acquisition") for name in recording.parameters)
 
 
+@pytest.mark.parametrize("options", [[], ["--lockstep"]], ids=["graph", "lockstep"])
+def test_an_experiment_that_is_aborted_ends_soon_after_and_says_so(tmp_path, repository, options):
+    content = yaml.safe_load((repository / "config" / "acquire_sfj_stage2.yaml").read_text())
+    content["acquisition"]["ros__parameters"] |= {"limit": {"velocity": 1e-3}}
+    content["scenario"]["ros__parameters"]["real_time_factor"] = 1.0
+    path, bag = tmp_path / "acquire.yaml", tmp_path / "bag"
+    path.write_text(yaml.safe_dump(content))
+    command = [sys.executable, "-m", "haptic_teleop_control.front_door", "acquire", *options]
+    done = subprocess.run(
+        [*command, "--config", str(path), "--output", str(bag)], capture_output=True, text=True, timeout=110
+    )
+    assert done.returncode == 1 and "beyond limit.velocity" in done.stderr, done.stderr
+    commands = read_recording(bag).topic("/sfj/effort_command")
+    moved = commands.stamp[np.flatnonzero(np.any(commands.effort != 0.0, axis=1))]
+    rest = (commands.stamp[-1] - moved[-1]) * 1e-9
+    assert 0.9 < rest < 5.0, "the signal takes a minute"
+
+
 class Experiment:
     """The node, and a robot that a test plays: it gives the states and says in which fault it is."""
 

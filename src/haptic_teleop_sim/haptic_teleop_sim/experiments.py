@@ -77,11 +77,15 @@ def run_open_loop(
 
 
 def run_closed_loop(
-    robot: SteppedRobot, controller: Controller, duration: float
+    robot: SteppedRobot,
+    controller: Controller,
+    duration: float,
+    over: Callable[[float], bool] = lambda time: False,
 ) -> dict[str, JointStateSeries]:
     """The robot's topics while `controller` answers every sample, for `duration` s from where the robot is.
 
-    The answer to a sample acts until the next. Raises ConfigurationError for a duration that is not positive.
+    The answer to a sample acts until the next. over: told the time of each sample after it was answered,
+    whether it was the last. Raises ConfigurationError for a duration that is not positive.
     """
     times = robot.time + sample_times(1.0 / robot.dt, duration)
     out = np.empty((len(times), 3, len(robot.names)))
@@ -91,6 +95,8 @@ def run_closed_loop(
             out[k, row] = signal
         commands[k] = controller(now, out[k, 0], out[k, 1], out[k, 2])
         robot.step(commands[k])
+        if over(now):
+            return _topics(robot, times[: k + 1], out[: k + 1], commands[: k + 1])
     return _topics(robot, times, out, commands)
 
 

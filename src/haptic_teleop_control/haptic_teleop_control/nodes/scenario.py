@@ -15,6 +15,7 @@ from __future__ import annotations
 
 import argparse
 import json
+import math
 import sys
 import time
 from collections.abc import Sequence
@@ -67,6 +68,7 @@ class Scenario:
     note: str
     simulated: bool = False
     real_time_factor: float = 1.0
+    end_after_fault: float = 0.0
 
 
 def load_scenario(path: str | Path, changes: dict[str, Any] | None = None) -> Scenario:
@@ -107,6 +109,7 @@ def load_scenario(path: str | Path, changes: dict[str, Any] | None = None) -> Sc
         values["note"],
         simulated,
         values["real_time_factor"],
+        values["end_after_fault"],
     )
 
 
@@ -246,7 +249,7 @@ def _watch(
             if watcher.blind and (over or (watcher.waited > FIRST_STATE_LIMIT and not watcher.paused)):
                 silent = f"no state of {scenario.watched} in {watcher.waited:.0f} s"
                 return {SCENARIO.node_name: f"{silent}; put its plant among the nodes"}
-            if over:
+            if over or watcher.in_fault_for > (scenario.end_after_fault or math.inf):
                 break
             if lost := watcher.lost():
                 watcher.faults[COORDINATOR] = lost
@@ -285,6 +288,9 @@ def _scenario(argv: Sequence[str]) -> int:
         "--real-time-factor", type=_number, metavar="F",
         help="with use_sim_time: simulated seconds per second, at most; 0: as fast as it goes",
     )  # fmt: skip
+    parser.add_argument(
+        "--end-after-fault", type=float, metavar="S", help="end S seconds after the first fault; 0: go on"
+    )
     parser.add_argument("--processes", action="store_true", default=None, help="one process for each node")
     given = vars(parser.parse_args(argv))
     file = given.pop("file")

@@ -33,6 +33,9 @@ from haptic_teleop_sysid.commands.demo import run_scenario
 
 AFTERWARDS = 0.5
 """s of recording after the signal's end."""
+AFTER_ABORT = 1.0
+"""s of recording after an abort or a fault: the answers are zero from then on, so only how the robot comes to
+rest is worth seeing."""
 PLANTS = {"sfj_sim": SfjRobot, "mujoco_sim": MujocoRobot, "omni_sim": OmniRobot}
 """Robots that run without ROS or clock, by the node that they are in a graph."""
 START_SECONDS = 1.0
@@ -58,8 +61,8 @@ def run_lockstep(
     source: str = "parameters",
     node: str = "",
 ) -> tuple[dict[str, JointStateSeries], dict[str, dict[str, Any]]]:
-    """The topics that a recording of the graph would hold, until the signal's end or an abort, and the
-    parameters. node: the plant's, `sfj_sim` or `omni_sim` where it is empty."""
+    """The topics that a recording of the graph would hold, until shortly after the signal's end or an
+    abort, and the parameters. node: the plant's, `sfj_sim` or `omni_sim` where it is empty."""
     node = node or f"{experiment.robot}_sim"
     table = SFJ_PARAMETERS if experiment.robot == "sfj" else OMNI_PARAMETERS
     whole = ParameterTable(node, [*table, *NODE_PARAMETERS])
@@ -75,7 +78,14 @@ def run_lockstep(
         signal.append(experiment.reference)
         return command
 
-    topics = run_closed_loop(robot, answer, experiment.end + AFTERWARDS)
+    aborted: list[float] = []
+
+    def over(time: float) -> bool:
+        if experiment.phase == ABORTED and not aborted:
+            aborted.append(time)
+        return bool(aborted) and time - aborted[0] >= AFTER_ABORT
+
+    topics = run_closed_loop(robot, answer, experiment.end + AFTERWARDS, over)
     states = topics[f"/{experiment.robot}/joint_states"]
     column = np.array(signal)[:, None]
     position, effort = (column, None) if experiment.closed else (None, column)
@@ -122,14 +132,14 @@ def _graph(
     content = parse_yaml(path.read_text(encoding="utf-8"))
     stated = [section for section in content if section.rstrip("/").rsplit("/", 1)[-1] == "acquisition"]
     if all(content[s]["ros__parameters"].get("allow", False) == experiment.values["allow"] for s in stated):
-        return run_scenario(path, output, duration)
+        return run_scenario(path, output, duration, after_fault=AFTER_ABORT)
     for section in stated:
         content[section]["ros__parameters"]["allow"] = experiment.values["allow"]
     # In the same folder, so that model files that it names are still found.
     with tempfile.NamedTemporaryFile("w", dir=path.parent, prefix=f"{path.stem}-", suffix=".yaml") as copy:
         copy.write(dump_yaml(content))
         copy.flush()
-        return run_scenario(Path(copy.name), output, duration)
+        return run_scenario(Path(copy.name), output, duration, after_fault=AFTER_ABORT)
 
 
 def main(argv: list[str] | None = None) -> int:

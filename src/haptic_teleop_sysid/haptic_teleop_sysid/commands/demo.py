@@ -23,16 +23,20 @@ COVERED_SHARE = 0.9
 ANSWERED_SHARE = 0.9
 
 
-def run_scenario(scenario: Path, recording: Path, duration: float, factor: float | None = None) -> int:
+def run_scenario(
+    scenario: Path, recording: Path, duration: float, factor: float | None = None, after_fault: float = 0.0
+) -> int:
     """Run the scenario as a process of its own, its progress on our standard error; return its exit status.
 
     duration: s of the experiment. factor: the real-time factor, 0 for as fast as it goes; None: the file's.
+    after_fault: s after the first fault at which it ends; 0: it goes on.
     A terminal's Ctrl-C reaches it too; it is then given time to stop the nodes and to close the recording.
     It does not outlive this process: whatever ends that, the nodes are stopped in order, robots at zero.
     """
     command = [
         *(sys.executable, "-P", "-m", "haptic_teleop_control.front_door", "scenario", str(scenario)),
         *("--duration", f"{duration:g}", "--record", str(recording)),
+        *(("--end-after-fault", f"{after_fault:g}") if after_fault else ()),
         *(() if factor is None else ("--real-time-factor", f"{factor:g}")),
     ]
     with subprocess.Popen(command, preexec_fn=ends_with_parent()) as process:

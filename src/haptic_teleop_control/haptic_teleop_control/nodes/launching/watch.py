@@ -61,6 +61,7 @@ class Watcher:
         self.simulated = simulated
         self.time: Status | None = None
         self._looked = self._untold = 0.0
+        self._first_fault: float | None = None
         self._state: JointState | None = None
 
     def __enter__(self) -> Self:
@@ -122,6 +123,13 @@ class Watcher:
             f"the coordinator of simulated time has been silent for {COORDINATOR_LIVENESS:g} s: its process "
             "stands still; look for a node in it that does not return (--processes gives each one its own)"
         )
+
+    @property
+    def in_fault_for(self) -> float:
+        """Seconds of the experiment since the first fault was looked at; 0 before."""
+        if self._first_fault is None and self.faults:
+            self._first_fault = self.elapsed
+        return 0.0 if self._first_fault is None else self.elapsed - self._first_fault
 
     @property
     def blind(self) -> bool:
