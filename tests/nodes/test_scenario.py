@@ -100,7 +100,6 @@ def test_ctrl_c_ends_everything_with_0_at_any_moment(file, tmp_path, moment):
     if bag.exists():
         recording = read_recording(bag)
         assert recording.complete and recording.reception["ended"] is False
-        assert "stage 1:" in errors
 
 
 def test_children_end_when_the_scenario_is_killed(file):
