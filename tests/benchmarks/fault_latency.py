@@ -1,7 +1,8 @@
 """From what latches a fault to the ERROR on /diagnostics that tells of it, in real time.
 
-The control nodes run in one process, as they do by default: a second sender's command goes out, and a listener in another process
-waits for the status. So both ways over the middleware are in it, and the executor's other work.
+The control nodes run in one process, as they do by default: a second sender's command goes out, and a
+listener in another process waits for the status. So both ways over the middleware are in it, and the
+executor's other work.
 
 Promise: 95 of 100 within the bound of 60 ms.
 """

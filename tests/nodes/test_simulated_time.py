@@ -291,6 +291,23 @@ def test_when_the_coordinator_dies_the_controller_says_zero_last_and_no_robot_ta
         coordinator.close()
 
 
+@pytest.mark.parametrize("cut_short", [False, True])
+def test_a_controller_that_is_stopped_says_zero_last_only_where_time_was_cut_short(graph, cut_short):
+    """That time is over may still be on its way: the recording would then hold a command too many."""
+    for plant in (SfjSim, OmniSim):
+        graph.start(plant, use_sim_time=True)
+    controller = graph.start(ForceController, use_sim_time=True)
+    coordinator = Elsewhere(graph, "sfj_sim", "omni_sim", "force_controller")
+    try:
+        coordinator.run(lambda: coordinator.node._coordinator.ticks > 4)
+        said = [robot.out.sent for robot in controller._robots.values()]
+        controller.time.cut_short = cut_short
+        controller.shutdown_safely()
+        assert [robot.out.sent for robot in controller._robots.values()] == [n + cut_short for n in said]
+    finally:
+        coordinator.close()
+
+
 def test_the_last_word_is_no_answer_and_stops_the_robot(graph):
     setting = Setting(graph)
     setting.until_tick(20)

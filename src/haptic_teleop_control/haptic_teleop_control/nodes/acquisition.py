@@ -87,7 +87,10 @@ class AcquisitionNode(HapticNode):
         self._say_last_word()
 
     def _say_last_word(self) -> None:
-        """Nobody grants time any more: what stays on the wire, and in a recording, is zero."""
+        """Nobody grants time any more: what stays on the wire, and in a recording, is zero. Where time
+        has come to its end, the last command is the answer to the last state."""
+        if self.time.over:
+            return
         if self._out.sent and not self._parted:
             self._out.send_zero(self._last + LAST_WORD)
         self._parted = True

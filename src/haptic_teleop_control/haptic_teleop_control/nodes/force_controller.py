@@ -312,7 +312,10 @@ class ForceController(HapticNode):
         self._say_last_word()
 
     def _say_last_word(self) -> None:
-        """Nobody grants time any more: what stays on the wire, and in a recording, is zero."""
+        """Nobody grants time any more: what stays on the wire, and in a recording, is zero. Where time
+        has come to its end, the last command is the answer to the last state."""
+        if self.time.over:
+            return
         for robot in self._robots.values():
             if robot.out.sent and not self._parted:
                 robot.out.send_zero(max(robot.seen, robot.answered) + LAST_WORD)

@@ -172,6 +172,9 @@ def run(scenario: Scenario) -> int:
         finally:
             # In order: outputs to zero, then the recording's end.
             control = [child for child in children if child.name != Recorder.NAME]
+            if {COORDINATOR, TIME_COORDINATOR.node_name} & faults.keys():
+                for child in control:
+                    child.link.send(cut_short=True)
             # Who grants simulated time first: nobody is then missed who ends.
             statuses = stop_all([child for child in control if child.name == TIME_COORDINATOR.node_name])
             statuses |= stop_all([child for child in control if child.name not in statuses])

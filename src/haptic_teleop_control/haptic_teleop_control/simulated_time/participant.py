@@ -112,9 +112,9 @@ class Participant:
         return self._reason.removeprefix("waiting for ") if self.state == WAITING else ""
 
     @property
-    def cut_short(self) -> bool:
-        """Whether time had begun, and nobody has said that it is over."""
-        return bool(self._session) and self.state not in (WAITING, OVER)
+    def over(self) -> bool:
+        """Whether the coordinator has said that time is over."""
+        return self.state == OVER
 
     def done(self, stamps: Mapping[str, int] | None = None, silent: bool = False) -> None:
         """What the tick asked is done. stamps: of a linked answerer, way -> newest stamp sent. silent: of a

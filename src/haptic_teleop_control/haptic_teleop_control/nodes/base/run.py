@@ -145,9 +145,11 @@ def spin(
     should_stop: Callable[[], bool],
     realtime_priority: int = 0,
     may_start: Callable[[], bool] = lambda: True,
+    cut_short: Callable[[], bool] = lambda: False,
 ) -> None:
     """Starts `nodes` as soon as they may, runs their callbacks until `should_stop()`, leaves their outputs at
-    zero; raises what a node's thread failed with."""
+    zero; raises what a node's thread failed with. cut_short: whether simulated time ended without an end,
+    which is asked once, in the end."""
     executor = make_executor()
     for node in nodes:
         executor.add_node(node)
@@ -169,12 +171,12 @@ def spin(
             node.start()
         while rclpy.ok() and not should_stop() and failed is None:
             failed = _burst(executor, nodes, should_stop)
-        if rclpy.ok() and nodes[0].time.simulated:
-            # That time is over may have come together with the request to stop.
-            failed = failed or _burst(executor, nodes, lambda: False, 0.0)
     except ExternalShutdownException:
         pass
     finally:
+        if cut_short():
+            for node in nodes:
+                node.time.cut_short = True
         quiet_nodes(nodes)  # before the executor, whose end takes a while
         for node in nodes:
             executor.remove_node(node)
@@ -186,15 +188,12 @@ def spin(
 
 
 def _burst(
-    executor: rclpy.executors.Executor,
-    nodes: Sequence[HapticNode],
-    should_stop: Callable[[], bool],
-    poll: float = POLL,
+    executor: rclpy.executors.Executor, nodes: Sequence[HapticNode], should_stop: Callable[[], bool]
 ) -> BaseException | None:
     """Some turns of the executor, fewer where something has ended; what a node's thread failed with."""
     for _ in range(BURST):
         # EventsExecutor.spin() keeps a core busy and delivers nothing in some builds; spin_once does not.
-        executor.spin_once(timeout_sec=poll)
+        executor.spin_once(timeout_sec=POLL)
         for node in nodes:
             if node.failure is not None:
                 return node.failure
@@ -227,7 +226,8 @@ def _run(node_classes: Sequence[type[HapticNode]], argv: Sequence[str]) -> int:
                     spin(nodes, stop.is_set, priority)
                 else:
                     armed.ready(lambda: nodes)
-                    spin(nodes, lambda: stop.is_set() or armed.abandoned, priority, armed.begin)
+                    ends = lambda: stop.is_set() or armed.abandoned  # noqa: E731
+                    spin(nodes, ends, priority, armed.begin, armed.cut_short)
                 status = 0
             except HapticTeleopError as refusal:
                 status = tell(refusal)  # at once: what the middleware does while it leaves must not cost it

@@ -3,6 +3,7 @@
     process: {"ready": its endpoints}     parent, when all are ready: {"expect": everybody's endpoints}
     process: {"waiting": [topics], "strangers": {topic: [nodes]}} ...    until it waits for none
     parent, when nobody waits: {"start": true}      process: {"started": true}, and runs
+    parent, before it stops a process: {"cut_short": true}    where the coordinator of simulated time has gone
 
 Without it the first seconds of an experiment are lost to whoever is discovered late: the middleware repeats a
 discovery message that was lost only after seconds.
@@ -95,6 +96,10 @@ class ArmedStart:
         if begins:
             self.confirm()
         return begins
+
+    def cut_short(self) -> bool:
+        """Whether the parent has said that simulated time has no coordinator any more; asked once stopped."""
+        return any("cut_short" in message for message in self.link.receive())
 
     def confirm(self) -> None:
         """Tells the parent that the start has been made; for a recorder, that others may follow."""

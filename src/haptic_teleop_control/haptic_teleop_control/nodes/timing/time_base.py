@@ -69,7 +69,7 @@ class WallTime:
     holds.
     """
 
-    simulated = cut_short = False
+    simulated = cut_short = over = False
     qos = LATEST_QOS
 
     def now(self) -> int:
@@ -110,6 +110,9 @@ class SimulatedTime:
     """
 
     simulated = True
+    cut_short = False
+    """Whether the process that started this one has said that the coordinator is gone. That nobody has said
+    that time is over would not tell: it may still be on its way when the node is stopped."""
     qos = EVERY_QOS
 
     def __init__(self, node: Node, wall: WallTime) -> None:
@@ -158,9 +161,9 @@ class SimulatedTime:
         return "the start" if self.participant is None else self.participant.waits_for
 
     @property
-    def cut_short(self) -> bool:
-        """Whether time had begun, and nobody has said that it is over."""
-        return self.participant is not None and self.participant.cut_short
+    def over(self) -> bool:
+        """Whether the coordinator has said that time is over."""
+        return self.participant is not None and self.participant.over
 
     def done(self, stamps: Mapping[str, int] | None = None, silent: bool = False) -> None:
         if self.participant is not None:
