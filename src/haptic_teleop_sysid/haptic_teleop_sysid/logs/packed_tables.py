@@ -66,7 +66,7 @@ def read_parquet(path: Path, rows: tuple[int, int] | None = None) -> Log:
         with parquet.ParquetFile(path) as file:
             count = file.metadata.num_rows
             if rows is None:
-                refuse_rows(path, count, "choose a part with --rows FIRST LAST")
+                refuse_rows(path, count, "take a part with `haptic-teleop import --rows FIRST LAST`")
             start, stop = (0, count) if rows is None else (rows[0] - 1, min(rows[1], count))
             schema = file.schema_arrow
             kept = [f.name for f in schema if _kind(f.type)]

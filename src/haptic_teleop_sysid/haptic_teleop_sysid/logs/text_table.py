@@ -46,7 +46,7 @@ def read_text(path: Path, stated: Stated | None, rows: tuple[int, int] | None, s
         if estimate > MOST_ROWS:
             raise RecordingError(
                 f"{path} has about {estimate:.2g} rows ({path.stat().st_size / 1e9:.3g} GB), more than the "
-                f"{MOST_ROWS} that are taken: choose a part with --rows FIRST LAST."
+                f"{MOST_ROWS} that are taken: take a part with `haptic-teleop import --rows FIRST LAST`."
             )
     start, stop = (0, MOST_ROWS) if rows is None else (rows[0] - 1, rows[1])
     found = _looked_through(path, dialect, start, stop)

@@ -50,7 +50,8 @@ def refuse_too_many(data: Sequence[DataSet]) -> None:
     if (samples := sum(len(d) for d in data)) > MOST_SAMPLES:
         raise RecordingError(
             f"the recordings hold {samples} samples, and a diagnosis keeps at most {MOST_SAMPLES} in memory: "
-            "a few minutes say as much; import a part of the longest with `import --rows FIRST LAST`."
+            "a few minutes say as much; take a part of the longest with `haptic-teleop import --rows FIRST "
+            "LAST`."
         )
 
 
