@@ -38,6 +38,16 @@ BEGINNING = ("test_diagnose.py", "test_simulated_scenario.py", "test_scenario.py
 its kind would only wait; these wait for nodes most of their time, and at the end the others would wait for
 them."""
 
+LONG = (
+    "test_verify_simulation.py", "test_diagnosis_doubt.py", "test_second_opinion.py", "test_blind.py",
+    "test_blind_labels.py", "test_unnamed_physics.py", "test_diagnosis_forms.py", "test_diagnosis_events.py",
+    "test_audit.py", "test_decompression_limits.py", "test_verify.py", "test_site_browser.py",
+    "test_report_browser.py", "test_many_recordings.py", "test_emulated_scenario.py", "test_estimate.py",
+    "test_estimate_command.py", "test_trend.py",
+)  # fmt: skip
+"""Files of other kinds that take more than 10 s of processor time. They come before the short ones: one that
+begins last keeps one core busy while the others have nothing left to do."""
+
 
 def pytest_xdist_auto_num_workers() -> int:
     """One process more than there are cores: tests that start nodes wait for them much of their time."""
@@ -55,14 +65,22 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
     mixed = {i.path.name for i in items if _alone(i)} & {i.path.name for i in items if not _alone(i)}
     if mixed:
         raise pytest.UsageError(f"tests marked wall_time need a file without others: {', '.join(mixed)}")
+    gone = {*BEGINNING, *LONG} - {path.name for path in (REPOSITORY / "tests").glob("*/test_*.py")}
+    if gone:
+        raise pytest.UsageError(f"tests/conftest.py gives a place to what is not there: {', '.join(gone)}")
     if WORKER:
-        items.sort(key=lambda item: (_alone(item), _turn(item), not item.get_closest_marker("end_to_end")))
+        items.sort(key=lambda item: (_alone(item), _turn(item)))
 
 
 def _turn(item: pytest.Item) -> int:
-    """The place of a test's file among those that begin; the others share the next one."""
+    """The place of a test's file: those that begin, those that drive the project from outside, the other long
+    ones, the rest."""
     name = item.path.name
-    return BEGINNING.index(name) if name in BEGINNING else len(BEGINNING)
+    if name in BEGINNING:
+        return BEGINNING.index(name)
+    if item.get_closest_marker("end_to_end"):
+        return len(BEGINNING)
+    return len(BEGINNING) + 1 + (LONG.index(name) if name in LONG else len(LONG))
 
 
 def _alone(item: pytest.Item) -> bool:
