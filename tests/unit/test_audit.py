@@ -9,6 +9,8 @@ import sys
 import tomllib
 import xml.etree.ElementTree as ElementTree
 from collections import Counter
+from collections.abc import Mapping
+from functools import cache
 from pathlib import Path
 
 import pytest
@@ -40,7 +42,8 @@ def sources(folder: Path) -> list[Path]:
     return [path for path in folder.rglob("*.py") if "__pycache__" not in path.parts]
 
 
-def imported(path: Path) -> set[str]:
+@cache
+def imported(path: Path) -> frozenset[str]:
     """The top-level modules that a source file imports, at its top or within functions."""
     found = set()
     for node in ast.walk(ast.parse(path.read_text())):
@@ -48,17 +51,22 @@ def imported(path: Path) -> set[str]:
             found |= {alias.name.split(".")[0] for alias in node.names}
         elif isinstance(node, ast.ImportFrom) and node.module and not node.level:
             found.add(node.module.split(".")[0])
-    return found
+    return frozenset(found)
 
 
 def manifest_of(package: Path) -> ElementTree.ElementTree:
     return ElementTree.parse(package / "package.xml")
 
 
+@cache
+def owners() -> Mapping[str, list[str]]:
+    """The distributions that brought each module into this environment; to read it takes a second."""
+    return importlib.metadata.packages_distributions()
+
+
 def ros_modules() -> set[str]:
     """The modules that the ROS 2 wheels brought into this environment."""
-    owners = importlib.metadata.packages_distributions()
-    return {name for name, who in owners.items() if any(owner.startswith("ros-") for owner in who)}
+    return {name for name, who in owners().items() if any(owner.startswith("ros-") for owner in who)}
 
 
 @pytest.mark.parametrize("name", front_door.executables())
@@ -120,7 +128,6 @@ def test_every_library_that_is_imported_is_a_declared_dependency():
     declared = {re.split(r"[^a-z0-9-]", requirement)[0] for requirement in requirements}
     # Parts of a ROS installation that have no wheel can only be declared in a manifest.
     stated = {element.text for package in PACKAGES for element in manifest_of(package).iter("exec_depend")}
-    owners = importlib.metadata.packages_distributions()
     imports = set().union(*(imported(path) for path in sources(REPOSITORY / "src")))
     libraries = imports - set(sys.stdlib_module_names) - set(front_door.PACKAGES) - {"setuptools"}
     # ROS modules that come along with rclpy are its affair. An optional library may be missing here; it then
@@ -128,7 +135,7 @@ def test_every_library_that_is_imported_is_a_declared_dependency():
     undeclared = {
         name
         for name in libraries - ros_modules() - stated
-        if not declared & {owner.lower().replace("_", "-") for owner in owners.get(name, [name])}
+        if not declared & {owner.lower().replace("_", "-") for owner in owners().get(name, [name])}
     }
     assert undeclared == set()
 

@@ -6,6 +6,7 @@ import sqlite3
 import subprocess
 import sys
 import zlib
+from functools import cache
 from pathlib import Path
 
 import lz4.frame
@@ -40,8 +41,13 @@ def series(n=60):
     return JointStateSeries(stamp, stamp + 1000, ("j",), np.arange(n, dtype=float)[:, None])
 
 
+@cache
 def zeros(compression: str, size: int) -> bytes:
-    """`size` zeros, compressed without ever being in memory, and without telling their number."""
+    """`size` zeros, compressed without ever being in memory, and without telling their number; kept, because
+    they take seconds and are used by many."""
+    if compression == "bz2":
+        packer = bz2.BZ2Compressor()
+        return b"".join([*(packer.compress(bytes(1 << 20)) for _ in range(size >> 20)), packer.flush()])
     lz = lz4.frame.LZ4FrameCompressor()
     packer = zstandard.ZstdCompressor().compressobj() if compression == "zstd" else lz
     parts = [lz.begin()] if compression == "lz4" else []
@@ -69,7 +75,7 @@ def with_chunks(file: Path, chunks: list[Chunk]) -> None:
 
 def huge_ros1_bag(path: Path, compression: str, announced: int) -> None:
     """A bag of ROS 1 with one chunk that is no more than HUGE zeros."""
-    packed = bz2.compress(bytes(HUGE)) if compression == "bz2" else zeros("lz4", HUGE)
+    packed = zeros(compression, HUGE)
     store = get_typestore(Stores.ROS1_NOETIC)
     writer = Writer1(path)
     writer.compression_format, writer.compressor = compression, lambda _: packed
