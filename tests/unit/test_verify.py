@@ -299,6 +299,7 @@ def test_the_command_writes_report_pictures_and_figures(tmp_path, capsys):
     assert first.split(": ", 1)[1] in html.unescape(page)
 
 
+@pytest.mark.usefixtures("unillustrated")
 def test_an_earlier_report_is_kept_unless_overwriting_is_asked_for(tmp_path, capsys):
     bag = write(scenario(Made(duration=3.0, release=2.9)), tmp_path / "bag")
     output = tmp_path / "out"
