@@ -135,7 +135,7 @@ def until_it_runs(process: subprocess.Popen) -> list[str]:
 @pytest.mark.parametrize("options", [(), ("--processes",)])
 def test_a_second_run_and_a_stray_node_are_refused_and_the_first_run_goes_on(file, options):
     usual(file)
-    first = start(file, *options, "--real-time-factor", "1", "--record", "first")
+    first = start(file, *options, "--real-time-factor", "0.25", "--record", "first")
     try:
         until_it_runs(first)
         second = start(file, *options)
