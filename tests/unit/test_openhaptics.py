@@ -1,5 +1,6 @@
 """The Omni through the maker's HD library: angles, torques, calibration, and what goes wrong."""
 
+import itertools
 import math
 
 import numpy as np
@@ -9,6 +10,7 @@ from openhaptics_rig import NEUTRAL, HdRig
 from haptic_teleop_control.device import ReadResult
 from haptic_teleop_control.errors import ConfigurationError
 from haptic_teleop_omni.confirmation import confirm
+from haptic_teleop_omni.transports import openhaptics
 
 PUSH = (0.02, 0.1, -0.05)  # N·m
 COUNT = 4.1e-4  # rad, of the emulated device's encoders
@@ -37,6 +39,16 @@ def test_angles_buttons_and_torques_go_through_the_library_in_its_units(em, tmp_
     assert rig.driver.counter.lost == 0
     rig.driver.close()
     assert em.off()
+
+
+def test_a_process_that_stood_still_asks_the_device_before_it_calls_it_silent(em, tmp_path, monkeypatch):
+    rig = HdRig(em, tmp_path, openhaptics__pacing="synchronous")
+    rig.settle()
+    later = itertools.count(0.0, 1.0)  # s, at every look at the clock
+    monkeypatch.setattr(openhaptics.time, "monotonic", lambda: next(later))
+    assert rig.cycle(PUSH) is ReadResult.STATE
+    assert rig.latch.latched is None
+    rig.driver.close()
 
 
 def test_a_torque_acts_from_the_period_after_the_state_that_it_answers(rig, em):

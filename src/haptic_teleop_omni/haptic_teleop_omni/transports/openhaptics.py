@@ -107,9 +107,11 @@ class OpenHapticsTransport:
         if self._handle is None:
             raise DeviceError("the HD device is not open")
         if self._exchange.waiting == 0 and timeout > 0.0:
-            limit = time.monotonic() + timeout
-            while self._exchange.waiting == 0 and (left := limit - time.monotonic()) > 0.0:
+            left, limit = timeout, time.monotonic() + timeout
+            # The device is asked at least once: this process may have stood still, and not the device.
+            while self._exchange.waiting == 0 and left > 0.0:
                 self._wait(left)
+                left = limit - time.monotonic()
         return self._exchange.take()
 
     def write(self, report: bytes) -> None:
