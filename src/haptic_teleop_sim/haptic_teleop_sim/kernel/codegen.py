@@ -87,6 +87,13 @@ class _Printer(PythonCodePrinter):
 
 def _function(name: str, entry: EffectEntry, expression: sp.Expr, derivatives: bool) -> str:
     """Source of one function: the value, or the value and all derivatives into ``g``."""
+    lines = [f"def {name}({_ARGUMENTS}{', g' if derivatives else ''}):"]
+    lines += [f"    {line}" for line in _body(entry, expression, derivatives, "c")]
+    return "@inner\n" + "\n".join(lines) + "\n"
+
+
+def _body(entry: EffectEntry, expression: sp.Expr, derivatives: bool, common_name: str) -> list[str]:
+    """Lines of such a function; what several of its terms share is called ``common_name`` and a number."""
     printer = _Printer()
     targets = [expression]
     wanted: list[int] = []
@@ -98,20 +105,19 @@ def _function(name: str, entry: EffectEntry, expression: sp.Expr, derivatives: b
             if d != 0:
                 targets.append(d)
                 wanted.append(i)
-    common, reduced = sp.cse(targets, symbols=sp.numbered_symbols("c"), list=True)
+    common, reduced = sp.cse(targets, symbols=sp.numbered_symbols(common_name), list=True)
     values = [printer.doprint(value) for value in reduced]
-    lines = [f"def {name}({_ARGUMENTS}{', g' if derivatives else ''}):"]
-    lines += [f"    p_{n} = p[k + {i}]" for i, n in enumerate(entry.parameter_names)]
-    lines += [f"    {symbol} = {printer.doprint(value)}" for symbol, value in common]
+    lines = [f"p_{n} = p[k + {i}]" for i, n in enumerate(entry.parameter_names)]
+    lines += [f"{symbol} = {printer.doprint(value)}" for symbol, value in common]
     if derivatives:
         lines += [
-            f"    g[{i}] = 0.0"
+            f"g[{i}] = 0.0"
             for i in range(len(DERIVATIVE_ORDER) + len(entry.parameters))
             if i not in wanted
         ]
-        lines += [f"    g[{i}] = {value}" for i, value in zip(wanted, values[1:], strict=True)]
-    lines.append(f"    return {values[0]}")
-    return "@inner\n" + "\n".join(lines) + "\n"
+        lines += [f"g[{i}] = {value}" for i, value in zip(wanted, values[1:], strict=True)]
+    lines.append(f"return {values[0]}")
+    return lines
 
 
 def _expression(entry: EffectEntry, function) -> sp.Expr:
@@ -151,69 +157,75 @@ def rate_source(entry: EffectEntry, number: int) -> str:
     return _function(name, entry, _expression(entry, entry.rates[number]), False)
 
 
-def _dispatch(name: str, calls: list[tuple[int, str]], arguments: str) -> str:
+#: Kinds that scale what the others add; the sensitivities ask these and the others at different places.
+_SCALING = ("friction_factor", "inertia", "relative_inertia")
+#: Tables whose functions also write derivatives into ``g``.
+_WITH_DERIVATIVES = ("torque_derivatives", "scale_derivatives", "state_rate_derivatives", "slope_derivatives",
+                     "reading_derivatives")  # fmt: skip
+
+
+def _dispatch(name: str, branches: list[tuple[int, list[str]]], arguments: str) -> str:
+    # One function with all equations: as a function each of them would take a tenth of a second to compile.
     lines = ["@inner", f"def {name}(code, {arguments}):"]
-    for code, function in calls:
-        lines += [f"    if code == {code}:", f"        return {function}({arguments})"]
+    for code, body in branches:
+        lines += [f"    if code == {code}:", *(f"        {line}" for line in body)]
     lines.append("    return 0.0")
     return "\n".join(lines) + "\n"
 
 
 def dispatch_source() -> str:
-    """Source of ``value``, ``state_rate``, ``slope`` (of an inertia by its angle) and ``reading``, each also
-    with ``_derivatives``, which call an effect by its code, and of ``actuate``."""
+    """Source of ``value``, ``scale`` (of factors and inertias alone), ``state_rate``, ``slope`` (of an inertia
+    by its angle) and ``reading``, which hold the equations of all effects by their codes, of the same with
+    ``_derivatives`` (those of ``value`` in ``torque_derivatives`` and ``scale_derivatives``), and of
+    ``actuate``."""
     assert set(VARIABLES) >= set(DERIVATIVE_ORDER)
     parts: list[str] = []
-    tables: dict[str, list[tuple[int, str]]] = {
-        n: []
-        for n in (
-            "value",
-            "value_derivatives",
-            "state_rate",
-            "state_rate_derivatives",
-            "slope",
-            "slope_derivatives",
-            "reading",
-            "reading_derivatives",
-            "actuate",
-        )
+    tables: dict[str, list[tuple[int, list[str]]]] = {
+        n: [] for n in ("value", "scale", "state_rate", "slope", "reading", *_WITH_DERIVATIVES, "actuate")
     }
+
+    def write(table: str, code: int, entry: EffectEntry, expression: sp.Expr) -> None:
+        # Names of an effect's own, because a name has one type in all of a function.
+        tables[table].append((code, _body(entry, expression, table in _WITH_DERIVATIVES, f"c{code}_")))
+
     for code, entry in enumerate(dynamic_entries()):
+        scaling = entry.kind in _SCALING
+        by_all = "scale_derivatives" if scaling else "torque_derivatives"
         if entry.compiled is not None:
-            for table, function in zip(("value", "value_derivatives"), entry.compiled, strict=True):
+            assert not scaling, f"{entry.name}: what scales must have an equation"
+            for table, function in zip(("value", by_all), entry.compiled, strict=True):
                 name = f"{entry.name}_{table}"
                 parts.append(f"from {function.__module__} import {function.__name__} as {name}\n")
-                tables[table].append((code, name))
+                arguments = _arguments(table)
+                tables[table].append((code, [f"return {name}({arguments})"]))
             continue
         expression = _expression(entry, entry.equation)
-        for table, derivatives in (("value", False), ("value_derivatives", True)):
-            parts.append(_function(f"{entry.name}_{table}", entry, expression, derivatives))
-            tables[table].append((code, f"{entry.name}_{table}"))
+        for table in ("value", "scale", by_all) if scaling else ("value", by_all):
+            write(table, code, entry, expression)
         slope = _slope(entry, expression)
         if slope != 0:
-            for table, derivatives in (("slope", False), ("slope_derivatives", True)):
-                parts.append(_function(f"{entry.name}_{table}", entry, slope, derivatives))
-                tables[table].append((code, f"{entry.name}_{table}"))
+            for table in ("slope", "slope_derivatives"):
+                write(table, code, entry, slope)
         for i, rate in enumerate(entry.rates):
             expression = _expression(entry, rate)
             wrong = _used(expression) & {"input", "deflection_rate"}
             assert not wrong, f"the rates of {entry.name} must not depend on {wrong}"
-            for table, derivatives in (("state_rate", False), ("state_rate_derivatives", True)):
-                parts.append(_function(f"{entry.name}_{table}{i}", entry, expression, derivatives))
-                tables[table].append((2 * code + i, f"{entry.name}_{table}{i}"))
+            for table in ("state_rate", "state_rate_derivatives"):
+                write(table, 2 * code + i, entry, expression)
     for code, entry in enumerate(output_entries()):
-        expression = _expression(entry, entry.equation)
-        for table, derivatives in (("reading", False), ("reading_derivatives", True)):
-            parts.append(_function(f"{entry.name}_{table}", entry, expression, derivatives))
-            tables[table].append((code, f"{entry.name}_{table}"))
+        for table in ("reading", "reading_derivatives"):
+            write(table, code, entry, _expression(entry, entry.equation))
     for code, entry in enumerate(input_entries()):
         step = entry.step
         assert step is not None, f"the input effect {entry.name} has no step function"
-        parts.append(f"from {step.__module__} import {step.__name__} as {entry.name}_actuate\n")
-        tables["actuate"].append((code, f"{entry.name}_actuate"))
-    for name, calls in tables.items():
-        arguments = _ARGUMENTS + (", g" if name.endswith("derivatives") else "")
-        if name == "actuate":
-            arguments = "torque, time, dt, p, k, z, o"
-        parts.append(_dispatch(name, calls, arguments))
+        name = f"{entry.name}_actuate"
+        parts.append(f"from {step.__module__} import {step.__name__} as {name}\n")
+        tables["actuate"].append((code, [f"return {name}({_arguments('actuate')})"]))
+    parts += [_dispatch(name, branches, _arguments(name)) for name, branches in tables.items()]
     return "\n\n".join(parts)
+
+
+def _arguments(table: str) -> str:
+    if table == "actuate":
+        return "torque, time, dt, p, k, z, o"
+    return _ARGUMENTS + (", g" if table in _WITH_DERIVATIVES else "")

@@ -131,8 +131,11 @@ def predict_series(x, s, measured, gain, d_gain, decay, d_decay, torque, d_torqu
     mapped = out_codes.shape[0] > 0
     moving = d_gain.shape[0] > 0
     if moving:
-        by_gain[:, :, :ncol] = d_gain
-        by_decay[:, :ncol] = d_decay
+        for ch in range(2):
+            for c in range(ncol):
+                by_decay[ch, c] = d_decay[ch, c]
+                for j in range(n):
+                    by_gain[j, ch, c] = d_gain[j, ch, c]
     for i in range(torque.shape[0]):
         for j in range(n):
             states[i, j] = x[j]

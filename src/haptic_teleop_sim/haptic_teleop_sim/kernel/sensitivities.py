@@ -51,7 +51,7 @@ def rates_sensitive(qm, qa, vm, va, z, moved_motor, moved_arm, t, torque_motor, 
         first += 1
         loc = codes[e, 1]
         q, v = (qm, vm) if loc == 0 else (qa, va)
-        f = value(codes[e, 0], q, v, d, ks, t, exogenous, driving, dv, 0.0, 0.0, 0.0, p, codes[e, 3])
+        f = scale(codes[e, 0], q, v, d, ks, t, exogenous, driving, dv, 0.0, 0.0, 0.0, p, codes[e, 3])
         if codes[e, 2] == 2:
             if loc == 0:
                 facm *= f
@@ -109,7 +109,7 @@ def rates_sensitive(qm, qa, vm, va, z, moved_motor, moved_arm, t, torque_motor, 
             moved = moved_motor if loc == 0 else (moved_arm if loc == 1 else moved_motor - moved_arm)
             s0 = z[o + nz] if memory < 4 else 0.0
             way = direction_of(memory, moved, v, s0, p, k, npar)
-        f = value_derivatives(code, q, v, d, ks, t, exogenous, driving, dv, z0, z1, way, p, k, g)
+        f = torque_derivatives(code, q, v, d, ks, t, exogenous, driving, dv, z0, z1, way, p, k, g)
         slope = 0.0
         keeps = 0.0
         if memory == 4:
@@ -234,7 +234,7 @@ def rates_sensitive(qm, qa, vm, va, z, moved_motor, moved_arm, t, torque_motor, 
         loc = codes[e, 1]
         k = codes[e, 3]
         q, v = (qm, vm) if loc == 0 else (qa, va)
-        f = value_derivatives(codes[e, 0], q, v, d, ks, t, exogenous, driving, dv, 0.0, 0.0, 0.0, p, k, g)
+        f = scale_derivatives(codes[e, 0], q, v, d, ks, t, exogenous, driving, dv, 0.0, 0.0, 0.0, p, k, g)
         if codes[e, 2] == 2:
             others = (facm if loc == 0 else faca) / f if f != 0.0 else 0.0
             weight = (rubm if loc == 0 else ruba) * others
