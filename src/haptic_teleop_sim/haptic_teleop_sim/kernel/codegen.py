@@ -174,9 +174,9 @@ def _dispatch(name: str, branches: list[tuple[int, list[str]]], arguments: str) 
 
 
 def dispatch_source() -> str:
-    """Source of ``value``, ``scale`` (of factors and inertias alone), ``state_rate``, ``slope`` (of an inertia
-    by its angle) and ``reading``, which hold the equations of all effects by their codes, of the same with
-    ``_derivatives`` (those of ``value`` in ``torque_derivatives`` and ``scale_derivatives``), and of
+    """Source of the functions that hold the equations of all effects by their codes: ``value``, ``scale`` (of
+    factors and inertias alone), ``state_rate``, ``slope`` (of an inertia by its angle) and ``reading``, each
+    also with ``_derivatives`` (for ``value`` those of ``scale`` and of what it leaves, ``torque``), and
     ``actuate``."""
     assert set(VARIABLES) >= set(DERIVATIVE_ORDER)
     parts: list[str] = []
