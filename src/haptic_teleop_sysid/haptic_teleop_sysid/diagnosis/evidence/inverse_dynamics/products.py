@@ -43,6 +43,7 @@ class Products:
         self._whole = flat.T @ flat, flat.T @ self.target.ravel(), float(np.sum(self.target**2))
         # What columns of a term at each place are multiplied with: structure and target.
         self._partners: dict[str, FloatArray] = {}
+        self._factors: dict[tuple[str, str], float] = {}
         self._own: dict[Term, FloatArray] = {}
         self._pairs: dict[tuple[Term, Term], FloatArray] = {}
         # A group that is solved on this side is judged on it next, by the other side's solution.
@@ -54,7 +55,7 @@ class Products:
         found = [np.concatenate([*self.base])]
         for term in terms:
             torque = self.side.torque(term)
-            sign = np.array(signs(term.place, self._rigid)) * self.weights
+            sign = self._signs(term.place)
             found.append(np.concatenate([s * torque for s in sign]))
         return np.column_stack(found)
 
@@ -132,11 +133,21 @@ class Products:
         """Products (columns, p + 1) of a term's columns with the structure's and with the target."""
         if term not in self._own:
             if term.place not in self._partners:
-                sign = np.array(signs(term.place, self._rigid)) * self.weights
+                sign = self._signs(term.place)
                 both = np.concatenate([self.base, self.target[:, :, None]], axis=2)
                 self._partners[term.place] = np.tensordot(sign, both, axes=1)
             self._own[term] = self.side.torque(term).T @ self._partners[term.place]
         return self._own[term]
+
+    def _signs(self, place: str) -> FloatArray:
+        """Sign and weight (equations,) of an added torque at each equation."""
+        return np.array(signs(place, self._rigid)) * self.weights
+
+    def _factor(self, one: str, other: str) -> float:
+        """What the products of torques at two places are weighted by."""
+        if (one, other) not in self._factors:
+            self._factors[one, other] = float(self._signs(one) @ self._signs(other))
+        return self._factors[one, other]
 
     def _width(self, term: Term) -> int:
         """How many columns a term has."""
@@ -145,8 +156,7 @@ class Products:
     def _pair(self, one: Term, other: Term) -> FloatArray:
         """Products (columns, columns) of two terms' columns."""
         if (one, other) not in self._pairs:
-            first, second = (np.array(signs(t.place, self._rigid)) * self.weights for t in (one, other))
-            factor = float(first @ second)
+            factor = self._factor(one.place, other.place)
             # Torques at different equations have nothing to do with each other.
             found = (
                 factor * self.side.torque(one).T @ self.side.torque(other)

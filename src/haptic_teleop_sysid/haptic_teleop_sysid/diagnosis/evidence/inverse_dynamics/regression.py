@@ -16,6 +16,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -50,6 +51,10 @@ class Equations:
 
     def bounds(self) -> tuple[FloatArray, FloatArray]:
         """Lowest and highest value of the structure's parameters, (p,) each."""
+        return self._bounds
+
+    @cached_property
+    def _bounds(self) -> tuple[FloatArray, FloatArray]:
         reach = within_reach(self.model)
         given = self.model.parameters["stiffness"] if "stiffness" in self.names else 0.0
         found = [

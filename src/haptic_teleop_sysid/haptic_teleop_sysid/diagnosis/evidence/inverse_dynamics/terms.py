@@ -11,6 +11,7 @@ import math
 from collections.abc import Iterator
 from copy import copy
 from dataclasses import dataclass, replace
+from functools import cached_property
 from types import SimpleNamespace
 
 import numpy as np
@@ -87,6 +88,10 @@ class Hypothesis:
 
     def bounds(self) -> tuple[FloatArray, FloatArray]:
         """Lowest and highest factor of each column."""
+        return self._bounds
+
+    @cached_property
+    def _bounds(self) -> tuple[FloatArray, FloatArray]:
         if self.held:
             return np.array([1.0 / _OFF]), np.array([_OFF])
         low = [self.entry.parameter(n).minimum for n in self.sizes]
