@@ -70,8 +70,9 @@ def shown_by_current(
     if any(d.commanded_input is None or d.input_source != "measured effort" for d in data):
         return []
     found = []
+    sides = [_Currents.of(d) for d in estimation], [_Currents.of(d) for d in validation]
     for name, parameter in SHOWN.items():
-        best = _fitted(model, name, parameter, estimation, validation)
+        best = _fitted(model, name, parameter, *sides)
         if best is not None:
             found.append(best)
     found.sort(key=lambda s: -(s.gain + s.held_out))
@@ -88,18 +89,18 @@ def _fitted(
     model: Model,
     name: str,
     parameter: str,
-    estimation: Sequence[DataSet],
-    validation: Sequence[DataSet],
+    estimation: Sequence[_Currents],
+    validation: Sequence[_Currents],
 ) -> Shown | None:
     location = model.location("actuator")
 
     def effect(value: float) -> Effect:
         return Effect(name, location, {parameter: value})
 
-    def nats(value: float, data: Sequence[DataSet]) -> float:
+    def nats(value: float, data: Sequence[_Currents]) -> float:
         return sum(_nats(model, effect(value), d) for d in data)
 
-    starts = _starts(name, model, estimation)
+    starts = _starts(name, model, [c.data for c in estimation])
     values = [nats(v, estimation) for v in starts]
     best = int(np.argmax(values))
     edges = starts[max(best - 1, 0)], starts[min(best + 1, len(starts) - 1)]
@@ -136,22 +137,42 @@ def _starts(name: str, model: Model, data: Sequence[DataSet]) -> list[float]:
     return [-t for t in reversed(times)] + times if parameter.minimum < 0.0 else times
 
 
-def _nats(model: Model, effect: Effect, data: DataSet) -> float:
+@dataclass(frozen=True)
+class _Currents:
+    """Both currents of a recording: ``command`` (n,), zero where it is not known; ``good`` (n,): the samples
+    that are judged; ``sent``, ``sensed``: command and measured current there; ``floor``: mean square, A^2,
+    that is granted the sense."""
+
+    data: DataSet
+    command: FloatArray
+    good: NDArray[np.bool_]
+    sent: FloatArray
+    sensed: FloatArray
+    floor: float
+
+    @classmethod
+    def of(cls, data: DataSet) -> _Currents:
+        command, sensed = np.asarray(data.commanded_input, dtype=float), np.asarray(data.input, dtype=float)
+        good = np.isfinite(command) & np.isfinite(sensed)
+        command = np.where(np.isfinite(command), command, 0.0)
+        # Not judged, but commanded all the same: the first judged samples answer them.
+        good[: min(_UNSEEN, len(good) // 10)] = False
+        floor = (_EXACT * float(np.std(command[good]))) ** 2
+        return cls(data, command, good, command[good], sensed[good], floor)
+
+
+def _nats(model: Model, effect: Effect, currents: _Currents) -> float:
     """Nats by which the measured current follows the effect's better than the command."""
-    command, sensed = np.asarray(data.commanded_input, dtype=float), np.asarray(data.input, dtype=float)
-    good = np.isfinite(command) & np.isfinite(sensed)
-    command = np.where(np.isfinite(command), command, 0.0)
-    # Not judged, but commanded all the same: the first judged samples answer them.
-    good[: min(_UNSEEN, len(good) // 10)] = False
+    command, data = currents.command, currents.data
     if effect.entry.kind == "skew":
         at = np.arange(len(command)) - effect.parameters[SHOWN[effect.effect]] / data.dt
         expected = np.interp(at, np.arange(len(command)), command)
     else:
         packed = pack(model.with_effects(effect))
         expected = acting_torque(packed, command, data.dt, data.start) / packed.torque_constant
-    floor = (_EXACT * float(np.std(command[good]))) ** 2
-    before, after = _errors(command[good], expected[good], sensed[good], _SPIKES)
-    return 0.5 * int(np.sum(good)) * float(np.log((before + floor) / (after + floor)))
+    before, after = _errors(currents.sent, expected[currents.good], currents.sensed, _SPIKES)
+    floor = currents.floor
+    return 0.5 * len(currents.sent) * float(np.log((before + floor) / (after + floor)))
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
@@ -164,8 +185,10 @@ def _errors(
     The samples that speak most for the latter do not count: what speaks for an effect at a few alone is a
     spike, or the command that ended the experiment."""
     n = len(sensed)
-    a, b = sensed - sensed.mean(), np.empty((2, n))
-    b[0], b[1] = command - command.mean(), expected - expected.mean()
+    a, b = np.empty(n), np.empty((2, n))
+    means = sensed.mean(), command.mean(), expected.mean()
+    for i in range(n):  # one by one: see `compiled.py`
+        a[i], b[0, i], b[1, i] = sensed[i] - means[0], command[i] - means[1], expected[i] - means[2]
     slopes = np.zeros(2)
     for k in range(2):
         power = b[k] @ b[k]
