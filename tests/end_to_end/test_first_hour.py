@@ -56,7 +56,7 @@ def test_the_page_states_what_comes_out(folder):
     found = json.loads((folder[0] / "diagnosis" / "diagnosis.json").read_text())
     value, std = map(float, re.search(r"width ([\d.]+) ± ([\d.e-]+) rad", page).groups())
     assert found["findings"][0]["parameters"]["width"]["value"] == pytest.approx(value, abs=0.3 * std)
-    stated = re.search(r"velocity goes from (\d+) over (\d+) to (\d+) %", " ".join(page.split())).groups()
+    stated = re.search(r"velocity is (\d+), (\d+) and (\d+) %", " ".join(page.split())).groups()
     fits = [found["fit"][m]["validation"]["stage2_arm.velocity"] for m in ("given", "baseline", "augmented")]
     assert fits == pytest.approx([float(s) for s in stated], abs=1.5)
 
