@@ -81,7 +81,7 @@ class MujocoRobot:
         except ValueError as error:
             raise ModelError(
                 f"MuJoCo {self._mujoco.__version__} refuses the 2DSFJ ({str(error).strip()}): "
-                "install MuJoCo 4.0 or newer, or use sfj_sim."
+                "install MuJoCo 3.17 or newer, or use sfj_sim."
             ) from None
         self.data = self._mujoco.MjData(self.model)
         self._inertia = self.model.dof_armature.copy(), self.model.dof_M0.copy()
