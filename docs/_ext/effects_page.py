@@ -21,7 +21,7 @@ diagnosis use.
 | δ, k | deflection (motor minus arm) and stiffness of the joint |
 | σ | direction of the motion, from −1 to 1; it turns round over a small displacement, as a bristle does |
 | t, a | time since the start; acceleration of the other stage's arm |
-| x₀, x₁ | states of the effect's own |
+| x₀, x₁ | internal states of the effect |
 | τ | torque added, positive in the direction of the angle; at the joint: to the torque from motor to arm |
 
 In the pictures the place of the effect swings as a sine of 1 rad (at the joint 0.05 rad) with a period of

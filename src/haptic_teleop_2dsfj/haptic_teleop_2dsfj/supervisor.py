@@ -21,7 +21,7 @@ FAULTS = {
     "limit_switch": "the arm reached an end of its range; reset, then drive it away from the switch",
     "limit_switch_stuck": "limit switches say what cannot be; check their cables and their supply",
     "overload": "the current was too high for too long (I²t); let the motor cool, look for a blocked joint",
-    "deflection": "drive and joint encoder disagree by more than the trip; look for a blocked arm or a "
+    "deflection": "drive and joint encoder disagree by more than the limit; look for a blocked arm or a "
     "loose encoder",
     "encoder_jump": "an encoder moved faster than any motor turns it; check its cable",
     "encoder_frozen": "a drive's encoder does not count although almost all current flows; check its cable",

@@ -43,15 +43,15 @@ EXECUTABLES: dict[str, tuple[str, str]] = {
     ),
     "recorder": (
         "haptic_teleop_control.nodes.recorder:main",
-        "record topics to an MCAP bag that describes itself",
+        "records topics to an MCAP bag that describes itself",
     ),
     "recover": (
         "haptic_teleop_control.recording.recover:main",
-        "rewrite what is whole in a recording whose writer was killed",
+        "copy what is intact in a recording whose writer was killed",
     ),
     "composed": (
         "haptic_teleop_control.nodes.composed:main",
-        "run several nodes in one process: the 1 kHz default on one machine",
+        "run several nodes in one process, as 1 kHz on one machine needs it",
     ),
     "scenario": (
         "haptic_teleop_control.nodes.scenario:main",

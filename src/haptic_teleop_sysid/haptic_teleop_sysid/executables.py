@@ -47,7 +47,7 @@ EXECUTABLES: dict[str, tuple[str, str]] = {
     ),
     "export": (
         "haptic_teleop_sysid.commands.export:main",
-        "a model as MJCF, URDF or one Python function, and what that cannot say costs in fit",
+        "write a model as MJCF, URDF or one Python function, and say what is lost in fit",
     ),
     "verify": (
         "haptic_teleop_sysid.commands.verify:main",

@@ -15,7 +15,7 @@ from haptic_teleop_control.nodes.base.registry import node_class, node_names
 from haptic_teleop_control.nodes.base.run import run_nodes
 from haptic_teleop_control.nodes.launching.parent import OPTION
 
-HELP = """composed: runs several nodes in one process: the 1 kHz default on one machine
+HELP = """composed: runs several nodes in one process, as 1 kHz on one machine needs it
 
 usage: haptic-teleop composed NODE [NODE ...] [--ros-args [--params-file FILE] [-p NODE:NAME:=VALUE] ...]
        haptic-teleop composed NODE [NODE ...] --help        the topics and parameters of these nodes

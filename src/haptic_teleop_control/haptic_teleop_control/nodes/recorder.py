@@ -63,7 +63,7 @@ class Recorder(HapticNode):
     """
 
     NAME = "recorder"
-    SUMMARY = "record topics to an MCAP bag that describes itself"
+    SUMMARY = "records topics to an MCAP bag that describes itself"
     TOPICS = ("subscribes to the topics of its parameter `topics`, serialised",)
     TABLE = TABLE
 

@@ -69,7 +69,7 @@ def main(argv: Sequence[str] | None = None) -> int:
 def _main(argv: list[str]) -> int:
     parser = argparse.ArgumentParser(
         prog="haptic-teleop recover",
-        description="Rewrite what is whole in a recording whose writer was killed or whose file is damaged.",
+        description="Copy what is intact in a recording whose writer was killed or whose file is damaged.",
         epilog=STATUSES,
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )

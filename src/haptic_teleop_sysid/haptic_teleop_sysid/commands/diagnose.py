@@ -170,7 +170,7 @@ def _parser() -> argparse.ArgumentParser:
     parser.add_argument(
         "--allow-gaps",
         action="store_true",
-        help="of older command lines: recordings are always cut apart at their holes, and that is said",
+        help="without effect: recordings are always cut apart at their holes",
     )
     return parser
 

@@ -1,6 +1,6 @@
 """`haptic-teleop import`: a log (CSV, MATLAB, npz, Parquet, a bag of ROS 1 or 2) becomes a recording.
 
-Where the headers leave nothing open (`time [ms];torque [Nmm];angle [deg]`) the log is all that is needed;
+Where the headers name every column and unit (`time [ms];torque [Nmm];angle [deg]`) no mapping is needed;
 otherwise `--suggest` proposes a mapping file to look through. Several logs, or a folder of them, become a
 folder of recordings. The recording says what was changed.
 """

@@ -163,7 +163,7 @@ def _parser() -> argparse.ArgumentParser:
         metavar="N",
         help="recordings a year (default: by the median of their distances)",
     )
-    add("--diagnose", action="store_true", help="run the command that looks into the first one outside")
+    add("--diagnose", action="store_true", help="diagnose the first recording outside the limits")
     add("--check", action="store_true", help="exit with 3 when anything is out of order, for scheduled runs")
     add_means_options(parser)
     add_mapping_option(parser)

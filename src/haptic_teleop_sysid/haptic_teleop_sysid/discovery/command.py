@@ -94,7 +94,7 @@ def main(argv: list[str] | None = None) -> int:
 def _parser() -> argparse.ArgumentParser:
     parser = argparse.ArgumentParser(prog="haptic-teleop discover", description=__doc__)
     parser.add_argument(
-        "--seed", type=_seed, required=True, metavar="N", help="what the robot and its secret come from"
+        "--seed", type=_seed, required=True, metavar="N", help="seed of the robot and of its hidden physics"
     )
     parser.add_argument(
         "--output", type=Path, metavar="DIR", help="an empty or new directory (default: output/discover-N)"
