@@ -102,7 +102,7 @@ def _parser() -> argparse.ArgumentParser:
     parser.add_argument(
         "--plant", choices=tuple(PLANTS), default="auto",
         help="the real robot: MuJoCo's physics, drawn from what MuJoCo can express; or sfj_sim with a "
-        "temporary effect file; auto draws from the whole table and takes MuJoCo where it can express the effect",
+        "temporary effect file; auto draws from the whole table, for MuJoCo where that can express it",
     )  # fmt: skip
     parser.add_argument(
         "--lockstep", action="store_true", help="make the recordings without ROS or clock, in seconds"
