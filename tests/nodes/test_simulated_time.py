@@ -19,6 +19,7 @@ from haptic_teleop_control.errors import ConfigurationError
 from haptic_teleop_control.front_door import load
 from haptic_teleop_control.node_tables import NODE_PARAMETERS
 from haptic_teleop_control.nodes.base.haptic_node import HapticNode
+from haptic_teleop_control.nodes.base.run import COORDINATOR_GONE
 from haptic_teleop_control.nodes.force_controller import ForceController
 from haptic_teleop_control.nodes.recorder import Recorder
 from haptic_teleop_control.nodes.streams.joint_states import FIELDS, JointStatePublisher, JointStateReceiver
@@ -300,10 +301,18 @@ def test_a_controller_that_is_stopped_says_zero_last_only_where_time_was_cut_sho
     coordinator = Elsewhere(graph, "sfj_sim", "omni_sim", "force_controller")
     try:
         coordinator.run(lambda: coordinator.node._coordinator.ticks > 4)
-        said = [robot.out.sent for robot in controller._robots.values()]
-        controller.time.cut_short = cut_short
+        outs = [robot.out for robot in controller._robots.values()]
+        said = [out.sent for out in outs]
+        stamps = [out._stamp for out in outs]
+        if cut_short:
+            controller.on_time_fault(COORDINATOR_GONE)
+            controller.on_time_fault(COORDINATOR_GONE)
         controller.shutdown_safely()
-        assert [robot.out.sent for robot in controller._robots.values()] == [n + cut_short for n in said]
+        if cut_short:
+            assert all(out.sent > n and out._stamp % 1000 == 1 for out, n in zip(outs, said, strict=True))
+            assert not any(out.view["effort"].any() for out in outs)
+        else:
+            assert [out.sent for out in outs] == said and [out._stamp for out in outs] == stamps
     finally:
         coordinator.close()
 

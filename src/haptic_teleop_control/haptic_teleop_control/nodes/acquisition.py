@@ -17,7 +17,6 @@ from haptic_teleop_control.nodes.streams.senders import Info, with_info
 from haptic_teleop_control.parameters import ParameterTable
 from haptic_teleop_control.robot_faults import RobotFaults
 from haptic_teleop_control.simulated_time.messages import ANSWERER, Tick
-from haptic_teleop_control.simulated_time.stamps import LAST_WORD
 
 LONGEST_GAP = 1.0
 """s between two states, after which the robot is taken for one that was started anew."""
@@ -55,7 +54,6 @@ class AcquisitionNode(HapticNode):
         self.create_subscription(DiagnosticArray, "/diagnostics", with_info(self._on_diagnostics), 10)
         self._first: int | None = None
         self._last = 0
-        self._parted = False  # whether it has said its last word in simulated time
         self._out = JointStatePublisher(self, f"{robot}/effort_command", experiment.motors, ("effort",))
         field = "position" if experiment.closed else "effort"
         self._reference = JointStatePublisher(self, "reference", (experiment.joint,), (field,))
@@ -84,16 +82,8 @@ class AcquisitionNode(HapticNode):
 
     def on_time_fault(self, detail: str) -> None:
         super().on_time_fault(detail)
-        self._say_last_word()
-
-    def _say_last_word(self) -> None:
-        """Nobody grants time any more: what stays on the wire, and in a recording, is zero. Where time
-        has come to its end, the last command is the answer to the last state."""
-        if self.time.over:
-            return
-        if self._out.sent and not self._parted:
-            self._out.send_zero(self._last + LAST_WORD)
-        self._parted = True
+        self._effort[:] = 0.0
+        self._out.send_last_word()
 
     def _newer(self, stamp: int, received: int) -> bool:
         if stamp == self._last and self.time.simulated:
@@ -153,8 +143,6 @@ class AcquisitionNode(HapticNode):
         return self._experiment.phase
 
     def shutdown_safely(self) -> None:
-        if self.time.cut_short:
-            self._say_last_word()
         if not self.time.simulated and self._out.sent:  # simulated, the robot moves by an answer only
             self._out.send_zero(self.time.stamp())
         self.time.close()

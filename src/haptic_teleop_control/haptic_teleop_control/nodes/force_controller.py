@@ -35,7 +35,6 @@ from haptic_teleop_control.nodes.streams.senders import Info, with_info
 from haptic_teleop_control.nodes.timing.time_base import SIMULATED_TIME
 from haptic_teleop_control.robots import OMNI_JOINTS, SFJ_JOINTS, SFJ_MOTOR_JOINTS, STAGES
 from haptic_teleop_control.simulated_time.messages import ANSWERER, Tick
-from haptic_teleop_control.simulated_time.stamps import LAST_WORD
 from haptic_teleop_control.teleoperation.coupling import Coupling
 from haptic_teleop_control.teleoperation.faults import FAULTS, MALFORMED_STATE, NON_FINITE_STATE, TIME_JUMP
 from haptic_teleop_control.teleoperation.machine import State
@@ -132,7 +131,7 @@ class ForceController(HapticNode):
         self._tick: Tick | None = None
         self._mine: list[_Robot] = []  # robots whose states of this tick are answered, in order
         self._reference_seen = 0
-        self._begun = self._parted = False
+        self._begun = False
         self._state_out = self.create_publisher(String, "~/state", LATCHED)
         self._coupling = self._couple(self.values)
         self._timeout_ns = round(self.values["timeout"] * 1e9)
@@ -309,17 +308,7 @@ class ForceController(HapticNode):
             if robot.seen > robot.answered:
                 robot.answered = robot.seen
                 robot.out.send_zero(robot.seen)
-        self._say_last_word()
-
-    def _say_last_word(self) -> None:
-        """Nobody grants time any more: what stays on the wire, and in a recording, is zero. Where time
-        has come to its end, the last command is the answer to the last state."""
-        if self.time.over:
-            return
-        for robot in self._robots.values():
-            if robot.out.sent and not self._parted:
-                robot.out.send_zero(max(robot.seen, robot.answered) + LAST_WORD)
-        self._parted = True
+            robot.out.send_last_word()
 
     # What is told beside the states.
 
@@ -484,8 +473,6 @@ class ForceController(HapticNode):
         return values
 
     def shutdown_safely(self) -> None:
-        if self.time.cut_short:
-            self._say_last_word()
         if not self.time.simulated:  # there a robot moves by an answer only, and every state has had its own
             commanded = [robot.out for robot in self._robots.values() if robot.out.sent]
             for out in commanded:

@@ -46,6 +46,8 @@ LEAVING = 5.0
 LAST_WORDS = 2.0
 """Seconds that the last samples are given to arrive; a recorder that was killed never takes them."""
 
+COORDINATOR_GONE = "the coordinator of simulated time has gone"
+
 SWITCH_INTERVAL = 5e-4
 """Seconds after which a thread that waits for the interpreter gets it: Python's 5 ms are five periods of 1
 kHz."""
@@ -174,9 +176,11 @@ def spin(
     except ExternalShutdownException:
         pass
     finally:
+        # That nobody has said that time is over would not tell: it may still be on its way.
         if cut_short():
             for node in nodes:
-                node.time.cut_short = True
+                if node.time.simulated:
+                    node.on_time_fault(COORDINATOR_GONE)
         quiet_nodes(nodes)  # before the executor, whose end takes a while
         for node in nodes:
             executor.remove_node(node)

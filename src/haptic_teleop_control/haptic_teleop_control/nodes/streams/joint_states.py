@@ -24,6 +24,7 @@ from haptic_teleop_control.nodes.timing.time_base import LATEST_QOS, TimeBase, W
 from haptic_teleop_control.recording.cdr_layout import STAMP
 from haptic_teleop_control.recording.cdr_template import PUT_STAMP, Template, zeros
 from haptic_teleop_control.senders import SenderGuard
+from haptic_teleop_control.simulated_time.stamps import LAST_WORD
 
 STREAM_QOS = LATEST_QOS
 
@@ -64,7 +65,8 @@ class JointStatePublisher:
 
     def __init__(self, node: Node, topic: str, joints: Sequence[str], fields: Sequence[str]) -> None:
         self.joints = tuple(joints)
-        self._publisher = node.create_publisher(JointState, topic, time_base(node).qos)
+        self._time = time_base(node)
+        self._publisher = node.create_publisher(JointState, topic, self._time.qos)
         self.topic = self._publisher.topic_name
         message = zeros(self.joints, fields)
         memory = bytearray(self._PAD) + message
@@ -74,7 +76,8 @@ class JointStatePublisher:
             field: np.frombuffer(memory, float, size, self._PAD + at[field].start) for field in fields
         }
         self._publish = self._publisher.publish
-        self.sent = 0
+        self.sent = self._stamp = 0
+        self._last_word = False
 
     @property
     def subscribers(self) -> int:
@@ -85,6 +88,7 @@ class JointStatePublisher:
         PUT_STAMP(self._message, STAMP, *divmod(stamp, NANOSECONDS))
         self._publish(bytes(self._message))
         self.sent += 1
+        self._stamp = stamp
 
     def resend(self) -> None:
         """Publishes what was sent last once more."""
@@ -95,6 +99,13 @@ class JointStatePublisher:
         for values in self.view.values():
             values.fill(0.0)
         self.send(stamp)
+
+    def send_last_word(self) -> None:
+        """Publishes zeros with a stamp of their own, once, if anything was sent and time is not over: what
+        stays on the wire, and in a recording, where nobody grants simulated time any more."""
+        if self.sent and not self._last_word and not self._time.over:
+            self._last_word = True
+            self.send_zero(self._stamp + LAST_WORD)
 
 
 class JointStateReceiver:

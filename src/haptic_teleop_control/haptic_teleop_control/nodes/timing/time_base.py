@@ -69,7 +69,7 @@ class WallTime:
     holds.
     """
 
-    simulated = cut_short = over = False
+    simulated = over = False
     qos = LATEST_QOS
 
     def now(self) -> int:
@@ -110,9 +110,6 @@ class SimulatedTime:
     """
 
     simulated = True
-    cut_short = False
-    """Whether the process that started this one has said that the coordinator is gone. That nobody has said
-    that time is over would not tell: it may still be on its way when the node is stopped."""
     qos = EVERY_QOS
 
     def __init__(self, node: Node, wall: WallTime) -> None:
