@@ -135,11 +135,13 @@ class Recorder(HapticNode):
     def finish(self, executor: Executor) -> int:
         """Asks for the parameters once more, closes, and verifies the recording; 0 if it is whole, else 1."""
         ended = False
+        by_parent: list[str] = []
         if self._parent is not None:
             for message in self._parent.link.receive():
                 if "problem" in message:
-                    self._problem(message["problem"])
+                    by_parent.append(message["problem"])
                 ended = ended or "ended" in message
+        self.problems += by_parent
         self._collector.ask_again()
         self._take_the_last(executor)
         # First of all: whatever holds up the rest, what was received and lost is told.
@@ -163,7 +165,7 @@ class Recorder(HapticNode):
             self.problems += verify_recording(self.writer.path, self.received)
         except RecordingError as refusal:
             self._problem(str(refusal))
-        return print_verdict(self.writer.path, self._topics, self.received, self.problems, elapsed)
+        return print_verdict(self.writer.path, self._topics, self.received, self.problems, elapsed, by_parent)
 
     def _tell_reception(self, ended: bool) -> None:
         """Writes what was lost on the way here, whether the run came to its end, and what went wrong."""
