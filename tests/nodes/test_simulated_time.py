@@ -421,7 +421,8 @@ def test_a_recorder_flushes_and_ends_by_what_it_has_kept_whatever_the_wall_clock
         spin = lambda: recorder.spin_once(graph.executor)  # noqa: E731
         setting.let_live(lambda: spin() or "/recorder" in setting.coordinator.members)
         setting.coordinator.resume()
-        setting.let_live(lambda: spin() or recorder.received.get("/sfj/joint_states", 0) > 100)
+        # The wall is held: a flush that is due before the pause would leave nothing for the one in question.
+        graph.until(lambda: spin() or recorder.received.get("/sfj/joint_states", 0) > 100)
         setting.coordinator.pause()
         graph.until(lambda: spin() or not setting.coordinator._busy)
         flushed: list[int] = []
