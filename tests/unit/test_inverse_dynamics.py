@@ -144,6 +144,28 @@ def test_friction_at_the_arm_of_an_elastic_joint_is_found_there_with_stiffness_f
         assert best(found).model.parameters["stiffness"] == pytest.approx(40.0, rel=0.2)
 
 
+def test_columns_are_the_equation_filtered_whether_they_are_shared_between_shapes_or_not():
+    """Against the equation itself, written here, at some orders of a friction that varies along the angle."""
+    told = pendulum(0, coulomb=0.3)
+    motion = banded(told, True, 8.0)
+    top = np.max(np.abs(motion.velocity[:, 0]))
+    sign = np.tanh(motion.velocity[:, 0] / (0.02 * top))
+    for order in (1.0, 2.0, 5.0):
+        form = Hypothesis(
+            EFFECTS["position_dependent_friction"],
+            "j_motor",
+            "motor",
+            (("order", order),),
+            ("torque", "amplitude"),
+            "phase",
+        )
+        wave = [np.ones(len(sign)), *(f(order * motion.angle[:, 0]) for f in (np.sin, np.cos))]
+        torques = np.column_stack([-one * sign for one in wave])
+        whole, columns = form.whole_and_columns(motion, RIGID)
+        assert whole == pytest.approx(torques[motion.kept], abs=1e-12)
+        assert columns == pytest.approx(motion.filtered(torques, times=2), abs=1e-9)
+
+
 def test_readings_that_are_missing_do_not_count():
     whole = pendulum(0, coulomb=0.3)
     measured = whole.measured.copy()

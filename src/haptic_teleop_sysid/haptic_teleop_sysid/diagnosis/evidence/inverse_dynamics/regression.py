@@ -91,7 +91,7 @@ class Equations:
         found = [term.whole_and_columns(m, self.model) for m in self.motions]
         whole, columns = (np.concatenate([pair[i] for pair in found]) for i in (0, 1))
         self._known[term] = columns  # whoever asks what is seen of a torque asks for the torque next
-        inside, whole = np.sum(columns**2, axis=0), np.sum(whole**2, axis=0)
+        inside, whole = (np.einsum("ij,ij->j", side, side) for side in (columns, whole))
         return float(np.min(inside / np.maximum(whole, 1e-300)))
 
     def acting(self, term: Hypothesis) -> float:

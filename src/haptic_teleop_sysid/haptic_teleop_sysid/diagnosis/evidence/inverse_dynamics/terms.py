@@ -29,6 +29,7 @@ from ...hypotheses.candidates import family
 from ...inputs.scales import Scales
 from ...starts.scan import scanned_values
 from .motion import BandedMotion
+from .sampled import apart_from_shape, linear
 
 FloatArray = NDArray[np.float64]
 
@@ -73,18 +74,31 @@ class Hypothesis:
     def whole_and_columns(self, motion: BandedMotion, model: Model) -> tuple[FloatArray, FloatArray]:
         """Of a torque that follows from the motion: as it is, before it is filtered, and its `columns`; both
         (n, columns) at the samples that count."""
-        along = self._along(motion, model)
-        return along[motion.kept], motion.filtered(along, times=2)
-
-    def _along(self, motion: BandedMotion, model: Model) -> FloatArray:
-        """Torques (n, columns) along the whole of a motion."""
         variables = _variables(motion, self.place, self.gives)
         variables.stiffness = model.parameters.get("stiffness", 0.0)
         variables.inertia = model.parameters["arm_inertia" if self.place == "arm" else "motor_inertia"]
-        found = [self._torque(variables, size) for size in self.sizes]
+        shared = [] if self.held or self.gives > 0.0 else apart_from_shape(self.entry.name)
+        pairs = [self._shared(motion, variables, size) for size in self.sizes if size in shared]
+        found = [self._torque(variables, size) for size in self.sizes if size not in shared]
         if self.angle is not None:
             found.append(self._turned(variables))
-        return np.column_stack(found)
+        if found:
+            along = np.column_stack(found)
+            pairs.append((along[motion.kept], motion.filtered(along, times=2)))
+        if len(pairs) == 1:
+            return pairs[0]
+        return np.hstack([whole for whole, _ in pairs]), np.hstack([columns for _, columns in pairs])
+
+    def _shared(
+        self, motion: BandedMotion, variables: SimpleNamespace, size: str
+    ) -> tuple[FloatArray, FloatArray]:
+        """`whole_and_columns` of one size, which all shapes of an effect have alike: computed once."""
+        key = f"{self.entry.name}.{size} @ {self.place}"
+        if key not in motion.known:
+            along = self._torque(variables, size)[:, None]
+            columns = motion.filtered(along, times=2)
+            motion.known[key] = SimpleNamespace(whole=along[motion.kept], columns=columns)
+        return motion.known[key].whole, motion.known[key].columns
 
     def bounds(self) -> tuple[FloatArray, FloatArray]:
         """Lowest and highest factor of each column."""
@@ -231,7 +245,7 @@ def _shapes(entry: EffectEntry, location: str, place: str, scales: Scales) -> It
     sizes = tuple(p.name for p in entry.parameters if p.default is None and p.neutral == 0.0)
     shaped = [p for p in entry.parameters if p.default is None and p.neutral is None]
     angle = next((p.name for p in entry.parameters if p.turns), None)
-    held = len(sizes) == 1 and not _linear(entry, sizes[0])
+    held = len(sizes) == 1 and not linear(entry, sizes[0])
     if held:
         size = entry.parameter(sizes[0])
         for value in size.grid:
@@ -247,21 +261,6 @@ def _shapes(entry: EffectEntry, location: str, place: str, scales: Scales) -> It
                 gives = _SMALL * scales.size["torque"] / gives
                 shape = tuple((n, v) for n, v in shape if n != name)
         yield Hypothesis(entry, location, place, shape, sizes, angle, gives)
-
-
-def _linear(entry: EffectEntry, size: str) -> bool:
-    """Whether the equation is linear in its size."""
-    p = {q.name: 1.0 if q.default is None else q.default for q in entry.parameters}
-    x = np.array([-0.7, 0.3, 0.9])
-    s = SimpleNamespace(
-        position=x, velocity=-x, deflection=x, stiffness=1.0, time=x, direction=np.sign(x), **NUMERIC
-    )
-    assert entry.equation is not None
-    one, two = (
-        np.asarray(entry.equation(s, SimpleNamespace(**{**p, size: value})), dtype=float)
-        for value in (0.5, 1.0)
-    )
-    return bool(np.allclose(2.0 * one, two))
 
 
 def _grid(parameter: EffectParameter, scales: Scales, place: str) -> list[float]:
