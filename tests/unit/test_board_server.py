@@ -117,7 +117,7 @@ def test_a_way_that_is_too_slow_never_drives_and_is_a_fault(delay):
     wire.driver.open()
     wire.run(300, PUSH)
     assert wire.latch.latched == "watchdog_expired"
-    assert "the way is too slow" in wire.latch.sentence
+    assert "the link is too slow" in wire.latch.sentence
     assert not np.any(wire.plant.given), "not for a sample"
     assert wire.off
 

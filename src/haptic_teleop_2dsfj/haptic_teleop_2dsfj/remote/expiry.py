@@ -18,6 +18,6 @@ def expiry_text(why: int, watchdog: float) -> str:
     """What made the amplifier go off, as an operator reads it."""
     return {
         Expiry.SILENCE: f"the board server had no command for {watchdog:g} s",
-        Expiry.DELAY: f"a command answered a sample that was older than {watchdog:g} s: the way is too slow",
+        Expiry.DELAY: f"a command answered a sample that was older than {watchdog:g} s: the link is too slow",
         Expiry.BOARD: "the board's own watchdog expired: the board server stalled",
     }.get(Expiry(why), "")
