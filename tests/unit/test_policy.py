@@ -155,7 +155,7 @@ def group(gain, *names):
     ("gains", "count"), [((5.4, 0.0), 0), ((6.6, 0.0), 1), ((20.0, 25.4), 1), ((20.0, 26.6), 2)]
 )
 def test_each_effect_gains_six_nats_in_the_second_opinion(monkeypatch, gains, count):
-    monkeypatch.setattr(second_module, "_admissible", lambda *_: True)
+    monkeypatch.setattr(second_module, "admissible", lambda *_: True)
     one, two = group(gains[0], "gravity"), group(gains[1], "gravity", "coulomb_friction")
     heard = second_module.second_opinion(
         SimpleNamespace(levels=[[one], [two]]), None, lambda model: (0.5, 0.5), (0.5, 0.5)

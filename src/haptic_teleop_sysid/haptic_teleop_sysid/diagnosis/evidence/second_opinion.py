@@ -16,9 +16,9 @@ from functools import cached_property
 
 import numpy as np
 
-from haptic_teleop_sim.model import Effect, Model
+from haptic_teleop_sim.model import Model
 
-from ..hypotheses.material import material
+from ..hypotheses.material import admissible
 from ..inputs.scales import Scales
 from ..policy import AN_EFFECT
 from .inverse_dynamics.witness import Group, Witness
@@ -75,7 +75,7 @@ def second_opinion(witness: Witness, scales: Scales, errors: Errors, before: tup
     floor = [max(e, PERFECT) for e in before]
 
     def heard(group: Group) -> Heard | None:
-        if not all(_admissible(e, scales) for e in group.effects):
+        if not all(admissible(e, scales) for e in group.effects):
             return None
         found = errors(group.model)
         if any(e > NO_WORSE * b for e, b in zip(found, floor, strict=True)):
@@ -104,13 +104,3 @@ def second_opinion(witness: Witness, scales: Scales, errors: Errors, before: tup
     weights = np.array([math.exp((h.gain - rivals[0].gain) / APART) for h in rivals])
     shares = weights / weights.sum() if len(weights) else weights
     return Opinion(chosen, tuple(zip(rivals, shares.tolist(), strict=True)), witness)
-
-
-def _admissible(effect: Effect, scales: Scales) -> bool:
-    """Whether the effect has all the sizes that its name asks for."""
-    sizes = [
-        effect.values[p.name] - p.neutral
-        for p in effect.entry.parameters
-        if p.default is None and p.neutral is not None and math.isfinite(p.neutral)
-    ]
-    return material(effect, scales) and all(math.isfinite(s) and s != 0.0 for s in sizes)

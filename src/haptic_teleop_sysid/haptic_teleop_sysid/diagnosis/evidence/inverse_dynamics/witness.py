@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import itertools
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -12,6 +12,7 @@ import numpy as np
 from haptic_teleop_sim.model import Effect, Model
 from haptic_teleop_sysid.estimation.records import Record
 
+from ...hypotheses.material import admissible
 from ...inputs.scales import Scales
 from .folds import Fold
 from .groups import Chosen, Search, different, independent
@@ -96,7 +97,10 @@ def witness(
     scales: Scales,
     cutoff: float | None = None,
 ) -> Witness:
-    """Search the groups of effects that explain the input of both kinds of recordings."""
+    """Search the groups of effects that explain the input of both kinds of recordings.
+
+    What is not admissible bars nothing that is: it leads no group and has no place among the best. A friction
+    that is hardly asymmetric says the same as a plain one beside a constant torque, which has to come up then."""
     cutoff = motion_band([*estimation, *validation]) if cutoff is None else cutoff
     here, there = equations(model, estimation, cutoff), equations(model, validation, cutoff)
     search = Search(model, here, there)
@@ -108,17 +112,22 @@ def witness(
         and max(side.seen(h) for side in sides) > LEAST_SEEN
     ]
     singles = search.best_of_each(every, ())
+
+    def apt(chosen: Chosen) -> bool:
+        return all(admissible(e, scales) for e in fitted_effects(search, chosen))
+
     # Two that hide each other: neither need be the best by itself, or be seen by itself at all.
     tops = [chosen[0] for chosen in singles[:MOST_PAIRED]]
     pairs = [pair for pair in itertools.combinations(tops, 2) if different(*pair)]
     known = {frozenset(pair) for pair in pairs}
-    more = search.best_of_each(every, singles[0]) if singles else []
+    leader = next(filter(apt, singles), singles[0] if singles else ())
+    more = search.best_of_each(every, leader) if singles else []
     pairs += [pair for pair in more if frozenset(pair) not in known]
     levels: list[list[Chosen]] = [singles, pairs]
     if pairs:
-        levels.append(_threes(search, every, pairs))
+        levels.append(_threes(search, every, [pair for pair in pairs if apt(pair)] or pairs))
     folds = Search(model, Fold((here, there), False), Fold((here, there), True))
-    return _weighed(search, folds, [level for level in levels if level], cutoff)
+    return _weighed(search, folds, levels, cutoff, apt)
 
 
 def _threes(search: Search, every: Sequence[Hypothesis], pairs: Sequence[Chosen]) -> list[Chosen]:
@@ -139,8 +148,14 @@ def _threes(search: Search, every: Sequence[Hypothesis], pairs: Sequence[Chosen]
     return found
 
 
-def _weighed(search: Search, folds: Search, levels: Sequence[Sequence[Chosen]], cutoff: float) -> Witness:
-    """The best groups of each number of effects."""
+def _weighed(
+    search: Search,
+    folds: Search,
+    levels: Sequence[Sequence[Chosen]],
+    cutoff: float,
+    apt: Callable[[Chosen], bool],
+) -> Witness:
+    """The best groups of each number of effects, of those that are admissible."""
     # What the fullest explanation leaves comes nearest to noise: how long that remembers says how many
     # samples count, and for all groups the same number.
     fullest = search.leader([(), *(chosen for level in levels for chosen in level)])
@@ -152,14 +167,24 @@ def _weighed(search: Search, folds: Search, levels: Sequence[Sequence[Chosen]], 
     def gain(chosen: Chosen) -> float:
         return search.likelier(chosen) - A_PARAMETER * sum(h.parameters for h in chosen)
 
-    found = tuple(
-        tuple(_group(search, chosen, gain(chosen)) for chosen in sorted(level, key=gain, reverse=True)[:BEAM])
-        for level in levels
-    )
+    kept = [
+        [*itertools.islice(filter(apt, sorted(level, key=gain, reverse=True)), BEAM)] for level in levels
+    ]
+    found = tuple(tuple(_group(search, chosen, gain(chosen)) for chosen in level) for level in kept if level)
     shapeless = folds.shapeless(())
     best = [level[0].hypotheses for level in found]
     most = max(folds.explained(terms) for terms in (shapeless, *best))
     return Witness(_group(search, (), 0.0), found, cutoff, most, shapeless, folds)
+
+
+def fitted_effects(search: Search, chosen: Chosen) -> list[Effect]:
+    """The effects of a group with their sizes, fitted to the first side's equations."""
+    side, values = search.sides[0].side, search.fitted(0, chosen)
+    arm, place, found = side.arm_scale(values), len(side.names), []
+    for h in chosen:
+        own = slice(place, place := place + len(h.bounds()[0]))
+        found.append(h.effect((arm if h.place == "arm" else 1.0) * values[own]))
+    return found
 
 
 def _group(search: Search, chosen: Chosen, gain: float) -> Group:
@@ -179,13 +204,13 @@ def _group(search: Search, chosen: Chosen, gain: float) -> Group:
     low, high = side.bounds()
     stuck = zip(side.names, values, low, high, strict=False)
     at_bound = tuple(n for n, v, a, b in stuck if v > 0.0 and min(v - a, b - v) < 1e-6 * v)
-    effects, place = [], len(side.names)
+    place = len(side.names)
     for h in chosen:
         own = slice(place, place := place + len(h.bounds()[0]))
         scale = arm if h.place == "arm" else 1.0
-        effects.append(h.effect(scale * values[own]))
         of = h.errors(scale * values[own], scale * errors[own])
         std |= {f"{h.location}.{h.entry.name}.{n}": e for n, e in of.items()}
+    effects = fitted_effects(search, chosen)
     model = replace(search.model.with_values(found), effects=(*search.model.effects, *effects))
     target = there.target.ravel()
     missed = float(np.linalg.norm(there.left(chosen, values)))
