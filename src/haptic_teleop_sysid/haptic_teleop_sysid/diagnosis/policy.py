@@ -113,9 +113,15 @@ angle, with white innovations."""
 ERRS_LESS, ERRS_FAR_LESS = 0.9, 0.7
 """Factor by which the free run of the second witness must err less than the first opinion's, in the mean of
 both kinds of recordings, to take its place: where the first one's innovations are coloured, and where they
-are white. Lower: the witness, which sees no sensors, is believed less often. The first also where sizes that
-free runs want take the place of those that torques want, and those with a smoothed sign the place of those
-that stick: what errs less by less than that is an accident of where a search ended. By hand."""
+are white; the square of the second on the validation recordings alone is enough. Lower: the witness, which
+sees no sensors, is believed less often. The first also where sizes that free runs want take the place of
+those that torques want, and those with a smoothed sign the place of those that stick: what errs less by less
+than that is an accident of where a search ended. By hand."""
+
+NEARLY_ALL = 0.8
+"""Share of what torques without a form explain that the second witness' names must explain to stand where the
+first opinion has given its own name up; their free run must err no more, either. Lower: more names for
+physics without one; higher: `unknown` where friction is in plain sight. Set on a robot's wrist (0.90)."""
 
 COLOURED = 100.0
 """Portmanteau statistic over 25 lags (25 for white innovations, 53 once in a thousand) on both kinds of

@@ -8,7 +8,7 @@ from haptic_teleop_sysid.recordings.dataset import DataSet
 
 from .decision.constancy import inconstant
 from .decision.doubt import coloured, doubted, left_is_random
-from .decision.overruled import as_result, believed_instead, beyond_reach, inadequate
+from .decision.overruled import as_result, believed_instead, beyond_reach, inadequate, stands_next
 from .decision.reasons import Doubt, off_the_mark, runs_away, slipped
 from .decision.search import SearchResult
 from .decision.stand import Stand
@@ -25,13 +25,18 @@ def questioned(
     result, doubt, stand = doubted(kept, found.learn, found.judge, found.chosen_by)
     first = result.nameless.chosen.fit if result.nameless is not None else result.final
     opinion = found.opinion
+
+    def instead() -> tuple[SearchResult, Doubt | None, Stand]:
+        assert opinion is not None
+        errs_less = "what the inverse dynamics name simulates all recordings better"
+        bare = result.giving_up(result.choices, errs_less)
+        return *as_result(opinion, bare, found.learn, found.errors, found.simulated), alone
+
+    alone = Stand(stand.before, stand.after, {})
     if opinion is not None and believed_instead(
         opinion, found.errors(first.model), lambda: coloured(first, found.learn, found.judge)
     ):
-        errs_less = "what the inverse dynamics name simulates all recordings better"
-        result = result.giving_up(result.choices, errs_less)
-        result, doubt = as_result(opinion, result, found.learn, found.errors, found.simulated)
-        return result, doubt, Stand(stand.before, stand.after, {})
+        return instead()
     # Where what is left is random, a torque without a form follows chance.
     left = (
         bool(result.choices) and doubt is None and not left_is_random(result.final, found.learn, found.judge)
@@ -44,8 +49,13 @@ def questioned(
         doubt = None if kept_before else short
     if doubt is None and (far := beyond_reach(result, found.given)) is not None:
         result = result.giving_up(result.choices, far.why)
-        bare = replace(result, choices=(), final=result.baseline, last_round=())
-        return bare, far, Stand(stand.before, stand.before, {})
+        result = replace(result, choices=(), final=result.baseline, last_round=())
+        doubt, stand = far, Stand(stand.before, stand.before, {})
+    if doubt is not None and not result.choices:  # a name that is given up brings up the next
+        if opinion is not None and stands_next(opinion, found.errors(result.final.model)):
+            return instead()
+        if doubt.choice is not None:
+            return result, doubt, stand
     if harmful is not None and (doubt is None or doubt.choice is None):
         doubt = runs_away(harmful)
     if doubt is None and not result.choices:

@@ -33,6 +33,8 @@ Simulated = Callable[[Model], ParameterFit]
 #: Factor by which the velocity of a smoothed sign may differ from SMOOTHED of the top speed: far below, the
 #: error is as rough as without, and what is smooth far above is no dry friction.
 _OTHERWISE = 5.0
+#: Factor up to which the sizes that torques and free runs want are those of one effect.
+_SAME = 2.0
 
 
 def sized_freely(heard: Heard, simulated: Simulated, errors: Errors, fastest: float) -> Heard:
@@ -49,6 +51,8 @@ def sized_freely(heard: Heard, simulated: Simulated, errors: Errors, fastest: fl
     if found.fled or not reached[0] < NO_WORSE * before[0] or not reached[1] < ERRS_LESS * before[1]:
         return heard
     one, other = group.model.parameter_values(), found.model.parameter_values()
+    if any(not _alike(one[name], other.get(name, 0.0)) for name in _main_sizes(group.model)):
+        return heard
     std = {}
     for name, error in group.std.items():
         own = found.std.get(name, math.nan)
@@ -56,6 +60,17 @@ def sized_freely(heard: Heard, simulated: Simulated, errors: Errors, fastest: fl
         apart = (one[name] - other[name]) / math.sqrt(2.0) if name in one and name in other else 0.0
         std[name] = math.hypot(own if math.isfinite(own) else error, apart)
     return Heard(replace(group, model=found.model, std=std, at_bound=()), heard.gain, reached)
+
+
+def _main_sizes(model: Model) -> list[str]:
+    """The first size of each effect, by parameter name."""
+    return [f"{e.location}.{e.effect}.{e.entry.parameters[0].name}" for e in model.effects]
+
+
+def _alike(one: float, other: float) -> bool:
+    """Whether two sizes of an effect are one: what free runs shrink or swell by far more than that, they use
+    in place of something else that is missing."""
+    return 1.0 / _SAME <= abs(other) / max(abs(one), 1e-300) <= _SAME
 
 
 def turning_limits(model: Model, fastest: float) -> dict[str, tuple[float, float]]:

@@ -15,7 +15,7 @@ from haptic_teleop_sysid.estimation.whole_fit import fit_whole
 
 from ..evidence.inverse_dynamics.terms import Hypothesis, follows_from_motion
 from ..evidence.inverse_dynamics.witness import Group
-from ..evidence.second_opinion import NO_WORSE, PERFECT, Errors, Opinion
+from ..evidence.second_opinion import NO_WORSE, PERFECT, Errors, Heard, Opinion
 from ..hypotheses.explanation import Explanation
 from ..hypotheses.twins import twin
 from ..policy import ERRS_FAR_LESS, ERRS_LESS, LEAST_EXPLAINED
@@ -36,14 +36,26 @@ def believed_instead(opinion: Opinion, first: tuple[float, float], coloured: Cal
     not hold, which takes a fit and is asked only where it decides."""
     if opinion.chosen is None:
         return False
-    ratios = [
-        max(own, PERFECT) / max(other, PERFECT)
-        for own, other in zip(opinion.chosen.errors, first, strict=True)
-    ]
+    ratios = _ratios(opinion.chosen, first)
     # The validation recordings decide: a model errs less where it was fitted, whatever it is worth.
     if ratios[1] >= NO_WORSE or math.prod(ratios) >= ERRS_LESS**2:
         return False
-    return math.prod(ratios) < ERRS_FAR_LESS**2 or coloured()
+    # What errs far less where neither was fitted is not made worse by a first one that fits the rest closely.
+    return min(math.prod(ratios), ratios[1]) < ERRS_FAR_LESS**2 or coloured()
+
+
+def stands_next(opinion: Opinion, first: tuple[float, float]) -> bool:
+    """Whether the second opinion's names stand where the first one gave up what it had found: they explain
+    most of what can be explained, and their free runs err no more than ``first``."""
+    chosen = opinion.chosen
+    return chosen is not None and opinion.explains_most and max(_ratios(chosen, first)) < NO_WORSE
+
+
+def _ratios(chosen: Heard, first: tuple[float, float]) -> list[float]:
+    """Errors of the free runs relative to the ``first`` opinion's, of either kind of recordings."""
+    return [
+        max(own, PERFECT) / max(other, PERFECT) for own, other in zip(chosen.errors, first, strict=True)
+    ]
 
 
 def as_result(

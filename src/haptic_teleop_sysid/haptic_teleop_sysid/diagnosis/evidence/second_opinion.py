@@ -20,7 +20,7 @@ from haptic_teleop_sim.model import Model
 
 from ..hypotheses.material import admissible
 from ..inputs.scales import Scales
-from ..policy import AN_EFFECT
+from ..policy import AN_EFFECT, NEARLY_ALL
 from .inverse_dynamics.witness import Group, Witness
 
 #: Log-likelihood that counts for each time that the error of the free run falls by a factor e on one kind of
@@ -61,6 +61,13 @@ class Opinion:
     chosen: Heard | None
     rivals: tuple[tuple[Heard, float], ...]
     witness: Witness
+
+    @property
+    def explains_most(self) -> bool:
+        """Whether the chosen effects explain nearly all that torques without a form could."""
+        if self.chosen is None:
+            return False
+        return self.chosen.group.explained > NEARLY_ALL * self.witness.recoverable
 
     @cached_property
     def adequacy(self) -> float:

@@ -94,14 +94,26 @@ class Equations:
         inside, whole = (np.einsum("ij,ij->j", side, side) for side in (columns, whole))
         return float(np.min(inside / np.maximum(whole, 1e-300)))
 
+    def largest(self, terms: Sequence[Term], values: FloatArray) -> float:
+        """Largest torque (rms) of one of a group's effects, with the factors ``values`` of all columns."""
+        place, found = len(self.names), 0.0
+        for term in terms:
+            columns = self.torque(term)
+            own = values[place : (place := place + columns.shape[1])]
+            found = max(found, float(np.sqrt(np.mean((columns @ own) ** 2))))
+        return found
+
+    def driven(self) -> FloatArray:
+        """Torque (n,) of the input in the band."""
+        input = np.concatenate([m.filtered(m.input) for m in self.motions])
+        return self.model.parameters["torque_constant"] * input
+
     def acting(self, term: Hypothesis) -> float:
         """Mean square of the input torque that acts with an effect of the actuator, as a share of that which
         acts without it; 1 for what takes nothing from the input."""
         if term.entry.kind != "input":
             return 1.0
-        given = self.model.parameters["torque_constant"] * np.concatenate(
-            [m.filtered(m.input) for m in self.motions]
-        )
+        given = self.driven()
         acts = given + self.torque(term)[:, 0]
         return float(acts @ acts) / max(float(given @ given), 1e-300)
 

@@ -31,6 +31,10 @@ LEAST_ACTING = 0.8
 #: Share of an effect's torque, mean square, that must lie in the band, on one kind of recordings at least:
 #: of what lies outside, the band says nothing.
 LEAST_SEEN = 0.25
+#: Torque of an effect, rms, relative to that of the input, above which only something else that is missing
+#: could hold it: two effects that cancel each other are a curve and not these two. At a resonance a spring's
+#: torque is some times that of the input.
+LARGEST = 4.0
 #: Log-likelihood that a parameter must gain, both ways together.
 A_PARAMETER = 4.0
 
@@ -100,10 +104,11 @@ def witness(
     """Search the groups of effects that explain the input of both kinds of recordings.
 
     What is not admissible bars nothing that is: it leads no group and has no place among the best. A friction
-    that is hardly asymmetric says the same as a plain one beside a constant torque, which has to come up then."""
+    that is hardly asymmetric says the same as a plain one beside a constant torque, which then has to come
+    up."""
     cutoff = motion_band([*estimation, *validation]) if cutoff is None else cutoff
     here, there = equations(model, estimation, cutoff), equations(model, validation, cutoff)
-    search = Search(model, here, there)
+    search, driven = Search(model, here, there), here.driven()
     sides = (here, there)
     every = [
         h
@@ -114,7 +119,10 @@ def witness(
     singles = search.best_of_each(every, ())
 
     def apt(chosen: Chosen) -> bool:
-        return all(admissible(e, scales) for e in fitted_effects(search, chosen))
+        effects = fitted_effects(search, chosen)
+        return all(admissible(e, scales) for e in effects) and here.largest(
+            chosen, search.fitted(0, chosen)
+        ) < LARGEST * float(np.sqrt(np.mean(driven**2)))
 
     # Two that hide each other: neither need be the best by itself, or be seen by itself at all.
     tops = [chosen[0] for chosen in singles[:MOST_PAIRED]]
