@@ -8,9 +8,10 @@ from html.parser import HTMLParser
 
 import numpy as np
 import pytest
+from matplotlib.layout_engine import ConstrainedLayoutEngine
 
 from haptic_teleop_control.errors import ConfigurationError
-from haptic_teleop_sysid.report import Page, Panel, Plot, Series, inline_svg, save_png, still
+from haptic_teleop_sysid.report import Page, Panel, Plot, Series, histogram, inline_svg, save_png, still
 from haptic_teleop_sysid.report.output import claim_output_directory, numbered_output_directory
 
 HOSTILE = '<script>alert("1")</script>'
@@ -137,7 +138,7 @@ def test_pictures_bear_no_fixed_ink_so_that_they_are_legible_in_the_dark():
 
 
 def test_page_and_file_show_a_picture_in_the_one_layout_that_keeps_its_labels_inside(tmp_path, monkeypatch):
-    figure = picture()
+    figure = histogram([("one", TIME), ("other", TIME)], "time (s)", 1.0)
     layouts = []
     execute = type(figure.get_layout_engine()).execute
     monkeypatch.setattr(
@@ -151,6 +152,20 @@ def test_page_and_file_show_a_picture_in_the_one_layout_that_keeps_its_labels_in
     assert figure.axes[0].get_position().bounds == laid_out != before
     box = figure.get_tightbbox()  # inches
     assert box.x0 >= 0.0 and box.y0 >= 0.0 and box.x1 <= 10.0 and box.y1 <= figure.get_figheight()
+
+
+def test_a_plot_is_laid_out_once_for_page_and_file_and_as_if_each_had_done_so(tmp_path, monkeypatch):
+    layouts = []
+    execute = ConstrainedLayoutEngine.execute
+    monkeypatch.setattr(
+        ConstrainedLayoutEngine, "execute", lambda *given: layouts.append(execute(*given))
+    )
+    shown = plot()
+    save_png(shown, tmp_path / "a.png")
+    svg = inline_svg(still(shown, 100), "a")
+    assert len(layouts) == 1
+    assert svg == inline_svg(still(plot(), 100), "a")
+    assert len(layouts) == 2, "another plot has another layout"
 
 
 def test_numbers_in_tables_are_set_right():

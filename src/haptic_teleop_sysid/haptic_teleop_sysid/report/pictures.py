@@ -15,6 +15,7 @@ from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
+from weakref import WeakKeyDictionary
 
 import numpy as np
 from numpy.typing import NDArray
@@ -25,6 +26,7 @@ from .roles import ROLES, variable
 if TYPE_CHECKING:  # importing matplotlib takes half a second
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
+    from matplotlib.transforms import Bbox
 
 INK, GRID, SHADE, BAND = "#1c2431", "#dfe3ea", "#e9edf4", "#cfdcef"
 COLOUR = {name: role.light for name, role in ROLES.items()}
@@ -57,6 +59,9 @@ STYLE: Any = {
     "svg.fonttype": "none",
     "svg.hashsalt": "haptic-teleop",
 }
+#: Where the axes of a plot that was drawn before lie: page and file draw it with other numbers of samples,
+#: and finding the places takes as long as drawing.
+_PLACES: WeakKeyDictionary[Plot, list[Bbox]] = WeakKeyDictionary()
 
 
 @contextmanager
@@ -75,12 +80,11 @@ def blank(width: float, height: float) -> Figure:
     return Figure(figsize=(width, height), layout="constrained")
 
 
-def still(plot: Plot, points: int = POINTS, width: float = 10.0, height: float = 1.75) -> Figure:
-    """Return the panels one below the other, each line of at most about ``points`` samples; ``width`` and
-    ``height`` of one in inches."""
+def still(plot: Plot, points: int = POINTS) -> Figure:
+    """Return the panels one below the other, laid out, each line of at most about ``points`` samples."""
     own = any(p.x_label for p in plot.panels)
     with styled():
-        figure = blank(width, height * len(plot.panels) + 0.5)
+        figure = blank(10.0, 1.75 * len(plot.panels) + 0.5)
         axes = figure.subplots(len(plot.panels), 1, sharex=not own, squeeze=False)[:, 0]
         for axis, panel in zip(axes, plot.panels, strict=True):
             _draw(axis, panel, points, plot.dated)
@@ -91,6 +95,13 @@ def still(plot: Plot, points: int = POINTS, width: float = 10.0, height: float =
         if plot.named_ticks:
             axes[-1].set_xticks(range(1, len(plot.names) + 1), plot.names, rotation=30, ha="right")
         figure.align_ylabels(list(axes))
+        if plot in _PLACES:
+            for axis, place in zip(axes, _PLACES[plot], strict=True):
+                axis.set_position(place)
+            figure.set_layout_engine(None)
+        else:
+            _lay_out(figure)
+            _PLACES[plot] = [axis.get_position(original=True).frozen() for axis in axes]
     return figure
 
 
@@ -214,4 +225,5 @@ def _lay_out(figure: Figure) -> None:
     engine = figure.get_layout_engine()
     if engine is not None:
         engine.execute(figure)
-        figure.set_layout_engine("none")
+        # None, and not "none": that leaves a place holder, for whose sake each file is drawn twice.
+        figure.set_layout_engine(None)

@@ -103,7 +103,7 @@ class Panel:
         return max(b for _, b in ends) - min(a for a, _ in ends) < LEAST_HEIGHT[self.unit]
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Plot:
     """``panels`` one below the other over a common axis ``x_label``; ``difference``: what is shown on request
     instead, one below the other, and ``difference_of`` in words what that is; ``names`` of the samples, told
