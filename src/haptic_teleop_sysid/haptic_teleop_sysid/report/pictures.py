@@ -174,13 +174,15 @@ def histogram(values: Sequence[tuple[str, NDArray[np.float64]]], x_label: str, l
         axis = figure.subplots()
         edges = np.linspace(0.0, limit, 81)
         for number, (label, sample) in enumerate(values):
+            role = ROLES[roles[number % len(roles)]]
             axis.hist(
                 np.clip(sample, 0.0, limit),
                 edges.tolist(),
                 histtype="step",
-                color=COLOUR[roles[number % len(roles)]],
+                color=role.light,
                 label=label,
                 linewidth=1.3,
+                linestyle=(0, role.dash) if role.dash else "-",
             )
         axis.set_yscale("log")
         axis.set_xlabel(x_label)

@@ -1,8 +1,9 @@
 """What a line means, and how every page shows it: one colour and one dash per meaning.
 
-The colours come from the palette of Okabe and Ito, which people with any common colour blindness tell apart
-(jfly.uni-koeln.de/color, 2008), made darker on white and lighter on black where a thin line would not stand
-out (contrast at least 3 to 1).  The dash says the same once more, for paper without colour.
+The colours began as the palette of Okabe and Ito (jfly.uni-koeln.de/color, 2008) and were moved until any two
+lie at least 14 apart in CIE Lab, 20 where both lines are solid, for people with common vision and without red,
+green or blue cones (Machado et al., 2009), at a contrast to their ground of at least 3 to 1: the unit test of
+colour vision measures it.  The dash says the same once more, for paper without colour.
 """
 
 from __future__ import annotations
@@ -24,14 +25,14 @@ class Role:
 ROLES: dict[str, Role] = {
     "measured": Role("#1c2432", "#f0f3f7", width=1.2),
     "given": Role("#c95500", "#f5954a", (2, 3), 1.9),
-    "re-estimated": Role("#008563", "#3ed2a6", (8, 4), 1.8),
+    "re-estimated": Role("#0b9b79", "#4de7b6", (8, 4), 1.8),
     "augmented": Role("#0072b2", "#56b4e9", width=2.8),
-    "reference": Role("#a94f83", "#e6a3c8", (9, 3, 2, 3), 1.4),
-    "input": Role("#5b6676", "#a9b5c5", width=1.1),
-    "second": Role("#866800", "#e3cb5a", (12, 3), 1.5),
-    "third": Role("#2f7fa6", "#8fd0ee", (4, 2), 1.5),
-    "fourth": Role("#7b3fa1", "#c493e8", (6, 2, 2, 2, 2, 2), 1.5),
-    "alarm": Role("#a8123f", "#ff7d9c", width=1.6),
+    "reference": Role("#bd649a", "#fab8e5", (9, 3, 2, 3), 1.4),
+    "input": Role("#5b636f", "#adaeb3", width=1.1),
+    "second": Role("#aa8a40", "#f0db68", (12, 3), 1.5),
+    "third": Role("#005675", "#0792af", (4, 2), 1.5),
+    "fourth": Role("#592c8b", "#9f83f0", (6, 2, 2, 2, 2, 2), 1.5),
+    "alarm": Role("#bd0640", "#ef6d8b", (6, 4), 1.6),
 }
 """measured: what a recording holds; given: the user's model, or a simulation with it; re-estimated: its
 structure fitted anew; augmented: with the physics that was found; reference: what a law or a command asks
@@ -40,8 +41,11 @@ alarm: what is out of its limits."""
 
 RUNS = ("measured", "second", "third", "fourth", "input", "reference")
 """Roles of several recordings laid over each other, in their order; from the seventh on they repeat."""
-MODELS = ("given", "re-estimated", "augmented", "third", "fourth")
-"""Roles of several models simulated on one recording, in their order."""
+MODELS = ("given", "re-estimated", "augmented", "third", "fourth", "second", "alarm", "input")
+"""Roles of several models simulated on one recording, in their order; from the ninth on they repeat. Not
+the reference: the residual view leaves it out."""
+#: Where the roles begin that say nothing of a model.
+_FOURTH = 3
 
 
 def variable(role: str) -> str:
@@ -60,6 +64,7 @@ def model_roles(effects: list[int]) -> list[str]:
     roles: list[str] = []
     for count in effects:
         wanted = "given" if not roles else "augmented" if count > effects[0] else "re-estimated"
-        free = [r for r in (wanted, *MODELS[3:], *MODELS) if r not in roles]
-        roles.append(free[0] if free else RUNS[len(roles) % len(RUNS)])
+        free = [r for r in (wanted, *MODELS[_FOURTH:], *MODELS) if r not in roles]
+        # Never as what was measured, over which they are drawn.
+        roles.append(free[0] if free else MODELS[len(roles) % len(MODELS)])
     return roles

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from haptic_teleop_control.robots import OMNI_JOINTS
 from haptic_teleop_sysid.report import Panel, Plot, Series, histogram
 from haptic_teleop_sysid.report.plot import LESS
-from haptic_teleop_sysid.report.roles import RUNS
+from haptic_teleop_sysid.report.roles import ROLES, RUNS
 from haptic_teleop_sysid.verification.run import Run
 from haptic_teleop_sysid.verification.signals import StageRun
 
@@ -22,9 +22,9 @@ if TYPE_CHECKING:  # importing matplotlib takes half a second
     from matplotlib.figure import Figure
 
 Array = NDArray[np.float64]
-#: Dashes of an arm where colours tell runs apart, of the speed that the force law promises, and of what ends
-#: motion or current: a wall, a limit.
-_ARM, _PROMISE, _EDGE = (2, 3), (3, 3), (6, 4)
+#: Dashes of the speed that the force law promises, and of an arm where colours tell runs apart: dots, behind
+#: the stroke of its run.
+_PROMISE, _DOTS = (3, 3), (2, 3)
 
 
 def stage_picture(
@@ -103,7 +103,8 @@ def _lines(data: StageRun, shift: float, label: str, role: str) -> dict[str, lis
     moving = f"{name}{'axis' if of_omni else 'motor'}"
     position = [Series(moving, time, data.arm_position if of_omni else data.motor_position, role)]
     if not of_omni:
-        arm, dots = ("second", None) if single else (role, _ARM)
+        dash = ROLES[role].dash
+        arm, dots = ("second", None) if single else (role, (*dash, *_DOTS, *_DOTS) if dash else _DOTS)
         position.append(Series(f"{name}arm", time, data.arm_position, arm, dots))
     current = [Series(drive if single else moving, time, data.current, role)]
     if single and data.commanded_current is not None:
@@ -122,8 +123,8 @@ def _with(panel: Panel, *more: Series) -> Panel:
 
 
 def _level(label: str, time: Array, value: float) -> Series:
-    """A horizontal line over the whole time."""
-    return Series(label, time[[0, -1]], np.full(2, value), "alarm", _EDGE)
+    """A horizontal line over the whole time, of what ends motion or current."""
+    return Series(label, time[[0, -1]], np.full(2, value), "alarm")
 
 
 def _differences(
