@@ -98,7 +98,7 @@ def overview_page(title: str, outcomes: Outcomes, with_pages: bool) -> Page:
         section = page.section("Ranking", RULE)
         section.plot(errors_plot(order, outcomes), "Error of the simulated response, worst first")
         section.table(
-            ("rank", "", "verdict", "what is wrong", "error, yours", "error, augmented"),
+            ("rank", "diagnosis of", "verdict", "what is wrong", "error, yours", "error, augmented"),
             [
                 (
                     number,
@@ -112,7 +112,7 @@ def overview_page(title: str, outcomes: Outcomes, with_pages: bool) -> Page:
             ],
         )
     if unusable:
-        page.section("Not diagnosed").table(("", "why"), unusable)
+        page.section("Not diagnosed").table(("not diagnosed", "why"), unusable)
     return page
 
 

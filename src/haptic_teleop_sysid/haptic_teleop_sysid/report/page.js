@@ -52,6 +52,8 @@
         for (const range of [plot.x_range, plot.y_range]) whole.set(range, { start: range.start, end: range.end });
       }
       this.plots[this.view] = found;
+      // Bokeh's own stops for the Tab key do nothing here, and do not show: the buttons above are the way.
+      for (const id of Object.values(roots)) untabbed(document.getElementById(id));
       paint(found);
       this.lines();
       this.drag();
@@ -123,6 +125,13 @@
     return `at ${name || when}: ${parts.join(", ")}`;
   }
 
+  function untabbed(part) {
+    for (const each of part.querySelectorAll("*")) {
+      if (each.tabIndex >= 0) each.tabIndex = -1;
+      if (each.shadowRoot) untabbed(each.shadowRoot);
+    }
+  }
+
   const whole = new Map();
 
   function reset(range) {
@@ -170,13 +179,13 @@
     for (const one of lives.values()) for (const found of Object.values(one.plots)) paint(found);
   });
 
-  // A table that goes on beyond its box says so: a column out of sight is one that nobody looks for.
+  // A table or picture that goes on beyond its box says so: a column out of sight is one that nobody looks for.
   const boxes = new ResizeObserver((entries) => {
     for (const { target } of entries) {
       target.previousElementSibling.hidden = target.scrollWidth <= target.clientWidth + 1;
     }
   });
-  document.querySelectorAll(".scroll").forEach((box) => boxes.observe(box));
+  document.querySelectorAll(".scroll, .fixed > .still").forEach((box) => boxes.observe(box));
 
   function unfold() {
     const target = location.hash.length > 1 && document.getElementById(location.hash.slice(1));

@@ -1,9 +1,9 @@
 """What a line means, and how every page shows it: one colour and one dash per meaning.
 
 The colours began as the palette of Okabe and Ito (jfly.uni-koeln.de/color, 2008) and were moved until any two
-lie at least 14 apart in CIE Lab, 20 where both lines are solid, for people with common vision and without red,
-green or blue cones (Machado et al., 2009), at a contrast to their ground of at least 3 to 1: the unit test of
-colour vision measures it.  The dash says the same once more, for paper without colour.
+lie at least 14 apart in CIE Lab, 20 where both lines are solid, for people with common vision and without
+red, green or blue cones (Machado et al., 2009), at a contrast to their ground of at least 3 to 1: the unit
+test of colour vision measures it.  The dash says the same once more, for paper without colour.
 """
 
 from __future__ import annotations

@@ -17,6 +17,8 @@ if TYPE_CHECKING:  # importing matplotlib takes half a second
 
 #: Cells that say that there is nothing, and how a date begins.
 _NOTHING, _DATE = ("", "–", "—"), re.compile(r"\d{4}-\d\d-\d\d")
+#: How a number begins, and no name such as 037_week.
+_NUMBER = re.compile(r"(\d+\.?\d*|\.\d+)(e[+-]?\d+)?(?![\w.])|(nan|inf)$")
 #: Where a name may be broken.
 _FOLDS = re.compile(r"(_|(?<=[\w/])[./](?=[A-Za-z]{2}))")
 #: Characters without a space from which a word may be broken anywhere: no column has room for it.
@@ -53,6 +55,11 @@ class Block:
         told = [[cell for cell in column if cell not in _NOTHING] for column in columns]
         found = [2 * sum(map(looks_numeric, cells)) >= max(len(cells), 1) for cells in told]
         return found or [False] * len(self.header)
+
+    def heads(self) -> int:
+        """The column whose cells say what their rows are about: the first one, or the name beside a number
+        such as a rank."""
+        return 1 if self.numeric()[:2] == [True, False] else 0
 
 
 @dataclass
@@ -96,7 +103,7 @@ class Section:
 def looks_numeric(cell: str) -> bool:
     """True for a cell that begins like a number and is no date."""
     text = cell.strip().lstrip("+-−±<>≈ ")
-    return (text[:1].isdigit() or text in ("nan", "inf")) and not _DATE.match(text)
+    return _NUMBER.match(text) is not None and not _DATE.match(text)
 
 
 def unbreakable(cell: str) -> bool:

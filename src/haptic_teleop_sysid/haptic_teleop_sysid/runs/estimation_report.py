@@ -154,7 +154,8 @@ def page(result: Result, commands: Commands | None = None) -> Page:
             for sentence in reading(residuals, closed_loop(dataset)):
                 part.text(sentence)
             part.plot(
-                residual_picture(residuals, dataset.dt), "Correlation of the one-step prediction errors"
+                residual_picture(residuals, dataset.dt),
+                f"Correlation of the one-step prediction errors, {bag}",
             )
     return report
 
@@ -179,7 +180,7 @@ def _correlation(report: Page, result: Result) -> None:
         for name, line in zip(unsure.names, unsure.correlation, strict=True)
     ]
     text = "Near ±1 only a combination of the two is known well."
-    report.section("Correlation of the estimates", text, folded=True).table(["", *unsure.names], rows)
+    report.section("Correlation of the estimates", text, folded=True).table(["with", *unsure.names], rows)
 
 
 def fit_picture(result: Result, bag: str) -> Plot:
