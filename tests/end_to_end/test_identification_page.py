@@ -2,6 +2,7 @@
 
 import contextlib
 import json
+import re
 import shlex
 import shutil
 import sys
@@ -60,3 +61,10 @@ def test_the_fits_are_those_of_the_page(folder):
     for name, *cells in rows("fit on `check`, 20 to 32 s"):
         fits = found[f"{name.removesuffix(' friction')}/model.yaml"]["recordings/check"]
         assert list(fits.values()) == pytest.approx([float(cell.split()[0]) for cell in cells], abs=0.3)
+
+
+def test_the_condition_is_that_of_the_page(folder):
+    page = (DOCS / PAGE).read_text(encoding="utf-8")
+    stated = float(re.search(r"by a quick\s+fit, is ([\d.e]+)", page)[1])
+    found = json.loads((folder / "look" / "dataset.json").read_text())["recordings"][0]
+    assert found["condition"] == pytest.approx(stated, rel=0.03)

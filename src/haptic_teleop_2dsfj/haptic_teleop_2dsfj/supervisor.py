@@ -87,7 +87,7 @@ class StageSupervisor:
         if fastest > settings.highest_speed:
             return "encoder_jump", f"{fastest:.0f} rad/s"
         if abs(drive - joint) > self._trip:
-            return "deflection", f"{drive - joint:+.3f} rad, trip at {self._trip:g} rad"
+            return "deflection", f"{drive - joint:+.3f} rad, limit {self._trip:g} rad"
         self._above = self._above + elapsed if abs(measured) > self._limit + settings.sense_margin else 0.0
         if self._above > 3 * self._dt:
             return "over_current", f"{measured:+.2f} A measured, limit {self._limit:g} A"
