@@ -12,6 +12,7 @@ from haptic_teleop_sim.effects import EFFECTS
 from haptic_teleop_sim.model import Effect
 from haptic_teleop_sysid.commands.dataset_report import Look, _judged, judgement
 from haptic_teleop_sysid.estimation.contradictions import contradictions
+from haptic_teleop_sysid.estimation.excitation import NOT_FITTED
 from haptic_teleop_sysid.estimation.records import records_from, with_trusted_input
 from haptic_teleop_sysid.estimation.strategies import estimate
 from haptic_teleop_sysid.estimation.uncertainty import Uncertainty
@@ -102,3 +103,13 @@ def test_every_effect_with_a_shape_is_begun_anew_at_it_and_a_fixed_or_scanned_on
     wave = {"amplitude": 0.1, "order": 5.0}
     rippled = STAGE.with_effects(Effect("torque_ripple", "stage1_motor", wave))
     assert shape_starts(rippled, records) == []
+
+
+@pytest.mark.parametrize("change", [{"converged": False}, {"message": NOT_FITTED}])
+def test_dataset_expects_nothing_of_a_quick_fit_that_found_no_optimum(slow, change):
+    recording, dataset = slow
+    judged = _judged(START, dataset)
+    unsettled = replace(judged, fit=replace(judged.fit, **change))
+    told = [text for _, text in judgement(Look(recording, {}, dataset, (), unsettled))]
+    assert any("the quick fit found no optimum" in text for text in told)
+    assert not any("±" in text or "this model (condition" in text for text in told)

@@ -25,7 +25,7 @@ from haptic_teleop_sysid.commands.treatment_options import (
     treatment_of,
     treatment_words,
 )
-from haptic_teleop_sysid.estimation.excitation import Excitation, excitation, refuse_idle
+from haptic_teleop_sysid.estimation.excitation import NOT_FITTED, Excitation, excitation, refuse_idle
 from haptic_teleop_sysid.estimation.records import records_from
 from haptic_teleop_sysid.logs.opened import open_recording
 from haptic_teleop_sysid.logs.story import tell
@@ -55,6 +55,10 @@ SIGNALS_DRAWN = 12
 WELL_KNOWN = 0.2
 """Expected standard error, relative, up to which a recording is rich enough for a parameter."""
 
+_UNSETTLED = (
+    "whether the excitation is rich enough is not known: the quick fit found no optimum, so the errors that "
+    "the page expects assume the noise of a model that does not fit; `estimate` tells."
+)
 _ODD = "Start from other values, or ask `diagnose` for what else it may be."
 
 
@@ -123,7 +127,9 @@ def judgement(one: Look) -> list[tuple[str, str]]:
         odd = one.excitation.contradictions
         for effect, why in odd.items():
             said.append(("bad", f"{effect} cannot be judged: in a quick fit {why}. {_ODD}"))
-        if unsure := _unsure(one):
+        if not one.excitation.fit.converged or one.excitation.fit.message == NOT_FITTED:
+            said.append(("fair", _UNSETTLED))
+        elif unsure := _unsure(one):
             listed = ", ".join(f"{name} ± {100 * share:.0f} %" for name, share in unsure.items())
             said.append(("fair", f"not well known from this recording: {listed}; excite more, or longer."))
         elif expected.condition <= ILL_CONDITIONED and not expected.undetermined and not odd:

@@ -27,6 +27,8 @@ FEWEST_SAMPLES = 100
 """Samples below which parameters and a noise model cannot both be had from a recording."""
 FEWEST_STEPS = 20.0
 """Encoder steps that a motion must span to count as one."""
+NOT_FITTED = "not fitted"
+"""Message of a fit that is none: the model's own values (`at_values`)."""
 
 
 def refuse_idle(dataset: DataSet) -> None:
@@ -98,4 +100,4 @@ def at_values(model: Model, records: Sequence[Record]) -> Fit:
     noise, _ = tune_noise(pack(model), distrustful_noise(model, records, 0.003), records)
     free = model.free_parameters()
     information, gradient, value = normal_equations(model, noise, records, free)
-    return Fit(model, noise, free, value, information, gradient, True, 0, "not fitted")
+    return Fit(model, noise, free, value, information, gradient, True, 0, NOT_FITTED)
