@@ -88,6 +88,33 @@ def test_a_late_input_is_found_beside_what_acts_as_well_and_hides_it():
     assert effects["coulomb_friction"]["torque"] == pytest.approx(0.3, rel=0.15)
 
 
+def test_a_friction_that_is_hardly_asymmetric_does_not_bar_what_it_is_and_the_delay_beside_it():
+    """A sixth of asymmetry is too little for the name. Two numbers say it, those of a plain friction and of a
+    constant torque as well; with them the delay has to be found all the same."""
+    late = 10
+
+    def made(seed: int) -> Record:
+        one = pendulum(seed, coulomb=0.4, offset=0.06)
+        return replace(one, input=np.append(one.input[late:], np.full(late, one.input[-1])))
+
+    found = asked(RIGID, made(0), made(1))
+    names = {e.effect for e in best(found).effects}
+    assert names in ({"coulomb_friction", "constant_torque", n} for n in ("input_delay", "actuator_lag"))
+
+
+def test_the_largest_torque_of_a_group_is_that_of_its_largest_effect():
+    told = pendulum(0, coulomb=0.3)
+    sides = equations(RIGID, [told], 8.0)
+    forms = [
+        Hypothesis.of(Effect(name, "j_motor", {"torque": 1.0}), "motor")
+        for name in ("constant_torque", "coulomb_friction")
+    ]
+    values = np.array([0.14, 0.35, 5.0, -0.2])
+    assert sides.largest(forms, values) == pytest.approx(5.0, rel=1e-3)
+    assert sides.largest(forms[1:], values[[0, 1, 3]]) == pytest.approx(0.19, abs=0.02)
+    assert np.sqrt(np.mean(sides.driven() ** 2)) == pytest.approx(np.sqrt(np.mean(told.input**2)), rel=0.05)
+
+
 def test_what_takes_all_of_the_input_away_is_no_explanation_of_it():
     found = asked(RIGID, *(pendulum(s, weight=2.0) for s in (0, 1)))
     assert best(found).effects[0].effect == "gravity"

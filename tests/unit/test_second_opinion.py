@@ -17,6 +17,7 @@ from haptic_teleop_sysid.diagnosis.decision.overruled import (
     believed_instead,
     beyond_reach,
     inadequate,
+    stands_next,
 )
 from haptic_teleop_sysid.diagnosis.decision.search import SearchResult
 from haptic_teleop_sysid.diagnosis.decision.verdict import decide_verdict, size_known
@@ -94,6 +95,40 @@ def test_a_first_opinion_that_runs_as_well_stays(rubbing):
     # White innovations are believed longer.
     assert believed_instead(opinion, (0.12, 0.14), coloured=lambda: True)
     assert not believed_instead(opinion, (0.12, 0.14), coloured=lambda: False)
+
+
+def test_what_errs_far_less_where_neither_was_fitted_is_believed_over_a_close_fit(rubbing):
+    """A first opinion of many parameters may simulate better what it was fitted to, all else far worse."""
+    learn, judge, scales, _ = rubbing
+    opinion = second_opinion(witness(RIGID, learn, judge, scales), scales, errors_of, (0.5, 0.5))
+    assert believed_instead(opinion, (0.07, 0.25), coloured=lambda: False)
+    assert not believed_instead(opinion, (0.07, 0.22), coloured=lambda: False)
+
+
+def test_a_name_that_is_given_up_brings_up_the_next_where_that_explains_most(rubbing):
+    learn, judge, scales, _ = rubbing
+    opinion = second_opinion(witness(RIGID, learn, judge, scales), scales, errors_of, (0.5, 0.5))
+    assert opinion.explains_most
+    assert stands_next(opinion, opinion.chosen.errors)
+    assert not stands_next(opinion, (0.09, 0.12))  # worse than nothing where it was fitted
+    assert not stands_next(opinion, (0.1, 0.11))
+    more = replace(opinion, witness=replace(opinion.witness, recoverable=2.0 * opinion.witness.recoverable))
+    assert not stands_next(more, opinion.chosen.errors)  # half of what could be explained is not
+    assert not stands_next(replace(opinion, chosen=None), (0.5, 0.5))
+
+
+def test_sizes_that_free_runs_shrink_by_far_are_those_of_something_else(rubbing):
+    learn, judge, scales, _ = rubbing
+    found = second_opinion(witness(RIGID, learn, judge, scales), scales, errors_of, (0.5, 0.5)).chosen
+    name = "j_motor.coulomb_friction.torque"
+    before = found.group.model.parameter_values()[name]
+
+    def other(factor):
+        model = found.group.model.with_values({name: factor * before})
+        return lambda _: ParameterFit(model, True, (1.0, 0.5), 9, std={})
+
+    for factor, taken in ((0.3, False), (0.6, True), (1.9, True), (3.0, False)):
+        assert (sized_freely(found, other(factor), lambda model: (0.1, 0.05), 1.0) is not found) == taken
 
 
 def test_what_spoils_the_free_run_is_not_believed_however_much_torque_it_explains(rubbing):
