@@ -118,6 +118,12 @@ sees no sensors, is believed less often. The first also where sizes that free ru
 those that torques want, and those with a smoothed sign the place of those that stick: what errs less by less
 than that is an accident of where a search ended. By hand."""
 
+FITS_WORSE = 1.1
+"""Factor by which what is left of the torques must grow with an encoder's error taken out of the readings for
+the name to be given up. Lower: a true error falls where the motion hardly shows it; higher: a smooth warp of
+the angle passes for an encoder's error where a torque has not quite the right form. By hand, on a leg's joint
+(6.5) and on simulated encoders that err (at most 0.99)."""
+
 NEARLY_ALL = 0.8
 """Share of what torques without a form explain that the second witness' names must explain to stand where the
 first opinion has given its own name up; their free run must err no more, either. Lower: more names for

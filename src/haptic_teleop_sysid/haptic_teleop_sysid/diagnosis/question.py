@@ -7,7 +7,9 @@ from dataclasses import replace
 from haptic_teleop_sysid.recordings.dataset import DataSet
 
 from .decision.constancy import inconstant
+from .decision.decide import Choice
 from .decision.doubt import coloured, doubted, left_is_random
+from .decision.misread import misread
 from .decision.overruled import as_result, believed_instead, beyond_reach, inadequate, stands_next
 from .decision.reasons import Doubt, off_the_mark, runs_away, slipped
 from .decision.search import SearchResult
@@ -23,6 +25,10 @@ def questioned(
     what the search by prediction found, so far as chance leaves it."""
     harmful = None if kept.choices else next(iter(believed.choices), None)
     result, doubt, stand = doubted(kept, found.learn, found.judge, found.chosen_by)
+    wrong = misread(result, found.given, found.learn, found.judge, found.cutoff)
+    if wrong is not None:
+        result = _before(result, *wrong)
+        doubt = doubt if result.choices else (doubt or Doubt(*wrong))
     first = result.nameless.chosen.fit if result.nameless is not None else result.final
     opinion = found.opinion
 
@@ -42,11 +48,8 @@ def questioned(
         bool(result.choices) and doubt is None and not left_is_random(result.final, found.learn, found.judge)
     )
     if opinion is not None and left and (short := inadequate(result, opinion)) is not None:
-        kept_before = result.choices[: result.choices.index(short.choice)] if short.choice else ()
-        final = kept_before[-1].chosen.fit if kept_before else result.baseline
-        result = result.giving_up(result.choices[len(kept_before) :], short.why)
-        result = replace(result, choices=kept_before, final=final, last_round=())
-        doubt = None if kept_before else short
+        result = _before(result, short.choice, short.why)
+        doubt = None if result.choices else short
     if doubt is None and (far := beyond_reach(result, found.given)) is not None:
         result = result.giving_up(result.choices, far.why)
         result = replace(result, choices=(), final=result.baseline, last_round=())
@@ -64,3 +67,11 @@ def questioned(
             off_the_mark(mean_percent(fits)) or slipped(data) or inconstant(result.baseline, found.judge)
         )
     return result, doubt, stand
+
+
+def _before(result: SearchResult, choice: Choice | None, why: str) -> SearchResult:
+    """The result up to a finding that is given up, and with it what was found beside it."""
+    kept = result.choices[: result.choices.index(choice)] if choice else ()
+    final = kept[-1].chosen.fit if kept else result.baseline
+    given_up = result.giving_up(result.choices[len(kept) :], why)
+    return replace(given_up, choices=kept, final=final, last_round=())

@@ -1,0 +1,43 @@
+"""An encoder's error that the torques speak against."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from haptic_teleop_sim.model import Model
+from haptic_teleop_sysid.estimation.likelihood import FAILURES
+from haptic_teleop_sysid.estimation.records import Record
+
+from ..evidence.inverse_dynamics.corrected import corrected, torques_left
+from ..evidence.inverse_dynamics.terms import follows_from_input, follows_from_motion
+from ..policy import FITS_WORSE
+from .decide import Choice
+from .search import SearchResult
+
+
+def misread(
+    result: SearchResult, given: Model, learn: Sequence[Record], judge: Sequence[Record], cutoff: float
+) -> tuple[Choice, str] | None:
+    """The first finding that is an error of an encoder, following the angle, with whose correction the
+    torques fit clearly worse, and why it is given up; None where there is none. Asked of rigid joints, whose
+    equation holds nothing else of the readings. ``cutoff``: Hz, of the band of the motion."""
+    if not given.rigid:
+        return None
+    effects = [c.chosen.effect for c in result.choices]
+    group = [e for e in effects if follows_from_motion(e.entry) or follows_from_input(e.entry)]
+    for choice, error in zip(result.choices, effects, strict=True):
+        if error.entry.kind != "output" or error.entry.equation is None:
+            continue
+        try:
+            raw = torques_left(given, learn, judge, group, cutoff)
+            here, there = ([corrected(r, error) for r in records] for records in (learn, judge))
+            right = torques_left(given, here, there, group, cutoff)
+        except FAILURES:
+            continue
+        if right > FITS_WORSE * raw:
+            name = error.effect.replace("_", " ")
+            return choice, (
+                f"with the {name} taken out of the readings, the torques fit worse: {right:.3g} N·m are left "
+                f"of them instead of {raw:.3g}"
+            )
+    return None

@@ -1,0 +1,55 @@
+"""Does an encoder that errs make the torques fit better?
+
+An error that follows the angle can be taken out of the readings. If the encoder errs so, the accelerations of
+the true angle fit the torques better than those of the readings. A smooth warp of the angle is also what a
+one-step prediction buys for a torque whose form is not quite right; then the torques fit worse with it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+from types import SimpleNamespace
+
+import numpy as np
+
+from haptic_teleop_sim.effects.on_arrays import NUMERIC
+from haptic_teleop_sim.model import Effect, Model
+from haptic_teleop_sysid.estimation.records import Record
+
+from .groups import Search
+from .regression import equations
+from .terms import Hypothesis
+
+#: Points of the curve from the true angle to the reading, over what was read and a tenth more at either end.
+_POINTS = 4096
+
+
+def torques_left(
+    model: Model, learn: Sequence[Record], judge: Sequence[Record], group: Sequence[Effect], cutoff: float
+) -> float:
+    """Torque, N·m rms, that a group of effects leaves of a rigid joint's: those of either kind of recordings
+    with parameters fitted to the other."""
+    sides = equations(model, learn, cutoff), equations(model, judge, cutoff)
+    search = Search(model, *sides)
+    terms = tuple(Hypothesis.of(e, model.place(e.location)) for e in group)
+    squares = [
+        side.square_left(terms, search.fitted(1 - k, terms)) / float(side.weights[0]) ** 2
+        for k, side in enumerate(search.sides)
+    ]
+    return float(np.sqrt(sum(squares) / sum(side.samples for side in sides)))
+
+
+def corrected(record: Record, error: Effect) -> Record:
+    """The record with the error of its motor's encoder, which follows the angle, taken out of what was read."""
+    read = record.measured[:, 0]
+    low, high = float(np.nanmin(read)), float(np.nanmax(read))
+    beyond = 0.1 * (high - low)
+    true = np.linspace(low - beyond, high + beyond, _POINTS)
+    equation = error.entry.equation
+    assert equation is not None
+    shown = np.asarray(equation(SimpleNamespace(position=true, **NUMERIC), SimpleNamespace(**error.values)))
+    shown = np.maximum.accumulate(shown)
+    measured = record.measured.copy()
+    measured[:, 0] = np.where(np.isfinite(read), np.interp(read, shown, true), np.nan)
+    return replace(record, measured=measured)

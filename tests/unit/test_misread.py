@@ -1,0 +1,64 @@
+"""An encoder that errs is told from a smooth warp of the angle that only looks like one."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from stepped_machines import RIGID, pendulum
+
+from haptic_teleop_sim.model import Effect
+from haptic_teleop_sysid.diagnosis.decision.decide import Choice
+from haptic_teleop_sysid.diagnosis.decision.misread import misread
+from haptic_teleop_sysid.diagnosis.decision.search import SearchResult
+from haptic_teleop_sysid.diagnosis.evidence.inverse_dynamics.corrected import corrected
+from haptic_teleop_sysid.diagnosis.hypotheses.explanation import Explanation
+from haptic_teleop_sysid.diagnosis.inputs.scales import recording_scales
+from haptic_teleop_sysid.estimation.whole_fit import fit_whole, noise_starts
+
+AMPLITUDE, ORDER, PHASE = 0.03, 2.0, 0.4
+ERROR = Effect(
+    "encoder_eccentricity", "j_motor_encoder", {"amplitude": AMPLITUDE, "order": ORDER, "phase": PHASE}
+)
+TORQUES = (
+    Effect("gravity", "j_motor", {"torque": 2.0}),
+    Effect("coulomb_friction", "j_motor", {"torque": 0.3}),
+)
+
+
+def erring(record):
+    """What an encoder reads that errs, written once more."""
+    true = record.measured[:, 0]
+    read = record.measured.copy()
+    read[:, 0] = true + AMPLITUDE * (np.sin(ORDER * true + PHASE) - np.sin(PHASE))
+    return replace(record, measured=read)
+
+
+def found(learn):
+    """A search's result that names both torques, and an error of the encoder after them."""
+    scales = recording_scales(RIGID, learn)
+    fit = fit_whole(RIGID, noise_starts(RIGID, learn)[1], learn, free=(), iterations=2)
+    choices = []
+    for i, _ in enumerate((*TORQUES, ERROR)):
+        model = RIGID.with_effects(*(*TORQUES, ERROR)[: i + 1])
+        choices.append(Choice(Explanation(replace(fit, model=model), 50.0, 20.0, True, i), 1.0))
+    return SearchResult(fit, choices[-1].chosen.fit, tuple(choices), (), scales)
+
+
+def test_what_is_taken_out_is_what_the_encoder_adds():
+    true = pendulum(0, coulomb=0.3, weight=2.0)
+    assert corrected(erring(true), ERROR).measured[:, 0] == pytest.approx(true.measured[:, 0], abs=1e-6)
+
+
+@pytest.mark.parametrize("errs", [True, False])
+def test_an_error_of_the_encoder_stands_only_where_the_torques_fit_no_worse_without_it(errs):
+    learn, judge = ([pendulum(seed, coulomb=0.3, weight=2.0)] for seed in (0, 1))
+    if errs:
+        learn, judge = ([erring(r) for r in records] for records in (learn, judge))
+    result = found(learn)
+    told = misread(result, RIGID, learn, judge, 8.0)
+    if errs:
+        assert told is None
+    else:
+        choice, why = told
+        assert choice is result.choices[-1]
+        assert "the torques fit worse" in why and "N·m" in why
