@@ -41,7 +41,7 @@ def torques_left(
 
 
 def corrected(record: Record, error: Effect) -> Record:
-    """The record with the error of its motor's encoder, which follows the angle, taken out of what was read."""
+    """The record with the error of its motor's encoder, which follows the angle, taken out of the angles."""
     read = record.measured[:, 0]
     low, high = float(np.nanmin(read)), float(np.nanmax(read))
     beyond = 0.1 * (high - low)
