@@ -27,8 +27,9 @@ from haptic_teleop_sysid.report import (
     with_error,
 )
 from haptic_teleop_sysid.report.live import PAGE_POINTS, live, packed_script
-from haptic_teleop_sysid.report.plot import LEAST_HEIGHT, thinned
+from haptic_teleop_sysid.report.plot import LEAST_HEIGHT, log_ticks, thinned
 from haptic_teleop_sysid.report.roles import ROLES, model_roles
+from haptic_teleop_sysid.report.section import Block, foldable, looks_numeric, prose
 
 MEGABYTE = 1_000_000
 TIME = np.arange(5000) * 1e-3
@@ -249,3 +250,26 @@ def test_two_lines_of_one_meaning_stand_once_in_a_legend():
     assert legend is not None
     assert [text.get_text() for text in legend.get_texts()] == ["current", "limit"]
     assert [line.label for line in plot.legend()] == ["current", "limit"]
+
+
+def test_a_logarithmic_axis_has_round_numbers_and_at_least_two_of_them_in_sight():
+    for low, high in ((0.01, 0.24), (0.003, 0.022), (0.9, 4.0), (1e-6, 1e3)):
+        seen = [tick for tick in log_ticks(low, high) if low <= tick <= high]
+        assert 2 <= len(seen) <= 10 and all(f"{tick:e}"[0] in "125" for tick in seen)
+
+
+def test_names_that_begin_with_digits_are_no_numbers_and_head_their_rows():
+    names = Block("table", header=("rank", "recording"), rows=(("1", "037_week_01"), ("2", "2dsfj")))
+    assert names.numeric() == [True, False] and names.heads() == 1
+    for number in ("3", "1e-05", "57.5 %", "-0.3", "± 0.1", "0.8 rad", ".5", "nan", "3,", "12 (of 30)"):
+        assert looks_numeric(number), number
+    for name in ("037_week", "2026-11-25 09:00", "1.2.3", "3x", "nano", "–"):
+        assert not looks_numeric(name), name
+
+
+def test_a_sentence_keeps_options_and_dates_whole_and_shows_what_is_typed_as_code():
+    html = str(prose("On 2026-11-25 09:00 give `x <y>` as --validation, not a--b or 2026-11-25T09-00."))
+    assert '<span class="whole">2026-11-25 09:00</span>' in html
+    assert '<span class="whole">--validation</span>' in html and "a--b" in html
+    assert "<code>x &lt;y&gt;</code>" in html and html.count("<span") == 2
+    assert '<span class="whole">0.139 %</span>' in str(foldable("grew by 0.139 %"))

@@ -98,15 +98,15 @@ def overview_page(title: str, outcomes: Outcomes, with_pages: bool) -> Page:
         section = page.section("Ranking", RULE)
         section.plot(errors_plot(order, outcomes), "Error of the simulated response, worst first")
         section.table(
-            ("rank", "diagnosis of", "verdict", "what is wrong", "error, yours", "error, augmented"),
+            ("rank", "diagnosis of", "what is wrong", "error, yours", "error, augmented", "verdict"),
             [
                 (
                     number,
                     Link(name, f"{name}/report.html") if with_pages else name,
-                    outcomes[name]["verdict"],
                     outcomes[name]["what"],
                     percent(outcomes[name]["error"]),
                     percent(outcomes[name]["left"]),
+                    outcomes[name]["verdict"],
                 )
                 for number, name in enumerate(order, start=1)
             ],
@@ -151,5 +151,6 @@ def errors_plot(order: Sequence[str], outcomes: Outcomes) -> Plot:
         errors = [outcomes[n][key] for n in order]
         values = np.array([math.nan if e is None else 100.0 * e for e in errors])
         lines.append(Series(label, x, values, role, marks=True, line=False, square=key == "error"))
-    panel = Panel("Error of the simulated response", "% of the motion's spread", lines, guides=(0.0,))
-    return Plot([panel], "rank", names=order)
+    title = "Error of the simulated response, in percent of the motion's spread"
+    panel = Panel(title, "%", lines, guides=(0.0,))
+    return Plot([panel], "diagnosis of, worst first", names=order)

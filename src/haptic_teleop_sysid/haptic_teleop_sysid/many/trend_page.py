@@ -33,8 +33,11 @@ def trend_page(trend: Trend, commands: Sequence[Sequence[str]]) -> Page:
         f"{trend.points[last].when}",
     )
     first = trend.first
-    look = f"look into it: {shlex.join(commands[0])}" if commands else "nothing."
-    page.conclude("good" if first is None else "bad", change_sentence(trend), look)
+    status = "good" if first is None else "bad"
+    if commands:
+        page.conclude(status, change_sentence(trend), "look into it.", shlex.join(commands[0]))
+    else:
+        page.conclude(status, change_sentence(trend), "nothing.")
     if first is not None:
         reasons = "; ".join(trend.reasons(first))
         page.verdict("fair", f"First outside: {trend.points[first].when}: {reasons}.")
@@ -44,7 +47,8 @@ def trend_page(trend: Trend, commands: Sequence[Sequence[str]]) -> Page:
         page.verdict("plain", f"{note[0].upper()}{note[1:]}.")
     page.verdict("plain", alarm_sentence(trend))
     page.section("Now against the reference").picture(
-        changes_picture(trend), "Change of each quantity in percent, with two standard errors"
+        changes_picture(trend),
+        "Change of each quantity in percent, of errors as a factor, with two standard errors",
     ).table(
         ("quantity", "unit", "reference", "now", "change", "std. error", "first outside"),
         [

@@ -37,6 +37,8 @@ def changes_picture(trend: Trend) -> Figure:
     parts = [
         [c for c in reversed(trend.charts) if c.quantity.logarithmic is which] for which in (False, True)
     ]
+    from matplotlib.ticker import LogLocator
+
     with styled():
         heights = [max(len(part), 1) for part in parts]
         figure = blank(8.0, 0.34 * sum(heights) + 1.6)
@@ -52,7 +54,12 @@ def changes_picture(trend: Trend) -> Figure:
             names = [c.quantity.name.replace(".", "\n", 1).replace(", ", "\n", 1) for c in part]
             axes.set_yticks(range(len(part)), names)
             axes.set_xlabel("now / reference" if factors else "change since the reference (%)")
+            # The first and the last row stand clear of the axis.
+            axes.set_ylim(-0.6, max(len(part), 1) - 0.4)
         panels[1].set_xscale("log")
+        panels[1].xaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 3.0, 5.0)))
+        panels[1].xaxis.set_major_formatter("{x:g}")
+        panels[1].xaxis.set_minor_formatter("")
     return figure
 
 

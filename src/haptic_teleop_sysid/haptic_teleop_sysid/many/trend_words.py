@@ -21,7 +21,9 @@ def change_sentence(trend: Trend) -> str:
         f"{c.quantity.name} left its limits at {_since(trend, c)} and is back within them" for c in gone
     ]
     parts += [
-        f"{event} in {trend.points[i].when}" for i, events in sorted(trend.events.items()) for event in events
+        f"{event} {'on' if trend.points[i].date else 'in'} {trend.points[i].when}"
+        for i, events in sorted(trend.events.items())
+        for event in events
     ]
     if not parts:
         return f"Nothing has left its limits since the reference ({span})."

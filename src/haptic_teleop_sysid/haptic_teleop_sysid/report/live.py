@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from .plot import Band, Panel, Plot, Series, thinned
+from .plot import Band, Panel, Plot, Series, log_ticks, thinned
 from .roles import ROLES, variable
 
 if TYPE_CHECKING:
@@ -98,7 +98,7 @@ def _name_ticks(plot: Any, names: Sequence[str]) -> None:
 def _figure(
     panel: Panel, x_range: Range1d, x_label: str, last: bool, points: int, dated: bool = False
 ) -> BokehPlot:
-    from bokeh.models import BasicTickFormatter, BoxAnnotation, Range1d, Span
+    from bokeh.models import BasicTickFormatter, BoxAnnotation, FixedTicker, Range1d, Span
     from bokeh.plotting import figure
 
     low, high = panel.limits()
@@ -145,12 +145,16 @@ def _figure(
         axis.tags += ["major_label_text_color=--text", "axis_label_text_color=--text"]
         axis.major_label_text_font_size = axis.axis_label_text_font_size = "12px"
         axis.axis_label_text_font_style = "normal"
-    if not panel.logarithmic:
+    if panel.logarithmic:
+        # Bokeh's own ticks crowd the upper end of an axis of about one decade.
+        plot.yaxis.ticker = FixedTicker(ticks=log_ticks(low, high))
+        plot.yaxis.formatter = BasicTickFormatter(power_limit_low=-4, power_limit_high=5)  # pyright: ignore[reportAttributeAccessIssue]
+    else:
+        plot.yaxis.ticker.desired_num_ticks = 4  # pyright: ignore[reportAttributeAccessIssue]
         plot.yaxis.formatter = BasicTickFormatter(power_limit_low=-5, power_limit_high=6)  # pyright: ignore[reportAttributeAccessIssue]
     plot.grid.grid_line_color = "#dfe3ea"
     for grid in plot.grid:
         grid.tags = ["grid_line_color=--grid"]
-    plot.yaxis.ticker.desired_num_ticks = 4  # pyright: ignore[reportAttributeAccessIssue]
     plot.xaxis.axis_label = x_label
     plot.xaxis.visible = last
     return plot

@@ -17,7 +17,7 @@ from .numbers import units_in
 from .pictures import inline_svg, still
 from .plot import Plot, Series
 from .roles import ROLES, variables
-from .section import Link, Section, foldable, unbreakable
+from .section import Link, Section, foldable, prose, unbreakable
 
 Status = Literal["good", "fair", "bad", "plain"]
 STATUS_WORD = {"good": "OK", "fair": "NOTE", "bad": "PROBLEM", "plain": "INFO"}
@@ -66,6 +66,7 @@ class Page:
         environment.tests["unbreakable"] = unbreakable
         environment.filters["units"] = units_in
         environment.filters["foldable"] = foldable
+        environment.filters["prose"] = prose
         environment.filters["identity"] = id
         files = importlib.resources.files("haptic_teleop_sysid.report")
         text = {

@@ -20,7 +20,7 @@ from weakref import WeakKeyDictionary
 import numpy as np
 from numpy.typing import NDArray
 
-from .plot import Panel, Plot, Series, thinned
+from .plot import Panel, Plot, Series, log_ticks, thinned
 from .roles import ROLES, variable
 
 if TYPE_CHECKING:  # importing matplotlib takes half a second
@@ -127,10 +127,14 @@ def _draw(axis: Axes, panel: Panel, points: int, dated: bool = False) -> None:
         _line(axis, replace(line, time=when(line.time)), points)
     if panel.logarithmic:
         axis.set_yscale("log")
+        axis.set_yticks(log_ticks(*panel.limits()))
+        axis.yaxis.set_major_formatter("{x:g}")
+        axis.yaxis.set_minor_formatter("")
     axis.set_title(f"{panel.title}{': ' if panel.note else ''}{panel.note}")
     axis.set_ylabel(panel.unit)
     axis.set_ylim(*panel.limits())
-    axis.margins(x=0.005)
+    # Marks at either end stand clear of the axis.
+    axis.margins(x=0.02 if any(line.marks for line in panel.series) else 0.005)
     if sum(bool(line.label) for line in panel.series) > 1:
         handles, labels = axis.get_legend_handles_labels()
         once = dict(zip(labels, handles, strict=True))  # of both ends of a limit, one

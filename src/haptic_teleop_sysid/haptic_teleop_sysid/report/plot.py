@@ -25,6 +25,8 @@ LESS = "measured less simulated"
 MOST_NAMED = 12
 #: Room above and below the lines, as a share of the axis.
 _ROOM = 0.06
+#: Decades of a logarithmic axis from which it has a number at whole decades only.
+_MANY_DECADES = 3.0
 
 
 @dataclass(frozen=True)
@@ -152,6 +154,14 @@ def extremes(value: Array) -> tuple[float, float]:
     """Least and greatest finite value of (n,) values, NaN without any."""
     finite = value[np.isfinite(value)]
     return (float(finite.min()), float(finite.max())) if len(finite) else (float("nan"), float("nan"))
+
+
+def log_ticks(low: float, high: float) -> list[float]:
+    """Round values for a logarithmic axis from ``low`` to ``high`` and for what one pans to: 1, 2 and 5 of
+    each decade, or 1 alone where there are many."""
+    first, last = (int(np.floor(np.log10(end))) for end in (low, high))
+    mantissas = (1, 2, 5) if np.log10(high / low) < _MANY_DECADES else (1,)
+    return [float(f"{m}e{power}") for power in range(first - 1, last + 2) for m in mantissas]
 
 
 def thinned(time: Array, value: Array, points: int) -> tuple[Array, Array]:

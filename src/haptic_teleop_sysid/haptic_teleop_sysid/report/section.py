@@ -21,6 +21,14 @@ _NOTHING, _DATE = ("", "–", "—"), re.compile(r"\d{4}-\d\d-\d\d")
 _NUMBER = re.compile(r"(\d+\.?\d*|\.\d+)(e[+-]?\d+)?(?![\w.])|(nan|inf)$")
 #: Where a name may be broken.
 _FOLDS = re.compile(r"(_|(?<=[\w/])[./](?=[A-Za-z]{2}))")
+#: As much of a sentence: what is shorter goes to the next line as a whole.
+_WIDE_IN_PROSE = 24
+#: What stays on one line: of a cell a number with its percent; a date with its time, the name of an option.
+_PERCENT = re.compile(r"(?<![\w.])(\d[\d.]* %)")
+_WHOLE = re.compile(r"(?<![\w/.-])(\d{4}-\d\d-\d\d(?: \d\d:\d\d)?|--[a-z][\w-]*)(?![\w-])")
+_ONE_LINE = r'<span class="whole">\1</span>'
+#: What is meant to be typed.
+_CODE = re.compile(r"`([^`]+)`")
 #: Characters without a space from which a word may be broken anywhere: no column has room for it.
 _LONG_WORD = 22
 #: Characters of a name from which a narrow column may break it where its parts meet.
@@ -114,5 +122,14 @@ def unbreakable(cell: str) -> bool:
 def foldable(cell: str) -> Markup:
     """The cell as HTML in which a narrow column may break long names: behind underscores, dots and
     slashes."""
-    html = re.sub(rf"\S{{{_WIDE_WORD},}}", lambda word: _FOLDS.sub(r"\1<wbr>", word[0]), str(escape(cell)))
-    return Markup(html)
+    return Markup(_PERCENT.sub(_ONE_LINE, _folded(cell, _WIDE_WORD)))
+
+
+def prose(text: str) -> Markup:
+    """A sentence as HTML: what stands between backticks is code."""
+    return Markup(_CODE.sub(r"<code>\1</code>", _folded(text, _WIDE_IN_PROSE)))
+
+
+def _folded(text: str, wide: int) -> str:
+    html = re.sub(rf"\S{{{wide},}}", lambda word: _FOLDS.sub(r"\1<wbr>", word[0]), str(escape(text)))
+    return _WHOLE.sub(_ONE_LINE, html)
