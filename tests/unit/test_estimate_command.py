@@ -19,6 +19,7 @@ from haptic_teleop_sysid.commands.dataset_report import main as dataset_main
 from haptic_teleop_sysid.commands.diagnose import _parser as diagnose_arguments
 from haptic_teleop_sysid.commands.estimate import main
 from haptic_teleop_sysid.recordings.preparation import Treatment, prepare, resampled
+from haptic_teleop_sysid.runs.next_command import again_command
 
 SECONDS = 8.0
 
@@ -317,3 +318,11 @@ def test_what_to_expect_of_a_recording_does_not_hang_on_how_wrong_the_model_is(t
         found = json.loads((tmp_path / f"look {name}" / "dataset.json").read_text())["recordings"][0]
         told[name] = found["expected_std"]
     assert told["off"] == pytest.approx(told[model.stem], rel=0.5)
+
+
+def test_what_is_to_be_run_again_states_no_option_twice():
+    given = ["--bag", "a", "--method=output-error", "--multi-start", "2", "--output", "o"]
+    said = again_command("estimate", given, "again", "--multi-start", "6", "--method", "prediction-error")
+    assert said == (
+        "haptic-teleop estimate --bag a --multi-start 6 --method prediction-error --output again"
+    )

@@ -96,7 +96,9 @@ def _next(argv: list[str], arguments: argparse.Namespace) -> Commands:
     diagnosed = diagnose_command(
         arguments.model, arguments.bag, arguments.validation or [], f"{where}_diagnosed", arguments.mapping
     )
-    return Commands(diagnosed, again_command("estimate", argv, f"{where}_again", "--multi-start", "6"))
+    # The other methods have one start, whatever is asked for.
+    more = ("--multi-start", "6", *(() if arguments.method == METHODS[0] else ("--method", METHODS[0])))
+    return Commands(diagnosed, again_command("estimate", argv, f"{where}_again", *more))
 
 
 def _each(arguments: argparse.Namespace, model: Model, choices: Choices, began: float) -> int:
@@ -185,7 +187,7 @@ def _parser() -> argparse.ArgumentParser:
         type=_count,
         default=1,
         metavar="N",
-        help="starts; the further ones are drawn at random",
+        help="starts; the further ones are drawn at random (prediction-error only)",
     )
     add("--seed", type=int, default=1, help="of the random starts (default: %(default)s)")
     add("--fix", nargs="+", default=[], metavar="NAME", help="parameters not to estimate, beside the model's")

@@ -121,6 +121,12 @@ def _remedy(problem: Problem, found: Estimate, commands: Commands) -> tuple[str,
         return "let diagnose find what is missing.", commands.diagnose
     if len(found.starts) > 1 and found.method == "prediction-error":
         return "state start values nearer to the machine with --start, or hold parameters with --fix.", ""
+    if found.method != "prediction-error":
+        return (
+            "estimate by prediction-error, which begins at several places and over the shapes of effects; "
+            f"{found.method} begins at one.",
+            commands.again,
+        )
     return "begin at several places.", commands.again
 
 

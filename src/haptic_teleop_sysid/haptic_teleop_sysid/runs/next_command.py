@@ -27,11 +27,13 @@ def diagnose_command(
 
 
 def again_command(name: str, argv: Sequence[str], output: str, *more: str) -> str:
-    """The same command once more with ``more`` arguments, into ``output``."""
+    """The same command once more with ``more`` arguments, into ``output``; what ``more`` states anew is not
+    stated twice."""
+    anew = {"--output", *(word for word in more if word.startswith("--"))}
     words, rest = [], iter(argv)
     for word in rest:
-        if word == "--output":
+        if word in anew:
             next(rest, None)
-        elif not word.startswith("--output="):
+        elif word.split("=")[0] not in anew:
             words.append(word)
     return shlex.join(["haptic-teleop", name, *words, *more, "--output", output])
