@@ -54,11 +54,12 @@ def questioned(
         result = result.giving_up(result.choices, far.why)
         result = replace(result, choices=(), final=result.baseline, last_round=())
         doubt, stand = far, Stand(stand.before, stand.before, {})
-    if doubt is not None and not result.choices:  # a name that is given up brings up the next
-        if opinion is not None and stands_next(opinion, found.errors(result.final.model)):
-            return instead()
-        if doubt.choice is not None:
-            return result, doubt, stand
+    if doubt is not None and doubt.choice is not None and not result.choices:
+        # A name that is given up brings up the next; physics without a name is an answer and stays.
+        if opinion is not None and result.nameless is None:
+            if stands_next(opinion, found.errors(result.final.model)):
+                return instead()
+        return result, doubt, stand
     if harmful is not None and (doubt is None or doubt.choice is None):
         doubt = runs_away(harmful)
     if doubt is None and not result.choices:
