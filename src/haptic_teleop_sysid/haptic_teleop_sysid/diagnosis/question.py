@@ -56,9 +56,9 @@ def questioned(
         doubt, stand = far, Stand(stand.before, stand.before, {})
     if doubt is not None and doubt.choice is not None and not result.choices:
         # A name that is given up brings up the next; physics without a name is an answer and stays.
-        if opinion is not None and result.nameless is None:
-            if stands_next(opinion, found.errors(result.final.model)):
-                return instead()
+        nothing = found.errors(result.final.model)
+        if opinion is not None and result.nameless is None and stands_next(opinion, nothing):
+            return instead()
         return result, doubt, stand
     if harmful is not None and (doubt is None or doubt.choice is None):
         doubt = runs_away(harmful)
