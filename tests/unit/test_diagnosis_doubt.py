@@ -2,6 +2,7 @@
 before. A right one does not."""
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -15,7 +16,7 @@ from haptic_teleop_sysid.diagnosis import question as questioning
 from haptic_teleop_sysid.diagnosis import run as diagnosis
 from haptic_teleop_sysid.diagnosis.decision.decide import Choice
 from haptic_teleop_sysid.diagnosis.decision.doubt import _without_last, doubted
-from haptic_teleop_sysid.diagnosis.decision.reasons import off_the_mark
+from haptic_teleop_sysid.diagnosis.decision.reasons import Doubt, off_the_mark
 from haptic_teleop_sysid.diagnosis.decision.search import SearchResult
 from haptic_teleop_sysid.diagnosis.decision.stand import Stand, stand_of, stands_out
 from haptic_teleop_sysid.diagnosis.evidence.whiteness import LAGS, colour, unsteadiness
@@ -291,6 +292,37 @@ def test_a_finding_that_spoils_the_simulation_leaves_something_unknown(monkeypat
     assert verdict.where[0]["equation"] == "stage1_motor"
     # There is something left to find out.
     assert verdict.where[0]["condition"] in content["next_experiment"]["why"]
+
+
+@pytest.mark.parametrize(
+    ("nameless", "given_up", "stands"), [(False, True, True), (True, True, False), (False, False, False)]
+)
+def test_a_name_that_is_given_up_brings_up_the_next_but_physics_without_a_name_stays(
+    monkeypatch, records, nameless, given_up, stands
+):
+    """Asked with a second opinion that would stand: it does in place of a name, not of an answer."""
+    named = found(DRAG, records[0])
+    choice = named.choices[0]
+    bare = replace(named, choices=(), final=named.baseline, nameless=choice if nameless else None)
+    doubt = Doubt(choice if given_up else None, "not it")
+    stand = Stand((), (), {})
+    monkeypatch.setattr(questioning, "doubted", lambda *_: (bare, doubt, stand))
+    monkeypatch.setattr(questioning, "misread", lambda *_: None)
+    monkeypatch.setattr(questioning, "believed_instead", lambda *_: False)
+    monkeypatch.setattr(questioning, "stands_next", lambda *_: True)
+    monkeypatch.setattr(questioning, "as_result", lambda *_: ("the second opinion", None))
+    explained = SimpleNamespace(
+        opinion=object(),
+        errors=lambda _: (0.1, 0.1),
+        given=STAGE,
+        learn=[],
+        judge=[],
+        cutoff=1.0,
+        chosen_by=None,
+        simulated=None,
+    )
+    result = questioning.questioned(explained, named, named, [])[0]
+    assert (result == "the second opinion") == stands
 
 
 @pytest.mark.parametrize(("gain", "expected"), [(35.0, False), (45.0, True)])
