@@ -133,15 +133,18 @@ def witness(
     pairs += [pair for pair in more if frozenset(pair) not in known]
     levels: list[list[Chosen]] = [singles, pairs]
     if pairs:
-        levels.append(_threes(search, every, [pair for pair in pairs if apt(pair)] or pairs))
+        levels.append(_threes(search, every, pairs, apt))
     folds = Search(model, Fold((here, there), False), Fold((here, there), True))
     return _weighed(search, folds, levels, cutoff, apt)
 
 
-def _threes(search: Search, every: Sequence[Hypothesis], pairs: Sequence[Chosen]) -> list[Chosen]:
+def _threes(
+    search: Search, every: Sequence[Hypothesis], pairs: Sequence[Chosen], apt: Callable[[Chosen], bool]
+) -> list[Chosen]:
     """The pair that leaves least with every third, and the next ones with what is best as third there: of two
     forms of one thing the richer leaves less, and need not be the one that stands beside the third."""
-    leader, *others = sorted(pairs, key=search.left_over)[:MOST_EXTENDED]
+    ranked = sorted(pairs, key=search.left_over)
+    leader, *others = [*itertools.islice(filter(apt, ranked), MOST_EXTENDED)] or ranked[:MOST_EXTENDED]
     found = search.best_of_each(every, leader)
     best = [chosen[-1] for chosen in found[:MOST_EXTENDED]]
     # A size that is held is another one beside others.
