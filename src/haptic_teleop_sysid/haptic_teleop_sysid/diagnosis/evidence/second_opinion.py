@@ -98,6 +98,8 @@ def second_opinion(witness: Witness, scales: Scales, errors: Errors, before: tup
         enough = (chosen.gain if chosen else 0.0) + AN_EFFECT * more
         ranked: list[Heard] = []
         for number, group in enumerate(level):
+            if group.gain <= 0.0:
+                break  # what explains no torque that it was not fitted to does not gain by both
             needed = max([enough, *(h.gain - NEGLIGIBLE * APART for h in ranked)])
             if number >= ALWAYS and group.gain + freely + UNSEEN < needed:
                 break  # whatever its free run says; and so with those that gain less
