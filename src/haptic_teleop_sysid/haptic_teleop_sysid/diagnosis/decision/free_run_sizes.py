@@ -63,8 +63,12 @@ def sized_freely(heard: Heard, simulated: Simulated, errors: Errors, fastest: fl
 
 
 def _main_sizes(model: Model) -> list[str]:
-    """The first size of each effect, by parameter name."""
-    return [f"{e.location}.{e.effect}.{e.entry.parameters[0].name}" for e in model.effects]
+    """The first parameter of each effect that is none at zero, by its name in the model."""
+    found = []
+    for e in model.effects:
+        sizes = [p.name for p in e.entry.parameters if p.default is None and p.neutral == 0.0]
+        found += [f"{e.location}.{e.effect}.{name}" for name in sizes[:1]]
+    return found
 
 
 def _alike(one: float, other: float) -> bool:
