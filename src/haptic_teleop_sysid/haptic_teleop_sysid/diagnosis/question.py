@@ -51,8 +51,7 @@ def questioned(
         result = _before(result, short.choice, short.why)
         doubt = None if result.choices else short
     if doubt is None and (far := beyond_reach(result, found.given)) is not None:
-        result = result.giving_up(result.choices, far.why)
-        result = replace(result, choices=(), final=result.baseline, last_round=())
+        result = _before(result, None, far.why)
         doubt, stand = far, Stand(stand.before, stand.before, {})
     if doubt is not None and doubt.choice is not None and not result.choices:
         # A name that is given up brings up the next; physics without a name is an answer and stays.
@@ -71,7 +70,7 @@ def questioned(
 
 
 def _before(result: SearchResult, choice: Choice | None, why: str) -> SearchResult:
-    """The result up to a finding that is given up, and with it what was found beside it."""
+    """The result up to a finding that is given up, and with it what was found beside it; None: all are."""
     kept = result.choices[: result.choices.index(choice)] if choice else ()
     final = kept[-1].chosen.fit if kept else result.baseline
     given_up = result.giving_up(result.choices[len(kept) :], why)
