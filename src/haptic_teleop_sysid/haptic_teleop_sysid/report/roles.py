@@ -45,7 +45,7 @@ MODELS = ("given", "re-estimated", "augmented", "third", "fourth", "second", "al
 """Roles of several models simulated on one recording, in their order; from the ninth on they repeat. Not
 the reference: the residual view leaves it out."""
 #: Where the roles begin that say nothing of a model.
-_FOURTH = 3
+_FURTHER = 3
 
 
 def variable(role: str) -> str:
@@ -64,7 +64,7 @@ def model_roles(effects: list[int]) -> list[str]:
     roles: list[str] = []
     for count in effects:
         wanted = "given" if not roles else "augmented" if count > effects[0] else "re-estimated"
-        free = [r for r in (wanted, *MODELS[_FOURTH:], *MODELS) if r not in roles]
+        free = [r for r in (wanted, *MODELS[_FURTHER:], *MODELS) if r not in roles]
         # Never as what was measured, over which they are drawn.
         roles.append(free[0] if free else MODELS[len(roles) % len(MODELS)])
     return roles
