@@ -37,7 +37,7 @@ def misread(
         if right > FITS_WORSE * raw:
             name = error.effect.replace("_", " ")
             return choice, (
-                f"with the {name} taken out of the readings, the torques fit worse: {right / raw:.2g} times as "
-                "much of them is left"
+                f"with the {name} taken out of the readings, the torques fit worse: {right / raw:.2g} times "
+                "as much of them is left"
             )
     return None
