@@ -18,7 +18,7 @@ import numpy as np
 
 from haptic_teleop_sim.model import Model
 
-from ..hypotheses.material import admissible
+from ..hypotheses.admissible import admissible
 from ..inputs.scales import Scales
 from ..policy import AN_EFFECT, NEARLY_ALL
 from .inverse_dynamics.witness import Group, Witness

@@ -6,22 +6,10 @@ states the least sizes at which its name says something: below, the simpler form
 
 from __future__ import annotations
 
-import math
-
 from haptic_teleop_sim.model import Effect
 
 from ..inputs.scales import Scales
-from .admissible import friction_drives
-
-
-def admissible(effect: Effect, scales: Scales) -> bool:
-    """Whether the effect is `material` and has all the sizes that its name asks for."""
-    sizes = [
-        effect.values[p.name] - p.neutral
-        for p in effect.entry.parameters
-        if p.default is None and p.neutral is not None and math.isfinite(p.neutral)
-    ]
-    return material(effect, scales) and all(math.isfinite(s) and s != 0.0 for s in sizes)
+from .driving_friction import friction_drives
 
 
 def material(effect: Effect, scales: Scales) -> bool:

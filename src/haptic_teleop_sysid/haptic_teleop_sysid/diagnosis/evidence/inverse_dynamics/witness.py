@@ -12,7 +12,7 @@ import numpy as np
 from haptic_teleop_sim.model import Effect, Model
 from haptic_teleop_sysid.estimation.records import Record
 
-from ...hypotheses.material import admissible
+from ...hypotheses.admissible import admissible
 from ...inputs.scales import Scales
 from .folds import Fold
 from .groups import Chosen, Search, different, independent

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from haptic_teleop_sim.model import Effect, Model
-from haptic_teleop_sysid.diagnosis.hypotheses.admissible import friction_drives
+from haptic_teleop_sysid.diagnosis.hypotheses.driving_friction import friction_drives
 from haptic_teleop_sysid.diagnosis.hypotheses.material import material
 from haptic_teleop_sysid.diagnosis.inputs.scales import recording_scales
 from haptic_teleop_sysid.estimation.records import Record
