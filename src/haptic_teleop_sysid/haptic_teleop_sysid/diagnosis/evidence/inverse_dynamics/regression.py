@@ -14,7 +14,7 @@ nothing.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 
@@ -94,14 +94,10 @@ class Equations:
         inside, whole = (np.einsum("ij,ij->j", side, side) for side in (columns, whole))
         return float(np.min(inside / np.maximum(whole, 1e-300)))
 
-    def largest(self, terms: Sequence[Term], values: FloatArray) -> float:
+    def largest(self, chosen: Sequence[Hypothesis], values: FloatArray) -> float:
         """Largest torque (rms) of one of a group's effects, with the factors ``values`` of all columns."""
-        place, found = len(self.names), 0.0
-        for term in terms:
-            columns = self.torque(term)
-            own = values[place : (place := place + columns.shape[1])]
-            found = max(found, float(np.sqrt(np.mean((columns @ own) ** 2))))
-        return found
+        torques = (self.torque(term) @ values[own] for term, own in own_columns(self.names, chosen))
+        return max((float(np.sqrt(np.mean(torque**2))) for torque in torques), default=0.0)
 
     def driven(self) -> FloatArray:
         """Torque (n,) of the input in the band."""
@@ -116,6 +112,13 @@ class Equations:
         given = self.driven()
         acts = given + self.torque(term)[:, 0]
         return float(acts @ acts) / max(float(given @ given), 1e-300)
+
+
+def own_columns(names: Sequence[str], chosen: Sequence[Hypothesis]) -> Iterator[tuple[Hypothesis, slice]]:
+    """Each effect of a group with its columns, which come after those of the structure's parameters."""
+    place = len(names)
+    for one in chosen:
+        yield one, slice(place, place := place + len(one.bounds()[0]))
 
 
 def signs(place: str, rigid: bool) -> tuple[float, ...]:

@@ -18,7 +18,7 @@ from .folds import Fold
 from .groups import Chosen, Search, different, independent
 from .latent import Latent
 from .motion import motion_band
-from .regression import equations, standard_errors
+from .regression import equations, own_columns, standard_errors
 from .terms import Hypothesis, hypotheses
 
 #: How many of the best are tried in pairs, and how many groups of each number of effects are kept.
@@ -191,11 +191,11 @@ def _weighed(
 def fitted_effects(search: Search, chosen: Chosen) -> list[Effect]:
     """The effects of a group with their sizes, fitted to the first side's equations."""
     side, values = search.sides[0].side, search.fitted(0, chosen)
-    arm, place, found = side.arm_scale(values), len(side.names), []
-    for h in chosen:
-        own = slice(place, place := place + len(h.bounds()[0]))
-        found.append(h.effect((arm if h.place == "arm" else 1.0) * values[own]))
-    return found
+    arm = side.arm_scale(values)
+    return [
+        h.effect((arm if h.place == "arm" else 1.0) * values[own])
+        for h, own in own_columns(side.names, chosen)
+    ]
 
 
 def _group(search: Search, chosen: Chosen, gain: float) -> Group:
@@ -215,9 +215,7 @@ def _group(search: Search, chosen: Chosen, gain: float) -> Group:
     low, high = side.bounds()
     stuck = zip(side.names, values, low, high, strict=False)
     at_bound = tuple(n for n, v, a, b in stuck if v > 0.0 and min(v - a, b - v) < 1e-6 * v)
-    place = len(side.names)
-    for h in chosen:
-        own = slice(place, place := place + len(h.bounds()[0]))
+    for h, own in own_columns(side.names, chosen):
         scale = arm if h.place == "arm" else 1.0
         of = h.errors(scale * values[own], scale * errors[own])
         std |= {f"{h.location}.{h.entry.name}.{n}": e for n, e in of.items()}
