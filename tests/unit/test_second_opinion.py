@@ -50,21 +50,35 @@ def as_it_is(model):
     return ParameterFit(model, True, (1.0, 1.0), 1)
 
 
-def test_sizes_that_free_runs_want_are_taken_where_they_simulate_other_recordings_better(rubbing):
+@pytest.fixture(scope="module")
+def opinion(rubbing):
+    """What the inverse dynamics say where free runs with friction err far less."""
     learn, judge, scales, _ = rubbing
-    found = second_opinion(witness(RIGID, learn, judge, scales), scales, errors_of, (0.5, 0.5)).chosen
-    name = "j_motor.coulomb_friction.torque"
-    before = found.group.model.parameter_values()[name]
+    return second_opinion(witness(RIGID, learn, judge, scales), scales, errors_of, (0.5, 0.5))
 
-    def larger(model):
-        other = model.with_values({name: before + 0.2})
+
+FRICTION = "j_motor.coulomb_friction.torque"
+
+
+def ending_at(torque):
+    """A fit to free runs that ends with this friction, N·m, sure within 0.01 of all parameters."""
+
+    def fit(model):
+        other = model.with_values({FRICTION: torque})
         return ParameterFit(other, True, (1.0, 0.5), 9, std=dict.fromkeys(model.free_parameters(), 0.01))
 
+    return fit
+
+
+def test_sizes_that_free_runs_want_are_taken_where_they_simulate_other_recordings_better(opinion):
+    found = opinion.chosen
+    before = found.group.model.parameter_values()[FRICTION]
+    larger = ending_at(before + 0.2)
     taken = sized_freely(found, larger, lambda model: (0.1, 0.05), 1.0)
     assert taken.errors == (0.1, 0.05)
-    assert taken.group.model.parameter_values()[name] == before + 0.2
+    assert taken.group.model.parameter_values()[FRICTION] == before + 0.2
     # What the two ways of fitting differ by is part of the standard error: 0.2 apart are +- 0.14 for each.
-    assert taken.group.std[name] == pytest.approx(math.hypot(0.01, 0.2 / math.sqrt(2.0)))
+    assert taken.group.std[FRICTION] == pytest.approx(math.hypot(0.01, 0.2 / math.sqrt(2.0)))
     for errors in ((0.1, 0.115), (0.2, 0.05)):  # no better on the others; worse where it was fitted
         assert sized_freely(found, larger, lambda model, e=errors: e, 1.0) is found
     fled = replace(as_it_is(found.group.model), fled=("motor_inertia",))
@@ -88,26 +102,20 @@ def test_what_gains_by_inverse_dynamics_and_by_free_runs_becomes_the_result(rubb
     assert "free run" in finding["because"]
 
 
-def test_a_first_opinion_that_runs_as_well_stays(rubbing):
-    learn, judge, scales, _ = rubbing
-    opinion = second_opinion(witness(RIGID, learn, judge, scales), scales, errors_of, (0.5, 0.5))
+def test_a_first_opinion_that_runs_as_well_stays(opinion):
     assert not believed_instead(opinion, (0.1, 0.12), coloured=lambda: True)
     # White innovations are believed longer.
     assert believed_instead(opinion, (0.12, 0.14), coloured=lambda: True)
     assert not believed_instead(opinion, (0.12, 0.14), coloured=lambda: False)
 
 
-def test_what_errs_far_less_where_neither_was_fitted_is_believed_over_a_close_fit(rubbing):
+def test_what_errs_far_less_where_neither_was_fitted_is_believed_over_a_close_fit(opinion):
     """A first opinion of many parameters may simulate better what it was fitted to, all else far worse."""
-    learn, judge, scales, _ = rubbing
-    opinion = second_opinion(witness(RIGID, learn, judge, scales), scales, errors_of, (0.5, 0.5))
     assert believed_instead(opinion, (0.07, 0.25), coloured=lambda: False)
     assert not believed_instead(opinion, (0.07, 0.22), coloured=lambda: False)
 
 
-def test_a_name_that_is_given_up_brings_up_the_next_where_that_explains_most(rubbing):
-    learn, judge, scales, _ = rubbing
-    opinion = second_opinion(witness(RIGID, learn, judge, scales), scales, errors_of, (0.5, 0.5))
+def test_a_name_that_is_given_up_brings_up_the_next_where_that_explains_most(opinion):
     assert opinion.explains_most
     assert stands_next(opinion, opinion.chosen.errors)
     assert not stands_next(opinion, (0.09, 0.12))  # worse than nothing where it was fitted
@@ -117,18 +125,12 @@ def test_a_name_that_is_given_up_brings_up_the_next_where_that_explains_most(rub
     assert not stands_next(replace(opinion, chosen=None), (0.5, 0.5))
 
 
-def test_sizes_that_free_runs_shrink_by_far_are_those_of_something_else(rubbing):
-    learn, judge, scales, _ = rubbing
-    found = second_opinion(witness(RIGID, learn, judge, scales), scales, errors_of, (0.5, 0.5)).chosen
-    name = "j_motor.coulomb_friction.torque"
-    before = found.group.model.parameter_values()[name]
-
-    def other(factor):
-        model = found.group.model.with_values({name: factor * before})
-        return lambda _: ParameterFit(model, True, (1.0, 0.5), 9, std={})
-
+def test_sizes_that_free_runs_shrink_by_far_are_those_of_something_else(opinion):
+    found = opinion.chosen
+    before = found.group.model.parameter_values()[FRICTION]
     for factor, taken in ((0.3, False), (0.6, True), (1.9, True), (3.0, False)):
-        assert (sized_freely(found, other(factor), lambda model: (0.1, 0.05), 1.0) is not found) == taken
+        fitted = ending_at(factor * before)
+        assert (sized_freely(found, fitted, lambda model: (0.1, 0.05), 1.0) is not found) == taken
 
 
 def test_what_spoils_the_free_run_is_not_believed_however_much_torque_it_explains(rubbing):
