@@ -36,6 +36,19 @@ def swing(torque, inertia, damping, coulomb, weight, offset, detent, swirl):
 
 
 @njit
+def bent_spring(torque, inertia, damping):
+    """Angles (n,) of a mass on a spring to ground that is harder to one side."""
+    q, v, h = 0.0, 0.0, DT / FINE
+    found = np.empty(len(torque))
+    for k in range(len(torque)):
+        found[k] = q
+        for _ in range(FINE):
+            v += h * (torque[k] - damping * v - 4.0 * q - 20.0 * q**2 - 150.0 * q**3) / inertia
+            q += h * v
+    return found
+
+
+@njit
 def two_masses(torque, stiffness, motor, arm, coulomb):
     """Angles (n, 2) of two masses with a spring, dry friction on the second."""
     state, h = np.zeros(4), DT / FINE

@@ -5,7 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from stepped_machines import DT, RIGID, drive, pendulum, record, two_masses
+from stepped_machines import DT, RIGID, bent_spring, drive, pendulum, record, two_masses
 
 from haptic_teleop_sim.effects import EFFECTS
 from haptic_teleop_sim.model import Effect, Model
@@ -100,6 +100,17 @@ def test_a_friction_that_is_hardly_asymmetric_does_not_bar_what_it_is_and_the_de
     found = asked(RIGID, made(0), made(1))
     names = {e.effect for e in best(found).effects}
     assert names in ({"coulomb_friction", "constant_torque", n} for n in ("input_delay", "actuator_lag"))
+
+
+def test_torques_that_cancel_each_other_are_no_two_effects():
+    """A gravity and a constant, each two hundred times what drives the joint, would give the curve of a bent
+    spring together."""
+    torques = [drive(seed, 0.24) for seed in (0, 1)]
+    found = asked(RIGID, *(record(t, bent_spring(t, 0.14, 0.35)[:, None], 1e-7) for t in torques))
+    largest = 4.0 * np.sqrt(np.mean(torques[0] ** 2))
+    effects = [e for level in found.levels for group in level for e in group.effects]
+    assert "spring_to_ground" in {e.effect for e in effects}
+    assert all(abs(e.values["torque"]) < largest for e in effects if e.effect == "constant_torque")
 
 
 def test_the_largest_torque_of_a_group_is_that_of_its_largest_effect():
