@@ -17,4 +17,5 @@ def admissible(effect: Effect, scales: Scales) -> bool:
         for p in effect.entry.parameters
         if p.default is None and p.neutral is not None and math.isfinite(p.neutral)
     ]
-    return material(effect, scales) and all(math.isfinite(s) and s != 0.0 for s in sizes)
+    # What is cheap to see comes first: most of what is fitted to noise alone has a size of zero.
+    return all(math.isfinite(s) and s != 0.0 for s in sizes) and material(effect, scales)
