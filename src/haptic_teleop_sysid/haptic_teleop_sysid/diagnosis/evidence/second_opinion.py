@@ -92,14 +92,14 @@ def second_opinion(witness: Witness, scales: Scales, errors: Errors, before: tup
 
     chosen: Heard | None = None
     rivals: list[Heard] = []
-    freely = 0.0  # the most that free runs have counted so far
+    fewer = freely = 0.0  # the most that fewer effects gain, and that free runs have counted so far
     for level in witness.levels:
         more = len(level[0].effects) - (len(chosen.group.effects) if chosen else 0)
         enough = (chosen.gain if chosen else 0.0) + AN_EFFECT * more
         ranked: list[Heard] = []
         for number, group in enumerate(level):
-            if group.gain <= 0.0:
-                break  # what explains no torque that it was not fitted to does not gain by both
+            if group.gain <= fewer:
+                break  # what explains no more torque than fewer effects do, or none, does not gain by both
             needed = max([enough, *(h.gain - NEGLIGIBLE * APART for h in ranked)])
             if number >= ALWAYS and group.gain + freely + UNSEEN < needed:
                 break  # whatever its free run says; and so with those that gain less
@@ -107,6 +107,7 @@ def second_opinion(witness: Witness, scales: Scales, errors: Errors, before: tup
             if one is not None:
                 ranked.append(one)
                 freely = max(freely, one.gain - group.gain)
+        fewer = max(fewer, level[0].gain)
         ranked.sort(key=lambda h: -h.gain)
         if ranked and ranked[0].gain > enough:
             chosen, rivals = ranked[0], ranked
