@@ -191,7 +191,8 @@ def test_a_second_controller_in_the_same_domain_is_refused_before_anything_moves
 def test_a_second_run_in_the_same_domain_is_refused_and_does_not_disturb_the_first(file, tmp_path, mode):
     """The nodes of both have the same names; while the second waits for its start it may answer nobody."""
     bag = tmp_path / "bag"
-    first = start("scenario", str(file), "--duration", "0", "--record", str(bag))
+    # Slowly: it takes processor time as long as the second is refused.
+    first = start("scenario", str(file), "--duration", "0", "--real-time-factor", "0.2", "--record", str(bag))
     second = None
     try:
         until(lambda: sum(path.stat().st_size for path in bag.glob("*.mcap")) > 300_000, 60.0)
