@@ -256,6 +256,8 @@ def test_larger_starts_leave_alone_what_is_linear(scales):
         ("gain_drift", "actuator", {"change": 0.3, "time_constant": 3.0}, True),
         ("gain_drift", "actuator", {"change": 0.3, "time_constant": 0.05}, False),
         ("hard_stop", "arm", {"angle": 0.05, "stiffness": 0.01}, False),
+        # The torque pushes into it by four tenths of the travel: a soft spring that begins somewhere.
+        ("hard_stop", "arm", {"angle": 0.05, "stiffness": 2.9}, False),
     ],
 )
 def test_only_sizes_that_matter_bear_a_name(scales, effect, place, parameters, expected):

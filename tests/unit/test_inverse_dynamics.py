@@ -70,6 +70,14 @@ def test_a_torque_that_no_effect_describes_is_recoverable_and_not_explained():
     assert found.folds.adequacies((plain,))[0] < 0.5
 
 
+def test_what_follows_a_quantity_does_not_speak_against_a_torque_that_follows_none():
+    hanging = RIGID.with_effects(Effect("gravity", "j_motor", {"torque": 4.0}))
+    found = asked(hanging, *(pendulum(s, swirl=0.3, weight=4.0, offset=0.15) for s in (0, 1)))
+    push = Hypothesis.of(Effect("constant_torque", "j_motor", {"torque": 0.15}), "motor")
+    assert found.recoverable > 0.8, "much else is missing"
+    assert found.folds.adequacies((push,)) == [1.0]
+
+
 def test_a_late_input_is_found_beside_what_acts_as_well_and_hides_it():
     """A torque that lags behind the motion pushes like a negative damping, and hides friction."""
     model, late = RIGID, 10

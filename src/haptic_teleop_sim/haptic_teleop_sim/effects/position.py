@@ -8,9 +8,9 @@ from .entry import EffectEntry
 from .hypothesis import SMALL_TORQUE, Equivalent, Numbers, Recorded, bends, noticeable
 from .parameter import EffectParameter
 
-#: Least stiffness of a stop as a share of the joint's (of a rigid axis: of torque per angle): what gives way
-#: far more than the joint itself stops nothing, it is a spring; by hand.
-_A_STOP = 0.1
+#: Share of the travel by which the recordings' torque, rms, pushes into a stop at most: what yields further
+#: stops nothing, it is a spring; by hand.
+_YIELDS = 0.3
 #: A pull towards an angle: gravity or a spring.
 _PULL = ("pull towards an angle",)
 _SMALL_ANGLES = "over a small angle"
@@ -47,7 +47,7 @@ def _stops(p: Numbers, on: Recorded) -> bool:
     return (
         abs(reach) > abs(p["angle"])
         and reach * p["angle"] > 0
-        and p["stiffness"] > _A_STOP * on.size["stiffness"]
+        and p["stiffness"] * _YIELDS * on.span > on.size["torque"]
     )
 
 

@@ -29,6 +29,8 @@ FORM = 0.005
 CLEARLY = 12.0
 #: Share of an effect's torque (mean square) up to which one without a form may miss its shape.
 SHAPED = 0.2
+#: Change of an effect's torque over a recording, relative to it, up to which it is one and the same.
+STEADY = 1e-6
 #: Torques without a form that together say what could be explained.
 MOST_SHAPELESS = 2
 
@@ -122,7 +124,10 @@ class Search:
 
     def alike(self, hypothesis: Hypothesis) -> list[Latent]:
         """Torques without a form, at the same place, that can take on the shape of an effect; none over time,
-        which takes on any shape on a recording that is short."""
+        which takes on any shape on a recording that is short, and none of an effect that is the same
+        everywhere: any of them holds a constant, and what else it explains follows its quantity."""
+        if self._same_everywhere(hypothesis):
+            return []
         return [
             latent
             for latent in self.latents
@@ -130,6 +135,12 @@ class Search:
             and "time" not in latent.quantities
             and self.sides[0].unlike(hypothesis, latent) < SHAPED
         ]
+
+    def _same_everywhere(self, hypothesis: Hypothesis) -> bool:
+        torques = np.concatenate(
+            [hypothesis.columns(m, self.model) for m in self.sides[0].side.motions]
+        )
+        return bool(np.all(np.ptp(torques, axis=0) <= STEADY * np.max(np.abs(torques), axis=0)))
 
     @cached_property
     def latents(self) -> tuple[Latent, ...]:
