@@ -307,12 +307,46 @@ def test_a_name_that_is_given_up_brings_up_the_next_but_physics_without_a_name_s
     doubt = Doubt(choice if given_up else None, "not it")
     stand = Stand((), (), {})
     monkeypatch.setattr(questioning, "doubted", lambda *_: (bare, doubt, stand))
-    monkeypatch.setattr(questioning, "misread", lambda *_: None)
+    monkeypatch.setattr(questioning, "misread", lambda result, *_: (result, None))
     monkeypatch.setattr(questioning, "believed_instead", lambda *_: False)
     monkeypatch.setattr(questioning, "stands_next", lambda *_: True)
     monkeypatch.setattr(questioning, "as_result", lambda *_: ("the second opinion", None))
     explained = SimpleNamespace(
         opinion=object(),
+        errors=lambda _: (0.1, 0.1),
+        given=STAGE,
+        learn=[],
+        judge=[],
+        cutoff=1.0,
+        chosen_by=None,
+        simulated=None,
+    )
+    result = questioning.questioned(explained, named, named, [])[0]
+    assert (result == "the second opinion") == stands
+
+
+@pytest.mark.parametrize(
+    ("std", "names", "explains", "stands"),
+    [(10.0, 1, True, True), (0.01, 1, True, False), (10.0, 2, True, False), (10.0, 1, False, False)],
+)
+def test_a_torque_whose_size_is_not_known_gives_way_to_no_more_names_that_explain_nearly_all(
+    monkeypatch, records, std, names, explains, stands
+):
+    named = found(DRAG, records[0])
+    choice = named.choices[0]
+    size = f"{DRAG.location}.{DRAG.effect}.coefficient"
+    told = replace(choice.chosen, std={size: std * choice.chosen.effect.values["coefficient"]})
+    named = replace(named, choices=(replace(choice, chosen=told),))
+    monkeypatch.setattr(questioning, "doubted", lambda *_: (named, None, Stand((), (), {})))
+    monkeypatch.setattr(questioning, "misread", lambda result, *_: (result, None))
+    monkeypatch.setattr(questioning, "left_is_random", lambda *_: True)
+    monkeypatch.setattr(questioning, "beyond_reach", lambda *_: None)
+    monkeypatch.setattr(questioning, "believed_instead", lambda *_: False)
+    monkeypatch.setattr(questioning, "stands_next", lambda *_: explains)
+    monkeypatch.setattr(questioning, "as_result", lambda *_: ("the second opinion", None))
+    group = SimpleNamespace(effects=(DRAG,) * names)
+    explained = SimpleNamespace(
+        opinion=SimpleNamespace(chosen=SimpleNamespace(group=group)),
         errors=lambda _: (0.1, 0.1),
         given=STAGE,
         learn=[],

@@ -11,9 +11,12 @@ from haptic_teleop_sim.model import Effect
 from haptic_teleop_sysid.diagnosis.decision.decide import Choice
 from haptic_teleop_sysid.diagnosis.decision.misread import misread
 from haptic_teleop_sysid.diagnosis.decision.search import SearchResult
+from haptic_teleop_sysid.diagnosis.decision.verdict import finding
+from haptic_teleop_sysid.diagnosis.decision.words import because
 from haptic_teleop_sysid.diagnosis.evidence.inverse_dynamics.corrected import corrected
 from haptic_teleop_sysid.diagnosis.hypotheses.explanation import Explanation
 from haptic_teleop_sysid.diagnosis.inputs.scales import recording_scales
+from haptic_teleop_sysid.diagnosis.policy import SURE
 from haptic_teleop_sysid.estimation.whole_fit import fit_whole, noise_starts
 
 AMPLITUDE, ORDER, PHASE = 0.03, 2.0, 0.4
@@ -56,10 +59,25 @@ def test_an_error_of_the_encoder_stands_only_where_the_torques_fit_no_worse_with
     if errs:
         learn, judge = ([erring(r) for r in records] for records in (learn, judge))
     result = found(learn)
-    told = misread(result, RIGID, learn, judge, 8.0)
+    same, told = misread(result, RIGID, learn, judge, 8.0)
     if errs:
         assert told is None
+        assert same.choices == result.choices, "the torques confirm it"
     else:
         choice, why = told
         assert choice is result.choices[-1]
         assert re.search(r"the torques fit worse: [\d.]+ times as much", why)
+
+
+def test_nobody_is_sure_of_an_error_of_the_encoder_that_the_torques_do_not_confirm(monkeypatch):
+    learn, judge = ([erring(pendulum(seed, coulomb=0.3, weight=2.0))] for seed in (0, 1))
+    result = found(learn)
+    choice = result.choices[-1]
+    monkeypatch.setattr("haptic_teleop_sysid.diagnosis.decision.misread.corrected", lambda r, error: r)
+    asked, told = misread(result, RIGID, learn, judge, 8.0)
+    assert told is None
+    assert asked.choices[:-1] == result.choices[:-1]
+    last = asked.choices[-1]
+    before, after = (finding(one, result.final, {})["confidence"] for one in (choice, last))
+    assert after < SURE <= before
+    assert "the torques do not confirm it: 100 % of what is left" in because(last, ERROR)

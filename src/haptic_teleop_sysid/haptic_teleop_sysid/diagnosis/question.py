@@ -14,7 +14,10 @@ from .decision.overruled import as_result, believed_instead, beyond_reach, inade
 from .decision.reasons import Doubt, off_the_mark, runs_away, slipped
 from .decision.search import SearchResult
 from .decision.stand import Stand
+from .decision.verdict import size_of_none
+from .evidence.inverse_dynamics.terms import follows_from_motion
 from .evidence.proof import mean_percent
+from .evidence.second_opinion import Errors, Opinion
 from .explain import Explained
 
 
@@ -25,7 +28,7 @@ def questioned(
     what the search by prediction found, so far as chance leaves it."""
     harmful = None if kept.choices else next(iter(believed.choices), None)
     result, doubt, stand = doubted(kept, found.learn, found.judge, found.chosen_by)
-    wrong = misread(result, found.given, found.learn, found.judge, found.cutoff)
+    result, wrong = misread(result, found.given, found.learn, found.judge, found.cutoff)
     if wrong is not None:
         result = _before(result, *wrong)
         doubt = doubt if result.choices else (doubt or Doubt(*wrong))
@@ -53,6 +56,8 @@ def questioned(
     if doubt is None and (far := beyond_reach(result, found.given)) is not None:
         result = _before(result, None, far.why)
         doubt, stand = far, Stand(stand.before, stand.before, {})
+    if doubt is None and opinion is not None and _vague(result, stand, opinion, found.errors):
+        return instead()
     if doubt is not None and doubt.choice is not None and not result.choices:
         # A name that is given up brings up the next; physics without a name is an answer and stays.
         nothing = found.errors(result.final.model)
@@ -67,6 +72,22 @@ def questioned(
             off_the_mark(mean_percent(fits)) or slipped(data) or inconstant(result.baseline, found.judge)
         )
     return result, doubt, stand
+
+
+def _vague(result: SearchResult, stand: Stand, opinion: Opinion, errors: Errors) -> bool:
+    """Whether one of the findings is a torque along the motion whose size is not known, while no more names
+    of the inverse dynamics explain nearly all, and simulate freely no worse than the structure alone."""
+    unknown = [
+        c
+        for c in result.choices
+        if follows_from_motion(c.chosen.effect.entry) and size_of_none(c, result.final, stand.spread)
+    ]
+    return (
+        bool(unknown)
+        and opinion.chosen is not None
+        and len(opinion.chosen.group.effects) <= len(result.choices)
+        and stands_next(opinion, errors(result.baseline.model))
+    )
 
 
 def _before(result: SearchResult, choice: Choice | None, why: str) -> SearchResult:

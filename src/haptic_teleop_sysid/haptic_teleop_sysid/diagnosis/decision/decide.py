@@ -44,13 +44,14 @@ ALIKE = 0.5
 class Choice:
     """What one round of the search found: the chosen explanation, its confidence, and the others that remain
     possible with theirs.  ``alike``: confidence of those among them that are behind, but predict hardly
-    anything else.
+    anything else. ``unsure``: why nobody may be sure of it whatever its confidence here, in words.
     """
 
     chosen: Explanation
     confidence: float
     others: tuple[tuple[Explanation, float], ...] = field(default=())
     alike: float = 0.0
+    unsure: str = ""
 
     @property
     def unnamed(self) -> bool:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 from haptic_teleop_sim.model import Model
 from haptic_teleop_sysid.estimation.likelihood import FAILURES
@@ -10,22 +11,25 @@ from haptic_teleop_sysid.estimation.records import Record
 
 from ..evidence.inverse_dynamics.corrected import corrected, torques_left
 from ..evidence.inverse_dynamics.terms import follows_from_input, follows_from_motion
-from ..policy import FITS_WORSE
+from ..policy import FITS_BETTER, FITS_WORSE
 from .decide import Choice
 from .search import SearchResult
 
 
 def misread(
     result: SearchResult, given: Model, learn: Sequence[Record], judge: Sequence[Record], cutoff: float
-) -> tuple[Choice, str] | None:
-    """The first finding that is an error of an encoder, following the angle, with whose correction the
-    torques fit clearly worse, and why it is given up; None where there is none. Asked of rigid joints, whose
-    equation holds nothing else of the readings. ``cutoff``: Hz, of the band of the motion."""
+) -> tuple[SearchResult, tuple[Choice, str] | None]:
+    """What the torques say of findings that are errors of an encoder, following the angle: the result, in
+    which nobody is sure of one that they do not confirm, and the first one with whose correction they fit
+    clearly worse, with why it is given up; None where there is none. Asked of rigid joints, whose equation
+    holds nothing else of the readings. ``cutoff``: Hz, of the band of the motion."""
     if not given.rigid:
-        return None
+        return result, None
     effects = [c.chosen.effect for c in result.choices]
     group = [e for e in effects if follows_from_motion(e.entry) or follows_from_input(e.entry)]
+    choices = []
     for choice, error in zip(result.choices, effects, strict=True):
+        choices.append(choice)
         if error.entry.kind != "output" or error.entry.equation is None:
             continue
         try:
@@ -34,10 +38,17 @@ def misread(
             right = torques_left(given, here, there, group, cutoff)
         except FAILURES:
             continue
+        name = error.effect.replace("_", " ")
         if right > FITS_WORSE * raw:
-            name = error.effect.replace("_", " ")
-            return choice, (
+            return result, (
+                choice,
                 f"with the {name} taken out of the readings, the torques fit worse: {right / raw:.2g} times "
-                "as much of them is left"
+                "as much of them is left",
             )
-    return None
+        if right > FITS_BETTER * raw:
+            unsure = (
+                f"the torques do not confirm it: {100.0 * right / raw:.0f} % of what is left of them stays "
+                f"with the {name} taken out of the readings"
+            )
+            choices[-1] = replace(choice, unsure=unsure)
+    return replace(result, choices=tuple(choices)), None

@@ -16,8 +16,8 @@ from haptic_teleop_sysid.estimation.records import Record
 
 from ..evidence.certainty import standard_errors
 from ..evidence.residual import Condition, conditions, intervals, shares
-from ..policy import LEAST_EXPLAINED, NOTICEABLE, STRUCTURED
-from .adequacy import Adequacy, explained_torque
+from ..policy import LEAST_EXPLAINED, LEAST_KNOWN, NOTICEABLE, STRUCTURED
+from .adequacy import NOT_SURE, Adequacy, explained_torque
 from .decide import Choice
 from .reasons import Doubt
 from .search import SearchResult
@@ -90,24 +90,12 @@ def finding(choice: Choice, final: Fit, spread: dict[str, float], surest: float 
     spread between recordings and forms.  ``surest``: the most that its confidence may be, as far as it is
     seen in the motion."""
     effect = choice.chosen.effect
-    fitted = next(
-        (e for e in final.model.effects if (e.effect, e.location) == (effect.effect, effect.location)), effect
-    )
-    std = standard_errors(final) | choice.chosen.std
-    head = f"{effect.location}.{effect.effect}."
-    parameters = {
-        name: {
-            "value": float(value),
-            "std": _uncertainty(
-                fitted.entry.parameter(name), value, std.get(head + name, 0.0), spread.get(head + name, 0.0)
-            ),
-            "unit": fitted.entry.parameter(name).unit,
-        }
-        for name, value in fitted.parameters.items()
-        if fitted.entry.parameter(name).reported(value)
-    }
+    fitted = _fitted(choice, final)
+    parameters = _parameters(choice, final, spread)
     if choice.chosen.by_current > 0.0:
         surest = 1.0
+    if choice.unsure:
+        surest = min(surest, NOT_SURE)
     return {
         "effect": effect.effect,
         "location": effect.location,
@@ -118,6 +106,36 @@ def finding(choice: Choice, final: Fit, spread: dict[str, float], surest: float 
             for e, p in choice.others
         ],
         "because": because(choice, fitted),
+    }
+
+
+def size_of_none(choice: Choice, final: Fit, spread: dict[str, float]) -> bool:
+    """Whether a finding's sizes are so badly known that it might as well not be there (see `size_known`)."""
+    return size_known(_fitted(choice, final), _parameters(choice, final, spread)) < LEAST_KNOWN
+
+
+def _fitted(choice: Choice, final: Fit) -> Effect:
+    """The finding's effect with the numbers of the final model."""
+    effect = choice.chosen.effect
+    own = (e for e in final.model.effects if (e.effect, e.location) == (effect.effect, effect.location))
+    return next(own, effect)
+
+
+def _parameters(choice: Choice, final: Fit, spread: dict[str, float]) -> dict[str, dict[str, Any]]:
+    """Value, standard error and unit of the finding's parameters that are told."""
+    fitted = _fitted(choice, final)
+    std = standard_errors(final) | choice.chosen.std
+    head = f"{fitted.location}.{fitted.effect}."
+    return {
+        name: {
+            "value": float(value),
+            "std": _uncertainty(
+                fitted.entry.parameter(name), value, std.get(head + name, 0.0), spread.get(head + name, 0.0)
+            ),
+            "unit": fitted.entry.parameter(name).unit,
+        }
+        for name, value in fitted.parameters.items()
+        if fitted.entry.parameter(name).reported(value)
     }
 
 

@@ -45,6 +45,8 @@ def because(choice: Choice, fitted: Effect) -> str:
     mistaken = e.effect.entry.mistaken
     if mistaken is not None and mistaken[0] in e.fit.model.fixed:
         text += f"; {mistaken[1]}"
+    if choice.unsure:
+        text += f"; {choice.unsure}"
     if choice.others:
         rival, p = choice.others[0]
         text += f"; {rival.effect.effect} at {rival.effect.location} is the runner-up ({100 * p:.0f} %)"
