@@ -14,7 +14,7 @@ from .decision.overruled import as_result, believed_instead, beyond_reach, inade
 from .decision.reasons import Doubt, off_the_mark, runs_away, slipped
 from .decision.search import SearchResult
 from .decision.stand import Stand
-from .decision.verdict import size_of_none
+from .decision.verdict import size_unknown
 from .evidence.inverse_dynamics.terms import follows_from_motion
 from .evidence.proof import mean_percent
 from .evidence.second_opinion import Errors, Opinion
@@ -56,7 +56,7 @@ def questioned(
     if doubt is None and (far := beyond_reach(result, found.given)) is not None:
         result = _before(result, None, far.why)
         doubt, stand = far, Stand(stand.before, stand.before, {})
-    if doubt is None and opinion is not None and _vague(result, stand, opinion, found.errors):
+    if doubt is None and opinion is not None and _gives_way(result, stand, opinion, found.errors):
         return instead()
     if doubt is not None and doubt.choice is not None and not result.choices:
         # A name that is given up brings up the next; physics without a name is an answer and stays.
@@ -74,13 +74,13 @@ def questioned(
     return result, doubt, stand
 
 
-def _vague(result: SearchResult, stand: Stand, opinion: Opinion, errors: Errors) -> bool:
+def _gives_way(result: SearchResult, stand: Stand, opinion: Opinion, errors: Errors) -> bool:
     """Whether one of the findings is a torque along the motion whose size is not known, while no more names
     of the inverse dynamics explain nearly all, and simulate freely no worse than the structure alone."""
     unknown = [
         c
         for c in result.choices
-        if follows_from_motion(c.chosen.effect.entry) and size_of_none(c, result.final, stand.spread)
+        if follows_from_motion(c.chosen.effect.entry) and size_unknown(c, result.final, stand.spread)
     ]
     return (
         bool(unknown)

@@ -109,7 +109,7 @@ def finding(choice: Choice, final: Fit, spread: dict[str, float], surest: float 
     }
 
 
-def size_of_none(choice: Choice, final: Fit, spread: dict[str, float]) -> bool:
+def size_unknown(choice: Choice, final: Fit, spread: dict[str, float]) -> bool:
     """Whether a finding's sizes are so badly known that it might as well not be there (see `size_known`)."""
     return size_known(_fitted(choice, final), _parameters(choice, final, spread)) < LEAST_KNOWN
 
