@@ -294,6 +294,15 @@ def test_a_finding_that_spoils_the_simulation_leaves_something_unknown(monkeypat
     assert verdict.where[0]["condition"] in content["next_experiment"]["why"]
 
 
+def asked_beside(opinion, named):
+    """What is left of findings beside a second opinion, and what the recordings say of neither."""
+    nothing = dict.fromkeys(("chosen_by", "simulated"))
+    explained = SimpleNamespace(
+        opinion=opinion, errors=lambda _: (0.1, 0.1), given=STAGE, learn=[], judge=[], cutoff=1.0, **nothing
+    )
+    return questioning.questioned(explained, named, named, [])[0]
+
+
 @pytest.mark.parametrize(
     ("nameless", "given_up", "stands"), [(False, True, True), (True, True, False), (False, False, False)]
 )
@@ -311,17 +320,7 @@ def test_a_name_that_is_given_up_brings_up_the_next_but_physics_without_a_name_s
     monkeypatch.setattr(questioning, "believed_instead", lambda *_: False)
     monkeypatch.setattr(questioning, "stands_next", lambda *_: True)
     monkeypatch.setattr(questioning, "as_result", lambda *_: ("the second opinion", None))
-    explained = SimpleNamespace(
-        opinion=object(),
-        errors=lambda _: (0.1, 0.1),
-        given=STAGE,
-        learn=[],
-        judge=[],
-        cutoff=1.0,
-        chosen_by=None,
-        simulated=None,
-    )
-    result = questioning.questioned(explained, named, named, [])[0]
+    result = asked_beside(object(), named)
     assert (result == "the second opinion") == stands
 
 
@@ -343,20 +342,10 @@ def test_a_torque_whose_size_is_not_known_gives_way_to_no_more_names_that_explai
     monkeypatch.setattr(questioning, "beyond_reach", lambda *_: None)
     monkeypatch.setattr(questioning, "believed_instead", lambda *_: False)
     monkeypatch.setattr(questioning, "stands_next", lambda *_: explains)
-    monkeypatch.setattr(questioning, "as_result", lambda *_: ("the second opinion", None))
+    monkeypatch.setattr(questioning, "as_result", lambda _, bare, *__: (bare, None))
     group = SimpleNamespace(effects=(DRAG,) * names)
-    explained = SimpleNamespace(
-        opinion=SimpleNamespace(chosen=SimpleNamespace(group=group)),
-        errors=lambda _: (0.1, 0.1),
-        given=STAGE,
-        learn=[],
-        judge=[],
-        cutoff=1.0,
-        chosen_by=None,
-        simulated=None,
-    )
-    result = questioning.questioned(explained, named, named, [])[0]
-    assert (result == "the second opinion") == stands
+    result = asked_beside(SimpleNamespace(chosen=SimpleNamespace(group=group)), named)
+    assert ["a size among these names is not known" in one.why for one in result.given_up] == [True] * stands
 
 
 @pytest.mark.parametrize(("gain", "expected"), [(35.0, False), (45.0, True)])

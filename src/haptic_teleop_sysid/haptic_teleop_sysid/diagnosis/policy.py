@@ -127,7 +127,7 @@ the angle passes for an encoder's error where a torque has not quite the right f
 FITS_BETTER = 0.9
 """The same factor above which nobody is sure of an encoder's error: what the torques do not confirm may be a
 torque of another form. Lower: small true errors lose confidence; higher: wrong ones are sure. By hand, on two
-joints without such an error (0.96 and 0.98), which had it with 99 % and 54 %."""
+joints without such an error (0.96 and 0.98), which had it with 54 % and 99 %."""
 
 LEAST_KNOWN = 0.5
 """Chance that a size is right to within a good part of itself below which the name of a torque says nothing:

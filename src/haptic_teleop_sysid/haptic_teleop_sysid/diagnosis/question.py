@@ -35,17 +35,16 @@ def questioned(
     first = result.nameless.chosen.fit if result.nameless is not None else result.final
     opinion = found.opinion
 
-    def instead() -> tuple[SearchResult, Doubt | None, Stand]:
+    def instead(why: str) -> tuple[SearchResult, Doubt | None, Stand]:
         assert opinion is not None
-        errs_less = "what the inverse dynamics name simulates all recordings better"
-        bare = result.giving_up(result.choices, errs_less)
+        bare = result.giving_up(result.choices, why)
         return *as_result(opinion, bare, found.learn, found.errors, found.simulated), alone
 
     alone = Stand(stand.before, stand.after, {})
     if opinion is not None and believed_instead(
         opinion, found.errors(first.model), lambda: coloured(first, found.learn, found.judge)
     ):
-        return instead()
+        return instead("what the inverse dynamics name simulates all recordings better")
     # Where what is left is random, a torque without a form follows chance.
     left = (
         bool(result.choices) and doubt is None and not left_is_random(result.final, found.learn, found.judge)
@@ -57,12 +56,14 @@ def questioned(
         result = _before(result, None, far.why)
         doubt, stand = far, Stand(stand.before, stand.before, {})
     if doubt is None and opinion is not None and _gives_way(result, stand, opinion, found.errors):
-        return instead()
+        return instead(
+            "a size among these names is not known, and as few of the inverse dynamics explain nearly all"
+        )
     if doubt is not None and doubt.choice is not None and not result.choices:
         # A name that is given up brings up the next; physics without a name is an answer and stays.
         nothing = found.errors(result.final.model)
         if opinion is not None and result.nameless is None and stands_next(opinion, nothing):
-            return instead()
+            return instead("what the inverse dynamics name explains nearly all")
         return result, doubt, stand
     if harmful is not None and (doubt is None or doubt.choice is None):
         doubt = runs_away(harmful)

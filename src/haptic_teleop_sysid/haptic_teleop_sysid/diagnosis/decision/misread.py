@@ -27,9 +27,8 @@ def misread(
         return result, None
     effects = [c.chosen.effect for c in result.choices]
     group = [e for e in effects if follows_from_motion(e.entry) or follows_from_input(e.entry)]
-    choices = []
-    for choice, error in zip(result.choices, effects, strict=True):
-        choices.append(choice)
+    choices = [*result.choices]
+    for number, error in enumerate(effects):
         if error.entry.kind != "output" or error.entry.equation is None:
             continue
         try:
@@ -40,8 +39,8 @@ def misread(
             continue
         name = error.effect.replace("_", " ")
         if right > FITS_WORSE * raw:
-            return result, (
-                choice,
+            return replace(result, choices=tuple(choices)), (
+                choices[number],
                 f"with the {name} taken out of the readings, the torques fit worse: {right / raw:.2g} times "
                 "as much of them is left",
             )
@@ -50,5 +49,5 @@ def misread(
                 f"the torques do not confirm it: {100.0 * right / raw:.0f} % of what is left of them stays "
                 f"with the {name} taken out of the readings"
             )
-            choices[-1] = replace(choice, unsure=unsure)
+            choices[number] = replace(choices[number], unsure=unsure)
     return replace(result, choices=tuple(choices)), None

@@ -137,10 +137,9 @@ class Search:
         ]
 
     def _same_everywhere(self, hypothesis: Hypothesis) -> bool:
-        torques = np.concatenate(
-            [hypothesis.columns(m, self.model) for m in self.sides[0].side.motions]
-        )
-        return bool(np.all(np.ptp(torques, axis=0) <= STEADY * np.max(np.abs(torques), axis=0)))
+        """Whether the effect's torque follows nothing: it has one size along all of the motion."""
+        torque = self.sides[0].side.torque(hypothesis)
+        return bool(np.all(np.ptp(torque, axis=0) <= STEADY * np.max(np.abs(torque), axis=0)))
 
     @cached_property
     def latents(self) -> tuple[Latent, ...]:
