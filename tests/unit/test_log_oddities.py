@@ -29,6 +29,12 @@ def test_a_fill_value_is_no_reading_and_that_is_told(tmp_path, fill):
     assert "in 16 rows" in told and "no number in 16 of 1500 rows" in told
 
 
+def test_a_position_without_a_number_is_named_and_not_called_absent(tmp_path):
+    log = table(tmp_path / "log.csv", HEADER[:3], (T, TORQUE, np.full_like(ANGLE, np.nan)))
+    with pytest.raises(ConfigurationError, match=r"'q \[rad\]' holds no number"):
+        open_recording(log)
+
+
 @pytest.mark.parametrize("value", [-9998.0, 2.5, 0.4])
 def test_a_number_that_no_logger_fills_with_is_kept(tmp_path, value):
     angle = ANGLE.copy()

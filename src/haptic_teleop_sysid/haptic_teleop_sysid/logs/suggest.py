@@ -50,7 +50,10 @@ def propose(log: Log, by_values: bool = True) -> Proposal:
         if any(name.startswith("motor") for name in found):
             joints[joint or "joint"] = found
     if not joints:
-        opened.append(Doubt("no column is a position or a velocity by its name or unit"))
+        empty = [c.column for c in lost if c.role in ("position", "velocity") and c.column.text is None]
+        opened += [Doubt(one.unusable, column=one.name) for one in empty] or [
+            Doubt("no column is a position or a velocity by its name or unit")
+        ]
     if free is not None:
         alone = [c for c in joints.values() if "arm_position" not in c and "motor_position" in c]
         beside = log.find(alone[0]["motor_position"].entry.column) if len(alone) == len(joints) == 1 else None
