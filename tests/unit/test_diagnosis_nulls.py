@@ -116,7 +116,9 @@ def test_nulls_go_through_the_diagnosis_itself(stage, monkeypatch):
         course = explaining.Course.of(fit.model, [*estimation, *validation])
         testimony = explaining.witness(model, *records, result.scales)
         opinion = explaining.second_opinion(testimony, result.scales, lambda m: (0.5, 0.5), (0.5, 0.5))
-        return explaining.Explained(model, *records, course, course, 1, result, result, False, opinion, 10.0)
+        horizons = explaining.Horizons((course,), 1)
+        parts = (course, course, horizons, 1, result, result, False, opinion, 10.0)
+        return explaining.Explained(model, *records, *parts)
 
     monkeypatch.setattr(diagnosis, "explain", explain)
     diagnosis.diagnose(STAGE, [data], [other], null_count=0)

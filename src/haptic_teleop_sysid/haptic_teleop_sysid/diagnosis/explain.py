@@ -6,6 +6,7 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
+from numpy.typing import NDArray
 
 from haptic_teleop_control.errors import RecordingError
 from haptic_teleop_sim.model import Model
@@ -16,9 +17,11 @@ from haptic_teleop_sysid.recordings.dataset import DataSet
 from haptic_teleop_sysid.simulation.parameter_fit import ParameterFit
 from haptic_teleop_sysid.simulation.parameter_fit import fit_parameters as fit_to_free_runs
 
+from .decision.decide import Choice
 from .decision.free_run_sizes import turning_limits
 from .decision.search import LEAST_PERCENT, POOR_FIT, SearchResult, search, search_by_simulation
 from .evidence.current import shown_by_current
+from .evidence.horizons import Horizons, free_errors
 from .evidence.inverse_dynamics.motion import motion_band
 from .evidence.inverse_dynamics.witness import witness
 from .evidence.proof import Course
@@ -32,16 +35,17 @@ from .usable import records_of, sense_follows
 class Explained:
     """What the search makes of recordings, before chance and doubt: the ``given`` model; the records of both
     kinds of recordings (``learn``, ``judge``), ``course`` of all data sets, of which the first ``count`` are
-    the estimation's, and ``coarse``: the same, thinned, where models are compared; ``result`` of the search
-    by prediction, ``kept``: that without what harms, or what only the search by simulation found
-    (``freely``); ``opinion``: the second one, None where the arithmetic of the inverse dynamics failed;
-    ``cutoff``: Hz, of the band of the motion."""
+    the estimation's, ``coarse``: the same, thinned, where models are compared, and ``horizons``: that over
+    stretches of several lengths; ``result`` of the search by prediction, ``kept``: that without what harms,
+    or what only the search by simulation found (``freely``); ``opinion``: the second one, None where the
+    arithmetic of the inverse dynamics failed; ``cutoff``: Hz, of the band of the motion."""
 
     given: Model
     learn: list[Record]
     judge: list[Record]
     course: Course
     coarse: Course
+    horizons: Horizons
     count: int
     result: SearchResult
     kept: SearchResult
@@ -55,8 +59,13 @@ class Explained:
         return float(np.mean(every)), float(np.mean(speeds))
 
     def errors(self, candidate: Model) -> tuple[float, float]:
-        """See `second_opinion.Errors`."""
+        """Errors of the model's free runs over the windows of `course` (see `evidence.horizons`)."""
         return free_errors(self.coarse, self.count, candidate)
+
+    def nearby(self, candidate: Model) -> list[dict[str, NDArray[np.float64]]]:
+        """The simulated signals, by name, of each validation recording, over stretches so short that they
+        stay where the joint was."""
+        return [fit.simulated for fit in self.horizons.shortest.simulate(candidate)[self.count :]]
 
     def simulated(self, candidate: Model) -> ParameterFit:
         """The model fitted to free runs of the estimation recordings, over the windows of `course`."""
@@ -64,12 +73,6 @@ class Explained:
         scales = self.result.scales
         limits = within_reach(self.given, scales) | turning_limits(candidate, scales.size["fastest"])
         return fit_to_free_runs(candidate, [*parts][: self.count], limits)
-
-
-def free_errors(course: Course, count: int, candidate: Model) -> tuple[float, float]:
-    """See `second_opinion.Errors`; the first ``count`` recordings of the course are the estimation's."""
-    errors = 1.0 - np.array(course.percent(candidate)) / 100.0
-    return float(np.mean(errors[:count])), float(np.mean(errors[count:]))
 
 
 def explain(
@@ -103,7 +106,8 @@ def explain(
         fits = coarse.percent(candidate, "position")
         return float(np.mean(fits[:n])), float(np.mean(fits[n:]))
 
-    kept = unharmful(result, lambda candidate: float(np.mean(coarse.percent(candidate)[n:])))
+    horizons = Horizons.of(coarse, n, cutoff)
+    kept = unharmful(result, horizons.percent)
     freely = False
     poor = min(percent(kept.final.model)) < POOR_FIT or (result.choices and not kept.choices)
     if poor and result.nameless is None:
@@ -115,30 +119,31 @@ def explain(
             kept = replace(free, given_up=kept.giving_up(kept.choices, better).given_up)
             freely = True
     say("asking the inverse dynamics")
-
-    def errors(candidate: Model) -> tuple[float, float]:
-        return free_errors(coarse, n, candidate)
-
     scales = result.scales
     try:
         said = witness(model, learn, judge, scales, cutoff)
         alone = (model, result.baseline.model, said.structure.model)
-        opinion = second_opinion(said, scales, errors, min(map(errors, alone)))
+        opinion = second_opinion(said, scales, horizons.errors, min(map(horizons.errors, alone)))
     except FAILURES:
         opinion = None
-    return Explained(model, learn, judge, course, coarse, n, result, kept, freely, opinion, cutoff)
+    return Explained(model, learn, judge, course, coarse, horizons, n, result, kept, freely, opinion, cutoff)
 
 
-def unharmful(result: SearchResult, percent: Callable[[Model], float]) -> SearchResult:
-    """The search's result without the last effects while those spoil the free simulation of the validation
-    recordings: what predicts the next sample better but runs away when it runs freely is no explanation."""
+def unharmful(result: SearchResult, percent: Callable[[Model], tuple[float, float]]) -> SearchResult:
+    """The search's result without the last effects while those spoil the free simulation of either kind of
+    recordings (``percent``, see `Horizons.percent`): what predicts the next sample better but runs away when
+    it runs freely is no explanation."""
     kept = list(result.choices)
     before = percent(result.baseline.model)
-    while kept and percent(kept[-1].chosen.fit.model) < before - HARM:
+
+    def spoiled(choice: Choice) -> bool:
+        return any(a < b - HARM for a, b in zip(percent(choice.chosen.fit.model), before, strict=True))
+
+    while kept and spoiled(kept[-1]):
         kept.pop()
     if len(kept) == len(result.choices):
         return result
     final = kept[-1].chosen.fit if kept else result.baseline
-    spoils = "with it validation recordings are simulated worse"
+    spoils = "with it recordings are simulated worse"
     result = result.giving_up(result.choices[len(kept) :], spoils)
     return replace(result, choices=tuple(kept), final=final, last_round=())

@@ -42,7 +42,7 @@ def questioned(
 
     alone = Stand(stand.before, stand.after, {})
     if opinion is not None and believed_instead(
-        opinion, found.errors(first.model), lambda: coloured(first, found.learn, found.judge)
+        opinion, found.horizons.errors(first.model), lambda: coloured(first, found.learn, found.judge)
     ):
         return instead("what the inverse dynamics name simulates all recordings better")
     # Where what is left is random, a torque without a form follows chance.
@@ -55,13 +55,13 @@ def questioned(
     if doubt is None and (far := beyond_reach(result, found.given)) is not None:
         result = _before(result, None, far.why)
         doubt, stand = far, Stand(stand.before, stand.before, {})
-    if doubt is None and opinion is not None and _gives_way(result, stand, opinion, found.errors):
+    if doubt is None and opinion is not None and _gives_way(result, stand, opinion, found.horizons.errors):
         return instead(
             "a size among these names is not known, and as few of the inverse dynamics explain nearly all"
         )
     if doubt is not None and doubt.choice is not None and not result.choices:
         # A name that is given up brings up the next; physics without a name is an answer and stays.
-        nothing = found.errors(result.final.model)
+        nothing = found.horizons.errors(result.final.model)
         if opinion is not None and result.nameless is None and stands_next(opinion, nothing):
             return instead("what the inverse dynamics name explains nearly all")
         return result, doubt, stand

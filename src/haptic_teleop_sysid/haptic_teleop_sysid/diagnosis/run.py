@@ -18,6 +18,7 @@ from .decision.nulls import Null, beyond_chance, nulls
 from .decision.own_quantity import follows_still
 from .decision.search import SearchResult
 from .decision.stand_in import stand_in
+from .decision.unconfirmed import unconfirmed
 from .decision.verdict import Verdict, decide_verdict
 from .evidence.measured_map import measured_map
 from .evidence.other_forms import spread_by_form, together
@@ -66,6 +67,7 @@ def diagnose(
             dropped = found.kept.choices[len(kept.choices) :]
     say("checking what was found")
     result, doubt, stand = questioned(found, believed, kept, [*estimation, *validation])
+    result = unconfirmed(result, found.nearby)
     adequate = None
     if any(c.chosen.by_current <= 0.0 for c in result.choices):
         models = result.baseline.model, result.final.model

@@ -23,8 +23,9 @@ from haptic_teleop_sim.model import Effect, Model
 from haptic_teleop_sysid.estimation.likelihood import FAILURES
 from haptic_teleop_sysid.simulation.parameter_fit import ParameterFit
 
+from ..evidence.horizons import PERFECT
 from ..evidence.inverse_dynamics.terms import SMOOTHED
-from ..evidence.second_opinion import NO_WORSE, PERFECT, Errors, Heard
+from ..evidence.second_opinion import NO_WORSE, Errors, Heard
 from ..policy import ERRS_LESS
 
 #: The model fitted to free runs of the estimation recordings.
@@ -39,8 +40,9 @@ _SAME = 2.0
 
 def sized_freely(heard: Heard, simulated: Simulated, errors: Errors, fastest: float) -> Heard:
     """The group with the sizes that its free runs want, where those err on other recordings by ERRS_LESS as
-    much and by no more on those that were fitted; else as it is. Standard errors hold what the two ways of
-    fitting differ by. ``fastest``: top speed, rad/s."""
+    much and by no more on those that were fitted; else as it is. ``errors``: of free runs as long as those of
+    the fit, like those in ``heard``. Standard errors hold what the two ways of fitting differ by.
+    ``fastest``: top speed, rad/s."""
     group = heard.group
     try:
         found = _fitted(group.model, simulated, fastest)

@@ -13,9 +13,10 @@ from haptic_teleop_sysid.estimation.gauss_newton import Fit
 from haptic_teleop_sysid.estimation.records import Record
 from haptic_teleop_sysid.estimation.whole_fit import fit_whole
 
+from ..evidence.horizons import PERFECT
 from ..evidence.inverse_dynamics.terms import Hypothesis, follows_from_motion
 from ..evidence.inverse_dynamics.witness import Group
-from ..evidence.second_opinion import NO_WORSE, PERFECT, Errors, Heard, Opinion
+from ..evidence.second_opinion import NO_WORSE, Errors, Heard, Opinion
 from ..hypotheses.explanation import Explanation
 from ..hypotheses.twins import twin
 from ..policy import ERRS_FAR_LESS, ERRS_LESS, LEAST_EXPLAINED
@@ -65,10 +66,11 @@ def as_result(
     errors: Errors,
     simulated: Simulated,
 ) -> tuple[SearchResult, Doubt | None]:
-    """The second opinion as a search's result, and the doubt where its name explains too little;
+    """The second opinion as a search's result, and the doubt where its name explains too little; ``errors``,
     ``simulated``: see `free_run_sizes`."""
     assert opinion.chosen is not None
-    heard = opinion.chosen
+    # The sizes are those of runs as long as the reported ones.
+    heard = replace(opinion.chosen, errors=errors(opinion.chosen.group.model))
     fastest = predicted.scales.size["fastest"]
     opinion = replace(opinion, chosen=sized_freely(heard, simulated, errors, fastest))
     assert opinion.chosen is not None

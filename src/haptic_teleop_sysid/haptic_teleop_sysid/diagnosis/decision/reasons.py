@@ -92,7 +92,7 @@ def runs_away(choice: Choice) -> Doubt:
     name = choice.chosen.effect.effect
     return Doubt(
         choice,
-        f"with {name} each next sample is predicted better, but validation recordings are simulated worse",
+        f"with {name} each next sample is predicted better, but recordings are simulated worse",
     )
 
 

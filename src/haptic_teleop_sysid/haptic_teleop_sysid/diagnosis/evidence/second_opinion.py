@@ -21,6 +21,7 @@ from haptic_teleop_sim.model import Model
 from ..hypotheses.admissible import admissible
 from ..inputs.scales import Scales
 from ..policy import AN_EFFECT, NEARLY_ALL
+from .horizons import PERFECT
 from .inverse_dynamics.witness import Group, Witness
 
 #: Log-likelihood that counts for each time that the error of the free run falls by a factor e on one kind of
@@ -36,11 +37,8 @@ NEGLIGIBLE = 4.0
 ALWAYS = 3
 #: Log-likelihood by which a free run may exceed the best of those that were run.
 UNSEEN = 5.0
-#: Error, relative, below which a free run is as good as it can be.
-PERFECT = 0.002
-
 #: Error of the free runs of a model on estimation and on validation recordings, as a share of the motion's
-#: spread: 1 is no better than the mean.
+#: spread: 1 is no better than the mean (see `horizons`).
 Errors = Callable[[Model], tuple[float, float]]
 
 
