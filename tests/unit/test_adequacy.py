@@ -7,8 +7,16 @@ import pytest
 from stepped_machines import DT, RIGID, drive, pendulum, record, two_masses
 
 from haptic_teleop_sim.model import Effect, Model
-from haptic_teleop_sysid.diagnosis.decision.adequacy import Adequacy, adequacy, explained_torque, short_of
+from haptic_teleop_sysid.diagnosis.decision import adequacy as adequacies
+from haptic_teleop_sysid.diagnosis.decision.adequacy import (
+    Adequacy,
+    adequacy,
+    explained_torque,
+    overflows,
+    short_of,
+)
 from haptic_teleop_sysid.diagnosis.decision.decide import Choice
+from haptic_teleop_sysid.diagnosis.decision.doubt import left_is_random
 from haptic_teleop_sysid.diagnosis.decision.reasons import Doubt
 from haptic_teleop_sysid.diagnosis.decision.search import SearchResult
 from haptic_teleop_sysid.diagnosis.decision.verdict import decide_verdict
@@ -207,3 +215,16 @@ def test_a_reader_is_told_how_much_was_explained_unless_it_is_nearly_all():
     told = explains_sentence(content | white)
     assert told.startswith("What is named is 20 % of the torque") and "the rest is random" in told
     assert explains_sentence(content | {"adequacy": None}) == ""
+
+
+def test_where_an_observer_overflows_the_inverse_dynamics_say_how_much_is_explained(monkeypatch):
+    records = [pendulum(0, coulomb=0.4)]
+    bare = fitted(TRUE, records, ())
+    assert not overflows(bare, records)
+    monkeypatch.setattr(adequacies, "added_torque", lambda *_: np.array([np.inf]))
+    assert overflows(bare, records)
+    asked = adequacy(bare, bare, records, (0.5, 0.5), (0.1, 0.1), by_motion=lambda: 0.8)
+    assert asked.torque == 0.8
+    assert adequacy(bare, bare, records, (0.5, 0.5), (0.1, 0.1)).torque == 0.0
+    # What has no size is not said to be random.
+    assert not left_is_random(bare, records, records)

@@ -15,6 +15,7 @@ from .decision.decide import Choice
 from .decision.doubt import left_is_random
 from .decision.in_part import found_in_part, with_found
 from .decision.nulls import Null, beyond_chance, nulls
+from .decision.overruled import explained_along
 from .decision.own_quantity import follows_still
 from .decision.search import SearchResult
 from .decision.stand_in import stand_in
@@ -78,6 +79,7 @@ def diagnose(
             *map(found.errors, models),
             random_left=left_is_random(result.final, found.learn, found.judge),
             by_torque=result.by_torque,
+            by_motion=lambda: 0.0 if found.opinion is None else explained_along(result, found.opinion),
         )
         result, short = short_of(result, adequate)
         result, bent = follows_still(result, found.learn, found.judge)

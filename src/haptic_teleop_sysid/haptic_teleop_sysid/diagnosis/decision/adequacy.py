@@ -7,7 +7,7 @@ has.  Neither is ever none on a machine: up to a small share of the input and of
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -25,6 +25,8 @@ from .search import SearchResult
 
 #: Left-over torque, as a share of the input torque (rms), that is not worth a word.
 SLIGHT_TORQUE = 0.03
+#: Factor over the rms input torque from which what the observer adds is no torque: it has overflowed.
+OVERFLOWS = 1e3
 #: Error of a free run, as a share of the motion's spread (rms), that is not worth a word.
 SLIGHT_ERROR = 0.05
 #: Confidence of a name that explains less than that where only chance is left: below SURE.
@@ -72,12 +74,18 @@ def adequacy(
     errors_after: tuple[float, float],
     random_left: bool = False,
     by_torque: Fit | None = None,
+    by_motion: Callable[[], float] = lambda: 0.0,
 ) -> Adequacy:
     """Adequacy of what ``after`` has and ``before`` has not, on ``records`` of both kinds; errors: those of
     their free runs on either kind (see `second_opinion.Errors`); ``random_left``: as there. ``by_torque``:
     ``after`` with the sizes that the torques want (`SearchResult.by_torque`): where free runs and torques do
-    not agree about sizes, either measure says how much the names explain with its own."""
-    explained = [explained_torque(before, fit, records) for fit in (after, by_torque) if fit is not None]
+    not agree about sizes, either measure says how much the names explain with its own. ``by_motion``: the
+    share of the torque that the inverse dynamics say is explained, asked where an observer overflows."""
+    fits = [fit for fit in (after, by_torque) if fit is not None]
+    if any(overflows(fit, records) for fit in (before, *fits)):
+        explained = [min(max(by_motion(), 0.0), 1.0)]
+    else:
+        explained = [explained_torque(before, fit, records) for fit in fits]
     return Adequacy(
         max(explained),
         _share(np.array(errors_before), np.array(errors_after), SLIGHT_ERROR),
@@ -88,6 +96,12 @@ def adequacy(
 def explained_torque(before: Fit, after: Fit, records: Sequence[Record]) -> float:
     """See `Adequacy.torque`."""
     return _share(added_torque(before, records), added_torque(after, records), SLIGHT_TORQUE)
+
+
+def overflows(fit: Fit, records: Sequence[Record]) -> bool:
+    """Whether the torque that the observer of a fit adds has no size on one of the records: the model cannot
+    be held to it."""
+    return not bool(np.all(added_torque(fit, records) < OVERFLOWS))
 
 
 def added_torque(fit: Fit, records: Sequence[Record]) -> np.ndarray:

@@ -28,6 +28,7 @@ from ..evidence.residual import conditions
 from ..evidence.whiteness import colour, unsteadiness
 from ..hypotheses.explanation import Explanation
 from ..policy import COLOURED, ONLY_HERE, STILL_RANDOM, UNSTEADY
+from .adequacy import overflows
 from .decide import Choice, significant
 from .reasons import Doubt, momentary, rather_event
 from .search import SearchResult
@@ -149,8 +150,8 @@ def coloured(fit: Fit, estimation: Sequence[Record], validation: Sequence[Record
 
 def left_is_random(fit: Fit, estimation: Sequence[Record], validation: Sequence[Record]) -> bool:
     """Whether what a fit leaves is random as far as these recordings show: its innovations are white, and the
-    left-over torque follows nothing that was measured."""
-    if coloured(fit, estimation, validation):
+    left-over torque has a size and follows nothing that was measured."""
+    if coloured(fit, estimation, validation) or overflows(fit, [*estimation, *validation]):
         return False
     found = conditions(fit, estimation, validation, fit.model.joint)
     return all(c.explained <= STILL_RANDOM for c in found)

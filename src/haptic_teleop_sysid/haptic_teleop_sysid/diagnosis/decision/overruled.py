@@ -102,14 +102,7 @@ def as_result(
 
 def inadequate(result: SearchResult, opinion: Opinion) -> Doubt | None:
     """The doubt about a name whose torque is far from what the same quantities explain without a form."""
-    told = [
-        c
-        for c in result.choices
-        if c.chosen.by_current <= 0.0 and follows_from_motion(c.chosen.effect.entry)
-    ]
-    group = tuple(
-        Hypothesis.of(c.chosen.effect, result.baseline.model.place(c.chosen.effect.location)) for c in told
-    )
+    told, group = _along_motion(result)
     for choice, adequacy in zip(told, opinion.witness.folds.adequacies(group), strict=True):
         if adequacy < LEAST_EXPLAINED:
             name = choice.chosen.effect.effect
@@ -119,6 +112,23 @@ def inadequate(result: SearchResult, opinion: Opinion) -> Doubt | None:
             )
             return Doubt(choice, why, short=True)
     return None
+
+
+def explained_along(result: SearchResult, opinion: Opinion) -> float:
+    """Share of the torque that the motion asks for and the structure does not have which the findings that
+    are torques along the motion explain, on stretches that were not fitted."""
+    return opinion.witness.folds.explained(_along_motion(result)[1])
+
+
+def _along_motion(result: SearchResult) -> tuple[list[Choice], tuple[Hypothesis, ...]]:
+    """The findings that are torques along the motion, and as hypotheses."""
+    told = [
+        c
+        for c in result.choices
+        if c.chosen.by_current <= 0.0 and follows_from_motion(c.chosen.effect.entry)
+    ]
+    model = result.baseline.model
+    return told, tuple(Hypothesis.of(c.chosen.effect, model.place(c.chosen.effect.location)) for c in told)
 
 
 def beyond_reach(result: SearchResult, lab: Model) -> Doubt | None:

@@ -11,6 +11,7 @@ from haptic_teleop_sysid.estimation.gauss_newton import Fit
 from haptic_teleop_sysid.estimation.likelihood import settled
 from haptic_teleop_sysid.estimation.records import Record
 
+from ..decision.adequacy import OVERFLOWS
 from ..decision.decide import Choice, significant
 from ..decision.nulls import Null
 from ..decision.reasons import Doubt, slipped
@@ -28,8 +29,6 @@ from .next_experiment import next_experiment
 
 #: How many of the explanations that did not stand up are told.
 _MOST_TRIED = 10
-#: Factor over the rms input torque from which what the observer adds is no disturbance: it has overflowed.
-_OVERFLOW = 1e3
 
 
 def contents(
@@ -180,7 +179,7 @@ def disturbance(result: SearchResult, fit: Fit, records: Sequence[Record]) -> di
         found = np.sqrt(np.mean(added**2, axis=0)) / result.scales.size["torque"]
     model = fit.model
     places = [model.location("motor")] if model.rigid else [model.location("motor"), model.location("arm")]
-    return {p: float(v) if v < _OVERFLOW else None for p, v in zip(places, found, strict=False)}
+    return {p: float(v) if v < OVERFLOWS else None for p, v in zip(places, found, strict=False)}
 
 
 def overflows(added: dict[str, dict[str, float | None]]) -> str | None:
