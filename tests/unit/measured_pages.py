@@ -11,17 +11,27 @@ LONG = "/data/recordings/of/some/robot/2026-11-23T06-37-00_a_very_long_name_with
 WATCHED = {"viewport": {"width": 1280, "height": 900}, "bypass_csp": True}
 
 
-def opened(browser, report, **options):
-    """The page with its plots alive, and a list of what went wrong and of what was asked for elsewhere."""
+def opened(browser, report, alive=True, **options):
+    """The page, with its first plot ``alive``, and a list of what went wrong and of what was asked for
+    elsewhere."""
     page = browser.new_page(**options)
     wrong = []
     page.on("console", lambda m: wrong.append(m.text) if m.type == "error" else None)
     page.on("pageerror", lambda e: wrong.append(str(e)))
     page.on("request", lambda r: wrong.append(r.url) if r.url.startswith(("http", "ws")) else None)
     page.goto(report.as_uri())
-    if options.get("java_script_enabled", True) and page.query_selector("figure.plot"):
+    if alive and options.get("java_script_enabled", True):
         page.wait_for_selector("figure.plot[data-ready=yes] canvas", state="attached")
     return page, wrong
+
+
+def unfolded(page):
+    """Open what is folded, and wait until every plot has come alive."""
+    page.evaluate("document.querySelectorAll('details').forEach((d) => { d.open = true; })")
+    for plot in page.locator("figure.plot").all():
+        plot.scroll_into_view_if_needed()
+        plot.locator("canvas").first.wait_for(state="attached")
+    page.wait_for_selector("figure.plot:not([data-ready=yes])", state="detached")
 
 
 def values_told(text):
