@@ -106,10 +106,16 @@ def report(request, tmp_path_factory):
 
 
 def test_the_pages_of_the_commands_fit_screens_and_paper_and_are_legible_in_the_dark(browser, report):
+    """Each page is opened once: that takes longer than to look at it."""
     page, wrong = opened(
         browser, report, alive=False, color_scheme="dark", viewport={"width": 420, "height": 900}
     )
     unfolded(page)
+    assert len(page.inner_text(".conclusion").split()) > 5
+    heights = page.evaluate(
+        "[...document.querySelectorAll('.fixed svg text')].map(t => t.getBoundingClientRect().height)"
+    )
+    assert min(heights, default=99.0) >= 8.0  # pixels; pictures scroll rather than shrink
     for width in WIDTHS:
         page.set_viewport_size({"width": width, "height": 900})
         assert page.evaluate(FITS) == {"page": 0, "out": []}, width
@@ -124,15 +130,4 @@ def test_the_pages_of_the_commands_fit_screens_and_paper_and_are_legible_in_the_
     assert len(cut) >= 3 and max(cut) <= A4 + 1
     assert page.evaluate(BROKEN_WORDS) == []
     assert wrong == []
-    page.close()
-
-
-def test_the_pages_begin_with_a_conclusion_and_their_still_pictures_can_be_read(browser, report):
-    page, _ = opened(browser, report, alive=False, viewport={"width": 420, "height": 900})
-    unfolded(page)
-    assert len(page.inner_text(".conclusion").split()) > 5
-    heights = page.evaluate(
-        "[...document.querySelectorAll('.fixed svg text')].map(t => t.getBoundingClientRect().height)"
-    )
-    assert min(heights, default=99.0) >= 8.0  # pixels; pictures scroll rather than shrink
     page.close()

@@ -25,17 +25,23 @@ def report(tmp_path_factory):
     return page.write(tmp_path_factory.mktemp("keys") / "report.html")
 
 
-@pytest.fixture
-def page(browser, report):
-    """The page with the focus on its first plot, reached by the Tab key alone."""
+@pytest.fixture(scope="module")
+def opened_page(browser, report):
     page, wrong = opened(browser, report, **WATCHED)
-    for _ in range(30):
-        page.keyboard.press("Tab")
-        if page.evaluate("document.activeElement.matches('.canvas')"):
-            break
     yield page
     assert wrong == []
-    page.close()
+
+
+@pytest.fixture
+def page(opened_page):
+    """The page as it was opened, with the focus on its first plot, reached by the Tab key alone."""
+    opened_page.focus(".skip")
+    for _ in range(30):
+        opened_page.keyboard.press("Tab")
+        if opened_page.evaluate("document.activeElement.matches('.canvas')"):
+            break
+    opened_page.keyboard.press("Escape")
+    return opened_page
 
 
 def heard(page, *keys):
@@ -52,6 +58,8 @@ def test_a_plot_is_a_stop_of_the_tab_key_which_shows_and_says_what_to_do(page):
     )
     assert focus[0].endswith("response-0") and focus[2] == "solid" and focus[3] >= 2
     assert focus[1].startswith("angle.") and "arrow keys read the values" in focus[1]
+    page.keyboard.press("Shift+Tab")
+    page.keyboard.press("Tab")
     assert "← →" in page.inner_text(".readout >> nth=0")
     assert page.evaluate("document.querySelector('.said').ariaLive") == "polite"
     assert page.get_by_role("application").count() == 2
@@ -82,6 +90,7 @@ def test_the_cursor_stands_in_all_panels_and_what_is_seen_is_what_is_heard(page)
     page.click("[data-line=simulated]")
     page.focus(".canvas")
     assert "measured" in heard(page, "ArrowRight") and "simulated" not in heard(page, "ArrowRight")
+    page.click("[data-line=simulated]")
 
 
 def test_plus_and_minus_zoom_at_the_cursor_and_zero_and_escape_show_everything(page):
@@ -113,14 +122,6 @@ def test_the_browsers_own_keys_stay_its_own(page):
     assert told == [True] * 4 and page.evaluate(CURSORS) == [None, None]
 
 
-def test_the_difference_has_its_own_cursor(page):
-    page.click("button[data-do=view]")
-    page.wait_for_selector("[data-view=difference] canvas", state="attached")
-    page.focus("[data-view=difference] .canvas")
-    at, told = values_told(heard(page, "End"))
-    assert at == pytest.approx(1.99) and told == pytest.approx({"simulated": 0.4 * WAVE[-1]}, abs=6e-4)
-
-
 def test_without_scripts_a_plot_is_its_still_picture_and_no_stop_of_the_tab_key(browser, report):
     page, _ = opened(browser, report, java_script_enabled=False, viewport={"width": 420, "height": 900})
     assert page.is_visible(".still svg")
@@ -130,3 +131,12 @@ def test_without_scripts_a_plot_is_its_still_picture_and_no_stop_of_the_tab_key(
         assert page.locator(".canvas:focus").count() == 0
     page.close()
     assert report.stat().st_size < 3_000_000
+
+
+def test_the_difference_has_its_own_cursor(page):
+    page.click("button[data-do=view]")
+    page.wait_for_selector("[data-view=difference] canvas", state="attached")
+    page.focus("[data-view=difference] .canvas")
+    at, told = values_told(heard(page, "End"))
+    assert at == pytest.approx(1.99) and told == pytest.approx({"simulated": 0.4 * WAVE[-1]}, abs=6e-4)
+    page.click("button[data-do=view]")
