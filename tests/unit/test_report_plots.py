@@ -274,5 +274,5 @@ def test_a_sentence_keeps_options_and_dates_whole_and_shows_what_is_typed_as_cod
     assert '<span class="whole">--validation</span>' in html and "a--b" in html
     assert "<code>x &lt;y&gt;</code>" in html and html.count("<span") == 2
     assert '<span class="whole">0.139 %</span>' in str(foldable("grew by 0.139 %"))
-    for whole in ("≥ 90 %", "80–97 %", "4.12–5.00"):
+    for whole in ("≥ 90 %", "80–97 %", "4.12–5.00", "12.1–13.4 s"):
         assert f'<span class="whole">{whole}</span>' in str(foldable(f"about {whole} of it"))

@@ -65,7 +65,7 @@ def blind_page(result: dict[str, Any]) -> Page:
     kinds = ", ".join(f"{number} {kind}" for kind, number in result["cases_asked"].items())
     page = Page(
         "Blind benchmark of the diagnosis",
-        f"{kinds}; seed {result['seed']}, version {result['version']}",
+        f"cases: {kinds}; seed {result['seed']}, version {result['version']}",
     )
     _conclude(page, result)
     targets = summary["targets"]

@@ -25,7 +25,7 @@ _FOLDS = re.compile(r"(_|(?<=[\w/])[./](?=[A-Za-z]{2}))")
 _WIDE_IN_PROSE = 24
 #: What stays on one line: of a cell a number with its percent, or a range; a date with its time, the name of
 #: an option.
-_RANGE = re.compile(r"(?<![\w.])((?:[≤≥] )?(?:\d[\d.]*–)?\d[\d.]* %|\d[\d.]*–\d[\d.]*(?!\w))")
+_RANGE = re.compile(r"(?<![\w.])((?:[≤≥] )?(?:\d[\d.]*–)?\d[\d.]* %|\d[\d.]*–\d[\d.]*(?: s\b)?(?!\w))")
 _WHOLE = re.compile(r"(?<![\w/.-])(\d{4}-\d\d-\d\d(?: \d\d:\d\d)?|--[a-z][\w-]*)(?![\w-])")
 _ONE_LINE = r'<span class="whole">\1</span>'
 #: What is meant to be typed.
