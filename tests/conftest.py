@@ -42,8 +42,8 @@ LONG = (
     "test_verify_simulation.py", "test_diagnosis_doubt.py", "test_second_opinion.py", "test_blind.py",
     "test_blind_labels.py", "test_unnamed_physics.py", "test_diagnosis_forms.py", "test_diagnosis_events.py",
     "test_audit.py", "test_decompression_limits.py", "test_verify.py", "test_site_browser.py",
-    "test_report_browser.py", "test_many_recordings.py", "test_emulated_scenario.py", "test_estimate.py",
-    "test_estimate_command.py", "test_trend.py",
+    "test_report_browser.py", "test_pages_of_commands.py", "test_many_recordings.py",
+    "test_emulated_scenario.py", "test_estimate.py", "test_estimate_command.py", "test_trend.py",
 )  # fmt: skip
 """Files of other kinds that take more than 10 s of processor time. They come before the short ones: one that
 begins last keeps one core busy while the others have nothing left to do."""

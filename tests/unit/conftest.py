@@ -1,3 +1,4 @@
+import shutil
 import sys
 from collections.abc import Iterator
 from pathlib import Path
@@ -34,6 +35,20 @@ def em(hd_library: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Any]:
     monkeypatch.setattr(openhaptics, "CLOSING_TIME", 0.0)  # nobody ticks while it closes
     yield emulation
     emulation.stepped(True)
+
+
+@pytest.fixture(scope="module")
+def browser() -> Iterator[Any]:
+    """Chromium, from the system's packages (README.md); where it is missing, the test is skipped."""
+    playwright = pytest.importorskip("playwright.sync_api", reason="playwright is not installed")
+    found = next(filter(None, map(shutil.which, ("chromium", "chromium-browser", "google-chrome"))), None)
+    if found is None:
+        pytest.skip("no chromium: apt-get install chromium, then these tests run")
+    with playwright.sync_playwright() as started:
+        # As root, which a container's tests often are, chromium has no sandbox of its own.
+        one = started.chromium.launch(executable_path=found, args=["--no-sandbox", "--disable-gpu"])
+        yield one
+        one.close()
 
 
 @pytest.fixture

@@ -31,6 +31,7 @@ STRUCTURE = """() => {
 }"""
 #: Roles that a screen reader announces by their names.
 NAMED = {"image", "img", "table", "region", "navigation", "button", "checkbox", "figure", "toolbar", "link"}
+NAMED |= {"application"}
 #: The element that has the keyboard's focus: what it is, and whether one sees that it is here.
 FOCUSED = """() => {
   const e = document.activeElement;

@@ -4,35 +4,24 @@ without scripts, measured.
 Chromium comes from the system's packages (README.md); where it is missing, these tests are skipped.
 """
 
-import shutil
-
 import numpy as np
 import pytest
-from joint_recordings import TRUTH, excitation, joint_recording, response
+from measured_pages import (
+    A4,
+    BROKEN_WORDS,
+    CONTRASTS,
+    FITS,
+    LONG,
+    WATCHED,
+    WIDTHS,
+    opened,
+    values_told,
+)
 from page_audit import audited, walked
-from scenario_recordings import Made, scenario
 
-from haptic_teleop_sim.model import Effect, Model
 from haptic_teleop_sysid.diagnosis.evidence.proof import MODELS
 from haptic_teleop_sysid.diagnosis.report.page_columns import parameters
 from haptic_teleop_sysid.report import Band, Page, Panel, Plot, Series, still
-from haptic_teleop_sysid.runs.comparison import compare
-from haptic_teleop_sysid.runs.comparison_pictures import comparison_pictures
-from haptic_teleop_sysid.runs.comparison_report import comparison_page
-from haptic_teleop_sysid.verification.overlay_report import Overlays
-from haptic_teleop_sysid.verification.page import verification_page
-from haptic_teleop_sysid.verification.pictures import stage_picture
-from haptic_teleop_sysid.verification.run import examine
-
-playwright = pytest.importorskip("playwright.sync_api", reason="playwright is not installed")
-CHROMIUM = shutil.which("chromium") or shutil.which("chromium-browser") or shutil.which("google-chrome")
-pytestmark = pytest.mark.skipif(
-    CHROMIUM is None, reason="no chromium: apt-get install chromium, then these tests run"
-)
-WIDTHS = (420, 1280, 1920)
-#: Width of the text on A4 with margins of 14 mm, CSS pixels.
-A4 = round((210 - 28) / 25.4 * 96)
-LONG = "/data/recordings/of/some/robot/2026-11-23T06-37-00_a_very_long_name_without_any_space_that_wraps"
 
 
 @pytest.fixture(scope="module")
@@ -66,40 +55,6 @@ def report(tmp_path_factory):
     return page.write(tmp_path_factory.mktemp("report") / "report.html")
 
 
-@pytest.fixture(scope="module")
-def browser():
-    with playwright.sync_playwright() as started:
-        # As root, which a container's tests often are, chromium has no sandbox of its own.
-        one = started.chromium.launch(executable_path=CHROMIUM, args=["--no-sandbox", "--disable-gpu"])
-        yield one
-        one.close()
-
-
-def opened(browser, report, **options):
-    """The page with its plots alive, and a list of what went wrong and of what was asked for elsewhere."""
-    page = browser.new_page(**options)
-    wrong = []
-    page.on("console", lambda m: wrong.append(m.text) if m.type == "error" else None)
-    page.on("pageerror", lambda e: wrong.append(str(e)))
-    page.on("request", lambda r: wrong.append(r.url) if r.url.startswith(("http", "ws")) else None)
-    page.goto(report.as_uri())
-    if options.get("java_script_enabled", True):
-        page.wait_for_selector("figure.plot[data-ready=yes] canvas", state="attached")
-    return page, wrong
-
-
-FITS = """() => {
-  document.querySelectorAll("details").forEach((d) => { d.open = true; });
-  const wide = document.documentElement.clientWidth;
-  const out = [...document.querySelectorAll("body *")].filter((e) => {
-    const box = e.getBoundingClientRect();
-    const inside = e.closest(".scroll, .still, .skip") && !e.matches(".scroll, .still");
-    return box.width && box.right > wide + 1 && !inside;
-  });
-  return { page: document.documentElement.scrollWidth - wide, out: out.map((e) => e.outerHTML.slice(0, 80)) };
-}"""
-
-
 @pytest.mark.parametrize("width", WIDTHS)
 def test_no_page_scrolls_sideways_and_its_plots_are_large_enough_to_read(browser, report, width):
     page, wrong = opened(browser, report, viewport={"width": width, "height": 900})
@@ -123,34 +78,6 @@ def test_no_page_scrolls_sideways_and_its_plots_are_large_enough_to_read(browser
     page.close()
 
 
-CONTRASTS = """() => {
-  const parse = (c) => c.match(/[\\d.]+/g).map(Number);
-  const light = (c) => {
-    const [r, g, b] = parse(c).slice(0, 3).map((v) => v / 255)
-      .map((v) => (v <= 0.04045 ? v / 12.92 : ((v + 0.055) / 1.055) ** 2.4));
-    return 0.2126 * r + 0.7152 * g + 0.0722 * b;
-  };
-  const ground = (e) => {
-    for (; e; e = e.parentElement) {
-      const [, , , a = 1] = parse(getComputedStyle(e).backgroundColor);
-      if (a > 0) return getComputedStyle(e).backgroundColor;
-    }
-    return "rgb(255, 255, 255)";
-  };
-  document.querySelectorAll("details").forEach((d) => { d.open = true; });
-  const found = {};
-  for (const e of document.querySelectorAll("body *")) {
-    const own = [...e.childNodes].some((n) => n.nodeType === 3 && n.textContent.trim());
-    if (!own || !e.getClientRects().length || e.closest("script, svg")) continue;
-    const [a, b] = [light(getComputedStyle(e).color), light(ground(e))];
-    const ratio = (Math.max(a, b) + 0.05) / (Math.min(a, b) + 0.05);
-    const name = `${e.tagName}.${e.className}`;
-    found[name] = Math.min(found[name] || 99, ratio);
-  }
-  return found;
-}"""
-
-
 @pytest.mark.parametrize("scheme", ["light", "dark"])
 def test_every_text_stands_out_from_its_ground_in_the_light_and_in_the_dark(browser, report, scheme):
     page, _ = opened(browser, report, color_scheme=scheme, viewport={"width": 1280, "height": 900})
@@ -166,10 +93,6 @@ def test_every_text_stands_out_from_its_ground_in_the_light_and_in_the_dark(brow
     )
     assert drawn == wanted == {"light": "#1c2432", "dark": "#f0f3f7"}[scheme]
     page.close()
-
-
-#: What waits for a condition evaluates it in the page, whose own policy forbids that; other tests keep it.
-WATCHED = {"viewport": {"width": 1280, "height": 900}, "bypass_csp": True}
 
 
 def test_one_zooms_by_keyboard_and_by_mouse_hides_lines_and_sees_the_difference(browser, report):
@@ -189,9 +112,8 @@ def test_one_zooms_by_keyboard_and_by_mouse_hides_lines_and_sees_the_difference(
     middle = box["y"] + 0.5 * box["height"]
     page.mouse.move(box["x"] + 0.4 * box["width"], middle - 30)
     page.wait_for_selector(".readout:has-text('augmented')")
-    at, *parts = page.inner_text(".readout >> nth=0").removeprefix("at ").replace(":", ",").split(", ")
-    told = {name: float(value) for name, value in (part.rsplit(" ", 1) for part in parts)}
-    assert told["augmented"] == pytest.approx(np.sin(4.0 * float(at)), abs=0.02)
+    at, told = values_told(page.inner_text(".readout >> nth=0"))
+    assert told["augmented"] == pytest.approx(np.sin(4.0 * at), abs=0.02)
     assert told["yours"] == pytest.approx(0.6 * told["augmented"], abs=0.02)
     page.mouse.down()
     page.mouse.move(box["x"] + 0.6 * box["width"], middle + 30, steps=4)
@@ -213,24 +135,6 @@ def test_one_zooms_by_keyboard_and_by_mouse_hides_lines_and_sees_the_difference(
     page.close()
 
 
-#: Words that stand on two lines; a name may be broken where its parts meet.
-BROKEN_WORDS = """() => {
-  const found = [];
-  for (const cell of document.querySelectorAll("th:not(.long), td:not(.long)")) {
-    const texts = document.createTreeWalker(cell, NodeFilter.SHOW_TEXT);
-    for (let node; (node = texts.nextNode()); ) {
-      for (const word of node.data.matchAll(/[^\\s-]+/g)) {
-        const range = document.createRange();
-        range.setStart(node, word.index);
-        range.setEnd(node, word.index + word[0].length);
-        if (new Set([...range.getClientRects()].map((r) => Math.round(r.top))).size > 1) found.push(word[0]);
-      }
-    }
-  }
-  return found;
-}"""
-
-
 def test_paper_shows_everything_and_cuts_no_table_off(browser, report):
     page, _ = opened(browser, report, viewport={"width": A4, "height": 1000}, color_scheme="dark")
     page.emulate_media(media="print")
@@ -246,39 +150,6 @@ def test_paper_shows_everything_and_cuts_no_table_off(browser, report):
     assert grounds == "rgb(255, 255, 255)"  # also for somebody whose screen is dark
     pdf = page.pdf(format="A4")
     assert pdf.startswith(b"%PDF") and len(pdf) > 20_000
-    page.close()
-
-
-def verified():
-    """The page of two runs laid over each other."""
-    runs = [examine(scenario(Made(release=4.0, duration=5.0)), name) for name in ("one", LONG)]
-    pictures = {stage: stage_picture(runs, stage, ["one", LONG]) for stage in ("stage1", "stage2")}
-    return verification_page(runs, ["one", LONG], {}, pictures, Overlays({}, {}, {}))
-
-
-def compared():
-    """The page of four models on one recording."""
-    lab = Model("sfj", "stage1", "flexible_joint", TRUTH, fixed=("stiffness",))
-    friction = Effect("coulomb_friction", "stage1_motor", {"torque": 0.1})
-    current = excitation(190)  # too few for an analysis of residuals, which takes long
-    models = {"lab.yaml": lab, f"{LONG}.yaml": lab.with_values({"motor_inertia": 0.1})}
-    models |= {"augmented.yaml": lab.with_effects(friction), "fourth.yaml": lab}
-    result = compare(models, {LONG: joint_recording(current, response(current))})
-    return comparison_page(result, comparison_pictures(result))
-
-
-@pytest.mark.parametrize("made", [verified, compared])
-def test_the_pages_of_the_commands_fit_a_narrow_screen_and_a_sheet_of_paper(browser, made, tmp_path):
-    report = made().write(tmp_path / "report.html")
-    page = browser.new_page(viewport={"width": 420, "height": 900})
-    page.goto(report.as_uri())
-    assert page.evaluate(FITS) == {"page": 0, "out": []}
-    assert audited(page) == []
-    page.emulate_media(media="print")
-    page.set_viewport_size({"width": A4, "height": 1000})
-    assert page.evaluate(FITS)["page"] == 0
-    cut = page.evaluate("[...document.querySelectorAll('table')].map(t => t.getBoundingClientRect().right)")
-    assert len(cut) >= 3 and max(cut) <= A4 + 1
     page.close()
 
 
@@ -361,8 +232,11 @@ def test_many_recordings_are_a_plot_that_tells_which_one_it_is_under_the_mouse(b
     view.mouse.move(box["x"] + 66 + 0.5 * (box["width"] - 78), box["y"] + 60)
     view.wait_for_selector(".readout:has-text('friction')")
     told = view.inner_text(".readout >> nth=0")
-    assert told.startswith(("at week14: ", "at week15: "))
+    assert told.startswith(("week14: ", "week15: "))
     # What has no number there is not told.
     assert "friction 0." in told and "jumped out" not in told and "limits" not in told
+    view.focus(".canvas >> nth=1")
+    view.keyboard.press("Home")
+    assert view.inner_text(".said") == "week00: error " + f"{np.exp(values[0]):.4g}"
     assert wrong == []
     view.close()

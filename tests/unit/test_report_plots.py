@@ -261,7 +261,8 @@ def test_a_logarithmic_axis_has_round_numbers_and_at_least_two_of_them_in_sight(
 def test_names_that_begin_with_digits_are_no_numbers_and_head_their_rows():
     names = Block("table", header=("rank", "recording"), rows=(("1", "037_week_01"), ("2", "2dsfj")))
     assert names.numeric() == [True, False] and names.heads() == 1
-    for number in ("3", "1e-05", "57.5 %", "-0.3", "± 0.1", "0.8 rad", ".5", "nan", "3,", "12 (of 30)"):
+    numbers = ("3", "1e-05", "57.5 %", "-0.3", "± 0.1", "0.8 rad", ".5", "nan", "3,", "12 (of 30)", "(3/4)")
+    for number in (*numbers, "≥ 2"):
         assert looks_numeric(number), number
     for name in ("037_week", "2026-11-25 09:00", "1.2.3", "3x", "nano", "–"):
         assert not looks_numeric(name), name
@@ -273,3 +274,5 @@ def test_a_sentence_keeps_options_and_dates_whole_and_shows_what_is_typed_as_cod
     assert '<span class="whole">--validation</span>' in html and "a--b" in html
     assert "<code>x &lt;y&gt;</code>" in html and html.count("<span") == 2
     assert '<span class="whole">0.139 %</span>' in str(foldable("grew by 0.139 %"))
+    for whole in ("≥ 90 %", "80–97 %", "4.12–5.00", "12.1–13.4 s"):
+        assert f'<span class="whole">{whole}</span>' in str(foldable(f"about {whole} of it"))

@@ -206,9 +206,10 @@ def _score(
     digest: str | None,
     say: Console,
 ) -> int:
-    from haptic_teleop_sysid.blind.page import markdown, write_page
+    from haptic_teleop_sysid.blind.page import write_page
     from haptic_teleop_sysid.blind.scoring import score_case
     from haptic_teleop_sysid.blind.summary import summarise
+    from haptic_teleop_sysid.blind.tables import markdown
     from haptic_teleop_sysid.results import tool_version, write_json
 
     scores = [score_case(name, label, output / "cases" / name) for name, label in labels.items()]

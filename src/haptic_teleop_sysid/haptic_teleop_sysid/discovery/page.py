@@ -28,47 +28,55 @@ def discovery_page(
     """Return the page; `content` is what discover.json holds."""
     hidden, plant = content["label"]["truth"][0], content["plant"]
     page = Page(
-        "Discovery: a concealed effect, found and modelled",
+        "Discovery of a concealed effect",
         f"seed {content['seed']}, {hidden['location'].split('_')[0]} of a 2DSFJ simulated by "
         f"{'MuJoCo' if plant == 'mujoco_sim' else 'sfj_sim with a sealed effect file'}, "
         f"{content['mode']}",
     )
-    said = "; ".join(judgement.score["said"]) or "nothing named"
-    page.conclude(
-        _GOOD.get(judgement.outcome, "bad"),  # type: ignore[arg-type]
-        f"Hidden: {_named(hidden)}. Verdict {judgement.diagnosis['verdict']}: {said}. "
-        f"{judgement.sentence.capitalize()}.",
-        "open the diagnosis' own report (the last section says where): it tells what it rests on.",
-    )
+    fits = content["fits"]
+    _conclude(page, hidden, judgement)
     if judgement.beside and judgement.outcome in ("right", "in the set"):
         page.verdict("fair", f"Also stated, and not hidden: {'; '.join(judgement.beside)}.")
     for note in content["notes"]:
         page.verdict("fair", f"{note[0].upper()}{note[1:]}.")
-    fits = content["fits"]
     for part, label in (("scenario1", "scenario 1"), ("validation", "validation")):
         values = [f"{percent_text(mean(fits[part][name]))}" for name in (LAB, REFITTED, AUGMENTED)]
-        page.key_figure(f"{values[0]} → {values[2]} %", f"fit to {label}", f"re-estimated: {values[1]} %")
-    force = page.section("Scenario 1: force control with contact")
+        note = f"lab's model → augmented; re-estimated: {values[1]} %"
+        page.key_figure(f"{values[0]} → {values[2]} %", f"fit to {label}", note)
+    _sizes(page.section("What was hidden, and what was estimated"), content, judgement)
+    force = page.section(
+        "Scenario 1: force control with contact",
+        "The recording of the concealed robot, and the scenario run once more with each model in the "
+        "simulated plant, in closed loop: nothing but the command is the same.",
+    )
     force.plot(scenario1, "Scenario 1: recorded, and simulated before and after")
     _table(force, fits["scenario1"])
-    force.text(
-        "The recording of the real robot, and the scenario run once more with the model in the simulated "
-        "plant, in closed loop: nothing but the command is the same. Times count from the command's onset."
+    open_ = page.section(
+        "Validation: an acquisition that nothing was fitted to",
+        "It chose among explanations. Shown is the simulated response to the recorded command, nothing "
+        "corrected along the way.",
     )
-    open_ = page.section("Validation: an acquisition that nothing was fitted to")
     open_.plot(validation, "Validation: recorded, and simulated before and after")
     _table(open_, fits["validation"])
-    open_.text(
-        "It chose among explanations. The simulated response to the recorded command, nothing corrected "
-        "along the way."
-    )
-    _sizes(page.section("What was hidden, and what was estimated"), content, judgement)
     _secrecy(page.section("How the secret was kept", folded=True), content)
     page.section("To look further").table(
         ["what", "where"],
         [[what, _where(where)] for what, where in content["files"].items()],
     )
     return page
+
+
+def _conclude(page: Page, hidden: Mapping[str, Any], judgement: Judgement) -> None:
+    """The first line: whether the answer is right, and what it was; sizes stand in the first section."""
+    said = "; ".join(judgement.score["said"]) or "nothing"
+    truth = f"{hidden['effect']} @ {hidden['location']}"
+    told = truth if judgement.right else f"hidden was {truth}, named was {said}"
+    page.conclude(
+        _GOOD.get(judgement.outcome, "bad"),  # type: ignore[arg-type]
+        f"{judgement.sentence.capitalize()}: {told}.",
+        "open the diagnosis' own report (the last section says where): it tells what it rests on.",
+    )
+    page.verdict("plain", f"Verdict of the diagnosis: {judgement.diagnosis['verdict']}.")
 
 
 def _where(path: str) -> str:
@@ -79,8 +87,8 @@ def _where(path: str) -> str:
 
 def _secrecy(section: Section, content: Mapping[str, Any]) -> None:
     section.text(
-        "Before any recording was made the label - the effect, its place and size, the robot's parameters "
-        "and a random nonce - was sealed, and its SHA-256 digest was printed. The diagnosis ran as a process "
+        "Before any recording was made the label (the effect, its place and size, the robot's parameters "
+        "and a random nonce) was sealed, and its SHA-256 digest was printed. The diagnosis ran as a process "
         "of its own that got two recordings and the lab's model; the plant's files were gone by then. "
         "Afterwards the seal was opened: label.json has this digest."
     )
@@ -104,7 +112,7 @@ def _sizes(section: Section, content: Mapping[str, Any], judgement: Judgement) -
         numbers = ", ".join(
             f"{n} {with_error(p['value'], p['std'], p['unit'])}" for n, p in finding["parameters"].items()
         )
-        others = ", ".join(f"{a['effect']} @ {a['location']}" for a in finding["alternatives"])
+        others = ", ".join(f"{a['effect']} @ {a['location']}" for a in finding["alternatives"]) or "–"
         rows.append(
             [
                 f"{finding['effect']} @ {finding['location']}",
@@ -125,13 +133,6 @@ def _table(section: Section, fits: Mapping[str, Fits]) -> None:
         for name, text in _ROWS.items()
     ]
     section.table(["model", *signals, "mean"], rows, "Fit in percent: 100·(1 − ‖y − ŷ‖ / ‖y − mean y‖)")
-
-
-def _named(truth: Mapping[str, Any]) -> str:
-    numbers = ", ".join(
-        f"{name} {value:.4g} {_unit(truth, name)}".rstrip() for name, value in truth["parameters"].items()
-    )
-    return f"{truth['effect']} @ {truth['location']} ({numbers})"
 
 
 def _unit(truth: Mapping[str, Any], name: str) -> str:

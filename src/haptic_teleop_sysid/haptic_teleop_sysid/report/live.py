@@ -10,6 +10,7 @@ from __future__ import annotations
 import base64
 import gzip
 import json
+import re
 from collections.abc import Sequence
 from functools import cache
 from importlib.util import find_spec
@@ -17,6 +18,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from .numbers import unit_text
 from .plot import Band, Panel, Plot, Series, log_ticks, thinned
 from .roles import ROLES, variable
 
@@ -28,6 +30,8 @@ if TYPE_CHECKING:
 PAGE_POINTS, LEAST_POINTS, MOST_POINTS = 80_000, 600, 20_000
 #: Height of a panel, pixels; the last one has the axis' numbers and name beside.
 _HEIGHT, _AXIS = 165, 42
+#: A label of an axis, and its unit.
+_LABEL = re.compile(r"(.*?)\s*\(([^()]*)\)")
 
 
 def points_for(lines: int) -> int:
@@ -52,13 +56,14 @@ def packed_script() -> str:
 def live(plot: Plot, panels: Sequence[Panel], prefix: str, points: int) -> dict[str, Any]:
     """What the page's script embeds of some ``panels`` of a plot: ``document`` (BokehJS' JSON), ``roots``: id
     of each panel's plot -> id of the element that it is drawn into, ``prefix`` and the panel's number,
-    ``names`` of the samples, if they are not too many to be drawn each, and whether it is ``dated``."""
+    ``axes``: id -> what its axes are called when a value is told, ``names`` of the samples, if they are not
+    too many to be drawn each, and whether it is ``dated``."""
     from bokeh.document import Document
 
     spans = [s for p in panels for s in (_span(line) for line in p.series) if s is not None]
     marked = any(s.marks for p in panels for s in p.series)
     shared = _range(spans, 1000.0 if plot.dated else 1.0, 0.03 if marked else 0.01)
-    document, roots = Document(), {}
+    document, roots, axes = Document(), {}, {}
     for number, panel in enumerate(panels):
         own = shared
         if panel.x_label:
@@ -70,10 +75,12 @@ def live(plot: Plot, panels: Sequence[Panel], prefix: str, points: int) -> dict[
             _name_ticks(one, plot.names)
         document.add_root(one)
         roots[one.id] = f"{prefix}-{number}"
+        axes[one.id] = _axes(panel, panel.x_label or plot.x_label)
     names = list(plot.names) if len(plot.names) <= points else []
     return {
         "document": document.to_json(deferred=False),
         "roots": roots,
+        "axes": axes,
         "names": names,
         "dated": plot.dated,
     }
@@ -83,6 +90,15 @@ def as_script(content: Any) -> str:
     """JSON that may stand inside a `<script>` element: nothing in it ends that."""
     text = json.dumps(content, separators=(",", ":"), allow_nan=False)
     return text.replace("<", "\\u003c").replace(">", "\\u003e").replace("&", "\\u0026")
+
+
+def _axes(panel: Panel, x_label: str) -> dict[str, Any]:
+    """``x`` and ``x_unit``: as in t = 1.2 s; ``unit`` of the values, empty for a pure number;
+    ``logarithmic``."""
+    parts = _LABEL.fullmatch(x_label)
+    name, unit = parts.groups() if parts else (x_label, "")
+    x = "t" if name.partition(" ")[0] == "time" else name or "x"
+    return {"x": x, "x_unit": unit, "unit": unit_text(panel.unit), "logarithmic": panel.logarithmic}
 
 
 def _name_ticks(plot: Any, names: Sequence[str]) -> None:
@@ -137,6 +153,10 @@ def _figure(
         plot.add_layout(line)
     if panel.band is not None:
         _shade(plot, panel.band, scale)
+    # Where the keyboard reads values.
+    cursor = Span(location=0.0, dimension="height", level="overlay", line_width=2, name="cursor")
+    cursor.visible, cursor.tags = False, ["line_color=--focus"]
+    plot.add_layout(cursor)
     # Wide lines first, what was measured last and on top.
     for series in sorted(panel.series, key=lambda s: (s.role == "measured", -ROLES[s.role].width)):
         _line(plot, series, points, scale)

@@ -43,7 +43,7 @@
         part.hidden = part.dataset.view !== this.view;
       }
       if (this.plots[this.view]) return;
-      const { document: content, roots } = this.content[this.view];
+      const { document: content, roots, axes } = this.content[this.view];
       const ids = Object.keys(roots);
       const items = [{ docid: "d", roots, root_ids: ids }];
       await Bokeh.embed.embed_items({ d: content }, items);
@@ -52,16 +52,18 @@
         for (const range of [plot.x_range, plot.y_range]) whole.set(range, { start: range.start, end: range.end });
       }
       this.plots[this.view] = found;
-      // Bokeh's own stops for the Tab key do nothing here, and do not show: the buttons above are the way.
+      // Bokeh's own stops for the Tab key do nothing here, and do not show: the canvas around them is one.
       for (const id of Object.values(roots)) untabbed(document.getElementById(id));
       paint(found);
       this.lines();
       this.drag();
-      for (const plot of found) {
-        const readout = document.getElementById(roots[plot.id]).closest(".panel").querySelector(".readout");
-        plot.on_event("mousemove", (event) => { readout.textContent = told(plot, event.x, this.content[this.view]); });
-        plot.on_event("mouseleave", () => { readout.textContent = ""; });
-      }
+      const panels = found.map((plot) => {
+        const stop = document.getElementById(roots[plot.id]);
+        return { plot, stop, readout: stop.closest(".panel").querySelector(".readout"), axes: axes[plot.id] };
+      });
+      const order = [...this.figure.querySelectorAll("[data-line]")].map((box) => box.dataset.line);
+      const said = this.figure.querySelector(".said");
+      new Cursor(panels, this.content[this.view], order, said, (what, about) => this.zoom(what, about));
     }
 
     lines() {
@@ -84,7 +86,6 @@
     act(button) {
       if (!button) return;
       const what = button.dataset.do;
-      const plots = this.plots[this.view] || [];
       const pressed = button.getAttribute("aria-pressed") !== "true";
       if (button.hasAttribute("aria-pressed")) button.setAttribute("aria-pressed", String(pressed));
       if (what === "view") {
@@ -96,33 +97,15 @@
         this.drag();
         return;
       }
-      for (const range of new Set(plots.map((plot) => plot.x_range))) move(range, what);
+      this.zoom(what, () => undefined);
+    }
+
+    // All panels closer, wider, aside or whole; about(range): around which x, else around the middle.
+    zoom(what, about) {
+      const plots = this.plots[this.view] || [];
+      for (const range of new Set(plots.map((plot) => plot.x_range))) move(range, what, about(range));
       if (what === "reset") for (const plot of plots) reset(plot.y_range);
     }
-  }
-
-  // The values of all lines shown, at the samples next to x, and where that is: the sample's name, its date.
-  function told(plot, x, { names, dated }) {
-    const values = new Map();
-    let name = "";
-    for (const line of plot.renderers) {
-      const drawn = line.data_source.get_column("y");
-      if (!line.visible || !drawn || values.has(line.name)) continue;
-      const times = line.data_source.get_column("x");
-      let low = 0;
-      let high = times.length - 1;
-      while (high - low > 1) {
-        const middle = (low + high) >> 1;
-        if (times[middle] > x) high = middle;
-        else low = middle;
-      }
-      const nearest = x - times[low] < times[high] - x ? low : high;
-      if (names.length === times.length) name = names[nearest];
-      if (Number.isFinite(drawn[nearest])) values.set(line.name, drawn[nearest]);
-    }
-    const parts = [...values].map(([label, value]) => `${label} ${Number(value.toPrecision(5))}`);
-    const when = dated ? new Date(x).toISOString().slice(0, 16).replace("T", " ") : Number(x.toPrecision(5));
-    return `at ${name || when}: ${parts.join(", ")}`;
   }
 
   function untabbed(part) {
@@ -138,12 +121,14 @@
     range.setv(whole.get(range));
   }
 
-  function move(range, what) {
+  function move(range, what, x) {
     const { start, end } = range;
     const middle = (start + end) / 2;
     const step = { left: -0.25, right: 0.25 }[what] || 0;
-    const half = ((end - start) / 2) * ({ in: 0.5, out: 2 }[what] || 1);
-    const centre = middle + step * (end - start);
+    const factor = { in: 0.5, out: 2 }[what] || 1;
+    const half = ((end - start) / 2) * factor;
+    const fixed = x ?? middle;
+    const centre = fixed + factor * (middle - fixed) + step * (end - start);
     if (what === "reset") reset(range);
     else range.setv({ start: centre - half, end: centre + half });
   }

@@ -71,7 +71,7 @@ class Page:
         files = importlib.resources.files("haptic_teleop_sysid.report")
         text = {
             name: files.joinpath(name).read_text(encoding="utf-8")
-            for name in ("page.html.j2", "page.css", "page.js")
+            for name in ("page.html.j2", "page.css", "cursor.js", "page.js")
         }
         conclusion, verdicts = self._concluded()
         drawn = _drawn(self.sections)
@@ -86,7 +86,7 @@ class Page:
             style=Markup(text["page.css"]),
             light=Markup(variables(dark=False)),
             dark=Markup(variables(dark=True)),
-            script=Markup(text["page.js"]),
+            script=Markup(text["cursor.js"] + text["page.js"]),
             bokeh=Markup(packed_script()) if any("script" in d for d in drawn.values()) else "",
             written=datetime.now().astimezone().strftime("%Y-%m-%d %H:%M %Z"),
         )

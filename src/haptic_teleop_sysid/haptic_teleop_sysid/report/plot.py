@@ -109,8 +109,8 @@ class Panel:
 class Plot:
     """``panels`` one below the other over a common axis ``x_label``; ``difference``: what is shown on request
     instead, one below the other, and ``difference_of`` in words what that is; ``names`` of the samples, told
-    under the mouse, and beside the axis where they are few and the samples stand at 1, 2, 3; ``dated``: times
-    are seconds since 1970, UTC."""
+    under the mouse and at the keyboard's cursor, and beside the axis where they are few and the samples stand
+    at 1, 2, 3; ``dated``: times are seconds since 1970, UTC."""
 
     panels: Sequence[Panel]
     x_label: str = "time (s)"

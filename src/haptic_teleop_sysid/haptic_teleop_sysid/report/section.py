@@ -23,8 +23,9 @@ _NUMBER = re.compile(r"(\d+\.?\d*|\.\d+)(e[+-]?\d+)?(?![\w.])|(nan|inf)$")
 _FOLDS = re.compile(r"(_|(?<=[\w/])[./](?=[A-Za-z]{2}))")
 #: As much of a sentence: what is shorter goes to the next line as a whole.
 _WIDE_IN_PROSE = 24
-#: What stays on one line: of a cell a number with its percent; a date with its time, the name of an option.
-_PERCENT = re.compile(r"(?<![\w.])(\d[\d.]* %)")
+#: What stays on one line: of a cell a number with its percent, or a range; a date with its time, the name of
+#: an option.
+_RANGE = re.compile(r"(?<![\w.])((?:[≤≥] )?(?:\d[\d.]*–)?\d[\d.]* %|\d[\d.]*–\d[\d.]*(?: s\b)?(?!\w))")
 _WHOLE = re.compile(r"(?<![\w/.-])(\d{4}-\d\d-\d\d(?: \d\d:\d\d)?|--[a-z][\w-]*)(?![\w-])")
 _ONE_LINE = r'<span class="whole">\1</span>'
 #: What is meant to be typed.
@@ -110,7 +111,7 @@ class Section:
 
 def looks_numeric(cell: str) -> bool:
     """True for a cell that begins like a number and is no date."""
-    text = cell.strip().lstrip("+-−±<>≈ ")
+    text = cell.strip().lstrip("+-−±<>≤≥≈( ")
     return _NUMBER.match(text) is not None and not _DATE.match(text)
 
 
@@ -122,7 +123,7 @@ def unbreakable(cell: str) -> bool:
 def foldable(cell: str) -> Markup:
     """The cell as HTML in which a narrow column may break long names: behind underscores, dots and
     slashes."""
-    return Markup(_PERCENT.sub(_ONE_LINE, _folded(cell, _WIDE_WORD)))
+    return Markup(_RANGE.sub(_ONE_LINE, _folded(cell, _WIDE_WORD)))
 
 
 def prose(text: str) -> Markup:
