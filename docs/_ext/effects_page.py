@@ -19,7 +19,7 @@ diagnosis use.
 |---|---|
 | q, q̇ | angle and velocity of the place where the effect sits; at the joint: motor minus arm |
 | δ, k | deflection (motor minus arm) and stiffness of the joint |
-| σ | direction of the motion, from −1 to 1; it turns round over a small displacement, as a bristle does |
+| σ | direction of the motion, from −1 to 1; after a reversal it changes over a small displacement |
 | t, a | time since the start; acceleration of the other stage's arm |
 | x₀, x₁ | internal states of the effect |
 | τ | torque added, positive in the direction of the angle; at the joint: to the torque from motor to arm |

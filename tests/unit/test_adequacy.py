@@ -132,7 +132,7 @@ def test_a_name_that_explains_less_than_half_becomes_the_nearest_one():
     assert bare.choices == ()
     assert bare.final is result.baseline
     assert doubt.choice is result.choices[0]
-    assert "nearest name, coulomb_friction at j_motor, explains 30 %" in doubt.why
+    assert "most similar effect, coulomb_friction at j_motor, explains 30 %" in doubt.why
 
 
 def test_a_name_beside_which_only_chance_is_left_stands_however_little_it_takes():

@@ -137,8 +137,8 @@ def short_of(result: SearchResult, found: Adequacy) -> tuple[SearchResult, Doubt
         return result, None
     names = " and ".join(f"{c.chosen.effect.effect} at {c.chosen.effect.location}" for c in moving)
     why = (
-        f"the nearest name, {names}, explains {100 * found.torque:.0f} % of the torque that the structure "
-        "alone lacks to follow the recordings"
+        f"the most similar effect, {names}, explains {100 * found.torque:.0f} % of the torque that the "
+        "structure alone lacks to follow the recordings"
     )
     result = result.giving_up(moving, why)
     bare = replace(result, final=result.baseline, choices=(), last_round=(), nameless=None)

@@ -91,8 +91,8 @@ def as_result(
         shapes = {n for h in group.hypotheses for latent in search.alike(h) for n in latent.quantities}
         names = " and ".join(f"{e.effect} at {e.location}" for e in group.effects)
         why = (
-            f"the nearest name, {names}, explains {100 * adequacy:.0f} % of what a torque without a form "
-            f"explains in the same quantities ({', '.join(sorted(shapes))})"
+            f"the most similar effect, {names}, explains {100 * adequacy:.0f} % of what a torque without a "
+            f"form explains in the same quantities ({', '.join(sorted(shapes))})"
         )
         bare = replace(predicted, baseline=baseline, final=baseline, choices=(), last_round=(), nameless=None)
         return bare, Doubt(choices[0], why, " and ".join(sorted(shapes)) or None, short=True)

@@ -34,8 +34,8 @@ def follows_still(
         own = condition_of(model, effect.effect, effect.location, left)
         if still is not None and still.equation == effect.location and still.name in own:
             why = (
-                f"the nearest name, {effect.effect} at {effect.location}, leaves a torque of which the "
-                f"{still.name} explains {100 * still.explained:.0f} % on recordings that were not fitted"
+                f"the most similar effect, {effect.effect} at {effect.location}, leaves a torque of which "
+                f"the {still.name} explains {100 * still.explained:.0f} % on recordings that were not fitted"
             )
             result = result.giving_up([choice], why)
             bare = replace(result, final=result.baseline, choices=(), last_round=(), nameless=None)
