@@ -33,10 +33,10 @@ class StandIn:
         """In words."""
         names = " and ".join(f"{e.effect} at {e.location}" for e in self.effects)
         return (
-            f"augmented_model.yaml has the most similar effect{'s' if len(self.effects) > 1 else ''}, {names}, "
-            f"as a stand-in that simulates better: it takes {100 * self.closed:.0f} % off the error on the "
-            "validation recordings (of the better of your model and its re-estimate), and is not believed "
-            "to be all that is missing"
+            f"augmented_model.yaml has the most similar effect{'s' if len(self.effects) > 1 else ''}, "
+            f"{names}, as a stand-in that simulates better: it takes {100 * self.closed:.0f} % off the error "
+            "on the validation recordings (of the better of your model and its re-estimate), and is not "
+            "believed to be all that is missing"
         )
 
     def content(self) -> dict[str, Any]:
