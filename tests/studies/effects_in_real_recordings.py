@@ -57,6 +57,11 @@ def late_input(c: Channels, size: float, which: int) -> None:
     c["input"] = np.concatenate([c["input"][late:], np.full(late, c["input"][-1])])
 
 
+def late_angle(c: Channels, size: float, which: int) -> None:
+    late = round(size / float(np.median(np.diff(c["time"]))))
+    c["motor"] = np.concatenate([np.full(late, c["motor"][0]), c["motor"][:-late]])
+
+
 def eccentric(c: Channels, size: float, which: int) -> None:
     c["motor"] = c["motor"] + size * np.sin(6.0 * np.pi * c["motor"] / c["reach"])
 
@@ -102,6 +107,7 @@ SPRINGS = ("spring_to_ground", "gravity")
 CONSTANTS = ("constant_torque", "asymmetric_friction")
 KINDS: dict[str, Kind] = {
     "late input": (late_input, lambda c: 10.0 * float(np.median(np.diff(c["time"]))), DELAYS, "delay"),
+    "late encoder": (late_angle, lambda c: 5.0 * float(np.median(np.diff(c["time"]))), DELAYS, "delay"),
     "eccentric encoder": (
         eccentric,
         lambda c: 0.02 * span(c["motor"]),

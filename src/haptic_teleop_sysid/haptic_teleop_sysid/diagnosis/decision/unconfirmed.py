@@ -17,8 +17,8 @@ from haptic_teleop_sim.model import Model
 
 from .search import SearchResult
 
-#: Difference (rms) that a finding makes to some simulated signal, relative to its spread, where it acts at all:
-#: how much is enough to be seen, the likelihood of the recordings has said.
+#: Difference (rms) that a finding makes to some simulated signal, relative to its spread, where it acts at
+#: all: how much is enough to be seen, the likelihood of the recordings has said.
 _DIFFERENCE = 1e-6
 
 #: Simulated signals of a model, by name, for each validation recording.
