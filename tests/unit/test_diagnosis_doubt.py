@@ -299,7 +299,8 @@ def asked_beside(opinion, named):
     nothing = dict.fromkeys(("chosen_by", "simulated"))
     horizons = SimpleNamespace(errors=lambda _: (0.1, 0.1))
     explained = SimpleNamespace(
-        opinion=opinion, horizons=horizons, given=STAGE, learn=[], judge=[], cutoff=1.0, **nothing
+        opinion=opinion, horizons=horizons, errors=horizons.errors, given=STAGE, learn=[], judge=[], cutoff=1.0,
+        **nothing,
     )
     return questioning.questioned(explained, named, named, [])[0]
 
