@@ -296,11 +296,10 @@ def test_a_finding_that_spoils_the_simulation_leaves_something_unknown(monkeypat
 
 def asked_beside(opinion, named):
     """What is left of findings beside a second opinion, and what the recordings say of neither."""
-    nothing = dict.fromkeys(("chosen_by", "simulated"))
+    nothing = dict.fromkeys(("chosen_by", "simulated")) | {"learn": [], "judge": [], "cutoff": 1.0}
     horizons = SimpleNamespace(errors=lambda _: (0.1, 0.1))
     explained = SimpleNamespace(
-        opinion=opinion, horizons=horizons, errors=horizons.errors, given=STAGE, learn=[], judge=[], cutoff=1.0,
-        **nothing,
+        opinion=opinion, horizons=horizons, errors=horizons.errors, given=STAGE, **nothing
     )
     return questioning.questioned(explained, named, named, [])[0]
 
