@@ -227,6 +227,21 @@ def test_readings_that_are_missing_do_not_count():
     assert plain.effects[0].parameters["torque"] == pytest.approx(0.3, rel=0.1)
 
 
+def test_an_encoder_that_is_read_at_every_third_row_of_its_log_counts():
+    whole = pendulum(0, coulomb=0.4)
+    seldom = np.where(np.arange(len(whole))[:, None] % 3 == 0, whole.measured, np.nan)
+    stepped = replace(whole, measured=seldom)
+    assert len(banded(stepped, True, 4.0).kept) == len(banded(whole, True, 4.0).kept)
+    found = []
+    for one in (whole, stepped):
+        level = asked(RIGID, one, pendulum(1, coulomb=0.4)).levels[0]
+        found += [g.effects[0] for g in level if g.effects[0].effect == "coulomb_friction"]
+    assert found[1].values["torque"] == pytest.approx(found[0].values["torque"], rel=0.02)
+    # A hole of half a period does not.
+    seldom[3000:3060] = np.nan
+    assert len(banded(replace(whole, measured=seldom), True, 4.0).kept) < len(banded(whole, True, 4.0).kept)
+
+
 def test_the_memory_of_a_direction_turns_over_its_displacement():
     position = np.concatenate([np.linspace(0.0, 1.0, 1001), np.linspace(1.0, 0.0, 1001)])
     direction = turning(position, 0.1)

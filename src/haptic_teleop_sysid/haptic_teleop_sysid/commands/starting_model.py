@@ -22,7 +22,12 @@ from haptic_teleop_control.errors import ConfigurationError, MismatchError, Reco
 from haptic_teleop_control.recording import Recording
 from haptic_teleop_sim.model import STRUCTURES, Model
 from haptic_teleop_sysid.diagnosis.evidence.inverse_dynamics.groups import independent
-from haptic_teleop_sysid.diagnosis.evidence.inverse_dynamics.motion import BandedMotion, banded, motion_band
+from haptic_teleop_sysid.diagnosis.evidence.inverse_dynamics.motion import (
+    BRIDGED,
+    BandedMotion,
+    banded,
+    motion_band,
+)
 from haptic_teleop_sysid.diagnosis.evidence.inverse_dynamics.products import solved
 from haptic_teleop_sysid.diagnosis.evidence.inverse_dynamics.regression import standard_errors
 from haptic_teleop_sysid.estimation.excitation import refuse_idle
@@ -135,6 +140,11 @@ def starting_model(
     records = [record_from(d) for d in data]
     cutoff = _band(records)
     motions = [banded(r, kind == "rigid_body", cutoff) for r in records]
+    if not any(len(m.kept) for m in motions):
+        raise RecordingError(
+            f"{data[0].name}: {joint} has no stretch without holes of more than "
+            f"{1e3 * BRIDGED / cutoff:.3g} ms in its readings: record its angle more often."
+        )
     unit = data[0].input_unit
     if unit not in ("N*m", "N"):
         told.append(f"the input is in {unit}: every parameter is per {unit} of it, with torque_constant 1")

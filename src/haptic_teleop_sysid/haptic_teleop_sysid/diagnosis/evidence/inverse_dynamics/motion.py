@@ -34,6 +34,9 @@ KEPT_PER_PERIOD = 5.0
 FINE_PER_PERIOD = 30.0
 #: Periods of the cut-off by which a stretch is reflected at its ends before it is filtered.
 PADDED = 3.0
+#: Length of a hole, periods of the cut-off, up to which what is bridged is as good as read: a log that is
+#: written three times as often as the encoder is read has a hole of two samples after each reading.
+BRIDGED = 0.125
 #: Periods of the cut-off at either end of a stretch that the filter's transient spoils.
 ENDS = 1.0
 
@@ -162,7 +165,7 @@ def banded(record: Record, rigid: bool, cutoff: float) -> BandedMotion:
     velocity = np.gradient(angle, record.dt, axis=0)
     thin = slice(None, None, max(1, int(1.0 / (FINE_PER_PERIOD * cutoff * record.dt))))
     dt = record.dt * (thin.step or 1)
-    missing = ~np.isfinite(measured[:, 0]) | ~np.isfinite(arm)
+    missing = _in_long_holes(~np.isfinite(measured[:, 0]) | ~np.isfinite(arm), BRIDGED / (cutoff * record.dt))
     block, kept = _counting(missing, thin, dt, cutoff)
     time = record.start + record.dt * np.arange(len(record), dtype=np.float64)[thin]
     return BandedMotion(
@@ -185,6 +188,15 @@ def held_in_band(values: FloatArray, dt: float, cutoff: float) -> FloatArray:
     """Values (n,) that are held from each sample to the next, in the band: at the sample itself such a value
     is the mean of before and after."""
     return low_passed(0.5 * (values + np.append(values[:1], values[:-1])), dt, cutoff)
+
+
+def _in_long_holes(missing: NDArray[np.bool_], most: float) -> NDArray[np.bool_]:
+    """Which of the samples (n,) that are missing lie in holes of more than ``most`` samples."""
+    edges = np.flatnonzero(np.diff(np.concatenate([[0], missing.astype(np.int8), [0]])))
+    found = np.zeros(len(missing), dtype=np.bool_)
+    for start, stop in edges.reshape(-1, 2).tolist():
+        found[start:stop] = stop - start > most
+    return found
 
 
 def _counting(
