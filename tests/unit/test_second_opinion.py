@@ -24,6 +24,7 @@ from haptic_teleop_sysid.diagnosis.decision.verdict import decide_verdict, size_
 from haptic_teleop_sysid.diagnosis.evidence.inverse_dynamics.witness import witness
 from haptic_teleop_sysid.diagnosis.evidence.second_opinion import second_opinion
 from haptic_teleop_sysid.diagnosis.hypotheses.explanation import Explanation
+from haptic_teleop_sysid.diagnosis.hypotheses.material import material
 from haptic_teleop_sysid.diagnosis.inputs.scales import recording_scales
 from haptic_teleop_sysid.estimation.whole_fit import fit_whole, noise_starts
 from haptic_teleop_sysid.simulation.parameter_fit import ParameterFit
@@ -100,6 +101,21 @@ def test_what_gains_by_inverse_dynamics_and_by_free_runs_becomes_the_result(rubb
     assert torque["value"] == pytest.approx(0.4, abs=3 * torque["std"])
     assert 0.0 < torque["std"] < 0.1
     assert "free run" in finding["because"]
+
+
+def test_free_runs_that_are_no_better_than_the_mean_say_nothing_for_a_name(rubbing):
+    learn, judge, scales, _ = rubbing
+    said = witness(RIGID, learn, judge, scales)
+    for error, believed in ((0.9, True), (1.1, False)):
+        runs = second_opinion(said, scales, lambda _, e=error: (e, 0.5), (2.0, 2.0))
+        assert (runs.chosen is not None) == believed
+
+
+def test_a_limit_that_leaves_nothing_of_the_input_is_no_saturation(rubbing):
+    scales = rubbing[2]
+    for share, named in ((0.1, False), (0.5, True)):
+        limit = Effect("torque_saturation", "j_actuator", {"limit": share * scales.size["torque"]})
+        assert material(limit, scales) == named
 
 
 def test_a_first_opinion_that_runs_as_well_stays(opinion):

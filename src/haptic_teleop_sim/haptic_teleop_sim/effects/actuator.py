@@ -161,6 +161,9 @@ GAIN_DRIFT = EffectEntry(
     follows="",
     practical=drifts,
 )
+#: Share of the rms torque below which a limit leaves nothing of the input: what drives the joint has none such.
+LEAST_LEFT = 0.2
+
 TORQUE_SATURATION = EffectEntry(
     name="torque_saturation",
     kind="input",
@@ -184,7 +187,7 @@ TORQUE_SATURATION = EffectEntry(
     step=saturation_step,
     condition="large inputs",
     follows="input",
-    practical=lambda p, on: p["limit"] < on.size["peak"],
+    practical=lambda p, on: LEAST_LEFT * on.size["torque"] < p["limit"] < on.size["peak"],
     large=True,
 )
 

@@ -83,7 +83,8 @@ def second_opinion(witness: Witness, scales: Scales, errors: Errors, before: tup
         if not all(admissible(e, scales) for e in group.effects):
             return None
         found = errors(group.model)
-        if any(e > NO_WORSE * b for e, b in zip(found, floor, strict=True)):
+        # A free run that is no better than the mean says nothing for it, however bad the structure's is.
+        if any(e > NO_WORSE * b or e >= 1.0 for e, b in zip(found, floor, strict=True)):
             return None
         ratios = [math.log(b / max(e, PERFECT)) for e, b in zip(found, floor, strict=True)]
         return Heard(group, group.gain + FREE_RUN * sum(ratios), found)
