@@ -248,6 +248,7 @@ def test_the_duration_is_the_file_s_unless_stated(repository):
     assert len(topics["/sfj/joint_states"]) == round(scenario.duration * 500.0)
 
 
+NODES = ["sfj_sim", "omni_sim", "force_controller", "signal_generator"]
 BAD = {
     "a driver": ({"/**": {"device": "emulated"}, "sfj_driver": {"rate": 500.0}}, "describe it in sfj_sim"),
     "unknown node": ({"sfj_simm": {"rate": 500.0}}, "did you mean sfj_sim"),
@@ -262,12 +263,27 @@ BAD = {
     "unknown joints": ({"signal_generator": {"joints": ["omni_x", "omni_y"]}}, "omni_z"),
     "no such model": ({"sfj_sim": {"stage1": {"model": "none.yaml"}}}, "none.yaml"),
     "a bad duration": ({"scenario": {"nodes": ["sfj_sim"], "duration": -1.0}}, "duration"),
-}
+    "no nodes": ({"scenario": {"duration": 1.0}}, "node scenario: parameter nodes is missing"),
+    "a misspelt node": (
+        {"scenario": {"nodes": ["sfj_simm", "omni_sim"]}}, "nodes: sfj_simm is not a node; did you mean sfj_"
+    ),
+    "a node named twice": ({"scenario": {"nodes": [*NODES, "omni_sim"]}}, "nodes names one twice"),
+    "one robot alone": (
+        {"scenario": {"nodes": ["sfj_sim"]}}, "the list lacks omni_sim, force_controller, signal_generator"
+    ),
+    "a driver among the nodes": (
+        {"scenario": {"nodes": ["sfj_driver", *NODES[1:]]}}, "lockstep runs no sfj_driver; without nodes"
+    ),
+    "a link that nobody runs": ({"force_controller": {"link": True}}, "the list lacks link;"),
+    "a section of a node that is not named": ({"link": {"seed": 3}}, "link names no node of this config"),
+    "a wildcard's key of nobody": ({"/**": {"sed": 3}}, "parameter sed is not a parameter"),
+}  # fmt: skip
 
 
 @pytest.mark.parametrize(("content", "hint"), BAD.values(), ids=BAD.keys())
 def test_a_bad_scenario_ends_with_one_sentence_and_status_2(tmp_path, capsys, content, hint):
     path = tmp_path / "scenario.yaml"
+    content = {"scenario": {"nodes": NODES}} | content
     nodes = {node: {"ros__parameters": values} for node, values in content.items()}
     path.write_text(yaml.safe_dump(nodes), encoding="utf-8")
     assert main([str(path), "--duration", "0.1"]) == 2
@@ -275,6 +291,10 @@ def test_a_bad_scenario_ends_with_one_sentence_and_status_2(tmp_path, capsys, co
     assert len(error) == 1
     assert str(path) in error[0]
     assert hint in error[0]
+
+
+def test_where_a_hand_leads_no_signal_generator_is_needed(repository):
+    assert load_scenario(repository / "docs" / "examples" / "scenario2_hand.yaml").duration == 8.0
 
 
 @pytest.mark.parametrize("arguments", [["none.yaml"], [], ["x.yaml", "--duration", "long"]])
