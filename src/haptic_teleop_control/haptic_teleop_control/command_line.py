@@ -57,7 +57,10 @@ def one_of(known: Collection[str]) -> Callable[[str], str]:
 
 def tell(error: HapticTeleopError) -> int:
     """Prints the error to standard error, in one line even if a library's message is quoted in it, because
-    scripts show the last line; returns the exit status, USAGE_ERROR."""
+    scripts show the last line; before it, as notes, what was added to it (`add_note`) on its way. Returns the
+    exit status, USAGE_ERROR."""
+    for note in getattr(error, "__notes__", ()):
+        print(f"note: {' '.join(note.split())}", file=sys.stderr)
     print(f"error: {' '.join(str(error).split())}", file=sys.stderr)
     return USAGE_ERROR
 

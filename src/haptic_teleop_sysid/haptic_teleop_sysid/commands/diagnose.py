@@ -60,11 +60,11 @@ def run_one(arguments: argparse.Namespace, model: Model, began: float) -> int:
         estimation, validation, test = ([load(bag, model, arguments.mapping) for bag in g] for g in groups)
         refuse_too_many([*estimation, *validation, *test])
         read = {d.name: d.experiment for d in (*estimation, *validation, *test)}
+        tell(screen, read, arguments.verbose)
         forecast.unit = pass_seconds(model, records_of(estimation))
         content, report = diagnose_into(
             model, (estimation, validation, test), output, options, began, progress.say
         )
-    tell(screen, read)
     for name, problems in content["recordings"].items():
         for problem in problems:
             screen.print(f"note: {name}: {problem}", markup=False, highlight=False, soft_wrap=True)

@@ -43,7 +43,7 @@ def run(argv: list[str]) -> int:
             reference = multisine(model, arguments.rms, arguments.seconds)
         else:
             reference = recorded(model, arguments.bag, arguments.allow_gaps, arguments.mapping)
-            tell(progress, {arguments.bag: reference.dataset.experiment})
+            tell(progress, {arguments.bag: reference.dataset.experiment}, arguments.verbose)
         content: dict[str, Any] = {
             "schema": 1,
             "model": arguments.model,

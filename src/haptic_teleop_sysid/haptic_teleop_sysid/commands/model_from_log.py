@@ -35,7 +35,7 @@ def run(argv: list[str]) -> int:
     console, screen = Console(), Console(stderr=True)
     with screen.status("reading"):
         recordings = {name: open_recording(name, arguments.mapping) for name in dict.fromkeys(arguments.logs)}
-    tell(screen, {name: recording.experiment for name, recording in recordings.items()})
+    tell(screen, {name: recording.experiment for name, recording in recordings.items()}, arguments.verbose)
     for name, recording in recordings.items():
         for odd in recording.experiment.get("import", {}).get("odd", ()):
             _say(screen, f"note: {name}: {odd}")
