@@ -23,7 +23,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from haptic_teleop_control.command_line import run_command
+from haptic_teleop_control.command_line import ArgumentParser, run_command
 from haptic_teleop_control.errors import ConfigurationError
 from haptic_teleop_control.node_tables import SCENARIO, TIME_COORDINATOR
 from haptic_teleop_control.nodes.base.registry import node_class
@@ -268,7 +268,7 @@ def _number(text: str) -> float:
 
 
 def _scenario(argv: Sequence[str]) -> int:
-    parser = argparse.ArgumentParser(
+    parser = ArgumentParser(
         prog="haptic-teleop scenario",
         description="Start the nodes of a scenario file, watch them and stop them.",
     )

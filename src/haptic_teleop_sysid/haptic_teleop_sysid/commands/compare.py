@@ -12,7 +12,7 @@ from typing import Any
 
 from rich.console import Console
 
-from haptic_teleop_control.command_line import run_command
+from haptic_teleop_control.command_line import ArgumentParser, run_command
 from haptic_teleop_control.errors import ConfigurationError
 from haptic_teleop_sim.model import load_model
 from haptic_teleop_sysid.commands.treatment_options import add_mapping_option
@@ -138,7 +138,7 @@ def main(argv: list[str] | None = None) -> int:
 
 
 def _parser() -> argparse.ArgumentParser:
-    parser = argparse.ArgumentParser(prog="haptic-teleop compare", description=__doc__)
+    parser = ArgumentParser(prog="haptic-teleop compare", description=__doc__)
     parser.add_argument(
         "--model", nargs="+", required=True, metavar="MODEL.yaml", help="model files, the baseline first"
     )

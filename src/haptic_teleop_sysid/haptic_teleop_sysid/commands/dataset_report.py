@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 from rich.console import Console
 
-from haptic_teleop_control.command_line import run_command
+from haptic_teleop_control.command_line import ArgumentParser, run_command
 from haptic_teleop_control.recording import JointStateSeries, Recording, bag_problems
 from haptic_teleop_sim.model import Model, load_model
 from haptic_teleop_sysid.commands.treatment_options import (
@@ -363,7 +363,7 @@ def main(argv: Sequence[str] | None = None) -> int:
 
 
 def _parser() -> argparse.ArgumentParser:
-    parser = argparse.ArgumentParser(
+    parser = ArgumentParser(
         prog="haptic-teleop dataset", description="Look at recordings before anything is estimated."
     )
     parser.add_argument("--bag", nargs="+", required=True, metavar="BAG", help="recordings")

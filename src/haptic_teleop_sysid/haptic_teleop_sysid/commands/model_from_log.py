@@ -10,7 +10,7 @@ from pathlib import Path
 
 from rich.console import Console
 
-from haptic_teleop_control.command_line import run_command
+from haptic_teleop_control.command_line import ArgumentParser, run_command
 from haptic_teleop_control.errors import ConfigurationError, HapticTeleopError, RecordingError
 from haptic_teleop_control.recording import Recording
 from haptic_teleop_sim.model import STRUCTURES
@@ -135,7 +135,7 @@ def _say(console: Console, text: str) -> None:
 
 
 def _parser() -> argparse.ArgumentParser:
-    parser = argparse.ArgumentParser(prog="haptic-teleop model", description=__doc__)
+    parser = ArgumentParser(prog="haptic-teleop model", description=__doc__)
     add = parser.add_argument
     add(
         "--from",

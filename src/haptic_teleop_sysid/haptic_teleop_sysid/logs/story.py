@@ -31,9 +31,8 @@ def tell(
         lines = how_read(experiment, name)
         if lines and not verbose:
             story = _story(experiment, name)
-            usual = {*story["read"], *story["columns"]}
             by = "its headers" if story["by"] == "header" else story["by"]
-            more = [line for line in lines if line not in usual and not line.startswith(UNUSED)]
+            more = [n for n in lines if n not in story["columns"] and not n.startswith(("read as", UNUSED))]
             lines = [f"read by {by}; -v tells how", *more]
         for line in lines:
             screen.print(f"{name}: {line}", markup=False, highlight=False, soft_wrap=True)
