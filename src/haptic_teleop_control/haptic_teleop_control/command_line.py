@@ -47,7 +47,9 @@ class ArgumentParser(argparse.ArgumentParser):
     """As argparse's, but a mistake is one sentence that names the nearest option or choice, raised as
     ConfigurationError; an unknown option is told of before what is missing, for it is mostly that."""
 
-    def parse_known_args(self, args: Any = None, namespace: Any = None) -> Any:
+    def parse_known_args(  # pyright: ignore[reportIncompatibleMethodOverride]: argparse has overloads
+        self, args: Any = None, namespace: Any = None
+    ) -> Any:
         given = sys.argv[1:] if args is None else list(args)
         for text in given[: given.index("--") if "--" in given else None]:
             name = text.partition("=")[0]

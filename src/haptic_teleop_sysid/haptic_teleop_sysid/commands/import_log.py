@@ -142,6 +142,8 @@ def _suggest(files: list[Path], options: ReadOptions, mapping: Mapping | None) -
     elif turned:
         verdict = "look through what is not stated: by the headers alone the input brakes the joint"
     _say(screen, f"{told or 'nothing was found'}: {verdict}")
+    if proposal.lacking:
+        raise ConfigurationError(f"{files[0]}: {proposal.lacking[0]}.")
     return 0
 
 

@@ -49,6 +49,8 @@ def imported(path: Path, mapping: Mapping | None, options: ReadOptions | None = 
         return convert(read_log(path, replace(options, stated=mapping.stated)), mapping)
     log = read_log(path, options)
     proposal = propose(log, by_values=False)
+    if proposal.lacking:
+        raise ConfigurationError(f"{path}: {proposal.lacking[0]}.")
     if proposal.open or not proposal.usable:
         first = "; ".join(proposal.open[:2]) + (
             f"; and {len(proposal.open) - 2} more" if len(proposal.open) > 2 else ""
