@@ -1,6 +1,7 @@
 """Scenario 1 without ROS or clock: deterministic, timed as the graph, and recorded as the graph."""
 
 import copy
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -12,9 +13,9 @@ from haptic_teleop_control.errors import ConfigurationError
 from haptic_teleop_control.laws import LAWS, ForceLaw
 from haptic_teleop_control.recording import read_recording
 from haptic_teleop_control.robots import SFJ_STAGES, STAGES
-from haptic_teleop_sim.lockstep import main, run_scenario
+from haptic_teleop_sim.lockstep import at_limit, main, run_scenario
 from haptic_teleop_sim.scenario_parameters import TABLES, check_scenario, load_scenario
-from haptic_teleop_sim.scenario_run import simulate_scenario
+from haptic_teleop_sim.scenario_run import AT_LIMIT, ScenarioResult, simulate_scenario
 
 CONSTANTS = [SFJ_STAGES[stage].torque_constant for stage in STAGES]
 QUIET = {"offset": 0.0, "noise": 0.0, "resolution": 0.0}
@@ -233,6 +234,20 @@ def test_topics_that_are_not_there_and_unknown_keys_of_the_recorder_are_refused(
     assert main([str(file), "--duration", "0.5", "--record", str(tmp_path / "none")]) == 2
     assert hint in capsys.readouterr().err
     assert not (tmp_path / "none").exists()
+
+
+def test_the_current_limit_is_told_by_stage_and_with_what_it_means(repository):
+    scenario = check_scenario(sections(signal_generator={"stage1.step.amplitude": 0.06}))
+    limit = scenario.nodes["force_controller"]["stage1.current_limit"]
+    effort = np.zeros((1000, 2))
+    effort[:5, 0] = -limit * CONSTANTS[0]
+    commands = SimpleNamespace(effort=effort)
+    result = ScenarioResult({"/sfj/effort_command": commands}, {AT_LIMIT: 5})
+    (line,) = at_limit(scenario, result)
+    assert line.startswith("stage1: ") and "5 of 1000 samples: so short" in line
+    effort[:100, 1] = scenario.nodes["force_controller"]["stage2.current_limit"] * CONSTANTS[1]
+    assert "100 of 1000 samples: ask for less torque" in at_limit(scenario, result)[1]
+    assert at_limit(scenario, ScenarioResult(result.topics, {})) == []
 
 
 def test_an_existing_recording_is_not_overwritten(tmp_path, repository, capsys):

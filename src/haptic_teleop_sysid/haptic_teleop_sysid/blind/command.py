@@ -103,7 +103,8 @@ def _body(argv: list[str]) -> int:
             f"{output} was not generated with this --seed, --cases and --levels: give the same."
         )
     digest = sealed_digest(output)
-    say.print(f"labels sealed, SHA-256 {digest}")
+    made = "the labels' seal" if arguments.only == "score" else "labels sealed"
+    say.print(f"{made}, SHA-256 {digest}", soft_wrap=True)
     if arguments.only == "generate":
         return 0
     if arguments.only is None:

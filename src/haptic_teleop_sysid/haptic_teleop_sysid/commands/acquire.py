@@ -103,7 +103,7 @@ def run(argv: list[str]) -> int:
     experiment, sections = experiment_from(path, arguments.allow)
     screen = Console(stderr=True)
     for warning in experiment.warnings:
-        screen.print(f"warning: {warning}", markup=False, highlight=False)
+        screen.print(f"warning: {warning}", markup=False, highlight=False, soft_wrap=True)
     stated = parameters_for(sections, "scenario", SCENARIO)
     scenario = SCENARIO.check({"nodes": ["acquisition"], **stated}, str(path))
     output = Path(arguments.output)

@@ -175,7 +175,7 @@ def conclusion(result: Comparison, command: str = "") -> tuple[Status, str, str,
         status, sentence = worst
         happened = f"{happened} {sentence}"
     if (status, of_mean) == ("good", "good"):
-        return "good", happened, f"simulate with {nearest}.", ""
+        return "good", happened, f'simulate with "{nearest}".', ""
     todo = "let diagnose find what is missing; Difference in the picture shows when."
     return min((status, of_mean), key=("bad", "fair", "good").index), happened, todo, command
 
