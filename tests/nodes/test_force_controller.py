@@ -213,6 +213,7 @@ def test_a_bad_parameter_is_refused_with_a_reason_and_changes_nothing(graph, nam
     result = controller.set_parameters([Parameter(name, value=value)])[0]
     assert not result.successful
     assert name in result.reason
+    assert "force_controller" not in result.reason, "who asked knows whom"
     assert controller.get_parameter(name).value == before
 
 

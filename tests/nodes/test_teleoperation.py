@@ -16,6 +16,7 @@ from std_srvs.srv import Trigger
 from haptic_teleop_control.nodes.force_controller import ForceController
 from haptic_teleop_control.nodes.link import LinkEmulator
 from haptic_teleop_control.nodes.operator_devices import told
+from haptic_teleop_control.nodes.signal_generator import SignalGeneratorNode
 from haptic_teleop_control.robots import OMNI_JOINTS, SFJ_JOINTS
 
 SFJ_REST = {"position": [0.0] * 4, "velocity": [0.0] * 4, "effort": [0.0] * 4}
@@ -315,6 +316,22 @@ def test_the_command_operate_calls_the_services_and_prints_the_state(graph):
     setting.controller._coupling.fault(setting.controller.time.now(), "stale_slave", "0.1 s")
     status, said = operate("state")
     assert status == 0 and said.startswith("fault\n  stale_slave: ")
+
+
+def test_engage_is_refused_while_a_pattern_runs_and_done_when_it_was_stopped(graph):
+    setting = Setting(graph, command_source="reference", timeout=0.2)
+    graph.start(SignalGeneratorNode, autostart=False, stage1__enabled=True)
+    heard = lambda: setting.controller._coupling.streams.reference.at is not None  # noqa: E731
+    graph.run_until(heard, what="a reference")
+    assert graph.call("/signal_generator/start").success
+    graph.until(lambda: setting.controller._coupling.pattern_runs, what="the news that a pattern runs")
+    refused = setting.call("engage")
+    assert not refused.success and "stop it first: haptic-teleop operate stop" in refused.message
+    assert setting.state == "devices_ready"
+    assert graph.call("/signal_generator/stop").success
+    graph.until(lambda: not setting.controller._coupling.pattern_runs, what="the news that it was stopped")
+    assert setting.call("engage").success
+    assert graph.call("/signal_generator/start").success, "which is what `engage && start` does"
 
 
 def test_operate_without_a_controller_ends_with_status_2():

@@ -5,7 +5,7 @@ import argparse
 import pytest
 
 from haptic_teleop_control import errors, operate
-from haptic_teleop_control.command_line import run_command
+from haptic_teleop_control.command_line import ArgumentParser, run_command
 
 KINDS = [errors.ConfigurationError, errors.ModelError, errors.RecordingError, errors.MismatchError]
 
@@ -60,6 +60,34 @@ def test_sys_exit_means_what_python_says_it_means(code, status):
 def test_a_mistyped_act_of_operate_is_told_with_the_nearest(typed, hint, capsys):
     assert operate.main([typed]) == 2
     assert hint in capsys.readouterr().err
+
+
+def options() -> ArgumentParser:
+    parser = ArgumentParser(prog="haptic-teleop x")
+    parser.add_argument("--output", required=True)
+    parser.add_argument("--to", choices=("mujoco", "urdf"))
+    parser.add_argument("--number", type=int)
+    return parser
+
+
+@pytest.mark.parametrize(
+    ("arguments", "said"),
+    [
+        (["--ouput", "d"], "unknown option --ouput: did you mean --output?"),
+        (["--output", "d", "--ouput=e"], "unknown option --ouput: did you mean --output?"),
+        (["--output", "d", "--zzz"], "unknown option --zzz; `haptic-teleop x --help` tells more"),
+        (["--output", "d", "--to", "mujco"], "argument --to: 'mujco' is not known: did you mean mujoco?"),
+        ([], "the following arguments are required: --output; `haptic-teleop x --help` tells more"),
+    ],
+)
+def test_a_mistake_in_the_command_line_is_one_line_with_the_nearest_that_there_is(arguments, said, capsys):
+    assert run_command(lambda argv: options().parse_args(argv) and 0, arguments) == 2
+    assert capsys.readouterr().err == f"error: {said}\n"
+
+
+@pytest.mark.parametrize("arguments", [["--outp", "d"], ["--output=d", "--number", "-3"], ["--output", "-"]])
+def test_what_argparse_takes_is_taken(arguments):
+    assert options().parse_args(arguments).output in ("d", "-")
 
 
 def test_interrupting_says_what_the_interrupt_carries_and_no_more(capsys):

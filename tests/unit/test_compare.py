@@ -104,7 +104,7 @@ def test_the_worst_signal_is_told_with_a_word_and_the_command_that_finds_out_why
 
 def test_a_model_that_follows_everything_needs_no_command(compared, models):
     output, told = compared
-    assert "ok: right.yaml comes nearest" in told and "what to do: simulate with right.yaml." in told
+    assert "ok: right.yaml comes nearest" in told and "what to do: simulate with \"right.yaml\"." in told
     assert "haptic-teleop diagnose" not in told
 
 

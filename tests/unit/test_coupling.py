@@ -88,6 +88,23 @@ def test_in_scenario_2_the_hand_s_torque_and_the_estimate_go_their_ways():
     assert rig.to_master[0] / 8.925 == pytest.approx(-60.0 * 0.06 / 3.971, rel=1e-2)
 
 
+def test_a_running_pattern_refuses_the_act_of_engaging_and_not_what_engages_by_itself():
+    rig = Rig(auto_engage=False)
+    rig.coupling.pattern_runs = True
+    rig.step()
+    assert "stop it first" in (rig.coupling.engage(rig.now) or "")
+    rig.step()
+    assert rig.coupling.state is State.DEVICES_READY
+    rig.coupling.pattern_runs = False
+    assert rig.coupling.engage(rig.now) is None
+    rig = Rig(auto_engage=True)
+    rig.coupling.pattern_runs = True
+    rig.step()
+    assert rig.coupling.state is State.ENGAGED
+    assert rig.coupling.disengage(rig.now)
+    assert "stop it first" in (rig.coupling.engage(rig.now) or "")
+
+
 def test_the_feedback_of_a_master_that_was_aligned_for_long_ramps_in_by_itself():
     rig = Rig(auto_engage=False, ramp_time=0.2, **{"omni_y.feedback_gain": 0.2})
     rig.coupling.master[0][1] = 0.05

@@ -142,6 +142,13 @@ def first_line(kind, findings, **changes):
     return page
 
 
+def test_an_input_of_the_opposite_sign_is_the_first_line_and_its_remedy_the_next_step():
+    turned = {"what": "the input seems to have the opposite sign", "remedy": "reverse it"}
+    status, happened, todo = first_line("unknown", [], input_sign=turned).conclusion
+    assert (status, todo) == ("bad", "reverse it.")
+    assert happened.startswith("The input seems to have the opposite sign. ")
+
+
 def test_the_first_line_names_the_physics_with_its_size_error_and_unit_and_says_what_to_do():
     page = first_line("identified", [finding()])
     status, happened, todo = page.conclusion

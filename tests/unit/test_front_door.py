@@ -11,7 +11,7 @@ from pathlib import Path
 
 import pytest
 
-from haptic_teleop_control import front_door
+from haptic_teleop_control import compiled, front_door
 
 WIDE = {name: value for name, value in os.environ.items() if name != "COLUMNS"}
 COMMAND = Path(sys.executable).with_name("haptic-teleop")
@@ -52,6 +52,24 @@ def test_without_arguments_and_with_help_it_lists_every_executable_with_its_line
     for package, entries in front_door.registries().items():
         for name, (_, line) in entries.items():
             assert re.search(rf"^  {name} +{re.escape(line)}$", listed[package], re.MULTILINE)
+
+
+def test_it_says_once_when_something_is_compiled_and_leaves_nodes_to_scenario(probe, monkeypatch, capsys):
+    def compiles(argv: list[str]) -> int:
+        for tell in [*compiled._told] * 2:
+            tell()
+        return 0
+
+    probe.main = compiles
+    assert front_door.start("probe", []) == 0
+    assert capsys.readouterr().err == "compiling, once, some 20 s\n"
+    assert not compiled.is_told()
+    monkeypatch.setitem(sys.modules, "haptic_teleop_probe.nodes.probe", probe)
+    registry = {"haptic_teleop_control": {"probe": ("haptic_teleop_probe.nodes.probe:main", "a node")}}
+    monkeypatch.setattr(front_door, "registries", lambda: registry)
+    monkeypatch.setattr(front_door, "load", lambda name: compiles)
+    assert front_door.start("probe", []) == 0
+    assert not capsys.readouterr().err
 
 
 def test_the_list_fits_a_narrow_terminal_and_loses_no_word(monkeypatch):

@@ -1,6 +1,7 @@
 """Scenario 1 without ROS or clock: deterministic, timed as the graph, and recorded as the graph."""
 
 import copy
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -12,9 +13,9 @@ from haptic_teleop_control.errors import ConfigurationError
 from haptic_teleop_control.laws import LAWS, ForceLaw
 from haptic_teleop_control.recording import read_recording
 from haptic_teleop_control.robots import SFJ_STAGES, STAGES
-from haptic_teleop_sim.lockstep import main, run_scenario
+from haptic_teleop_sim.lockstep import at_limit, main, run_scenario
 from haptic_teleop_sim.scenario_parameters import TABLES, check_scenario, load_scenario
-from haptic_teleop_sim.scenario_run import simulate_scenario
+from haptic_teleop_sim.scenario_run import AT_LIMIT, ScenarioResult, simulate_scenario
 
 CONSTANTS = [SFJ_STAGES[stage].torque_constant for stage in STAGES]
 QUIET = {"offset": 0.0, "noise": 0.0, "resolution": 0.0}
@@ -235,6 +236,20 @@ def test_topics_that_are_not_there_and_unknown_keys_of_the_recorder_are_refused(
     assert not (tmp_path / "none").exists()
 
 
+def test_the_current_limit_is_told_by_stage_and_with_what_it_means(repository):
+    scenario = check_scenario(sections(signal_generator={"stage1.step.amplitude": 0.06}))
+    limit = scenario.nodes["force_controller"]["stage1.current_limit"]
+    effort = np.zeros((1000, 2))
+    effort[:5, 0] = -limit * CONSTANTS[0]
+    commands = SimpleNamespace(effort=effort)
+    result = ScenarioResult({"/sfj/effort_command": commands}, {AT_LIMIT: 5})
+    (line,) = at_limit(scenario, result)
+    assert line.startswith("stage1: ") and "5 of 1000 samples: so short" in line
+    effort[:100, 1] = scenario.nodes["force_controller"]["stage2.current_limit"] * CONSTANTS[1]
+    assert "100 of 1000 samples: ask for less torque" in at_limit(scenario, result)[1]
+    assert at_limit(scenario, ScenarioResult(result.topics, {})) == []
+
+
 def test_an_existing_recording_is_not_overwritten(tmp_path, repository, capsys):
     (tmp_path / "bag").mkdir()
     arguments = [str(repository / "config" / "scenario1_sim.yaml"), "--record", str(tmp_path / "bag")]
@@ -248,6 +263,7 @@ def test_the_duration_is_the_file_s_unless_stated(repository):
     assert len(topics["/sfj/joint_states"]) == round(scenario.duration * 500.0)
 
 
+NODES = ["sfj_sim", "omni_sim", "force_controller", "signal_generator"]
 BAD = {
     "a driver": ({"/**": {"device": "emulated"}, "sfj_driver": {"rate": 500.0}}, "describe it in sfj_sim"),
     "unknown node": ({"sfj_simm": {"rate": 500.0}}, "did you mean sfj_sim"),
@@ -262,12 +278,27 @@ BAD = {
     "unknown joints": ({"signal_generator": {"joints": ["omni_x", "omni_y"]}}, "omni_z"),
     "no such model": ({"sfj_sim": {"stage1": {"model": "none.yaml"}}}, "none.yaml"),
     "a bad duration": ({"scenario": {"nodes": ["sfj_sim"], "duration": -1.0}}, "duration"),
-}
+    "no nodes": ({"scenario": {"duration": 1.0}}, "node scenario: parameter nodes is missing"),
+    "a misspelt node": (
+        {"scenario": {"nodes": ["sfj_simm", "omni_sim"]}}, "nodes: sfj_simm is not a node; did you mean sfj_"
+    ),
+    "a node named twice": ({"scenario": {"nodes": [*NODES, "omni_sim"]}}, "nodes names one twice"),
+    "one robot alone": (
+        {"scenario": {"nodes": ["sfj_sim"]}}, "the list lacks omni_sim, force_controller, signal_generator"
+    ),
+    "a driver among the nodes": (
+        {"scenario": {"nodes": ["sfj_driver", *NODES[1:]]}}, "lockstep runs no sfj_driver; without nodes"
+    ),
+    "a link that nobody runs": ({"force_controller": {"link": True}}, "the list lacks link;"),
+    "a section of a node that is not named": ({"link": {"seed": 3}}, "link names no node of this config"),
+    "a wildcard's key of nobody": ({"/**": {"sed": 3}}, "parameter sed is not a parameter"),
+}  # fmt: skip
 
 
 @pytest.mark.parametrize(("content", "hint"), BAD.values(), ids=BAD.keys())
 def test_a_bad_scenario_ends_with_one_sentence_and_status_2(tmp_path, capsys, content, hint):
     path = tmp_path / "scenario.yaml"
+    content = {"scenario": {"nodes": NODES}} | content
     nodes = {node: {"ros__parameters": values} for node, values in content.items()}
     path.write_text(yaml.safe_dump(nodes), encoding="utf-8")
     assert main([str(path), "--duration", "0.1"]) == 2
@@ -275,6 +306,10 @@ def test_a_bad_scenario_ends_with_one_sentence_and_status_2(tmp_path, capsys, co
     assert len(error) == 1
     assert str(path) in error[0]
     assert hint in error[0]
+
+
+def test_where_a_hand_leads_no_signal_generator_is_needed(repository):
+    assert load_scenario(repository / "docs" / "examples" / "scenario2_hand.yaml").duration == 8.0
 
 
 @pytest.mark.parametrize("arguments", [["none.yaml"], [], ["x.yaml", "--duration", "long"]])

@@ -49,20 +49,36 @@ def line_of(out, key):
 def test_an_arm_is_not_taken_for_a_motor_whose_own_column_holds_text(tmp_path, capsys):
     log = with_text(table(tmp_path / "log.csv", HEADER, COLUMNS), 2)
     out, _ = suggested(log, tmp_path, capsys)
-    assert 'position: {column: "link [deg]"}  # guessed' in out
-    assert "left over, for 'motor [deg]' holds text" in line_of(out, "position:")
+    motor, arm = [line.strip() for line in out.splitlines() if line.strip().startswith("position:")]
+    assert motor == "position: {column: FILL IN}  # missing: 'motor [deg]' holds text"
+    assert arm.startswith('position: {column: "link [deg]"}')
 
 
 def test_an_arm_is_not_taken_for_a_motor_whose_own_column_is_empty(tmp_path, capsys):
     empty = np.full(len(T), np.nan)
     log = table(tmp_path / "log.csv", HEADER, (T, TORQUE, empty, COLUMNS[3]))
-    out, _ = suggested(log, tmp_path, capsys)
-    assert "# guessed" in line_of(out, "position:") and "holds no number" in line_of(out, "position:")
-    with pytest.raises(ConfigurationError, match="left over, for 'motor"):
+    assert main([str(log), "--suggest"]) == 2
+    said = capsys.readouterr()
+    assert "position: {column: FILL IN}  # missing: 'motor [deg]' holds no number" in said.out
+    assert "error" in said.err
+    told = "'motor.*' holds no number.*record it; if 'link.*only encoder, give it in a mapping as the motor's"
+    with pytest.raises(ConfigurationError, match=told):
         open_recording(log)
     # One encoder, whatever it is called, is the joint's.
     header, columns = (HEADER[0], HEADER[1], HEADER[3]), (T, TORQUE, COLUMNS[3])
     assert open_recording(table(tmp_path / "one.csv", header, columns)).topics[STATES].names == ("joint",)
+
+
+@pytest.mark.parametrize(("more", "lacks"), [((), True), (("torque [Nm]",), True), (("foo",), False)])
+def test_a_log_without_an_input_is_not_to_be_mended_by_a_mapping(tmp_path, capsys, more, lacks):
+    columns = (T, ANGLE, SPEED, *((np.full(len(T), np.nan) if "torque" in n else TORQUE) for n in more))
+    log = table(tmp_path / "log.csv", ("time [s]", "angle [rad]", "speed [rad/s]", *more), columns)
+    assert main([str(log), "--suggest"]) == (2 if lacks else 0)
+    assert ("record it" in capsys.readouterr().err) == lacks
+    with pytest.raises(ConfigurationError) as refused:
+        open_recording(log)
+    assert ("there is no column that could be the input" in str(refused.value)) == lacks
+    assert ("mapping" in str(refused.value)) != lacks, "which helps where a column may be it"
 
 
 @pytest.mark.parametrize("lost", [1, 0])
@@ -72,7 +88,7 @@ def test_an_input_and_a_time_that_are_left_over_are_guesses(tmp_path, capsys, lo
     log = with_text(table(tmp_path / "log.csv", header, columns), lost)
     out, _ = suggested(log, tmp_path, capsys)
     assert "# guessed" in line_of(out, "input:" if lost else "time:")
-    assert "left over" in line_of(out, "input:" if lost else "time:")
+    assert "taken because" in line_of(out, "input:" if lost else "time:")
 
 
 def test_what_is_open_stands_in_the_file_at_its_line(tmp_path, capsys):

@@ -99,7 +99,7 @@ def test_what_is_no_yaml_is_refused_with_the_name_of_the_file(tmp_path, text):
 
 
 def test_a_missing_file_is_refused(tmp_path):
-    with pytest.raises(ModelError, match="no such model file"):
+    with pytest.raises(ModelError, match="no such file"):
         load_model(tmp_path / "none.yaml")
 
 

@@ -123,21 +123,23 @@ def rigid(tmp_path_factory):
 SAID = ("line 1502, the last, is cut short and was left out", "each number times 0.01745329252 is rad")
 
 
-@pytest.mark.parametrize("command", ["model", "dataset", "compare", "export"])
-def test_how_a_log_was_read_is_told_once_by_whoever_takes_it(rigid, tmp_path, capsys, command):
+@pytest.mark.parametrize(
+    ("command", "more"), [("model", []), ("dataset", ["-v"]), ("compare", []), ("export", ["--verbose"])]
+)
+def test_how_a_log_was_read_is_told_once_by_whoever_takes_it(rigid, tmp_path, capsys, command, more):
     log, model = rigid
     out = str(tmp_path / "out")
     run = {
-        "model": lambda: model_from_log.main(["--from", str(log), "--output", f"{out}.yaml"]),
-        "dataset": lambda: dataset_report.main(["--bag", str(log), "--output", out]),
-        "compare": lambda: compare.main(["--model", str(model), "--bag", str(log), "--output", out]),
+        "model": lambda: model_from_log.main(["--from", str(log), "--output", f"{out}.yaml", *more]),
+        "dataset": lambda: dataset_report.main(["--bag", str(log), "--output", out, *more]),
+        "compare": lambda: compare.main(["--model", str(model), "--bag", str(log), "--output", out, *more]),
         "export": lambda: export.main(
-            ["--model", str(model), "--to", "python", "--bag", str(log), "--output", f"{out}.py"]
+            ["--model", str(model), "--to", "python", "--bag", str(log), "--output", f"{out}.py", *more]
         ),
     }
     assert run[command]() == 0
     told = capsys.readouterr().err
-    assert [told.count(words) for words in SAID] == [1, 1]
+    assert [told.count(words) for words in SAID] == [1, len(more)]
 
 
 def test_how_a_log_was_read_stands_in_the_outcome_of_an_estimate_and_is_not_told_of_its_recording(

@@ -6,8 +6,9 @@ import math
 import os
 import sys
 from collections.abc import Callable, Collection, Sequence
+from typing import Any, NoReturn
 
-from haptic_teleop_control.errors import HapticTeleopError
+from haptic_teleop_control.errors import ConfigurationError, HapticTeleopError
 
 USAGE_ERROR = 2
 INTERRUPTED = 130  # 128 + SIGINT, what a shell reports for a command stopped with Ctrl-C
@@ -42,22 +43,55 @@ def run_command(main: Callable[[list[str]], int | None], argv: Sequence[str] | N
     return 0 if status is None else status
 
 
+class ArgumentParser(argparse.ArgumentParser):
+    """As argparse's, but a mistake is one sentence that names the nearest option or choice, raised as
+    ConfigurationError; an unknown option is told of before what is missing, for it is mostly that."""
+
+    def parse_known_args(  # pyright: ignore[reportIncompatibleMethodOverride]: argparse has overloads
+        self, args: Any = None, namespace: Any = None
+    ) -> Any:
+        given = sys.argv[1:] if args is None else list(args)
+        for text in given[: given.index("--") if "--" in given else None]:
+            name = text.partition("=")[0]
+            known = self._option_string_actions
+            if name.startswith("--") and name not in known and not self._get_option_tuples(name):
+                near = difflib.get_close_matches(name.lower(), known, n=1)
+                self.error(f"unknown option {name}" + (f": did you mean {near[0]}?" if near else ""))
+        return super().parse_known_args(given, namespace)
+
+    def _check_value(self, action: argparse.Action, value: Any) -> None:
+        if action.choices is not None and value not in action.choices:
+            raise argparse.ArgumentError(action, _not_known(value, [str(c) for c in action.choices]))
+
+    def error(self, message: str) -> NoReturn:
+        """Raise ConfigurationError with the message, and where the options are told."""
+        more = "" if message.endswith("?") else f"; `{self.prog} --help` tells more"
+        raise ConfigurationError(f"{message}{more}")
+
+
+def _not_known(value: object, known: Collection[str]) -> str:
+    near = difflib.get_close_matches(str(value).lower(), known, n=1)
+    hint = f"did you mean {near[0]}?" if near else f"choose from {', '.join(known)}"
+    return f"{str(value)!r} is not known: {hint}"
+
+
 def one_of(known: Collection[str]) -> Callable[[str], str]:
     """An argument's type for `argparse`: one of the known words; another one is refused with the nearest."""
 
     def word(text: str) -> str:
         if text in known:
             return text
-        near = difflib.get_close_matches(text.lower(), known, n=1)
-        hint = f"did you mean {near[0]}?" if near else f"choose from {', '.join(known)}"
-        raise argparse.ArgumentTypeError(f"{text!r} is not known: {hint}")
+        raise argparse.ArgumentTypeError(_not_known(text, known))
 
     return word
 
 
 def tell(error: HapticTeleopError) -> int:
     """Prints the error to standard error, in one line even if a library's message is quoted in it, because
-    scripts show the last line; returns the exit status, USAGE_ERROR."""
+    scripts show the last line; before it, as notes, what was added to it (`add_note`) on its way. Returns the
+    exit status, USAGE_ERROR."""
+    for note in getattr(error, "__notes__", ()):
+        print(f"note: {' '.join(note.split())}", file=sys.stderr)
     print(f"error: {' '.join(str(error).split())}", file=sys.stderr)
     return USAGE_ERROR
 

@@ -23,7 +23,7 @@ from contextlib import contextmanager
 from functools import cache, cached_property, partial, update_wrapper, wraps
 from typing import Any
 
-__all__ = ["load_numba", "njit", "telling_compilation"]
+__all__ = ["is_told", "load_numba", "njit", "telling_compilation"]
 
 _told: list[Callable[[], None]] = []
 
@@ -113,6 +113,11 @@ def telling_compilation(tell: Callable[[], None]) -> Iterator[None]:
         yield
     finally:
         _told.remove(tell)
+
+
+def is_told() -> bool:
+    """Whether somebody says when something is compiled."""
+    return bool(_told)
 
 
 @cache

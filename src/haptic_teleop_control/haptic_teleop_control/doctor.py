@@ -6,7 +6,6 @@ Each package may bring a module `doctor_checks` with `checks() -> list[Check]` f
 
 from __future__ import annotations
 
-import argparse
 import importlib
 import importlib.util
 import os
@@ -20,7 +19,7 @@ import time
 from importlib import metadata
 from pathlib import Path
 
-from haptic_teleop_control.command_line import run_command
+from haptic_teleop_control.command_line import ArgumentParser, run_command
 from haptic_teleop_control.front_door import PACKAGES, version
 from haptic_teleop_control.health import BAD, HARDWARE_ONLY, OK, OPEN, SLOW, Check
 from haptic_teleop_control.plugins import load_object
@@ -193,7 +192,7 @@ def _disk(folder: Path) -> Check:
 
 
 def _doctor(arguments: list[str]) -> int:
-    parser = argparse.ArgumentParser(
+    parser = ArgumentParser(
         prog="haptic-teleop doctor",
         description="Say what is there: environment, ROS 2, scheduling, devices; each line OK or the remedy.",
         epilog="Exit status: 0 when nothing is a problem, 1 otherwise. Only hardware needs what is absent or "

@@ -5,7 +5,7 @@ from __future__ import annotations
 import argparse
 from collections.abc import Sequence
 
-from haptic_teleop_control.command_line import positive, run_command
+from haptic_teleop_control.command_line import ArgumentParser, positive, run_command
 from haptic_teleop_control.plugins import load_object
 
 PRINTER = "haptic_teleop_control.nodes.topic_printer:print_messages"
@@ -18,7 +18,7 @@ def main(argv: Sequence[str] | None = None) -> int:
 
 
 def _main(argv: list[str]) -> int:
-    parser = argparse.ArgumentParser(
+    parser = ArgumentParser(
         prog="haptic-teleop echo",
         description="Print the messages of a topic as YAML, until Ctrl-C.",
         epilog="example: haptic-teleop echo /sfj/joint_states --once",

@@ -13,9 +13,11 @@ import shutil
 import signal
 import sys
 import textwrap
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
 
 from haptic_teleop_control.command_line import INTERRUPTED, run_command
+from haptic_teleop_control.compiled import telling_compilation
 from haptic_teleop_control.completion import SHELLS, completion_script
 from haptic_teleop_control.errors import ConfigurationError
 from haptic_teleop_control.private_folder import refuse_untrusted_numba_cache
@@ -121,6 +123,22 @@ def _tell_if_ros_is_missing(name: str, error: ModuleNotFoundError) -> None:
         ) from error
 
 
+@contextmanager
+def _saying_when_it_compiles(name: str) -> Iterator[None]:
+    """Says once on standard error that something is compiled: the first run after the installation is silent
+    for up to a minute without that. Nodes tell `scenario`, which tells of it."""
+    told = ".nodes." in executables()[name][0]
+
+    def tell() -> None:
+        nonlocal told
+        if not told:
+            told = True
+            print("compiling, once, some 20 s", file=sys.stderr, flush=True)
+
+    with telling_compilation(tell):
+        yield
+
+
 def start(name: str, arguments: Sequence[str]) -> int:
     """Run an executable in this process with its arguments untouched, and return its exit status."""
     # The ROS 2 wheels make the environment an ament prefix. A sourced installation has set its own.
@@ -137,7 +155,8 @@ def start(name: str, arguments: Sequence[str]) -> int:
     # executable's.
     sys.argv = [f"{PROGRAM} {name}", *arguments]
     try:
-        return run_command(main_of_executable, list(arguments))
+        with _saying_when_it_compiles(name):
+            return run_command(main_of_executable, list(arguments))
     except ModuleNotFoundError as error:  # of what a command loads when it knows that it needs it
         _tell_if_ros_is_missing(name, error)
         raise

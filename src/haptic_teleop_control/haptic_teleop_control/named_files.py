@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import difflib
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
@@ -29,6 +30,33 @@ def located(name: str, value: Any, folder: Path) -> Any:
         if candidate.is_file():
             return str(candidate.resolve())
     return value
+
+
+def why_unreadable(path: str | Path, error: OSError | UnicodeDecodeError, holds: str = "") -> str:
+    """Why a file cannot be read, in words, and which one may be meant: `holds`, where a folder was named and
+    it has such a file, or a neighbour of nearly the same name."""
+    path = Path(path)
+    if isinstance(error, UnicodeDecodeError):
+        return "it is no UTF-8 text; name another"
+    if isinstance(error, IsADirectoryError):
+        inside = bool(holds) and (path / holds).is_file()
+        return "it is a folder; " + (f"did you mean {path / holds}?" if inside else "name a file in it")
+    if isinstance(error, FileNotFoundError):
+        near = similar(path)
+        return "there is no such file; " + (f"did you mean {near}?" if near else "correct the path")
+    return str(error.strerror or error)
+
+
+def similar(path: Path) -> Path | None:
+    """What lies in the same folder under nearly the same name as a file that does not exist; None where
+    nothing does."""
+    try:
+        names = [one.name for one in path.parent.iterdir()]
+    except OSError:
+        return None
+    near = difflib.get_close_matches(path.name, names, n=5, cutoff=0.6)
+    near = [name for name in near if difflib.get_close_matches(path.stem, [Path(name).stem], cutoff=0.7)]
+    return path.with_name(near[0]) if near else None
 
 
 def model_texts(parameters: Mapping[str, Mapping[str, Any]]) -> dict[str, str]:

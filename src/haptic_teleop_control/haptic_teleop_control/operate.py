@@ -6,7 +6,7 @@ from __future__ import annotations
 import argparse
 from collections.abc import Sequence
 
-from haptic_teleop_control.command_line import one_of, positive, run_command
+from haptic_teleop_control.command_line import ArgumentParser, one_of, positive, run_command
 from haptic_teleop_control.plugins import load_object
 
 ACTS = {
@@ -48,7 +48,7 @@ def main(argv: Sequence[str] | None = None) -> int:
 
 def _main(argv: list[str]) -> int:
     lines = [f"{act:<10} {meaning}" for act, meaning in ACTS.items()]
-    parser = argparse.ArgumentParser(
+    parser = ArgumentParser(
         prog="haptic-teleop operate",
         description="Call a service of the running force controller, of the signal generator, or of the "
         "coordinator of simulated time.",

@@ -20,10 +20,15 @@ from typing import Any
 import yaml
 
 from haptic_teleop_control.errors import ConfigurationError
+from haptic_teleop_control.named_files import why_unreadable
 from haptic_teleop_control.parameters import ParameterTable
 from haptic_teleop_control.strict_yaml import parse_yaml, yaml_problem
 
 _SECTION = "ros__parameters"
+SCENARIO_FILE = "scenario.yaml"
+"""What a scenario file is called that a command writes into a folder of results."""
+MODEL_HEAD = "haptic_teleop_model"
+"""Key with which a model file begins."""
 
 
 def load_parameter_file(path: str | Path) -> dict[str, dict[str, Any]]:
@@ -36,12 +41,17 @@ def load_parameter_file(path: str | Path) -> dict[str, dict[str, Any]]:
     try:
         content = parse_yaml(path.read_text(encoding="utf-8"))
     except (OSError, UnicodeDecodeError) as error:
-        reason = getattr(error, "strerror", None) or "it is not UTF-8 text"
-        raise ConfigurationError(f"{path}: cannot be read ({reason}); give an existing YAML file.") from error
+        why = why_unreadable(path, error, SCENARIO_FILE)
+        raise ConfigurationError(f"{path}: cannot be read: {why}") from error
     except yaml.YAMLError as error:
         raise ConfigurationError(f"{path}: {yaml_problem(error)}") from None
     if not isinstance(content, dict) or not content:
         raise ConfigurationError(f"{path}: holds no node; write `node_name:` and below it `{_SECTION}:`.")
+    if MODEL_HEAD in content:
+        raise ConfigurationError(
+            f"{path}: this is a model file, and a parameter file is needed, such as a scenario file, whose "
+            "parameters name models (sfj_sim: stage1.model)."
+        )
     sections: dict[str, dict[str, Any]] = {}
     _collect(path, "", content, sections)
     return sections

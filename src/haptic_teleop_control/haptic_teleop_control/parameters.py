@@ -187,7 +187,7 @@ class ParameterTable:
         try:
             more = {entry.name: entry for entry in self._brought(stated)}
         except ConfigurationError as error:
-            raise ConfigurationError(f"{source}: node {self.node_name}: parameter {error}") from error
+            raise ConfigurationError(f"{self._of(source)}: parameter {error}") from error
         return ParameterTable(self.node_name, (self._parameters | more).values()) if more else self
 
     def defaults(self) -> dict[str, Any]:
@@ -270,7 +270,11 @@ class ParameterTable:
 
     def _error(self, source: str, name: str, problem: str) -> ConfigurationError:
         end = "" if problem.endswith("?") else "."
-        return ConfigurationError(f"{source}: node {self.node_name}: parameter {name} {problem}{end}")
+        return ConfigurationError(f"{self._of(source)}: parameter {name} {problem}{end}")
+
+    def _of(self, source: str) -> str:
+        """Where a parameter is stated; a node that checks its own is not named twice."""
+        return source if source == self.node_name else f"{source}: node {self.node_name}"
 
 
 def _nearest(name: str, known: list[str]) -> str:

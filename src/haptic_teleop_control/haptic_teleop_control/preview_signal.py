@@ -3,7 +3,6 @@ moves."""
 
 from __future__ import annotations
 
-import argparse
 import math
 from collections.abc import Mapping, Sequence
 from pathlib import Path
@@ -13,7 +12,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from haptic_teleop_control.acquisition import TABLE, Acquisition
-from haptic_teleop_control.command_line import run_command
+from haptic_teleop_control.command_line import ArgumentParser, run_command
 from haptic_teleop_control.errors import ConfigurationError
 from haptic_teleop_control.node_tables import SIGNAL_GENERATOR, without_node_parameters
 from haptic_teleop_control.parameter_files import load_parameter_file, parameters_for
@@ -97,7 +96,7 @@ def main(argv: Sequence[str] | None = None) -> int:
 
 
 def _main(argv: list[str]) -> int:
-    parser = argparse.ArgumentParser(
+    parser = ArgumentParser(
         prog="haptic-teleop preview",
         description="Draw what a scenario or an acquisition commands, and say its range. Nothing moves.",
     )

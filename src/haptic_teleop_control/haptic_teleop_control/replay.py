@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import argparse
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -11,6 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from haptic_teleop_control.command_line import ArgumentParser
 from haptic_teleop_control.device import Driver, EndOfSession, ReadResult
 from haptic_teleop_control.faults import FaultLatch
 from haptic_teleop_control.raw_capture import COMMAND, READ, RESET, Capture, read_capture
@@ -116,7 +116,7 @@ def replay_command(
     run: Callable[[Capture, Mapping[str, Any]], ReplayedStates],
 ) -> int:
     """The body of a replay executable: capture in, recording out, a summary on standard output."""
-    parser = argparse.ArgumentParser(
+    parser = ArgumentParser(
         prog=f"haptic-teleop {program}",
         description="Send captured raw packets through codec and driver once more.",
     )

@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-import argparse
 from collections.abc import Sequence
 
 import yaml
 
-from haptic_teleop_control.command_line import positive, run_command
+from haptic_teleop_control.command_line import ArgumentParser, positive, run_command
 from haptic_teleop_control.errors import ConfigurationError
 from haptic_teleop_control.plugins import load_object
 from haptic_teleop_control.strict_yaml import parse_value
@@ -38,7 +37,7 @@ def main(argv: Sequence[str] | None = None) -> int:
 
 
 def _main(argv: list[str]) -> int:
-    parser = argparse.ArgumentParser(
+    parser = ArgumentParser(
         prog="haptic-teleop set",
         description="Change a parameter of a running node. `haptic-teleop NODE --help` says which may.",
         epilog="example: haptic-teleop set force_controller stage1.lambda 0.8",

@@ -2,25 +2,26 @@
 
 from __future__ import annotations
 
-import argparse
 import time
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 from rich.console import Console
 
-from haptic_teleop_control.command_line import run_command
+from haptic_teleop_control.command_line import ArgumentParser, run_command
 from haptic_teleop_control.errors import ConfigurationError
 from haptic_teleop_control.laws import ForceLaw
 from haptic_teleop_control.named_files import model_texts
 from haptic_teleop_control.recording import JointStateSeries, write_recording
+from haptic_teleop_control.robots import SFJ_STAGES, STAGES
 from haptic_teleop_control.signals import SignalGenerator
 from haptic_teleop_control.simulated_time.stamps import ORIGIN
 from haptic_teleop_control.teleoperation.machine import State
 
 from .scenario_parameters import ScenarioParameters, check_scenario, load_scenario
-from .scenario_run import ScenarioResult, simulate_scenario
+from .scenario_run import AT_LIMIT, ScenarioResult, simulate_scenario
 
 __all__ = ["load_scenario", "main", "record_scenario", "run_scenario", "simulate_scenario"]
 
@@ -28,6 +29,9 @@ DURATION = 20.0
 """s, where neither the caller nor the file nor the signal says how long."""
 
 STATE_TOPIC = "/force_controller/state"
+
+OFTEN = 0.01
+"""Share of the samples at the current limit from which the torque is not what was asked for."""
 
 FIRST = 0.01
 """s that are run before the time is taken, so that compiled code is there."""
@@ -108,13 +112,34 @@ def _duration(scenario: ScenarioParameters, duration: float | None) -> float:
     return end if 0.0 < end < 86400.0 else DURATION
 
 
+def at_limit(scenario: ScenarioParameters, result: ScenarioResult) -> list[str]:
+    """A sentence for each stage whose force law asked for more than its current limit: in how many samples,
+    and whether that matters."""
+    if AT_LIMIT not in result.counts:
+        return []
+    values, lines = scenario.nodes["force_controller"], []
+    commands = result.topics["/sfj/effort_command"].effort
+    for i, stage in enumerate(STAGES):
+        limit = values[f"{stage}.current_limit"]
+        effort = limit * SFJ_STAGES[stage].torque_constant
+        count = 0 if commands is None else int(np.sum(np.abs(commands[:, i]) >= effort * (1.0 - 1e-6)))
+        if count and commands is not None:
+            often = count > OFTEN * len(commands)
+            lines.append(
+                f"{stage}: the force law was at its current limit of {limit:g} A in {count} of "
+                f"{len(commands)} samples: "
+                + ("ask for less torque, or raise it" if often else "so short that it hardly matters")
+            )
+    return lines
+
+
 def main(argv: Sequence[str] | None = None) -> int:
     """The command `lockstep`."""
     return run_command(_main, argv)
 
 
 def _main(argv: list[str]) -> int:
-    parser = argparse.ArgumentParser(
+    parser = ArgumentParser(
         prog="haptic-teleop lockstep",
         description="Run a scenario file without ROS or clock, faster than real time.",
     )
@@ -142,7 +167,10 @@ def _main(argv: list[str]) -> int:
         f"{duration:g} s, {total} messages in {elapsed:.2f} s: {duration / elapsed:.0f} times real time"
     )
     for name, count in result.counts.items():
-        console.print(f"{name}: {count} samples")
+        if name != AT_LIMIT:
+            console.print(f"{name}: {count} samples")
+    for line in at_limit(scenario, result):
+        console.print(line, markup=False, soft_wrap=True)
     if result.obstacle:
         console.print(f"not coupled at the end, {result.obstacle}", markup=False, soft_wrap=True)
     if options.record:

@@ -14,6 +14,7 @@ from typing import Any
 import yaml
 
 from haptic_teleop_control.errors import ModelError
+from haptic_teleop_control.named_files import why_unreadable
 from haptic_teleop_control.strict_yaml import dump_yaml, parse_yaml, yaml_problem
 
 from .effects import EFFECTS, EffectEntry, effect_entry, locations
@@ -182,17 +183,18 @@ def parameter_bounds(model: Model, name: str) -> tuple[float, float]:
     raise KeyError(name)
 
 
+MODEL_FILE = "model.yaml"
+"""What a model file is called that a command writes into a folder of results."""
+
+
 def load_model(path: str | Path) -> Model:
     """Read a model file; ModelError names the file, the key and the remedy."""
     path = Path(path)
     try:
         text = path.read_text(encoding="utf-8")
-    except FileNotFoundError:
-        raise ModelError(f"{path}: there is no such model file; give the path of a model YAML") from None
     except (OSError, UnicodeDecodeError) as error:
-        raise ModelError(
-            f"{path}: the model file cannot be read ({error}); give a readable YAML file"
-        ) from None
+        why = why_unreadable(path, error, MODEL_FILE)
+        raise ModelError(f"{path}: the model file cannot be read: {why}") from None
     return read_model(text, str(path))
 
 

@@ -6,6 +6,7 @@ from collections.abc import Callable, Mapping
 from pathlib import Path
 
 from haptic_teleop_control.errors import ConfigurationError, ModelError
+from haptic_teleop_control.named_files import similar
 
 from .model import Effect, Model, load_model, read_model
 
@@ -33,10 +34,12 @@ def choose_model(
     for candidate in candidates:
         if candidate.is_file():
             return check_joint(load_model(candidate), joint)
-    tried = ", ".join(str(candidate) for candidate in candidates)
+    tried = dict.fromkeys(str(candidate) for candidate in candidates)
+    where = "" if list(tried) == [path] else f" (looked for {', '.join(tried)})"
+    near = next((found for candidate in candidates if (found := similar(candidate))), None)
+    remedy = f"did you mean {near}?" if near else "correct the path, or leave it empty for the built-in one."
     raise ConfigurationError(
-        f"{source}: parameter {joint}.model is {path!r}, but there is no such file (looked for {tried}); "
-        "correct the path, or leave it empty for the built-in model."
+        f"{source}: parameter {joint}.model is {path!r}, but there is no such file{where}; {remedy}"
     )
 
 

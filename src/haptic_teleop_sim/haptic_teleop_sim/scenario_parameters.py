@@ -16,10 +16,16 @@ from haptic_teleop_control.node_tables import (
     NODE_PARAMETERS,
     SCENARIO,
     SIGNAL_GENERATOR,
+    TIME_COORDINATOR,
 )
-from haptic_teleop_control.parameter_files import load_parameter_file, parameters_for
+from haptic_teleop_control.parameter_files import (
+    check_parameter_file,
+    load_parameter_file,
+    parameters_for,
+)
 from haptic_teleop_control.parameters import ParameterTable
 from haptic_teleop_control.recorder_parameters import TABLE as RECORDER
+from haptic_teleop_control.scenario_section import scenario_section
 from haptic_teleop_control.teleoperation.agreement import ROBOTS, simulates
 
 from .hardware import OMNI_PARAMETERS, SFJ_PARAMETERS
@@ -43,7 +49,7 @@ FULL_NAMES = {
 """Names under which a recording keeps the nodes' parameters."""
 
 #: Sections that speak to programs which do not take part; `scenario` holds the duration and the note.
-_OTHERS = ("scenario", "recorder", "time_coordinator")
+_OTHERS = {table.node_name: table for table in (SCENARIO, RECORDER, TIME_COORDINATOR)}
 
 
 @dataclass(frozen=True)
@@ -71,18 +77,32 @@ class ScenarioParameters:
 
 
 def load_scenario(path: str | Path) -> ScenarioParameters:
-    """Read and check a scenario file; ConfigurationError names file, key and remedy."""
+    """Read and check a scenario file; ConfigurationError names file, key and remedy: what `scenario` refuses,
+    and nodes that lockstep does not have."""
     path = Path(path)
     sections = load_parameter_file(path)
-    # `nodes` is the graph's business: here the four nodes of the scenario take part, whatever it says.
-    # What a wildcard says to the nodes is checked with them.
-    stated = parameters_for(sections, "scenario", SCENARIO)
-    own = SCENARIO.check({"nodes": ["sfj_sim"], **stated}, str(path))
+    own = scenario_section(sections, str(path))
+    for name in own["nodes"]:
+        if name not in TABLES:
+            raise ConfigurationError(f"{path}: scenario: nodes: lockstep runs no {name}; {_hint(name)}")
     scenario = check_scenario(sections, path.parent, str(path), own["duration"], own["note"])
-    named = stated.get("nodes", ())
+    check_parameter_file(path, {**_OTHERS, **{name: TABLES[name] for name in own["nodes"]}})
+    missing = [name for name in _needed(scenario.nodes["force_controller"]) if name not in own["nodes"]]
+    if missing:
+        raise ConfigurationError(
+            f"{path}: scenario: nodes: lockstep runs a whole teleoperation, and the list lacks "
+            f"{', '.join(missing)}; add what it lacks, or run the file with `haptic-teleop scenario`."
+        )
     # Lockstep has one time; but what the graph refuses is no scenario here either.
-    simulates({node: values for node, values in scenario.nodes.items() if node in named}, str(path))
+    simulates({node: values for node, values in scenario.nodes.items() if node in own["nodes"]}, str(path))
     return scenario
+
+
+def load_plants(path: str | Path) -> ScenarioParameters:
+    """What a file says of the robots and their nodes, whichever it starts: it need not be a scenario file.
+    Raises ConfigurationError as `check_scenario`."""
+    path = Path(path)
+    return check_scenario(load_parameter_file(path), path.parent, str(path))
 
 
 def check_scenario(
@@ -113,6 +133,13 @@ def check_scenario(
     recorder = RECORDER.check(told, source)
     topics = tuple(recorder["topics"]) if "topics" in told else ()
     return ScenarioParameters(nodes, duration, note, folder, source, topics, dict(models or {}))
+
+
+def _needed(control: Mapping[str, Any]) -> list[str]:
+    """The nodes without which these parameters of the controller make no teleoperation."""
+    needed = ["sfj_sim", "omni_sim", "force_controller"]
+    needed += ["signal_generator"] if control["command_source"] == "reference" else []
+    return needed + (["link"] if control["link"] else [])
 
 
 def _hint(name: str) -> str:

@@ -34,6 +34,8 @@ from .stamps import sample_times, series, stamps
 __all__ = ["ScenarioResult", "simulate_scenario"]
 
 Array = NDArray[np.float64]
+AT_LIMIT = "force law at the current limit"
+"""Name of the count of samples at which the force law was."""
 NODES = {"sfj": "sfj_sim", "omni": "omni_sim"}
 JOINTS = {"sfj": (SFJ_JOINTS, SFJ_MOTOR_JOINTS), "omni": (OMNI_JOINTS, OMNI_JOINTS)}
 
@@ -70,7 +72,7 @@ def simulate_scenario(
     topics["/reference"] = series(run.reference_times, run.joints, **{kind: run.published})
     topics.update(result.channels)
     codes = [code.name.lower() for code in StepResult if code.name]
-    names = [f"{robot} {name}" for robot in NODES for name in codes] + ["force law at the current limit"]
+    names = [f"{robot} {name}" for robot in NODES for name in codes] + [AT_LIMIT]
     counts = {name: int(n) for name, n in zip(names, result.counts, strict=True) if n}
     counts |= {f"fault {name}": n for name, n in result.faults.items()}
     energies = result.energies or _energies(topics)

@@ -26,7 +26,7 @@ from haptic_teleop_2dsfj.remote.link import UdpServer
 from haptic_teleop_2dsfj.remote.server import BoardServer
 from haptic_teleop_2dsfj.remote.server_settings import NODE, TABLE, ServerSettings, address_of
 from haptic_teleop_control.clocks import Clock, SteadyClock
-from haptic_teleop_control.command_line import run_command
+from haptic_teleop_control.command_line import ArgumentParser, run_command
 from haptic_teleop_control.device import DeviceError
 from haptic_teleop_control.errors import ConfigurationError
 from haptic_teleop_control.parameter_files import load_parameter_file, parameters_for
@@ -137,7 +137,7 @@ def _say(text: str) -> None:
 
 
 def _main(arguments: list[str]) -> int:
-    parser = argparse.ArgumentParser(
+    parser = ArgumentParser(
         prog=f"haptic-teleop {NODE}",
         description="Hand the 2DSFJ's board to a driver in another computer (there: board.type: remote). The "
         "current is zero whenever that driver is silent. Needs no ROS.",

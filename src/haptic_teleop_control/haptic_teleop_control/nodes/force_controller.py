@@ -23,6 +23,7 @@ from haptic_teleop_control.laws import find_law
 from haptic_teleop_control.node_tables import FORCE_CONTROLLER
 from haptic_teleop_control.nodes.base.haptic_node import HapticNode
 from haptic_teleop_control.nodes.base.run import run_node
+from haptic_teleop_control.nodes.signal_generator import PATTERN, RUNNING
 from haptic_teleop_control.nodes.streams.joint_states import (
     FIELDS,
     NON_FINITE,
@@ -114,7 +115,7 @@ class ForceController(HapticNode):
         "publishes  ~/state    std_msgs/String, latched: off | devices_ready | aligning | engaged | fault",
         "publishes  teleoperation/master, teleoperation/slave        with link: what goes into it",
         "subscribes link/teleoperation/master, link/teleoperation/slave   with link: what comes out of it",
-        "subscribes /diagnostics         whether a robot has a fault of its own",
+        "subscribes /diagnostics         whether a robot has a fault of its own, and whether a pattern runs",
         "publishes  /diagnostics         rates, faults, saturations, energies at the ports, link's delay",
         "service    ~/engage             std_srvs/Trigger: couple, when both sides are aligned; else align",
         "service    ~/disengage          std_srvs/Trigger: end the coupling, ramp out",
@@ -186,6 +187,7 @@ class ForceController(HapticNode):
         """Give the coupling the memory into which samples are received."""
         master, slave = coupling.roles
         coupling.robot_faults = self._coupling.robot_faults
+        coupling.pattern_runs = self._coupling.pattern_runs
         self._coupling = coupling
         self._master, self._slave = self._robots[master], self._robots[slave]
         coupling.master, coupling.slave = self._master.views, self._slave.views
@@ -338,6 +340,9 @@ class ForceController(HapticNode):
             if any(robot in status.name for robot in robots):
                 sentence = status.message if status.level == DiagnosticStatus.ERROR else None
                 self._coupling.on_robot_fault(self.time.now(), status.name, sentence)
+            pattern = next((told.value for told in status.values if told.key == PATTERN), None)
+            if pattern is not None and self._reference is not None and self._reference.shares_process(info):
+                self._coupling.pattern_runs = pattern == RUNNING
 
     def follows(self, source: _Robot | _Way, stamp: int, received: int) -> bool:
         """Whether a state is newer than the last; one that was overtaken on its way is dropped, and

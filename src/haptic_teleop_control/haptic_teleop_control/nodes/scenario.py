@@ -23,7 +23,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from haptic_teleop_control.command_line import run_command
+from haptic_teleop_control.command_line import ArgumentParser, run_command
 from haptic_teleop_control.errors import ConfigurationError
 from haptic_teleop_control.node_tables import SCENARIO, TIME_COORDINATOR
 from haptic_teleop_control.nodes.base.registry import node_class
@@ -38,6 +38,7 @@ from haptic_teleop_control.parameter_files import (
     load_parameter_file,
     parameters_for,
 )
+from haptic_teleop_control.scenario_section import scenario_section
 from haptic_teleop_control.simulated_time.runs import new_run
 from haptic_teleop_control.strict_yaml import parse_value
 from haptic_teleop_control.teleoperation.agreement import check_agreement, check_recorder, simulates
@@ -77,15 +78,8 @@ def load_scenario(path: str | Path, changes: dict[str, Any] | None = None) -> Sc
     if changes:
         SCENARIO.check({"nodes": ["sfj_sim"], **changes}, "command line")
     sections = load_parameter_file(path)
-    # What a wildcard says to the nodes is checked with them, below.
-    own = parameters_for(sections, SCENARIO.node_name, SCENARIO)
-    values = SCENARIO.check({**own, **(changes or {})}, str(path))
-    try:
-        tables = {name: node_class(name).TABLE for name in values["nodes"]}
-    except ConfigurationError as error:
-        raise ConfigurationError(f"{path}: scenario: nodes: {error}") from None
-    if len(tables) < len(values["nodes"]):
-        raise ConfigurationError(f"{path}: scenario: nodes names one twice; remove one.")
+    values = scenario_section(sections, str(path), changes)
+    tables = {name: node_class(name).TABLE for name in values["nodes"]}
     own_tables = {
         table.node_name: table for table in (SCENARIO, Recorder.TABLE, TIME_COORDINATOR)
     }
@@ -274,7 +268,7 @@ def _number(text: str) -> float:
 
 
 def _scenario(argv: Sequence[str]) -> int:
-    parser = argparse.ArgumentParser(
+    parser = ArgumentParser(
         prog="haptic-teleop scenario",
         description="Start the nodes of a scenario file, watch them and stop them.",
     )

@@ -22,6 +22,9 @@ PHASE = 0.875
 """At 500 Hz a quarter of a millisecond before the 2DSFJ's state, which is then answered with this reference,
 and after the Omni's (`DeadlineThread`)."""
 
+PATTERN, RUNNING = "pattern", "running"
+"""Key in the diagnostics that tells what the pattern does, and what it says from start to end."""
+
 
 class SignalGeneratorNode(HapticNode):
     """Publishes always: zero before the start, after the end and when stopped, so that silence means a
@@ -90,6 +93,7 @@ class SignalGeneratorNode(HapticNode):
 
     def _start(self, request: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
         self._begin()
+        self._announce()  # before the answer: the controller engages by what it knows
         end = self._generator.end
         until = f"ends after {end:g} s" if math.isfinite(end) else "goes on until it is stopped"
         response.success, response.message = True, f"started, {until}"
@@ -97,6 +101,7 @@ class SignalGeneratorNode(HapticNode):
 
     def _stop(self, request: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
         self._started = None
+        self._announce()
         response.success, response.message = True, "stopped, the reference is zero"
         return response
 
@@ -109,10 +114,14 @@ class SignalGeneratorNode(HapticNode):
         self._generator = self._make_generator(values)
 
     def state(self) -> str:
-        return "stopped" if self._started is None else "running"
+        if self._started is None:
+            return "stopped"
+        since = (self.time.now() - self._started) * 1e-9
+        return RUNNING if since < self._generator.end else "at its end"
 
     def measurements(self) -> dict[str, Any]:
-        return {} if self.time.simulated else {"periods skipped": self._thread.overruns}
+        skipped = {} if self.time.simulated else {"periods skipped": self._thread.overruns}
+        return {PATTERN: self.state(), **skipped}
 
     def shutdown_safely(self) -> None:
         self._thread.stop()

@@ -11,6 +11,7 @@ from typing import Any, BinaryIO, cast
 import yaml
 
 from haptic_teleop_control.errors import RecordingError
+from haptic_teleop_control.named_files import similar
 from haptic_teleop_control.recording.expansion import Budget, expand_file
 from haptic_teleop_control.recording.mcap_records import MAGIC
 
@@ -48,8 +49,10 @@ def find_files(path: Path) -> BagFiles:
             return BagFiles(path, [path], _storage_of(path))
     except PermissionError:
         raise RecordingError(f"{path}: it may not be read: ask for permission to read it") from None
+    near = similar(path)
     raise RecordingError(
-        f"{path}: there is no such file or directory: name a recording (a rosbag2 directory)"
+        f"{path}: there is no such file or directory: "
+        + (f"did you mean {near}?" if near else "name a recording (a rosbag2 directory)")
     )
 
 

@@ -7,7 +7,7 @@ import sys
 from collections.abc import Sequence
 from pathlib import Path
 
-from haptic_teleop_control.command_line import run_command
+from haptic_teleop_control.command_line import ArgumentParser, run_command
 from haptic_teleop_control.errors import ConfigurationError
 from haptic_teleop_control.recording.bag_files import open_storage
 from haptic_teleop_control.recording.bag_folder import Bag, describe, open_bag
@@ -67,7 +67,7 @@ def main(argv: Sequence[str] | None = None) -> int:
 
 
 def _main(argv: list[str]) -> int:
-    parser = argparse.ArgumentParser(
+    parser = ArgumentParser(
         prog="haptic-teleop recover",
         description="Copy what is intact in a recording whose writer was killed or whose file is damaged.",
         epilog=STATUSES,

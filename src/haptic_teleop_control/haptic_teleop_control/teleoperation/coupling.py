@@ -36,6 +36,8 @@ Array = NDArray[np.float64]
 JOINTS = {"omni": len(OMNI_JOINTS), "sfj": len(SFJ_JOINTS)}
 MOTORS = {"omni": len(OMNI_JOINTS), "sfj": len(SFJ_MOTOR_JOINTS)}
 
+PATTERN_RUNS = "a pattern runs, and the robot would move at once: stop it first: haptic-teleop operate stop"
+
 
 class Coupling:
     """values: parameters of the force controller. law: for the 2DSFJ as slave (ignored where it is master).
@@ -44,7 +46,8 @@ class Coupling:
     reference (2,), master, slave: (position, velocity, effort) of the latest samples; to be filled in place
     before `on_...` is called, or replaced by views once. heard: (4, 2), what came over the link: desired
     torque and master velocity at the slave; environment torque and slave velocity at the master.
-    robot_faults: node -> the sentence of its own fault, of the robots that have one now.
+    robot_faults: node -> the sentence of its own fault, of the robots that have one now. pattern_runs: the
+    artificial command is within its pattern.
     """
 
     def __init__(
@@ -79,6 +82,7 @@ class Coupling:
         self.slave = tuple(np.zeros(JOINTS[self.roles[1]]) for _ in range(3))
         self.heard: Array = np.zeros((4, 2))
         self.robot_faults: dict[str, str] = {}
+        self.pattern_runs = False
         self.desired: Array = np.zeros(2)
         self._zero_master, self._zero_slave = np.zeros(MOTORS[self.roles[0]]), np.zeros(MOTORS[self.roles[1]])
         self._last_master, self._last_slave = self._zero_master.copy(), self._zero_slave.copy()
@@ -192,6 +196,8 @@ class Coupling:
         if self.machine.state is State.FAULT:
             return "a fault is latched: reset it first"
         obstacle = self.obstacle(now)
+        if obstacle == PATTERN_RUNS:
+            return obstacle
         missing = self.streams.missing(now) is not None
         if self.machine.engage(not missing, obstacle is None):
             return None
@@ -264,6 +270,8 @@ class Coupling:
             reset = "haptic-teleop operate reset --controller"
             resets = " and ".join(f"`{reset} {node}`" for node in self.robot_faults)
             return f"{told}; see to that, then {resets}"
+        if self.from_reference and self.pattern_runs and not self.machine.by_itself:
+            return PATTERN_RUNS
         where = self._offset()
         worst = int(np.argmax(np.abs(where)))
         if not abs(where[worst]) <= self._align_angle:

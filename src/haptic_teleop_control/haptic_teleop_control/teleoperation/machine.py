@@ -8,8 +8,9 @@
 
 Every cycle says whether both sides are there and whether they are aligned, and a state that they no longer
 allow is left at once. Engaging needs alignment and, unless `auto_engage`, an act of the operator at a moment
-when they are aligned: an act is never kept for later. A fault is left only by `reset`, and then through
-aligning.
+when they are aligned: an act is never kept for later. While the artificial command runs its pattern the act
+is refused (`Coupling.engage`): the robot would move at once. A fault is left only by `reset`, and then
+through aligning.
 """
 
 from __future__ import annotations
@@ -62,7 +63,7 @@ class TeleoperationMachine:
             return self.state
         if state is State.OFF:
             self._enter(State.DEVICES_READY)
-        auto = self.auto_engage and not self._suspended
+        auto = self.by_itself
         if self.state is State.DEVICES_READY and (auto or self._aligning_wanted):
             self._enter(State.ALIGNING)
         if self.state is State.ALIGNING and auto and aligned:
@@ -108,6 +109,11 @@ class TeleoperationMachine:
         self._suspended = False
         self._enter(State.OFF)
         return True
+
+    @property
+    def by_itself(self) -> bool:
+        """Whether it engages without an act of the operator, as soon as both sides are aligned."""
+        return self.auto_engage and not self._suspended
 
     @property
     def may_change_roles(self) -> bool:

@@ -161,7 +161,7 @@ GAIN_DRIFT = EffectEntry(
     follows="",
     practical=drifts,
 )
-#: Share of the rms torque below which a limit leaves nothing of the input: what drives the joint has none such.
+#: Share of the rms torque below which a limit leaves nothing of the input, which then would drive nothing.
 LEAST_LEFT = 0.2
 
 TORQUE_SATURATION = EffectEntry(

@@ -19,6 +19,8 @@ from importlib.util import find_spec
 from pathlib import Path
 from types import ModuleType
 
+from haptic_teleop_control.compiled import is_told
+
 from .cache_folder import cache_directory
 
 _PACKAGE = Path(__file__).resolve().parent.parent
@@ -110,8 +112,9 @@ def stepping() -> ModuleType:
 
 def _module(name: str, source: Callable[[], str], what: str) -> ModuleType:
     path = cache_directory() / f"{name}.py"
-    if not path.exists():
+    if not path.exists() and not is_told():
         print(f"haptic-teleop: compiling {what} ...", file=sys.stderr, flush=True)
+    if not path.exists():
         _write_atomically(path, source())
     spec = importlib.util.spec_from_file_location(name, path)
     assert spec is not None and spec.loader is not None

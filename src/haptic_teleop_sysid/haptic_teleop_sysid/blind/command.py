@@ -13,7 +13,7 @@ from typing import Any
 
 from rich.console import Console
 
-from haptic_teleop_control.command_line import run_command
+from haptic_teleop_control.command_line import ArgumentParser, run_command
 from haptic_teleop_control.errors import ConfigurationError
 from haptic_teleop_sysid.blind.archive import PLAN, pack, unpack
 from haptic_teleop_sysid.blind.cases import KINDS, LEVELS
@@ -32,7 +32,7 @@ from haptic_teleop_sysid.spread import ONE_THREAD, spread
 
 def parser() -> argparse.ArgumentParser:
     """Return the command's arguments."""
-    found = argparse.ArgumentParser(prog="haptic-teleop blind", description=__doc__)
+    found = ArgumentParser(prog="haptic-teleop blind", description=__doc__)
     found.add_argument("--seed", type=int, required=True, help="what all draws come from")
     found.add_argument(
         "--cases",
@@ -103,7 +103,8 @@ def _body(argv: list[str]) -> int:
             f"{output} was not generated with this --seed, --cases and --levels: give the same."
         )
     digest = sealed_digest(output)
-    say.print(f"labels sealed, SHA-256 {digest}")
+    made = "the labels' seal" if arguments.only == "score" else "labels sealed"
+    say.print(f"{made}, SHA-256 {digest}", soft_wrap=True)
     if arguments.only == "generate":
         return 0
     if arguments.only is None:

@@ -12,7 +12,7 @@ WORDS = {
     "first_name": "first name right, where isolable",
     "in_set": "truth in the stated set, of those named",
     "set_size": "mean size of the stated set",
-    "cannot_tell": "'cannot tell' said of planted ties",
+    "cannot_tell": "planted ties called `ambiguous`",
     "wrongly_ambiguous": "'cannot tell' said of isolable effects",
     "outside_unknown": "effects outside the table called unknown",
     "pair_both": "both effects of a pair named",

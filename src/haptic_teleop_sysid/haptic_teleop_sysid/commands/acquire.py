@@ -19,7 +19,7 @@ import numpy as np
 from rich.console import Console
 
 from haptic_teleop_control.acquisition import ABORTED, TABLE, Acquisition
-from haptic_teleop_control.command_line import run_command
+from haptic_teleop_control.command_line import ArgumentParser, run_command
 from haptic_teleop_control.errors import ConfigurationError
 from haptic_teleop_control.node_tables import NODE_PARAMETERS, SCENARIO, without_node_parameters
 from haptic_teleop_control.parameter_files import load_parameter_file, parameters_for
@@ -103,7 +103,7 @@ def run(argv: list[str]) -> int:
     experiment, sections = experiment_from(path, arguments.allow)
     screen = Console(stderr=True)
     for warning in experiment.warnings:
-        screen.print(f"warning: {warning}", markup=False, highlight=False)
+        screen.print(f"warning: {warning}", markup=False, highlight=False, soft_wrap=True)
     stated = parameters_for(sections, "scenario", SCENARIO)
     scenario = SCENARIO.check({"nodes": ["acquisition"], **stated}, str(path))
     output = Path(arguments.output)
@@ -148,7 +148,7 @@ def main(argv: list[str] | None = None) -> int:
 
 
 def _parser() -> argparse.ArgumentParser:
-    parser = argparse.ArgumentParser(
+    parser = ArgumentParser(
         prog="haptic-teleop acquire", description="Run an identification experiment, into a bag."
     )
     parser.add_argument(

@@ -12,12 +12,12 @@ from typing import Any
 
 from rich.console import Console
 
-from haptic_teleop_control.command_line import run_command
+from haptic_teleop_control.command_line import ArgumentParser, run_command
 from haptic_teleop_control.errors import ConfigurationError
 from haptic_teleop_sim.model import load_model
 from haptic_teleop_sysid.commands.treatment_options import add_mapping_option
 from haptic_teleop_sysid.logs.opened import open_recording
-from haptic_teleop_sysid.logs.story import tell
+from haptic_teleop_sysid.logs.story import reported, tell
 from haptic_teleop_sysid.recordings.preparation import refuse_huge
 from haptic_teleop_sysid.report import claimed, save_png
 from haptic_teleop_sysid.report.terminal_conclusion import print_conclusion
@@ -95,8 +95,10 @@ def run(argv: list[str]) -> int:
     with claimed(arguments.output, "compare.json", arguments.overwrite) as output:
         with progress.status("reading recordings"):
             recordings = {bag: open_recording(bag, arguments.mapping) for bag in arguments.bag}
-        tell(progress, {bag: recording.experiment for bag, recording in recordings.items()})
-        with progress.status("simulating"):
+        read = {bag: recording.experiment for bag, recording in recordings.items()}
+        tell(progress, read, arguments.verbose)
+        odd = {bag: recording.problems for bag, recording in recordings.items()}
+        with progress.status("simulating"), reported(odd):
             span = None if arguments.range is None else (arguments.range[0], arguments.range[1])
             result = compare(
                 models, recordings, arguments.window, span, arguments.fit_parameters, arguments.allow_gaps
@@ -136,7 +138,7 @@ def main(argv: list[str] | None = None) -> int:
 
 
 def _parser() -> argparse.ArgumentParser:
-    parser = argparse.ArgumentParser(prog="haptic-teleop compare", description=__doc__)
+    parser = ArgumentParser(prog="haptic-teleop compare", description=__doc__)
     parser.add_argument(
         "--model", nargs="+", required=True, metavar="MODEL.yaml", help="model files, the baseline first"
     )

@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 from rich.console import Console
 
-from haptic_teleop_control.command_line import run_command
+from haptic_teleop_control.command_line import ArgumentParser, run_command
 from haptic_teleop_control.recording import JointStateSeries, Recording, bag_problems
 from haptic_teleop_sim.model import Model, load_model
 from haptic_teleop_sysid.commands.treatment_options import (
@@ -28,7 +28,7 @@ from haptic_teleop_sysid.commands.treatment_options import (
 from haptic_teleop_sysid.estimation.excitation import NOT_FITTED, Excitation, excitation, refuse_idle
 from haptic_teleop_sysid.estimation.records import records_from
 from haptic_teleop_sysid.logs.opened import open_recording
-from haptic_teleop_sysid.logs.story import tell
+from haptic_teleop_sysid.logs.story import reported, tell
 from haptic_teleop_sysid.recordings.dataset import DataSet, load_dataset
 from haptic_teleop_sysid.recordings.parameter_units import Units
 from haptic_teleop_sysid.recordings.preparation import prepare, refuse_huge
@@ -89,10 +89,11 @@ def look(name: str, model: Model | None, arguments: argparse.Namespace) -> Look:
     if model is None:
         return Look(recording, quality)
     # Holes are reported here, not refused: that is what this command is for.
-    dataset = load_dataset(recording, model, name, allow_gaps=True)
-    refuse_idle(dataset)
-    dataset, told = prepare(dataset, recording, model, treatment_of(arguments))
-    return Look(recording, quality, dataset, tuple(told), _judged(model, dataset))
+    with reported({name: recording.problems}):
+        dataset = load_dataset(recording, model, name, allow_gaps=True)
+        refuse_idle(dataset)
+        dataset, told = prepare(dataset, recording, model, treatment_of(arguments))
+        return Look(recording, quality, dataset, tuple(told), _judged(model, dataset))
 
 
 def _judged(model: Model, dataset: DataSet) -> Excitation:
@@ -339,7 +340,7 @@ def run(argv: list[str]) -> int:
     console, screen = Console(), Console(stderr=True)
     with screen.status("reading recordings"):
         looks = {name: look(name, model, arguments) for name in dict.fromkeys(arguments.bag)}
-    tell(screen, {name: one.recording.experiment for name, one in looks.items()})
+    tell(screen, {name: one.recording.experiment for name, one in looks.items()}, arguments.verbose)
     output = claim_output_directory(arguments.output, "dataset.json", arguments.overwrite)
     with screen.status("writing the report"):
         for number, one in enumerate(looks.values(), start=1):
@@ -362,7 +363,7 @@ def main(argv: Sequence[str] | None = None) -> int:
 
 
 def _parser() -> argparse.ArgumentParser:
-    parser = argparse.ArgumentParser(
+    parser = ArgumentParser(
         prog="haptic-teleop dataset", description="Look at recordings before anything is estimated."
     )
     parser.add_argument("--bag", nargs="+", required=True, metavar="BAG", help="recordings")

@@ -8,7 +8,7 @@ import subprocess
 import sys
 from pathlib import Path
 
-from haptic_teleop_control.command_line import INTERRUPTED, run_command
+from haptic_teleop_control.command_line import INTERRUPTED, ArgumentParser, run_command
 from haptic_teleop_control.errors import HapticTeleopError
 from haptic_teleop_control.parent_death import ends_with_parent
 from haptic_teleop_sysid.commands.verify import print_summary, verify
@@ -109,7 +109,7 @@ def main(argv: list[str] | None = None) -> int:
 
 
 def _parser() -> argparse.ArgumentParser:
-    parser = argparse.ArgumentParser(prog="haptic-teleop demo", description=__doc__)
+    parser = ArgumentParser(prog="haptic-teleop demo", description=__doc__)
     parser.add_argument(
         "--duration", type=_seconds, default=20.0, metavar="S", help="simulated seconds (default: 20)"
     )

@@ -12,7 +12,7 @@ from pathlib import Path
 
 from rich.console import Console
 
-from haptic_teleop_control.command_line import run_command
+from haptic_teleop_control.command_line import ArgumentParser, run_command
 from haptic_teleop_control.errors import ConfigurationError
 from haptic_teleop_sim.model import Model, load_model
 from haptic_teleop_sysid.commands.diagnose_many import run_many
@@ -60,11 +60,11 @@ def run_one(arguments: argparse.Namespace, model: Model, began: float) -> int:
         estimation, validation, test = ([load(bag, model, arguments.mapping) for bag in g] for g in groups)
         refuse_too_many([*estimation, *validation, *test])
         read = {d.name: d.experiment for d in (*estimation, *validation, *test)}
+        tell(screen, read, arguments.verbose)
         forecast.unit = pass_seconds(model, records_of(estimation))
         content, report = diagnose_into(
             model, (estimation, validation, test), output, options, began, progress.say
         )
-    tell(screen, read)
     for name, problems in content["recordings"].items():
         for problem in problems:
             screen.print(f"note: {name}: {problem}", markup=False, highlight=False, soft_wrap=True)
@@ -107,7 +107,7 @@ def main(argv: list[str] | None = None) -> int:
 
 
 def _parser() -> argparse.ArgumentParser:
-    parser = argparse.ArgumentParser(
+    parser = ArgumentParser(
         prog="haptic-teleop diagnose",
         description=__doc__,
         epilog="Exit status: 0 a verdict was reached (of several: at least one, the others are listed), 2 "

@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 from rich.console import Console
 
-from haptic_teleop_control.command_line import run_command
+from haptic_teleop_control.command_line import ArgumentParser, run_command
 from haptic_teleop_control.errors import ConfigurationError
 from haptic_teleop_control.recording import read_recording
 from haptic_teleop_control.robots import JOINT_ENCODER_GEARING, STAGES
@@ -109,7 +109,7 @@ def main(argv: Sequence[str] | None = None) -> int:
 
 
 def _parser() -> argparse.ArgumentParser:
-    parser = argparse.ArgumentParser(
+    parser = ArgumentParser(
         prog="haptic-teleop encoders", description="Drive against joint encoder of an unloaded joint."
     )
     source = parser.add_mutually_exclusive_group(required=True)

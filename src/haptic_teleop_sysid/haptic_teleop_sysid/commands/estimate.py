@@ -12,7 +12,7 @@ from pathlib import Path
 
 from rich.console import Console
 
-from haptic_teleop_control.command_line import run_command
+from haptic_teleop_control.command_line import ArgumentParser, run_command
 from haptic_teleop_control.counted import counted
 from haptic_teleop_control.errors import ConfigurationError
 from haptic_teleop_sim.model import Model, load_model
@@ -22,7 +22,7 @@ from haptic_teleop_sysid.commands.treatment_options import (
     treatment_of,
 )
 from haptic_teleop_sysid.estimation.strategies import METHODS, check_start
-from haptic_teleop_sysid.logs.story import tell
+from haptic_teleop_sysid.logs.story import reported, tell
 from haptic_teleop_sysid.many.each import claim, each
 from haptic_teleop_sysid.many.estimates import (
     doubted_sentence,
@@ -74,8 +74,9 @@ def run(argv: list[str]) -> int:
     with claimed(arguments.output, "estimate.json", arguments.overwrite) as output:
         with screen.status("reading recordings"):
             data, told = load([*bags, *validation], model, choices)
-        tell(screen, {bag: dataset.experiment for bag, dataset in data.items()})
-        with share_progress(screen, "estimate") as progress:
+        tell(screen, {bag: dataset.experiment for bag, dataset in data.items()}, arguments.verbose)
+        odd = {bag: dataset.problems for bag, dataset in data.items()}
+        with share_progress(screen, "estimate") as progress, reported(odd):
             result = run_estimate(model, data, told, validation, choices, progress)
         commands = _next(argv, arguments)
         with screen.status("writing the report"):
@@ -157,7 +158,7 @@ def main(argv: list[str] | None = None) -> int:
 
 
 def _parser() -> argparse.ArgumentParser:
-    parser = argparse.ArgumentParser(
+    parser = ArgumentParser(
         prog="haptic-teleop estimate",
         description=__doc__,
         epilog="Exit status: 0 an estimate was made (of --bags: at least one, the others are listed), 2 bad "

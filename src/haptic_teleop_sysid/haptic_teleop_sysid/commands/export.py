@@ -9,7 +9,7 @@ from typing import Any
 
 from rich.console import Console
 
-from haptic_teleop_control.command_line import positive, run_command
+from haptic_teleop_control.command_line import ArgumentParser, positive, run_command
 from haptic_teleop_control.errors import ConfigurationError
 from haptic_teleop_sim.export import Exported, mjcf_export, python_export, urdf_export
 from haptic_teleop_sim.model import Model, load_model
@@ -43,7 +43,7 @@ def run(argv: list[str]) -> int:
             reference = multisine(model, arguments.rms, arguments.seconds)
         else:
             reference = recorded(model, arguments.bag, arguments.allow_gaps, arguments.mapping)
-            tell(progress, {arguments.bag: reference.dataset.experiment})
+            tell(progress, {arguments.bag: reference.dataset.experiment}, arguments.verbose)
         content: dict[str, Any] = {
             "schema": 1,
             "model": arguments.model,
@@ -150,7 +150,7 @@ def _timestep(text: str) -> float:
 
 
 def _parser() -> argparse.ArgumentParser:
-    parser = argparse.ArgumentParser(prog="haptic-teleop export", description=__doc__)
+    parser = ArgumentParser(prog="haptic-teleop export", description=__doc__)
     parser.add_argument("--model", required=True, metavar="MODEL.yaml", help="the model to export")
     parser.add_argument("--to", required=True, choices=TARGETS, help="what it is exported for")
     parser.add_argument(

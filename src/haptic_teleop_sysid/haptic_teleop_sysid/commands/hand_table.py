@@ -11,6 +11,7 @@ import yaml
 from numpy.typing import NDArray
 
 from haptic_teleop_control.errors import ConfigurationError
+from haptic_teleop_control.named_files import why_unreadable
 from haptic_teleop_control.strict_yaml import parse_yaml, yaml_problem
 
 Array = NDArray[np.float64]
@@ -25,14 +26,18 @@ def read_table(path: str | Path, columns: tuple[str, ...], fewest: int = 2) -> d
     try:
         text = Path(path).read_text(encoding="utf-8")
     except (OSError, UnicodeDecodeError) as error:
-        raise ConfigurationError(f"{path} cannot be read ({error}): give a CSV or YAML file.") from None
+        raise ConfigurationError(f"{path} cannot be read: {why_unreadable(path, error)}") from None
     rows = _yaml_rows(path, text) if Path(path).suffix in (".yaml", ".yml") else _csv_rows(text)
     needed = ", ".join(columns)
     found: dict[str, list[float]] = {name: [] for name in columns}
     for number, row in enumerate(rows, start=1):
         for name in columns:
             if name not in row:
-                raise ConfigurationError(f"{path}: row {number} has no column {name!r}: it needs {needed}.")
+                there = ", ".join(repr(n) for n in row) or "none"
+                raise ConfigurationError(
+                    f"{path}: row {number} has no column {name!r}: it needs {needed}, and has {there}; "
+                    "rename the columns."
+                )
             try:
                 value = float(row[name])  # pyright: ignore[reportArgumentType]
             except (TypeError, ValueError):

@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 from rich.console import Console
 
-from haptic_teleop_control.command_line import run_command
+from haptic_teleop_control.command_line import ArgumentParser, run_command
 from haptic_teleop_control.counted import counted
 from haptic_teleop_control.errors import ConfigurationError, HapticTeleopError, RecordingError
 from haptic_teleop_control.recording import Recording, write_recording
@@ -26,7 +26,7 @@ from haptic_teleop_sysid.logs.opened import imported
 from haptic_teleop_sysid.logs.proposal_text import mapping_text
 from haptic_teleop_sysid.logs.prose import is_prose
 from haptic_teleop_sysid.logs.reading import SUFFIXES, ReadOptions, read_log
-from haptic_teleop_sysid.logs.second_look import mend, tried
+from haptic_teleop_sysid.logs.second_look import mend, reverse_braking, tried
 from haptic_teleop_sysid.logs.suggest import propose
 from haptic_teleop_sysid.report import unit_text
 
@@ -119,7 +119,8 @@ def _suggest(files: list[Path], options: ReadOptions, mapping: Mapping | None) -
     proposal = propose(log)
     refused, odd = tried(log, proposal)
     mended = bool(refused) and mend(log, proposal)
-    again, odd = tried(log, proposal) if mended else (refused, odd)
+    turned = reverse_braking(log, proposal)
+    again, odd = tried(log, proposal) if mended or turned else (refused, odd)
     notes = (*log.remarks, *proposal.notes, *odd)
     print(mapping_text(log, proposal, again, notes), end="")
     screen = Console(stderr=True)
@@ -138,7 +139,11 @@ def _suggest(files: list[Path], options: ReadOptions, mapping: Mapping | None) -
         verdict = (
             f"look through what is not stated: by the headers alone it is refused ({refused.rstrip('.')})"
         )
+    elif turned:
+        verdict = "look through what is not stated: by the headers alone the input brakes the joint"
     _say(screen, f"{told or 'nothing was found'}: {verdict}")
+    if proposal.lacking:
+        raise ConfigurationError(f"{files[0]}: {proposal.lacking[0]}.")
     return 0
 
 
@@ -217,7 +222,7 @@ def main(argv: list[str] | None = None) -> int:
 
 
 def _parser() -> argparse.ArgumentParser:
-    parser = argparse.ArgumentParser(
+    parser = ArgumentParser(
         prog="haptic-teleop import",
         description=__doc__,
         formatter_class=argparse.RawDescriptionHelpFormatter,

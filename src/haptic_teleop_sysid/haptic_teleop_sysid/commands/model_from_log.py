@@ -10,7 +10,7 @@ from pathlib import Path
 
 from rich.console import Console
 
-from haptic_teleop_control.command_line import run_command
+from haptic_teleop_control.command_line import ArgumentParser, run_command
 from haptic_teleop_control.errors import ConfigurationError, HapticTeleopError, RecordingError
 from haptic_teleop_control.recording import Recording
 from haptic_teleop_sim.model import STRUCTURES
@@ -35,7 +35,7 @@ def run(argv: list[str]) -> int:
     console, screen = Console(), Console(stderr=True)
     with screen.status("reading"):
         recordings = {name: open_recording(name, arguments.mapping) for name in dict.fromkeys(arguments.logs)}
-    tell(screen, {name: recording.experiment for name, recording in recordings.items()})
+    tell(screen, {name: recording.experiment for name, recording in recordings.items()}, arguments.verbose)
     for name, recording in recordings.items():
         for odd in recording.experiment.get("import", {}).get("odd", ()):
             _say(screen, f"note: {name}: {odd}")
@@ -135,7 +135,7 @@ def _say(console: Console, text: str) -> None:
 
 
 def _parser() -> argparse.ArgumentParser:
-    parser = argparse.ArgumentParser(prog="haptic-teleop model", description=__doc__)
+    parser = ArgumentParser(prog="haptic-teleop model", description=__doc__)
     add = parser.add_argument
     add(
         "--from",

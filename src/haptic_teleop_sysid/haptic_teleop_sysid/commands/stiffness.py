@@ -15,7 +15,7 @@ from numpy.typing import ArrayLike
 from rich.console import Console
 from scipy.special import stdtrit
 
-from haptic_teleop_control.command_line import run_command
+from haptic_teleop_control.command_line import ArgumentParser, run_command
 from haptic_teleop_control.errors import ConfigurationError
 from haptic_teleop_control.robots import SFJ_STAGES, STAGES
 from haptic_teleop_sysid.commands.hand_table import read_table
@@ -102,7 +102,7 @@ def main(argv: Sequence[str] | None = None) -> int:
 
 
 def _parser() -> argparse.ArgumentParser:
-    parser = argparse.ArgumentParser(
+    parser = ArgumentParser(
         prog="haptic-teleop stiffness", description="Joint stiffness from a table of torque and deflection."
     )
     parser.add_argument(

@@ -33,12 +33,15 @@ def add_treatment_options(parser: argparse.ArgumentParser) -> None:
 
 
 def add_mapping_option(parser: argparse.ArgumentParser) -> None:
-    """Add --mapping, for commands that take logs beside recordings."""
+    """Add --mapping and --verbose, for commands that take logs beside recordings."""
     parser.add_argument(
         "--mapping",
         metavar="MAPPING.yaml",
         help="how to read logs (CSV, MATLAB, npz, Parquet, bags) that are no recordings of joint states: see "
         "`import --help`; not needed where headers say all",
+    )
+    parser.add_argument(
+        "-v", "--verbose", action="store_true", help="say column by column how logs were read"
     )
 
 

@@ -12,7 +12,7 @@ from pathlib import Path
 
 from rich.console import Console
 
-from haptic_teleop_control.command_line import run_command
+from haptic_teleop_control.command_line import ArgumentParser, run_command
 from haptic_teleop_sim.model import Model, load_model
 from haptic_teleop_sysid.commands.diagnose import run as diagnose
 from haptic_teleop_sysid.commands.treatment_options import (
@@ -118,7 +118,7 @@ def main(argv: list[str] | None = None) -> int:
 
 
 def _parser() -> argparse.ArgumentParser:
-    parser = argparse.ArgumentParser(
+    parser = ArgumentParser(
         prog="haptic-teleop trend",
         description=__doc__,
         epilog="Exit status: 0 a trend was made (single recordings that cannot be used are listed), 2 bad "

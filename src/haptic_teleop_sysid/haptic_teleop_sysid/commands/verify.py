@@ -12,7 +12,7 @@ from typing import Any
 
 from rich.console import Console
 
-from haptic_teleop_control.command_line import positive, run_command
+from haptic_teleop_control.command_line import ArgumentParser, positive, run_command
 from haptic_teleop_control.errors import ConfigurationError, MismatchError
 from haptic_teleop_control.recording import read_recording
 from haptic_teleop_control.robots import STAGES
@@ -200,7 +200,7 @@ def main(argv: list[str] | None = None) -> int:
 
 
 def _parser() -> argparse.ArgumentParser:
-    parser = argparse.ArgumentParser(
+    parser = ArgumentParser(
         prog="haptic-teleop verify",
         description=__doc__,
         epilog=STATUSES,

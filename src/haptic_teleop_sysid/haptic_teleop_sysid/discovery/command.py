@@ -15,7 +15,7 @@ from typing import Any
 from rich.console import Console
 from rich.text import Text
 
-from haptic_teleop_control.command_line import run_command
+from haptic_teleop_control.command_line import ArgumentParser, run_command
 from haptic_teleop_control.errors import ConfigurationError
 from haptic_teleop_sim.mujoco_robot import mujoco_installed, mujoco_module
 from haptic_teleop_sysid.discovery.chain import discover
@@ -92,7 +92,7 @@ def main(argv: list[str] | None = None) -> int:
 
 
 def _parser() -> argparse.ArgumentParser:
-    parser = argparse.ArgumentParser(prog="haptic-teleop discover", description=__doc__)
+    parser = ArgumentParser(prog="haptic-teleop discover", description=__doc__)
     parser.add_argument(
         "--seed", type=_seed, required=True, metavar="N", help="seed of the robot and of its hidden physics"
     )

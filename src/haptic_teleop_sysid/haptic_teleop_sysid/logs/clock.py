@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from datetime import UTC, datetime
-
 import numpy as np
 from numpy.typing import NDArray
 
@@ -37,7 +35,7 @@ def stamps_of(
     """
     rows = np.arange(len(column.values))
     if mapping.rate is not None:
-        told.append(f"no time is read: the rows are {mapping.rate:g} Hz apart, as the mapping says")
+        told.append(f"no time is read: the rows were taken at {mapping.rate:g} Hz, as the mapping says")
         return ORIGIN * 10**9 + np.rint(1e9 * rows / mapping.rate).astype(np.int64), rows, "rate"
     if mapping.time is None:
         if column.group in log.stamps:
@@ -78,15 +76,9 @@ def stamps_of(
                 "s, which is neither a time since the start nor since 1970: give another unit (ms, us, ns)."
             )
         origin = float(ORIGIN)
-        told.append(f"the log has no date: its time zero is taken as {_date(origin)}")
     stamps = np.rint(1e9 * seconds).astype(np.int64) + int(origin) * 10**9
     _judge(stamps, log, told)
     return stamps, rows, f"column {clock.name!r}"
-
-
-def _date(seconds: float) -> str:
-    """A time since 1970, s, as a date."""
-    return datetime.fromtimestamp(seconds, UTC).strftime("%Y-%m-%d %H:%M UTC")
 
 
 def _since(stamps: NDArray[np.int64], row: int) -> float:

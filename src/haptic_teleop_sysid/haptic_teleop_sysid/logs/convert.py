@@ -39,6 +39,7 @@ def convert(log: Log, mapping: Mapping) -> Recording:
     ``experiment`` holds the whole story under "import": file, digest, mapping, units, changes, oddities.
     Raises what `signals_of` and `stamps_of` raise, and MismatchError where signals contradict their units.
     """
+    columns: list[str] = []
     changes: list[str] = []
     odd: list[str] = []
     units: dict[str, dict[str, str]] = {}
@@ -47,10 +48,10 @@ def convert(log: Log, mapping: Mapping) -> Recording:
     taken: dict[int, str] = {}
     for joint, entries in mapping.joints.items():
         signals = signals_of(log, joint, entries, mapping.source)
-        changes += [s.told for s in signals.values()]
+        columns += [s.told for s in signals.values()]
         odd += [s.column.told for s in signals.values() if s.column.told]
         odd += _shared(signals, taken)
-        _one_joint(log, mapping, joint, signals, by_rows, changes, odd, io)
+        _one_joint(log, mapping, joint, signals, by_rows, columns, changes, odd, io)
         linear = next(s for n, s in signals.items() if n != "input").quantity in ("length", "velocity")
         units[joint] = {"position": "m" if linear else "rad", "velocity": "m/s" if linear else "rad/s"}
         if "input" in signals:
@@ -64,7 +65,9 @@ def convert(log: Log, mapping: Mapping) -> Recording:
         "units": units,
         "io": io,
         "read": list(log.remarks),
-        "changes": [*mapping.notes, *dict.fromkeys(changes)],
+        "by": Path(mapping.source).name,
+        "columns": columns,
+        "changes": [*mapping.notes, *dict.fromkeys((*columns, *changes))],
         "odd": list(dict.fromkeys(odd)),
     }
     experiment = {"kind": "imported", "note": f"imported from {log.path.name}", "import": story}
@@ -85,6 +88,7 @@ def _one_joint(
     joint: str,
     signals: dict[str, Signal],
     by_rows: dict[str, _Rows],
+    columns: list[str],
     changes: list[str],
     odd: list[str],
     io: dict[str, Any],
@@ -92,7 +96,7 @@ def _one_joint(
     base = signals.get("motor_position") or signals["motor_velocity"]
     told: list[str] = []
     stamps, rows, _ = stamps_of(log, mapping, base.column, told)
-    _sorted_told(told, changes, odd)
+    _sorted_told(told, columns, odd)
     time = (stamps - stamps[0]) * 1e-9
     values: dict[str, Array] = {}
     aligned: dict[str, Signal] = {}
@@ -165,10 +169,10 @@ def _shared(signals: dict[str, Signal], taken: dict[int, str]) -> list[str]:
     return told
 
 
-def _sorted_told(told: list[str], changes: list[str], odd: list[str]) -> None:
-    """What a clock tells: what was done, and what is odd."""
-    done = ("time: column", "no time is read", "the log has no date")
-    changes += [t for t in told if t.startswith(done)]
+def _sorted_told(told: list[str], columns: list[str], odd: list[str]) -> None:
+    """What a clock tells: what it was read from, and what is odd."""
+    done = ("time: column", "no time is read")
+    columns += [t for t in told if t.startswith(done)]
     odd += [t for t in told if not t.startswith(done)]
 
 

@@ -74,7 +74,7 @@ def guess_time(values: Array, stated: str) -> TimeGuess | None:
     rate = 1.0 / (step * _SCALES[unit])
     sure = "likely" if len(likely) == 1 else "guessed"
     return TimeGuess(
-        (values - good[0]) * _SCALES[unit], unit, sure, f"in {unit} its rows are {rate:.4g} Hz apart"
+        (values - good[0]) * _SCALES[unit], unit, sure, f"in {unit} it has {rate:.4g} rows a second"
     )
 
 

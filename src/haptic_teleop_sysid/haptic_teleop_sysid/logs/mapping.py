@@ -11,6 +11,7 @@ from typing import Any
 import yaml
 
 from haptic_teleop_control.errors import ConfigurationError
+from haptic_teleop_control.named_files import why_unreadable
 from haptic_teleop_control.strict_yaml import parse_yaml, yaml_problem
 from haptic_teleop_sysid.logs.dialect import Stated
 from haptic_teleop_sysid.logs.units import Unit, unit_of
@@ -102,7 +103,8 @@ def load_mapping(path: str | Path) -> Mapping:
     try:
         content = parse_yaml(Path(path).read_text(encoding="utf-8"))
     except (OSError, UnicodeDecodeError) as error:
-        raise ConfigurationError(f"{source} cannot be read ({error}): name a mapping file.") from error
+        why = why_unreadable(path, error)
+        raise ConfigurationError(f"{source}: the mapping cannot be read: {why}") from error
     except yaml.YAMLError as error:
         raise ConfigurationError(f"{source}: {yaml_problem(error)}") from error
     return mapping_from(content, source)

@@ -12,6 +12,7 @@ from haptic_teleop_sysid.logs.convert import convert
 from haptic_teleop_sysid.logs.log import named
 from haptic_teleop_sysid.logs.mapping import Mapping, load_mapping
 from haptic_teleop_sysid.logs.reading import ReadOptions, is_foreign, kind_of, read_log
+from haptic_teleop_sysid.logs.story import UNUSED
 from haptic_teleop_sysid.logs.suggest import propose
 
 HELP = "how to read logs that are no recordings (see `import --help`); not needed where headers say all"
@@ -48,6 +49,8 @@ def imported(path: Path, mapping: Mapping | None, options: ReadOptions | None = 
         return convert(read_log(path, replace(options, stated=mapping.stated)), mapping)
     log = read_log(path, options)
     proposal = propose(log, by_values=False)
+    if proposal.lacking:
+        raise ConfigurationError(f"{path}: {proposal.lacking[0]}.")
     if proposal.open or not proposal.usable:
         first = "; ".join(proposal.open[:2]) + (
             f"; and {len(proposal.open) - 2} more" if len(proposal.open) > 2 else ""
@@ -65,7 +68,7 @@ def imported(path: Path, mapping: Mapping | None, options: ReadOptions | None = 
         found = replace(found, notes=tuple(proposal.notes))
     if proposal.unused:
         unused = tuple(c for c in log.columns if c.name in proposal.unused)
-        found = replace(found, notes=(*found.notes, f"columns that were not needed: {named(unused)}"))
+        found = replace(found, notes=(*found.notes, f"{UNUSED}: {named(unused)}"))
     return convert(log, found)
 
 

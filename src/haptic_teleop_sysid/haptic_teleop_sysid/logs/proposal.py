@@ -6,6 +6,8 @@ from dataclasses import dataclass, field
 
 from haptic_teleop_sysid.logs.mapping import Entry, Mapping
 
+FILL = "FILL IN"
+"""What a mapping says where the user has to."""
 STATED, LIKELY, GUESSED, MISSING = "stated", "likely", "guessed", "missing"
 """How sure a proposal is of an entry: the header says it, good evidence, little evidence, to be filled in."""
 
@@ -40,7 +42,8 @@ class Doubt:
 class Proposal:
     """A mapping that was found: ``time`` (None where the log's own stamps count), ``joints``: name -> signal
     -> Choice; ``open``: what headers leave open, in sentences, ``doubts`` those of them that no entry tells
-    of; ``unused``: columns that no entry names; ``notes``: what was settled without being open."""
+    of; ``unused``: columns that no entry names; ``notes``: what was settled without being open; ``lacking``:
+    what the log itself does not hold, which no mapping can add, in sentences with a remedy."""
 
     time: Choice | None
     joints: dict[str, dict[str, Choice]]
@@ -48,6 +51,7 @@ class Proposal:
     unused: list[str]
     doubts: list[Doubt]
     notes: list[str]
+    lacking: list[str] = field(default_factory=list)
 
     @property
     def usable(self) -> bool:

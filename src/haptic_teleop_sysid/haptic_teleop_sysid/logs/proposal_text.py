@@ -10,9 +10,8 @@ from typing import Any
 from haptic_teleop_control.strict_yaml import parse_yaml
 from haptic_teleop_sysid.logs.log import Log
 from haptic_teleop_sysid.logs.mapping import VERSION
-from haptic_teleop_sysid.logs.proposal import MISSING, Choice, Proposal
+from haptic_teleop_sysid.logs.proposal import FILL, MISSING, Choice, Proposal
 
-_FILL = "FILL IN"
 #: Columns that are not used, of which nothing is open, that are listed.
 _MOST = 40
 
@@ -40,7 +39,7 @@ def mapping_text(log: Log, proposal: Proposal, refused: str = "", notes: Sequenc
     if proposal.time is not None:
         lines.append(f"time: {_entry(proposal.time)}")
     elif not log.stamps:
-        lines.append(f"time: {{rate: {_FILL}}}  # missing: Hz, or {{column: ..., unit: ms}}")
+        lines.append(f"time: {{rate: {FILL}}}  # missing: Hz, or {{column: ..., unit: ms}}")
     lines.append("joints:" if proposal.joints else "joints: {}")
     for joint, signals in proposal.joints.items():
         lines.append(f"  {_scalar(joint)}:")
@@ -72,10 +71,10 @@ def mapping_text(log: Log, proposal: Proposal, refused: str = "", notes: Sequenc
 
 def _entry(choice: Choice) -> str:
     content: dict[str, Any] = choice.entry.plain()
-    if choice.sure == MISSING and content.get("unit") != "counts":
-        content["unit"] = content.get("unit") or _FILL
+    if choice.sure == MISSING and content.get("unit") != "counts" and choice.entry.column != FILL:
+        content["unit"] = content.get("unit") or FILL
     if content.get("unit") == "counts" and "counts_per_turn" not in content:
-        content["counts_per_turn"] = _FILL
+        content["counts_per_turn"] = FILL
     flow = ", ".join(f"{key}: {_scalar(value)}" for key, value in content.items())
     return f"{{{flow}}}  # {choice.sure}: {_line('; '.join(choice.why))}"
 
@@ -87,7 +86,7 @@ def _line(text: str) -> str:
 
 def _scalar(value: Any) -> str:
     """A value on one line, in quotes unless it is a number or a plain word."""
-    if value == _FILL or not isinstance(value, str):
+    if value == FILL or not isinstance(value, str):
         return str(value).lower() if isinstance(value, bool) else str(value)
     plain = re.fullmatch(r"[A-Za-z_][A-Za-z0-9_*/.]*", value) and parse_yaml(value) == value
     return value if plain else json.dumps(value, ensure_ascii=False)

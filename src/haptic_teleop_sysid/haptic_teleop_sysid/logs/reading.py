@@ -8,6 +8,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 from haptic_teleop_control.errors import ConfigurationError, HapticTeleopError, RecordingError
+from haptic_teleop_control.named_files import similar
 from haptic_teleop_sysid.logs.dialect import Stated
 from haptic_teleop_sysid.logs.fill_values import without_fill
 from haptic_teleop_sysid.logs.log import Log
@@ -95,7 +96,10 @@ def kind_of(path: Path) -> str:
         with path.open("rb") as stream:
             head = stream.read(1024)
     except FileNotFoundError:
-        raise RecordingError(f"{path}: there is no such file: name a log.") from None
+        near = similar(path)
+        raise RecordingError(
+            f"{path}: there is no such file: {f'did you mean {near}?' if near else 'name a log.'}"
+        ) from None
     except OSError as error:
         raise RecordingError(f"{path} cannot be read ({error.strerror or error}): name another.") from error
     if head.startswith(_ENCRYPTED):

@@ -8,13 +8,20 @@ from haptic_teleop_control.errors import HapticTeleopError
 from haptic_teleop_control.strict_yaml import parse_yaml
 from haptic_teleop_sysid.logs.clock import stamps_of
 from haptic_teleop_sysid.logs.convert import convert
-from haptic_teleop_sysid.logs.evidence import ALIKE, NEAR, Relation, derivative_relation
+from haptic_teleop_sysid.logs.evidence import (
+    ALIKE,
+    NEAR,
+    Relation,
+    brakes,
+    derivative_relation,
+    speed_of,
+)
 from haptic_teleop_sysid.logs.guess import PAIRS
 from haptic_teleop_sysid.logs.log import Log
 from haptic_teleop_sysid.logs.mapping import mapping_from
-from haptic_teleop_sysid.logs.proposal import GUESSED, Choice, Proposal
+from haptic_teleop_sysid.logs.proposal import GUESSED, LIKELY, Choice, Proposal
 from haptic_teleop_sysid.logs.proposal_text import mapping_text
-from haptic_teleop_sysid.logs.signals import Signal, signals_of
+from haptic_teleop_sysid.logs.signals import Signal, signals_of, wraps
 from haptic_teleop_sysid.logs.units import unit_of
 
 SOURCE = "the proposal"
@@ -46,6 +53,30 @@ def mend(log: Log, proposal: Proposal) -> bool:
                 choices = signals[f"{part}_position"], signals[f"{part}_velocity"]
                 if related is not None and abs(related.alike) > ALIKE:
                     changed |= _mended(log, related, (pair[0], pair[1]), choices)
+    return changed
+
+
+def reverse_braking(log: Log, proposal: Proposal) -> bool:
+    """Reverse the sign of inputs that brake their joint on the whole, whatever headers state; returns whether
+    any was."""
+    changed = False
+    for joint, signals in proposal.joints.items():
+        try:
+            found = signals_of(log, joint, {n: c.entry for n, c in signals.items()}, SOURCE)
+        except HapticTeleopError:
+            continue
+        drive, position = found.get("input"), found.get("motor_position")
+        moved, velocity = (
+            None if s is None else s.values for s in (position, found.get("motor_velocity"))
+        )
+        speed = speed_of(moved, velocity, moved is not None and wraps(moved) > 0)
+        if drive is None or speed is None or len(drive.values) != len(speed):
+            continue
+        if brakes(drive.values, speed):
+            entry = signals["input"].entry
+            signals["input"].entry = replace(entry, sign=-entry.sign)
+            signals["input"].less(LIKELY, "it would brake the joint on the whole, so its sign is reversed")
+            changed = True
     return changed
 
 

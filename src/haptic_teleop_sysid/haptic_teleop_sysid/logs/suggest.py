@@ -16,8 +16,15 @@ from haptic_teleop_sysid.logs.guess import TimeGuess, guess_time, guess_units
 from haptic_teleop_sysid.logs.headers import unknown_unit
 from haptic_teleop_sysid.logs.log import Column, Log
 from haptic_teleop_sysid.logs.mapping import Entry
-from haptic_teleop_sysid.logs.proposal import GUESSED, LIKELY, MISSING, STATED, Choice, Doubt, Proposal
-from haptic_teleop_sysid.logs.roles import Candidate, candidate, counts_rows, input_unit_by_name, joint_names
+from haptic_teleop_sysid.logs.proposal import FILL, GUESSED, LIKELY, MISSING, STATED, Choice, Doubt, Proposal
+from haptic_teleop_sysid.logs.roles import (
+    Candidate,
+    candidate,
+    counts_rows,
+    input_unit_by_name,
+    joint_names,
+    says_nothing,
+)
 from haptic_teleop_sysid.logs.units import unit_of
 
 #: Share of the rows that a time has to differ from the row before.
@@ -29,6 +36,7 @@ def propose(log: Log, by_values: bool = True) -> Proposal:
     tried as derivatives of the others, too, which takes some time in a log of many."""
     opened: list[Doubt] = []
     notes: list[str] = []
+    lacking: list[str] = []
     usable = [one for one in log.columns if not one.unusable]
     candidates = [c for c in map(candidate, usable) if c]
     lost = [c for c in map(candidate, [one for one in log.columns if one.unusable]) if c]
@@ -46,7 +54,7 @@ def propose(log: Log, by_values: bool = True) -> Proposal:
     measured = [c for c in states if not c.command] or states
     joints: dict[str, dict[str, Choice]] = {}
     for joint in joint_names(measured) or [""]:
-        found = _joint(log, joint, measured, candidates, lost, guess, opened, free)
+        found = _joint(log, joint, measured, candidates, lost, guess, opened, lacking, free)
         if any(name.startswith("motor") for name in found):
             joints[joint or "joint"] = found
     if not joints:
@@ -61,13 +69,15 @@ def propose(log: Log, by_values: bool = True) -> Proposal:
     named = {c.entry.column for signals in joints.values() for c in signals.values()}
     named |= {time.entry.column} if time else set()
     unused = [c.name for i, c in enumerate(log.columns, start=1) if c.name not in named and i not in named]
+    if joints and not any("input" in signals for signals in joints.values()):
+        lacking += _no_input([c for c in usable if c.name in unused], lost)
     every = [c for signals in joints.values() for c in signals.values()]
     doubts = list(dict.fromkeys(opened))
     told = [d.text for d in doubts]
     for choice in [*([time] if time else []), *every]:
         if choice.sure != STATED:
             told.append(f"{choice.entry.column!r}: {'; '.join(choice.why)}")
-    return Proposal(time, joints, list(dict.fromkeys(told)), unused, doubts, notes)
+    return Proposal(time, joints, list(dict.fromkeys(told)), unused, doubts, notes, lacking)
 
 
 def _seconds(log: Log, guess: TimeGuess | None, column: Column) -> NDArray[np.float64] | None:
@@ -162,6 +172,7 @@ def _joint(
     lost: Sequence[Candidate],
     time: TimeGuess | None,
     opened: list[Doubt],
+    lacking: list[str],
     free: Free | None,
 ) -> dict[str, Choice]:
     own = _of_one_group([c for c in states if c.joint == joint], joint, opened)
@@ -173,12 +184,13 @@ def _joint(
     if free is not None:
         _by_values(log, joint, free, found, chosen, opened)
     _input(log, joint, candidates, lost, states, found, chosen, opened)
+    motors: list[Candidate] = []
     if not any(name.startswith("motor") for name in found):
-        for role in ("position", "velocity"):
+        arms = any(name.startswith("arm") for name in found)
+        motors = [c for c in rivals if c.part != "arm"] if arms else []
+        for role in () if motors else ("position", "velocity"):
             if f"arm_{role}" in found:  # one encoder, whatever it is called, is the joint's
                 found[f"motor_{role}"] = found.pop(f"arm_{role}")
-                for rival in [c for c in rivals if c.part != "arm"][:1]:
-                    found[f"motor_{role}"].less(GUESSED, _left_over(rival))
                 chosen[f"motor_{role}"] = chosen.pop(f"arm_{role}")
     guess_units(log, chosen, found, time)
     for name, choice in found.items():
@@ -186,12 +198,37 @@ def _joint(
         if column is not None and not column.known and (other := unknown_unit(column.name)):
             choice.less(MISSING, f"its header says {other!r}, which is no unit that is known here")
             choice.entry = replace(choice.entry, unit="")
+    for rival in motors[:1]:  # what is the arm's is not the motor's because the motor's is lost
+        found[f"motor_{rival.role}"] = Choice(Entry(FILL), MISSING, [rival.column.unusable])
+        lacking += [] if rival.column.text is not None else [_no_motor(rival, chosen)]
     return found
 
 
 def _left_over(rival: Candidate) -> str:
     """What is said of an entry whose column was taken because a likelier one cannot be."""
-    return f"left over, for {rival.column.unusable}"
+    return f"taken because {rival.column.unusable}"
+
+
+def _no_motor(lost: Candidate, chosen: dict[str, Candidate]) -> str:
+    """What is said where the motor's column holds no number."""
+    arm = next(c.column.name for name, c in chosen.items() if name.startswith("arm"))
+    return (
+        f"{lost.column.unusable}, and is the motor's {lost.role} by its name: record it; if {arm!r} is the "
+        "joint's only encoder, give it in a mapping as the motor's"
+    )
+
+
+def _no_input(unused: Sequence[Column], lost: Sequence[Candidate]) -> list[str]:
+    """What is said where no joint has an input and none of the other columns could be one; else nothing."""
+    for column in unused:
+        other = candidate(column)
+        could_be = says_nothing(column) if other is None else other.role == "input"
+        if could_be and not counts_rows(column) and not still(column.values):
+            return []
+    empty = [c.column.unusable for c in lost if c.role == "input"]
+    why = f" ({empty[0]})" if empty else ""
+    what = "torque, force, current, voltage, PWM"
+    return [f"there is no column that could be the input ({what}){why}: record it"]
 
 
 def _by_values(

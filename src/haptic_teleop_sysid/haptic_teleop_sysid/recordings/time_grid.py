@@ -22,6 +22,12 @@ FEWEST_VALID = 0.5
 """Share of the time that must have been measured, so that leaving out holes makes sense."""
 
 
+def period_text(seconds: float) -> str:
+    """A sampling period with the unit in which it reads well: 2 s, 2 ms, 50 µs."""
+    unit, factor = ("s", 1.0) if seconds >= 1.0 else ("ms", 1e3) if seconds >= 1e-3 else ("µs", 1e6)
+    return f"{seconds * factor:.4g} {unit}"
+
+
 @dataclass(frozen=True)
 class TimeGrid:
     """`keep` picks usable messages; `stamps` their times, ns; `at` the uniform times; values are interpolated

@@ -7,6 +7,7 @@ import numpy as np
 from haptic_teleop_sysid.estimation.residuals import UNDER_FEEDBACK
 from haptic_teleop_sysid.recordings.parameter_units import Units
 from haptic_teleop_sysid.recordings.small_motion import hardly_moving, judged, spread
+from haptic_teleop_sysid.recordings.time_grid import period_text
 from haptic_teleop_sysid.report import Page, Plot, Status, unit_text
 from haptic_teleop_sysid.report.terminal_table import TerminalTable
 from haptic_teleop_sysid.runs.comparison import Comparison
@@ -83,7 +84,7 @@ def _recording(page: Page, result: Comparison, bag: str, picture: Plot) -> None:
     section.table(["model", *signals], rows, "Fit in percent: 100·(1 − ‖y − ŷ‖ / ‖y − mean y‖)")
     section.table(["model", *(f"{s} ({units[s]})" for s in signals)], errors, "Error, root mean square")
     section.text(
-        f"{len(dataset)} samples of {dataset.dt * 1e3:.3g} ms from {dataset.time[0]:.2f} to "
+        f"{len(dataset)} samples of {period_text(dataset.dt)} from {dataset.time[0]:.2f} to "
         f"{dataset.time[-1]:.2f} s. "
         f"The response is simulated {chosen.extent} ({chosen.why}); the initial state is estimated for each, "
         f"nothing is "
@@ -174,7 +175,7 @@ def conclusion(result: Comparison, command: str = "") -> tuple[Status, str, str,
         status, sentence = worst
         happened = f"{happened} {sentence}"
     if (status, of_mean) == ("good", "good"):
-        return "good", happened, f"simulate with {nearest}.", ""
+        return "good", happened, f'simulate with "{nearest}".', ""
     todo = "let diagnose find what is missing; Difference in the picture shows when."
     return min((status, of_mean), key=("bad", "fair", "good").index), happened, todo, command
 

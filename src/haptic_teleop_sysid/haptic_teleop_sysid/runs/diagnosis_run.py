@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -13,6 +13,7 @@ from haptic_teleop_sim.model import Model
 from haptic_teleop_sysid.diagnosis.evidence.suggested_law.entry_file import FILE
 from haptic_teleop_sysid.diagnosis.inputs.cuts import MOST_SAMPLES, with_cuts_told
 from haptic_teleop_sysid.diagnosis.inputs.plausible import refuse_implausible, with_contradictions
+from haptic_teleop_sysid.diagnosis.inputs.reversed_input import reversed_input
 from haptic_teleop_sysid.diagnosis.report.beside_given import handed_on, settled
 from haptic_teleop_sysid.diagnosis.report.next_experiment import write_experiment
 from haptic_teleop_sysid.diagnosis.report.page import diagnosis_page
@@ -20,6 +21,7 @@ from haptic_teleop_sysid.diagnosis.report.page_steps import Origin
 from haptic_teleop_sysid.diagnosis.run import diagnose
 from haptic_teleop_sysid.diagnosis.usable import records_of
 from haptic_teleop_sysid.logs.opened import open_recording
+from haptic_teleop_sysid.logs.story import reported
 from haptic_teleop_sysid.recordings.dataset import DataSet, load_dataset
 from haptic_teleop_sysid.recordings.parameter_units import Units
 from haptic_teleop_sysid.recordings.preparation import with_damage_told
@@ -40,8 +42,9 @@ def load(bag: str, model: Model, mapping: str | None = None) -> DataSet:
     """Read one recording, or a log by a mapping, as a diagnosis takes it. Raises RecordingError or
     MismatchError, in a sentence, for what it cannot take."""
     recording = open_recording(bag, mapping)
-    dataset = load_dataset(recording, model, bag, allow_gaps=True)
-    refuse_implausible(model, recording, dataset)
+    with reported({bag: recording.problems}):
+        dataset = load_dataset(recording, model, bag, allow_gaps=True)
+        refuse_implausible(model, recording, dataset)
     return with_cuts_told(with_contradictions(with_damage_told(dataset, recording)))
 
 
@@ -65,6 +68,15 @@ def write_suggestion(output: Path, content: dict[str, Any]) -> None:
         place.write_text(law.pop("entry"), encoding="utf-8")
 
 
+def with_input_sign(content: dict[str, Any], data: Sequence[DataSet]) -> dict[str, Any]:
+    """The content of a diagnosis, whose doubt is an input that seems to have the opposite sign, where nothing
+    has a name and it does: the mismatch is then of another kind than what the recordings were asked for."""
+    backwards = reversed_input(data) if content["verdict"] == "unknown" else None
+    if backwards is None:
+        return content
+    return content | {"input_sign": asdict(backwards), "doubt": backwards.sentence}
+
+
 def comments(content: dict[str, Any]) -> list[str]:
     """What stands above the model that is handed on, so that it says what it is wherever it goes."""
     told = [f"from a diagnosis with the verdict {content['verdict']}: {content['augmented_model']['what']}"]
@@ -85,7 +97,9 @@ def diagnose_into(
     the content of diagnosis.json and the page's path. ``began``: `time.perf_counter` when it began."""
     began = time.perf_counter() if began is None else began
     estimation, validation, test = recordings
-    result, verdict, proof, content = diagnose(model, estimation, validation, say, options.nulls, test)
+    with reported({d.name: d.problems for part in recordings for d in part}):
+        result, verdict, proof, content = diagnose(model, estimation, validation, say, options.nulls, test)
+    content = with_input_sign(content, [*estimation, *validation])
     say("writing the report")
     units = Units.of(model, estimation[0])
     write_suggestion(output, content)

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 
 from haptic_teleop_sysid.estimation.residuals import reading
+from haptic_teleop_sysid.recordings.time_grid import period_text
 from haptic_teleop_sysid.report import Page, Panel, Plot, Series
 from haptic_teleop_sysid.report.terminal_table import TerminalTable
 from haptic_teleop_sysid.runs.comparison_pictures import input_panel, percent_text, within
@@ -165,7 +166,7 @@ def _recording(report: Page, result: Result, bag: str) -> None:
     dataset, windows = result.data[bag], result.fits["estimate", bag].windows
     part = report.section(f"{bag} ({'validation' if bag in result.validation else 'estimation'})")
     part.plot(fit_picture(result, bag), f"Measured and simulated response, {bag}")
-    samples = f"{len(dataset)} samples of {dataset.dt * 1e3:.3g} ms"
+    samples = f"{len(dataset)} samples of {period_text(dataset.dt)}"
     part.text(f"{samples}; simulated {windows.extent} ({windows.why}).")
     for sentence in result.told[bag]:
         part.text(f"{sentence[0].upper()}{sentence[1:]}.")

@@ -18,7 +18,7 @@ from haptic_teleop_sysid.estimation.residuals import residual_analysis
 from haptic_teleop_sysid.estimation.result import Estimate
 from haptic_teleop_sysid.estimation.strategies import METHODS, estimate
 from haptic_teleop_sysid.logs.opened import open_recording
-from haptic_teleop_sysid.logs.story import how_read
+from haptic_teleop_sysid.logs.story import how_read, reported
 from haptic_teleop_sysid.recordings.dataset import DataSet, load_dataset
 from haptic_teleop_sysid.recordings.preparation import (
     MOST_SAMPLES,
@@ -58,10 +58,11 @@ def load_one(bag: str, model: Model, choices: Choices) -> tuple[Recording, DataS
     """
     refuse_huge(bag)
     recording = open_recording(bag, choices.mapping)
-    dataset = with_damage_told(load_dataset(recording, model, bag, choices.allow_gaps), recording)
-    refuse_idle(dataset)
-    treated, told = prepare(dataset, recording, model, choices.treatment)
-    refuse_idle(treated)
+    with reported({bag: recording.problems}):
+        dataset = with_damage_told(load_dataset(recording, model, bag, choices.allow_gaps), recording)
+        refuse_idle(dataset)
+        treated, told = prepare(dataset, recording, model, choices.treatment)
+        refuse_idle(treated)
     return recording, with_trusted_input(treated), [*how_read(recording.experiment, bag), *told]
 
 

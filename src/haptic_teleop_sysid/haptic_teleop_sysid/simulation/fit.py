@@ -20,7 +20,14 @@ from haptic_teleop_sim.model import Model
 from haptic_teleop_sysid.recordings.dataset import DataSet
 from haptic_teleop_sysid.recordings.velocity_series import velocity_series
 from haptic_teleop_sysid.simulation.initial_state import estimate_initial_state, without_actuator
-from haptic_teleop_sysid.simulation.windows import DEFAULT_SECONDS, Windows, closed_loop, cut, drift_share
+from haptic_teleop_sysid.simulation.windows import (
+    ASKED,
+    DEFAULT_SECONDS,
+    Windows,
+    closed_loop,
+    cut,
+    drift_share,
+)
 
 Array = NDArray[np.float64]
 DRIFT_LIMIT = 0.1
@@ -58,9 +65,9 @@ def choose_windows(model: Model, dataset: DataSet, window: float | str | None = 
     of DEFAULT_SECONDS.
     """
     if window == "whole":
-        return cut(dataset, None, "as asked")
+        return cut(dataset, None, ASKED)
     if window is not None:
-        return cut(dataset, float(window), "as asked")
+        return cut(dataset, float(window), ASKED)
     duration = len(dataset) * dataset.dt
     if duration <= 1.5 * DEFAULT_SECONDS:
         longest = f"{1.5 * DEFAULT_SECONDS:g} s"

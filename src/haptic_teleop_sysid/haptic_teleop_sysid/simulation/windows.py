@@ -13,11 +13,13 @@ from numpy.typing import NDArray
 
 from haptic_teleop_control.errors import ConfigurationError
 from haptic_teleop_sysid.recordings.dataset import DataSet
-from haptic_teleop_sysid.recordings.time_grid import GAP_PERIODS
+from haptic_teleop_sysid.recordings.time_grid import GAP_PERIODS, period_text
 
 DEFAULT_SECONDS = 4.0
 """Length of a window where the recording asks for windows: several periods of the slowest mode (0.76 Hz with
 the motor held), yet short against the drift of a free integrator."""
+ASKED = "as asked"
+"""Why windows are as they are where an option says so."""
 SHORTEST = 20
 """Samples below which a window says nothing."""
 _LOOP = re.compile(
@@ -59,11 +61,19 @@ def cut(dataset: DataSet, seconds: float | None, why: str) -> Windows:
     if not spans:
         raise ConfigurationError(
             f"{dataset.name}: no {'stretch' if seconds is None else f'window of {seconds:g} s'} holds "
-            f"{SHORTEST} usable samples of {dataset.dt * 1e3:.3g} ms: "
-            + ("record longer, and without holes." if seconds is None else "give a longer --window.")
+            f"{SHORTEST} usable samples, which are {period_text(dataset.dt)} apart: {_remedy(seconds, why)}"
         )
     longest = max(b - a for a, b in spans) * dataset.dt
     return Windows(tuple(spans), None if seconds is None else longest, why)
+
+
+def _remedy(seconds: float | None, why: str) -> str:
+    """What to do where no window comes out; only who asked for windows can ask for longer ones."""
+    if seconds is None:
+        return "record longer, and without holes."
+    if why == ASKED:
+        return "give a longer --window."
+    return "is the time in another unit? Otherwise record at a higher rate, or without holes."
 
 
 def _bridged(valid: NDArray[np.bool_]) -> NDArray[np.bool_]:

@@ -99,7 +99,7 @@ def _stage(merit: StageMerit) -> str:
     parts = []
     if merit.free:
         one = merit.free[0]
-        how = "moves freely at" if one.steady else "moves freely, at last at"
+        how = "moves freely at" if one.steady else "moves freely, finally at"
         parts.append(f"{how} {one.speed:.2f} rad/s")
     if merit.contacts and merit.contacts[0].cut_off:
         parts.append("meets the wall just before the recording ends")

@@ -16,7 +16,7 @@ from haptic_teleop_control.recording import JointStateSeries, Recording
 from haptic_teleop_control.robots import STAGES
 from haptic_teleop_control.teleoperation.sides import REFERENCES
 from haptic_teleop_sim.lockstep import run_scenario
-from haptic_teleop_sim.scenario_parameters import TABLES, ScenarioParameters, check_scenario, load_scenario
+from haptic_teleop_sim.scenario_parameters import TABLES, ScenarioParameters, check_scenario, load_plants
 from haptic_teleop_sysid.recordings.recorded_parameters import flattened
 from haptic_teleop_sysid.verification.signals import MASTER_TOPIC, REFERENCE_TOPIC, STATE_TOPIC
 
@@ -103,7 +103,7 @@ def simulate_recording(
         stated = stated_nodes(recording, trust_code)
     except UntrustedCode as refusal:
         raise UntrustedCode(f"{name} {refusal}.") from refusal
-    parameters = load_scenario(scenario) if scenario is not None else None
+    parameters = load_plants(scenario) if scenario is not None else None
     if parameters is None:
         lacking = can_be_simulated(recording, trust_code)
         if lacking is not None:

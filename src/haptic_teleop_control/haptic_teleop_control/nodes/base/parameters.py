@@ -51,7 +51,9 @@ def declare_parameters(node: Node, table: ParameterTable) -> dict[str, Any]:
             node.apply_parameters(changed)  # type: ignore[attr-defined]
         except ConfigurationError as refusal:
             node.get_logger().warning(f"parameter refused: {refusal}")
-            return SetParametersResult(successful=False, reason=str(refusal))
+            # Who asked knows whom.
+            reason = str(refusal).removeprefix(f"{node.get_name()}: ")
+            return SetParametersResult(successful=False, reason=reason)
         values.update(changed)
         return SetParametersResult(successful=True)
 

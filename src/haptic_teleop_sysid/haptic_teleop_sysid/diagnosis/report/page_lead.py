@@ -24,7 +24,11 @@ def lead(
             status, happened = "fair", f"{happened} {worse['sentence']}."
         else:
             status, happened = "bad", f"{worse['sentence']}. {happened}"
-    page.conclude(status, happened, _todo(verdict, content))
+    todo = _todo(verdict, content)
+    if (backwards := content.get("input_sign")) is not None:
+        status, todo = "bad", f"{backwards['remedy']}."
+        happened = f"{_capital(backwards['what'])}. {happened}"
+    page.conclude(status, happened, todo)
     for f in verdict.findings:
         page.key_figure(f"{100 * f['confidence']:.0f} %", f"{f['effect']} at {f['location']}", "confidence")
     _gained(page, content, still or {})
@@ -40,6 +44,10 @@ def lead(
         page.verdict("fair", f"To simulate with, not to believe: {instead['what']}.")
     if "beside" in content:
         page.verdict("fair", f"Beside what is named, {content['beside']}.")
+
+
+def _capital(sentence: str) -> str:
+    return sentence[:1].upper() + sentence[1:]
 
 
 def _headline(verdict: Verdict, content: dict[str, Any]) -> tuple[Status, str]:
