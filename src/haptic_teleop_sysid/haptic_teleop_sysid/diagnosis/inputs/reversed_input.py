@@ -22,7 +22,7 @@ class ReversedInput:
     @property
     def sentence(self) -> str:
         """Both."""
-        return f"{self.what}: {self.remedy}"
+        return f"{self.what}; {self.remedy}"
 
 
 def reversed_input(data: Sequence[DataSet]) -> ReversedInput | None:
