@@ -127,7 +127,7 @@ def measured_map(
     closed = 1.0 - left[1] / max(before[1], 1e-300)
     explained = explained_there(search, one)
     if closed < A_GOOD_PART or left[0] > before[0]:
-        change = f"takes {100 * closed:.0f} % off" if closed > 0.0 else f"adds {-100 * closed:.0f} % to"
+        change = f"takes {100 * closed:.0f} % off" if closed > -0.005 else f"adds {-100 * closed:.0f} % to"
         why = (
             f"no map was added: the best one, over {_named(one)}, {change} the simulated error of recordings "
             f"that it was not drawn from; {_ELSE}"
