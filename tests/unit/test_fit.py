@@ -158,6 +158,8 @@ def test_no_window_holds_an_invalid_sample():
 
 def test_a_window_too_short_for_anything_is_refused():
     with pytest.raises(ConfigurationError, match=r"made.*--window"):
+        choose_windows(MODEL, dataset_of(), 0.01)
+    with pytest.raises(ConfigurationError, match="2 ms apart: is the time in another unit"):
         cut(dataset_of(), 0.01, "")
 
 

@@ -155,7 +155,7 @@ def test_a_fork_s_lines_are_passed_on_while_it_runs():
     status, words = run_forked("diagnose", ["--no-such-option"], 120.0, told.append)
     assert status == "2"
     assert words == told[-1:]
-    assert any("usage" in line for line in told)
+    assert "--no-such-option" in words[0]
     assert run_forked("diagnose", ["--no-such-option"], 120.0) == (status, words)
 
 

@@ -97,7 +97,11 @@ def test_a_slow_link_is_never_engaged():
 def test_the_command_says_when_the_robots_were_not_coupled_and_nothing_when_they_were(tmp_path, capsys):
     for delay, said in ((0.06, "not coupled at the end, aligning: "), (0.01, "")):
         file = tmp_path / f"delay_{delay}.yaml"
-        content = {"force_controller": {"link": True, "command_source": "device"}, "link": {"delay": delay}}
+        content = {
+            "scenario": {"nodes": ["sfj_sim", "omni_sim", "link", "force_controller"]},
+            "force_controller": {"link": True, "command_source": "device"},
+            "link": {"delay": delay},
+        }
         nodes = {name: {"ros__parameters": values} for name, values in content.items()}
         file.write_text(json.dumps(nodes), encoding="utf-8")  # JSON text is YAML text
         assert main([str(file), "--duration", "0.5"]) == 0

@@ -17,7 +17,6 @@ from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 
 from haptic_teleop_control.command_line import INTERRUPTED, run_command
-from haptic_teleop_control.compiled import telling_compilation
 from haptic_teleop_control.completion import SHELLS, completion_script
 from haptic_teleop_control.errors import ConfigurationError
 from haptic_teleop_control.private_folder import refuse_untrusted_numba_cache
@@ -127,6 +126,11 @@ def _tell_if_ros_is_missing(name: str, error: ModuleNotFoundError) -> None:
 def _saying_when_it_compiles(name: str) -> Iterator[None]:
     """Says once on standard error that something is compiled: the first run after the installation is silent
     for up to a minute without that. Nodes tell `scenario`, which tells of it."""
+    try:
+        from haptic_teleop_control.compiled import telling_compilation
+    except ImportError:  # Windows, where the server of a board runs: nothing is compiled there
+        yield
+        return
     told = ".nodes." in executables()[name][0]
 
     def tell() -> None:

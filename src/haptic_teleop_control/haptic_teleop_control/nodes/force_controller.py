@@ -175,12 +175,9 @@ class ForceController(HapticNode):
         if values["slave"] == "sfj":
             law = find_law(values["law"]).from_parameters(values, STAGES, 1.0 / values["slave_rate"])
         coupling = Coupling(values, law, self.fault, self._publish_state)
-        felt = coupling.master_port.feedback_gains.any()
-        if felt and values["command_source"] == "reference":
-            self.get_logger().warning(
-                f"feedback is on while a reference commands and nobody holds the {values['master']}; set "
-                "feedback_gain to 0 unless that is meant"
-            )
+        if coupling.master_port.feedback_gains.any() and values["command_source"] == "reference":
+            held = f"feedback is on while a reference commands and nobody holds the {values['master']}"
+            self.get_logger().warning(f"{held}; set feedback_gain to 0 unless that is meant")
         return coupling
 
     def _bind(self, coupling: Coupling) -> None:
@@ -262,9 +259,8 @@ class ForceController(HapticNode):
         tick = self._tick
         if tick is None or self.faults.latched == SIMULATED_TIME:
             return
-        mine = self._mine
         news = False
-        for robot in mine:
+        for robot in self._mine:
             if robot.answered == tick.stamp:
                 continue
             lacking = robot.input.topic if robot.seen != tick.stamp else self._lacking(tick)
@@ -276,7 +272,7 @@ class ForceController(HapticNode):
             self._answer_state(robot, tick.stamp)
             news = True
         # The plants report that they are done. We do where the link takes something of ours, and when asked.
-        if mine and (repeated or (news and self._ways)):
+        if self._mine and (repeated or (news and self._ways)):
             self.time.done({way.out.topic: way.sent for way in self._ways})
 
     def _lacking(self, tick: Tick) -> str:
@@ -328,8 +324,7 @@ class ForceController(HapticNode):
             if self._coupling.from_reference:
                 self._coupling.fault(self.time.now(), kind, detail)
             return
-        name = PROBLEMS[kind]
-        self._coupling.on_bad_reference(self.time.now(), name, detail)
+        self._coupling.on_bad_reference(self.time.now(), PROBLEMS[kind], detail)
         self._reference_seen = max(self._reference_seen, stamp)
         self._advance()
 
