@@ -88,10 +88,11 @@ def test_echo_says_that_nothing_comes_and_prints_what_comes_then(graph, capsys, 
 
     monkeypatch.setattr(topic_printer, "_silent", silent)
     monkeypatch.setattr(topic_printer, "POLL", 0.1)
-    assert echo_topic.main(["/probe/state", "--once", "--wait", "2.0"]) == 0
+    monkeypatch.setattr(topic_printer, "QUIET", 0.3)
+    assert echo_topic.main(["/probe/state", "--once"]) == 0
     printed = capsys.readouterr()
     assert printed.out == "data: at last\n---\n"
-    assert "nothing has come on /probe/state in 2 s, which /probe can publish on; " in printed.err
+    assert "nothing has come on /probe/state in 0.3 s, which /probe can publish on; " in printed.err
 
 
 @pytest.mark.parametrize("act", ["state", "engage", "devices"])

@@ -22,6 +22,8 @@ OF_EVERY_NODE = ("/parameter_events", "/rosout")
 SETTLE = 20
 """Looks for further messages that are kept for late comers, of 10 ms each; counted, so that a machine that
 stands still meanwhile misses none that has arrived."""
+QUIET = 3.0
+"""s without a message, from when a publisher was found, after which that is said."""
 POLL = 1.0
 """s between two looks whether Ctrl-C came, while nothing is published."""
 
@@ -47,8 +49,8 @@ def print_messages(topic: str, count: int | None, wait: float, show: Callable[[s
         shown, began, told = 0, time.monotonic(), False
         while count is None or shown < count:
             client.until(lambda: bool(waiting), POLL)
-            if not waiting and not shown and not told and time.monotonic() > began + wait:
-                print(_silent(client, full, wait), file=sys.stderr, flush=True)
+            if not waiting and not shown and not told and time.monotonic() > began + QUIET:
+                print(_silent(client, full), file=sys.stderr, flush=True)
                 told = True
             while waiting and (count is None or shown < count):
                 show(f"{dump_yaml(plain(waiting.popleft())).rstrip()}\n---")
@@ -56,12 +58,12 @@ def print_messages(topic: str, count: int | None, wait: float, show: Callable[[s
         client.status = 0
 
 
-def _silent(client: GraphClient, topic: str, wait: float) -> str:
+def _silent(client: GraphClient, topic: str) -> str:
     """What to say where a topic has publishers and no message comes."""
     ends = client.node.get_publishers_info_by_topic(topic)
     names = ", ".join(sorted({full_name(end) or NAMELESS for end in ends})) or "nobody any more"
     return (
-        f"nothing has come on {topic} in {wait:g} s, which {names} can publish on; Ctrl-C ends the "
+        f"nothing has come on {topic} in {QUIET:g} s, which {names} can publish on; Ctrl-C ends the "
         "wait. Where simulated time is paused, `haptic-teleop operate resume` lets it go on."
     )
 
