@@ -319,7 +319,7 @@ def test_the_command_operate_calls_the_services_and_prints_the_state(graph):
 
 
 def test_engage_is_refused_while_a_pattern_runs_and_done_when_it_was_stopped(graph):
-    setting = Setting(graph, command_source="reference", timeout=0.2)
+    setting = Setting(graph, command_source="reference")
     graph.start(SignalGeneratorNode, autostart=False, stage1__enabled=True)
     heard = lambda: setting.controller._coupling.streams.reference.at is not None  # noqa: E731
     graph.run_until(heard, what="a reference")
