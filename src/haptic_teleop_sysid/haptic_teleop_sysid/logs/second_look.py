@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import replace
 
 from haptic_teleop_control.errors import HapticTeleopError
@@ -41,18 +42,14 @@ def mend(log: Log, proposal: Proposal) -> bool:
     """Put units and signs into the proposal by which velocities are the derivatives of their positions, where
     the stated ones are contradicted; returns whether any was changed. They are guesses, and say why."""
     changed = False
-    for joint, signals in proposal.joints.items():
-        try:
-            found = signals_of(log, joint, {n: c.entry for n, c in signals.items()}, SOURCE)
-        except HapticTeleopError:
-            continue
+    for choices, found in _readable(log, proposal):
         for part in ("motor", "arm"):
             pair = [found.get(f"{part}_{kind}") for kind in ("position", "velocity")]
             if pair[0] is not None and pair[1] is not None:
                 related = _related(log, proposal, pair[0], pair[1])
-                choices = signals[f"{part}_position"], signals[f"{part}_velocity"]
+                two = choices[f"{part}_position"], choices[f"{part}_velocity"]
                 if related is not None and abs(related.alike) > ALIKE:
-                    changed |= _mended(log, related, (pair[0], pair[1]), choices)
+                    changed |= _mended(log, related, (pair[0], pair[1]), two)
     return changed
 
 
@@ -60,11 +57,7 @@ def reverse_braking(log: Log, proposal: Proposal) -> bool:
     """Reverse the sign of inputs that brake their joint on the whole, whatever headers state; returns whether
     any was."""
     changed = False
-    for joint, signals in proposal.joints.items():
-        try:
-            found = signals_of(log, joint, {n: c.entry for n, c in signals.items()}, SOURCE)
-        except HapticTeleopError:
-            continue
+    for choices, found in _readable(log, proposal):
         drive, position = found.get("input"), found.get("motor_position")
         moved, velocity = (
             None if s is None else s.values for s in (position, found.get("motor_velocity"))
@@ -73,11 +66,20 @@ def reverse_braking(log: Log, proposal: Proposal) -> bool:
         if drive is None or speed is None or len(drive.values) != len(speed):
             continue
         if brakes(drive.values, speed):
-            entry = signals["input"].entry
-            signals["input"].entry = replace(entry, sign=-entry.sign)
-            signals["input"].less(LIKELY, "it would brake the joint on the whole, so its sign is reversed")
+            drive_choice = choices["input"]
+            drive_choice.entry = replace(drive_choice.entry, sign=-drive_choice.entry.sign)
+            drive_choice.less(LIKELY, "it would brake the joint on the whole, so its sign is reversed")
             changed = True
     return changed
+
+
+def _readable(log: Log, proposal: Proposal) -> Iterator[tuple[dict[str, Choice], dict[str, Signal]]]:
+    """Choices and signals, by what they are, of each joint whose columns can be read as proposed."""
+    for joint, choices in proposal.joints.items():
+        try:
+            yield choices, signals_of(log, joint, {n: c.entry for n, c in choices.items()}, SOURCE)
+        except HapticTeleopError:
+            continue
 
 
 def _related(log: Log, proposal: Proposal, position: Signal, velocity: Signal) -> Relation | None:
