@@ -81,13 +81,14 @@ def adequacy(
     ``after`` with the sizes that the torques want (`SearchResult.by_torque`): where free runs and torques do
     not agree about sizes, either measure says how much the names explain with its own. ``by_motion``: the
     share of the torque that the inverse dynamics say is explained, asked where an observer overflows."""
-    fits = [fit for fit in (after, by_torque) if fit is not None]
-    if any(overflows(fit, records) for fit in (before, *fits)):
-        explained = [min(max(by_motion(), 0.0), 1.0)]
+    fits = [before, *(fit for fit in (after, by_torque) if fit is not None)]
+    was, *left = added = [added_torque(fit, records) for fit in fits]
+    if all(map(_has_a_size, added)):
+        explained = max(_share(was, one, SLIGHT_TORQUE) for one in left)
     else:
-        explained = [explained_torque(before, fit, records) for fit in fits]
+        explained = min(max(by_motion(), 0.0), 1.0)
     return Adequacy(
-        max(explained),
+        explained,
         _share(np.array(errors_before), np.array(errors_after), SLIGHT_ERROR),
         random_left,
     )
@@ -101,7 +102,11 @@ def explained_torque(before: Fit, after: Fit, records: Sequence[Record]) -> floa
 def overflows(fit: Fit, records: Sequence[Record]) -> bool:
     """Whether the torque that the observer of a fit adds has no size on one of the records: the model cannot
     be held to it."""
-    return not bool(np.all(added_torque(fit, records) < OVERFLOWS))
+    return not _has_a_size(added_torque(fit, records))
+
+
+def _has_a_size(added: np.ndarray) -> bool:
+    return bool(np.all(added < OVERFLOWS))
 
 
 def added_torque(fit: Fit, records: Sequence[Record]) -> np.ndarray:
