@@ -117,7 +117,7 @@ def test_nulls_go_through_the_diagnosis_itself(stage, monkeypatch):
         testimony = explaining.witness(model, *records, result.scales)
         opinion = explaining.second_opinion(testimony, result.scales, lambda m: (0.5, 0.5), (0.5, 0.5))
         horizons = explaining.Horizons((course,), 1)
-        parts = (course, course, horizons, 1, result, result, False, opinion, 10.0)
+        parts = (course, horizons, result, result, False, opinion, 10.0)
         return explaining.Explained(model, *records, *parts)
 
     monkeypatch.setattr(diagnosis, "explain", explain)

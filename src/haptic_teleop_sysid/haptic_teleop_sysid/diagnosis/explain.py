@@ -34,24 +34,32 @@ from .usable import records_of, sense_follows
 @dataclass(frozen=True)
 class Explained:
     """What the search makes of recordings, before chance and doubt: the ``given`` model; the records of both
-    kinds of recordings (``learn``, ``judge``), ``course`` of all data sets, of which the first ``count`` are
-    the estimation's, ``coarse``: the same, thinned, where models are compared, and ``horizons``: that over
-    stretches of several lengths; ``result`` of the search by prediction, ``kept``: that without what harms,
-    or what only the search by simulation found (``freely``); ``opinion``: the second one, None where the
-    arithmetic of the inverse dynamics failed; ``cutoff``: Hz, of the band of the motion."""
+    kinds of recordings (``learn``, ``judge``), ``course`` of all data sets, and ``horizons``: the same,
+    thinned, over stretches of several lengths, where models are compared; ``result`` of the search by
+    prediction, ``kept``: that without what harms, or what only the search by simulation found (``freely``);
+    ``opinion``: the second one, None where the arithmetic of the inverse dynamics failed; ``cutoff``: Hz, of
+    the band of the motion."""
 
     given: Model
     learn: list[Record]
     judge: list[Record]
     course: Course
-    coarse: Course
     horizons: Horizons
-    count: int
     result: SearchResult
     kept: SearchResult
     freely: bool
     opinion: Opinion | None
     cutoff: float
+
+    @property
+    def coarse(self) -> Course:
+        """`course`, thinned."""
+        return self.horizons.courses[0]
+
+    @property
+    def count(self) -> int:
+        """Of the recordings of `course` the first so many are the estimation's."""
+        return self.horizons.count
 
     def chosen_by(self, candidate: Model) -> tuple[float, float]:
         """Simulated fit of a model on the validation recordings, percent: of all signals, of velocities."""
@@ -126,7 +134,7 @@ def explain(
         opinion = second_opinion(said, scales, horizons.errors, min(map(horizons.errors, alone)))
     except FAILURES:
         opinion = None
-    return Explained(model, learn, judge, course, coarse, horizons, n, result, kept, freely, opinion, cutoff)
+    return Explained(model, learn, judge, course, horizons, result, kept, freely, opinion, cutoff)
 
 
 def unharmful(result: SearchResult, percent: Callable[[Model], tuple[float, float]]) -> SearchResult:
