@@ -45,8 +45,8 @@ questions and not the gate. By hand, the usual three."""
 
 HARM = 2.0
 """Percent of simulated fit, on either kind of recordings, that a finding may cost. Keeps what predicts a
-sample ahead and leaves the free simulation worse from being named; lower: a true effect falls whose form is not
-quite right. By hand on development recordings."""
+sample ahead and leaves the free simulation worse from being named; lower: a true effect falls whose form is
+not quite right. By hand on development recordings."""
 
 # Is there another one beside it?
 
