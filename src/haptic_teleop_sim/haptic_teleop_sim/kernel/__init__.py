@@ -3,6 +3,7 @@
 
 from .build import kernel, stepping
 from .cache_folder import cache_directory
+from .free_simulation import nearest_starts, respond
 from .pack import Packed, pack
 from .predict import INITIAL, Prediction, predict
 from .simulate import Trajectory, acting_torque, simulate
@@ -15,8 +16,10 @@ __all__ = [
     "acting_torque",
     "cache_directory",
     "kernel",
+    "nearest_starts",
     "pack",
     "predict",
+    "respond",
     "simulate",
     "stepping",
 ]

@@ -28,18 +28,17 @@ _MARK = "# <generated functions are inserted here>"
 _IMPORTS = "# <functions of the kernel are imported here>"
 
 
-#: Compiled functions of the control package that `stepping.py` calls; part of what decides whether it is
-#: stale.
-_CONTROL = (
-    "filters",
-    "laws.augmented_error",
-    "laws.master_side",
-    "laws.contract",
-    "omni_compensation",
-)
+#: Compiled loops around the kernel, each a module of its own: the functions of the kernel that it calls, and
+#: the modules of the control package, which are part of what decides whether it is stale.
+_AROUND = {
+    "stepping": (
+        "actuated, advance, encoder_reading, spread",
+        ("filters", "laws.augmented_error", "laws.master_side", "laws.contract", "omni_compensation"),
+    ),
+    "free_runs": ("innovations_series, predict_series, simulate_series", ("filters",)),
+}
 _OPTIONS = "cache=True, error_model='numpy', nogil=True"
 _KERNEL = ("integrator.py", "sensitivities.py", "sample.py", "prediction.py")
-_STEPPING = "stepping.py"
 _JOIN = "# <the text below joins the kernel>"
 
 
@@ -89,8 +88,8 @@ def _write_atomically(path: Path, text: str) -> None:
 @lru_cache(maxsize=1)
 def kernel() -> ModuleType:
     """The compiled kernel module; says so on standard error when it has to be compiled first."""
-    # Compiled code of the stepping functions lies elsewhere: editing them must not make the kernel stale.
-    beside = (_STEPPING, "build.py", "cache_folder.py")
+    # Compiled code of the loops around it lies elsewhere: editing them must not make the kernel stale.
+    beside = (*(f"{name}.py" for name in _AROUND), "build.py", "cache_folder.py")
     others = {_PACKAGE / "kernel" / name for name in beside}
     own = {*(_PACKAGE / "effects").glob("*.py"), *(_PACKAGE / "kernel").glob("*.py")} - others
     name = f"haptic_teleop_kernel_{_fingerprint(*sorted(own))}"
@@ -100,14 +99,23 @@ def kernel() -> ModuleType:
 @lru_cache(maxsize=1)
 def stepping() -> ModuleType:
     """The compiled stepping functions around the kernel (`stepping.py`)."""
+    return _around("stepping", "the stepping functions")
+
+
+@lru_cache(maxsize=1)
+def free_runs() -> ModuleType:
+    """The compiled loops of free simulations over windows (`free_runs.py`)."""
+    return _around("free_runs", "the loops of free simulations")
+
+
+def _around(name: str, what: str) -> ModuleType:
+    called, control = _AROUND[name]
     inner = kernel().__name__
-    control = [Path(str(find_spec(f"haptic_teleop_control.{name}").origin)) for name in _CONTROL]  # type: ignore
-    template = _PACKAGE / "kernel" / _STEPPING
-    name = f"haptic_teleop_stepping_{_fingerprint(template, *control, seed=inner)}"
-    imports = f"from {inner} import actuated, advance, encoder_reading, spread"
-    return _module(
-        name, lambda: _compiled(_text(_STEPPING).replace(_IMPORTS, imports)), "the stepping functions"
-    )
+    paths = [Path(str(find_spec(f"haptic_teleop_control.{module}").origin)) for module in control]  # type: ignore
+    template = _PACKAGE / "kernel" / f"{name}.py"
+    own = f"haptic_teleop_{name}_{_fingerprint(template, *paths, seed=inner)}"
+    imports = f"from {inner} import {called}"
+    return _module(own, lambda: _compiled(_text(template.name).replace(_IMPORTS, imports)), what)
 
 
 def _module(name: str, source: Callable[[], str], what: str) -> ModuleType:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 import scipy
@@ -65,8 +66,17 @@ def acting(
     return torque, moment
 
 
-def readings(packed: Packed, time: FloatArray, states: FloatArray) -> tuple[FloatArray, ...]:
-    """Motor position, motor velocity, arm position, arm velocity as reported, sensor effects included."""
+class Readings(NamedTuple):
+    """What the encoders report, (n,) each, rad and rad/s."""
+
+    motor_position: FloatArray
+    motor_velocity: FloatArray
+    arm_position: FloatArray
+    arm_velocity: FloatArray
+
+
+def readings(packed: Packed, time: FloatArray, states: FloatArray) -> Readings:
+    """What the encoders report of these states (n, nx), sensor effects included."""
     result: list[FloatArray] = []
     for channel in (0, 1):
         q, v = states[:, channel], states[:, 2 + channel]
@@ -88,7 +98,7 @@ def readings(packed: Packed, time: FloatArray, states: FloatArray) -> tuple[Floa
             )
             q, v = read, rate
         result += [q, v]
-    return tuple(result)
+    return Readings(*result)
 
 
 def simulate(

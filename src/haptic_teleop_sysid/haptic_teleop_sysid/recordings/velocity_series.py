@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import math
+from collections.abc import Sequence
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -19,20 +22,48 @@ def velocity_series(
     The motion before the first sample had `velocity`; None: it rested at the first position. NaN where the
     position is not finite.
     """
-    rate = 0.0 if velocity is None else velocity
     columns = np.ascontiguousarray(position.reshape(len(position), -1))
-    before = np.nan_to_num(columns[0] - dt * rate)
-    # As the filter's own `reset`: a motion that has always been steady.
-    lag = damping / (np.pi * cutoff_hz)
-    state = np.column_stack([before - lag * rate, np.full_like(before, rate), before])
-    return _series(columns, state, velocity_coefficients(dt, cutoff_hz, damping)).reshape(position.shape)
+    out = np.empty(columns.shape)
+    begin = np.full(columns.shape, 0.0 if velocity is None else velocity)
+    _filter(columns, begin, dt, cutoff_hz, damping, np.array([[0, len(columns)]]), out)
+    return out.reshape(position.shape)
+
+
+def velocity_over(
+    position: Array,
+    dt: float,
+    cutoff_hz: float,
+    damping: float,
+    spans: Sequence[tuple[int, int]],
+    velocity: Array,
+) -> Array:
+    """The same of a position (n,) over each of ``spans`` alone, NaN outside; the motion before each had the
+    ``velocity`` (n,) of its first sample."""
+    out = np.full(len(position), np.nan)
+    columns = (np.ascontiguousarray(one).reshape(-1, 1) for one in (position, velocity))
+    _filter(*columns, dt, cutoff_hz, damping, np.array(spans, dtype=np.int64), out.reshape(-1, 1))
+    return out
 
 
 @njit(cache=True)
-def _series(position: Array, state: Array, coefficients: Array) -> Array:
-    out = np.empty(position.shape)
-    for i in range(len(position)):
-        velocity = velocity_step(position[i], state, coefficients)
-        for j in range(len(velocity)):  # one by one: see `compiled.py`
-            out[i, j] = velocity[j]
-    return out
+def _filter(
+    position: Array, begin: Array, dt: float, cutoff_hz: float, damping: float, spans: Array, out: Array
+) -> None:
+    """Velocities of the positions (n, k) over each of ``spans`` into ``out`` (n, k); ``begin`` (n, k): rate
+    of the motion before a span, at its first sample."""
+    coefficients = velocity_coefficients(dt, cutoff_hz, damping)
+    # As the filter's own `reset`: a motion that has always been steady.
+    lag = damping / (math.pi * cutoff_hz)
+    state = np.empty((position.shape[1], 3))
+    for w in range(spans.shape[0]):
+        first = spans[w, 0]
+        for j in range(state.shape[0]):
+            rate = begin[first, j]
+            before = position[first, j] - dt * rate
+            if not math.isfinite(before):
+                before = 0.0
+            state[j, 0], state[j, 1], state[j, 2] = before - lag * rate, rate, before
+        for i in range(first, spans[w, 1]):
+            velocity = velocity_step(position[i], state, coefficients)
+            for j in range(velocity.shape[0]):  # one by one: see `compiled.py`
+                out[i, j] = velocity[j]

@@ -10,16 +10,17 @@ windows' responses one after the other.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
-from haptic_teleop_sim.kernel import Packed, acting_torque, pack, simulate
+from haptic_teleop_sim.kernel import Packed, acting_torque, pack, respond
 from haptic_teleop_sim.model import Model
 from haptic_teleop_sysid.recordings.dataset import DataSet
-from haptic_teleop_sysid.recordings.velocity_series import velocity_series
-from haptic_teleop_sysid.simulation.initial_state import estimate_initial_state, without_actuator
+from haptic_teleop_sysid.recordings.velocity_series import velocity_over
+from haptic_teleop_sysid.simulation.initial_state import estimate_initial_states, without_actuator
 from haptic_teleop_sysid.simulation.windows import (
     ASKED,
     DEFAULT_SECONDS,
@@ -30,6 +31,7 @@ from haptic_teleop_sysid.simulation.windows import (
 )
 
 Array = NDArray[np.float64]
+Spans = Sequence[tuple[int, int]]
 DRIFT_LIMIT = 0.1
 
 
@@ -98,46 +100,44 @@ def simulated_fit(model: Model, dataset: DataSet, windows: Windows | None = None
     # above.
     mechanics = pack(without_actuator(model))
     measured = dataset.signals()
-    simulated = {name: np.full(len(dataset), np.nan) for name in measured}
-    states = []
-    for span in windows.spans:
-        state, part = _window_response(mechanics, dataset, torque, span)
-        states.append(state)
-        for name, values in part.items():
-            if name in simulated:
-                simulated[name][slice(*span)] = values
-    inside = np.concatenate([np.arange(*span) for span in windows.spans])
+    spans = windows.spans
+    states = estimate_initial_states(mechanics, dataset, torque, spans)
+    simulated = {
+        name: values
+        for name, values in _responses(mechanics, dataset, torque, spans, states).items()
+        if name in measured
+    }
+    inside = np.concatenate([np.arange(*span) for span in spans])
     percent, rms = {}, {}
     for name, values in simulated.items():
         y, y_hat = measured[name][inside], values[inside]
         percent[name] = fit_percent(y, y_hat)
         with np.errstate(over="ignore", invalid="ignore"):
             rms[name] = float(np.sqrt(np.mean((y - y_hat) ** 2)))
-    return SimulatedFit(percent, rms, simulated, windows, np.array(states))
+    return SimulatedFit(percent, rms, simulated, windows, states)
 
 
-def _window_response(
-    mechanics: Packed, dataset: DataSet, torque: Array, span: tuple[int, int]
-) -> tuple[Array, dict[str, Array]]:
-    state = estimate_initial_state(mechanics, dataset, torque, span)
-    part = slice(*span)
-    exogenous = None if dataset.exogenous is None else dataset.exogenous[part]
-    t0 = float(dataset.start + dataset.dt * span[0])
-    response = simulate(mechanics, torque[part], dataset.dt, state, exogenous=exogenous, t0=t0)
+def _responses(
+    mechanics: Packed, dataset: DataSet, torque: Array, spans: Spans, states: Array
+) -> dict[str, Array]:
+    """By signal (n,): the responses over `spans` from `states`, NaN outside."""
+    found = respond(
+        mechanics, torque, dataset.dt, spans, states, exogenous=dataset.exogenous, t0=float(dataset.start)
+    )
     joint = dataset.joint
-    return state, {
-        f"{joint}_motor.position": response.motor_position,
-        f"{joint}_motor.velocity": as_recorded(response.motor_position, response.motor_velocity, dataset),
-        f"{joint}_arm.position": response.arm_position,
-        f"{joint}_arm.velocity": as_recorded(response.arm_position, response.arm_velocity, dataset),
+    return {
+        f"{joint}_motor.position": found.motor_position,
+        f"{joint}_motor.velocity": as_recorded(found.motor_position, found.motor_velocity, dataset, spans),
+        f"{joint}_arm.position": found.arm_position,
+        f"{joint}_arm.velocity": as_recorded(found.arm_position, found.arm_velocity, dataset, spans),
     }
 
 
-def as_recorded(position: Array, velocity: Array, dataset: DataSet) -> Array:
-    """Return the velocity that the recording's velocity filter would have made of this motion; unchanged
-    without a filter.
+def as_recorded(position: Array, velocity: Array, dataset: DataSet, spans: Spans) -> Array:
+    """Return the velocity (n,) that the recording's velocity filter would have made of this motion over each
+    of `spans`, NaN outside; unchanged without a filter.
     """
     if dataset.velocity_filter is None:
         return velocity
-    # The filter had been running before the window began.
-    return velocity_series(position, dataset.dt, *dataset.velocity_filter, velocity=float(velocity[0]))
+    # The filter had been running before a window began.
+    return velocity_over(position, dataset.dt, *dataset.velocity_filter, spans, velocity)

@@ -26,7 +26,7 @@ from haptic_teleop_sysid.recordings.dataset import DataSet
 from haptic_teleop_sysid.simulation.initial_state import (
     angle_scales,
     encoder_angles,
-    estimate_initial_state,
+    estimate_initial_states,
     without_actuator,
 )
 from haptic_teleop_sysid.simulation.window_problem import LOGARITHMIC, Window, WindowProblem, inner, outer
@@ -72,12 +72,15 @@ def fit_parameters(
             f"{model.source}: every parameter is fixed, so there is nothing to fit: shorten 'fixed'."
         )
     windows = [
-        Window(dataset, span, encoder_angles(dataset, span), 1.0 / angle_scales(dataset))
+        Window(dataset, span, encoder_angles(dataset)[slice(*span)], 1.0 / angle_scales(dataset))
         for dataset, chosen in data
         for span in chosen.spans
     ]
     used = () if at_rest else ((0, 2) if model.rigid else (0, 1, 2, 3))
-    states = np.array([_resting(window) if at_rest else _initial(model, window) for window in windows])
+    if at_rest:
+        states = np.array([_resting(window) for window in windows])
+    else:
+        states = np.concatenate([_initial(model, dataset, chosen) for dataset, chosen in data])
     problem = WindowProblem(model, names, windows, states, used)
     values = model.parameter_values()
     lower, upper = _bounds(model, names, limits or {})
@@ -121,11 +124,11 @@ def fit_parameters(
     return ParameterFit(model.with_values(result), bool(found.status > 0), cost, int(found.nfev), fled, std)
 
 
-def _initial(model: Model, window: Window) -> Array:
+def _initial(model: Model, dataset: DataSet, windows: Windows) -> Array:
     mechanics = pack(without_actuator(model))
-    torque = window.dataset.input * model.parameters["torque_constant"]
+    torque = dataset.input * model.parameters["torque_constant"]
     # By what is minimised here: the angles alone.
-    return estimate_initial_state(mechanics, window.dataset, torque, window.span, velocities=False)
+    return estimate_initial_states(mechanics, dataset, torque, windows.spans, velocities=False)
 
 
 def _state_scales(windows: Sequence[Window]) -> Array:

@@ -18,12 +18,13 @@ from numpy.typing import NDArray
 from haptic_teleop_sim.kernel import INITIAL, Packed, pack, predict
 from haptic_teleop_sim.model import Model
 from haptic_teleop_sysid.recordings.dataset import DataSet
-from haptic_teleop_sysid.simulation.initial_state import bounded
 from haptic_teleop_sysid.simulation.scores import score_covariance
 
 Array = NDArray[np.float64]
 LOGARITHMIC = ("stiffness", "motor_inertia", "arm_inertia", "torque_constant")
 """Parameters that are searched as their logarithm."""
+HUGE = 1e6
+"""A weighted error beyond this is just very wrong."""
 WINDOW_LAGS = 8
 """Errors of a window are taken to be correlated over a window's length divided by this."""
 
@@ -129,3 +130,10 @@ class WindowProblem:
             if name in LOGARITHMIC:
                 jacobian[:, column] *= outer(name, x[column])
         return error, jacobian
+
+
+def bounded(values: Array) -> Array:
+    """Return the values with what is not finite, or beyond HUGE, replaced by HUGE."""
+    if np.max(values, initial=-HUGE) <= HUGE and np.min(values, initial=HUGE) >= -HUGE:
+        return values  # as nearly always, at a third of the time
+    return np.clip(np.nan_to_num(values, nan=HUGE, posinf=HUGE, neginf=-HUGE), -HUGE, HUGE)

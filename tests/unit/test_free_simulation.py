@@ -1,0 +1,72 @@
+"""Where free simulations over many windows begin, against a search that knows nothing of their
+derivatives."""
+
+import numpy as np
+import pytest
+from plants import flexible, rigid
+from scipy.optimize import least_squares
+
+from haptic_teleop_sim.kernel import nearest_starts, pack, respond, simulate
+
+DT, N = 1e-3, 600
+SPANS = [(0, 150), (150, 390), (420, 600)]
+FRICTION = ("coulomb_friction", "motor", {"torque": 0.3, "smoothing": 0.05})
+DRAG = ("quadratic_drag", {"coefficient": 0.5})
+TORQUE = np.repeat(np.random.default_rng(5).standard_normal(N // 20), 20)
+
+
+def one_torque_constant(model):
+    return pack(type(model)(**{**vars(model), "parameters": {**model.parameters, "torque_constant": 1.0}}))
+
+
+def shown_from(packed, state, part):
+    return simulate(packed, TORQUE[part], DT, state, t0=DT * part.start)
+
+
+@pytest.mark.parametrize("model", [flexible(FRICTION), rigid(DRAG)], ids=["flexible", "rigid"])
+def test_each_window_begins_where_its_errors_of_angles_and_rates_are_least(model):
+    packed = one_torque_constant(model)
+    motion = simulate(packed, TORQUE, DT, [0.1, -0.1, 0.5, 0.2])
+    angles = np.column_stack([motion.motor_position, motion.arm_position])
+    angles += 0.02 * np.random.default_rng(6).standard_normal(angles.shape)
+    angles[200:230, 0] = np.nan
+    if packed.rigid:
+        angles[:, 1] = np.nan
+    weights, rate_weights = np.array([5.0, 8.0]), np.array([0.7, 0.0])
+    used = [0, 2] if packed.rigid else [0, 1, 2, 3]
+    begin = np.array([[*np.nan_to_num(angles[start]), 0.0, 0.0] for start, _ in SPANS])
+
+    def errors(free, first, part):
+        state = first.copy()
+        state[used] = free
+        shown = shown_from(packed, state, part)
+        error = np.nan_to_num(angles[part] - np.column_stack([shown.motor_position, shown.arm_position]))
+        # A reading that is missing keeps the error of the last one.
+        read = np.isfinite(angles[part, 0])
+        held = np.maximum.accumulate(np.where(read, np.arange(len(read)), 0))
+        rate = np.gradient(error[held, 0], DT)
+        return np.concatenate([(weights * error).ravel(), rate_weights[0] * rate])
+
+    found = nearest_starts(
+        packed, TORQUE, angles, DT, SPANS, begin, weights=weights, rate_weights=rate_weights
+    )
+
+    read = respond(packed, TORQUE, DT, SPANS, found)
+    assert np.all(np.isnan(read.motor_position[390:420])), "outside the windows there is nothing"
+    for span, own, first in zip(SPANS, found, begin, strict=True):
+        part = slice(*span)
+        best = least_squares(
+            errors, first[used], x_scale="jac", ftol=1e-12, xtol=1e-12, kwargs={"first": first, "part": part}
+        )
+        assert 0.5 * np.sum(errors(own[used], first, part) ** 2) <= best.cost * (1.0 + 1e-3)
+        expected = shown_from(packed, own, part).motor_velocity
+        np.testing.assert_allclose(read.motor_velocity[part], expected, rtol=1e-9, atol=1e-12)
+
+
+def test_a_response_that_runs_away_leaves_the_search_where_it_began():
+    packed = one_torque_constant(flexible(motor_damping=-1e5))
+    begin = np.array([[0.1, 0.1, 0.0, 0.0]])
+    angles = np.full((N, 2), 0.1)
+    weights = np.array([1.0, 1.0])
+    found = nearest_starts(packed, TORQUE, angles, DT, [(0, N)], begin, weights=weights, rate_weights=weights)
+    np.testing.assert_array_equal(found, begin)
