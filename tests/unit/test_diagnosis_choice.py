@@ -38,6 +38,17 @@ def test_what_was_sought_over_many_values_has_to_gain_more():
     assert varied.gain + varied.held_out - varied.score == 10.0
 
 
+def test_a_richer_form_that_gains_no_more_than_the_plain_one_is_no_rival():
+    plain = explanation("coulomb_friction", 6443.0, 4286.6)
+    dip = {"coulomb": 0.05, "breakaway": 0.06, "velocity": 0.0007}  # slower than anything in the recordings
+    choice = choose([explanation("stribeck_friction", 6444.1, 4286.0, **dip), plain], 0.0, False)
+    assert choice.chosen is plain and choice.confidence == 1.0 and choice.others == ()
+    better = explanation("stribeck_friction", 6460.0, 4296.0, **dip)
+    assert choose([better, plain], 0.0, False).ambiguous, "one that gains a little more is a rival"
+    elsewhere = explanation("stribeck_friction", 6444.1, 4286.0, "arm", **dip)
+    assert choose([elsewhere, plain], 0.0, False).ambiguous, "and so is one at another place"
+
+
 def test_where_derivatives_overflowed_nothing_is_significant():
     found = explanation("coulomb_friction", 500.0, 500.0)
     names = ("stage1_motor.coulomb_friction.torque",)

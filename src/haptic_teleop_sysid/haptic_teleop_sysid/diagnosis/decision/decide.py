@@ -112,7 +112,7 @@ def choose(
     good, best = named, max(named, key=lambda e: e.score)
     # The noise of a current sense is white: what it says is taken at its word.
     margin = BY_CHANCE + AS_GOOD * max(best.by_motion, 0.0)
-    close = [e for e in good if e.score > best.score - 3.0 * margin]
+    close = [e for e in good if e.score > best.score - 3.0 * margin and not _needlessly_rich(e, good)]
     weights = np.array([np.exp((e.score - best.score) / margin) for e in close])
     # What lies a whole margin behind is hardly a rival, unless it makes hardly another prediction.
     weights[[e.score < best.score - margin for e in close]] *= 0.2
@@ -153,6 +153,17 @@ def _alike(other: Explanation, best: Explanation, apart: Callable[[Fit, Fit], fl
         and len(other.effect.parameters) <= len(best.effect.parameters)
         and best.score - other.score < CANNOT_TELL
         and apart(best.fit, other.fit) < CANNOT_TELL
+    )
+
+
+def _needlessly_rich(explanation: Explanation, others: Sequence[Explanation]) -> bool:
+    """Whether it is a richer form of another explanation that scores no less: it contains that one, so it fits
+    as well whatever is there, and the shape that it adds is where the recordings say nothing."""
+    own = explanation.effect
+    plainer = own.entry.refinement.of if own.entry.refinement else ""
+    return any(
+        e.effect.effect == plainer and e.effect.location == own.location and e.score >= explanation.score
+        for e in others
     )
 
 
