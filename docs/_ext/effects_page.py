@@ -35,15 +35,21 @@ ENTRY = """\
 
 {equation}
 
-| parameter | unit | range | meaning |
-|---|---|---|---|
-{rows}
+{parameters}
 
 ![{alt}](effects/{name}.svg)
 
-*Drawn with {shown}.*
+{shown}
 
 """
+TABLE = """\
+| parameter | unit | range | meaning |
+|---|---|---|---|
+"""
+TABULATED = (
+    "Its parameters `variable`, `knots`, `torque` and `torque_std`: "
+    "[a map](../diagnosis.md#a-torque-without-a-name)."
+)
 UNNAMED = " It has no name in a diagnosis: where it explains most, the verdict is `unknown`."
 NUISANCE = " It belongs to how a recording was taken and is never reported as missing physics."
 SYMBOLS = {
@@ -67,6 +73,7 @@ def effects_page(folder):
             default = "" if p.default is None else f"; default {p.default:g}"
             unit = p.unit.replace("*", "·").replace("^2", "²").replace("^3", "³")
             rows.append(f"| `{p.name}` | {unit} | {_range(p)} | {p.meaning}{default} |")
+        drawn = ", ".join(f"{name} {value:.3g}" for name, value in sizes(entry).items())
         text.append(
             ENTRY.format(
                 name=entry.name,
@@ -74,9 +81,9 @@ def effects_page(folder):
                 where=", ".join(f"`{place}`" for place in entry.where),
                 note=(UNNAMED if entry.unnamed else "") + (NUISANCE if entry.nuisance else ""),
                 equation=_equation(entry),
-                rows="\n".join(rows),
+                parameters=TABLE + "\n".join(rows) if rows else TABULATED,
                 alt=entry.sentence,
-                shown=", ".join(f"{name} {value:.3g}" for name, value in sizes(entry).items()),
+                shown=f"*Drawn with {drawn}.*" if drawn else "",
             )
         )
     return "".join(text)

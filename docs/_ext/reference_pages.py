@@ -84,6 +84,7 @@ def faults():
     return found
 
 
+SIMULATED = "in simulated time [`simulated_time`](../faults.md)"
 NODE_PAGE = """\
 # {name}
 
@@ -123,7 +124,7 @@ def node_pages():
             package=node.__module__.partition(".")[0],
             topics="\n".join([*node.TOPICS, *([""] if node.NOTES else []), *node.NOTES]),
             table=table,
-            faults=told or "None of its own.",
+            faults=told if name == "time_coordinator" else ", ".join(filter(None, [told, SIMULATED])),
         )
         lines.append(f"| [{name}](nodes/{name}.md) | {node.SUMMARY} |")
     pages["nodes.md"] = "\n".join(

@@ -58,8 +58,8 @@ def test_the_estimates_and_their_errors_are_those_of_the_page(folder, model, col
 
 def test_the_fits_are_those_of_the_page(folder):
     found = json.loads((folder / "compared" / "compare.json").read_text())["fits"]
-    for name, *cells in rows("fit on `check`, 20 to 32 s"):
-        fits = found[f"{name.removesuffix(' friction')}/model.yaml"]["recordings/check"]
+    for name, *cells in rows("fit on `stage1_check`, 20 to 32 s"):
+        fits = found[f"{name.removesuffix(' friction')}/model.yaml"]["recordings/stage1_check"]
         assert list(fits.values()) == pytest.approx([float(cell.split()[0]) for cell in cells], abs=0.3)
 
 

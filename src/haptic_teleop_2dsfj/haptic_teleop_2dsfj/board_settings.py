@@ -101,7 +101,7 @@ class BoardSettings:
     clock: int = quantity(
         HARDWARE_CLOCK_0,
         "",
-        "of the card that paces the samples: 0 to 19 a hardware clock, -1 to -4 a system clock",
+        "number of the clock that paces the samples: 0 to 19 a hardware clock, -1 to -4 a system clock",
         name="board.clock",
         minimum=-4,
         maximum=19,

@@ -23,7 +23,7 @@ DEVICE_TIMEOUT = Parameter(
     "s",
     0.05,
     10.0,
-    meaning="for which one call of the device may last, unless it opens it anew",
+    meaning="longest time of one call of the device; opening it may take longer",
 )
 
 LOOK_PERIOD = 0.1

@@ -195,11 +195,11 @@ def _doctor(arguments: list[str]) -> int:
     parser = ArgumentParser(
         prog="haptic-teleop doctor",
         description="Say what is there: environment, ROS 2, scheduling, devices; each line OK or the remedy.",
-        epilog="Exit status: 0 when nothing is a problem, 1 otherwise. Only hardware needs what is absent or "
-        "minds what is slow, or open to others.",
+        epilog="Exit status: 0 when nothing is a problem, 1 otherwise. What only a real robot needs (its "
+        "libraries, a punctual clock, files that others cannot write) is no problem without --hardware.",
     )
     parser.add_argument(
-        "--hardware", action="store_true", help="count what is absent, slow or open as a problem, too"
+        "--hardware", action="store_true", help="count what only a real robot needs as a problem, too"
     )
     parser.add_argument("--udev-rule", action="store_true", help="print the udev rules for the devices")
     parser.add_argument(

@@ -68,12 +68,18 @@ class OmniSlaveSettings:
     )
     inertia: float = quantity(2.526e-3, "kg·m²", "of the axis", name="observer.inertia", above=0.0)
     viscous: float = quantity(
-        2.0e-3, "N·m·s/rad", "Fv of equation (22)", name="observer.viscous", minimum=0.0
+        2.0e-3, "N·m·s/rad", "Fv, viscous friction", name="observer.viscous", minimum=0.0
     )
-    coulomb: float = quantity(0.02, "N·m", "Fc of equation (22)", name="observer.coulomb", minimum=0.0)
-    stribeck: float = quantity(0.01, "N·m", "Fcs of equation (22)", name="observer.stribeck", minimum=0.0)
-    alpha: float = quantity(5.0, "s/rad", "of equation (22)", name="observer.alpha", minimum=0.0)
-    beta: float = quantity(50.0, "s/rad", "of equation (22)", name="observer.beta", above=0.0)
+    coulomb: float = quantity(0.02, "N·m", "Fc, friction at high speed", name="observer.coulomb", minimum=0.0)
+    stribeck: float = quantity(
+        0.01, "N·m", "Fcs, by how much it is larger at low speed", name="observer.stribeck", minimum=0.0
+    )
+    alpha: float = quantity(
+        5.0, "s/rad", "how fast Fcs fades with speed", name="observer.alpha", minimum=0.0
+    )
+    beta: float = quantity(
+        50.0, "s/rad", "how sharply it turns with the direction", name="observer.beta", above=0.0
+    )
     spring: float = quantity(
         0.0, "N·m/rad", "the device's internal spring", name="observer.spring", minimum=0.0
     )

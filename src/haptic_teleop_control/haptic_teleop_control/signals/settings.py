@@ -54,7 +54,7 @@ class Step(_Checked):
 class AmplitudeSweep(_Checked):
     """Multiplies the carriers by sin(2 pi f tau): at 0.1 Hz they pass zero every 5 s."""
 
-    enabled: bool = quantity(False, "", "whether the carriers are modulated")
+    enabled: bool = quantity(False, "", "whether the sum of all waves and steps is multiplied by a sine")
     frequency: float = quantity(
         0.1, "Hz", "frequency of the modulation; zero crossings twice a period", above=0.0
     )
@@ -188,7 +188,7 @@ class SignalSettings(_Checked):
     duration: float = quantity(
         math.inf, "s", "duration of the signal after the delay; .inf for unlimited", above=0.0, infinite=True
     )
-    offset: float = quantity(0.0, SIGNAL_UNIT, "constant added after the amplitude sweep")
+    offset: float = quantity(0.0, SIGNAL_UNIT, "constant that is added, after the amplitude sweep")
     saturation: float = quantity(
         math.inf, SIGNAL_UNIT, "largest absolute value; .inf for none", above=0.0, infinite=True
     )

@@ -58,7 +58,9 @@ def parser() -> argparse.ArgumentParser:
         help="what has been said so far, in one file: read first where it exists, written in the end. With "
         "it a run goes on elsewhere (recordings are drawn again), or is scored anew (--only score)",
     )
-    found.add_argument("--baselines", type=int, default=0, metavar="N", help="also run baselines on N cases")
+    found.add_argument(
+        "--baselines", type=int, default=0, metavar="N", help="also run other methods on N cases"
+    )
     found.add_argument("--command", help="what to run instead of this installation's diagnose")
     return found
 

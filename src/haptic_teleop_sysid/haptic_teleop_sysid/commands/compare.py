@@ -140,7 +140,11 @@ def main(argv: list[str] | None = None) -> int:
 def _parser() -> argparse.ArgumentParser:
     parser = ArgumentParser(prog="haptic-teleop compare", description=__doc__)
     parser.add_argument(
-        "--model", nargs="+", required=True, metavar="MODEL.yaml", help="model files, the baseline first"
+        "--model",
+        nargs="+",
+        required=True,
+        metavar="MODEL.yaml",
+        help="model files; the first is what the others are compared with",
     )
     parser.add_argument("--bag", nargs="+", required=True, metavar="BAG", help="recordings of that joint")
     parser.add_argument(

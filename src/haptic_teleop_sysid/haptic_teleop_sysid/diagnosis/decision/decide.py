@@ -157,8 +157,8 @@ def _alike(other: Explanation, best: Explanation, apart: Callable[[Fit, Fit], fl
 
 
 def _needlessly_rich(explanation: Explanation, others: Sequence[Explanation]) -> bool:
-    """Whether it is a richer form of another explanation that scores no less: it contains that one, so it fits
-    as well whatever is there, and the shape that it adds is where the recordings say nothing."""
+    """Whether it is a richer form of another explanation that scores no less: it contains that one, so it
+    fits as well whatever is there, and the shape that it adds is where the recordings say nothing."""
     own = explanation.effect
     plainer = own.entry.refinement.of if own.entry.refinement else ""
     return any(
