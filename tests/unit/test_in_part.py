@@ -1,14 +1,16 @@
 """What is surely found beside something without a name."""
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import pytest
 from stepped_machines import RIGID, pendulum
 
 from haptic_teleop_sim.model import Effect
 from haptic_teleop_sysid.diagnosis.decision.adequacy import NOT_SURE
+from haptic_teleop_sysid.diagnosis.decision.beside_unknown import leading, with_names
 from haptic_teleop_sysid.diagnosis.decision.decide import Choice
-from haptic_teleop_sysid.diagnosis.decision.in_part import found_in_part, with_found
+from haptic_teleop_sysid.diagnosis.decision.in_part import found_in_part
 from haptic_teleop_sysid.diagnosis.decision.reasons import Doubt
 from haptic_teleop_sysid.diagnosis.decision.stand_in import StandIn
 from haptic_teleop_sysid.diagnosis.decision.verdict import Verdict
@@ -40,6 +42,14 @@ def stand_in_of(learn, *effects):
     return StandIn(fit, effects, 0.5)
 
 
+def result_of(fit):
+    return SimpleNamespace(baseline=fit)
+
+
+def group(gain, *effects):
+    return SimpleNamespace(gain=gain, effects=effects)
+
+
 def test_friction_is_found_beside_a_torque_without_a_name(notched):
     opinion, learn = notched
     (found,) = found_in_part(stand_in_of(learn, VALLEY, FRICTION), RIGID, opinion)
@@ -69,15 +79,48 @@ def test_the_verdict_stays_unknown_and_no_name_in_it_is_sure(notched):
     given_up = Choice(Explanation(instead.fit, 50.0, 20.0, True, 0), 1.0)
     doubt = Doubt(given_up, "it explains too little", short=True)
     unknown = Verdict("unknown", [], [], [], [])
-    parts = found_in_part(instead, RIGID, opinion)
-    verdict = with_found(unknown, parts, instead, doubt, {})
+    verdict = with_names(unknown, result_of(instead.fit), doubt, instead, opinion, learn, lambda model: {})
     assert verdict.kind == "unknown"
     (finding,) = verdict.findings
     assert (finding["effect"], finding["location"]) == ("coulomb_friction", "j_motor")
     assert 0.5 <= finding["confidence"] <= NOT_SURE
     assert "has no name" in finding["because"]
     assert [(w["equation"], w["condition"]) for w in verdict.where] == [("j_motor", "motor angle")]
-    assert with_found(unknown, [], instead, doubt, {}) is unknown
+
+
+def test_whatever_made_it_unknown_what_explains_most_torque_is_asked_whether_it_stands(notched):
+    opinion, learn = notched
+    fit = stand_in_of(learn, FRICTION).fit
+    unknown = Verdict("unknown", [{"equation": "j_motor", "condition": "time"}], [], [], [])
+    doubt = Doubt(None, "something acts at some times and not at others", "time")
+    verdict = with_names(unknown, result_of(fit), doubt, None, opinion, learn, lambda model: {})
+    (finding,) = verdict.findings
+    assert (finding["effect"], finding["location"]) == ("coulomb_friction", "j_motor")
+    size = finding["parameters"]["torque"]
+    # The detent passes for a part of it where nothing takes it on: the error says so.
+    assert abs(size["value"] - 0.4) < 2.0 * size["std"]
+    assert size["value"] == pytest.approx(0.4, rel=0.05)
+    assert finding["confidence"] <= NOT_SURE
+    assert verdict.where == unknown.where, "where and when it is, is what was said"
+    again = with_names(verdict, result_of(fit), doubt, None, opinion, learn, lambda model: {})
+    assert again.findings == verdict.findings, "what is named already is not named twice"
+
+
+def test_nothing_is_named_where_nothing_has_a_name():
+    opinion, learn = opinion_of(detent=0.8)
+    fit = stand_in_of(learn, VALLEY).fit
+    unknown = Verdict("unknown", [], [], [], [])
+    assert with_names(unknown, result_of(fit), None, None, opinion, learn, lambda model: {}) == unknown
+    assert with_names(unknown, result_of(fit), None, None, None, learn, lambda model: {}) is unknown
+
+
+def test_the_best_group_of_each_size_is_asked_if_it_gains_anything():
+    def of(*levels):
+        return leading(SimpleNamespace(levels=levels))
+
+    friction, both, drift = group(40.0, FRICTION), group(60.0, FRICTION, VALLEY), group(-1.0, VALLEY)
+    assert of((drift, friction), (group(50.0), both)) == [friction, both]
+    assert of((drift,), ()) == []
 
 
 def test_a_parameter_at_a_bound_of_the_regression_says_so(notched):

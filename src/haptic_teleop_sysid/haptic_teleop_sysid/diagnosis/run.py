@@ -11,9 +11,9 @@ from haptic_teleop_sim.model import Model
 from haptic_teleop_sysid.recordings.dataset import DataSet
 
 from .decision.adequacy import adequacy, short_of
+from .decision.beside_unknown import with_names
 from .decision.decide import Choice
 from .decision.doubt import left_is_random
-from .decision.in_part import found_in_part, with_found
 from .decision.nulls import Null, beyond_chance, nulls
 from .decision.overruled import explained_along
 from .decision.own_quantity import follows_still
@@ -96,10 +96,15 @@ def diagnose(
         )
         if mapped.fit is None:
             instead = stand_in(result.final, found.given, doubt, found.errors)
-        if instead is not None and doubt is not None and doubt.short and found.opinion is not None:
-            other = spread_by_form(instead.fit.model, found.learn, found.cutoff)
-            parts = found_in_part(instead, result.baseline.model, found.opinion)
-            verdict = with_found(verdict, parts, instead, doubt, together(stand.spread, other))
+        verdict = with_names(
+            verdict,
+            result,
+            doubt,
+            instead,
+            found.opinion,
+            found.learn,
+            lambda model: together(stand.spread, spread_by_form(model, found.learn, found.cutoff)),
+        )
         nameless = mapped.fit if instead is None else instead.fit
         result = replace(result, final=nameless or result.final)
     say("simulating all three models on all recordings")

@@ -9,40 +9,45 @@ beside a torque without a form, in quantities that are not its own, that takes o
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
 from haptic_teleop_sim.model import Effect, Model
+from haptic_teleop_sysid.estimation.gauss_newton import Fit
 
 from ..evidence.inverse_dynamics.groups import CLEARLY, Search
 from ..evidence.inverse_dynamics.latent import Latent
 from ..evidence.inverse_dynamics.terms import Hypothesis, follows_from_motion
+from ..evidence.inverse_dynamics.witness import Group
 from ..evidence.second_opinion import Opinion
+from ..hypotheses.explanation import Explanation
 from ..policy import LEAST_EXPLAINED
 from .adequacy import NOT_SURE
 from .decide import Choice
 from .doubt import OTHER_SIZE
-from .reasons import Doubt
 from .stand_in import StandIn
 from .verdict import Verdict, finding
 
 #: Relative difference between the sizes of torques and of free runs that is told.
 _TOLD = 0.1
+#: Where a size comes from that is another one.
+FREELY, ALONE = "free runs of the stand-in want", "fitted without that torque it would be"
 
 
 @dataclass(frozen=True)
 class InPart:
     """A name that stands: ``effect`` with the sizes found here and their standard errors ``std`` by parameter
-    (what halves of the stretches and free runs of the stand-in put them apart); ``index`` among the
-    stand-in's effects, and its ``freely`` found sizes; ``adequacy``: share that it explains of what any
-    torque in its own quantities does; ``share``: of all that is missing; ``rest``: the torque without a form
-    beside which it was judged, which explains ``more`` of all that is missing."""
+    (what halves of the stretches, and the sizes found elsewhere, put them apart); ``index`` among the effects
+    of which it is one; ``apart``: the sizes found elsewhere, and ``words`` for that; ``adequacy``: share that
+    it explains of what any torque in its own quantities does; ``share``: of all that is missing; ``rest``:
+    the torque without a form beside which it was judged, which explains ``more`` of all that is missing."""
 
     effect: Effect
     std: dict[str, float]
     index: int
-    freely: dict[str, float]
+    apart: dict[str, float]
+    words: str
     adequacy: float
     share: float
     rest: Latent
@@ -52,7 +57,7 @@ class InPart:
         """What speaks for it, in words."""
         values = self.effect.values
         others = ", ".join(
-            f"{n} {v:.3g}" for n, v in self.freely.items() if abs(v - values[n]) > _TOLD * abs(values[n])
+            f"{n} {v:.3g}" for n, v in self.apart.items() if abs(v - values[n]) > _TOLD * abs(values[n])
         )
         return (
             f"beside a torque without a form that follows {' and '.join(self.rest.quantities)} at "
@@ -60,28 +65,44 @@ class InPart:
             f"it explains {100 * self.share:.0f} % of the torque that is missing on recordings that were not "
             f"fitted, and {100 * self.adequacy:.0f} % of what any torque in its own quantities does; what "
             "that other torque is has no name"
-            + (f"; free runs of the stand-in want {others}" if others else "")
+            + (f"; {self.words} {others}" if others else "")
         )
 
 
 def found_in_part(instead: StandIn, model: Model, opinion: Opinion) -> list[InPart]:
     """The names of a stand-in that are surely there, the one that explains most first; ``model``: the
     structure; the inverse dynamics of every other stretch of all recordings judge."""
-    search = opinion.witness.folds
     tried = () if opinion.chosen is None else opinion.chosen.group.hypotheses
     known = {(h.entry.name, h.location): h for h in tried}
-    found = []
-    for index, effect in enumerate(instead.effects):
-        if not follows_from_motion(effect.entry):
-            continue
+
+    def hypothesis(effect: Effect) -> Hypothesis:
         own = known.get((effect.effect, effect.location))
-        own = Hypothesis.of(effect, model.place(effect.location)) if own is None else own
-        if (one := _judged(index, effect, own, search)) is not None:
-            found.append(one)
+        return Hypothesis.of(effect, model.place(effect.location)) if own is None else own
+
+    return _those_that_stand(instead.effects, hypothesis, opinion.witness.folds, FREELY)
+
+
+def found_one_by_one(group: Group, opinion: Opinion) -> list[InPart]:
+    """The same of the names of a group of the inverse dynamics, which were not run freely."""
+    own = dict(zip(((e.effect, e.location) for e in group.effects), group.hypotheses, strict=True))
+    return _those_that_stand(
+        group.effects, lambda e: own[e.effect, e.location], opinion.witness.folds, ALONE
+    )
+
+
+def _those_that_stand(
+    effects: Sequence[Effect], hypothesis: Callable[[Effect], Hypothesis], search: Search, words: str
+) -> list[InPart]:
+    found = []
+    for index, effect in enumerate(effects):
+        if follows_from_motion(effect.entry):
+            one = _judged(index, effect, hypothesis(effect), search, words)
+            if one is not None:
+                found.append(one)
     return sorted(found, key=lambda one: -one.share)
 
 
-def _judged(index: int, effect: Effect, own: Hypothesis, search: Search) -> InPart | None:
+def _judged(index: int, effect: Effect, own: Hypothesis, search: Search, words: str) -> InPart | None:
     alike = search.alike(own)
     others = [q for q in search.latents if q not in alike and "time" not in q.quantities]
     if not alike or not others:
@@ -99,15 +120,15 @@ def _judged(index: int, effect: Effect, own: Hypothesis, search: Search) -> InPa
     if adequacy < LEAST_EXPLAINED or sizes is None:
         return None
     mean = {n: 0.5 * (one + other) for n, (one, other) in sizes.items()}
-    freely = {n: effect.values[n] for n in sizes}
+    apart = {n: effect.values[n] for n in sizes}
     # Half the squared difference is the variance of either; the mean of two has half of that.
     std = {
-        n: math.hypot(0.5 * (one - other), (mean[n] - freely[n]) / math.sqrt(2.0))
+        n: math.hypot(0.5 * (one - other), (mean[n] - apart[n]) / math.sqrt(2.0))
         for n, (one, other) in sizes.items()
     }
-    share, more = (search.explained(both) - search.explained((one,)) for one in (rest, own))
+    share, more = (search.explained(both) - max(search.explained((one,)), 0.0) for one in (rest, own))
     named = replace(effect, parameters={**effect.parameters, **mean})
-    return InPart(named, std, index, freely, adequacy, share, rest, more)
+    return InPart(named, std, index, apart, words, adequacy, share, rest, more)
 
 
 def _sizes(
@@ -131,29 +152,30 @@ def _sizes(
 
 
 def with_found(
-    verdict: Verdict,
-    found: Sequence[InPart],
-    instead: StandIn,
-    doubt: Doubt,
-    spread: dict[str, float],
+    verdict: Verdict, found: Sequence[InPart], fit: Fit, count: int, spread: dict[str, float]
 ) -> Verdict:
-    """An `unknown` verdict with what was found in part, and the rest as where and what is missing; no name in
+    """An `unknown` verdict with what was found in part among the last ``count`` effects of a fit; no name in
     it is sure."""
-    if not found or doubt.choice is None:
-        return verdict
-    model = instead.fit.model
+    model = fit.model
+    told = {(f["effect"], f["location"]) for f in verdict.findings}
     findings = []
     for one in found:
-        index = len(model.effects) - len(instead.effects) + one.index
+        if (one.effect.effect, one.effect.location) in told:
+            continue
+        index = len(model.effects) - count + one.index
         effects = (*model.effects[:index], one.effect, *model.effects[index + 1 :])
-        fit = replace(instead.fit, model=replace(model, effects=effects))
+        with_it = replace(fit, model=replace(model, effects=effects))
         head = f"{one.effect.location}.{one.effect.effect}."
         std = {head + n: e for n, e in one.std.items()}
-        told = one.told()
-        explanation = replace(
-            doubt.choice.chosen, fit=fit, effect_index=index, std=std, by_current=0.0, witnessed=told
-        )
-        findings.append(finding(Choice(explanation, one.adequacy), fit, spread, NOT_SURE))
+        explanation = Explanation(with_it, 0.0, 0.0, True, index, std=std, witnessed=one.told())
+        findings.append(finding(Choice(explanation, one.adequacy), with_it, spread, NOT_SURE))
+    return replace(verdict, findings=[*verdict.findings, *findings]) if findings else verdict
+
+
+def where_the_rest_is(verdict: Verdict, found: Sequence[InPart]) -> Verdict:
+    """The verdict with where the torque is beside which the names stand, and what it follows."""
+    if not found:
+        return verdict
     rest = found[0].rest
     where: dict[str, Any] = {
         "equation": rest.location,
@@ -161,4 +183,4 @@ def with_found(
         "condition": " and ".join(rest.quantities),
         "intervals": [],
     }
-    return replace(verdict, findings=findings, where=[where])
+    return replace(verdict, where=[where])

@@ -77,10 +77,10 @@ def as_result(
     baseline = predicted.baseline
     alone = opinion.witness.structure
     if errors(alone.model)[0] < errors(baseline.model)[0]:
-        baseline = _fit(alone, baseline, records)
+        baseline = fit_of(alone, baseline, records)
     group = opinion.chosen.group
-    final = _fit(group, baseline, records)
-    other = None if group is heard.group else _fit(heard.group, baseline, records)
+    final = fit_of(group, baseline, records)
+    other = None if group is heard.group else fit_of(heard.group, baseline, records)
     adequacy = opinion.adequacy
     choices = tuple(
         _choice(opinion, final, len(group.model.effects) - len(group.effects) + i)
@@ -154,7 +154,7 @@ def beyond_reach(result: SearchResult, lab: Model) -> Doubt | None:
     return None
 
 
-def _fit(group: Group, like: Fit, records: Sequence[Record]) -> Fit:
+def fit_of(group: Group, like: Fit, records: Sequence[Record]) -> Fit:
     """The group's model as it is, with noise levels for its observer and the regression's standard errors."""
     model, std = group.model, group.std
     tuned = fit_whole(model, like.noise, records, free=(), iterations=_LEVELS)

@@ -63,7 +63,7 @@ def _headline(verdict: Verdict, content: dict[str, Any]) -> tuple[Status, str]:
         return "fair", f"{named} recordings cannot tell {_rivals(verdict)} apart."
     if verdict.kind == "unknown":
         sure = " and ".join(_named(f) for f in verdict.findings)
-        beside = f" Beside it there is {sure}." if sure else ""
+        beside = f" Beside it there is probably {sure}." if sure else ""
         return "fair", (
             f"Something is missing that no known effect explains; it sits at {places or 'no single place'}."
             f"{beside}"

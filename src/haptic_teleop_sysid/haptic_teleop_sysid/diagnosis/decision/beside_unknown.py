@@ -1,0 +1,62 @@
+"""Names that stand beside something unknown.
+
+An `unknown` says that something is missing for which there is no name. What else is missing has one all the
+same: friction of a robot that also sticks at some moments, or beside a delay that is no torque. So whatever
+made the verdict, the names that explain most torque are asked whether they stand (`in_part`).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+
+from haptic_teleop_sim.model import Model
+from haptic_teleop_sysid.estimation.records import Record
+
+from ..evidence.inverse_dynamics.witness import Group, Witness
+from ..evidence.second_opinion import Opinion
+from ..hypotheses.candidates import family
+from .in_part import InPart, found_in_part, found_one_by_one, where_the_rest_is, with_found
+from .overruled import fit_of
+from .reasons import Doubt
+from .search import SearchResult
+from .stand_in import StandIn
+from .verdict import Verdict
+
+
+def with_names(
+    verdict: Verdict,
+    result: SearchResult,
+    doubt: Doubt | None,
+    instead: StandIn | None,
+    opinion: Opinion | None,
+    records: Sequence[Record],
+    spread: Callable[[Model], dict[str, float]],
+) -> Verdict:
+    """The `unknown` verdict with the names that stand beside it: those of the stand-in where all that speaks
+    against them is that they explain too little, else those of `leading`; ``result``: with its baseline,
+    ``records``: of the estimation, ``spread``: by how much sizes of a model's effects differ (see
+    `verdict.finding`)."""
+    if opinion is None:
+        return verdict
+    if instead is not None and doubt is not None and doubt.short:
+        parts = found_in_part(instead, result.baseline.model, opinion)
+        verdict = with_found(verdict, parts, instead.fit, len(instead.effects), spread(instead.fit.model))
+        return where_the_rest_is(verdict, parts)
+    named: list[tuple[Group, InPart]] = []
+    for group in leading(opinion.witness):
+        named += [(group, one) for one in found_one_by_one(group, opinion)]
+    taken: set[tuple[str, str]] = set()
+    for group, one in sorted(named, key=lambda pair: -pair[1].share):
+        # Of forms of one thing at one place one is enough.
+        if (one.effect.effect, one.effect.location) in taken:
+            continue
+        taken |= {(name, one.effect.location) for name in family(one.effect.effect)}
+        fit = fit_of(group, result.baseline, records)
+        verdict = with_found(verdict, [one], fit, len(group.effects), spread(fit.model))
+    return verdict
+
+
+def leading(witness: Witness) -> list[Group]:
+    """The group of each number of effects that gains most, where it gains anything."""
+    best = (max(level, key=lambda group: group.gain) for level in witness.levels if level)
+    return [group for group in best if group.gain > 0.0]
