@@ -70,3 +70,19 @@ def test_a_response_that_runs_away_leaves_the_search_where_it_began():
     weights = np.array([1.0, 1.0])
     found = nearest_starts(packed, TORQUE, angles, DT, [(0, N)], begin, weights=weights, rate_weights=weights)
     np.testing.assert_array_equal(found, begin)
+
+
+@pytest.mark.parametrize("late", [0.003, 0.0085, -0.002])
+def test_a_late_encoder_shows_in_a_window_what_came_before_it_and_not_that_it_stood_still(late):
+    packed = one_torque_constant(flexible(("sensor_delay", "arm_encoder", {"delay": abs(late)})))
+    if late < 0.0:
+        packed = one_torque_constant(flexible(("channel_skew", "arm_encoder", {"delay": late})))
+    whole = simulate(packed, TORQUE, DT)
+    start = int(np.argmax(np.abs(whole.arm_velocity[100:500]))) + 100
+    read = respond(packed, TORQUE, DT, [(start, start + 60)], whole.states[[start], :4])
+    part = slice(start, start + 60)
+    error = read.arm_position[part] - whole.arm_position[part]
+    # Steady before and after: what is missing is half the acceleration times the delay squared.
+    bent = np.abs(np.gradient(whole.arm_velocity, DT)).max()
+    assert np.abs(error).max() <= bent * late**2
+    assert np.abs(error).max() < 0.1 * np.abs(whole.arm_velocity[start]) * abs(late)

@@ -82,9 +82,7 @@ def readings(packed: Packed, time: FloatArray, states: FloatArray) -> Readings:
         q, v = states[:, channel], states[:, 2 + channel]
         delay = sum(float(packed.p[offset]) for c, offset in packed.skew if c == channel)
         if delay != 0.0 and len(time) > 1:
-            when = np.clip(time - delay, time[0], time[-1])
-            spline = scipy.interpolate.CubicHermiteSpline(time, q, v)
-            q, v = spline(when), spline(when, 1)
+            q, v = _at(time, q, v, time - delay)
         if np.any(packed.out_codes[:, 1] == channel):
             read, rate = np.empty_like(q), np.empty_like(q)
             kernel().encoder_series(
@@ -99,6 +97,16 @@ def readings(packed: Packed, time: FloatArray, states: FloatArray) -> Readings:
             q, v = read, rate
         result += [q, v]
     return Readings(*result)
+
+
+def _at(
+    time: FloatArray, q: FloatArray, v: FloatArray, when: FloatArray
+) -> tuple[FloatArray, FloatArray]:
+    """Angle and rate (n,) at other times; before the first sample and after the last the motion is steady."""
+    inside = np.clip(when, time[0], time[-1])
+    spline = scipy.interpolate.CubicHermiteSpline(time, q, v)
+    rate = spline(inside, 1)
+    return spline(inside) + rate * (when - inside), rate
 
 
 def simulate(
