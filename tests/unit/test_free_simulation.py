@@ -86,3 +86,9 @@ def test_a_late_encoder_shows_in_a_window_what_came_before_it_and_not_that_it_st
     bent = np.abs(np.gradient(whole.arm_velocity, DT)).max()
     assert np.abs(error).max() <= bent * late**2
     assert np.abs(error).max() < 0.1 * np.abs(whole.arm_velocity[start]) * abs(late)
+
+
+def test_what_a_late_encoder_reads_of_a_motion_that_runs_away_is_no_number_and_no_error():
+    late = ("sensor_delay", "arm_encoder", {"delay": 0.003})
+    run = simulate(flexible(late, motor_damping=-1e5), np.ones(N), DT)
+    assert not np.all(np.isfinite(run.states)) and np.all(np.isnan(run.arm_position))
