@@ -102,8 +102,8 @@ def readings(packed: Packed, time: FloatArray, states: FloatArray) -> Readings:
 def _at(
     time: FloatArray, q: FloatArray, v: FloatArray, when: FloatArray
 ) -> tuple[FloatArray, FloatArray]:
-    """Angle and rate (n,) at other times; before the first sample and after the last the motion is steady. NaN
-    where the motion does not stay finite."""
+    """Angle and rate (n,) at other times; before the first sample and after the last the motion is steady.
+    NaN where the motion does not stay finite."""
     if not np.all(np.isfinite(q)) or not np.all(np.isfinite(v)):
         return np.full_like(q, np.nan), np.full_like(v, np.nan)
     inside = np.clip(when, time[0], time[-1])

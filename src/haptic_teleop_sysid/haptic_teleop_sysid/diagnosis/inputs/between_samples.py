@@ -1,0 +1,77 @@
+"""How the input of a log acts between its samples.
+
+A controller's command acts from its sample to the next, and so is every input taken here. A log may hold
+something else: a torque that was measured when the angles were, or a signal that changes all the time. Half
+a sample lies between the two, and passed for a wrong stamp of the input where nothing was wrong. Only the
+writer of a log knows, so the recordings are asked which of the two the structure predicts better.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from haptic_teleop_sim.model import Effect, Model
+from haptic_teleop_sysid.estimation.records import records_from, thinned_to
+from haptic_teleop_sysid.estimation.whole_fit import fit_from_scratch
+from haptic_teleop_sysid.recordings.dataset import DataSet
+
+from ..policy import CLEAR_GAIN
+from .scales import recording_scales, within_reach
+
+FloatArray = NDArray[np.float64]
+
+#: Sample periods between which a wrong stamp is about half a one.
+_LEAST, _MOST = 0.25, 0.75
+TOLD = (
+    "the input of this log is taken as read at its samples, and straight between them: so it is predicted "
+    "better than with an input that acts from its sample to the next"
+)
+
+
+def as_it_acts(model: Model, fitted: Sequence[DataSet], *others: Sequence[DataSet]) -> list[list[DataSet]]:
+    """The recordings, those that models are fitted to first, as they came; or with the input `straight`
+    between samples where all are logs and the model predicts the ``fitted`` ones clearly better so."""
+    every = [[*fitted], *([*one] for one in others)]
+    if not may_be_straight(*every) or not _better(model, fitted):
+        return every
+    return [[straight(d) for d in several] for several in every]
+
+
+def may_be_straight(*several: Sequence[DataSet]) -> bool:
+    """Whether all recordings are logs, of which nobody has said how their input acts, taken as they came."""
+    every = [d for sets in several for d in sets]
+    return all(d.experiment.get("kind") == "imported" and TOLD not in d.problems for d in every)
+
+
+def half_a_sample(effects: Iterable[Effect], dt: float) -> bool:
+    """Whether one of the effects is a wrong stamp by about half a sample period ``dt``, s: as much as lies
+    between the two."""
+    return any(
+        e.entry.kind == "skew" and any(_LEAST < abs(v) / dt < _MOST for v in e.parameters.values())
+        for e in effects
+    )
+
+
+def straight(data: DataSet) -> DataSet:
+    """The data set with its input straight between samples: its mean from each to the next."""
+    command = None if data.commanded_input is None else _means(data.commanded_input)
+    problems = (*data.problems, TOLD)
+    return replace(data, input=_means(data.input), commanded_input=command, problems=problems)
+
+
+def _means(values: FloatArray) -> FloatArray:
+    return 0.5 * (values + np.append(values[1:], values[-1:]))
+
+
+def _better(model: Model, data: Sequence[DataSet]) -> bool:
+    likelihoods = []
+    for sets in (data, [straight(d) for d in data]):
+        records = thinned_to([r for d in sets for r in records_from(d, commanded=True)])
+        limits = within_reach(model, recording_scales(model, records))
+        likelihoods.append(fit_from_scratch(model, records, limits=limits).log_likelihood)
+    held, read = likelihoods
+    return bool(np.isfinite(read) and read > held + CLEAR_GAIN)
