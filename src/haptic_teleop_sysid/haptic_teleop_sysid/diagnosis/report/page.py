@@ -67,9 +67,9 @@ def diagnosis_page(
     testimony_section(page, content)
     given_up(page, result)
     tried(page, result)
-    problems = [(name, p) for name, told in content["recordings"].items() for p in told]
-    if problems:
-        page.section("What is wrong with the recordings").table(("recording", "problem"), problems)
+    seen = [(name, p) for name, told in content["recordings"].items() for p in told]
+    if seen:
+        page.section("What is odd about the recordings").table(("recording", "what was seen"), seen)
     return page
 
 
