@@ -67,7 +67,7 @@ def test_the_shipped_recordings_are_of_the_same_robot(generator):
 
 def test_its_three_commands_name_what_is_hidden_and_its_size(folder, generator):
     (hidden,) = generator[0]["truth"]
-    found = json.loads((folder / "diagnosis" / "diagnosis.json").read_text())
+    found = json.loads((folder / "j2_diagnosis" / "diagnosis.json").read_text())
     assert found["verdict"] == "identified" and len(found["findings"]) == 1
     named = found["findings"][0]
     assert (named["effect"], named["location"]) == (hidden["effect"], "j2_joint")
@@ -76,14 +76,14 @@ def test_its_three_commands_name_what_is_hidden_and_its_size(folder, generator):
     assert width["value"] == pytest.approx(truth, rel=0.05)
     assert abs(width["value"] - truth) < 2.5 * width["std"]
     assert found["runtime_s"] < 300.0
-    augmented = load_model(folder / "diagnosis" / "augmented_model.yaml").parameters
+    augmented = load_model(folder / "j2_diagnosis" / "augmented_model.yaml").parameters
     for name, value in generator[0]["truth_parameters"].items():
         if name != "torque_constant":  # the log holds the torque
             assert augmented[name] == pytest.approx(value, rel=0.08), name
 
 
 def test_the_page_states_what_is_found_and_what_was_hidden(folder, generator):
-    width = json.loads((folder / "diagnosis" / "diagnosis.json").read_text())["findings"][0]["parameters"][
+    width = json.loads((folder / "j2_diagnosis" / "diagnosis.json").read_text())["findings"][0]["parameters"][
         "width"
     ]
     text = PAGE.split("backlash at j2_joint (")[1]
@@ -97,10 +97,10 @@ def test_the_page_states_what_is_found_and_what_was_hidden(folder, generator):
 
 def test_the_model_file_of_the_page_reads_the_recordings_of_the_page(folder):
     model = load_model(folder / "my_joint.yaml")
-    written = load_model(folder / "model.yaml")
+    written = load_model(folder / "j2.yaml")
     assert (model.robot, model.joint, model.structure, model.fixed) == (
         written.robot, written.joint, written.structure, written.fixed,
     )  # fmt: skip
     assert model.io == written.io
-    data = load_dataset(read_recording(folder / "recordings" / "learn"), model)
+    data = load_dataset(read_recording(folder / "j2" / "learn"), model)
     assert data.arm_position is not None and data.input_unit == "N*m" and len(data) == 4500
