@@ -62,16 +62,18 @@ LATE = '''def stamped_late(torque, samples, dt):
     return np.interp(steps, np.arange(len(torque)), torque), moment
 
 def seen_late(time, q, v, delay):
-    # Cubic Hermite interpolation of angle and velocity at the time that is seen.
+    # Cubic Hermite interpolation of angle and velocity at the time that is seen; steady before and after.
     if delay == 0.0 or len(time) < 2:
         return q, v
     when = np.clip(time - delay, time[0], time[-1])
+    beyond = time - delay - when
     i = np.clip(np.searchsorted(time, when, side="right") - 1, 0, len(time) - 2)
     h = time[i + 1] - time[i]
     s = (when - time[i]) / h
     a, b, va, vb = q[i], q[i + 1], v[i] * h, v[i + 1] * h
     c2, c3 = 3.0 * (b - a) - 2.0 * va - vb, 2.0 * (a - b) + va + vb
-    return a + s * (va + s * (c2 + s * c3)), (va + s * (2.0 * c2 + 3.0 * s * c3)) / h
+    rate = (va + s * (2.0 * c2 + 3.0 * s * c3)) / h
+    return a + s * (va + s * (c2 + s * c3)) + rate * beyond, rate
 '''
 
 LOOP = '''def rates(qm, qa, vm, va, z, moved_motor, moved_arm, t, torque_motor, torque_arm, other, dz):
