@@ -1,4 +1,4 @@
-"""The input of a log between its samples: held, or straight."""
+"""The input of a log between its samples: held, or read."""
 
 from dataclasses import replace
 
@@ -10,11 +10,12 @@ from haptic_teleop_sim.kernel import simulate
 from haptic_teleop_sim.model import Effect
 from haptic_teleop_sysid.diagnosis.inputs.between_samples import (
     TOLD,
-    as_it_acts,
+    as_read,
     half_a_sample,
-    may_be_straight,
-    straight,
+    may_be_read,
+    predicted_better,
 )
+from haptic_teleop_sysid.diagnosis.run import diagnose
 from haptic_teleop_sysid.recordings.dataset import DataSet
 
 DT, N, FINE = 2e-3, 6000, 10
@@ -24,12 +25,17 @@ def log(seed, held):
     """What a log has of a body under a torque of many tones: one that changes all the time and is read at the
     samples, or one that acts from its sample to the next."""
     generator = np.random.default_rng(seed)
-    fine = DT / FINE * np.arange(N * FINE)
-    tones = generator.uniform(0.5, 12.0, 12)
-    phases = generator.uniform(0.0, 6.0, 12)
-    torque = sum(0.3 * np.sin(2 * np.pi * f * fine + p) for f, p in zip(tones, phases, strict=True))
-    read = torque[::FINE]
-    motion = simulate(RIGID, np.repeat(read, FINE) if held else torque, DT / FINE)
+    tones = generator.uniform((0.5, 0.0), (12.0, 6.0), (12, 2))
+
+    def torque(time):
+        return sum(0.3 * np.sin(2 * np.pi * tone * time + phase) for tone, phase in tones)
+
+    read = torque(DT * np.arange(N))
+    # In the middle of each fine step: its mean.
+    changing = torque(DT / FINE * (np.arange(N * FINE) + 0.5))
+    acting = np.repeat(read, FINE) if held else changing
+    disturbance = np.repeat(0.005 * np.std(read) * generator.standard_normal(N), FINE)
+    motion = simulate(RIGID, acting + disturbance, DT / FINE)
     angle = np.rint(motion.motor_position[::FINE] / 1e-5) * 1e-5
     return DataSet(
         name=f"log {seed}",
@@ -48,25 +54,37 @@ def log(seed, held):
 
 @pytest.mark.parametrize("held", [True, False])
 def test_the_recordings_say_how_the_input_of_a_log_acts(held):
-    learn, judge = log(1, held), log(2, held)
-    (here,), (there,) = as_it_acts(RIGID, [learn], [judge])
-    if held:
-        assert here is learn and there is judge
-        return
-    np.testing.assert_allclose(here.input[:-1], 0.5 * (learn.input[:-1] + learn.input[1:]))
-    assert TOLD in here.problems and TOLD in there.problems
-    assert not may_be_straight([here])
+    assert predicted_better(RIGID, [log(1, held)]) is not held
+
+
+@pytest.mark.parametrize("held", [True, False])
+def test_the_diagnosis_names_nothing_where_nothing_is_hidden_and_says_how_it_read_the_input(held):
+    _, _, _, content = diagnose(RIGID, [log(1, held)], [log(2, held)])
+    assert (content["verdict"], content["findings"]) == ("no_mismatch", [])
+    told = [TOLD in told for told in content["recordings"].values()]
+    assert told == [not held, not held]
+
+
+def test_as_read_it_is_the_mean_from_each_sample_to_the_next_and_is_not_taken_so_twice():
+    data = log(1, held=False)
+    found = as_read(data)
+    middle = data.input[1:-2] + data.input[2:-1]
+    assert np.abs(found.input[1:-2] - 0.5 * middle).max() > 1e-4, "it is not straight"
+    exact = replace(data, input=np.arange(N, dtype=float) ** 3)
+    quarter = np.arange(1, N - 1) ** 4.0 / 4.0
+    np.testing.assert_allclose(as_read(exact).input[1:-2], np.diff(quarter), rtol=1e-9)
+    assert found.input_read and TOLD in found.problems
+    assert may_be_read([data]) and not may_be_read([found])
 
 
 def test_only_logs_are_asked():
-    learn = replace(log(1, held=False), experiment={"kind": "open loop"})
-    assert as_it_acts(RIGID, [learn])[0][0] is learn
-    assert not may_be_straight([learn], [log(2, held=False)])
+    other = replace(log(1, held=False), experiment={"kind": "open loop"})
+    assert not may_be_read([other], [log(2, held=False)])
 
 
 def test_a_command_is_read_like_the_input():
     data = replace(log(3, held=True), commanded_input=np.arange(N, dtype=float))
-    assert straight(data).commanded_input[:2].tolist() == [0.5, 1.5]
+    assert as_read(data).commanded_input[:2].tolist() == [0.5, 1.5]
 
 
 def test_a_wrong_stamp_of_half_a_sample_is_what_lies_between_the_two():

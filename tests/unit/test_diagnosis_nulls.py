@@ -120,7 +120,7 @@ def test_nulls_go_through_the_diagnosis_itself(stage, monkeypatch):
         parts = (course, horizons, result, result, False, opinion, 10.0)
         return explaining.Explained(model, *records, *parts)
 
-    monkeypatch.setattr(diagnosis, "explain", explain)
+    monkeypatch.setattr(explaining, "explain", explain)
     diagnosis.diagnose(STAGE, [data], [other], null_count=0)
     found = explain(STAGE, [data], [other], None)
     chance = nulls(diagnosis.alarm, STAGE, found.result, [data], [other], 2, jobs=1)

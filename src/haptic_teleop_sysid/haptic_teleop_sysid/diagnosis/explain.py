@@ -26,6 +26,7 @@ from .evidence.inverse_dynamics.motion import motion_band
 from .evidence.inverse_dynamics.witness import witness
 from .evidence.proof import Course
 from .evidence.second_opinion import Opinion, second_opinion
+from .inputs.between_samples import as_read, half_a_sample, may_be_read, predicted_better
 from .inputs.scales import recording_scales, within_reach
 from .policy import HARM
 from .usable import records_of, sense_follows
@@ -81,6 +82,24 @@ class Explained:
         scales = self.result.scales
         limits = within_reach(self.given, scales) | turning_limits(candidate, scales.size["fastest"])
         return fit_to_free_runs(candidate, [*parts][: self.count], limits)
+
+
+def explained(
+    model: Model, estimation: list[DataSet], validation: list[DataSet], say: Callable[[str], None]
+) -> tuple[Explained, bool]:
+    """What is made of recordings, and whether their input was then taken as read: of logs, as less
+    is missing (see `inputs.between_samples`)."""
+    asked = may_be_read(estimation, validation)
+    if asked and predicted_better(model, estimation):
+        return explain(model, [*map(as_read, estimation)], [*map(as_read, validation)], say), True
+    found = explain(model, estimation, validation, say)
+    named = [c.chosen.effect for c in found.kept.choices]
+    if asked and half_a_sample(named, estimation[0].dt):
+        say("the same with the input as read at its samples")
+        again = explain(model, [*map(as_read, estimation)], [*map(as_read, validation)], say)
+        if len(again.kept.choices) < len(named):
+            return again, True
+    return found, False
 
 
 def explain(

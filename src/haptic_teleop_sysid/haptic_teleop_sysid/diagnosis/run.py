@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 from typing import Any
 
@@ -24,9 +24,9 @@ from .decision.verdict import Verdict, decide_verdict
 from .evidence.measured_map import measured_map
 from .evidence.other_forms import spread_by_form, together
 from .evidence.proof import Proof, prove
-from .explain import Explained, explain
-from .inputs.between_samples import as_it_acts, half_a_sample, may_be_straight, straight
-from .inputs.uses import Uses, three_uses
+from .explain import explained
+from .inputs.between_samples import as_read
+from .inputs.uses import three_uses
 from .question import questioned
 from .report.columns import column, errors_of, three_columns, with_bounds
 from .report.contents import contents
@@ -36,31 +36,9 @@ from .usable import refuse_unusable
 
 def alarm(model: Model, estimation: list[DataSet], validation: list[DataSet]) -> tuple[SearchResult, bool]:
     """What the search finds, and whether the diagnosis would name or doubt anything: for `nulls`."""
-    found = explain(model, estimation, validation, lambda text: None)
+    found, _ = explained(model, estimation, validation, lambda text: None)
     result, doubt, _ = questioned(found, found.result, found.kept, [*estimation, *validation])
     return found.result, bool(result.choices) or doubt is not None
-
-
-def explained(
-    model: Model,
-    estimation: Sequence[DataSet],
-    validation: Sequence[DataSet],
-    test: Sequence[DataSet],
-    say: Callable[[str], None],
-) -> tuple[Uses, Explained]:
-    """What the recordings are used for, and what the search makes of them: of logs with the input acting as
-    it explains them with least (see `inputs.between_samples`)."""
-    every = as_it_acts(model, estimation, validation, test)
-    uses = three_uses(*every)
-    found = explain(model, [*uses.fit], [*uses.choose], say)
-    named = [c.chosen.effect for c in found.kept.choices]
-    if may_be_straight(*every) and half_a_sample(named, uses.fit[0].dt):
-        say("the same with the input straight between samples")
-        other = three_uses(*([straight(d) for d in sets] for sets in every))
-        again = explain(model, [*other.fit], [*other.choose], say)
-        if len(again.kept.choices) < len(named):
-            return other, again
-    return uses, found
 
 
 def diagnose(
@@ -77,7 +55,9 @@ def diagnose(
     without them a part of a long validation does (see `three_uses`).
     """
     refuse_unusable([*estimation, *validation, *test])
-    uses, found = explained(model, estimation, validation, test, say)
+    uses = three_uses(estimation, validation, test)
+    found, read = explained(model, [*uses.fit], [*uses.choose], say)
+    uses = uses.changed(as_read) if read else uses
     estimation, validation = [*uses.fit], [*uses.choose]
     chance: list[Null] = []
     dropped: tuple[Choice, ...] = ()

@@ -31,6 +31,8 @@ class DataSet:
     input            what acts from a sample to the next, in `input_unit`: A (sfj), otherwise the recorded
     effort (N·m, or what an imported log had: N, A, V)
     input_source     which recorded field the input is
+    input_read       whether the input was read at the samples and is smooth between them, so that this is its
+                     mean from each to the next (`diagnosis.inputs.between_samples`)
     commanded_input  the command that answered each sample, same unit; None when not recorded
     motor_position, motor_velocity, arm_position, arm_velocity
                      rad, rad/s (m, m/s for a linear axis: `position_unit`); arm None when the model has none
@@ -63,6 +65,7 @@ class DataSet:
     slips: tuple[Slip, ...] = ()
     experiment: dict[str, Any] = field(default_factory=dict)
     position_unit: str = "rad"
+    input_read: bool = False
 
     def __len__(self) -> int:
         return len(self.input)

@@ -27,24 +27,15 @@ FloatArray = NDArray[np.float64]
 #: Sample periods between which a wrong stamp is about half a one.
 _LEAST, _MOST = 0.25, 0.75
 TOLD = (
-    "the input of this log is taken as read at its samples, and straight between them: so it is predicted "
-    "better than with an input that acts from its sample to the next"
+    "the input of this log is taken as read at its samples, and smooth between them: so less is missing "
+    "than with an input that acts from its sample to the next"
 )
 
 
-def as_it_acts(model: Model, fitted: Sequence[DataSet], *others: Sequence[DataSet]) -> list[list[DataSet]]:
-    """The recordings, those that models are fitted to first, as they came; or with the input `straight`
-    between samples where all are logs and the model predicts the ``fitted`` ones clearly better so."""
-    every = [[*fitted], *([*one] for one in others)]
-    if not may_be_straight(*every) or not _better(model, fitted):
-        return every
-    return [[straight(d) for d in several] for several in every]
-
-
-def may_be_straight(*several: Sequence[DataSet]) -> bool:
+def may_be_read(*several: Sequence[DataSet]) -> bool:
     """Whether all recordings are logs, of which nobody has said how their input acts, taken as they came."""
     every = [d for sets in several for d in sets]
-    return all(d.experiment.get("kind") == "imported" and TOLD not in d.problems for d in every)
+    return all(d.experiment.get("kind") == "imported" and not d.input_read for d in every)
 
 
 def half_a_sample(effects: Iterable[Effect], dt: float) -> bool:
@@ -56,20 +47,26 @@ def half_a_sample(effects: Iterable[Effect], dt: float) -> bool:
     )
 
 
-def straight(data: DataSet) -> DataSet:
-    """The data set with its input straight between samples: its mean from each to the next."""
+def as_read(data: DataSet) -> DataSet:
+    """The data set with its input smooth between samples: its mean from each to the next, along the cubic
+    through the four samples around; straight at either end."""
     command = None if data.commanded_input is None else _means(data.commanded_input)
     problems = (*data.problems, TOLD)
-    return replace(data, input=_means(data.input), commanded_input=command, problems=problems)
+    return replace(
+        data, input=_means(data.input), commanded_input=command, problems=problems, input_read=True
+    )
 
 
 def _means(values: FloatArray) -> FloatArray:
-    return 0.5 * (values + np.append(values[1:], values[-1:]))
+    means = 0.5 * (values + np.append(values[1:], values[-1:]))
+    means[1:-2] = (13.0 * (values[1:-2] + values[2:-1]) - values[:-3] - values[3:]) / 24.0
+    return means
 
 
-def _better(model: Model, data: Sequence[DataSet]) -> bool:
+def predicted_better(model: Model, data: Sequence[DataSet]) -> bool:
+    """Whether the model predicts recordings clearly better with their input `as_read`."""
     likelihoods = []
-    for sets in (data, [straight(d) for d in data]):
+    for sets in (data, [as_read(d) for d in data]):
         records = thinned_to([r for d in sets for r in records_from(d, commanded=True)])
         limits = within_reach(model, recording_scales(model, records))
         likelihoods.append(fit_from_scratch(model, records, limits=limits).log_likelihood)

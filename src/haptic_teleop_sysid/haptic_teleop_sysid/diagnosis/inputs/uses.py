@@ -7,7 +7,7 @@ ch. 7.2).
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -58,6 +58,12 @@ class Uses:
     show: Shown
     told: str
     problems: dict[str, list[str]]
+
+    def changed(self, change: Callable[[DataSet], DataSet]) -> Uses:
+        """The same uses of recordings that are changed all alike."""
+        fit, choose, show = (tuple(map(change, s)) for s in (self.fit, self.choose, self.show.recordings))
+        more = {d.name: list(d.problems) for d in (*fit, *choose, *show)}
+        return replace(self, fit=fit, choose=choose, show=Shown(show), problems=self.problems | more)
 
 
 def three_uses(
