@@ -3,6 +3,7 @@ who did not do his part."""
 
 import os
 import re
+import select
 import signal
 import subprocess
 import sys
@@ -138,13 +139,14 @@ def until_it_runs(process: subprocess.Popen, says: str = "stage 1:") -> list[str
 
 def ends_first(processes: list[subprocess.Popen]) -> int:
     """Which of them ends before the others do."""
-    end = time.monotonic() + 100.0
-    while time.monotonic() < end:
-        for place, process in enumerate(processes):
-            if process.poll() is not None:
-                return place
-        time.sleep(0.05)
-    raise AssertionError("none has ended")
+    watched = [os.pidfd_open(process.pid) for process in processes]
+    try:
+        ended, _, _ = select.select(watched, [], [], 100.0)
+    finally:
+        for one in watched:
+            os.close(one)
+    assert ended, "none has ended"
+    return watched.index(ended[0])
 
 
 @pytest.mark.parametrize("options", [(), ("--processes",)])

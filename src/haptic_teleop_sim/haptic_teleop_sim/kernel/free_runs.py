@@ -31,8 +31,6 @@ from haptic_teleop_control.filters import velocity_step
 
 #: A weighted error beyond this is just very wrong.
 HUGE = 1e6
-#: Columns of sensitivities for which there is room: a whole vector of the machine's (`predict.py`).
-ROOM = 16
 
 
 @inner
@@ -84,9 +82,8 @@ def weigh(innovation, sensitivity, columns, held, goal, dt, memory, errors):
     now, each = np.zeros(2 * (1 + columns)), 1 + columns
     before, after = np.zeros(2 * each), np.zeros(2 * each)
     for i in range(m):
-        if filtered or i == 0:
-            take(i, innovation, sensitivity, columns, held, now)
         if filtered:
+            take(i, innovation, sensitivity, columns, held, now)
             if i == 0:
                 # The filter begins at rest: where the recording's own began does not matter, because errors
                 # of angles go through it.
@@ -184,13 +181,15 @@ def newton_step(errors, rows, free, damping, slopes, step):
 
 
 @njit
-def nearest_starts(spans, states, angles, torque, exogenous, t0, mechanics, goal, enough, most_trials):
+def nearest_starts(spans, states, angles, torque, exogenous, t0, mechanics, goal, enough, most_trials,
+                   s):
     """Where the free response over each window (``spans`` (windows, 2)) comes nearest to the measured
     ``angles`` (n, 2), rad, NaN where missing: damped Gauss-Newton with the exact sensitivities of the
     response.
 
     ``states`` (windows, 4): angles and velocities of motor and arm from where to search, and in place what
-    was found. ``enough``: relative gain of the sum of squares that is not worth another response.
+    was found. ``enough``: relative gain of the sum of squares that is not worth another response. ``s``:
+    room (nx, columns) for the sensitivities of the state, see `predict.py`.
     """
     dt, substeps, rigid, base, codes, p, out_codes, lead, moved, follows = mechanics
     nx = follows.shape[0]
@@ -204,7 +203,7 @@ def nearest_starts(spans, states, angles, torque, exogenous, t0, mechanics, goal
     base_col, p_col = np.full(5, -1, dtype=np.int64), np.full(p.shape[0], -1, dtype=np.int64)
     skew_col, nothing = np.full(2, -1, dtype=np.int64), np.zeros(longest)
     no_states = np.empty((0, 4, free))
-    x, s = np.zeros(nx), np.zeros((nx, ROOM))
+    x = np.zeros(nx)
     measured, innovation = np.empty((longest, 2)), np.empty((longest, 2))
     sensitivity, visited = np.empty((longest, 2, free)), np.empty((longest, nx))
     read, held = np.empty((longest, 2), dtype=np.bool_), np.zeros((longest, 2), dtype=np.int64)
@@ -227,7 +226,7 @@ def nearest_starts(spans, states, angles, torque, exogenous, t0, mechanics, goal
             if renew:
                 begin(state, follows, x)
                 for j in range(nx):
-                    for c in range(ROOM):
+                    for c in range(s.shape[1]):
                         s[j, c] = 0.0
                     s[j, free - 1] = 0.0 if rigid else follows[j]
                 for c in range(free):
@@ -283,5 +282,5 @@ def respond(spans, states, torque, exogenous, t0, mechanics, out):
         start, stop = spans[w, 0], spans[w, 1]
         begin(states[w], follows, x)
         simulate_series(x, torque[start:stop], nothing[start:stop], nothing[start:stop],
-        exogenous[start:stop],
-                        t0 + dt * start, dt, substeps, rigid, base, codes, p, out[start:stop])
+                        exogenous[start:stop], t0 + dt * start, dt, substeps, rigid, base, codes, p,
+                        out[start:stop])

@@ -11,7 +11,8 @@ from haptic_teleop_control.filters import velocity_coefficients
 
 from .build import free_runs
 from .pack import Packed
-from .simulate import Readings, readings
+from .predict import ROOM
+from .simulate import Readings, readings, series_or_zeros
 
 FloatArray = NDArray[np.float64]
 Spans = Sequence[tuple[int, int]]
@@ -53,12 +54,13 @@ def nearest_starts(
         states,
         np.ascontiguousarray(angles, dtype=np.float64),
         np.ascontiguousarray(torque, dtype=np.float64),
-        _other(exogenous, len(angles)),
+        series_or_zeros(exogenous, len(angles)),
         t0,
         _mechanics(packed, dt),
         (*both, filtered, coefficients),
         ENOUGH,
         MOST_TRIALS,
+        np.zeros((packed.states, ROOM)),
     )
     return states
 
@@ -81,7 +83,7 @@ def respond(
         _numbers(spans),
         np.ascontiguousarray(states, dtype=np.float64),
         acting,
-        _other(exogenous, len(acting)),
+        series_or_zeros(exogenous, len(acting)),
         t0,
         _mechanics(packed, dt),
         out,
@@ -104,10 +106,6 @@ def readings_over(packed: Packed, time: FloatArray, states: FloatArray, spans: S
 
 def _numbers(spans: Spans) -> NDArray[np.int64]:
     return np.array(spans, dtype=np.int64).reshape(-1, 2)
-
-
-def _other(exogenous: FloatArray | None, n: int) -> FloatArray:
-    return np.zeros(n) if exogenous is None else np.ascontiguousarray(exogenous, dtype=np.float64)
 
 
 def _mechanics(packed: Packed, dt: float) -> tuple:

@@ -11,13 +11,13 @@ from ..effects import EFFECTS
 from ..model import parameter_bounds
 from .build import kernel
 from .pack import Packed
-from .simulate import acting
+from .simulate import acting, series_or_zeros
 
 FloatArray = NDArray[np.float64]
 
 #: Columns of sensitivities come in multiples of this, the last ones unused: as many as compiled code takes at
 #: once; a rest is taken one by one, which takes as long as all of them.
-_ROOM = 16
+ROOM = 16
 
 #: Effects that change the torque before anything moves.
 _BEFORE_THE_MOTION = frozenset(e.name for e in EFFECTS.values() if e.kind == "input")
@@ -86,7 +86,7 @@ def predict(
         torque_slopes.append(by_torque)
         moment_slopes.append(by_moment)
 
-    s = np.zeros((packed.states, -(-ncol // _ROOM) * _ROOM))
+    s = np.zeros((packed.states, -(-ncol // ROOM) * ROOM))
     skew_col = np.full(2, -1, dtype=np.int64)
     for column, name in enumerate(free):
         if name in INITIAL:
@@ -125,12 +125,10 @@ def predict(
             source = np.arange(n) + shift
             good = (source >= 0) & (source < n)
             advanced[good, channel] = measured[source[good], channel]
-    outer = (
-        np.zeros(n) if external_torque is None else np.ascontiguousarray(external_torque, dtype=np.float64)
-    )
+    outer = series_or_zeros(external_torque, n)
     if packed.rigid:
         torque = torque + outer
-    other = np.zeros(n) if exogenous is None else np.ascontiguousarray(exogenous, dtype=np.float64)
+    other = series_or_zeros(exogenous, n)
     x = packed.initial_state()
     if initial_state is not None:
         start = np.asarray(initial_state, dtype=np.float64)

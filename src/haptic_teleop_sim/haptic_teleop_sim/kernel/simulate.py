@@ -33,6 +33,11 @@ class Trajectory:
     arm_velocity: FloatArray
 
 
+def series_or_zeros(values: ArrayLike | None, n: int) -> FloatArray:
+    """The values (n,) as compiled code takes them; zeros for None."""
+    return np.zeros(n) if values is None else np.ascontiguousarray(values, dtype=np.float64)
+
+
 def acting_torque(packed: Packed, input_: ArrayLike, dt: float, t0: float = 0.0) -> FloatArray:
     """Torque (n,) that acts on the motor over each sample in the mean, N·m: torque constant, skew and input
     effects applied.
@@ -139,12 +144,10 @@ def simulate(
     if motor_torque is not None:
         torque = torque + np.asarray(motor_torque, dtype=np.float64)
     n = len(torque)
-    outer = (
-        np.zeros(n) if external_torque is None else np.ascontiguousarray(external_torque, dtype=np.float64)
-    )
+    outer = series_or_zeros(external_torque, n)
     if packed.rigid:
         torque = torque + outer
-    other = np.zeros(n) if exogenous is None else np.ascontiguousarray(exogenous, dtype=np.float64)
+    other = series_or_zeros(exogenous, n)
     x = packed.initial_state()
     if initial_state is not None:
         start = np.asarray(initial_state, dtype=np.float64)

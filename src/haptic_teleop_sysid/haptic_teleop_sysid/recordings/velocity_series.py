@@ -24,7 +24,7 @@ def velocity_series(
     """
     columns = np.ascontiguousarray(position.reshape(len(position), -1))
     out = np.empty(columns.shape)
-    begin = np.full(columns.shape, 0.0 if velocity is None else velocity)
+    begin = np.full((1, columns.shape[1]), 0.0 if velocity is None else velocity)
     _filter(columns, begin, dt, cutoff_hz, damping, np.array([[0, len(columns)]]), out)
     return out.reshape(position.shape)
 
@@ -40,8 +40,9 @@ def velocity_over(
     """The same of a position (n,) over each of ``spans`` alone, NaN outside; the motion before each had the
     ``velocity`` (n,) of its first sample."""
     out = np.full(len(position), np.nan)
-    columns = (np.ascontiguousarray(one).reshape(-1, 1) for one in (position, velocity))
-    _filter(*columns, dt, cutoff_hz, damping, np.array(spans, dtype=np.int64), out.reshape(-1, 1))
+    over = np.array(spans, dtype=np.int64).reshape(-1, 2)
+    column = np.ascontiguousarray(position).reshape(-1, 1)
+    _filter(column, velocity[over[:, :1]], dt, cutoff_hz, damping, over, out.reshape(-1, 1))
     return out
 
 
@@ -49,8 +50,8 @@ def velocity_over(
 def _filter(
     position: Array, begin: Array, dt: float, cutoff_hz: float, damping: float, spans: Array, out: Array
 ) -> None:
-    """Velocities of the positions (n, k) over each of ``spans`` into ``out`` (n, k); ``begin`` (n, k): rate
-    of the motion before a span, at its first sample."""
+    """Velocities of the positions (n, k) over each of ``spans`` into ``out`` (n, k); ``begin``
+    (spans, k): rate of the motion before each."""
     coefficients = velocity_coefficients(dt, cutoff_hz, damping)
     # As the filter's own `reset`: a motion that has always been steady.
     lag = damping / (math.pi * cutoff_hz)
@@ -58,7 +59,7 @@ def _filter(
     for w in range(spans.shape[0]):
         first = spans[w, 0]
         for j in range(state.shape[0]):
-            rate = begin[first, j]
+            rate = begin[w, j]
             before = position[first, j] - dt * rate
             if not math.isfinite(before):
                 before = 0.0
