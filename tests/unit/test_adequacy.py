@@ -20,6 +20,7 @@ from haptic_teleop_sysid.diagnosis.decision.doubt import left_is_random
 from haptic_teleop_sysid.diagnosis.decision.reasons import Doubt
 from haptic_teleop_sysid.diagnosis.decision.search import SearchResult
 from haptic_teleop_sysid.diagnosis.decision.verdict import decide_verdict
+from haptic_teleop_sysid.diagnosis.evidence.residual import _condition as condition_of_left
 from haptic_teleop_sysid.diagnosis.evidence.residual import shares
 from haptic_teleop_sysid.diagnosis.hypotheses.explanation import Explanation
 from haptic_teleop_sysid.diagnosis.inputs.scales import recording_scales
@@ -156,10 +157,22 @@ def test_what_only_the_currents_show_needs_no_torque():
 def test_nobody_is_surer_of_a_name_than_it_explains():
     records = [pendulum(0, coulomb=0.4)]
     result = result_with(records, 0.4)
-    verdicts = [decide_verdict(result, records, records, adequate=a) for a in (None, Adequacy(0.8, 0.65))]
+    verdicts = [decide_verdict(result, records, records, adequate=a) for a in (None, Adequacy(0.8, 0.75))]
     assert verdicts[0].findings[0]["confidence"] == 0.99
-    assert verdicts[1].findings[0]["confidence"] == 0.65
+    assert verdicts[1].findings[0]["confidence"] == 0.75
     assert verdicts[1].kind == "identified"
+
+
+def test_a_name_beside_which_much_is_left_is_part_of_what_is_missing_and_the_verdict_unknown():
+    records = [pendulum(0, coulomb=0.4)]
+    result = result_with(records, 0.4)
+    verdict = decide_verdict(result, records, records, adequate=Adequacy(0.8, 0.65))
+    assert verdict.kind == "unknown"
+    assert [(f["effect"], f["confidence"]) for f in verdict.findings] == [("coulomb_friction", 0.65)]
+    assert [row["equation"] for row in verdict.where] == ["j_motor"]
+    # Where what is left is chance the name stays, unsurely.
+    by_chance = decide_verdict(result, records, records, adequate=Adequacy(0.8, 0.65, random_left=True))
+    assert (by_chance.kind, by_chance.findings[0]["confidence"]) == ("identified", 0.69)
 
 
 @pytest.mark.parametrize(
@@ -228,3 +241,12 @@ def test_where_an_observer_overflows_the_inverse_dynamics_say_how_much_is_explai
     assert adequacy(bare, bare, records, (0.5, 0.5), (0.1, 0.1)).torque == 0.0
     # What has no size is not said to be random.
     assert not left_is_random(bare, records, records)
+
+
+@pytest.mark.filterwarnings("error")
+def test_a_torque_without_a_size_follows_nothing():
+    follows = np.linspace(-1.0, 1.0, 400)
+    for size in (1e200, np.inf):
+        torque = size * np.where(follows > 0.0, 1.0, -1.0)
+        found = condition_of_left("j_motor", "motor angle", (follows, 1e-200 * torque), (follows, torque))
+        assert found.explained == 0.0

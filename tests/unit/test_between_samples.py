@@ -8,6 +8,7 @@ from stepped_machines import RIGID
 
 from haptic_teleop_sim.kernel import simulate
 from haptic_teleop_sim.model import Effect
+from haptic_teleop_sysid.diagnosis import explain as explaining
 from haptic_teleop_sysid.diagnosis.inputs.between_samples import (
     TOLD,
     as_read,
@@ -21,7 +22,7 @@ from haptic_teleop_sysid.recordings.dataset import DataSet
 DT, N, FINE = 2e-3, 6000, 10
 
 
-def log(seed, held):
+def log(seed, held, machine=RIGID):
     """What a log has of a body under a torque of many tones: one that changes all the time and is read at the
     samples, or one that acts from its sample to the next."""
     generator = np.random.default_rng(seed)
@@ -35,7 +36,7 @@ def log(seed, held):
     changing = torque(DT / FINE * (np.arange(N * FINE) + 0.5))
     acting = np.repeat(read, FINE) if held else changing
     disturbance = np.repeat(0.005 * np.std(read) * generator.standard_normal(N), FINE)
-    motion = simulate(RIGID, acting + disturbance, DT / FINE)
+    motion = simulate(machine, acting + disturbance, DT / FINE)
     angle = np.rint(motion.motor_position[::FINE] / 1e-5) * 1e-5
     return DataSet(
         name=f"log {seed}",
@@ -94,3 +95,15 @@ def test_a_wrong_stamp_of_half_a_sample_is_what_lies_between_the_two():
     assert half_a_sample(skew(0.5 * DT), DT) and half_a_sample(skew(-0.45 * DT), DT)
     assert not half_a_sample(skew(2.0 * DT), DT) and not half_a_sample(skew(0.01 * DT), DT)
     assert not half_a_sample([Effect("coulomb_friction", "j_motor", {"torque": 0.5 * DT})], DT)
+
+
+def test_a_friction_does_not_hide_how_the_input_acts(monkeypatch):
+    """Judged without it, half a sample is lost in what friction does; it took a search that found the skew
+    and a second one to see it."""
+    friction = Effect("coulomb_friction", "j_motor", {"torque": 0.15})
+    logs = [log(seed, False, RIGID.with_effects(friction)) for seed in (1, 2)]
+    assert not predicted_better(RIGID, logs[:1])
+    searched = []
+    monkeypatch.setattr(explaining, "explain", lambda *data: searched.append(data[1][0].input_read))
+    assert explaining.explained(RIGID, logs[:1], logs[1:], lambda text: None)[1]
+    assert searched == [True]

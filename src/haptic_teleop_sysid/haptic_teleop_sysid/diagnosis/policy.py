@@ -89,7 +89,11 @@ gets the nearest one. By hand on development recordings."""
 
 SURE = 0.7
 """Confidence from which a single name is given; below, the verdict is `ambiguous`. By hand: a name that is
-given should be right at least that often."""
+given should be right at least that often. Also the share of what is missing, torque and free runs, that names
+must explain where what they leave is not random: below, the verdict is `unknown`, with the names beside it.
+Higher: right names of friction whose form is only nearly right become part of an `unknown`; lower: more
+physics outside the table counts as identified, because something near it, or friction beside it, was
+named."""
 
 # Is the name believed?
 
@@ -109,6 +113,12 @@ for random, beside white innovations: these are white, too, where a random torqu
 slow physics. Higher: names are kept beside physics that was left out; lower: small effects beside random
 torque are `unknown`. By hand; of a robot's axis that the others pull at, 0.28 of what was left followed its
 angle, with white innovations."""
+
+MOST_RANDOM = 0.17
+"""Torque left over, rms against that of the input over all recordings, above which it does not pass for
+random, however it looks: lost commands look random, too. Higher: physics of any kind that an observer can
+follow passes; lower: right names beside coarse readings become `unknown`. By hand: nearly three times the
+largest random torque of the benchmark's machines; three robots' joints with right names have 0.12 to 0.15."""
 
 ERRS_LESS, ERRS_FAR_LESS = 0.9, 0.7
 """Factor by which the free run of the second witness must err less than the first opinion's, in the mean of

@@ -88,9 +88,7 @@ def diagnose(
         doubt = doubt or short or bent
     say("deciding")
     forms = spread_by_form(result.final.model, found.learn, found.cutoff)
-    verdict = decide_verdict(
-        result, found.learn, found.judge, doubt, together(stand.spread, forms), adequate
-    )
+    verdict = decide_verdict(result, found.learn, found.judge, doubt, together(stand.spread, forms), adequate)
     mapped = instead = None
     if verdict.kind == "unknown":
         mapped = measured_map(
@@ -124,7 +122,11 @@ def diagnose(
     if instead is not None:
         added = "a stand-in that is not believed"
     elif mapped is not None and mapped.fit is not None:
-        added = "a measured torque in place of a name"
+        added = (
+            "what was found, and a measured torque for the rest"
+            if result.choices
+            else "a measured torque in place of a name"
+        )
     told = (chance, dropped), uses, found.learn, added
     content = contents(result, verdict, proof, columns, stand, doubt, *told)
     believed = [c.chosen for c in (*result.choices, *([doubt.choice] if doubt and doubt.choice else []))]

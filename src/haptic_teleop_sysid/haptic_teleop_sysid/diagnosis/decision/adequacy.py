@@ -54,6 +54,12 @@ class Adequacy:
         least = min(self.torque, self.free_run)
         return max(least, NOT_SURE) if self.random_left else least
 
+    @property
+    def much_is_left(self) -> bool:
+        """Whether so much more than chance is left that the findings are not what is missing, but beside
+        it."""
+        return not self.random_left and self.least < SURE
+
     def content(self) -> dict[str, Any]:
         """What diagnosis.json says."""
         return {

@@ -45,7 +45,8 @@ def with_names(
     named: list[tuple[Group, InPart]] = []
     for group in leading(opinion.witness):
         named += [(group, one) for one in found_one_by_one(group, opinion)]
-    taken: set[tuple[str, str]] = set()
+    told = ((f["effect"], f["location"]) for f in verdict.findings)
+    taken = {(name, location) for effect, location in told for name in family(effect)}
     for group, one in sorted(named, key=lambda pair: -pair[1].share):
         # Of forms of one thing at one place one is enough.
         if (one.effect.effect, one.effect.location) in taken:

@@ -27,8 +27,8 @@ from ..evidence.null_records import expected_colour, null_records, rounding_show
 from ..evidence.residual import conditions
 from ..evidence.whiteness import colour, unsteadiness
 from ..hypotheses.explanation import Explanation
-from ..policy import COLOURED, ONLY_HERE, STILL_RANDOM, UNSTEADY
-from .adequacy import overflows
+from ..policy import COLOURED, MOST_RANDOM, ONLY_HERE, STILL_RANDOM, UNSTEADY
+from .adequacy import added_torque
 from .decide import Choice, significant
 from .reasons import Doubt, momentary, rather_event
 from .search import SearchResult
@@ -150,8 +150,9 @@ def coloured(fit: Fit, estimation: Sequence[Record], validation: Sequence[Record
 
 def left_is_random(fit: Fit, estimation: Sequence[Record], validation: Sequence[Record]) -> bool:
     """Whether what a fit leaves is random as far as these recordings show: its innovations are white, and the
-    left-over torque has a size and follows nothing that was measured."""
-    if coloured(fit, estimation, validation) or overflows(fit, [*estimation, *validation]):
+    left-over torque is no larger than chance is on a machine and follows nothing that was measured."""
+    added = added_torque(fit, [*estimation, *validation])
+    if not np.sqrt(np.mean(added**2)) <= MOST_RANDOM or coloured(fit, estimation, validation):
         return False
     found = conditions(fit, estimation, validation, fit.model.joint)
     return all(c.explained <= STILL_RANDOM for c in found)

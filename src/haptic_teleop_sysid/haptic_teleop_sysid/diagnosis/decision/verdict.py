@@ -64,6 +64,10 @@ def decide_verdict(
     surest = 1.0 if adequate is None else adequate.least
     findings = [finding(c, result.final, spread or {}, surest) for c in result.choices]
     unexplained = structured(result.final, remaining, estimation, result)
+    if result.choices and adequate is not None and adequate.much_is_left:
+        return Verdict(
+            "unknown", [_rest(result, remaining, estimation)], findings, remaining, before, adequate
+        )
     if result.choices:
         kind = "ambiguous" if any(c.ambiguous for c in result.choices) else "identified"
     else:
@@ -165,15 +169,7 @@ def _where(
     unexplained: Condition | None,
 ) -> list[dict[str, Any]]:
     if unexplained is not None:
-        place, share = _largest(result.final, estimation)
-        return [
-            {
-                "equation": place,
-                "share": round(share, 3),
-                "condition": unexplained.name,
-                "intervals": [],
-            }
-        ]
+        return [_rest(result, [unexplained], estimation)]
     if not result.choices:
         return []
     total = sum(max(c.chosen.score, 0.0) for c in result.choices) or 1.0
@@ -192,6 +188,20 @@ def _where(
     return rows
 
 
+def _rest(
+    result: SearchResult, remaining: Sequence[Condition], estimation: Sequence[Record]
+) -> dict[str, Any]:
+    """Where most of the torque acts that the final model lacks, and what it follows."""
+    place, share = _largest(result.final, estimation)
+    return {"equation": place, "share": round(share, 3), "condition": _followed(remaining), "intervals": []}
+
+
+def _followed(left: Sequence[Condition]) -> str:
+    """What a left-over torque follows, the strongest first; what follows nothing else comes and goes with
+    time."""
+    return left[0].name if left and left[0].explained > FOLLOWS else "time"
+
+
 def _doubtful_place(
     doubt: Doubt, result: SearchResult, before: Sequence[Condition], estimation: Sequence[Record]
 ) -> dict[str, Any]:
@@ -199,7 +209,7 @@ def _doubtful_place(
     that explains most of what is missing; else where most of the torque acts that the observer adds."""
     model = result.baseline.model
     place, share = _largest(result.baseline, estimation)
-    condition = before[0].name if before and before[0].explained > FOLLOWS else "time"
+    condition = _followed(before)
     if doubt.place is not None:
         place, condition = doubt.place, "time"
     elif doubt.choice is not None:

@@ -139,8 +139,11 @@ def _condition(
     explained = 0.0
     if np.sum(inside) > 100:
         y_in = yv[inside]
-        left = y_in - np.interp(xv[inside], centre, torque)
-        explained = 1.0 - float(np.mean(left**2) / max(np.mean(y_in**2), 1e-30))
+        # An observer that overflows leaves a torque whose square has no size: nothing explains it.
+        with np.errstate(over="ignore", invalid="ignore"):
+            left = y_in - np.interp(xv[inside], centre, torque)
+            ratio = float(np.mean(left**2) / max(np.mean(y_in**2), 1e-30))
+        explained = 1.0 - ratio if np.isfinite(ratio) else 0.0
     return Condition(equation, name, UNITS[name], explained, centre, torque)
 
 
