@@ -232,24 +232,28 @@ def test_what_is_left_and_follows_something_is_physics_without_a_name(explained,
 
 
 @pytest.mark.parametrize(
-    ("colour", "explained", "added", "random"),
+    ("colour", "explained", "size", "added", "random"),
     [
-        (90.0, 0.08, 0.16, True),
-        (90.0, 0.12, 0.16, False),
-        (110.0, 0.08, 0.16, False),
-        (90.0, 0.08, 0.18, False),
-        (90.0, 0.08, np.nan, False),
+        (90.0, 0.08, 0.04, 0.16, True),
+        (90.0, 0.12, 0.04, 0.16, False),
+        (90.0, 0.12, 0.02, 0.16, True),
+        (110.0, 0.08, 0.04, 0.16, False),
+        (90.0, 0.08, 0.04, 0.18, False),
+        (90.0, 0.08, 0.04, np.nan, False),
     ],
 )
-def test_what_is_left_is_random_where_it_is_white_small_and_follows_nothing(
-    monkeypatch, colour, explained, added, random
+def test_what_is_left_is_random_where_it_is_white_small_and_follows_nothing_to_speak_of(
+    monkeypatch, colour, explained, size, added, random
 ):
-    left = Condition("stage1_motor", "motor angle", "rad", explained, np.zeros(8), np.ones(8))
+    record = SimpleNamespace(input=np.ones(10))
+    driven = fit_of().model.parameters["torque_constant"]
+    curve = np.full(8, size * driven)
+    left = Condition("stage1_motor", "motor angle", "rad", explained, np.zeros(8), curve)
     answers = {"colour": colour, "_more_coloured": True, "held_out_fit": fit_of(), "conditions": [left]}
     answers["added_torque"] = np.array([added])
     for name, answer in answers.items():
         monkeypatch.setattr(doubt_module, name, lambda *_, answer=answer: answer)
-    assert doubt_module.left_is_random(fit_of(), [], []) == random
+    assert doubt_module.left_is_random(fit_of(), [record], []) == random
 
 
 @pytest.mark.parametrize(("gained", "goes_on"), [(5.9, []), (6.1, ["a"])])

@@ -14,6 +14,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from haptic_teleop_sim.kernel import pack
 from haptic_teleop_sim.model import Effect, Model
 from haptic_teleop_sysid.estimation.gauss_newton import Fit
 from haptic_teleop_sysid.estimation.records import Record
@@ -24,10 +25,10 @@ from ..evidence.events import all_the_time
 from ..evidence.held_out import held_out_fit
 from ..evidence.modulation import changes_with, modulations
 from ..evidence.null_records import expected_colour, null_records, rounding_shows
-from ..evidence.residual import conditions
+from ..evidence.residual import Condition, conditions
 from ..evidence.whiteness import colour, unsteadiness
 from ..hypotheses.explanation import Explanation
-from ..policy import COLOURED, MOST_RANDOM, ONLY_HERE, STILL_RANDOM, UNSTEADY
+from ..policy import COLOURED, MOST_RANDOM, NOTICEABLE, ONLY_HERE, STILL_RANDOM, UNSTEADY
 from .adequacy import added_torque
 from .decide import Choice, significant
 from .reasons import Doubt, momentary, rather_event
@@ -150,12 +151,22 @@ def coloured(fit: Fit, estimation: Sequence[Record], validation: Sequence[Record
 
 def left_is_random(fit: Fit, estimation: Sequence[Record], validation: Sequence[Record]) -> bool:
     """Whether what a fit leaves is random as far as these recordings show: its innovations are white, and the
-    left-over torque is no larger than chance is on a machine and follows nothing that was measured."""
+    left-over torque is no larger than chance is on a machine and follows nothing that was measured to speak
+    of."""
     added = added_torque(fit, [*estimation, *validation])
     if not np.sqrt(np.mean(added**2)) <= MOST_RANDOM or coloured(fit, estimation, validation):
         return False
     found = conditions(fit, estimation, validation, fit.model.joint)
-    return all(c.explained <= STILL_RANDOM for c in found)
+    return all(c.explained <= STILL_RANDOM or _slight(c, fit, estimation) for c in found)
+
+
+def _slight(left: Condition, fit: Fit, estimation: Sequence[Record]) -> bool:
+    """Whether what follows a quantity is too small a torque to be worth a word."""
+    if not len(left.torque):
+        return True
+    input_ = np.sqrt(np.mean([np.mean(r.input**2) for r in estimation]))
+    size = np.sqrt(np.mean(left.torque**2))
+    return bool(size <= NOTICEABLE * abs(pack(fit.model).torque_constant) * input_)
 
 
 def _changing(
