@@ -24,6 +24,7 @@ from haptic_teleop_sysid.diagnosis.evidence.residual import _condition as condit
 from haptic_teleop_sysid.diagnosis.evidence.residual import shares
 from haptic_teleop_sysid.diagnosis.hypotheses.explanation import Explanation
 from haptic_teleop_sysid.diagnosis.inputs.scales import recording_scales
+from haptic_teleop_sysid.diagnosis.report.page_lead import _headline as headline
 from haptic_teleop_sysid.diagnosis.report.summary import explains_sentence
 from haptic_teleop_sysid.estimation.whole_fit import fit_whole, noise_starts
 
@@ -170,6 +171,9 @@ def test_a_name_beside_which_much_is_left_is_part_of_what_is_missing_and_the_ver
     assert verdict.kind == "unknown"
     assert [(f["effect"], f["confidence"]) for f in verdict.findings] == [("coulomb_friction", 0.65)]
     assert [row["equation"] for row in verdict.where] == ["j_motor"]
+    told = headline(verdict, {})[1]
+    assert told.startswith("Part of what is missing is probably coulomb_friction at j_motor")
+    assert "The rest no known effect explains; it sits at j_motor and depends on" in told
     # Where what is left is chance the name stays, unsurely.
     by_chance = decide_verdict(result, records, records, adequate=Adequacy(0.8, 0.65, random_left=True))
     assert (by_chance.kind, by_chance.findings[0]["confidence"]) == ("identified", 0.69)

@@ -178,5 +178,5 @@ STRUCTURED = 0.5
 named. Lower: leftovers of the noise model become alarms. By hand on development recordings."""
 
 NOTICEABLE = 0.03
-"""Least rms of that torque against the rms input torque: less is no alarm, whatever it follows, and passes for
-random where a name is there. By hand."""
+"""Least rms of that torque against the rms input torque: less is no alarm, whatever it follows, and passes
+for random where a name is there. By hand."""

@@ -63,6 +63,11 @@ def _headline(verdict: Verdict, content: dict[str, Any]) -> tuple[Status, str]:
         return "fair", f"{named} recordings cannot tell {_rivals(verdict)} apart."
     if verdict.kind == "unknown":
         sure = " and ".join(_named(f) for f in verdict.findings)
+        if sure and verdict.adequacy is not None:
+            return "fair", (
+                f"Part of what is missing is probably {sure}. The rest no known effect explains; it sits at "
+                f"{places or 'no single place'}."
+            )
         beside = f" Beside it there is probably {sure}." if sure else ""
         return "fair", (
             f"Something is missing that no known effect explains; it sits at {places or 'no single place'}."

@@ -30,6 +30,9 @@ def summary(content: dict[str, Any]) -> str:
     lines.append(f"verdict: {content['verdict']}")
     if "doubt" in content:
         lines.append(f"  because {content['doubt']}")
+    if content["verdict"] == "unknown" and content["findings"]:
+        places = ", ".join(f"{w['equation']}, where it depends on {w['condition']}" for w in content["where"])
+        lines.append(f"  something without a name at {places}; beside it:")
     for f in content["findings"]:
         numbers = ", ".join(finding_number(n, p) for n, p in f["parameters"].items())
         lines.append(f"  {f['effect']} at {f['location']} ({100 * f['confidence']:.0f} %): {numbers}")
