@@ -251,6 +251,7 @@ def test_larger_starts_leave_alone_what_is_linear(scales):
         ("hard_stop", "arm", {"angle": 3.0, "stiffness": 10.0}, False),
         ("extra_flexible_mode", "arm", {"frequency": 12.0, "inertia": 0.01}, True),
         ("extra_flexible_mode", "arm", {"frequency": 200.0, "inertia": 0.01}, False),
+        ("extra_flexible_mode", "arm", {"frequency": 12.0, "inertia": 0.01, "damping_ratio": 1.1}, False),
         ("friction_drift", "motor", {"change": 0.3, "time_constant": 3.0}, True),
         ("friction_drift", "motor", {"change": 0.001, "time_constant": 3.0}, False),
         ("gain_drift", "actuator", {"change": 0.3, "time_constant": 3.0}, True),
@@ -262,6 +263,16 @@ def test_larger_starts_leave_alone_what_is_linear(scales):
 )
 def test_only_sizes_that_matter_bear_a_name(scales, effect, place, parameters, expected):
     assert material(Effect(effect, f"stage1_{place}", parameters), scales) is expected
+
+
+@pytest.mark.parametrize(("share", "expected"), [(3.0, True), (-0.9, True), (-1.1, False)])
+def test_a_spring_that_turns_back_within_the_recording_is_no_softening_one(scales, share, expected):
+    bent = scales.size["deflection"]
+    straight = scales.size["stiffness"]
+    # The spring's own stiffness, of which a sine sees this much.
+    own = straight / (1.0 + 0.25 * min(share, 0.0))
+    cubic = share * own / (3.0 * bent**2)
+    assert material(Effect("hardening_spring", "stage1_joint", {"cubic": cubic}), scales) is expected
 
 
 def test_starts_lie_within_the_effects_bounds_however_large_the_recording():

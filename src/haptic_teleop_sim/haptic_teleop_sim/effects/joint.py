@@ -19,8 +19,15 @@ def _changes(p: Numbers, on: Recorded) -> bool:
 
 
 def _swings(p: Numbers, on: Recorded) -> bool:
-    """Slow enough for the samples."""
-    return p["frequency"] * on.dt < _FASTEST
+    """Slow enough for the samples, and not merely dragged along, as with more than critical damping."""
+    return p["frequency"] * on.dt < _FASTEST and p["damping_ratio"] < 1.0
+
+
+def _stays_a_spring(p: Numbers, on: Recorded) -> bool:
+    """The whole spring, k d + c d^3, gets stiffer, or softens without turning back within the largest
+    deflection D: k + 3 c D^2 > 0. A straight spring that is fitted to it has about k + 3/4 c D^2 (describing
+    function over a sine: Gelb and Vander Velde, 1968), so that c D^2 is at least -4/9 of that."""
+    return p["cubic"] > -4.0 / 9.0 * on.size["cubic"]
 
 
 BACKLASH = EffectEntry(
@@ -64,6 +71,7 @@ HARDENING = EffectEntry(
     rigid_body=False,
     condition="deflection",
     follows="deflection",
+    practical=_stays_a_spring,
 )
 
 HYSTERESIS = EffectEntry(
