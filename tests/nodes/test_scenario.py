@@ -161,6 +161,15 @@ def test_a_mistake_anywhere_in_the_file_is_one_sentence_before_anything_starts(f
     assert named in error
 
 
+def test_robots_do_not_engage_by_themselves(file, capsys, repository):
+    text = (repository / "config" / "scenario1_real.yaml").read_text()
+    text = text.replace("device: emulated", "device: hardware")
+    file.write_text(re.sub(r"auto_engage: false.*", "", text))
+    assert main([str(file)]) == 2
+    error = capsys.readouterr().err.strip()
+    assert len(error.splitlines()) == 1 and "set auto_engage: false, and use operate engage" in error
+
+
 def test_a_real_time_factor_is_refused_where_time_is_the_walls(file, capsys):
     file.write_text(FILE.replace("use_sim_time: true", "realtime_priority: 0"))
     assert main([str(file), "--real-time-factor", "0"]) == 2

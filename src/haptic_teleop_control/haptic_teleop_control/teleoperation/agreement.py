@@ -32,6 +32,13 @@ def check_agreement(nodes: Mapping[str, Mapping[str, Any]], source: str) -> None
             f"{source}: {CONTROLLER}: master and slave are both {control['master']}; set one of them to "
             "the other robot."
         )
+    for name, values in nodes.items():
+        device = values.get("device", VIRTUAL_DEVICES[0])
+        if control.get("auto_engage") and device not in VIRTUAL_DEVICES:
+            raise ConfigurationError(
+                f"{source}: {CONTROLLER}: auto_engage is true, but device {device} of {name} is hardware. "
+                "Coupling robots is an act of the operator; set auto_engage: false, and use operate engage."
+            )
     for role in ("slave", "master"):
         for node in ROBOTS[control[role]]:
             if node in nodes and nodes[node]["rate"] != control[f"{role}_rate"]:
