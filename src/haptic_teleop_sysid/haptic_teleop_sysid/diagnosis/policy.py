@@ -120,6 +120,11 @@ random, however it looks: lost commands look random, too. Higher: physics of any
 follow passes; lower: right names beside coarse readings become `unknown`. By hand: nearly three times the
 largest random torque of the benchmark's machines; three robots' joints with right names have 0.12 to 0.15."""
 
+MOST_UNNAMED = 0.12
+"""The same where nothing is named: above, something unknown is there. Higher: a load that shakes the joint by
+itself passes for noise; lower: noisy machines with nothing to find are `unknown`. By hand: twice what any of
+626 `no_mismatch` verdicts on four seeds of the benchmark left (0.064)."""
+
 ERRS_LESS, ERRS_FAR_LESS = 0.9, 0.7
 """Factor by which the free run of the second witness must err less than the first opinion's, in the mean of
 both kinds of recordings, to take its place: where the first one's innovations are coloured, and where they

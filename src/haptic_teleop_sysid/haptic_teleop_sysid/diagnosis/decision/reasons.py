@@ -6,12 +6,16 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
+import numpy as np
+from numpy.typing import NDArray
+
 from haptic_teleop_sysid.estimation.gauss_newton import Fit
 from haptic_teleop_sysid.estimation.records import Record
 from haptic_teleop_sysid.recordings.dataset import DataSet
 
 from ..evidence.events import bursts, moment, steady_line
 from ..evidence.held_out import held_out_fit
+from ..policy import MOST_UNNAMED
 from .decide import Choice
 
 
@@ -47,6 +51,19 @@ def off_the_mark(percent: Mapping[str, float]) -> Doubt | None:
         "the signs and the joint of the others"
     )
     return Doubt(None, why, "throughout")
+
+
+def much_left(added: NDArray[np.float64]) -> Doubt | None:
+    """Doubt where nothing was found and the torque that the observer adds, as a share of the input's on each
+    recording (``added``, rms), is more than chance is on a machine."""
+    size = float(np.sqrt(np.mean(added**2)))
+    if size <= MOST_UNNAMED or not np.isfinite(size):
+        return None
+    why = (
+        f"a torque of {100 * size:.0f} % of the input's (rms) is missing, more than chance is on a machine, "
+        "and it follows nothing that was recorded"
+    )
+    return Doubt(None, why, "time")
 
 
 def rather_event(doubt: Doubt, fits: Sequence[tuple[Fit, Sequence[Record]]]) -> Doubt:
