@@ -158,24 +158,24 @@ def test_what_only_the_currents_show_needs_no_torque():
 def test_nobody_is_surer_of_a_name_than_it_explains():
     records = [pendulum(0, coulomb=0.4)]
     result = result_with(records, 0.4)
-    verdicts = [decide_verdict(result, records, records, adequate=a) for a in (None, Adequacy(0.8, 0.75))]
+    verdicts = [decide_verdict(result, records, records, adequate=a) for a in (None, Adequacy(0.8, 0.55))]
     assert verdicts[0].findings[0]["confidence"] == 0.99
-    assert verdicts[1].findings[0]["confidence"] == 0.75
+    assert verdicts[1].findings[0]["confidence"] == 0.55
     assert verdicts[1].kind == "identified"
 
 
 def test_a_name_beside_which_much_is_left_is_part_of_what_is_missing_and_the_verdict_unknown():
     records = [pendulum(0, coulomb=0.4)]
     result = result_with(records, 0.4)
-    verdict = decide_verdict(result, records, records, adequate=Adequacy(0.8, 0.65))
+    verdict = decide_verdict(result, records, records, adequate=Adequacy(0.8, 0.45))
     assert verdict.kind == "unknown"
-    assert [(f["effect"], f["confidence"]) for f in verdict.findings] == [("coulomb_friction", 0.65)]
+    assert [(f["effect"], f["confidence"]) for f in verdict.findings] == [("coulomb_friction", 0.45)]
     assert [row["equation"] for row in verdict.where] == ["j_motor"]
     told = headline(verdict, {})[1]
     assert told.startswith("Part of what is missing is probably coulomb_friction at j_motor")
     assert "The rest no known effect explains; it sits at j_motor and depends on" in told
     # Where what is left is chance the name stays, unsurely.
-    by_chance = decide_verdict(result, records, records, adequate=Adequacy(0.8, 0.65, random_left=True))
+    by_chance = decide_verdict(result, records, records, adequate=Adequacy(0.8, 0.45, random_left=True))
     assert (by_chance.kind, by_chance.findings[0]["confidence"]) == ("identified", 0.69)
 
 

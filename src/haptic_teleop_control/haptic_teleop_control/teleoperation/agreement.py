@@ -34,7 +34,9 @@ def check_agreement(nodes: Mapping[str, Mapping[str, Any]], source: str) -> None
         )
     for name, values in nodes.items():
         device = values.get("device", VIRTUAL_DEVICES[0])
-        if control.get("auto_engage") and device not in VIRTUAL_DEVICES:
+        # In simulated time hardware is refused as such (`simulates`).
+        real = device not in VIRTUAL_DEVICES and not values.get("use_sim_time")
+        if control.get("auto_engage") and real:
             raise ConfigurationError(
                 f"{source}: {CONTROLLER}: auto_engage is true, but device {device} of {name} is hardware. "
                 "Coupling robots is an act of the operator; set auto_engage: false, and use operate engage."

@@ -89,19 +89,16 @@ gets the nearest one. By hand on development recordings."""
 
 SURE = 0.7
 """Confidence from which a single name is given; below, the verdict is `ambiguous`. By hand: a name that is
-given should be right at least that often. Also the share of what is missing, torque and free runs, that names
-must explain where what they leave is not random: below, the verdict is `unknown`, with the names beside it.
-Higher: right names of friction whose form is only nearly right become part of an `unknown`; lower: more
-physics outside the table counts as identified, because something near it, or friction beside it, was
-named."""
+given should be right at least that often."""
 
 # Is the name believed?
 
 LEAST_EXPLAINED = 0.5
 """Least share that a name must explain: of the torque that the structure lacks (mean square), and of what a
 torque without a form explains in the same quantities. Below, it is the nearest name and the verdict is
-`unknown`; there the second share is asked once more of each name alone, beside a torque without a form that
-takes on the rest, for what is found in part. Higher: right names of an effect beside which much else is
+`unknown`; so it is, with the names beside it, where they explain less of the error of free runs. There the
+second share is asked once more of each name alone, beside a torque without a form that takes on the rest, for
+what is found in part. Higher: right names of an effect beside which much else is
 missing fall; lower: more physics outside the table gets a name. By hand, on the first draw of such physics in
 `docs/diagnosis_measured.md`; of the second one 20 of 24 were then called `unknown`, and one got a wrong name
 surely; 22 and none later, 19 and none since a name whose innovations are white is kept, unsurely; of a third

@@ -58,7 +58,7 @@ class Adequacy:
     def much_is_left(self) -> bool:
         """Whether so much more than chance is left that the findings are not what is missing, but beside
         it."""
-        return not self.random_left and self.least < SURE
+        return not self.random_left and self.least < LEAST_EXPLAINED
 
     def content(self) -> dict[str, Any]:
         """What diagnosis.json says."""
