@@ -12,12 +12,12 @@ from haptic_teleop_sysid.diagnosis.decision.adequacy import (
     Adequacy,
     adequacy,
     explained_torque,
-    overflows,
+    left_size,
     short_of,
 )
 from haptic_teleop_sysid.diagnosis.decision.decide import Choice
 from haptic_teleop_sysid.diagnosis.decision.doubt import left_is_random
-from haptic_teleop_sysid.diagnosis.decision.reasons import Doubt
+from haptic_teleop_sysid.diagnosis.decision.reasons import Doubt, more_than_chance
 from haptic_teleop_sysid.diagnosis.decision.search import SearchResult
 from haptic_teleop_sysid.diagnosis.decision.verdict import decide_verdict
 from haptic_teleop_sysid.diagnosis.evidence.residual import _condition as condition_of_left
@@ -237,9 +237,9 @@ def test_a_reader_is_told_how_much_was_explained_unless_it_is_nearly_all():
 def test_where_an_observer_overflows_the_inverse_dynamics_say_how_much_is_explained(monkeypatch):
     records = [pendulum(0, coulomb=0.4)]
     bare = fitted(TRUE, records, ())
-    assert not overflows(bare, records)
-    monkeypatch.setattr(adequacies, "added_torque", lambda *_: np.array([np.inf]))
-    assert overflows(bare, records)
+    assert left_size(bare, records) < 1.0
+    monkeypatch.setattr(adequacies, "added_torque", lambda *_: np.array([1e5, 0.0]))
+    assert left_size(bare, records) == np.inf and more_than_chance(np.inf) is None
     asked = adequacy(bare, bare, records, (0.5, 0.5), (0.1, 0.1), by_motion=lambda: 0.8)
     assert asked.torque == 0.8
     assert adequacy(bare, bare, records, (0.5, 0.5), (0.1, 0.1)).torque == 0.0

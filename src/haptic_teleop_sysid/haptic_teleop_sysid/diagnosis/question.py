@@ -6,13 +6,13 @@ from dataclasses import replace
 
 from haptic_teleop_sysid.recordings.dataset import DataSet
 
-from .decision.adequacy import added_torque
+from .decision.adequacy import left_size
 from .decision.constancy import inconstant
 from .decision.decide import Choice
 from .decision.doubt import coloured, doubted, left_is_random
 from .decision.misread import misread
 from .decision.overruled import as_result, believed_instead, beyond_reach, inadequate, stands_next
-from .decision.reasons import Doubt, much_left, off_the_mark, runs_away, slipped
+from .decision.reasons import Doubt, more_than_chance, off_the_mark, runs_away, slipped
 from .decision.search import SearchResult
 from .decision.stand import Stand
 from .decision.verdict import size_unknown
@@ -74,7 +74,7 @@ def questioned(
             off_the_mark(mean_percent(fits))
             or slipped(data)
             or inconstant(result.baseline, found.judge)
-            or much_left(added_torque(result.baseline, [*found.learn, *found.judge]))
+            or more_than_chance(left_size(result.baseline, [*found.learn, *found.judge]))
         )
     return result, doubt, stand
 

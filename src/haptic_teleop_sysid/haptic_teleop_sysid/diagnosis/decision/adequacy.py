@@ -105,12 +105,6 @@ def explained_torque(before: Fit, after: Fit, records: Sequence[Record]) -> floa
     return _share(added_torque(before, records), added_torque(after, records), SLIGHT_TORQUE)
 
 
-def overflows(fit: Fit, records: Sequence[Record]) -> bool:
-    """Whether the torque that the observer of a fit adds has no size on one of the records: the model cannot
-    be held to it."""
-    return not _has_a_size(added_torque(fit, records))
-
-
 def _has_a_size(added: np.ndarray) -> bool:
     return bool(np.all(added < OVERFLOWS))
 
@@ -126,6 +120,12 @@ def added_torque(fit: Fit, records: Sequence[Record]) -> np.ndarray:
             for r in records
         ]
     return np.array(found)
+
+
+def left_size(fit: Fit, records: Sequence[Record]) -> float:
+    """The same over all records; infinite where an observer overflows."""
+    added = added_torque(fit, records)
+    return float(np.sqrt(np.mean(added**2))) if _has_a_size(added) else float("inf")
 
 
 def _share(before: np.ndarray, after: np.ndarray, slight: float) -> float:

@@ -29,7 +29,7 @@ from ..evidence.residual import Condition, conditions
 from ..evidence.whiteness import colour, unsteadiness
 from ..hypotheses.explanation import Explanation
 from ..policy import COLOURED, MOST_RANDOM, NOTICEABLE, ONLY_HERE, STILL_RANDOM, UNSTEADY
-from .adequacy import added_torque
+from .adequacy import left_size
 from .decide import Choice, significant
 from .reasons import Doubt, momentary, rather_event
 from .search import SearchResult
@@ -153,8 +153,7 @@ def left_is_random(fit: Fit, estimation: Sequence[Record], validation: Sequence[
     """Whether what a fit leaves is random as far as these recordings show: its innovations are white, and the
     left-over torque is no larger than chance is on a machine and follows nothing that was measured to speak
     of."""
-    added = added_torque(fit, [*estimation, *validation])
-    if not np.sqrt(np.mean(added**2)) <= MOST_RANDOM or coloured(fit, estimation, validation):
+    if not left_size(fit, [*estimation, *validation]) <= MOST_RANDOM or coloured(fit, estimation, validation):
         return False
     found = conditions(fit, estimation, validation, fit.model.joint)
     return all(c.explained <= STILL_RANDOM or _slight(c, fit, estimation) for c in found)
@@ -162,11 +161,8 @@ def left_is_random(fit: Fit, estimation: Sequence[Record], validation: Sequence[
 
 def _slight(left: Condition, fit: Fit, estimation: Sequence[Record]) -> bool:
     """Whether what follows a quantity is too small a torque to be worth a word."""
-    if not len(left.torque):
-        return True
     input_ = np.sqrt(np.mean([np.mean(r.input**2) for r in estimation]))
-    size = np.sqrt(np.mean(left.torque**2))
-    return bool(size <= NOTICEABLE * abs(pack(fit.model).torque_constant) * input_)
+    return bool(left.size <= NOTICEABLE * abs(pack(fit.model).torque_constant) * input_)
 
 
 def _changing(

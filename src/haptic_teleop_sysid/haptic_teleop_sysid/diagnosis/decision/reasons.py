@@ -3,11 +3,9 @@ moment, at some times or at one frequency; or an encoder slipped."""
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-
-import numpy as np
-from numpy.typing import NDArray
 
 from haptic_teleop_sysid.estimation.gauss_newton import Fit
 from haptic_teleop_sysid.estimation.records import Record
@@ -53,11 +51,11 @@ def off_the_mark(percent: Mapping[str, float]) -> Doubt | None:
     return Doubt(None, why, "throughout")
 
 
-def much_left(added: NDArray[np.float64]) -> Doubt | None:
-    """Doubt where nothing was found and the torque that the observer adds, as a share of the input's on each
-    recording (``added``, rms), is more than chance is on a machine."""
-    size = float(np.sqrt(np.mean(added**2)))
-    if size <= MOST_UNNAMED or not np.isfinite(size):
+def more_than_chance(size: float) -> Doubt | None:
+    """Doubt where nothing was found and the torque that the observer adds is more than chance.
+
+    ``size``: its rms as a share of the input's."""
+    if size <= MOST_UNNAMED or not math.isfinite(size):
         return None
     why = (
         f"a torque of {100 * size:.0f} % of the input's (rms) is missing, more than chance is on a machine, "

@@ -85,8 +85,7 @@ def structured(
     if not found or found[0].explained < STRUCTURED:
         return None
     best = found[0]
-    size = float(np.sqrt(np.mean(best.torque**2))) if len(best.torque) else 0.0
-    return best if size > NOTICEABLE * result.scales.size["torque"] else None
+    return best if best.size > NOTICEABLE * result.scales.size["torque"] else None
 
 
 def finding(choice: Choice, final: Fit, spread: dict[str, float], surest: float = 1.0) -> dict[str, Any]:

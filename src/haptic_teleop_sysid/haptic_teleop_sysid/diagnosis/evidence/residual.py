@@ -36,6 +36,11 @@ class Condition:
     centre: FloatArray
     torque: FloatArray
 
+    @property
+    def size(self) -> float:
+        """Rms of the curve, N·m."""
+        return float(np.sqrt(np.mean(self.torque**2))) if len(self.torque) else 0.0
+
 
 @dataclass(frozen=True)
 class LeftOver:
