@@ -25,7 +25,7 @@ from haptic_teleop_sysid.diagnosis.evidence.residual import shares
 from haptic_teleop_sysid.diagnosis.hypotheses.explanation import Explanation
 from haptic_teleop_sysid.diagnosis.inputs.scales import recording_scales
 from haptic_teleop_sysid.diagnosis.report.page_lead import _headline as headline
-from haptic_teleop_sysid.diagnosis.report.summary import explains_sentence
+from haptic_teleop_sysid.diagnosis.report.summary import explains_sentence, summary
 from haptic_teleop_sysid.estimation.whole_fit import fit_whole, noise_starts
 
 ELASTIC = Model(
@@ -254,3 +254,27 @@ def test_a_torque_without_a_size_follows_nothing():
         torque = size * np.where(follows > 0.0, 1.0, -1.0)
         found = condition_of_left("j_motor", "motor angle", (follows, 1e-200 * torque), (follows, torque))
         assert found.explained == 0.0
+
+
+def test_the_terminal_says_where_what_has_no_name_is_before_the_names_beside_it():
+    torque = {"value": 0.4, "std": 0.01, "unit": "N*m"}
+    nothing = {part: {} for part in ("estimation", "validation", "test")}
+    content = {
+        "verdict": "unknown",
+        "where": [{"equation": "j_motor", "condition": "motor angle"}],
+        "findings": [
+            {"effect": "coulomb_friction", "location": "j_motor", "confidence": 0.45, "alternatives": [],
+             "parameters": {"torque": torque}},
+        ],
+        "worse_than_given": None,
+        "adequacy": None,
+        "parameters_moved": [],
+        "augmented_model": {"holds": "augmented"},
+        "models": {"augmented": {"parameters": {}}},
+        "fit": dict.fromkeys(("given", "baseline", "augmented"), nothing),
+    }  # fmt: skip
+    verdict, nameless, name = summary(content).splitlines()[:3]
+    assert verdict == "verdict: unknown"
+    said = "something without a name at j_motor, where it depends on motor angle; beside it:"
+    assert nameless.strip() == said
+    assert name.strip().startswith("coulomb_friction at j_motor (45 %)")
