@@ -38,7 +38,7 @@ def check_agreement(nodes: Mapping[str, Mapping[str, Any]], source: str) -> None
         real = device not in VIRTUAL_DEVICES and not values.get("use_sim_time")
         if control.get("auto_engage") and real:
             raise ConfigurationError(
-                f"{source}: {CONTROLLER}: auto_engage is true, but device {device} of {name} is hardware. "
+                f"{source}: {CONTROLLER}: auto_engage is true, but {name} drives a robot (device: {device}). "
                 "Coupling robots is an act of the operator; set auto_engage: false, and use operate engage."
             )
     for role in ("slave", "master"):
