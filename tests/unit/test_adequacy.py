@@ -142,8 +142,7 @@ def test_a_name_beside_which_only_chance_is_left_stands_however_little_it_takes(
     result = result_with(records, 0.4)
     small = Adequacy(0.1, 0.2, random_left=True)
     assert short_of(result, small) == (result, None)
-    assert small.least == pytest.approx(0.69)  # right or not, nobody is sure
-    assert Adequacy(0.8, 0.9, random_left=True).least == 0.8
+    assert small.surest == pytest.approx(0.69)  # right or not, nobody is sure
     assert small.content()["torque"] == 0.1 and small.content()["left_is_random"]
 
 
@@ -155,13 +154,23 @@ def test_what_only_the_currents_show_needs_no_torque():
     assert short_of(electric, Adequacy(0.0, 0.0)) == (electric, None)
 
 
-def test_nobody_is_surer_of_a_name_than_it_explains():
+@pytest.mark.parametrize(
+    ("explained", "confidence"),
+    [
+        (None, 0.95),  # who has no rival may be wrong all the same
+        (Adequacy(1.0, 1.0), 0.95),
+        (Adequacy(0.96, 1.0), 0.8),  # a fifth of the torque's size is left
+        (Adequacy(1.0, 0.96), 0.8),
+        (Adequacy(0.9, 1.0), 0.69),  # nearly a third: unsure
+        (Adequacy(0.9, 1.0, random_left=True), 0.69),
+        (Adequacy(0.8, 0.55), 0.55),
+    ],
+)
+def test_nobody_is_surer_of_a_name_than_it_explains(explained, confidence):
     records = [pendulum(0, coulomb=0.4)]
-    result = result_with(records, 0.4)
-    verdicts = [decide_verdict(result, records, records, adequate=a) for a in (None, Adequacy(0.8, 0.55))]
-    assert verdicts[0].findings[0]["confidence"] == 0.99
-    assert verdicts[1].findings[0]["confidence"] == 0.55
-    assert verdicts[1].kind == "identified"
+    verdict = decide_verdict(result_with(records, 0.4), records, records, adequate=explained)
+    assert verdict.findings[0]["confidence"] == pytest.approx(confidence)
+    assert verdict.kind == "identified"
 
 
 def test_a_name_beside_which_much_is_left_is_part_of_what_is_missing_and_the_verdict_unknown():

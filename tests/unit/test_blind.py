@@ -2,6 +2,7 @@
 
 import ast
 import json
+import random
 import math
 import sys
 from dataclasses import replace
@@ -28,7 +29,8 @@ from haptic_teleop_sysid.blind.runner import parse_cases, plan
 from haptic_teleop_sysid.blind.scoring import score_case
 from haptic_teleop_sysid.blind.sealing import SEALED, open_labels, seal
 from haptic_teleop_sysid.blind.slots import INDEX, empty
-from haptic_teleop_sysid.blind.summary import calibration_error, summarise, wilson
+from haptic_teleop_sysid.blind.calibration import calibration, calibration_error
+from haptic_teleop_sysid.blind.summary import summarise, wilson
 
 KT, K, JM, BM, JA, BA = 8.925, 3.971, 0.0635, 2.6, 0.17, 0.02
 ROBOT = np.array([KT, K, JM, BM, JA, BA, 0.002, 1.534e-5, 2.462e-4, 0.94])
@@ -346,6 +348,33 @@ def test_wilson_and_calibration_agree_with_numbers_worked_by_hand() -> None:
     assert wilson(0, 0) == (0.0, 1.0)
     assert calibration_error([(0.9, True)] * 9 + [(0.9, False)]) == pytest.approx(0.0)
     assert calibration_error([(0.95, False)] * 2 + [(0.05, False)] * 2) == pytest.approx(0.5)
+
+
+def named(confidence, right, kind="single"):
+    said = ["coulomb_friction @ stage1_motor"]
+    truth = said if right else ["coulomb_friction @ stage1_arm"]  # the name alone is not enough
+    return {"kind": kind, "named": True, "confidence": confidence, "said": said, "truth": truth}
+
+
+def test_names_that_are_right_as_often_as_stated_have_no_calibration_error_but_by_chance() -> None:
+    draw = random.Random(3)
+    honest = [named(c, draw.random() < c) for c in [0.35, 0.65, 0.95] * 60]
+    found = calibration(honest)
+    assert found["cases"] == 180 and found["ece"] > 0.0
+    assert abs(found["debiased"]) < 0.03 and found["interval"][0] < 0.0 < found["interval"][1]
+    # One in three of those who are quite sure is wrong: the error is the difference.
+    boastful = calibration([named(1.0, i % 3 > 0) for i in range(180)])
+    assert boastful["debiased"] == pytest.approx(1.0 / 3.0)
+    assert boastful["interval"][0] > 0.2
+    assert boastful["rows"] == [
+        {"from": 0.95, "to": 1.0, "cases": 180, "stated": 1.0, "right": pytest.approx(2.0 / 3.0)}
+    ]
+
+
+def test_what_is_not_named_or_clean_says_nothing_of_calibration() -> None:
+    silent = {"kind": "single", "named": False, "confidence": None, "said": [], "truth": ["a @ b"]}
+    found = calibration([silent, named(0.9, False, kind="clean")])
+    assert (found["cases"], found["ece"], found["rows"]) == (0, None, [])
 
 
 FAKE = """

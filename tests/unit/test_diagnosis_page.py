@@ -218,23 +218,29 @@ def test_the_page_says_where_under_which_condition_and_when():
     assert "N*m" not in html
 
 
-@pytest.mark.parametrize(("confidence", "told"), [(0.83, True), (0.7, False)])
+@pytest.mark.parametrize(("confidence", "told"), [(0.69, True), (0.6, False)])
 def test_a_confidence_that_is_held_down_by_what_is_left_says_so(confidence, told):
     page = Page("t")
     answer = verdict("identified", [finding(confidence)], adequacy=Adequacy(torque=0.83, free_run=0.9))
     reasons(page, answer, content(), [])
-    sentence = "Confidence is limited to 83 %, the part of the missing torque that coulomb_friction explains."
+    sentence = "Confidence is limited to 69 %: coulomb_friction explains 83 % (mean square) of what is missing."
     assert (sentence in page.render()) == told
 
 
 def test_a_small_effect_beside_random_torque_is_told_what_holds_it_down():
     page = Page("t")
     beside_chance = Adequacy(torque=0.2, free_run=0.3, random_left=True)
-    answer = verdict("identified", [finding(beside_chance.least)], adequacy=beside_chance)
+    answer = verdict("identified", [finding(beside_chance.surest)], adequacy=beside_chance)
     reasons(page, answer, content(), [])
     html = page.render()
     assert "Confidence is limited to 69 %: what is named explains little beside torque" in html
-    assert "the part of the missing torque" not in html
+    assert "(mean square) of what is missing" not in html
+
+
+def test_the_most_that_is_said_is_told_to_be_that():
+    page = Page("t")
+    reasons(page, verdict("identified", [finding(0.95)], adequacy=Adequacy(1.0, 1.0)), content(), [])
+    assert "95 % is the most that is said" in page.render()
 
 
 EXCITATION = {"joint": "stage1", "signal.multisine.rms": 0.2}

@@ -97,8 +97,7 @@ def blind_page(result: dict[str, Any]) -> Page:
         ("physics", "called unknown"), [(k, percent(v)) for k, v in summary["outside_by_effect"].items()]
     )
     calibration = summary["calibration"]
-    ece = "–" if calibration["ece"] is None else f"{calibration['ece']:.3f}"
-    page.section("Calibration", f"Expected calibration error of the first name's confidence: {ece}.").table(
+    page.section("Calibration", _calibration_sentence(calibration)).table(
         ("stated from", "to", "cases", "mean stated", "right"),
         [
             (f"{r['from']:g}", f"{r['to']:g}", r["cases"], f"{r['stated']:.3f}", f"{r['right']:.3f}")
@@ -150,3 +149,14 @@ def _mistakes(page: Page, summary: dict[str, Any]) -> None:
     )
     if rows:
         section.table(header, rows, "The others, the most often mistaken first")
+
+
+def _calibration_sentence(found: dict[str, Any]) -> str:
+    if found["ece"] is None:
+        return "No names to compare with their confidence."
+    low, high = found["interval"]
+    return (
+        f"Is the first name, place included, right as often as its confidence says? Over {found['cases']} names "
+        f"the expected calibration error is {found['ece']:.3f}; by chance alone it would be "
+        f"{found['by_chance']:.3f}. The difference is {found['debiased']:.3f} (95 %: {low:.3f} to {high:.3f})."
+    )

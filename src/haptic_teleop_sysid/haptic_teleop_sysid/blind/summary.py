@@ -8,6 +8,8 @@ from collections.abc import Iterable
 from statistics import NormalDist, mean, median
 from typing import Any
 
+from .calibration import calibration
+
 Scores = list[dict[str, Any]]
 STRONG = 8.0
 """d' from which the targets hold; sizes are sought to within 10 %, and judged as the recording has them."""
@@ -60,19 +62,6 @@ def middle(values: Iterable[float | None], average: bool = False) -> dict[str, A
     return {"value": value, "of": len(kept)}
 
 
-def calibration_error(pairs: list[tuple[float, bool]], bins: int = 10) -> float | None:
-    """Return the expected calibration error of (stated probability, was right)."""
-    if not pairs:
-        return None
-    binned: dict[int, list[tuple[float, bool]]] = defaultdict(list)
-    for stated, right in pairs:
-        binned[min(int(stated * bins), bins - 1)].append((stated, right))
-    return sum(
-        len(found) / len(pairs) * abs(mean(s for s, _ in found) - mean(r for _, r in found))
-        for found in binned.values()
-    )
-
-
 def summarise(scores: Scores) -> dict[str, Any]:
     """Return the whole summary as plain data."""
     by_kind: dict[str, Scores] = defaultdict(list)
@@ -104,7 +93,9 @@ def summarise(scores: Scores) -> dict[str, Any]:
             effect: rate(s["verdict"] == "unknown" for s in found)
             for effect, found in _grouped(by_kind["outside"], lambda s: _unstaged(s["truth"][0])).items()
         },
-        "calibration": _calibration(strong),
+        "calibration": calibration(
+            s for s in scores if s["kind"] != "single" or s["detectability"][0] >= _LEAST
+        ),
         "failed": [f"{s['case']}: {s['message']}" for s in scores if s["verdict"] == "failed"],
         "time": {
             "runtime_s": middle(s["runtime_s"] for s in scores),
@@ -199,26 +190,3 @@ def _confusion(strong: Scores, outside: Scores, clean: Scores) -> dict[str, dict
         row = table.setdefault(truth, {})
         row[said] = row.get(said, 0) + 1
     return dict(sorted(table.items()))
-
-
-def _calibration(strong: Scores) -> dict[str, Any]:
-    pairs = [
-        (float(s["confidence"]), bool(s["name_right"]))
-        for s in strong
-        if s["named"] and s["confidence"] is not None
-    ]
-    rows = []
-    for low in (0.0, 0.25, 0.5, 0.7, 0.8, 0.9, 0.95, 0.99):
-        high = {0.0: 0.25, 0.25: 0.5, 0.5: 0.7, 0.7: 0.8, 0.8: 0.9, 0.9: 0.95, 0.95: 0.99}.get(low, 1.0001)
-        inside = [(p, r) for p, r in pairs if low <= p < high]
-        if inside:
-            rows.append(
-                {
-                    "from": low,
-                    "to": min(high, 1.0),
-                    "cases": len(inside),
-                    "stated": mean(p for p, _ in inside),
-                    "right": mean(r for _, r in inside),
-                }
-            )
-    return {"ece": calibration_error(pairs), "rows": rows}

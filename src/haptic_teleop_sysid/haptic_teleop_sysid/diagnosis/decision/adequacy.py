@@ -7,6 +7,7 @@ has.  Neither is ever none on a machine: up to a small share of the input and of
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
@@ -19,7 +20,7 @@ from haptic_teleop_sysid.estimation.likelihood import settled
 from haptic_teleop_sysid.estimation.records import Record
 
 from ..evidence.residual import left_over
-from ..policy import LEAST_EXPLAINED, SURE
+from ..policy import LEAST_EXPLAINED, SURE, SUREST
 from .reasons import Doubt
 from .search import SearchResult
 
@@ -29,7 +30,7 @@ SLIGHT_TORQUE = 0.03
 OVERFLOWS = 1e3
 #: Error of a free run, as a share of the motion's spread (rms), that is not worth a word.
 SLIGHT_ERROR = 0.05
-#: Confidence of a name that explains less than that where only chance is left: below SURE.
+#: Confidence of a name that nobody is sure of: below SURE.
 NOT_SURE = SURE - 0.01
 #: Share of what is missing from which the findings explain nearly all of it.
 NEARLY_ALL = 0.9
@@ -49,10 +50,17 @@ class Adequacy:
 
     @property
     def least(self) -> float:
-        """The smaller one: nobody is surer of a name than this. Where only chance is left a name may be right
-        that explains little, but none is sure: what passes for it could hide there, too."""
-        least = min(self.torque, self.free_run)
-        return max(least, NOT_SURE) if self.random_left else least
+        """The smaller one of both shares."""
+        return min(self.torque, self.free_run)
+
+    @property
+    def surest(self) -> float:
+        """The most that a name's confidence may be: the share of the size (rms, as a fit counts it) that is
+        explained, 1 - sqrt(1 - least), SUREST at most. Below SURE it is the share of the mean square, and
+        NOT_SURE at most: a name may be right that explains little, but none is sure. So it is where only
+        chance is left: what passes for it could hide there, too."""
+        size = min(1.0 - math.sqrt(1.0 - self.least), SUREST)
+        return size if size >= SURE else NOT_SURE if self.random_left else min(self.least, NOT_SURE)
 
     @property
     def much_is_left(self) -> bool:
@@ -64,8 +72,8 @@ class Adequacy:
         """What diagnosis.json says."""
         return {
             "what": "share of the mean square of the torque that the structure alone lacks, and of the error "
-            "of its free runs, that is explained; no confidence is above the smaller one, nor, where what is "
-            f"left is random, above {NOT_SURE:g} if that is larger",
+            "of its free runs, that is explained; no confidence is above the share of the size, 1 - sqrt(1 - "
+            f"the smaller one), nor, where that is less than {SURE:g}, above {NOT_SURE:g}",
             "torque": round(self.torque, 3),
             "free_run": round(self.free_run, 3),
             "left_is_random": self.random_left,

@@ -16,7 +16,7 @@ from haptic_teleop_sysid.estimation.records import Record
 
 from ..evidence.certainty import standard_errors
 from ..evidence.residual import Condition, conditions, intervals, shares
-from ..policy import LEAST_EXPLAINED, LEAST_KNOWN, NOTICEABLE, STRUCTURED
+from ..policy import LEAST_EXPLAINED, LEAST_KNOWN, NOTICEABLE, STRUCTURED, SUREST
 from .adequacy import NOT_SURE, Adequacy, explained_torque
 from .decide import Choice
 from .reasons import Doubt
@@ -61,7 +61,7 @@ def decide_verdict(
     joint = result.baseline.model.joint
     before = conditions(result.baseline, estimation, validation, joint)
     remaining = conditions(result.final, estimation, validation, joint) if result.choices else before
-    surest = 1.0 if adequate is None else adequate.least
+    surest = SUREST if adequate is None else adequate.surest
     findings = [finding(c, result.final, spread or {}, surest) for c in result.choices]
     unexplained = structured(result.final, remaining, estimation, result)
     if result.choices and adequate is not None and adequate.much_is_left:
@@ -88,7 +88,7 @@ def structured(
     return best if best.size > NOTICEABLE * result.scales.size["torque"] else None
 
 
-def finding(choice: Choice, final: Fit, spread: dict[str, float], surest: float = 1.0) -> dict[str, Any]:
+def finding(choice: Choice, final: Fit, spread: dict[str, float], surest: float = SUREST) -> dict[str, Any]:
     """One finding, with the numbers of the final model; its standard errors are those of the fit with the
     spread between recordings and forms.  ``surest``: the most that its confidence may be, as far as it is
     seen in the motion."""
@@ -96,7 +96,7 @@ def finding(choice: Choice, final: Fit, spread: dict[str, float], surest: float 
     fitted = _fitted(choice, final)
     parameters = _parameters(choice, final, spread)
     if choice.chosen.by_current > 0.0:
-        surest = 1.0
+        surest = SUREST
     if choice.unsure:
         surest = min(surest, NOT_SURE)
     return {

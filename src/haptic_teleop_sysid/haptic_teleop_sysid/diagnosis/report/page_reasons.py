@@ -10,6 +10,7 @@ from haptic_teleop_sysid.report import Page, Section
 from ..decision.search import SearchResult
 from ..decision.verdict import Verdict
 from ..decision.words import chance_sentence
+from ..policy import SUREST
 from .contents import not_believed
 from .page_law import LawCurve, explained_after
 from .page_lead import parameter_text
@@ -32,9 +33,9 @@ def reasons(page: Page, verdict: Verdict, content: dict[str, Any], curves: list[
                 [(a["effect"], a["location"], f"{100 * a['confidence']:.0f} %") for a in f["alternatives"]],
                 f"What {f['effect']} at {f['location']} could be instead",
             )
-    least = 1.0 if verdict.adequacy is None else verdict.adequacy.least
-    if any(f["confidence"] == round(least, 4) < 1.0 for f in verdict.findings):
-        section.text(_ceiling(verdict, least))
+    surest = SUREST if verdict.adequacy is None else verdict.adequacy.surest
+    if any(f["confidence"] == round(surest, 4) for f in verdict.findings):
+        section.text(_ceiling(verdict, surest))
     if verdict.findings:
         section.text(second_method(content))
     for c in curves:
@@ -63,17 +64,23 @@ def _where(section: Section, content: dict[str, Any]) -> None:
         section.table(("place", "share of what is missing", "depends on", "strongest at"), rows, caption)
 
 
-def _ceiling(verdict: Verdict, least: float) -> str:
+def _ceiling(verdict: Verdict, surest: float) -> str:
     """Why no confidence is higher."""
     found = verdict.adequacy
-    if found is not None and found.random_left and least > min(found.torque, found.free_run):
+    if found is None or surest == SUREST:
         return (
-            f"Confidence is limited to {100 * least:.0f} %: what is named explains little beside torque that "
+            f"{100 * SUREST:.0f} % is the most that is said: of names without a rival about one in twenty was "
+            "wrong in tests with concealed truth."
+        )
+    if found.random_left and surest > found.least:
+        return (
+            f"Confidence is limited to {100 * surest:.0f} %: what is named explains little beside torque that "
             "is random."
         )
     named = " and ".join(dict.fromkeys(f["effect"] for f in verdict.findings)) or "what is named"
     return (
-        f"Confidence is limited to {100 * least:.0f} %, the part of the missing torque that {named} explains."
+        f"Confidence is limited to {100 * surest:.0f} %: {named} explains {100 * found.least:.0f} % (mean "
+        "square) of what is missing."
     )
 
 
