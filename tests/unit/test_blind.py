@@ -2,8 +2,8 @@
 
 import ast
 import json
-import random
 import math
+import random
 import sys
 from dataclasses import replace
 from pathlib import Path
@@ -19,6 +19,7 @@ from haptic_teleop_control.errors import ConfigurationError
 from haptic_teleop_control.recording import read_recording
 from haptic_teleop_sysid.blind import command
 from haptic_teleop_sysid.blind.bags import record
+from haptic_teleop_sysid.blind.calibration import calibration, calibration_error
 from haptic_teleop_sysid.blind.cases import draw_case
 from haptic_teleop_sysid.blind.detect import Column, whiten, whitener
 from haptic_teleop_sysid.blind.effects import BY_NAME, PLACES
@@ -29,7 +30,6 @@ from haptic_teleop_sysid.blind.runner import parse_cases, plan
 from haptic_teleop_sysid.blind.scoring import score_case
 from haptic_teleop_sysid.blind.sealing import SEALED, open_labels, seal
 from haptic_teleop_sysid.blind.slots import INDEX, empty
-from haptic_teleop_sysid.blind.calibration import calibration, calibration_error
 from haptic_teleop_sysid.blind.summary import summarise, wilson
 
 KT, K, JM, BM, JA, BA = 8.925, 3.971, 0.0635, 2.6, 0.17, 0.02

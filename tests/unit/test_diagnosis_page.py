@@ -223,7 +223,7 @@ def test_a_confidence_that_is_held_down_by_what_is_left_says_so(confidence, told
     page = Page("t")
     answer = verdict("identified", [finding(confidence)], adequacy=Adequacy(torque=0.83, free_run=0.9))
     reasons(page, answer, content(), [])
-    sentence = "Confidence is limited to 69 %: coulomb_friction explains 83 % (mean square) of what is missing."
+    sentence = "limited to 69 %: coulomb_friction explains 83 % (mean square) of what is missing."
     assert (sentence in page.render()) == told
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -67,7 +68,7 @@ def _errors(stated: FloatArray, right: NDArray[Any]) -> FloatArray:
 
 
 def _rows(stated: FloatArray, right: FloatArray) -> Iterable[dict[str, Any]]:
-    for low, high in zip(EDGES, EDGES[1:], strict=False):
+    for low, high in pairwise(EDGES):
         inside = (stated >= low) & ((stated < high) | (high == EDGES[-1]))
         if inside.any():
             yield {

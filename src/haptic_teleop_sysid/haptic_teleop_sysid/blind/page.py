@@ -156,7 +156,8 @@ def _calibration_sentence(found: dict[str, Any]) -> str:
         return "No names to compare with their confidence."
     low, high = found["interval"]
     return (
-        f"Is the first name, place included, right as often as its confidence says? Over {found['cases']} names "
-        f"the expected calibration error is {found['ece']:.3f}; by chance alone it would be "
-        f"{found['by_chance']:.3f}. The difference is {found['debiased']:.3f} (95 %: {low:.3f} to {high:.3f})."
+        "Is the first name, place included, right as often as its confidence says? Over "
+        f"{found['cases']} names the expected calibration error is {found['ece']:.3f}; by chance alone it "
+        f"would be {found['by_chance']:.3f}. The difference is {found['debiased']:.3f} (95 %: {low:.3f} to "
+        f"{high:.3f})."
     )

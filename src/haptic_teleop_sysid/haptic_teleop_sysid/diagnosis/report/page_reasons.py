@@ -69,13 +69,13 @@ def _ceiling(verdict: Verdict, surest: float) -> str:
     found = verdict.adequacy
     if found is None or surest == SUREST:
         return (
-            f"{100 * SUREST:.0f} % is the most that is said: of names without a rival about one in twenty was "
-            "wrong in tests with concealed truth."
+            f"{100 * SUREST:.0f} % is the most that is said: of names without a rival about one in twenty "
+            "was wrong in tests with concealed truth."
         )
     if found.random_left and surest > found.least:
         return (
-            f"Confidence is limited to {100 * surest:.0f} %: what is named explains little beside torque that "
-            "is random."
+            f"Confidence is limited to {100 * surest:.0f} %: what is named explains little beside torque "
+            "that is random."
         )
     named = " and ".join(dict.fromkeys(f["effect"] for f in verdict.findings)) or "what is named"
     return (
