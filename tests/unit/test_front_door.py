@@ -2,7 +2,6 @@
 
 import os
 import re
-import resource
 import shutil
 import subprocess
 import sys
@@ -81,24 +80,16 @@ def test_the_list_fits_a_narrow_terminal_and_loses_no_word(monkeypatch):
     assert narrow.split() == whole.split()
 
 
-def test_listing_imports_neither_ros_nor_numpy():
+def test_listing_imports_nothing_beyond_the_standard_library_but_the_project():
+    # What makes the list slow is what it imports: how long that takes is the machine's.
     code = (
-        "import sys; from haptic_teleop_control import front_door; front_door.listing();"
-        "print([m for m in ('rclpy', 'numpy', 'numba', 'rich') if m in sys.modules])"
+        "import sys; before = set(sys.modules);"
+        "from haptic_teleop_control import front_door; front_door.listing();"
+        "new = {m.partition('.')[0] for m in set(sys.modules) - before} - set(sys.stdlib_module_names);"
+        "print(sorted(m for m in new if not m.startswith(('haptic_teleop', '_'))))"
     )
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert done.stdout.strip() == "[]"
-
-
-def test_listing_takes_less_than_a_fifth_of_a_second():
-    def once() -> float:
-        before = resource.getrusage(resource.RUSAGE_CHILDREN)
-        run()
-        after = resource.getrusage(resource.RUSAGE_CHILDREN)
-        return after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime
-
-    # Time of the processor, and the best of five: what it needs, not what the machine is at.
-    assert min(once() for _ in range(5)) < 0.2
 
 
 def test_arguments_reach_the_executable_untouched_and_its_status_comes_back(probe):

@@ -116,6 +116,7 @@ def test_one_zooms_by_keyboard_and_by_mouse_hides_lines_and_sees_the_difference(
     assert told["augmented"] == pytest.approx(np.sin(4.0 * at), abs=0.02)
     assert told["yours"] == pytest.approx(0.6 * told["augmented"], abs=0.02)
     page.mouse.down()
+    page.wait_for_timeout(400)  # who hesitates zooms as well
     page.mouse.move(box["x"] + 0.6 * box["width"], middle + 30, steps=4)
     page.mouse.up()
     page.wait_for_function(f"({span})[1] < {high} - 0.2")

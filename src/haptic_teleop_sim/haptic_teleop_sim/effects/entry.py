@@ -71,6 +71,7 @@ class EffectEntry:
       its sizes are less sure than by this one alone; ``equivalents``: what looks the same, and when;
       ``same_as``: the parameter of the structure that it cannot be told from where that is estimated;
     - ``ordered``: pairs of its parameters of which the first cannot exceed the second, and why, in words;
+    - ``jumps``: the size by which its torque changes its sign where the motion turns, of the plainest form;
     - ``large``: it may be so large that structure and noise make up for it; ``versatile``: it bends to much
       that it is not, and is not believed where what it leaves follows its own quantity; ``at_rest(p)``: the
       torque that it exerts at angle zero, N·m, for what loads a joint at rest, and ``companion``: the
@@ -114,6 +115,7 @@ class EffectEntry:
     equivalents: tuple[Equivalent, ...] = ()
     same_as: str = ""
     ordered: tuple[tuple[str, str, str], ...] = ()
+    jumps: str = ""
     large: bool = False
     versatile: bool = False
     at_rest: Callable[[dict[str, float]], float] | None = None

@@ -51,6 +51,7 @@ COULOMB = EffectEntry(
     ),
     practical=noticeable("torque"),
     families=_DRY,
+    jumps="torque",
     large=True,
 )
 

@@ -11,6 +11,7 @@ from haptic_teleop_sim.model import Model
 from haptic_teleop_sysid.recordings.dataset import DataSet
 
 from .decision.adequacy import adequacy, short_of
+from .decision.at_reversals import where_torque_jumps, with_friction
 from .decision.beside_unknown import with_names
 from .decision.decide import Choice
 from .decision.doubt import left_is_random
@@ -107,6 +108,8 @@ def diagnose(
         )
         nameless = mapped.fit if instead is None else instead.fit
         result = replace(result, final=nameless or result.final)
+    turning = where_torque_jumps(result.baseline, found.learn, found.judge)
+    verdict = with_friction(verdict, turning, result, found.learn)
     say("simulating all three models on all recordings")
     proof = prove(model, result.baseline.model, result.final.model, found.course, uses)
     columns = three_columns(model, result, verdict, found.judge, forms)
@@ -133,5 +136,6 @@ def diagnose(
     from_here = any(e.witnessed is not None for e in believed)
     content[MEASURED.name] = None if mapped is None else mapped.content()
     content["stand_in"] = None if instead is None else instead.content()
+    content["reversals"] = [one.content() for one in turning]
     content["inverse_dynamics"] = testimony(found.opinion, verdict, from_here) if found.opinion else None
     return result, verdict, proof, content

@@ -27,6 +27,13 @@
     }
   }
 
+  // Whoever holds the button for longer than Bokeh's 300 ms before moving wants to zoom all the same: nothing
+  // here answers to a long press, after which Bokeh sees no drag any more.
+  function patient(plot) {
+    const gestures = Bokeh.index.get(plot)?.canvas_view.ui_event_bus.ui_gestures;
+    if (gestures) gestures.constructor.press_threshold = 2 ** 31 - 1;
+  }
+
   class Live {
     constructor(figure) {
       this.figure = figure;
@@ -54,6 +61,7 @@
       this.plots[this.view] = found;
       // Bokeh's own stops for the Tab key do nothing here, and do not show: the canvas around them is one.
       for (const id of Object.values(roots)) untabbed(document.getElementById(id));
+      for (const plot of found) patient(plot);
       paint(found);
       this.lines();
       this.drag();

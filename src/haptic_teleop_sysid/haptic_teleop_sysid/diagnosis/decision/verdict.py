@@ -66,7 +66,7 @@ def decide_verdict(
     unexplained = structured(result.final, remaining, estimation, result)
     if result.choices and adequate is not None and adequate.much_is_left:
         return Verdict(
-            "unknown", [_rest(result, remaining, estimation)], findings, remaining, before, adequate
+            "unknown", [where_left(result, remaining, estimation)], findings, remaining, before, adequate
         )
     if result.choices:
         kind = "ambiguous" if any(c.ambiguous for c in result.choices) else "identified"
@@ -168,7 +168,7 @@ def _where(
     unexplained: Condition | None,
 ) -> list[dict[str, Any]]:
     if unexplained is not None:
-        return [_rest(result, [unexplained], estimation)]
+        return [where_left(result, [unexplained], estimation)]
     if not result.choices:
         return []
     total = sum(max(c.chosen.score, 0.0) for c in result.choices) or 1.0
@@ -187,7 +187,7 @@ def _where(
     return rows
 
 
-def _rest(
+def where_left(
     result: SearchResult, remaining: Sequence[Condition], estimation: Sequence[Record]
 ) -> dict[str, Any]:
     """Where most of the torque acts that the final model lacks, and what it follows."""

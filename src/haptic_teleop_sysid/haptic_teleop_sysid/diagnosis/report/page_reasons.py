@@ -14,7 +14,7 @@ from ..policy import SUREST
 from .contents import not_believed
 from .page_law import LawCurve, explained_after
 from .page_lead import parameter_text
-from .testimony import second_method
+from .testimony import at_reversals, second_method
 
 
 def reasons(page: Page, verdict: Verdict, content: dict[str, Any], curves: list[LawCurve]) -> None:
@@ -38,6 +38,8 @@ def reasons(page: Page, verdict: Verdict, content: dict[str, Any], curves: list[
         section.text(_ceiling(verdict, surest))
     if verdict.findings:
         section.text(second_method(content))
+    for one in content.get("reversals", ()):
+        section.text(at_reversals(one))
     for c in curves:
         section.text(
             f"Of the torque that follows the {c.quantity} without {c.name}, {100 * c.explained:.0f} % (mean "

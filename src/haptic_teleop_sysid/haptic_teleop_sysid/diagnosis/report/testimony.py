@@ -84,6 +84,18 @@ def second_method(content: dict[str, Any]) -> str:
     return f"{head} names {more or 'less'} instead: take the answer with care."
 
 
+def at_reversals(found: dict[str, Any]) -> str:
+    """What the torque does where the motion turns, in a sentence."""
+    size, here, there = found["torque"], found["estimation"], found["validation"]
+    return (
+        f"Where the motion turns, the torque at {found['location']} jumps by twice "
+        f"{size['value']:.3g} ± {size['std']:.2g} {size['unit'].replace('*', '·')} "
+        f"({here['value']:.3g} and {there['value']:.3g} on the two kinds of recordings, "
+        f"{here['reversals']} and {there['reversals']} reversals): that is {found['effect']} of this size, "
+        "whatever else acts there."
+    )
+
+
 def testimony_section(page: Page, content: dict[str, Any]) -> None:
     """The page's section on the inverse dynamics."""
     found = content["inverse_dynamics"]

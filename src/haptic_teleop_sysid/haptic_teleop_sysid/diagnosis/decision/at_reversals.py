@@ -1,0 +1,144 @@
+"""Friction that shows where the motion turns, beside something unknown.
+
+Whether a name stands beside physics without one is asked of likelihoods and of torques along the whole motion
+(`in_part`); where that physics is large, friction of a tenth of the torque is lost in it there. At the
+reversals of the motion it is not (`evidence.reversals`). The verdict stays `unknown`.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+from haptic_teleop_sim.effects import EFFECTS, locations
+from haptic_teleop_sim.model import Effect, Model
+from haptic_teleop_sysid.estimation.gauss_newton import Fit
+from haptic_teleop_sysid.estimation.records import Record
+
+from ..evidence.reversals import Jump, jump
+from ..hypotheses.candidates import family
+from ..hypotheses.explanation import Explanation
+from ..policy import LEAST_JUMP, SURE_JUMP
+from .adequacy import NOT_SURE
+from .decide import Choice
+from .doubt import OTHER_SIZE
+from .search import SearchResult
+from .verdict import Verdict, finding, where_left
+
+#: Standard errors that it must have on the recordings of either kind, too.
+SEEN_TWICE = 2.0
+
+
+@dataclass(frozen=True)
+class AtReversals:
+    """A torque that jumps: ``effect``, ``location``, and the `Jump` on the recordings of both kinds."""
+
+    effect: str
+    location: str
+    jumps: tuple[Jump, Jump]
+
+    @property
+    def size(self) -> float:
+        """N·m, the mean of both kinds, by what their standard errors say of them."""
+        weights = [1.0 / max(j.std, 1e-300) ** 2 for j in self.jumps]
+        return sum(w * j.size for w, j in zip(weights, self.jumps, strict=True)) / sum(weights)
+
+    @property
+    def pooled(self) -> float:
+        """N·m: standard error of that."""
+        return 1.0 / math.sqrt(sum(1.0 / max(j.std, 1e-300) ** 2 for j in self.jumps))
+
+    @property
+    def std(self) -> float:
+        """N·m: with what puts the two kinds apart."""
+        here, there = self.jumps
+        return math.hypot(self.pooled, 0.5 * (here.size - there.size))
+
+    @property
+    def stands(self) -> bool:
+        """Whether it is there, on both kinds, and of one size."""
+        sizes = [j.size for j in self.jumps]
+        clear = all(j.size > max(SEEN_TWICE * j.std, LEAST_JUMP * j.input) for j in self.jumps)
+        alike = abs(sizes[0] - sizes[1]) <= OTHER_SIZE * max(sizes)
+        return clear and alike and self.size > SURE_JUMP * self.pooled
+
+    def content(self) -> dict[str, Any]:
+        """What diagnosis.json says."""
+        kinds = zip(("estimation", "validation"), self.jumps, strict=True)
+        return {
+            "effect": self.effect,
+            "location": self.location,
+            "torque": {"value": self.size, "std": self.std, "unit": "N*m"},
+            **{k: {"value": j.size, "std": j.std, "reversals": j.reversals} for k, j in kinds},
+        }
+
+    def told(self) -> str:
+        """What speaks for it, in words."""
+        numbers = " and ".join(f"{j.size:.3g} ± {j.std:.2g} N·m" for j in self.jumps)
+        count = " and ".join(str(j.reversals) for j in self.jumps)
+        return (
+            f"where the motion turns ({count} times), the torque jumps by twice {numbers} on the recordings "
+            "of either kind, whatever else acts there"
+        )
+
+
+def where_torque_jumps(
+    baseline: Fit, learn: Sequence[Record], judge: Sequence[Record]
+) -> list[AtReversals]:
+    """The effects whose torque jumps where the motion turns, and is seen to, with their places; ``baseline``:
+    the re-estimated structure. None of whose forms the model has already."""
+    model = baseline.model
+    there = {e.effect for e in model.effects}
+    asked = (n for n, e in EFFECTS.items() if e.jumps and not family(n) & there)
+    found = (_of_effect(n, model, learn, judge) for n in asked)
+    return [one for one in found if one is not None]
+
+
+def with_friction(
+    verdict: Verdict, found: Sequence[AtReversals], result: SearchResult, learn: Sequence[Record]
+) -> Verdict:
+    """The verdict with what jumps where the motion turns and no finding names in any form: beside names that
+    stand, as one that nobody is sure of; alone, or beside something unknown, as what is found of that."""
+    for one in found:
+        if not family(one.effect) & {f["effect"] for f in verdict.findings}:
+            kind, where = verdict.kind, verdict.where
+            if kind == "no_mismatch":
+                kind, where = "unknown", [where_left(result, verdict.remaining, learn)]
+            findings = [*verdict.findings, _finding(one, result.baseline)]
+            verdict = replace(verdict, kind=kind, where=where, findings=findings)
+    return verdict
+
+
+def _of_effect(
+    name: str, model: Model, learn: Sequence[Record], judge: Sequence[Record]
+) -> AtReversals | None:
+    """The place, motor or arm, at whose reversals the torque jumps. The motor's own equation sees the motor's
+    alone; the sum of both, at the reversals of the arm, sees either: that is the arm's where the motor's
+    equation has clearly less of it."""
+    places = locations(name, model.structure)
+    motor, arm = (_both(name, model, learn, judge, p) if p in places else None for p in ("motor", "arm"))
+    if motor is not None and motor.stands:
+        return motor
+    if arm is None or motor is None or not arm.stands:
+        return None
+    return arm if motor.size + 2.0 * motor.pooled < arm.size else None
+
+
+def _both(
+    name: str, model: Model, learn: Sequence[Record], judge: Sequence[Record], place: str
+) -> AtReversals | None:
+    here, there = jump(model, learn, place), jump(model, judge, place)
+    return None if here is None or there is None else AtReversals(name, model.location(place), (here, there))
+
+
+def _finding(found: AtReversals, baseline: Fit) -> dict[str, Any]:
+    """The finding, with the size that the jump has."""
+    model = baseline.model
+    size = EFFECTS[found.effect].jumps
+    effect = Effect(found.effect, found.location, {size: found.size})
+    fit = replace(baseline, model=replace(model, effects=(*model.effects, effect)))
+    std = {f"{found.location}.{found.effect}.{size}": found.std}
+    explanation = Explanation(fit, 0.0, 0.0, True, len(model.effects), std=std, witnessed=found.told())
+    return finding(Choice(explanation, NOT_SURE), fit, {}, NOT_SURE)
