@@ -12,8 +12,8 @@ LEAD = """\
 # Effects
 
 Physics beyond the structure of a model: what `effects:` of a [model file](../file_formats.md) names and
-what `diagnose` finds. Equation and picture are computed from the same entry that simulation, estimation and
-diagnosis use.
+what `diagnose` finds. Picture, and equation where there is one, are computed from the same entry that
+simulation, estimation and diagnosis use.
 
 | sign | is |
 |---|---|
@@ -29,7 +29,7 @@ In the pictures the place of the effect swings as a sine of 1 rad (at the joint 
 
 """
 ENTRY = """\
-## {name}
+{level} {name}
 
 {sentence} Sits at {where}.{note}
 
@@ -50,7 +50,15 @@ TABULATED = (
     "Its parameters `variable`, `knots`, `torque` and `torque_std`: "
     "[a map](../diagnosis.md#a-torque-without-a-name)."
 )
-UNNAMED = " It has no name in a diagnosis: where it explains most, the verdict is `unknown`."
+SAME = " It is identifiable only where `{}` is fixed: free, the two cannot be told apart."
+NEVER = """\
+## Effects that are never named
+
+A diagnosis does not give these names: where one of them explains most, the verdict is `unknown`.
+
+"""
+MEMORY = "dσ/dt = (q̇ − |q̇| σ) / D with D = {}."
+GIVES = {"direction": "`contact_angle`", "displacement": "`{1}`", "ratio": "`{0}` / `{1}`"}
 NUISANCE = " It belongs to how a recording was taken and is never reported as missing physics."
 SYMBOLS = {
     "position": "q", "velocity": "q̇", "deflection": "δ", "stiffness": "k", "time": "t", "exogenous": "a",
@@ -66,7 +74,10 @@ def effects_page(folder):
     """The page; its pictures are written into folder/effects."""
     (folder / "effects").mkdir(exist_ok=True)
     text = [LEAD]
-    for entry in EFFECTS.values():
+    # The never named last; sorted() keeps the order of the others.
+    for entry in sorted(EFFECTS.values(), key=_never_named):
+        if _never_named(entry) and NEVER not in text:
+            text.append(NEVER)
         draw(entry, folder / "effects" / f"{entry.name}.svg")
         rows = []
         for p in entry.parameters:
@@ -76,17 +87,32 @@ def effects_page(folder):
         drawn = ", ".join(f"{name} {value:.3g}" for name, value in sizes(entry).items())
         text.append(
             ENTRY.format(
+                level="###" if _never_named(entry) else "##",
                 name=entry.name,
                 sentence=f"{entry.sentence[0].upper()}{entry.sentence[1:]}.",
                 where=", ".join(f"`{place}`" for place in entry.where),
-                note=(UNNAMED if entry.unnamed else "") + (NUISANCE if entry.nuisance else ""),
-                equation=_equation(entry),
+                note=_note(entry),
+                equation="\n\n".join(filter(None, [_equation(entry), _memory(entry)])),
                 parameters=TABLE + "\n".join(rows) if rows else TABULATED,
                 alt=entry.sentence,
                 shown=f"*Drawn with {drawn}.*" if drawn else "",
             )
         )
     return "".join(text)
+
+
+def _note(entry):
+    same = SAME.format(entry.same_as) if entry.same_as else ""
+    return same + (NUISANCE if entry.nuisance else "")
+
+
+def _never_named(entry):
+    return entry.unnamed or entry.tabulated
+
+
+def _memory(entry):
+    """How the direction σ follows the motion, where the effect depends on it."""
+    return MEMORY.format(GIVES[entry.memory].format(*entry.parameter_names)) if entry.memory else ""
 
 
 def _range(p):

@@ -183,10 +183,10 @@ def toctree(names):
 FAULTS_PAGE = """\
 # Faults
 
-A node that finds a fault counts it, makes its output safe, and stays so until it is reset:
-`haptic-teleop operate reset --controller NODE`, such as `/sfj/sfj_driver`. The first fault counts as the
-cause; those after it are usually consequences. The fault stands in the node's `/diagnostics` and in the
-recording, and `haptic-teleop verify` begins with it.
+A node that finds a fault counts it, sets its output to zero (force_controller: over `ramp_out_time`), and
+latches until reset: `haptic-teleop operate reset --controller NODE`, such as `/sfj/sfj_driver`. The first
+fault counts as the cause; those after it are usually consequences. The fault stands in the node's
+`/diagnostics` and in the recording, and `haptic-teleop verify` begins with it.
 
 | fault, reported by | what happened | what to do |
 |---|---|---|

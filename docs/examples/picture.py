@@ -19,7 +19,7 @@ from haptic_teleop_sysid.simulation.fit import choose_windows, simulated_fit
 EXAMPLES = Path(__file__).resolve().parent
 SHOWN = (2.4, 3.6)  # s
 #: Colours that people with any colour vision tell apart (Okabe and Ito).
-MODELS = (("the lab's model", "#D55E00", "--"), ("with the play that was found", "#0072B2", "-"))
+MODELS = (("the lab's model", "#D55E00", "--"), ("with the backlash that was found", "#0072B2", "-"))
 
 
 def main(diagnosis: Path) -> None:

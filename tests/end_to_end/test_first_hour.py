@@ -62,12 +62,12 @@ def test_the_page_states_what_comes_out(folder):
 
 
 def test_the_augmented_model_runs_in_the_scenario_of_the_page(folder):
-    states = read_recording(folder[0] / "recordings" / "with_play").topics["/sfj/joint_states"]
-    last = states.time() > 5.0
-    # Pressing with 0.08 rad x 10 N·m/rad against a wall at 0.5 rad, play or not.
+    states = read_recording(folder[0] / "recordings" / "with_backlash").topics["/sfj/joint_states"]
+    last = (states.time() > 10.0) & (states.time() < 13.0)
+    # Pressing with 0.08 rad x 10 N·m/rad against a wall at 1 rad, backlash or not.
     assert states.signal("stage2_arm", "effort")[last].mean() == pytest.approx(0.8, rel=0.05)
-    assert states.signal("stage2_arm", "position")[last].mean() == pytest.approx(0.5, abs=0.01)
-    assert "stage2: 0 to 0.08 rad, from 1 s" in folder[1]
+    assert states.signal("stage2_arm", "position")[last].mean() == pytest.approx(1.0, abs=0.01)
+    assert "stage2: -0.08 to 0.08 rad, from 4 s" in folder[1]
 
 
 def test_the_omni_presses_with_what_the_hands_ask_for(folder):

@@ -1,4 +1,4 @@
-"""How much delay the teleoperation bears: the tables in docs/teleoperation.md.
+"""How much delay the teleoperation bears: the tables in docs/teleoperation.md and docs/contact.md.
 
     python tests/studies/delay_and_passivity.py [scenario1] [scenario2] [link] [blind]
 
@@ -180,7 +180,7 @@ def sticking(axis: str, folder: Path) -> str:
 
 
 def blind() -> None:
-    """Scenario 2 in simulated mode: what the Omni does with small desired torques, at soft surfaces, where
+    """Scenario 2 in reference mode: what the Omni does with small desired torques, at soft surfaces, where
     its friction sticks; the observer believes in equation (22)."""
     print("| desired torque | asked | `standstill` 0: speed, pressed (Y; Z) | `standstill` 1: likewise |")
     print("|---|---|---|---|")

@@ -235,7 +235,7 @@ def test_the_file_for_the_robots_as_it_stands_gives_the_same_figures(simulated):
 
 
 def in_the_hand(folder: Path, **master: float) -> Path:
-    """The shipped scenario in manual mode: a firm hand turns the arms, and feels the contact."""
+    """The shipped scenario in device mode: a firm hand turns the arms, and feels the contact."""
     sections = {name: dict(values) for name, values in load_parameter_file(SIM).items()}
     for stage in STAGES:
         hand = {

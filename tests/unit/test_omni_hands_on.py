@@ -206,7 +206,7 @@ def test_a_sign_is_one_or_minus_one(values):
 
 
 def test_the_emulated_hand_does_what_is_asked_for_and_goes_on_by_the_button(em, tmp_path, ticking, capsys):
-    """EM_MOVES=doctor, with which docs/drivers.md has the command tried without a device."""
+    """EM_MOVES=doctor, with which docs/first_contact.md has the command tried without a device."""
     em.c.em_moves(0, 2)
     file, confirmed = tmp_path / "omni.yaml", tmp_path / "confirmed.yaml"
     own = {"openhaptics.library": str(em.path), "confirmations": str(confirmed)}

@@ -1,4 +1,4 @@
-"""The Omni through the maker's HD library: angles, torques, calibration, and what goes wrong."""
+"""The Omni through the vendor's HD library: angles, torques, calibration, and what goes wrong."""
 
 import itertools
 import math

@@ -198,7 +198,7 @@ def test_scenario_2_from_the_inkwell_to_the_end_of_the_drivers(whole):
         values = (logs["omni angle"][:, axis], logs["omni asked"][:, axis], 1000.0)
         moves_freely_presses_and_lets_go(*values, 0.4, 0.005, (desired, 0.2))
     assert not logs["omni asked"][:START].any()
-    assert not logs["sfj angle"].any(), "nobody moves the master in simulated mode"
+    assert not logs["sfj angle"].any(), "nobody moves the master in reference mode"
     # At the surface the hand's torque acts beside what compensates the device's own spring.
     contact = slice(START + 9000, START + 10900)
     beside = (logs["omni flows"] - logs["omni asked"])[contact, 1:].mean(axis=0)

@@ -1,4 +1,4 @@
-"""The Omni through the maker's HD library: how it begins, and that nothing is left behind at its end."""
+"""The Omni through the vendor's HD library: how it begins, and that nothing is left behind at its end."""
 
 import os
 import subprocess

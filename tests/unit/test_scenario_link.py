@@ -17,7 +17,7 @@ COMPENSATED = {
 
 
 def held(stiffness: float = 3.0, gain: float = 0.1, link: dict | None = None, **controller: object) -> dict:
-    """Scenario 1 in manual mode: the hand leads both arms to a wall at 0.4 rad and holds."""
+    """Scenario 1 in device mode: the hand leads both arms to a wall at 0.4 rad and holds."""
     omni, control = dict(COMPENSATED), {"command_source": "device", "link": link is not None, **controller}
     for axis, angle in (("omni_y", 0.06), ("omni_z", 0.08)):
         way = [0.0, angle * (1.0 + 0.3 / stiffness)]
@@ -139,7 +139,7 @@ def test_an_axis_that_is_hardly_held_swings_up_over_a_link_and_the_controller_st
 
 
 def surfaces(link: dict | None = None) -> dict:
-    """Scenario 2 in manual mode: hands on the arms lead both axes of the Omni to a surface and hold."""
+    """Scenario 2 in device mode: hands on the arms lead both axes of the Omni to a surface and hold."""
     angle = 0.52 / 3.95 * (1.0 + 3.95 / 15.0)
     hands = {"operator.mode": "trajectory"}
     control = {

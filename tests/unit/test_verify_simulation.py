@@ -199,7 +199,7 @@ def test_the_second_scenario_is_laid_over_its_simulation_too(tmp_path, capsys):
     assert result["simulation"][bag]["fit_percent"]["omni y"]["position"] == 100.0
     assert (tmp_path / "out" / "simulation_omniy.png").stat().st_size > 10_000
     axes = result["runs"][bag]["stages"]
-    for axis, speed in (("omni_y", 0.499), ("omni_z", 0.498)):  # of 0.5 asked; docs/teleoperation.md
+    for axis, speed in (("omni_y", 0.499), ("omni_z", 0.498)):  # of 0.5 asked
         free, contact = axes[axis]["free"][0], axes[axis]["contacts"][0]
         assert free["speed"] == pytest.approx(speed, abs=2e-3) and free["expected_speed"] == pytest.approx(
             0.5

@@ -30,7 +30,7 @@ def board_checks(address: str, key_file: str) -> list[Check]:
     try:
         found = probe(address, key_file)
     except (DeviceError, ConfigurationError) as error:
-        remedy = "see docs/drivers.md, A board in another computer"
+        remedy = "see docs/board_server.md"
         return [Check("board server", BAD, str(error).rstrip("."), remedy)]
     kind = "an emulated board" if found.emulated else "a board"
     text = f"{kind} {found.card_type} {found.card_identifier} at {found.rate:g} Hz"

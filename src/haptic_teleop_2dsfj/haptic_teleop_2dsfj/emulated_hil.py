@@ -31,10 +31,10 @@ LOCKED = ("write_", "set_")
 
 
 EXCHANGE = {"normal": 1e-3, "fast": 125e-6}
-"""s that a call over USB waits for its exchange. The maker states the rates, 1 kHz and 8 kHz (a frame and a
+"""s that a call over USB waits for its exchange. The vendor states the rates, 1 kHz and 8 kHz (a frame and a
 microframe of USB), for the Q8-USB's option update_rate; that each call takes one is the worst case."""
 PCI_CALL = 10e-6
-"""s of a call over PCI: some registers of about 1 µs each; the maker states no figure."""
+"""s of a call over PCI: some registers of about 1 µs each; the vendor states no figure."""
 FREE = ("task_get_buffer_overflows", "is_valid", "open", "close")
 """Calls that need no exchange, or are not part of a loop."""
 

@@ -14,17 +14,19 @@ the rest."""
 
 FAULTS = {
     "board_error": "the HIL board refused a call; check its cable, its power and who else uses it",
-    "board_link": "the way to the board server failed; check the cable between the computers, the server's "
-    "own words, and who else sends to it, then reset",
+    "board_link": "connection to the board server lost; check cable, server log and other senders, "
+    "then reset",
     "watchdog_expired": "the board's watchdog expired and put the outputs to 0 V; look for what kept the "
     "driver from its loop",
     "limit_switch": "the arm reached an end of its range; reset, then drive it away from the switch",
-    "limit_switch_stuck": "limit switches say what cannot be; check their cables and their supply",
+    "limit_switch_stuck": "limit switches report an impossible combination; check their cables and "
+    "their supply",
     "overload": "the current was too high for too long (I²t); let the motor cool, look for a blocked joint",
     "deflection": "drive and joint encoder disagree by more than the limit; look for a blocked arm or a "
     "loose encoder",
     "encoder_jump": "an encoder moved faster than any motor turns it; check its cable",
-    "encoder_frozen": "a drive's encoder does not count although almost all current flows; check its cable",
+    "encoder_frozen": "a drive's encoder does not count although the current is near its limit; "
+    "check its cable",
     "over_current": "the measured current is above the limit; check the amplifier",
     "amplifier": "the measured current does not follow the commanded one; check power, emergency stop and "
     "cable of the amplifier",

@@ -22,7 +22,7 @@ PREFIX = "openhaptics."
 
 @dataclass(frozen=True)
 class AxisMap:
-    """The defaults are for the library's angles: left, up and out positive in the maker's reference and in
+    """The defaults are for the library's angles: left, up and out positive in the vendor's reference and in
     the thesis alike; Y neutral in the middle of its 2 to 102 degrees, Z in the middle of what a published
     model of the device allows there (both *assumed*). Raises ConfigurationError naming the field."""
 

@@ -1,4 +1,4 @@
-"""From parameters to a driver with its transport: the maker's library, hidapi, an emulated Omni, or a
+"""From parameters to a driver with its transport: the vendor's library, hidapi, an emulated Omni, or a
 captured session."""
 
 from __future__ import annotations

@@ -5,7 +5,7 @@ mean nothing, and no torque may flow, until the device has been in a pose that i
     button   the user holds the neutral pose (the marks on the casing) and presses button 1 for a while
     start    the pose at the start is known, for an emulated device or a jig
 
-Where the maker's library calibrates, its word is taken instead (`LIBRARY`), and its angles with it.
+Where the vendor's library calibrates, its word is taken instead (`LIBRARY`), and its angles with it.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ WAITING = {
     "dock": "put the stylus into its inkwell and let it rest",
     "button": "hold the neutral pose (marks on the casing) and keep button 1 pressed",
     "start": "waiting for the first report",
-    LIBRARY: "put the stylus into its inkwell and let it rest: the maker's library then knows the angles",
+    LIBRARY: "put the stylus into its inkwell and let it rest: the vendor's library then knows the angles",
 }
 
 
@@ -54,7 +54,7 @@ class Calibration:
         self, counts: Sequence[int], docked: bool, button: bool, elapsed: float, known: bool = False
     ) -> bool:
         """One report, `elapsed` s after the last: unwrapped counts and what the device says; known: whether
-        the maker's library knows the angles. True when the calibration is complete with this report."""
+        the vendor's library knows the angles. True when the calibration is complete with this report."""
         if self.done:
             return False
         if self.method == LIBRARY:

@@ -1,4 +1,4 @@
-"""What the codes in a report's field `error` mean: those of the maker's HD library, and one of our callback.
+"""What the codes in a report's field `error` mean: those of the vendor's HD library, and one of our callback.
 
 Codes and names are those of the library's public headers; the remedies are what users of its ROS drivers
 report to have helped (docs/drivers.md).
@@ -18,7 +18,8 @@ COMMUNICATION, CONFIGURATION, LICENCE = 0x0302, 0x0303, 0x0600
 ERROR_FAULTS = {
     "warm_motors": "the motors are too warm; let them rest for some minutes without torque, lower "
     "torque.continuous, then reset",
-    "force_refused": "the library refuses so much force or speed; lower torque.peak, then reset",
+    "force_refused": "the library rejects the commanded force, or the speed is too high; "
+    "lower torque.peak, then reset",
     LIBRARY_ERROR: "the library reports an error; look its code up in docs/drivers.md, then reset",
     "watchdog_expired": "no torque came for too long, so the library's callback switched it off; stop other "
     "programs or set realtime_priority, then reset",
@@ -35,7 +36,7 @@ class DeviceProblem:
 
 
 _CABLE = (
-    "look at cable and power, at the port that the maker's set-up tool has stored (GTDD_HOME), and at the "
+    "look at cable and power, at the port that the vendor's set-up tool has stored (GTDD_HOME), and at the "
     "rights on it: /dev/fw* (FireWire), /dev/ttyACM* (Touch USB), /dev/hidraw* (Touch HID)"
 )
 _PROBLEMS = {
@@ -52,7 +53,7 @@ _PROBLEMS = {
     COMMUNICATION: DeviceProblem(DEVICE_LOST, f"HD_COMM_ERROR: {_CABLE}"),
     CONFIGURATION: DeviceProblem(
         DEVICE_LOST,
-        "HD_COMM_CONFIG_ERROR: the configuration knows no device of this name; make one with the maker's "
+        "HD_COMM_CONFIG_ERROR: the configuration knows no device of this name; make one with the vendor's "
         "set-up tool, or name yours with openhaptics.device_name",
     ),
     0x0304: DeviceProblem(DEVICE_LOST, "HD_TIMER_ERROR: the library's servo thread does not run"),

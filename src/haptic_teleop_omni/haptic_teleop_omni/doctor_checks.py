@@ -46,7 +46,7 @@ def _openhaptics() -> Check:
             "OpenHaptics",
             ABSENT,
             "the system's loader finds no libHD.so with the calls of version 3",
-            "install the maker's OpenHaptics and device driver (docs/drivers.md), or set openhaptics.library",
+            "install the vendor's OpenHaptics and driver (docs/drivers.md), or set openhaptics.library",
         )
     return Check("OpenHaptics", OK, f"{library.path} has every call that the driver needs")
 
@@ -59,7 +59,7 @@ def _configuration() -> Check:
         "OpenHaptics configuration",
         ABSENT,
         f"there is no {folder}",
-        "run the maker's set-up tool once as this user, or set GTDD_HOME to where it has written",
+        "run the vendor's set-up tool once as this user, or set GTDD_HOME to where it has written",
     )
 
 
@@ -122,7 +122,7 @@ def _calibration() -> Check:
     return Check(
         "calibration",
         OK,
-        "done at every start, by the maker's library or as calibration.method says; no torque before it",
+        "done at every start, by the vendor's library or as calibration.method says; no torque before it",
     )
 
 

@@ -42,12 +42,12 @@ def verify_by_hand(file: str = "", pressed: Callable[[], bool] | None = None) ->
         if not driver.transport.identity:
             raise ConfigurationError(
                 "the device tells neither model nor serial number, so nothing can be confirmed for it; "
-                "run the maker's set-up tool, which stores them."
+                "run the vendor's set-up tool, which stores them."
             )
         if driver.layout.input.absolute and not driver.transport.serial:
             raise ConfigurationError(
                 f"{driver.transport.identity} tells no serial number, and nothing tells it from another of "
-                "its model: run the maker's set-up tool, which stores one, or write layout_confirmed_for: "
+                "its model: run the vendor's set-up tool, which stores one, or write layout_confirmed_for: "
                 f'"{driver.confirmation}" once you have verified the axes otherwise.'
             )
         if latch.latched == "layout_not_confirmed":  # that is what is to be put right here

@@ -35,10 +35,10 @@ FAULTS = {
     "frozen_counter": "the device repeats the same report, or sends old ones; switch it off and on",
     "counter_restart": "the device began to count its reports anew, so its angles may have changed; reset, "
     "then calibrate it again",
-    "layout_not_confirmed": "what was confirmed is another device, layout or axis map, so no torque is sent; "
-    "run `haptic-teleop doctor --omni`, or correct layout_confirmed_for",
-    "calibration_lost": "the maker's library no longer knows the angles; reset, then put the stylus into its "
-    "inkwell",
+    "layout_not_confirmed": "device, layout or axis map differs from the confirmed one, so no torque is "
+    "sent; run `haptic-teleop doctor --omni`, or correct layout_confirmed_for",
+    "calibration_lost": "the vendor's library no longer knows the angles; reset, then put the stylus into "
+    "its inkwell",
     "over_speed": "an axis moved faster than a hand can; check the encoders and the layout's scale, reset, "
     "then calibrate it again",
     **ERROR_FAULTS,
@@ -124,7 +124,7 @@ class OmniDriverSettings:
 
 
 def _table() -> ParameterTable:
-    transport = "to a real device: the maker's HD library, or hidapi (whose layouts are not published)"
+    transport = "to a real device: the vendor's HD library, or hidapi (whose layouts are not published)"
     replay = "capture to replay with device: replay, relative to the parameter file"
     layout = "of the reports: a name of the package or a YAML file; empty: that of device and transport"
     plant = "factory of the plant behind the emulated Omni: module:object"

@@ -1,7 +1,7 @@
 """The command `sfj_board_server`: the loop around `BoardServer`, and its command line.
 
 One thread owns the board and the socket: it waits for the board's sample, sends it, and takes what comes
-until the answer is there or time for the next sample. Nothing in it needs POSIX: the maker's SDK for the Q8
+until the answer is there or time for the next sample. Nothing in it needs POSIX: the vendor's SDK for the Q8
 runs on Windows.
 """
 

@@ -4,7 +4,7 @@ torque.
     Td     = torque_gain (phi - neutral)
     torque = -spring (phi - neutral) - feedback_gain LP(Te)
 
-The fictitious spring keeps the neutral position and is felt; the desired torque is not. The two gains are
+The virtual spring keeps the neutral position and is felt; the desired torque is not. The two gains are
 independent: the thesis' 10 N·m/rad would be far more than the device can give. Te is the torque of the robot
 on its environment, so the operator feels its opposite.
 """
@@ -41,7 +41,7 @@ class MasterSettings:
     torque_gain: float = quantity(
         10.0, "N·m/rad", "desired torque per angle from the neutral position", minimum=0.0
     )
-    spring: float = quantity(0.3, "N·m/rad", "fictitious spring felt by the hand", minimum=0.0)
+    spring: float = quantity(0.3, "N·m/rad", "virtual spring felt by the hand", minimum=0.0)
     neutral: float = quantity(0.0, "rad", "neutral position")
     feedback_gain: float = quantity(
         0.0, "", "felt share of the torque on the environment; 0 switches it off", minimum=0.0

@@ -37,42 +37,42 @@ class DisturbanceObserverSettings:
     )
     contact_sense: float = quantity(
         unit="s",
-        meaning="time constant with which the environment's torque is observed",
+        meaning="time constant of the momentum observer of the environment's torque",
         name="observer.contact_sense",
         above=0.0,
     )
     contact_memory: float = quantity(
         unit="s",
-        meaning="time constant with which an impact is forgotten",
+        meaning="time constant with which the caution after an impact decays",
         name="observer.contact_memory",
         above=0.0,
     )
     contact_share: float = quantity(
-        meaning="share of Td from which an environment counts; keep it above the errors of the model",
+        meaning="contact is where the observed torque exceeds this share of Td; above the model's errors",
         name="observer.contact_share",
         above=0.0,
         maximum=1.0,
     )
     impact_share: float = quantity(
-        meaning="multiple of Td from which the environment's torque is an impact; at rest it is 1 at most",
+        meaning="an impact is where the observed torque exceeds this multiple of Td; at rest it is 1 at most",
         name="observer.impact_share",
         minimum=1.0,
     )
     smallest_torque: float = quantity(
         unit="N·m",
-        meaning="below this Td the shares are those of this torque",
+        meaning="smallest Td to which the shares refer",
         name="observer.smallest_torque",
         above=0.0,
     )
     caution: float = quantity(
-        meaning="share of Td that an arm does not get on its way back after an impact",
+        meaning="share by which Td is reduced after an impact until contact is regained",
         name="observer.caution",
         minimum=0.0,
         maximum=1.0,
     )
     rebound_damping: float = quantity(
         unit="N·m·s/rad",
-        meaning="damping of an arm on its way back after an impact, beside lambda",
+        meaning="additional damping of the arm after an impact, beside lambda",
         name="observer.rebound_damping",
         minimum=0.0,
     )

@@ -87,7 +87,7 @@ class OmniSlaveSettings:
     standstill: float = quantity(
         0.0,
         "",
-        "share of the torque at rest that is laid to friction, as far as friction can carry it",
+        "share of the torque at rest that counts as friction, up to the breakaway torque",
         name="observer.standstill",
         minimum=0.0,
         maximum=1.0,

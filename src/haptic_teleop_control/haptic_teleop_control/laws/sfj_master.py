@@ -52,7 +52,7 @@ class SfjMasterSettings:
     dead_zone: float = quantity(
         0.02,
         "N·m",
-        "torque of the hand that asks for nothing; the encoders disagree by up to 0.014 N·m",
+        "torque of the hand that asks for nothing; encoder error times stiffness is up to 0.014 N·m",
         minimum=0.0,
     )
     desired_torque_limit: float = quantity(

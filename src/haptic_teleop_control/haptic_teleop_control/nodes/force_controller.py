@@ -109,7 +109,7 @@ class ForceController(HapticNode):
     TOPICS = (
         "subscribes sfj/joint_states     each state is answered",
         "subscribes omni/joint_states    each state is answered",
-        "subscribes reference            simulated mode: angles of omni_y, omni_z, or torques on the arms",
+        "subscribes reference            reference mode: angles of omni_y, omni_z, or torques on the arms",
         "publishes  sfj/effort_command   effort of both motors, N·m = current x nominal torque constant",
         "publishes  omni/effort_command  effort of the three axes, N·m",
         "publishes  ~/state    std_msgs/String, latched: off | devices_ready | aligning | engaged | fault",
@@ -122,6 +122,7 @@ class ForceController(HapticNode):
         "service    ~/swap               std_srvs/Trigger: exchange master and slave, when not engaged",
         "service    ~/reset              std_srvs/Trigger: leave a latched fault, through aligning",
     )
+    NOTES = ("law: s = Td - Te - lambda * velocity is held at zero (docs/contact.md)",)
     FAULTS = FAULTS
     TABLE = FORCE_CONTROLLER
 
@@ -426,8 +427,6 @@ class ForceController(HapticNode):
             )
         self._bind(self._couple(values))
         self._publish_state(State.OFF)
-
-    # What is said about it.
 
     def _publish_state(self, state: State) -> None:
         self._state_out.publish(String(data=state.value))

@@ -15,6 +15,6 @@ FAULTS: dict[str, str] = {
     STALE_SLAVE: "the slave's state stopped; look whether its driver still runs",
     STALE_LINK: "nothing comes over the link any more; look at the network between master and slave",
     SLOW_LINK: "the link takes longer than maximum_round_trip; look at the network, or couple without it",
-    ROBOT_FAULT: "a robot stands still with a fault of its own; see to that first, then reset that node",
+    ROBOT_FAULT: "a robot has a latched fault; see to that first, then reset that node",
     SECOND_SENDER: SECOND_SENDER_SENTENCE,
 }

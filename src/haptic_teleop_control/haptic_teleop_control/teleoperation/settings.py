@@ -11,7 +11,8 @@ ROBOTS = ("omni", "sfj")
 
 MEASURED_ROUND_TRIP = {"sfj": 0.1, "omni": 0.025}
 """Slave -> s of the link's round trip. Measured with a firm hand, it was passive to 50 ms each way with the
-2DSFJ as slave, and to 10 ms but not 20 ms with the Omni (docs/teleoperation.md)."""
+2DSFJ as slave, and to 10 ms but not 20 ms with the Omni: 10 ms each way read as 22 ms, because the age of a
+state includes the sampling (docs/teleoperation.md)."""
 
 TELEOPERATION: list[Parameter] = [
     Parameter(
@@ -26,14 +27,15 @@ TELEOPERATION: list[Parameter] = [
         "command_source",
         "reference",
         choices=("reference", "device"),
-        meaning="reference: the generator stands for the hand (simulated mode); device: manual mode",
+        meaning="who leads; reference: the signal generator; device: the operator's hand",
     ),
     Parameter("timeout", 0.05, "s", 0.005, 0.2, meaning="largest age of an input that is used"),
     Parameter(
         "auto_engage",
         True,
         runtime=True,
-        meaning="engage without the operator's act; for simulation and demonstration, false on the robots",
+        meaning="engage without the operator. Set false on real robots; `scenario` refuses true with a "
+        "hardware driver",
     ),
     Parameter(
         "align.angle",

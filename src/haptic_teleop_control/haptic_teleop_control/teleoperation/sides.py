@@ -107,7 +107,7 @@ class SlavePort(Protocol):
 
 
 class OmniMaster:
-    """Scenario 1: the device's angle asks for a torque; a fictitious spring and the feedback are felt."""
+    """Scenario 1: the device's angle asks for a torque; a virtual spring and the feedback are felt."""
 
     def __init__(self, values: Values, master_dt: float, slave_dt: float) -> None:
         # The same settings at the two rates: what the slave is asked for, and what the hand feels.

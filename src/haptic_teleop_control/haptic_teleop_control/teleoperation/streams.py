@@ -38,7 +38,7 @@ class Stream:
 class Streams:
     """All that the coupling listens to. timeout: ns.
 
-    In simulated mode (`from_reference`) nobody needs the master's device; but once it is there, it may not go
+    In reference mode (`from_reference`) nobody needs the master's device; but once it is there, it may not go
     silent.
     """
 

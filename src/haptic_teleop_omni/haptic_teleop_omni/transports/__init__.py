@@ -1,2 +1,2 @@
-"""Ways to a device: the maker's library, hidapi, an emulated Omni, a captured session. All speak in whole
+"""Ways to a device: the vendor's library, hidapi, an emulated Omni, a captured session. All speak in whole
 reports."""

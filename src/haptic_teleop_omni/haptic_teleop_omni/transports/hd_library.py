@@ -1,4 +1,4 @@
-"""The maker's HD library (OpenHaptics) by ctypes: where it is, its calls with their exact types, its
+"""The vendor's HD library (OpenHaptics) by ctypes: where it is, its calls with their exact types, its
 errors."""
 
 from __future__ import annotations
@@ -72,7 +72,7 @@ class HdLibrary:
             except AttributeError:
                 raise ConfigurationError(
                     f"{path} has no {name}: it is no HD library, or an older one than 3.0; install the "
-                    "maker's OpenHaptics for your device, or name its file with openhaptics.library."
+                    "vendor's OpenHaptics for your device, or name its file with openhaptics.library."
                 ) from None
             call.restype, call.argtypes = result, arguments
 
@@ -135,7 +135,7 @@ def load_library(stated: str = "") -> HdLibrary:
             library = ctypes.CDLL(path)
         except OSError as refusal:
             raise ConfigurationError(
-                f"transport is openhaptics, but {path} cannot be loaded ({refusal}); install the maker's "
+                f"transport is openhaptics, but {path} cannot be loaded ({refusal}); install the vendor's "
                 "OpenHaptics and device driver (docs/drivers.md), or name the file with openhaptics.library."
             ) from refusal
         _loaded[path] = HdLibrary(path, library)

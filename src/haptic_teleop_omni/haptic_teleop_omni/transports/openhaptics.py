@@ -1,4 +1,4 @@
-"""Any Omni or Touch through the maker's HD library, paced by that library's own servo thread.
+"""Any Omni or Touch through the vendor's HD library, paced by that library's own servo thread.
 
 `callback` schedules the compiled frame (`hd_frame.py`) for every period; this side waits for its reports.
 `synchronous` asks for one frame at a time and waits in the library until its servo thread has done it; then
@@ -46,7 +46,7 @@ class OpenHapticsSettings:
         "", "", "libHD.so: an absolute path, or a name for the system's loader; empty: find it"
     )
     device_name: str = quantity(
-        "", "", "of the maker's set-up tool; empty: Default Device, then Default PHANToM"
+        "", "", "of the vendor's set-up tool; empty: Default Device, then Default PHANToM"
     )
     serial: str = quantity("", "", "serial number that the device must have; empty: any")
     pacing: str = quantity("callback", "", "how the servo thread paces the driver", choices=PACINGS)

@@ -1,4 +1,4 @@
-"""The elastic coupling and what hangs on it: play, hardening, hysteresis, damping, load, a further mode."""
+"""The elastic coupling and what hangs on it: backlash, hardening, hysteresis, damping, load, a mode."""
 
 from __future__ import annotations
 
@@ -46,7 +46,7 @@ BACKLASH = EffectEntry(
             grid=(0.05, 0.2),
         ),
     ),
-    sentence="the coupling has play: within a gap it carries no torque",
+    sentence="the coupling has backlash (play): within a gap it carries no torque",
     equation=lambda s, p: s.stiffness * (s.dead_band(s.position, p.width) - s.position),
     rigid_body=False,
     condition="deflection near zero",

@@ -41,7 +41,9 @@ def parser() -> argparse.ArgumentParser:
     )
     found.add_argument("--output", type=Path, required=True, help="directory of cases, results and report")
     found.add_argument("--levels", default=",".join(f"{v:g}" for v in LEVELS), help="sizes of singles, as d'")
-    found.add_argument("--jobs", type=int, default=-1, help="processes at once; -1: all cores")
+    found.add_argument(
+        "--jobs", type=int, default=-1, metavar="N", help="processes at once (default: all cores)"
+    )
     found.add_argument("--dask", metavar="ADDRESS", help="scheduler of a Dask cluster, or `local`")
     found.add_argument(
         "--timeout", type=float, default=300.0, help="seconds after which a diagnosis has failed"

@@ -141,8 +141,8 @@ def _parser() -> argparse.ArgumentParser:
         nargs="+",
         default=[],
         metavar="BAG",
-        help="recordings that show and do nothing else: how the models fit what they were neither fitted to "
-        "nor chosen by (without them, the last third of the validation from 60 s on)",
+        help="recordings that are only simulated: neither fitted to nor used to choose (default: last third "
+        "of a validation recording of at least 60 s)",
     )
     parser.add_argument(
         "--output",
@@ -155,9 +155,9 @@ def _parser() -> argparse.ArgumentParser:
         type=_count,
         default=0,
         metavar="N",
-        help="repeat the search on N simulated sets of recordings with nothing hidden (each takes as long as "
-        "a diagnosis, on all cores): how often would this machine, experiment and noise raise a false alarm? "
-        "A finding must exceed the best of them; 19 make a level of 5 %%",
+        help="simulate N sets of recordings in which nothing is missing, and diagnose each: how many raise a "
+        "false alarm? A finding must score higher than the best of them; N = 19 gives a significance level "
+        "of 5 %%",
     )
     add_mapping_option(parser)
     add_means_options(parser)

@@ -25,7 +25,7 @@ def add_means_options(parser: argparse.ArgumentParser) -> None:
         metavar="ADDRESS",
         help="scheduler of a Dask cluster that sees the same files, or `local`",
     )
-    add("--afresh", action="store_true", help="compute again what an earlier run kept in OUT")
+    add("--afresh", action="store_true", help="compute again what an earlier run kept in the output folder")
 
 
 def refuse_means(arguments: argparse.Namespace, otherwise: str) -> None:

@@ -3,7 +3,7 @@ have.
 
 The Omni has no force sensor, so the torque on the environment is the controller's own estimate: its observer
 is run over the recording once more, with the settings that the recording names. What it cannot see, the
-figures cannot either (docs/teleoperation.md, blind zone).
+figures cannot either (docs/contact.md, the Omni as slave).
 """
 
 from __future__ import annotations
