@@ -8,7 +8,8 @@ from stepped_machines import RIGID, pendulum
 
 from haptic_teleop_sim.model import Effect
 from haptic_teleop_sysid.diagnosis.decision.adequacy import NOT_SURE
-from haptic_teleop_sysid.diagnosis.decision.beside_unknown import leading, with_names
+from haptic_teleop_sysid.diagnosis.decision.at_reversals import AtReversals, Turning
+from haptic_teleop_sysid.diagnosis.decision.beside_unknown import leading, most_or_seen, with_names
 from haptic_teleop_sysid.diagnosis.decision.decide import Choice
 from haptic_teleop_sysid.diagnosis.decision.in_part import found_in_part
 from haptic_teleop_sysid.diagnosis.decision.reasons import Doubt
@@ -40,6 +41,10 @@ def stand_in_of(learn, *effects):
     model = RIGID.with_effects(*effects)
     fit = fit_whole(model, noise_starts(model, learn)[1], learn, free=(), iterations=3)
     return StandIn(fit, effects, 0.5)
+
+
+#: Friction at the motor that shows where the motion turns.
+SEEN = Turning((AtReversals("coulomb_friction", "j_motor", ()),))
 
 
 def result_of(fit):
@@ -79,7 +84,8 @@ def test_the_verdict_stays_unknown_and_no_name_in_it_is_sure(notched):
     given_up = Choice(Explanation(instead.fit, 50.0, 20.0, True, 0), 1.0)
     doubt = Doubt(given_up, "it explains too little", short=True)
     unknown = Verdict("unknown", [], [], [], [])
-    verdict = with_names(unknown, result_of(instead.fit), doubt, instead, opinion, learn, lambda model: {})
+    result = result_of(instead.fit)
+    verdict = with_names(unknown, result, doubt, instead, opinion, learn, lambda model: {}, SEEN)
     assert verdict.kind == "unknown"
     (finding,) = verdict.findings
     assert (finding["effect"], finding["location"]) == ("coulomb_friction", "j_motor")
@@ -93,7 +99,7 @@ def test_whatever_made_it_unknown_what_explains_most_torque_is_asked_whether_it_
     fit = stand_in_of(learn, FRICTION).fit
     unknown = Verdict("unknown", [{"equation": "j_motor", "condition": "time"}], [], [], [])
     doubt = Doubt(None, "something acts at some times and not at others", "time")
-    verdict = with_names(unknown, result_of(fit), doubt, None, opinion, learn, lambda model: {})
+    verdict = with_names(unknown, result_of(fit), doubt, None, opinion, learn, lambda model: {}, SEEN)
     (finding,) = verdict.findings
     assert (finding["effect"], finding["location"]) == ("coulomb_friction", "j_motor")
     size = finding["parameters"]["torque"]
@@ -102,7 +108,7 @@ def test_whatever_made_it_unknown_what_explains_most_torque_is_asked_whether_it_
     assert size["value"] == pytest.approx(0.4, rel=0.05)
     assert finding["confidence"] <= NOT_SURE
     assert verdict.where == unknown.where, "where and when it is, is what was said"
-    again = with_names(verdict, result_of(fit), doubt, None, opinion, learn, lambda model: {})
+    again = with_names(verdict, result_of(fit), doubt, None, opinion, learn, lambda model: {}, SEEN)
     assert again.findings == verdict.findings, "what is named already is not named twice"
 
 
@@ -110,8 +116,24 @@ def test_nothing_is_named_where_nothing_has_a_name():
     opinion, learn = opinion_of(detent=0.8)
     fit = stand_in_of(learn, VALLEY).fit
     unknown = Verdict("unknown", [], [], [], [])
-    assert with_names(unknown, result_of(fit), None, None, opinion, learn, lambda model: {}) == unknown
-    assert with_names(unknown, result_of(fit), None, None, None, learn, lambda model: {}) is unknown
+    assert with_names(unknown, result_of(fit), None, None, opinion, learn, lambda model: {}, SEEN) == unknown
+    assert with_names(unknown, result_of(fit), None, None, None, learn, lambda model: {}, SEEN) is unknown
+
+
+def test_what_stands_must_be_most_of_what_is_missing_or_friction_that_nothing_contradicts(notched):
+    opinion, learn = notched
+    (found,) = found_in_part(stand_in_of(learn, VALLEY, FRICTION), RIGID, opinion)
+    less = replace(found, share=0.2)
+    drag = replace(less, effect=Effect("quadratic_drag", "j_motor", {"coefficient": 0.1}))
+    most = replace(drag, share=0.55)
+    assert most_or_seen([less, drag, most], Turning()) == [less, most]
+    form = replace(less, effect=Effect("presliding_friction", "j_motor", {"torque": 0.4, "stiffness": 9.0}))
+    assert most_or_seen([less, form, drag], SEEN) == [less, form]
+    # Where the motion turns often enough and nothing jumps, there is no dry friction.
+    smooth = Turning(smooth=frozenset({("coulomb_friction", "j_motor")}))
+    assert most_or_seen([less, form, replace(found, share=0.9), most], smooth) == [most]
+    elsewhere = Turning(smooth=frozenset({("coulomb_friction", "j_arm")}))
+    assert most_or_seen([less], elsewhere) == [less]
 
 
 def test_the_best_group_of_each_size_is_asked_if_it_gains_anything():

@@ -8,10 +8,15 @@ from numba import njit
 from stepped_machines import DT, FINE, RIGID, drive, pendulum, record, two_masses
 
 from haptic_teleop_sim.model import Effect, Model
-from haptic_teleop_sysid.diagnosis.decision.at_reversals import where_torque_jumps, with_friction
+from haptic_teleop_sysid.diagnosis.decision.at_reversals import (
+    AtReversals,
+    Turning,
+    where_torque_jumps,
+    with_friction,
+)
 from haptic_teleop_sysid.diagnosis.decision.search import SearchResult
 from haptic_teleop_sysid.diagnosis.decision.verdict import Verdict
-from haptic_teleop_sysid.diagnosis.evidence.reversals import FEWEST, jump
+from haptic_teleop_sysid.diagnosis.evidence.reversals import FEWEST, Jump, jump
 from haptic_teleop_sysid.diagnosis.inputs.scales import recording_scales
 from haptic_teleop_sysid.diagnosis.report.testimony import at_reversals
 from haptic_teleop_sysid.estimation.whole_fit import fit_whole, noise_starts
@@ -83,7 +88,7 @@ def test_friction_is_seen_beside_an_oscillator_that_nobody_reads(strength):
         assert found.size == pytest.approx(0.2, rel=0.25)  # with 2.5 times as much beside it
         assert found.std < 0.02 and found.reversals > 10
         assert found.input == pytest.approx(np.sqrt(np.mean(one.input**2)))
-    (seen,) = where_torque_jumps(baseline(RIGID, records[:1]), records[:1], records[1:])
+    (seen,) = where_torque_jumps(baseline(RIGID, records[:1]), records[:1], records[1:]).jumps
     assert (seen.effect, seen.location) == ("coulomb_friction", "j_motor")
     assert abs(seen.size - 0.2) < 3.0 * seen.std
     told = at_reversals(seen.content())
@@ -94,7 +99,9 @@ def test_friction_is_seen_beside_an_oscillator_that_nobody_reads(strength):
 @pytest.mark.parametrize("more", [{"weight": 1.0, "detent": 0.5}, {"swirl": 0.2, "offset": 0.3}])
 def test_smooth_physics_makes_no_jump(more):
     records = [pendulum(seed, **more) for seed in (0, 1)]
-    assert where_torque_jumps(baseline(RIGID, records[:1]), records[:1], records[1:]) == []
+    found = where_torque_jumps(baseline(RIGID, records[:1]), records[:1], records[1:])
+    assert found.jumps == () and found.not_seen("presliding_friction", "j_motor")
+    assert not found.not_seen("quadratic_drag", "j_motor"), "which does not jump"
 
 
 def test_the_spring_tells_at_which_end_it_rubs():
@@ -103,21 +110,21 @@ def test_the_spring_tells_at_which_end_it_rubs():
     ]
     at_motor = [driven(lambda u: rubbing_motor(u, 0.2), seed) for seed in (3, 4)]
     for location, records in (("j_arm", at_arm), ("j_motor", at_motor)):
-        (seen,) = where_torque_jumps(baseline(TWO, records[:1]), records[:1], records[1:])
+        (seen,) = where_torque_jumps(baseline(TWO, records[:1]), records[:1], records[1:]).jumps
         assert seen.location == location
         assert seen.size == pytest.approx(0.2, rel=0.1)
 
 
 def test_a_jump_on_one_kind_of_recordings_alone_is_none():
     with_it, without = (driven(lambda u, c=c: wake(u, c, 0.3), seed) for seed, c in ((0, 0.2), (1, 0.0)))
-    assert where_torque_jumps(baseline(RIGID, [with_it]), [with_it], [without]) == []
+    assert where_torque_jumps(baseline(RIGID, [with_it]), [with_it], [without]).jumps == ()
 
 
 def test_what_the_model_has_already_is_not_asked_for():
     records = [driven(lambda u: wake(u, 0.2, 0.3), seed) for seed in (0, 1)]
     known = RIGID.with_effects(Effect("stribeck_friction", "j_motor", {
         "coulomb": 0.1, "breakaway": 0.2, "velocity": 0.1}))  # fmt: skip
-    assert where_torque_jumps(baseline(known, records[:1]), records[:1], records[1:]) == []
+    assert where_torque_jumps(baseline(known, records[:1]), records[:1], records[1:]) == Turning()
 
 
 def test_few_reversals_and_readings_that_are_missing_there_say_nothing():
@@ -135,6 +142,14 @@ def test_few_reversals_and_readings_that_are_missing_there_say_nothing():
     measured[half:, 0] = np.nan
     kept = jump(RIGID, [replace(one, measured=measured)], "motor")
     assert FEWEST <= kept.reversals < jump(RIGID, [one], "motor").reversals
+
+
+def test_what_is_not_seen_is_absent_only_where_it_would_be_seen():
+    sharp, blunt = (Jump(0.001, std, 20, 1.0) for std in (0.004, 0.04))
+    for jumps, absent in (((sharp, sharp), True), ((blunt, blunt), False)):
+        assert AtReversals("coulomb_friction", "j_motor", jumps).absent == absent
+    seen = Jump(0.1, 0.004, 20, 1.0)
+    assert not AtReversals("coulomb_friction", "j_motor", (seen, seen)).absent
 
 
 def told(kind, findings=()):
@@ -158,4 +173,4 @@ def test_friction_that_is_seen_only_there_is_part_of_the_answer_and_nobody_is_su
     # Another form of the same is named: nothing is added.
     named = told("identified", [{"effect": "presliding_friction", "location": "j_motor"}])
     assert with_friction(named, seen, result, records[:1]) == named
-    assert with_friction(told("no_mismatch"), [], result, records[:1]) == told("no_mismatch")
+    assert with_friction(told("no_mismatch"), Turning(), result, records[:1]) == told("no_mismatch")

@@ -104,7 +104,8 @@ LEAST_EXPLAINED = 0.5
 torque without a form explains in the same quantities. Below, it is the nearest name and the verdict is
 `unknown`; so it is, with the names beside it, where they explain less of the error of free runs. There the
 second share is asked once more of each name alone, beside a torque without a form that takes on the rest, for
-what is found in part. Higher: right names of an effect beside which much else is
+what is found in part; that explains the same share of all that is missing, unless it jumps where the motion
+turns. Higher: right names of an effect beside which much else is
 missing fall; lower: more physics outside the table gets a name. By hand, on the first draw of such physics in
 `docs/diagnosis_measured.md`; of the second one 20 of 24 were then called `unknown`, and one got a wrong name
 surely; 22 and none later, 19 and none since a name whose innovations are white is kept, unsurely; of a third

@@ -90,6 +90,7 @@ def diagnose(
     say("deciding")
     forms = spread_by_form(result.final.model, found.learn, found.cutoff)
     verdict = decide_verdict(result, found.learn, found.judge, doubt, together(stand.spread, forms), adequate)
+    turning = where_torque_jumps(result.baseline, found.learn, found.judge)
     mapped = instead = None
     if verdict.kind == "unknown":
         mapped = measured_map(
@@ -105,10 +106,10 @@ def diagnose(
             found.opinion,
             found.learn,
             lambda model: together(stand.spread, spread_by_form(model, found.learn, found.cutoff)),
+            turning,
         )
         nameless = mapped.fit if instead is None else instead.fit
         result = replace(result, final=nameless or result.final)
-    turning = where_torque_jumps(result.baseline, found.learn, found.judge)
     verdict = with_friction(verdict, turning, result, found.learn)
     say("simulating all three models on all recordings")
     proof = prove(model, result.baseline.model, result.final.model, found.course, uses)
@@ -136,6 +137,6 @@ def diagnose(
     from_here = any(e.witnessed is not None for e in believed)
     content[MEASURED.name] = None if mapped is None else mapped.content()
     content["stand_in"] = None if instead is None else instead.content()
-    content["reversals"] = [one.content() for one in turning]
+    content["reversals"] = [one.content() for one in turning.jumps]
     content["inverse_dynamics"] = testimony(found.opinion, verdict, from_here) if found.opinion else None
     return result, verdict, proof, content

@@ -64,6 +64,12 @@ class AtReversals:
         alike = abs(sizes[0] - sizes[1]) <= OTHER_SIZE * max(sizes)
         return clear and alike and self.size > SURE_JUMP * self.pooled
 
+    @property
+    def absent(self) -> bool:
+        """Whether the smallest jump that stands would be seen, and none is."""
+        least = LEAST_JUMP * min(j.input for j in self.jumps)
+        return not self.stands and SURE_JUMP * self.pooled < least
+
     def content(self) -> dict[str, Any]:
         """What diagnosis.json says."""
         kinds = zip(("estimation", "validation"), self.jumps, strict=True)
@@ -84,24 +90,47 @@ class AtReversals:
         )
 
 
-def where_torque_jumps(
-    baseline: Fit, learn: Sequence[Record], judge: Sequence[Record]
-) -> list[AtReversals]:
-    """The effects whose torque jumps where the motion turns, and is seen to, with their places; ``baseline``:
-    the re-estimated structure. None of whose forms the model has already."""
+@dataclass(frozen=True)
+class Turning:
+    """What is seen where the motion turns: ``jumps``, at most one an effect; ``smooth``: effects and
+    locations where a jump would be seen, and none is."""
+
+    jumps: tuple[AtReversals, ...] = ()
+    smooth: frozenset[tuple[str, str]] = frozenset()
+
+    def seen(self, effect: str, location: str) -> bool:
+        """Whether a form of the effect is seen there."""
+        return any(location == one.location and effect in family(one.effect) for one in self.jumps)
+
+    def not_seen(self, effect: str, location: str) -> bool:
+        """Whether it should be seen there, if it is of a kind that jumps, and is not."""
+        return any(location == place and effect in family(name) for name, place in self.smooth)
+
+
+def where_torque_jumps(baseline: Fit, learn: Sequence[Record], judge: Sequence[Record]) -> Turning:
+    """The effects whose torque jumps where the motion turns, with their places; ``baseline``: the
+    re-estimated structure. Those of which the model has a form already are not asked for."""
     model = baseline.model
     there = {e.effect for e in model.effects}
-    asked = (n for n, e in EFFECTS.items() if e.jumps and not family(n) & there)
-    found = (_of_effect(n, model, learn, judge) for n in asked)
-    return [one for one in found if one is not None]
+    jumps, smooth = [], set()
+    for name in (n for n, e in EFFECTS.items() if e.jumps and not family(n) & there):
+        found = [
+            one
+            for place in ("motor", "arm")
+            if place in locations(name, model.structure)
+            and (one := _both(name, model, learn, judge, place)) is not None
+        ]
+        smooth |= {(name, one.location) for one in found if one.absent}
+        jumps += _place_of(found, model)
+    return Turning(tuple(jumps), frozenset(smooth))
 
 
 def with_friction(
-    verdict: Verdict, found: Sequence[AtReversals], result: SearchResult, learn: Sequence[Record]
+    verdict: Verdict, turning: Turning, result: SearchResult, learn: Sequence[Record]
 ) -> Verdict:
     """The verdict with what jumps where the motion turns and no finding names in any form: beside names that
     stand, as one that nobody is sure of; alone, or beside something unknown, as what is found of that."""
-    for one in found:
+    for one in turning.jumps:
         if not family(one.effect) & {f["effect"] for f in verdict.findings}:
             kind, where = verdict.kind, verdict.where
             if kind == "no_mismatch":
@@ -111,19 +140,17 @@ def with_friction(
     return verdict
 
 
-def _of_effect(
-    name: str, model: Model, learn: Sequence[Record], judge: Sequence[Record]
-) -> AtReversals | None:
-    """The place, motor or arm, at whose reversals the torque jumps. The motor's own equation sees the motor's
-    alone; the sum of both, at the reversals of the arm, sees either: that is the arm's where the motor's
-    equation has clearly less of it."""
-    places = locations(name, model.structure)
-    motor, arm = (_both(name, model, learn, judge, p) if p in places else None for p in ("motor", "arm"))
+def _place_of(found: Sequence[AtReversals], model: Model) -> list[AtReversals]:
+    """The one, of the motor and the arm, at whose reversals the torque jumps, if any. The motor's own
+    equation sees the motor's alone; the sum of both, at the reversals of the arm, sees either: that is the
+    arm's where the motor's equation has clearly less of it."""
+    at = {model.place(one.location): one for one in found}
+    motor, arm = at.get("motor"), at.get("arm")
     if motor is not None and motor.stands:
-        return motor
+        return [motor]
     if arm is None or motor is None or not arm.stands:
-        return None
-    return arm if motor.size + 2.0 * motor.pooled < arm.size else None
+        return []
+    return [arm] if motor.size + 2.0 * motor.pooled < arm.size else []
 
 
 def _both(

@@ -2,19 +2,24 @@
 
 An `unknown` says that something is missing for which there is no name. What else is missing has one all the
 same: friction of a robot that also sticks at some moments, or beside a delay that is no torque. So whatever
-made the verdict, the names that explain most torque are asked whether they stand (`in_part`).
+made the verdict, the names that explain most torque are asked whether they stand (`in_part`). Of physics
+without a name there is always a name that resembles a part: one that stands must be most of what is missing,
+or friction, which shows where the motion turns (`at_reversals`).
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 
+from haptic_teleop_sim.effects import EFFECTS
 from haptic_teleop_sim.model import Model
 from haptic_teleop_sysid.estimation.records import Record
 
 from ..evidence.inverse_dynamics.witness import Group, Witness
 from ..evidence.second_opinion import Opinion
 from ..hypotheses.candidates import family
+from ..policy import LEAST_EXPLAINED
+from .at_reversals import Turning
 from .in_part import InPart, found_in_part, found_one_by_one, where_the_rest_is, with_found
 from .overruled import fit_of
 from .reasons import Doubt
@@ -31,20 +36,21 @@ def with_names(
     opinion: Opinion | None,
     records: Sequence[Record],
     spread: Callable[[Model], dict[str, float]],
+    turning: Turning,
 ) -> Verdict:
     """The `unknown` verdict with the names that stand beside it: those of the stand-in where all that speaks
     against them is that they explain too little, else those of `leading`; ``result``: with its baseline,
     ``records``: of the estimation, ``spread``: by how much sizes of a model's effects differ (see
-    `verdict.finding`)."""
+    `verdict.finding`), ``turning``: what shows where the motion turns."""
     if opinion is None:
         return verdict
     if instead is not None and doubt is not None and doubt.short:
-        parts = found_in_part(instead, result.baseline.model, opinion)
+        parts = most_or_seen(found_in_part(instead, result.baseline.model, opinion), turning)
         verdict = with_found(verdict, parts, instead.fit, len(instead.effects), spread(instead.fit.model))
         return where_the_rest_is(verdict, parts)
     named: list[tuple[Group, InPart]] = []
     for group in leading(opinion.witness):
-        named += [(group, one) for one in found_one_by_one(group, opinion)]
+        named += [(group, one) for one in most_or_seen(found_one_by_one(group, opinion), turning)]
     told = ((f["effect"], f["location"]) for f in verdict.findings)
     taken = {(name, location) for effect, location in told for name in family(effect)}
     for group, one in sorted(named, key=lambda pair: -pair[1].share):
@@ -55,6 +61,21 @@ def with_names(
         fit = fit_of(group, result.baseline, records)
         verdict = with_found(verdict, [one], fit, len(group.effects), spread(fit.model))
     return verdict
+
+
+def most_or_seen(parts: Sequence[InPart], turning: Turning) -> list[InPart]:
+    """Those that explain at least LEAST_EXPLAINED of all that is missing, or are of a kind that jumps where
+    the motion turns: seen there, or not asked, because it turns too seldom. Who should be seen there and is
+    not, falls."""
+    kept = []
+    for part in parts:
+        effect, location = part.effect.effect, part.effect.location
+        jumps = any(e.jumps and effect in family(n) for n, e in EFFECTS.items())
+        if turning.not_seen(effect, location) and not turning.seen(effect, location):
+            continue
+        if jumps or part.share >= LEAST_EXPLAINED:
+            kept.append(part)
+    return kept
 
 
 def leading(witness: Witness) -> list[Group]:
