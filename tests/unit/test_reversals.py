@@ -136,7 +136,12 @@ def test_few_reversals_and_readings_that_are_missing_there_say_nothing():
     assert jump(RIGID, [still], "motor") is None
     measured = one.measured.copy()
     half = len(measured) // 2
-    measured[::40, 0] = np.nan  # holes of one sample, everywhere
+    measured[::7, 0] = np.nan  # holes of one sample, which are bridged
+    bridged = jump(RIGID, [replace(one, measured=measured)], "motor")
+    assert bridged.reversals == jump(RIGID, [one], "motor").reversals
+    measured = one.measured.copy()
+    for start in range(0, len(measured), 250):
+        measured[start : start + 60, 0] = np.nan  # longer ones, everywhere
     assert jump(RIGID, [replace(one, measured=measured)], "motor") is None
     measured = one.measured.copy()
     measured[half:, 0] = np.nan
@@ -174,3 +179,13 @@ def test_friction_that_is_seen_only_there_is_part_of_the_answer_and_nobody_is_su
     named = told("identified", [{"effect": "presliding_friction", "location": "j_motor"}])
     assert with_friction(named, seen, result, records[:1]) == named
     assert with_friction(told("no_mismatch"), Turning(), result, records[:1]) == told("no_mismatch")
+
+
+def test_an_input_that_does_not_vary_where_the_motion_turns_says_nothing():
+    # A relay turns the motion with one torque: only noisy accelerations vary there, and draw all to zero.
+    torque = 3.0 * np.sign(np.sin(2.0 * np.pi * 0.9 * DT * np.arange(8000)))
+    noise = 2e-4 * np.random.default_rng(1).standard_normal((len(torque), 1))
+    relay = record(torque, wake(torque, 0.3, 0.0)[:, None] + noise, 1e-5)
+    assert jump(RIGID, [relay], "motor") is None
+    found = where_torque_jumps(baseline(RIGID, [relay]), [relay], [relay])
+    assert found == Turning(), "and friction is not said to be absent"

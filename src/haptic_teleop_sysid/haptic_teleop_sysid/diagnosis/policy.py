@@ -158,9 +158,9 @@ LEAST_JUMP, SURE_JUMP = 0.03, 5.0
 """Size of a torque that jumps where the motion turns, as a share of the rms input torque on recordings of
 either kind, and in standard errors of both together, from which it is dry friction. Lower: smooth physics
 that is strong at low speeds passes for friction; higher: small friction beside much else is missed. By hand,
-on two sealed draws of physics outside the table: 22 of 27 frictions are seen, and one of 25 cases without any
-has one, a brake whose torque is largest at low speed; none of 150 cases of a seed of the benchmark, of 40
-clean ones among them."""
+on two sealed draws of physics outside the table: 22 of 27 frictions are seen, 19 within a fifth of their
+size, and none of 25 cases without; none of 148 cases of a seed of the benchmark without a clear friction has
+one, 40 clean ones among them."""
 
 NEARLY_ALL = 0.8
 """Share of what torques without a form explain that the second witness' names must explain to stand where the

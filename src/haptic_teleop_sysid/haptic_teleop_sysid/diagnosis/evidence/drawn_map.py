@@ -12,6 +12,7 @@ from haptic_teleop_sim.effects import MEASURED
 from haptic_teleop_sim.effects.torque_map import TorqueMap
 from haptic_teleop_sim.model import Effect
 
+from .certainty import scaled_inverse
 from .inverse_dynamics.groups import CLEARLY, Search
 from .inverse_dynamics.latent import Latent
 
@@ -66,9 +67,8 @@ def drawn(search: Search, latent: Latent) -> Effect:
     terms, side = (latent,), search.sides[0]
     values = search.fitted(0, terms)
     own, rest = slice(len(side.side.names), None), slice(len(side.side.names))
-    information = side.information(terms)[0][own, own]
-    scale = np.sqrt(np.maximum(np.diag(information), 1e-300))
-    inverse = np.diag(np.linalg.pinv(information / np.outer(scale, scale), hermitian=True)) / scale**2
+    scale, scaled = scaled_inverse(side.information(terms)[0][own, own])
+    inverse = np.diag(scaled) / scale**2
     left = side.left(terms, values).reshape(-1, side.samples)[_rows(search, latent)]
     # Neighbouring samples say the same: so many count for one.
     alike = side.samples / max(min(search.numbers[0], side.samples), 1.0)

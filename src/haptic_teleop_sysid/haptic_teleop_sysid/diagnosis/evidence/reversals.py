@@ -25,7 +25,14 @@ from haptic_teleop_sim.kernel import pack
 from haptic_teleop_sim.model import Model
 from haptic_teleop_sysid.estimation.records import Record
 
-from .inverse_dynamics.motion import MOST_OF_RATE, BandedMotion, banded, low_passed
+from .inverse_dynamics.motion import (
+    BRIDGED,
+    MOST_OF_RATE,
+    BandedMotion,
+    banded,
+    in_long_holes,
+    low_passed,
+)
 
 FloatArray = NDArray[np.float64]
 
@@ -39,7 +46,10 @@ AROUND, SHORTEST, LONGEST = 0.1, 1.0, 4.0
 TURNED = 0.1
 #: Fewest reversals of which anything is said.
 FEWEST = 3
-#: Periods of the cut-off at either end of a recording in which the filter has not settled.
+#: Share of the model's inertia that the regression must find around the reversals: noise in the accelerations
+#: draws it, and the jump, towards zero; a relay that switches elsewhere makes it nothing.
+HELD = 0.5
+#: Periods of the cut-off at either end of a recording, and of a hole, in which the filter has not settled.
 _ENDS = 4.0
 #: Samples to a period of the cut-off of the errors that are correlated anyway: the regression's rows.
 _ROWS = 4.0
@@ -58,7 +68,8 @@ class Jump:
 
 def jump(model: Model, records: Sequence[Record], place: str) -> Jump | None:
     """The jump at the reversals of a place, motor or arm (of both equations together there), over all
-    records; ``model``: with the torque constant that holds. None with fewer than FEWEST reversals."""
+    records; ``model``: with torque constant and inertia that hold. None with fewer than FEWEST reversals, or
+    where the input varies so little around them that noise in the acceleration hides what it does."""
     rows = [part for record in records for part in _around_reversals(model, record, place)]
     if len(rows) < FEWEST:
         return None
@@ -69,6 +80,8 @@ def jump(model: Model, records: Sequence[Record], place: str) -> Jump | None:
         return None
     inverse = np.linalg.pinv((columns / scale).T @ (columns / scale), hermitian=True)
     values = inverse @ ((columns / scale).T @ target)
+    if values[0] / scale[0] < HELD * model.parameters["motor_inertia"]:
+        return None
     scores = np.array([(x / scale).T @ (y - (x / scale) @ values) for x, y in rows])
     few = len(rows) / (len(rows) - 1.0)
     errors = np.sqrt(few * np.maximum(np.diag(inverse @ (scores.T @ scores) @ inverse), 0.0))
@@ -93,16 +106,22 @@ def _around_reversals(model: Model, record: Record, place: str) -> Iterator[tupl
     reach = max(round(half / motion.dt), 3)
     step = max(1, int(1.0 / (_ROWS * motion.cutoff * motion.dt)))
     end = round(_ENDS / (motion.cutoff * motion.dt)) + reach
-    read = np.all(np.isfinite(record.measured[motion.thin, : 1 if model.rigid else 2]), axis=1)
+    read = _read(record, model.rigid, motion)
     straight, _ = np.linalg.qr(np.vander(np.linspace(-1.0, 1.0, 2 * reach + 1), 2))
     for i in np.flatnonzero(np.diff(velocity >= 0.0)).tolist():
         inside = slice(i - reach, i + reach + 1)
-        if i < end or i > len(velocity) - 1 - end or not np.all(read[inside]):
+        if i < end or i > len(velocity) - 1 - end or not np.all(read[i - end : i + end + 1]):
             continue
         if np.count_nonzero(np.diff(velocity[inside] >= 0.0)) == 1:
             x, y = columns[inside], target[inside]
             x, y = x - straight @ (straight.T @ x), y - straight @ (straight.T @ y)
             yield x[::step], y[::step]
+
+
+def _read(record: Record, rigid: bool, motion: BandedMotion) -> NDArray[np.bool_]:
+    """Which of the motion's samples (n,) are read, or bridged as good as read."""
+    missing = np.any(~np.isfinite(record.measured[:, : 1 if rigid else 2]), axis=1)
+    return ~in_long_holes(missing, BRIDGED / (motion.cutoff * record.dt))[motion.thin]
 
 
 def _motion(record: Record, rigid: bool, place: str) -> tuple[BandedMotion, float] | None:

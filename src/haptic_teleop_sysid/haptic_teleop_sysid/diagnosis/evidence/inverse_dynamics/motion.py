@@ -165,7 +165,7 @@ def banded(record: Record, rigid: bool, cutoff: float) -> BandedMotion:
     velocity = np.gradient(angle, record.dt, axis=0)
     thin = slice(None, None, max(1, int(1.0 / (FINE_PER_PERIOD * cutoff * record.dt))))
     dt = record.dt * (thin.step or 1)
-    missing = _in_long_holes(~np.isfinite(measured[:, 0]) | ~np.isfinite(arm), BRIDGED / (cutoff * record.dt))
+    missing = in_long_holes(~np.isfinite(measured[:, 0]) | ~np.isfinite(arm), BRIDGED / (cutoff * record.dt))
     block, kept = _counting(missing, thin, dt, cutoff)
     time = record.start + record.dt * np.arange(len(record), dtype=np.float64)[thin]
     return BandedMotion(
@@ -190,7 +190,7 @@ def held_in_band(values: FloatArray, dt: float, cutoff: float) -> FloatArray:
     return low_passed(0.5 * (values + np.append(values[:1], values[:-1])), dt, cutoff)
 
 
-def _in_long_holes(missing: NDArray[np.bool_], most: float) -> NDArray[np.bool_]:
+def in_long_holes(missing: NDArray[np.bool_], most: float) -> NDArray[np.bool_]:
     """Which of the samples (n,) that are missing lie in holes of more than ``most`` samples."""
     edges = np.flatnonzero(np.diff(np.concatenate([[0], missing.astype(np.int8), [0]])))
     found = np.zeros(len(missing), dtype=np.bool_)
