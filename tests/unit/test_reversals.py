@@ -20,6 +20,7 @@ from haptic_teleop_sysid.diagnosis.evidence.reversals import FEWEST, Jump, jump
 from haptic_teleop_sysid.diagnosis.inputs.scales import recording_scales
 from haptic_teleop_sysid.diagnosis.report.testimony import at_reversals
 from haptic_teleop_sysid.estimation.whole_fit import fit_whole, noise_starts
+from haptic_teleop_sysid.recordings.parameter_units import Units
 
 TWO = Model(
     "generic",
@@ -172,6 +173,8 @@ def test_friction_that_is_seen_only_there_is_part_of_the_answer_and_nobody_is_su
     assert 0.5 < finding["confidence"] <= 0.69
     assert finding["parameters"]["torque"]["value"] == pytest.approx(0.2, rel=0.15)
     assert "where the motion turns" in finding["because"]
+    driven_by_current = Units("m", "A").restated_all({**finding, "reversals": [seen.jumps[0].content()]})
+    assert "N*m" not in str(driven_by_current) and " A and 0." in driven_by_current["because"]
     # Where nothing was missed before, something is: what, has no name.
     missed = with_friction(told("no_mismatch"), seen, result, records[:1])
     assert missed.kind == "unknown" and missed.where[0]["equation"] == "j_motor"

@@ -82,7 +82,7 @@ class AtReversals:
 
     def told(self) -> str:
         """What speaks for it, in words."""
-        numbers = " and ".join(f"{j.size:.3g} ± {j.std:.2g} N·m" for j in self.jumps)
+        numbers = " and ".join(f"{j.size:.3g} ± {j.std:.2g} N*m" for j in self.jumps)
         count = " and ".join(str(j.reversals) for j in self.jumps)
         return (
             f"where the motion turns ({count} times), the torque jumps by twice {numbers} on the recordings "
