@@ -96,3 +96,17 @@ RIGID = Model(
     {"torque_constant": 1.0, "motor_inertia": 0.2, "motor_damping": 0.3},
     fixed=("torque_constant",),
 )
+
+ELASTIC = Model(
+    "generic",
+    "j",
+    "flexible_joint",
+    {
+        "torque_constant": 1.0,
+        "stiffness": 20.0,
+        "motor_inertia": 0.06,
+        "motor_damping": 0.3,
+        "arm_inertia": 0.1,
+        "arm_damping": 0.02,
+    },
+)

@@ -4,9 +4,9 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from stepped_machines import DT, RIGID, drive, pendulum, record, two_masses
+from stepped_machines import DT, ELASTIC, RIGID, drive, pendulum, record, two_masses
 
-from haptic_teleop_sim.model import Effect, Model
+from haptic_teleop_sim.model import Effect
 from haptic_teleop_sysid.diagnosis.decision import adequacy as adequacies
 from haptic_teleop_sysid.diagnosis.decision.adequacy import (
     Adequacy,
@@ -27,21 +27,6 @@ from haptic_teleop_sysid.diagnosis.inputs.scales import recording_scales
 from haptic_teleop_sysid.diagnosis.report.page_lead import _headline as headline
 from haptic_teleop_sysid.diagnosis.report.summary import explains_sentence, summary
 from haptic_teleop_sysid.estimation.whole_fit import fit_whole, noise_starts
-
-ELASTIC = Model(
-    "generic",
-    "j",
-    "flexible_joint",
-    {
-        "torque_constant": 1.0,
-        "stiffness": 20.0,
-        "motor_inertia": 0.06,
-        "motor_damping": 0.3,
-        "arm_inertia": 0.1,
-        "arm_damping": 0.02,
-    },
-)
-
 
 #: What the pendulum is, but for its friction.
 TRUE = RIGID.with_values({"motor_inertia": 0.14, "motor_damping": 0.35})

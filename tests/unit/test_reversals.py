@@ -5,9 +5,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from numba import njit
-from stepped_machines import DT, FINE, RIGID, drive, pendulum, record, two_masses
+from stepped_machines import DT, ELASTIC, FINE, RIGID, drive, pendulum, record, two_masses
 
-from haptic_teleop_sim.model import Effect, Model
+from haptic_teleop_sim.model import Effect
 from haptic_teleop_sysid.diagnosis.decision.at_reversals import (
     AtReversals,
     Turning,
@@ -22,20 +22,7 @@ from haptic_teleop_sysid.diagnosis.report.testimony import at_reversals
 from haptic_teleop_sysid.estimation.whole_fit import fit_whole, noise_starts
 from haptic_teleop_sysid.recordings.parameter_units import Units
 
-TWO = Model(
-    "generic",
-    "j",
-    "flexible_joint",
-    {
-        "torque_constant": 1.0,
-        "stiffness": 20.0,
-        "motor_inertia": 0.06,
-        "motor_damping": 0.3,
-        "arm_inertia": 0.1,
-        "arm_damping": 0.02,
-    },
-    fixed=("torque_constant",),
-)
+TWO = replace(ELASTIC, fixed=("torque_constant",))
 
 
 @njit
