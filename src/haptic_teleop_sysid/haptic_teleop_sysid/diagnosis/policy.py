@@ -159,8 +159,8 @@ LEAST_JUMP, SURE_JUMP = 0.03, 5.0
 either kind, and in standard errors of both together, from which it is dry friction. Lower: smooth physics
 that is strong at low speeds passes for friction; higher: small friction beside much else is missed. By hand,
 on two sealed draws of physics outside the table: 22 of 27 frictions are seen, 19 within a fifth of their
-size, and none of 25 cases without; none of 148 cases of a seed of the benchmark without a clear friction has
-one, 40 clean ones among them."""
+size, and none of 25 cases without; of 150 cases of a seed of the benchmark, 40 clean ones among them, two
+have one, both with friction."""
 
 NEARLY_ALL = 0.8
 """Share of what torques without a form explain that the second witness' names must explain to stand where the

@@ -1,8 +1,8 @@
-"""Friction that shows where the motion turns, beside something unknown.
+"""Friction that shows where the motion turns, whatever else is named or has no name.
 
 Whether a name stands beside physics without one is asked of likelihoods and of torques along the whole motion
 (`in_part`); where that physics is large, friction of a tenth of the torque is lost in it there. At the
-reversals of the motion it is not (`evidence.reversals`). The verdict stays `unknown`.
+reversals of the motion it is not (`evidence.reversals`). Nobody is sure of what is seen only there.
 """
 
 from __future__ import annotations
@@ -97,10 +97,6 @@ class Turning:
 
     jumps: tuple[AtReversals, ...] = ()
     smooth: frozenset[tuple[str, str]] = frozenset()
-
-    def seen(self, effect: str, location: str) -> bool:
-        """Whether a form of the effect is seen there."""
-        return any(location == one.location and effect in family(one.effect) for one in self.jumps)
 
     def not_seen(self, effect: str, location: str) -> bool:
         """Whether it should be seen there, if it is of a kind that jumps, and is not."""

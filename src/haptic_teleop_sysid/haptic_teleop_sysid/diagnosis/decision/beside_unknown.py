@@ -71,9 +71,7 @@ def most_or_seen(parts: Sequence[InPart], turning: Turning) -> list[InPart]:
     for part in parts:
         effect, location = part.effect.effect, part.effect.location
         jumps = any(e.jumps and effect in family(n) for n, e in EFFECTS.items())
-        if turning.not_seen(effect, location) and not turning.seen(effect, location):
-            continue
-        if jumps or part.share >= LEAST_EXPLAINED:
+        if (jumps or part.share >= LEAST_EXPLAINED) and not turning.not_seen(effect, location):
             kept.append(part)
     return kept
 
