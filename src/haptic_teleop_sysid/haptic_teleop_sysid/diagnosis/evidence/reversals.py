@@ -130,10 +130,9 @@ def _motion(record: Record, rigid: bool, place: str) -> tuple[BandedMotion, floa
     most = min(HIGHEST, MOST_OF_RATE / record.dt)
     motion = banded(record, rigid, most)
     period = _period(motion.velocity[:, own], motion.dt)
-    if period is None or ABOVE / period >= most:
-        return None if period is None else (motion, period)
-    motion = banded(record, rigid, ABOVE / period)
-    period = _period(motion.velocity[:, own], motion.dt)
+    if period is not None and ABOVE / period < most:
+        motion = banded(record, rigid, ABOVE / period)
+        period = _period(motion.velocity[:, own], motion.dt)
     return None if period is None else (motion, period)
 
 
