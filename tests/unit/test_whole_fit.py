@@ -8,6 +8,7 @@ import pytest
 from identification_plants import STAGE, off
 
 from haptic_teleop_sim.kernel import pack
+from haptic_teleop_sim.model import Effect, Model
 from haptic_teleop_sysid.estimation.gauss_newton import fit_parameters, whiten
 from haptic_teleop_sysid.estimation.likelihood import innovations, log_likelihood
 from haptic_teleop_sysid.estimation.noise import NoiseModel
@@ -60,6 +61,17 @@ def test_the_top_is_reached_from_every_start_and_lies_above_the_truth(record):
     assert max(f.log_likelihood for f in tops) - min(f.log_likelihood for f in tops) < 1.0
     # Five parameters and five levels gain half a nat each over the truth, give or take.
     assert 0.0 < tops[0].log_likelihood - likelihood(STAGE, TRUE, record) < 20.0
+
+
+@pytest.mark.parametrize("scale", [0.5, 4.0])
+def test_readings_in_another_unit_are_predicted_as_well_by_a_body_in_that_unit(record, scale):
+    body = Model("generic", "j", "rigid_body", {"torque_constant": 8.925, "motor_inertia": 0.07, "motor_damping": 2.0})
+    heavier = {**body.parameters, "motor_inertia": 0.07 * scale, "motor_damping": 2.0 * scale}
+    read = Effect("encoder_scale", f"{body.joint}_motor_encoder", {"scale": scale})
+    plain = replace(record, measured=np.column_stack([record.measured[:, 0], np.full(len(record), np.nan)]))
+    same = replace(body, parameters=heavier, effects=(read,))
+    # An observer that forgets the scale corrects too much or too little, and its likelihood is another one.
+    assert likelihood(same, TRUE, plain) == pytest.approx(likelihood(body, TRUE, plain), abs=0.01)
 
 
 def test_levels_come_out_as_they_were_made(record):

@@ -41,8 +41,9 @@ class EffectEntry:
     them for the moment of what acts where it is ``spread`` unevenly over the sample (``actuator.py``).
     An inertia may depend on time and on the angle of its location: the kernel adds the velocity-squared
     torque that belongs to it by Lagrange; ``lightest(p)``: the least that it may become over the structure's.
-    ``spring(p)``: what the effect adds to the stiffness against the ground about angle zero, N·m/rad, which
-    an observer has to know.
+    ``spring(p)``: what the effect adds to the stiffness against the ground about angle zero, N·m/rad, and
+    ``slope(p)``: what an encoder's reading rises by with the angle, in the mean, both of which an observer
+    has to know.
 
     ``s.direction`` is a memory between -1 and 1 that follows the direction of motion of the location over a
     small displacement D, d direction = (dq - abs(dq) direction) / D (Dahl 1968), which the kernel integrates
@@ -92,6 +93,7 @@ class EffectEntry:
     states: int = 0
     spread: bool = False
     spring: Callable[[dict[str, float]], float] | None = None
+    slope: Callable[[dict[str, float]], float] | None = None
     lightest: Callable[[dict[str, float]], float] | None = None
     compiled: tuple[Callable[..., float], Callable[..., float]] | None = None
     memory: Literal["", "direction", "ratio", "displacement"] = ""

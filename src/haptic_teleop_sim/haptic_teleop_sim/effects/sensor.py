@@ -59,6 +59,7 @@ ENCODER_SCALE = EffectEntry(
     ),
     sentence="the encoder reports angles by a constant factor too large or too small",
     equation=lambda s, p: p.scale * s.position,
+    slope=lambda p: p["scale"],
     condition="{q}",
     practical=lambda p, on: abs(p["scale"] - 1.0) > 2e-5,
 )

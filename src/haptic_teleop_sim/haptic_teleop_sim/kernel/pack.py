@@ -71,6 +71,15 @@ class Packed:
         return (*(float(v) for v in self.base), *ground.values())
 
     @cached_property
+    def encoder_slope(self) -> tuple[float, float]:
+        """What the readings of motor and arm rise by with their angles, in the mean over a turn."""
+        slope = [1.0, 1.0]
+        for e in self.model.effects:
+            if e.entry.slope is not None:
+                slope[_CHANNEL[self.model.place(e.location)]] *= e.entry.slope(e.values)
+        return slope[0], slope[1]
+
+    @cached_property
     def fastest_rate(self) -> float:
         """Runge-Kutta steps per second that the stiffest part of the model needs, 1/s."""
         ks = float(self.base[0])

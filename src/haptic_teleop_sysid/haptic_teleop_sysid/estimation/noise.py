@@ -31,8 +31,8 @@ class NoiseModel:
     motor_torque, arm_torque: rms of the disturbance torques, N·m. motor_time, arm_time: their correlation
     times, s. motor_angle, arm_angle: rms of the encoders' noise, rad.  All greater than zero.
     ``reference``: the structure (as ``Packed.linear``) whose linearisation gives the observer gain, so that
-    several models are judged by one and the same observer (their encoders' delays apart); None: each model's
-    own.
+    several models are judged by one and the same observer (their encoders' delays and scales apart); None:
+    each model's own.
     """
 
     motor_torque: float
@@ -84,17 +84,22 @@ def observer(
     held over the sample, gain (6, 2), and what the encoders show of the state (2, 6): `observer_gain`."""
     base = noise.reference if noise.reference is not None else packed.linear
     gain = observer_gain(packed, noise, dt, measured)
-    shown = _shown(base, bool(packed.rigid), tuple(packed.encoder_shift(dt)[1].tolist()))
+    lead = tuple(packed.encoder_shift(dt)[1].tolist())
+    shown = _shown(base, bool(packed.rigid), lead, packed.encoder_slope)
     return _transition(base, bool(packed.rigid), noise, dt), gain[[0, 1, 2, 3, -2, -1]], shown
 
 
-def _shown(base: tuple[float, ...], rigid: bool, lead: tuple[float, ...]) -> FloatArray:
-    """What encoders show (2, 6) of the state when they are ``lead`` (2,) seconds ahead of it: late by a part
-    of a sample, a reading is of the speed as well, and its observer corrects otherwise."""
+def _shown(
+    base: tuple[float, ...], rigid: bool, lead: tuple[float, ...], slope: tuple[float, float]
+) -> FloatArray:
+    """What encoders show (2, 6) of the state when they are ``lead`` (2,) seconds ahead of it and rise by
+    ``slope`` (2,) with the angle: late by a part of a sample, a reading is of the speed as well, and its
+    observer corrects otherwise; so it does by less where the reading is a multiple of the angle."""
     a, c = _linearised(base, rigid)
     for channel in (0, 1):
         if lead[channel] != 0.0:
             c[channel] = exponential(a * lead[channel])[channel]
+        c[channel] *= slope[channel]
     return c
 
 
@@ -112,11 +117,13 @@ def observer_gain(
     dt: float,
     measured: Sequence[int] | None = None,
     lead: FloatArray | None = None,
+    slope: tuple[float, float] | None = None,
 ) -> FloatArray:
     """Stationary Kalman gain (packed.states, 2) of the structure linearised at speed; own states of effects
     get none. ``measured`` says which encoders take part (0 motor, 1 arm; both by default, the motor's alone
     for a rigid body): an arm that nobody reads has to be inferred from the motor, with another gain.
-    ``lead`` (2,): how far the encoders are ahead of the state, s (the model's own by default).
+    ``lead`` (2,): how far the encoders are ahead of the state, s; ``slope`` (2,): what their readings rise by
+    with the angle (the model's own by default).
 
     Raises numpy.linalg.LinAlgError when the Riccati equation has no solution (unobservable or overflowing
     levels).
@@ -125,7 +132,9 @@ def observer_gain(
     channels = tuple([0] if rigid else [0, 1]) if measured is None else tuple(measured)
     base = noise.reference if noise.reference is not None else packed.linear
     ahead = packed.encoder_shift(dt)[1] if lead is None else lead
-    gain = _structure_gain(base, rigid, replace(noise, reference=None), dt, channels, tuple(ahead.tolist()))
+    rises = packed.encoder_slope if slope is None else slope
+    own = replace(noise, reference=None)
+    gain = _structure_gain(base, rigid, own, dt, channels, tuple(ahead.tolist()), rises)
     full = np.zeros((packed.states, 2))
     places = {0: 0, 1: 1, 2: 2, 3: 3, 4: packed.states - 2, 5: packed.states - 1}
     for state, row in enumerate(gain):
@@ -141,9 +150,10 @@ def _structure_gain(
     dt: float,
     channels: tuple[int, ...],
     lead: tuple[float, ...],
+    slope: tuple[float, float],
 ) -> FloatArray:
     """The gain (6, 2) of the structure alone: screening asks for one and the same hundreds of times."""
-    c = _shown(base, rigid, lead)
+    c = _shown(base, rigid, lead, slope)
     transition, decay = _transition(base, rigid, noise, dt), noise.decay(dt)
     # Scaled to unit encoder noise: the equation mixes 1e-10 rad^2 with N·m^2 otherwise.
     scale = noise.motor_angle**2

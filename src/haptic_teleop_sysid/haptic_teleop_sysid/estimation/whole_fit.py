@@ -267,6 +267,10 @@ def _gain_slopes(
             lead = packed.encoder_shift(dt)[1]
             lead[channel] -= _STEP * dt
             d_gain[:, :, i] = (observer_gain(packed, noise, dt, measured, lead) - gain) / (_STEP * dt)
+        scaled = _slope_beside(point.model, name)
+        if scaled is not None:
+            there = observer_gain(packed, noise, dt, measured, slope=scaled[0])
+            d_gain[:, :, i] = (there - gain) / scaled[1]
     for i, name in enumerate(levels, start=len(names)):
         there = noise.scaled(**{name: float(np.exp(_STEP))})
         d_gain[:, :, i] = (observer_gain(packed, there, dt, measured) - gain) / _STEP
@@ -286,11 +290,25 @@ def _linear_beside(model: Model, packed: Packed, name: str) -> tuple[tuple[float
     if not any(e.entry.spring and name.startswith(f"{e.location}.{e.effect}.") for e in model.effects):
         return None
     value = model.parameter_values()[name]
+    there, step = _beside(model, name, value)
+    return None if there.linear == packed.linear else (there.linear, step)
+
+
+def _slope_beside(model: Model, name: str) -> tuple[tuple[float, float], float] | None:
+    """What the encoders' readings rise by (`Packed.encoder_slope`) at a parameter a little beside its value,
+    and by how much; None where it does not depend on that."""
+    if not any(e.entry.slope and name.startswith(f"{e.location}.{e.effect}.") for e in model.effects):
+        return None
+    there, step = _beside(model, name, model.parameter_values()[name])
+    return there.encoder_slope, step
+
+
+def _beside(model: Model, name: str, value: float) -> tuple[Packed, float]:
+    """The model at a parameter a little beside its ``value``, and by how much."""
     step = _STEP * max(abs(value), 1e-6)
     if value + step > parameter_bounds(model, name)[1]:
         step = -step
-    there = pack(model.with_values({name: value + step})).linear
-    return None if there == packed.linear else (there, step)
+    return pack(model.with_values({name: value + step})), step
 
 
 def _without_levels(information: FloatArray, p: int) -> FloatArray:
