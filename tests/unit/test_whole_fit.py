@@ -65,8 +65,9 @@ def test_the_top_is_reached_from_every_start_and_lies_above_the_truth(record):
 
 @pytest.mark.parametrize("scale", [0.5, 4.0])
 def test_readings_in_another_unit_are_predicted_as_well_by_a_body_in_that_unit(record, scale):
-    body = Model("generic", "j", "rigid_body", {"torque_constant": 8.925, "motor_inertia": 0.07, "motor_damping": 2.0})
-    heavier = {**body.parameters, "motor_inertia": 0.07 * scale, "motor_damping": 2.0 * scale}
+    own = {"torque_constant": 8.925, "motor_inertia": 0.07, "motor_damping": 2.0}
+    body = Model("generic", "j", "rigid_body", own)
+    heavier = {**own, "motor_inertia": 0.07 * scale, "motor_damping": 2.0 * scale}
     read = Effect("encoder_scale", f"{body.joint}_motor_encoder", {"scale": scale})
     plain = replace(record, measured=np.column_stack([record.measured[:, 0], np.full(len(record), np.nan)]))
     same = replace(body, parameters=heavier, effects=(read,))

@@ -52,8 +52,9 @@ class EffectEntry:
     above zero), ``ratio``
     (first over second parameter), ``displacement`` (second parameter). A ``nuisance`` belongs to how a
     recording was taken: diagnosis fits it where another effect calls for it and never reports it as missing
-    physics. A ``momentary`` effect may show at one moment of a recording only. ``unnamed`` physics is not in
-    the contract's table: where it explains more than any name, the verdict is `unknown`.
+    physics. A ``momentary`` effect may show at one moment of a recording only. What is ``of_command`` lies
+    between a command and the current: a measured current shows what is left already. ``unnamed`` physics is
+    not in the contract's table: where it explains more than any name, the verdict is `unknown`.
     ``motor_of_rigid_body``: the motor is its place where nothing hangs on a joint. ``needs``: what a
     recording must have for the effect to show, in words. ``tabulated``: its numbers are a `TorqueMap` beside
     the parameters, which is held fixed, and ``compiled`` (value, and value with derivatives) evaluates it.
@@ -101,6 +102,7 @@ class EffectEntry:
     motor_of_rigid_body: bool = False
     nuisance: bool = False
     momentary: bool = False
+    of_command: bool = False
     unnamed: bool = False
     needs: str = ""
     tabulated: bool = False

@@ -15,6 +15,7 @@ from .decision.at_reversals import where_torque_jumps, with_friction
 from .decision.beside_unknown import with_names
 from .decision.decide import Choice
 from .decision.doubt import left_is_random
+from .decision.measured_input import of_measured_input
 from .decision.nulls import Null, beyond_chance, nulls
 from .decision.overruled import explained_along
 from .decision.own_quantity import follows_still
@@ -71,7 +72,7 @@ def diagnose(
             dropped = found.kept.choices[len(kept.choices) :]
     say("checking what was found")
     result, doubt, stand = questioned(found, believed, kept, [*estimation, *validation])
-    result = unconfirmed(result, found.nearby)
+    result = of_measured_input(unconfirmed(result, found.nearby), read)
     adequate = None
     if any(c.chosen.by_current <= 0.0 for c in result.choices):
         models = result.baseline.model, result.final.model

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -11,6 +11,7 @@ from haptic_teleop_sim.effects import effect_entry
 from haptic_teleop_sim.model import Model
 from haptic_teleop_sysid.estimation.gauss_newton import Fit
 
+from ..evidence.by_blocks import chance
 from ..evidence.certainty import covariance
 from ..hypotheses.candidates import family
 from ..hypotheses.explanation import Explanation
@@ -38,6 +39,9 @@ SHARE_LESS = 0.05
 SIMULATED_MARGIN = 4.0
 #: Weight, relative to the best explanation, of one that the recordings cannot tell from it.
 ALIKE = 0.5
+#: Margins of chance by which a richer form must be ahead of the plainer one to be told first, and by how much
+#: that one is otherwise put above it.
+BEYOND_CHANCE, PLAINER = 2.0, 0.01
 
 
 @dataclass(frozen=True)
@@ -110,12 +114,11 @@ def choose(
     if not named:
         return None
     good, best = named, max(named, key=lambda e: e.score)
-    # The noise of a current sense is white: what it says is taken at its word.
-    margin = BY_CHANCE + AS_GOOD * max(best.by_motion, 0.0)
-    close = [e for e in good if e.score > best.score - 3.0 * margin and not _needlessly_rich(e, good)]
-    weights = np.array([np.exp((e.score - best.score) / margin) for e in close])
+    behind = {id(e): (best.score - e.score) / _margin(best, e) for e in good}
+    close = [e for e in good if behind[id(e)] < 3.0 and not _needlessly_rich(e, good)]
+    weights = np.array([np.exp(-behind[id(e)]) for e in close])
     # What lies a whole margin behind is hardly a rival, unless it makes hardly another prediction.
-    weights[[e.score < best.score - margin for e in close]] *= 0.2
+    weights[[behind[id(e)] > 1.0 for e in close]] *= 0.2
     raised = np.zeros(len(close), dtype=np.bool_)
     if apart is not None:
         raised = np.array([_alike(e, best, apart) for e in close]) & (weights < ALIKE)
@@ -128,13 +131,15 @@ def choose(
     if percent is not None and len(close) > 1:
         fits = np.array([percent(e.fit.model) for e in close])
         weights = weights * np.exp((fits - fits.max()) / SIMULATED_MARGIN)
+    for i, j in _hardly_richer(close):
+        weights[j] = max(weights[j], (1.0 + PLAINER) * weights[i])
     weights = weights / weights.sum()
     order = np.argsort(-weights, kind="stable")
     ranked = [(close[i], float(weights[i])) for i in order]
     others = tuple((e, p) for e, p in ranked[1:] if p > 0.02)
     first = int(order[0])
-    behind = float(np.sum(weights[raised])) if not raised[first] else 0.0
-    choice = Choice(ranked[0][0], ranked[0][1], others, behind)
+    alike = float(np.sum(weights[raised])) if not raised[first] else 0.0
+    choice = Choice(ranked[0][0], ranked[0][1], others, alike)
     if (
         choice.left_open
         and not _forms_of_one_thing(choice)
@@ -143,6 +148,15 @@ def choose(
     ):
         return None
     return choice
+
+
+def _margin(best: Explanation, other: Explanation) -> float:
+    """Nats by which two explanations differ by chance: as their likelihoods scatter over the recordings."""
+    scatter = chance(best.blocks, other.blocks)
+    if scatter is None:
+        # The noise of a current sense is white: what it says is taken at its word.
+        scatter = BY_CHANCE + AS_GOOD * max(best.by_motion, 0.0)
+    return max(BY_CHANCE, scatter)
 
 
 def _alike(other: Explanation, best: Explanation, apart: Callable[[Fit, Fit], float]) -> bool:
@@ -159,12 +173,23 @@ def _alike(other: Explanation, best: Explanation, apart: Callable[[Fit, Fit], fl
 def _needlessly_rich(explanation: Explanation, others: Sequence[Explanation]) -> bool:
     """Whether it is a richer form of another explanation that scores no less: it contains that one, so it
     fits as well whatever is there, and the shape that it adds is where the recordings say nothing."""
-    own = explanation.effect
-    plainer = own.entry.refinement.of if own.entry.refinement else ""
-    return any(
-        e.effect.effect == plainer and e.effect.location == own.location and e.score >= explanation.score
-        for e in others
-    )
+    return any(_is_form(explanation, e) and e.score >= explanation.score for e in others)
+
+
+def _hardly_richer(close: Sequence[Explanation]) -> Iterator[tuple[int, int]]:
+    """Places of a richer form of an explanation and of that, which is behind by no more than chance: what
+    the shape adds may be what is wrong with the structure, and the plainer form is told first."""
+    for i, rich in enumerate(close):
+        for j, plain in enumerate(close):
+            if _is_form(rich, plain) and rich.score - plain.score < BEYOND_CHANCE * _margin(rich, plain):
+                yield i, j
+
+
+def _is_form(rich: Explanation, plain: Explanation) -> bool:
+    """Whether the first is a richer form of the second."""
+    own = rich.effect.entry.refinement
+    same = rich.effect.location == plain.effect.location
+    return own is not None and same and own.of == plain.effect.effect
 
 
 def _forms_of_one_thing(choice: Choice) -> bool:

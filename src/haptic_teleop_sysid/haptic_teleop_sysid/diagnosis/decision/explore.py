@@ -104,7 +104,7 @@ def explore(
         return explore(better, lab, estimation, validation, scales, progress, again=False)
     fit = better
     say("judging on recordings that were not fitted")
-    return fit, judged(fit, fits, validation, scales)
+    return fit, judged(fit, fits, estimation, validation, scales)
 
 
 def _most_material(fits: Sequence[Fit], index: int, scales: Scales) -> list[Fit]:

@@ -135,7 +135,7 @@ def _alone(
     if not alone.log_likelihood > second.chosen.fit.log_likelihood - LEAST_GAIN:
         return []
     fits = [alone, *(_without_first(e, baseline, estimation, limits) for e in _others(second))]
-    return with_twins(judged(baseline, fits, validation, scales))
+    return with_twins(judged(baseline, fits, estimation, validation, scales))
 
 
 def _others(choice: Choice) -> list[Explanation]:

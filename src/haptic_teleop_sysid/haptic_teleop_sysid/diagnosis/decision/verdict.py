@@ -14,6 +14,7 @@ from haptic_teleop_sim.model import Effect, Model
 from haptic_teleop_sysid.estimation.gauss_newton import Fit
 from haptic_teleop_sysid.estimation.records import Record
 
+from ..evidence.by_blocks import seen_steadily
 from ..evidence.certainty import standard_errors
 from ..evidence.residual import Condition, conditions, intervals, shares
 from ..policy import LEAST_EXPLAINED, LEAST_KNOWN, NOTICEABLE, STRUCTURED, SUREST
@@ -97,6 +98,10 @@ def finding(choice: Choice, final: Fit, spread: dict[str, float], surest: float 
     parameters = _parameters(choice, final, spread)
     if choice.chosen.by_current > 0.0:
         surest = SUREST
+    else:
+        chosen = choice.chosen
+        gain = chosen.gain + chosen.held_out + chosen.reconciled
+        surest = min(surest, seen_steadily(gain, chosen.blocks, chosen.blocks_without))
     if choice.unsure:
         surest = min(surest, NOT_SURE)
     return {

@@ -15,6 +15,7 @@ from haptic_teleop_sysid.estimation.whole_fit import fit_whole, noise_starts
 from ..hypotheses.explanation import Explanation
 from ..hypotheses.material import material
 from ..inputs.scales import Scales
+from .by_blocks import by_blocks
 
 #: Best fits whose noise levels the model without their effect is granted, too.
 _MOST_LENDING = 2
@@ -28,8 +29,11 @@ _FIRST_STEPS, _MOST_ENDED = 4, 2
 _FEWER = 0.5
 
 
-def judged(fit: Fit, fits: Sequence[Fit], validation: Sequence[Record], scales: Scales) -> list[Explanation]:
-    """The fits as explanations beside ``fit``, best first (material ones before others)."""
+def judged(
+    fit: Fit, fits: Sequence[Fit], estimation: Sequence[Record], validation: Sequence[Record], scales: Scales
+) -> list[Explanation]:
+    """The fits to the estimation recordings as explanations beside ``fit``, best first (material ones before
+    others)."""
     if not fits:
         return []
     levels = [fit.noise, *(f.noise for f in fits[:_MOST_LENDING]), *noise_starts(fit.model, validation)]
@@ -46,6 +50,7 @@ def judged(fit: Fit, fits: Sequence[Fit], validation: Sequence[Record], scales: 
     index = len(fit.model.effects)
     both = [(fit, before), *zip(fits, after, strict=True)]
     between = side_by_side(lambda pair: reconciled(pair[0], pair[1], validation), both)
+    blocks = side_by_side(lambda pair: by_blocks([(pair[0], estimation), (pair[1], validation)]), both)
     alone = between[0]
     found = [
         Explanation(
@@ -55,8 +60,10 @@ def judged(fit: Fit, fits: Sequence[Fit], validation: Sequence[Record], scales: 
             material(f.model.effects[index], scales),
             index,
             beside - alone,
+            blocks=own,
+            blocks_without=blocks[0],
         )
-        for f, there, beside in zip(fits, after, between[1:], strict=True)
+        for f, there, beside, own in zip(fits, after, between[1:], blocks[1:], strict=True)
     ]
     return sorted(found, key=lambda e: (not e.material, -e.score))
 

@@ -1,0 +1,35 @@
+"""What lies between a command and the current cannot be missing where the current itself was recorded.
+
+A log rarely says which of the two its input is. One that is smooth between its samples (see
+`inputs.between_samples`) may be a measured current: that has been through the amplifier's limits, and what
+looks like another limit is something else.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+from .decide import Choice
+from .search import SearchResult
+
+
+def of_measured_input(result: SearchResult, read: bool) -> SearchResult:
+    """The result, in which nobody is sure of a limit of the command where the input was taken as ``read``;
+    what shows in the currents is not asked."""
+    if not read:
+        return result
+    return replace(result, choices=tuple(_unsure(c) if _asked(c) else c for c in result.choices))
+
+
+def _asked(choice: Choice) -> bool:
+    chosen = choice.chosen
+    return chosen.effect.entry.of_command and chosen.by_current <= 0.0 and not choice.unsure
+
+
+def _unsure(choice: Choice) -> Choice:
+    name = choice.chosen.effect.effect.replace("_", " ")
+    told = (
+        f"if the input of this log is a measured current, it is no {name}: such a current shows what is left "
+        "already, so record the command beside it"
+    )
+    return replace(choice, unsure=told)

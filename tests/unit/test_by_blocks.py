@@ -1,0 +1,113 @@
+"""How steadily recordings speak for a name: by blocks of their likelihood."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from test_diagnosis_parts import MODEL, explanation, fit_of, joint_record
+
+from haptic_teleop_sim.kernel import pack
+from haptic_teleop_sysid.diagnosis.decision.decide import Choice, choose
+from haptic_teleop_sysid.diagnosis.decision.measured_input import of_measured_input
+from haptic_teleop_sysid.diagnosis.decision.verdict import finding
+from haptic_teleop_sysid.diagnosis.evidence.by_blocks import BLOCKS, by_blocks, chance, seen_steadily
+from haptic_teleop_sysid.estimation.gauss_newton import fit_parameters
+from haptic_teleop_sysid.estimation.likelihood import likelihood_of
+from haptic_teleop_sysid.estimation.tuning import initial_noise
+
+NONE = np.zeros((2, BLOCKS))
+
+
+def steady(nats, spread=0.0, seed=1):
+    """Blocks of two recordings that make ``nats`` in all, each scattering by ``spread``."""
+    noise = np.random.default_rng(seed).standard_normal((2, BLOCKS))
+    noise -= noise.mean()
+    return nats / NONE.size + spread * noise / noise.std()
+
+
+def told(name, gain, blocks, **parameters):
+    one = explanation(name, gain / 2.0, gain / 2.0, **parameters)
+    return replace(one, blocks=blocks, blocks_without=NONE)
+
+
+def test_blocks_add_up_to_the_likelihood():
+    record = joint_record(3)
+    fit = fit_parameters(MODEL, initial_noise(pack(MODEL), [record]), [record], iterations=1)
+    found = by_blocks([(fit, [record])])
+    count = record.measured.shape[0]
+    # The quadratic part of Gaussian innovations with their own covariance is half a nat per reading.
+    whole = likelihood_of(pack(fit.model), fit.noise, [record])
+    assert found.shape == (1, BLOCKS)
+    assert found.sum() == pytest.approx(whole - 0.5 * 2 * count, rel=0.02)
+
+
+def test_what_cannot_be_predicted_has_no_blocks():
+    nowhere = fit_of()
+    silent = replace(nowhere, noise=replace(nowhere.noise, motor_angle=0.0))
+    assert by_blocks([(silent, [joint_record(3)])]) is None
+    assert chance(None, NONE) is None
+    assert seen_steadily(50.0, None, NONE) == 1.0
+
+
+def test_the_error_is_that_of_a_sum_over_blocks():
+    rng = np.random.default_rng(4)
+    sums, errors = [], []
+    for _ in range(400):
+        one = rng.normal(3.0, 2.0, (2, BLOCKS))
+        sums.append(one.sum())
+        errors.append(chance(one, NONE))
+    assert np.mean(errors) == pytest.approx(np.std(sums), rel=0.1)
+
+
+def test_what_shows_once_is_less_sure_than_what_shows_all_the_time():
+    once = NONE.copy()
+    once[0, 7] = 200.0
+    assert seen_steadily(200.0, once, NONE) == pytest.approx(0.84, abs=0.01)
+    assert seen_steadily(200.0, steady(200.0, 1.0), NONE) > 0.999
+
+
+def test_rivals_whose_lead_scatters_stay_open():
+    best = told("actuator_lag", 300.0, steady(300.0), place="actuator", time_constant=0.02)
+    for spread, ambiguous in ((0.5, False), (8.0, True)):
+        rival = told("torque_ripple", 270.0, steady(270.0, spread), amplitude=0.1, order=3.0, phase=0.1)
+        choice = choose([best, rival], 0.0, False)
+        assert choice.chosen is best
+        assert choice.ambiguous == ambiguous, spread
+
+
+def test_a_richer_form_within_chance_comes_after_the_plainer_one():
+    plain = told("coulomb_friction", 300.0, steady(300.0))
+    sought = {"torque": 0.1, "amplitude": 0.04, "order": 1.7, "phase": -0.4}
+    for spread, first in ((1.0, "position_dependent_friction"), (4.0, "coulomb_friction")):
+        rich = told("position_dependent_friction", 330.0, steady(330.0, spread), **sought)
+        choice = choose([rich, plain], 0.0, False)
+        assert choice.chosen.effect.effect == first, spread
+    assert choice.others[0][0] is rich
+
+
+def test_a_confidence_is_no_higher_than_the_blocks_allow():
+    once = NONE.copy()
+    once[1, 2] = 90.0
+    for blocks, most in ((steady(90.0, 0.1), 0.95), (once, 0.85)):
+        one = told("coulomb_friction", 90.0, blocks)
+        said = finding(Choice(one, 1.0), one.fit, {})
+        assert said["confidence"] == pytest.approx(most, abs=0.02)
+
+
+@pytest.mark.parametrize(
+    ("name", "numbers", "unsure"),
+    [
+        ("torque_speed_limit", {"limit": 1.0, "slope": 0.1}, True),
+        ("torque_saturation", {"limit": 1.0}, True),
+        ("actuator_lag", {"time_constant": 0.01}, False),
+    ],
+)
+def test_a_limit_of_the_command_is_not_sure_where_the_input_may_be_the_current(name, numbers, unsure):
+    from test_policy import result_of
+
+    limit = Choice(explanation(name, 200.0, 100.0, "actuator", **numbers), 1.0)
+    (held,), (read,) = (of_measured_input(result_of(limit), was).choices for was in (False, True))
+    assert held.unsure == ""
+    assert ("record the command" in read.unsure) == unsure
+    by_current = replace(limit, chosen=replace(limit.chosen, by_current=50.0))
+    assert of_measured_input(result_of(by_current), True).choices[0].unsure == ""
