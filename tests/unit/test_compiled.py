@@ -98,3 +98,28 @@ def test_every_compiled_function_is_kept_in_that_cache(repository: Path) -> None
     direct = re.compile(r"^from numba import .*\bnjit\b|numba\.n?jit", re.MULTILINE)
     found = [p for p in (repository / "src").rglob("*.py") if p != own and direct.search(p.read_text())]
     assert found == []
+
+
+PRODUCT = """
+import sys
+import numpy as np
+from haptic_teleop_control.compiled import njit
+
+@njit
+def plain(x):
+    return x.sum()
+
+@njit
+def product(x):
+    return np.linalg.inv(x) @ x
+
+x = np.array([[2.0, 1.0], [1.0, 3.0]])
+assert plain(x) == 7.0
+assert "scipy.linalg" not in sys.modules and "coverage" not in sys.modules
+assert np.allclose(product(x), np.eye(2))
+import coverage
+"""
+
+
+def test_linear_algebra_is_loaded_with_the_first_function_that_has_some():
+    subprocess.run([sys.executable, "-c", PRODUCT], check=True)

@@ -2,7 +2,8 @@
 several processes may write at once, and where one compiles what the others wait for.
 
 Importing numba takes a third of a second of processor time, and many commands and nodes call no compiled
-function. So ``njit`` here only keeps what numba is to compile.
+function. So ``njit`` here only keeps what numba is to compile; and numba is loaded without what it only looks
+for, which takes as long again.
 
 Numba lists a function's machine code, one file for each set of argument types, in an index. Two processes
 that compile the function for different types at the same time both read the index, both take the next free
@@ -18,6 +19,7 @@ from __future__ import annotations
 
 import fcntl
 import os
+import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from functools import cache, cached_property, partial, update_wrapper, wraps
@@ -120,10 +122,39 @@ def is_told() -> bool:
     return bool(_told)
 
 
+@contextmanager
+def _without(name: str) -> Iterator[None]:
+    """Within it a module that is not loaded yet cannot be. numba asks for `coverage`, where that is
+    installed, to tell it lines of compiled functions; it loads for a tenth of a second in every node."""
+    absent = name not in sys.modules
+    if absent:
+        sys.modules[name] = None  # type: ignore[assignment]
+    try:
+        yield
+    finally:
+        if absent:
+            del sys.modules[name]
+
+
+def _without_linear_algebra() -> None:
+    """Loads numba's functions of arrays without scipy.linalg, which they only look for, in half a second
+    of processor time. What is compiled with a product of matrices asks for it again."""
+    from numba.np import linalg
+
+    ensure = linalg.ensure_blas
+    linalg.ensure_blas = lambda: None
+    try:
+        import numba.np.arraymath  # noqa: F401
+    finally:
+        linalg.ensure_blas = ensure
+
+
 @cache
 def load_numba() -> Any:
     """The package numba, with the cache and the telling of this module."""
-    import numba
+    with _without("coverage"):
+        import numba
+    _without_linear_algebra()
     from numba.core import event
     from numba.core.caching import IndexDataCacheFile
 
