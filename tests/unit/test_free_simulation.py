@@ -92,3 +92,29 @@ def test_what_a_late_encoder_reads_of_a_motion_that_runs_away_is_no_number_and_n
     late = ("sensor_delay", "arm_encoder", {"delay": 0.003})
     run = simulate(flexible(late, motor_damping=-1e5), np.ones(N), DT)
     assert not np.all(np.isfinite(run.states)) and np.all(np.isnan(run.arm_position))
+
+
+def test_windows_of_a_straight_joint_begin_together_where_each_alone_does():
+    packed = one_torque_constant(flexible())
+    motion = simulate(packed, TORQUE, DT, [0.1, -0.1, 0.5, 0.2])
+    angles = np.column_stack([motion.motor_position, motion.arm_position])
+    angles += 0.02 * np.random.default_rng(6).standard_normal(angles.shape)
+    angles[230:260, 1] = np.nan
+    spans = [(0, 100), (100, 200), (200, 300), (300, 400), (400, 560)]
+    begin = np.array([[*np.nan_to_num(angles[start]), 0.0, 0.0] for start, _ in spans])
+
+    def found(some, first):
+        return nearest_starts(
+            packed,
+            TORQUE,
+            angles,
+            DT,
+            some,
+            first,
+            weights=np.array([5.0, 8.0]),
+            rate_weights=np.array([0.7, 0.4]),
+            velocity_filter=(20.0, 0.7),
+        )
+
+    alone = [found([span], first[None])[0] for span, first in zip(spans, begin, strict=True)]
+    np.testing.assert_allclose(found(spans, begin), alone, rtol=1e-9, atol=1e-12)
