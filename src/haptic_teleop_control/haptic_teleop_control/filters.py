@@ -190,22 +190,26 @@ def velocity_step(position: Array, state: Array, c: Array) -> Array:  # type: ig
     `velocity_coefficients`; velocity (n,)."""
     velocity = np.empty(position.shape[0])
     for i in range(position.shape[0]):
-        u = position[i]
-        # Relative to the last position, so that many turns away from zero cost no precision.
-        origin = state[i, 2]
-        x1 = state[i, 0] - origin
-        x2 = state[i, 1]
-        du = u - origin
-        filtered = origin + (c[0, 0] * x1 + c[0, 1] * x2 + c[0, 3] * du)
-        rate = c[1, 0] * x1 + c[1, 1] * x2 + c[1, 3] * du
-        if not (math.isfinite(filtered) and math.isfinite(rate)):
-            velocity[i] = math.nan
-            continue
-        state[i, 0] = filtered
-        state[i, 1] = rate
-        state[i, 2] = u
-        velocity[i] = rate
+        velocity[i] = velocity_of(position[i], state, i, c)
     return velocity
+
+
+@njit(cache=True)
+def velocity_of(u: float, state: Array, i: int, c: Array) -> float:
+    """The same for one position, of row ``i`` of the state: long series spare the array for the result."""
+    # Relative to the last position, so that many turns away from zero cost no precision.
+    origin = state[i, 2]
+    x1 = state[i, 0] - origin
+    x2 = state[i, 1]
+    du = u - origin
+    filtered = origin + (c[0, 0] * x1 + c[0, 1] * x2 + c[0, 3] * du)
+    rate = c[1, 0] * x1 + c[1, 1] * x2 + c[1, 3] * du
+    if not (math.isfinite(filtered) and math.isfinite(rate)):
+        return math.nan
+    state[i, 0] = filtered
+    state[i, 1] = rate
+    state[i, 2] = u
+    return rate
 
 
 @njit(cache=True)

@@ -25,7 +25,7 @@ import math
 import numpy as np
 
 from haptic_teleop_control.compiled import njit
-from haptic_teleop_control.filters import velocity_step
+from haptic_teleop_control.filters import velocity_of
 
 # <functions of the kernel are imported here>
 
@@ -78,28 +78,26 @@ def weigh(innovation, sensitivity, columns, held, goal, dt, memory, errors):
             errors[2 * i + channel, 0] = bounded(weights[channel] * innovation[i, channel])
             for c in range(columns):
                 errors[2 * i + channel, 1 + c] = bounded(weights[channel] * sensitivity[i, channel, c])
-    rows = 2 * m
-    now, each = np.zeros(2 * (1 + columns)), 1 + columns
-    before, after = np.zeros(2 * each), np.zeros(2 * each)
+    rows, each = 2 * m, 1 + columns
     for i in range(m):
-        if filtered:
-            take(i, innovation, sensitivity, columns, held, now)
-            if i == 0:
-                # The filter begins at rest: where the recording's own began does not matter, because errors
-                # of angles go through it.
-                for j in range(2 * each):
-                    memory[j, 0], memory[j, 1], memory[j, 2] = now[j], 0.0, now[j]
-            rate = velocity_step(now, memory[: 2 * each], coefficients)
-        else:
-            earlier, later = max(i - 1, 0), min(i + 1, m - 1)
-            take(earlier, innovation, sensitivity, columns, held, before)
-            take(later, innovation, sensitivity, columns, held, after)
-            rate = (after - before) / (dt * max(later - earlier, 1))
+        earlier, later = max(i - 1, 0), min(i + 1, m - 1)
         row = 2 * m + i
         for channel in range(2):
             if rate_weights[channel] > 0.0:
                 for c in range(each):
-                    errors[row, c] = bounded(rate_weights[channel] * rate[channel * each + c])
+                    if filtered:
+                        j = channel * each + c
+                        now = error_at(held[i, channel], channel, c, innovation, sensitivity)
+                        if i == 0:
+                            # The filter begins at rest: where the recording's own began does not matter,
+                            # because errors of angles go through it.
+                            memory[j, 0], memory[j, 1], memory[j, 2] = now, 0.0, now
+                        rate = velocity_of(now, memory, j, coefficients)
+                    else:
+                        before = error_at(held[earlier, channel], channel, c, innovation, sensitivity)
+                        after = error_at(held[later, channel], channel, c, innovation, sensitivity)
+                        rate = (after - before) / (dt * max(later - earlier, 1))
+                    errors[row, c] = bounded(rate_weights[channel] * rate)
                 row += m
     for channel in range(2):
         if rate_weights[channel] > 0.0:
@@ -108,14 +106,18 @@ def weigh(innovation, sensitivity, columns, held, goal, dt, memory, errors):
 
 
 @inner
-def take(i, innovation, sensitivity, columns, held, values):
-    """Errors and derivatives of both angles at sample i into ``values``, those of the motor first."""
-    for channel in range(2):
-        at = held[i, channel]
-        first = channel * (1 + columns)
-        values[first] = innovation[at, channel]
-        for c in range(columns):
-            values[first + 1 + c] = sensitivity[at, channel, c]
+def error_at(at, channel, c, innovation, sensitivity):
+    """Error of an angle at the sample ``at``; its derivative by column c - 1 where c is not 0."""
+    return innovation[at, channel] if c == 0 else sensitivity[at, channel, c - 1]
+
+
+@inner
+def read_alike(read, others, m):
+    """Whether the same of the first ``m`` samples were read of both encoders."""
+    alike = True
+    for i in range(m):
+        alike = alike and read[i, 0] == others[i, 0] and read[i, 1] == others[i, 1]
+    return alike
 
 
 @inner
@@ -210,6 +212,10 @@ def nearest_starts(spans, states, angles, torque, exogenous, t0, mechanics, goal
     memory, slopes, step = np.zeros((2 * (1 + free), 3)), np.empty((3, 4, 4)), np.empty(4)
     errors, missed = np.empty((4 * longest, 1 + free)), np.empty((4 * longest, 1))
     state, trial = np.empty(4), np.empty(4)
+    # Where nothing bends, the response has the same derivatives from every start and in every window of as
+    # many samples, of which the same were read: they are computed once.
+    straight = codes.shape[0] == 0 and out_codes.shape[0] == 0
+    known, known_read = -1, np.empty((longest, 2), dtype=np.bool_)
     for w in range(spans.shape[0]):
         start, stop = spans[w, 0], spans[w, 1]
         m, when = stop - start, t0 + dt * start
@@ -223,7 +229,16 @@ def nearest_starts(spans, states, angles, torque, exogenous, t0, mechanics, goal
             state[j] = states[w, j]
         rows, cost, damping, fresh, renew = 0, -1.0, 1e-9, True, True
         for _ in range(most_trials):
-            if renew:
+            if renew and known == m and read_alike(read, known_read, m):
+                begin(state, follows, x)
+                innovations_series(x, measured[:m], gain, decay, torque[start:stop], nothing[:m], nothing[:m],
+                                   exogenous[start:stop], when, dt, substeps, rigid, base, codes, p,
+                                   out_codes, lead, innovation[:m], visited[:m])
+                rows = weigh(innovation[:m], sensitivity, 0, held, goal, dt, memory, missed)
+                for i in range(rows):
+                    errors[i, 0] = missed[i, 0]
+                cost = half_square(errors, rows) if cost < 0.0 else cost
+            elif renew:
                 begin(state, follows, x)
                 for j in range(nx):
                     for c in range(s.shape[1]):
@@ -237,8 +252,11 @@ def nearest_starts(spans, states, angles, torque, exogenous, t0, mechanics, goal
                                p_col, out_codes, skew_col, lead, innovation[:m], sensitivity[:m],
                                visited[:m], no_states)
                 rows = weigh(innovation[:m], sensitivity, free, held, goal, dt, memory, errors)
-                if cost < 0.0:
-                    cost = half_square(errors, rows)
+                cost = half_square(errors, rows) if cost < 0.0 else cost
+                if straight:
+                    known = m
+                    for i in range(m):
+                        known_read[i, 0], known_read[i, 1] = read[i, 0], read[i, 1]
             expected = newton_step(errors, rows, free, damping, slopes, step)
             for j in range(4):
                 trial[j] = state[j]
@@ -263,7 +281,7 @@ def nearest_starts(spans, states, angles, torque, exogenous, t0, mechanics, goal
             # keep their promise.
             renew = False
             if gained > 0.5 * expected and gained > enough * cost:
-                fresh = False
+                fresh = straight
             elif fresh and gained <= 0.0:
                 damping = max(30.0 * damping, 1e-4)
             else:
