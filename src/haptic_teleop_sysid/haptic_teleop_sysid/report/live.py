@@ -63,7 +63,7 @@ def live(plot: Plot, panels: Sequence[Panel], prefix: str, points: int) -> dict[
     spans = [s for p in panels for s in (_span(line) for line in p.series) if s is not None]
     marked = any(s.marks for p in panels for s in p.series)
     shared = _range(spans, 1000.0 if plot.dated else 1.0, 0.03 if marked else 0.01)
-    document, roots, axes = Document(), {}, {}
+    document, plots, roots, axes = Document(), [], {}, {}
     for number, panel in enumerate(panels):
         own = shared
         if panel.x_label:
@@ -73,9 +73,12 @@ def live(plot: Plot, panels: Sequence[Panel], prefix: str, points: int) -> dict[
         one = _figure(panel, own, label, last, points, plot.dated)
         if last and plot.named_ticks:
             _name_ticks(one, plot.names)
-        document.add_root(one)
+        plots.append(one)
         roots[one.id] = f"{prefix}-{number}"
         axes[one.id] = _axes(panel, panel.x_label or plot.x_label)
+    with document.models.freeze():  # or it looks through all that it has after each
+        for one in plots:
+            document.add_root(one)
     names = list(plot.names) if len(plot.names) <= points else []
     return {
         "document": document.to_json(deferred=False),
