@@ -141,7 +141,9 @@ def _without_linear_algebra() -> None:
     of processor time. What is compiled with a product of matrices asks for it again."""
     from numba.np import linalg
 
-    ensure = linalg.ensure_blas
+    ensure = getattr(linalg, "ensure_blas", None)
+    if ensure is None:  # another numba, which then loads what it wants
+        return
     linalg.ensure_blas = lambda: None
     try:
         import numba.np.arraymath  # noqa: F401
