@@ -81,10 +81,19 @@ VOCABULARY = {
 }
 
 
-def joint_record(seed, seconds=8.0, rms=0.25, motor_torque=None, arm_torque=None, window=None, name="made"):
+def joint_record(
+    seed,
+    seconds=8.0,
+    rms=0.25,
+    motor_torque=None,
+    arm_torque=None,
+    window=None,
+    name="made",
+    motor_friction=None,
+):
     """A record of the flexible joint under random sines, integrated by the semi-implicit Euler rule at 50 us;
-    ``motor_torque`` and ``arm_torque`` are added torques as functions of the angle, N·m.  ``window``: times
-    in s in which the input is three times as large."""
+    ``motor_torque`` and ``arm_torque`` are added torques as functions of the angle, N·m, ``motor_friction``
+    one of angle and speed.  ``window``: times in s in which the input is three times as large."""
     rng = np.random.default_rng(seed)
     time = DT * np.arange(int(seconds / DT))
     input_ = np.zeros(len(time))
@@ -106,6 +115,8 @@ def joint_record(seed, seconds=8.0, rms=0.25, motor_torque=None, arm_torque=None
             ta = elastic - p["arm_damping"] * va
             if motor_torque is not None:
                 tm += motor_torque(qm)
+            if motor_friction is not None:
+                tm += motor_friction(qm, vm)
             if arm_torque is not None:
                 ta += arm_torque(qa)
             vm += h * tm / p["motor_inertia"]

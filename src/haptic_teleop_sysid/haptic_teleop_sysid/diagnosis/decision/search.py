@@ -23,6 +23,7 @@ from ..inputs.scales import Scales, recording_scales, within_reach
 from ..policy import LEAST_GAIN
 from ..starts.trials import LAST_STEPS, with_companion
 from .decide import Choice, choose
+from .emptied import told_plainly
 from .explore import explore
 
 #: Effects that are looked for one after another.
@@ -114,6 +115,9 @@ def search(
             if alone is not None and not alone.unnamed:
                 choices, fit = [alone], alone.chosen.fit
         strongest = max(strongest, choice.chosen.by_motion)
+    plainly = told_plainly(choices, estimation, within_reach(model, scales))
+    if plainly != choices:
+        choices, fit = plainly, plainly[-1].chosen.fit
     shown_too = any(c.chosen.by_current > 0.0 for c in choices)
     if nameless is not None and not shown_too and nameless.chosen.by_motion > strongest:
         # What came first was the nearest name of something else.

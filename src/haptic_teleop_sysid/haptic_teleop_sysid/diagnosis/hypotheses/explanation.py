@@ -57,11 +57,15 @@ class Explanation:
     @property
     def score(self) -> float:
         """Nats in all, less what further parameters gain by chance on data they were fitted to."""
-        entry = self.effect.entry
-        chance = sum(_SOUGHT if entry.parameter(n).scan else _BY_CHANCE for n in self.effect.parameters)
-        return self.gain + self.elsewhere - chance
+        return self.gain + self.elsewhere - by_chance(self.effect)
 
     @property
     def by_motion(self) -> float:
         """The score without what the measured current gives."""
         return self.score - self.by_current
+
+
+def by_chance(effect: Effect) -> float:
+    """Nats that an effect's parameters gain by chance on data they were fitted to."""
+    entry = effect.entry
+    return sum(_SOUGHT if entry.parameter(n).scan else _BY_CHANCE for n in effect.parameters)

@@ -48,7 +48,7 @@ def richer_forms(
         forms = [f for entry in richer for f in _forms(entry, effect, plain, index, records, scales)]
 
         def fitted(form: Effect, fit: Fit = fit, plain: Fit = plain) -> Fit:
-            wider = _instead(fit.model, index, form)
+            wider = instead(fit.model, index, form)
             return fit_whole(wider, plain.noise, records, iterations=_STEPS, limits=limits)
 
         best: dict[str, Fit] = {}
@@ -103,7 +103,7 @@ def _forms(
                 yield Effect(entry.name, location, parameters)
 
 
-def _instead(model: Model, index: int, effect: Effect) -> Model:
+def instead(model: Model, index: int, effect: Effect) -> Model:
     """The model with another effect in that place."""
     old = model.effects[index]
     head = f"{old.location}.{old.effect}."
