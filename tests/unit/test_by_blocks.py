@@ -88,10 +88,11 @@ def test_a_richer_form_within_chance_comes_after_the_plainer_one():
 def test_a_confidence_is_no_higher_than_the_blocks_allow():
     once = NONE.copy()
     once[1, 2] = 90.0
-    for blocks, most in ((steady(90.0, 0.1), 0.95), (once, 0.85)):
+    for blocks, most, why in ((steady(90.0, 0.1), 0.95, False), (once, 0.85, True)):
         one = told("coulomb_friction", 90.0, blocks)
         said = finding(Choice(one, 1.0), one.fit, {})
         assert said["confidence"] == pytest.approx(most, abs=0.02)
+        assert ("a small part of the recordings" in said["because"]) == why
 
 
 @pytest.mark.parametrize(

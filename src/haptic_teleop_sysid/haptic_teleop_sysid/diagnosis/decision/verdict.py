@@ -96,12 +96,14 @@ def finding(choice: Choice, final: Fit, spread: dict[str, float], surest: float 
     effect = choice.chosen.effect
     fitted = _fitted(choice, final)
     parameters = _parameters(choice, final, spread)
+    told = because(choice, fitted)
     if choice.chosen.by_current > 0.0:
         surest = SUREST
     else:
-        chosen = choice.chosen
-        gain = chosen.gain + chosen.held_out + chosen.reconciled
-        surest = min(surest, seen_steadily(gain, chosen.blocks, chosen.blocks_without))
+        steady = _seen_steadily(choice)
+        if steady < min(surest, choice.confidence):
+            surest = steady
+            told += "; most of what speaks for it comes from a small part of the recordings"
     if choice.unsure:
         surest = min(surest, NOT_SURE)
     return {
@@ -113,8 +115,15 @@ def finding(choice: Choice, final: Fit, spread: dict[str, float], surest: float 
             {"effect": e.effect.effect, "location": e.effect.location, "confidence": round(p, 4)}
             for e, p in choice.others
         ],
-        "because": because(choice, fitted),
+        "because": told,
     }
+
+
+def _seen_steadily(choice: Choice) -> float:
+    """The chance that other recordings speak for the finding, too."""
+    chosen = choice.chosen
+    gain = chosen.gain + chosen.held_out + chosen.reconciled
+    return seen_steadily(gain, chosen.blocks, chosen.blocks_without)
 
 
 def size_unknown(choice: Choice, final: Fit, spread: dict[str, float]) -> bool:
