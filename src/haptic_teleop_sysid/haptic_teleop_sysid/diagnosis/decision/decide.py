@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -11,13 +11,10 @@ from haptic_teleop_sim.effects import effect_entry
 from haptic_teleop_sim.model import Model
 from haptic_teleop_sysid.estimation.gauss_newton import Fit
 
-from ..evidence.by_blocks import chance
 from ..evidence.certainty import covariance
 from ..hypotheses.candidates import family
 from ..hypotheses.explanation import Explanation
 from ..policy import (
-    BY_CHANCE,
-    CANNOT_TELL,
     CLEAR_GAIN,
     CLEARLY_LESS,
     LEAST_AGAINST,
@@ -29,19 +26,14 @@ from ..policy import (
     SIGNIFICANT,
     SURE,
 )
+from .rivals import PLAINER, alike, hardly_richer, margin, needlessly_rich
 
-#: Explanations whose score together is within this share of the best one's are as good: forms of friction
-#: differ by more, while the noise of real recordings is not white to within a few percent.
-AS_GOOD = 0.01
 #: ... and by which every name must fall behind physics that has none, beside CLEARLY_LESS.
 SHARE_LESS = 0.05
 #: Percent of simulated fit that a rival may be worse before its weight falls to a third.
 SIMULATED_MARGIN = 4.0
 #: Weight, relative to the best explanation, of one that the recordings cannot tell from it.
 ALIKE = 0.5
-#: Margins of chance by which a richer form must be ahead of the plainer one to be told first, and by how much
-#: that one is otherwise put above it.
-BEYOND_CHANCE, PLAINER = 2.0, 0.01
 
 
 @dataclass(frozen=True)
@@ -114,14 +106,14 @@ def choose(
     if not named:
         return None
     good, best = named, max(named, key=lambda e: e.score)
-    behind = {id(e): (best.score - e.score) / _margin(best, e) for e in good}
-    close = [e for e in good if behind[id(e)] < 3.0 and not _needlessly_rich(e, good)]
+    behind = {id(e): (best.score - e.score) / margin(best, e) for e in good}
+    close = [e for e in good if behind[id(e)] < 3.0 and not needlessly_rich(e, good)]
     weights = np.array([np.exp(-behind[id(e)]) for e in close])
     # What lies a whole margin behind is hardly a rival, unless it makes hardly another prediction.
     weights[[behind[id(e)] > 1.0 for e in close]] *= 0.2
     raised = np.zeros(len(close), dtype=np.bool_)
     if apart is not None:
-        raised = np.array([_alike(e, best, apart) for e in close]) & (weights < ALIKE)
+        raised = np.array([alike(e, best, apart) for e in close]) & (weights < ALIKE)
         weights[raised] = ALIKE
     names = [(e.effect.effect, e.effect.location) for e in close]
     weights = weights * [
@@ -131,15 +123,15 @@ def choose(
     if percent is not None and len(close) > 1:
         fits = np.array([percent(e.fit.model) for e in close])
         weights = weights * np.exp((fits - fits.max()) / SIMULATED_MARGIN)
-    for i, j in _hardly_richer(close):
+    for i, j in hardly_richer(close):
         weights[j] = max(weights[j], (1.0 + PLAINER) * weights[i])
     weights = weights / weights.sum()
     order = np.argsort(-weights, kind="stable")
     ranked = [(close[i], float(weights[i])) for i in order]
     others = tuple((e, p) for e, p in ranked[1:] if p > 0.02)
     first = int(order[0])
-    alike = float(np.sum(weights[raised])) if not raised[first] else 0.0
-    choice = Choice(ranked[0][0], ranked[0][1], others, alike)
+    little = float(np.sum(weights[raised])) if not raised[first] else 0.0
+    choice = Choice(ranked[0][0], ranked[0][1], others, little)
     if (
         choice.left_open
         and not _forms_of_one_thing(choice)
@@ -148,48 +140,6 @@ def choose(
     ):
         return None
     return choice
-
-
-def _margin(best: Explanation, other: Explanation) -> float:
-    """Nats by which two explanations differ by chance: as their likelihoods scatter over the recordings."""
-    scatter = chance(best.blocks, other.blocks)
-    if scatter is None:
-        # The noise of a current sense is white: what it says is taken at its word.
-        scatter = BY_CHANCE + AS_GOOD * max(best.by_motion, 0.0)
-    return max(BY_CHANCE, scatter)
-
-
-def _alike(other: Explanation, best: Explanation, apart: Callable[[Fit, Fit], float]) -> bool:
-    """Whether an explanation that needs no more parameters is neither found nor expected to be told from the
-    best one."""
-    return (
-        other is not best
-        and len(other.effect.parameters) <= len(best.effect.parameters)
-        and best.score - other.score < CANNOT_TELL
-        and apart(best.fit, other.fit) < CANNOT_TELL
-    )
-
-
-def _needlessly_rich(explanation: Explanation, others: Sequence[Explanation]) -> bool:
-    """Whether it is a richer form of another explanation that scores no less: it contains that one, so it
-    fits as well whatever is there, and the shape that it adds is where the recordings say nothing."""
-    return any(_is_form(explanation, e) and e.score >= explanation.score for e in others)
-
-
-def _hardly_richer(close: Sequence[Explanation]) -> Iterator[tuple[int, int]]:
-    """Places of a richer form of an explanation and of that, which is behind by no more than chance: what
-    the shape adds may be what is wrong with the structure, and the plainer form is told first."""
-    for i, rich in enumerate(close):
-        for j, plain in enumerate(close):
-            if _is_form(rich, plain) and rich.score - plain.score < BEYOND_CHANCE * _margin(rich, plain):
-                yield i, j
-
-
-def _is_form(rich: Explanation, plain: Explanation) -> bool:
-    """Whether the first is a richer form of the second."""
-    own = rich.effect.entry.refinement
-    same = rich.effect.location == plain.effect.location
-    return own is not None and same and own.of == plain.effect.effect
 
 
 def _forms_of_one_thing(choice: Choice) -> bool:
