@@ -37,14 +37,17 @@ def test_a_form_whose_shape_gains_nothing_beside_the_rest_is_told_plainly(amplit
     first, second = (Explanation(fit, 100.0, 50.0, True, i) for i, fit in enumerate(fits))
     without = MODEL.with_effects(Effect("coulomb_friction", "stage1_motor", {"torque": SIZE}))
     plain = Explanation(replace(fits[0], model=without), 90.0, 45.0, True, 0)
-    choices = [Choice(first, 0.9, ((plain, 0.1),)), Choice(second, 1.0)]
+    elsewhere = MODEL.with_effects(Effect("coulomb_friction", "stage1_arm", {"torque": SIZE}))
+    arm = Explanation(replace(fits[0], model=elsewhere), 80.0, 40.0, True, 0)
+    choices = [Choice(first, 0.7, ((arm, 0.2), (plain, 0.1))), Choice(second, 1.0)]
     told = told_plainly(choices, [record], {})
     assert told[0].chosen.effect.effect == name
     assert [e.effect for e in told[-1].chosen.fit.model.effects] == [name, "constant_torque"]
     size = told[-1].chosen.fit.model.effects[0].parameters["torque"]
     assert size == pytest.approx(SIZE, rel=0.15)
     if name == "coulomb_friction":
-        assert told[0].others == (), "the plain form is no rival of itself"
+        assert told[0].others == ((arm, 0.2),), "the plain form is no rival of itself"
+        assert told[0].confidence == pytest.approx(0.8)
     else:
         assert told == choices
 

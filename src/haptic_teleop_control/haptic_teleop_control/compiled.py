@@ -20,6 +20,7 @@ from __future__ import annotations
 import fcntl
 import os
 import sys
+import threading
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from functools import cache, cached_property, partial, update_wrapper, wraps
@@ -28,6 +29,7 @@ from typing import Any
 __all__ = ["is_told", "load_numba", "njit", "telling_compilation"]
 
 _told: list[Callable[[], None]] = []
+_loading = threading.RLock()
 
 
 def njit(function: Callable[..., Any] | None = None, **options: Any) -> Any:
@@ -151,9 +153,14 @@ def _without_linear_algebra() -> None:
         linalg.ensure_blas = ensure
 
 
-@cache
 def load_numba() -> Any:
     """The package numba, with the cache and the telling of this module."""
+    with _loading:  # two threads at once would each put their own around numba's functions
+        return _loaded()
+
+
+@cache
+def _loaded() -> Any:
     with _without("coverage"):
         import numba
     _without_linear_algebra()

@@ -72,7 +72,7 @@ def diagnose(
             dropped = found.kept.choices[len(kept.choices) :]
     say("checking what was found")
     result, doubt, stand = questioned(found, believed, kept, [*estimation, *validation])
-    result = of_measured_input(unconfirmed(result, found.nearby), read)
+    result = of_measured_input(unconfirmed(result, found.nearby), read, estimation)
     adequate = None
     if any(c.chosen.by_current <= 0.0 for c in result.choices):
         models = result.baseline.model, result.final.model

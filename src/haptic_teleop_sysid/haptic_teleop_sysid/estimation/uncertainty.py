@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 
 from haptic_teleop_control.errors import ModelError
 from haptic_teleop_sim.kernel import Packed, pack
-from haptic_teleop_sim.model import STRUCTURES
+from haptic_teleop_sim.model import STRUCTURES, parameter_bounds
 from haptic_teleop_sysid.simulation.scores import score_covariance
 
 from .gauss_newton import Fit, whiten
@@ -116,8 +116,12 @@ def _through_gain(fit: Fit, packed: Packed, record: Record, name: str) -> FloatA
         return _by_lead(packed, fit.noise, record, channel)
     value = fit.model.parameter_values()[name]
     step = STEP * max(abs(value), 1e-9)
-    # Below zero nothing is physical: the step then goes up only.
-    values = (value + step, value - step if value - step > 0.0 else value)
+    low, high = parameter_bounds(fit.model, name)
+    # Below zero nothing is physical, and beyond its bounds nothing is allowed: the step then goes one way.
+    values = (
+        value + step if value + step <= high else value,
+        value - step if value - step > max(low, 0.0) else value,
+    )
     changed = [(pack(fit.model.with_values({name: v})), fit.noise) for v in values]
     return _slope(changed, packed, fit.noise, record, 0.5 * (values[0] - values[1]))
 

@@ -28,7 +28,8 @@ from ..policy import (
 )
 from .rivals import PLAINER, alike, hardly_richer, margin, needlessly_rich
 
-#: ... and by which every name must fall behind physics that has none, beside CLEARLY_LESS.
+#: Share of the best name's score by which every name must fall behind physics that has none, beside
+#: CLEARLY_LESS.
 SHARE_LESS = 0.05
 #: Percent of simulated fit that a rival may be worse before its weight falls to a third.
 SIMULATED_MARGIN = 4.0
@@ -115,6 +116,8 @@ def choose(
     if apart is not None:
         raised = np.array([alike(e, best, apart) for e in close]) & (weights < ALIKE)
         weights[raised] = ALIKE
+    for i, j in hardly_richer(close):
+        weights[j] = max(weights[j], (1.0 + PLAINER) * weights[i])
     names = [(e.effect.effect, e.effect.location) for e in close]
     weights = weights * [
         1.0 if e.beside is not None else prior(*name, sense_follows)
@@ -123,8 +126,6 @@ def choose(
     if percent is not None and len(close) > 1:
         fits = np.array([percent(e.fit.model) for e in close])
         weights = weights * np.exp((fits - fits.max()) / SIMULATED_MARGIN)
-    for i, j in hardly_richer(close):
-        weights[j] = max(weights[j], (1.0 + PLAINER) * weights[i])
     weights = weights / weights.sum()
     order = np.argsort(-weights, kind="stable")
     ranked = [(close[i], float(weights[i])) for i in order]

@@ -39,8 +39,10 @@ def told_plainly(choices: Sequence[Choice], records: Sequence[Record], limits: L
         for place, fit in enumerate([*fits, without], start=number):
             chosen = found[place].chosen
             found[place] = replace(found[place], chosen=replace(chosen, fit=fit))
-        others = [(e, p) for e, p in choice.others if e.effect.effect != plain.effect]
-        found[number] = replace(found[number], others=tuple(others))
+        same = (plain.effect, plain.location)
+        others = [(e, p) for e, p in choice.others if (e.effect.effect, e.effect.location) != same]
+        own = choice.confidence + sum(p for _, p in choice.others) - sum(p for _, p in others)
+        found[number] = replace(found[number], confidence=own, others=tuple(others))
     return found
 
 

@@ -7,16 +7,19 @@ looks like another limit is something else.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
+
+from haptic_teleop_sysid.recordings.dataset import DataSet
 
 from .decide import Choice
 from .search import SearchResult
 
 
-def of_measured_input(result: SearchResult, read: bool) -> SearchResult:
-    """The result, in which nobody is sure of a limit of the command where the input was taken as ``read``;
-    what shows in the currents is not asked."""
-    if not read:
+def of_measured_input(result: SearchResult, read: bool, data: Sequence[DataSet]) -> SearchResult:
+    """The result, in which nobody is sure of a limit of the command where the input was taken as ``read`` and
+    the recordings do not have the command beside the current; what shows in the currents is not asked."""
+    if not read or all(d.commanded_input is not None for d in data):
         return result
     return replace(result, choices=tuple(_unsure(c) if _asked(c) else c for c in result.choices))
 

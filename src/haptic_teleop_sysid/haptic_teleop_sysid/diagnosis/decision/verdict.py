@@ -96,26 +96,24 @@ def finding(choice: Choice, final: Fit, spread: dict[str, float], surest: float 
     effect = choice.chosen.effect
     fitted = _fitted(choice, final)
     parameters = _parameters(choice, final, spread)
-    told = because(choice, fitted)
+    steady = 1.0
     if choice.chosen.by_current > 0.0:
         surest = SUREST
     else:
         steady = _seen_steadily(choice)
-        if steady < min(surest, choice.confidence):
-            surest = steady
-            told += "; most of what speaks for it comes from a small part of the recordings"
     if choice.unsure:
         surest = min(surest, NOT_SURE)
+    sure = min(choice.confidence, size_known(fitted, parameters), surest)
     return {
         "effect": effect.effect,
         "location": effect.location,
         "parameters": parameters,
-        "confidence": round(min(choice.confidence, size_known(fitted, parameters), surest), 4),
+        "confidence": round(min(sure, steady), 4),
         "alternatives": [
             {"effect": e.effect.effect, "location": e.effect.location, "confidence": round(p, 4)}
             for e, p in choice.others
         ],
-        "because": told,
+        "because": because(choice, fitted, steadily=steady >= sure),
     }
 
 

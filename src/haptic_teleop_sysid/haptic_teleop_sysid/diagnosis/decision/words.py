@@ -23,8 +23,9 @@ def placed(effect: Effect) -> str:
     return f"{called(effect)} at {effect.location}"
 
 
-def because(choice: Choice, fitted: Effect) -> str:
-    """One sentence a lab engineer understands; ``fitted``: the effect with the numbers of the final model."""
+def because(choice: Choice, fitted: Effect, steadily: bool = True) -> str:
+    """One sentence a lab engineer understands; ``fitted``: the effect with the numbers of the final model;
+    ``steadily``: whether the recordings speak for it all the time."""
     e = choice.chosen
     sentence = fitted.entry.sentence
     numbers = ", ".join(
@@ -45,6 +46,8 @@ def because(choice: Choice, fitted: Effect) -> str:
     mistaken = e.effect.entry.mistaken
     if mistaken is not None and mistaken[0] in e.fit.model.fixed:
         text += f"; {mistaken[1]}"
+    if not steadily:
+        text += "; the recordings do not speak for it all the time, which limits the confidence"
     if choice.unsure:
         text += f"; {choice.unsure}"
     if choice.others:
