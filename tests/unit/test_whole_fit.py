@@ -14,6 +14,7 @@ from haptic_teleop_sysid.estimation.likelihood import innovations, log_likelihoo
 from haptic_teleop_sysid.estimation.noise import NoiseModel
 from haptic_teleop_sysid.estimation.records import Record
 from haptic_teleop_sysid.estimation.tuning import initial_noise
+from haptic_teleop_sysid.estimation.uncertainty import uncertainty
 from haptic_teleop_sysid.estimation.whole_fit import fit_from_scratch, fit_whole
 
 DT = 0.002
@@ -73,6 +74,14 @@ def test_readings_in_another_unit_are_predicted_as_well_by_a_body_in_that_unit(r
     same = replace(body, parameters=heavier, effects=(read,))
     # An observer that forgets the scale corrects too much or too little, and its likelihood is another one.
     assert likelihood(same, TRUE, plain) == pytest.approx(likelihood(body, TRUE, plain), abs=0.01)
+
+
+@pytest.mark.parametrize("scale", [0.1, 10.0])
+def test_a_scale_at_its_bound_is_said_to_be_there(record, scale):
+    read = Effect("encoder_scale", "stage1_motor_encoder", {"scale": scale})
+    fit = fit_whole(STAGE.with_effects(read), TRUE, [record], iterations=0)
+    found = uncertainty(fit, [record])
+    assert found.undetermined["stage1_motor_encoder.encoder_scale.scale"] == "it ends at its bound"
 
 
 def test_levels_come_out_as_they_were_made(record):
