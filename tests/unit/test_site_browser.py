@@ -54,8 +54,7 @@ def view():
     with playwright.sync_playwright() as started:
         # As root, which a container's tests often are, chromium has no sandbox of its own.
         browser = started.chromium.launch(executable_path=CHROMIUM, args=["--no-sandbox", "--disable-gpu"])
-        # Scripts of the theme only switch its colours and mark what one reads.
-        yield browser.new_page(java_script_enabled=False)
+        yield browser.new_page()
         browser.close()
 
 
