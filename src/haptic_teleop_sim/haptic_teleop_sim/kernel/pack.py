@@ -123,7 +123,7 @@ class Packed:
         the sample before, whose torque is known by then.
         """
         whole, lead = np.zeros(2, dtype=np.int64), np.zeros(2)
-        for channel in (0, 1) if self.skew else ():
+        for channel in (0, 1):
             delay = sum(float(self.p[o]) for c, o in self.skew if c == channel) / dt
             whole[channel] = math.floor(delay)
             lead[channel] = (whole[channel] - delay) * dt
