@@ -54,17 +54,10 @@ def _means(values: FloatArray, weight: FloatArray, block: int, first: int) -> Fl
     reach = len(weight) // 2
     found = np.zeros(((n - first + block - 1) // block, columns))
     for m in range(len(found)):
-        begin = first + m * block - reach
-        inside = begin >= 0 and begin + len(weight) <= n
-        for c in range(columns):
-            total = 0.0
-            if inside:
-                for j in range(len(weight)):
-                    total += weight[j] * values[begin + j, c]
-            else:
-                for j in range(len(weight)):
-                    total += weight[j] * values[min(max(begin + j, 0), n - 1), c]
-            found[m, c] = total
+        for j in range(len(weight)):
+            k = min(max(first + m * block + j - reach, 0), n - 1)
+            for c in range(columns):
+                found[m, c] += weight[j] * values[k, c]
     return found
 
 
