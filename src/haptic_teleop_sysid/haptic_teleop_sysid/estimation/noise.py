@@ -117,13 +117,11 @@ def observer_gain(
     dt: float,
     measured: Sequence[int] | None = None,
     lead: FloatArray | None = None,
-    slope: tuple[float, float] | None = None,
 ) -> FloatArray:
     """Stationary Kalman gain (packed.states, 2) of the structure linearised at speed; own states of effects
     get none. ``measured`` says which encoders take part (0 motor, 1 arm; both by default, the motor's alone
     for a rigid body): an arm that nobody reads has to be inferred from the motor, with another gain.
-    ``lead`` (2,): how far the encoders are ahead of the state, s; ``slope`` (2,): what their readings rise by
-    with the angle (the model's own by default).
+    ``lead`` (2,): how far the encoders are ahead of the state, s (the model's own by default).
 
     Raises numpy.linalg.LinAlgError when the Riccati equation has no solution (unobservable or overflowing
     levels).
@@ -132,9 +130,8 @@ def observer_gain(
     channels = tuple([0] if rigid else [0, 1]) if measured is None else tuple(measured)
     base = noise.reference if noise.reference is not None else packed.linear
     ahead = packed.encoder_shift(dt)[1] if lead is None else lead
-    rises = packed.encoder_slope if slope is None else slope
-    own = replace(noise, reference=None)
-    gain = _structure_gain(base, rigid, own, dt, channels, tuple(ahead.tolist()), rises)
+    own, slope = replace(noise, reference=None), packed.encoder_slope
+    gain = _structure_gain(base, rigid, own, dt, channels, tuple(ahead.tolist()), slope)
     full = np.zeros((packed.states, 2))
     places = {0: 0, 1: 1, 2: 2, 3: 3, 4: packed.states - 2, 5: packed.states - 1}
     for state, row in enumerate(gain):

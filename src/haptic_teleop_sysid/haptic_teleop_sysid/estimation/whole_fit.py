@@ -258,19 +258,15 @@ def _gain_slopes(
     columns = len(names) + len(levels)
     d_gain, d_decay = np.zeros((len(gain), 2, columns)), np.zeros((2, columns))
     for i, name in enumerate(names):
-        beside = _linear_beside(point.model, packed, name) if noise.reference is None else None
+        beside = _beside(point.model, packed, name)
         if beside is not None:
-            there = replace(noise, reference=beside[0])
-            d_gain[:, :, i] = (observer_gain(packed, there, dt, measured) - gain) / beside[1]
+            changed, step = beside
+            d_gain[:, :, i] = (observer_gain(changed, noise, dt, measured) - gain) / step
         channel = packed.delayed_encoder(name)
         if channel is not None:
             lead = packed.encoder_shift(dt)[1]
             lead[channel] -= _STEP * dt
             d_gain[:, :, i] = (observer_gain(packed, noise, dt, measured, lead) - gain) / (_STEP * dt)
-        scaled = _slope_beside(point.model, name)
-        if scaled is not None:
-            there = observer_gain(packed, noise, dt, measured, slope=scaled[0])
-            d_gain[:, :, i] = (there - gain) / scaled[1]
     for i, name in enumerate(levels, start=len(names)):
         there = noise.scaled(**{name: float(np.exp(_STEP))})
         d_gain[:, :, i] = (observer_gain(packed, there, dt, measured) - gain) / _STEP
@@ -280,35 +276,20 @@ def _gain_slopes(
     return d_gain, d_decay
 
 
-def _linear_beside(model: Model, packed: Packed, name: str) -> tuple[tuple[float, ...], float] | None:
-    """The linearisation (`Packed.linear`) at a parameter a little beside its value, and by how much; None
-    where it does not depend on that."""
-    if name in STRUCTURES[model.structure] and name != "torque_constant":
-        place = packed.index[name][1]
-        step = _STEP * max(abs(packed.linear[place]), 1e-6)
-        return (*packed.linear[:place], packed.linear[place] + step, *packed.linear[place + 1 :]), step
-    if not any(e.entry.spring and name.startswith(f"{e.location}.{e.effect}.") for e in model.effects):
+def _beside(model: Model, packed: Packed, name: str) -> tuple[Packed, float] | None:
+    """The model at a parameter a little beside its value, and by how much; None where the observer's gain
+    does not depend on that."""
+    of_structure = name in STRUCTURES[model.structure] and name != "torque_constant"
+    known = (e for e in model.effects if e.entry.spring or e.entry.slope)
+    if not of_structure and not any(name.startswith(f"{e.location}.{e.effect}.") for e in known):
         return None
     value = model.parameter_values()[name]
-    there, step = _beside(model, name, value)
-    return None if there.linear == packed.linear else (there.linear, step)
-
-
-def _slope_beside(model: Model, name: str) -> tuple[tuple[float, float], float] | None:
-    """What the encoders' readings rise by (`Packed.encoder_slope`) at a parameter a little beside its value,
-    and by how much; None where it does not depend on that."""
-    if not any(e.entry.slope and name.startswith(f"{e.location}.{e.effect}.") for e in model.effects):
-        return None
-    there, step = _beside(model, name, model.parameter_values()[name])
-    return there.encoder_slope, step
-
-
-def _beside(model: Model, name: str, value: float) -> tuple[Packed, float]:
-    """The model at a parameter a little beside its ``value``, and by how much."""
     step = _STEP * max(abs(value), 1e-6)
     if value + step > parameter_bounds(model, name)[1]:
         step = -step
-    return pack(model.with_values({name: value + step})), step
+    there = pack(model.with_values({name: value + step}))
+    same = there.linear == packed.linear and there.encoder_slope == packed.encoder_slope
+    return None if same else (there, step)
 
 
 def _without_levels(information: FloatArray, p: int) -> FloatArray:
