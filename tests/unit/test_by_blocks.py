@@ -29,7 +29,7 @@ def steady(nats, spread=0.0, seed=1):
 
 def told(name, gain, blocks, **parameters):
     one = explanation(name, gain / 2.0, gain / 2.0, **parameters)
-    return replace(one, blocks=blocks, blocks_without=NONE)
+    return replace(one, gains=blocks)
 
 
 def test_blocks_add_up_to_the_likelihood():
@@ -75,7 +75,7 @@ def test_what_cannot_be_predicted_has_no_blocks():
     silent = replace(nowhere, noise=replace(nowhere.noise, motor_angle=0.0))
     assert by_blocks([(silent, [joint_record(3)])]) is None
     assert chance(None, NONE) is None
-    assert seen_steadily(50.0, None, NONE) == 1.0
+    assert seen_steadily(50.0, None) == 1.0
 
 
 def test_the_error_is_that_of_a_sum_over_blocks():
@@ -84,15 +84,15 @@ def test_the_error_is_that_of_a_sum_over_blocks():
     for _ in range(400):
         one = rng.normal(3.0, 2.0, (2, BLOCKS))
         sums.append(one.sum())
-        errors.append(chance(one, NONE))
+        errors.append(chance(one))
     assert np.mean(errors) == pytest.approx(np.std(sums), rel=0.1)
 
 
 def test_what_shows_once_is_less_sure_than_what_shows_all_the_time():
     once = NONE.copy()
     once[0, 7] = 200.0
-    assert seen_steadily(200.0, once, NONE) == pytest.approx(0.84, abs=0.01)
-    assert seen_steadily(200.0, steady(200.0, 1.0), NONE) > 0.999
+    assert seen_steadily(200.0, once) == pytest.approx(0.84, abs=0.01)
+    assert seen_steadily(200.0, steady(200.0, 1.0)) > 0.999
 
 
 def test_rivals_whose_lead_scatters_stay_open():

@@ -134,6 +134,28 @@ def log_likelihood(packed: Packed, records: Sequence[Record], innovation: Sequen
     return float(total)
 
 
+def by_sample(packed: Packed, record: Record, innovation: FloatArray) -> FloatArray:
+    """The log-likelihood (n,) of each settled sample, as `log_likelihood` counts it: variances by
+    the readings that were taken, so that a model whose encoder is late is judged by as many as any other;
+    the arm's reading given the motor's, and by itself where that is missing. In sum it is the same but for
+    half a nat per reading."""
+    spread = covariance(packed, record, innovation)
+    used = len(spread)
+    taken = settled(record, np.isfinite(record.measured))[:, :used]
+    there = settled(record, seen(packed, record))[:, :used]
+    e = settled(record, innovation)[:, :used]
+    motor = float(spread[0, 0])
+    nats = -0.5 * (taken[:, 0] * np.log(motor) + there[:, 0] * e[:, 0] ** 2 / motor)
+    if used == 1:
+        return nats
+    arm, slope = float(spread[1, 1]), float(spread[0, 1]) / motor
+    beside = arm - slope * float(spread[0, 1])
+    for variance, left, which in ((beside, e[:, 1] - slope * e[:, 0], True), (arm, e[:, 1], False)):
+        counted, shown = (one[:, 1] & (one[:, 0] == which) for one in (taken, there))
+        nats -= 0.5 * (counted * np.log(variance) + shown * left**2 / variance)
+    return nats
+
+
 def likelihood_of(packed: Packed, noise: NoiseModel, records: Sequence[Record]) -> float:
     """Log-likelihood of recordings under a model and a noise model; -inf where it cannot be computed."""
     try:

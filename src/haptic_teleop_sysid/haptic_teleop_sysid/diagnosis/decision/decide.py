@@ -107,11 +107,11 @@ def choose(
     if not named:
         return None
     good, best = named, max(named, key=lambda e: e.score)
-    behind = {id(e): (best.score - e.score) / margin(best, e) for e in good}
-    close = [e for e in good if behind[id(e)] < 3.0 and not needlessly_rich(e, good)]
-    weights = np.array([np.exp(-behind[id(e)]) for e in close])
+    margins = [(best.score - e.score) / margin(best, e) for e in good]
+    near = [(e, m) for e, m in zip(good, margins, strict=True) if m < 3.0 and not needlessly_rich(e, good)]
+    close, behind = [e for e, _ in near], np.array([m for _, m in near])
     # What lies a whole margin behind is hardly a rival, unless it makes hardly another prediction.
-    weights[[behind[id(e)] > 1.0 for e in close]] *= 0.2
+    weights = np.exp(-behind) * np.where(behind > 1.0, 0.2, 1.0)
     raised = np.zeros(len(close), dtype=np.bool_)
     if apart is not None:
         raised = np.array([alike(e, best, apart) for e in close]) & (weights < ALIKE)

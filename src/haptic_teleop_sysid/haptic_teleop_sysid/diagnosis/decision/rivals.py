@@ -20,7 +20,7 @@ BEYOND_CHANCE, PLAINER = 2.0, 0.01
 
 def margin(best: Explanation, other: Explanation) -> float:
     """Nats by which two explanations differ by chance: as their likelihoods scatter over the recordings."""
-    scatter = chance(best.blocks, other.blocks)
+    scatter = chance(best.gains, other.gains)
     if scatter is None or max(best.by_current, other.by_current) > 0.0:
         # The noise of a current sense is white: what it says is taken at its word.
         scatter = BY_CHANCE + AS_GOOD * max(best.by_motion, 0.0)

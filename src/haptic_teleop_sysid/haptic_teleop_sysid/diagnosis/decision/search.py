@@ -23,8 +23,8 @@ from ..inputs.scales import Scales, recording_scales, within_reach
 from ..policy import LEAST_GAIN
 from ..starts.trials import LAST_STEPS, with_companion
 from .decide import Choice, choose
-from .emptied import told_plainly
 from .explore import explore
+from .plainer_form import told_plainly
 
 #: Effects that are looked for one after another.
 MOST_EFFECTS = 3

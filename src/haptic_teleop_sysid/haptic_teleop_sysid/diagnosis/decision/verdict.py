@@ -121,7 +121,7 @@ def _seen_steadily(choice: Choice) -> float:
     """The chance that other recordings speak for the finding, too."""
     chosen = choice.chosen
     gain = chosen.gain + chosen.held_out + chosen.reconciled
-    return seen_steadily(gain, chosen.blocks, chosen.blocks_without)
+    return seen_steadily(gain, chosen.gains)
 
 
 def size_unknown(choice: Choice, final: Fit, spread: dict[str, float]) -> bool:

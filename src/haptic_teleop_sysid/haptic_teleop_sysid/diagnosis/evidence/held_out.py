@@ -60,8 +60,7 @@ def judged(
             material(f.model.effects[index], scales),
             index,
             beside - alone,
-            blocks=own,
-            blocks_without=blocks[0],
+            gains=None if own is None or blocks[0] is None else own - blocks[0],
         )
         for f, there, beside, own in zip(fits, after, between[1:], blocks[1:], strict=True)
     ]

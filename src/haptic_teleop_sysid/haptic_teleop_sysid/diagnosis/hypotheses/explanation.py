@@ -26,9 +26,8 @@ class Explanation:
     `held_out.reconciled`).  ``by_current``: how many of these nats (both kinds)
     the measured current gives; ``std``: uncertainty of a parameter that the current determined; ``beside``:
     an effect of the recorded current alone, which the model, driven by the command, has no need of;
-    ``witnessed``: what speaks for it in words, where it was not likelihoods that found it. ``blocks``: the
-    log-likelihood by blocks of both kinds of recordings, ``blocks_without`` that without the effect (see
-    `by_blocks`), None where they are not known.
+    ``witnessed``: what speaks for it in words, where it was not likelihoods that found it. ``gains``: what
+    it gains in each block of both kinds of recordings, (recordings, blocks), None where that is not known.
     """
 
     fit: Fit
@@ -41,8 +40,7 @@ class Explanation:
     std: dict[str, float] = field(default_factory=dict)
     beside: Effect | None = None
     witnessed: str | None = None
-    blocks: NDArray[np.float64] | None = field(default=None, compare=False, repr=False)
-    blocks_without: NDArray[np.float64] | None = field(default=None, compare=False, repr=False)
+    gains: NDArray[np.float64] | None = field(default=None, compare=False, repr=False)
 
     @property
     def effect(self) -> Effect:

@@ -9,7 +9,7 @@ from test_diagnosis_parts import MODEL, joint_record
 from haptic_teleop_sim.kernel import pack
 from haptic_teleop_sim.model import Effect
 from haptic_teleop_sysid.diagnosis.decision.decide import Choice
-from haptic_teleop_sysid.diagnosis.decision.emptied import told_plainly
+from haptic_teleop_sysid.diagnosis.decision.plainer_form import told_plainly
 from haptic_teleop_sysid.diagnosis.hypotheses.explanation import Explanation
 from haptic_teleop_sysid.estimation.tuning import initial_noise
 from haptic_teleop_sysid.estimation.whole_fit import fit_whole
@@ -48,6 +48,7 @@ def test_a_form_whose_shape_gains_nothing_beside_the_rest_is_told_plainly(amplit
     if name == "coulomb_friction":
         assert told[0].others == ((arm, 0.2),), "the plain form is no rival of itself"
         assert told[0].confidence == pytest.approx(0.8)
+        assert told[0].chosen.gain == plain.gain
     else:
         assert told == choices
 

@@ -25,25 +25,34 @@ def told_plainly(choices: Sequence[Choice], records: Sequence[Record], limits: L
     """The choices of a search, one effect each, of which the last has the fit of all: richer forms whose
     shape gains no more beside all others than parameters gain by chance are plain ones."""
     found = list(choices)
-    for number, choice in enumerate(choices[:-1]):
+    for number in range(len(choices) - 1):
+        choice, last = found[number], found[-1].chosen.fit
         plain = _plainer(choice)
         if plain is None:
             continue
         index = choice.chosen.effect_index
-        last = found[-1].chosen.fit
         without = _refitted(last, index, plain, records, limits)
         spared = by_chance(choice.chosen.effect) - by_chance(plain)
         if not last.log_likelihood - without.log_likelihood < spared:
             continue
         fits = [_refitted(c.chosen.fit, index, plain, records, limits) for c in found[number:-1]]
+        found[number] = _as_plain(choice, plain)
         for place, fit in enumerate([*fits, without], start=number):
-            chosen = found[place].chosen
-            found[place] = replace(found[place], chosen=replace(chosen, fit=fit))
-        same = (plain.effect, plain.location)
-        others = [(e, p) for e, p in choice.others if (e.effect.effect, e.effect.location) != same]
-        own = choice.confidence + sum(p for _, p in choice.others) - sum(p for _, p in others)
-        found[number] = replace(found[number], confidence=own, others=tuple(others))
+            found[place] = replace(found[place], chosen=replace(found[place].chosen, fit=fit))
     return found
+
+
+def _as_plain(choice: Choice, plain: Effect) -> Choice:
+    """The choice of the plain form, with what speaks for that where it was judged, and with its share of the
+    confidence."""
+    chosen, confidence = replace(choice.chosen, gains=None), choice.confidence
+    others = []
+    for rival, share in choice.others:
+        if (rival.effect.effect, rival.effect.location) == (plain.effect, plain.location):
+            chosen, confidence = rival, confidence + share
+        else:
+            others.append((rival, share))
+    return replace(choice, chosen=chosen, confidence=confidence, others=tuple(others))
 
 
 def _plainer(choice: Choice) -> Effect | None:
