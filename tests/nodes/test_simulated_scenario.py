@@ -137,6 +137,11 @@ def until_it_runs(process: subprocess.Popen, says: str = "stage 1:") -> list[str
     return lines
 
 
+def stray(node: str, *arguments: str) -> subprocess.Popen:
+    """A node that nobody of a scenario knows."""
+    return subprocess.Popen([*FRONT_DOOR, node, *arguments], stderr=subprocess.PIPE, text=True)
+
+
 def ends_first(processes: list[subprocess.Popen]) -> int:
     """Which of them ends before the others do."""
     watched = [os.pidfd_open(process.pid) for process in processes]
@@ -154,33 +159,36 @@ def test_a_second_run_and_a_stray_node_are_refused_and_the_first_run_goes_on(fil
     usual(file)
     # Slowly: it takes processor time as long as the others are refused.
     first = start(file, *options, "--real-time-factor", "0.1", "--record", "first")
+    running = [first]
     try:
         until_it_runs(first)
         second = start(file, *options)
+        running.append(second)
         _, refusal = second.communicate(timeout=100)
         assert second.returncode == 2 and "is also published by" in refusal, refusal
-        for node in ("signal_generator", "force_controller", "sfj_sim", "omni_sim"):
-            stray = subprocess.run(
-                [*FRONT_DOOR, node, "--ros-args", "-p", "use_sim_time:=true"],
-                stderr=subprocess.PIPE, text=True, timeout=60, check=False,
-            )  # fmt: skip
-            assert stray.returncode == 2, stray.stderr
-            assert "another node of this name takes part" in stray.stderr
-            assert "FAULT" not in stray.stderr, "it has heard the first run"
-            assert first.poll() is None, f"ended by {node}"
-        another = subprocess.run(
-            [*FRONT_DOOR, "time_coordinator"], stderr=subprocess.PIPE, text=True, timeout=60, check=False
-        )
-        assert another.returncode == 2 and "another coordinator of simulated time" in another.stderr
-        for node in ("sfj_sim", "force_controller"):  # by the wall: they do not know of the run
-            with pytest.raises(subprocess.TimeoutExpired):
-                subprocess.run([*FRONT_DOOR, node], stderr=subprocess.DEVNULL, timeout=6)
-            assert first.poll() is None, f"ended by {node} of the wall"
+        nodes = ("signal_generator", "force_controller", "sfj_sim", "omni_sim")
+        strays = [stray(node, "--ros-args", "-p", "use_sim_time:=true") for node in nodes]
+        another = stray("time_coordinator")
+        running += [*strays, another]
+        for node, process in zip(nodes, strays, strict=True):
+            _, told = process.communicate(timeout=60)
+            assert process.returncode == 2, told
+            assert "another node of this name takes part" in told
+            assert "FAULT" not in told, f"{node} has heard the first run"
+        assert "another coordinator of simulated time" in another.communicate(timeout=60)[1]
+        assert another.returncode == 2 and first.poll() is None, "ended by one of them"
+        by_the_wall = [stray(node) for node in ("sfj_sim", "force_controller")]  # they do not know of the run
+        running += by_the_wall
+        with pytest.raises(subprocess.TimeoutExpired):
+            first.wait(timeout=8)
+        for process in by_the_wall:
+            assert process.poll() is None, process.communicate()[1]
         first.send_signal(signal.SIGINT)
         _, errors = first.communicate(timeout=60)
     finally:
-        first.kill()
-        first.wait()
+        for process in running:
+            process.kill()
+            process.wait()
     assert first.returncode == 0 and "fault" not in errors, errors
     topics = read_recording(file.parent / "first").topics
     for robot in ("sfj", "omni"):  # 500 Hz

@@ -57,17 +57,38 @@ def unimpressed(model):
     return (90.0,)
 
 
+def borne_out(fit, so_far, effect):
+    """Free runs and torques that speak for everything."""
+    return True
+
+
 def test_the_right_name_stands(records):
     result = found(DRAG, records[0])
-    kept, doubt, _ = doubted(result, *records, unimpressed)
+    kept, doubt, _ = doubted(result, *records, unimpressed, borne_out)
     assert doubt is None
     assert kept.choices == result.choices
+
+
+def test_what_only_one_step_predictions_speak_for_stands_only_while_those_are_white(records):
+    asked = []
+
+    def never(fit, so_far, effect):
+        asked.append(effect)
+        return False
+
+    kept, doubt, _ = doubted(found(DRAG, records[0]), *records, unimpressed, never)
+    assert kept.choices and doubt is None and not asked, "white: likelihoods are to be believed"
+    # A spring explains a little of what else acts, whose torque stays in the innovations.
+    other = Effect("spring_to_ground", "stage1_motor", {"stiffness": 0.01, "rest": 0.0})
+    kept, doubt, _ = doubted(found(other, records[0]), *records, unimpressed, never)
+    assert not kept.choices and "only one-step predictions speak for spring_to_ground" in doubt.why
+    assert [e.effect for e in asked] == ["spring_to_ground"]
 
 
 def test_a_wrong_name_is_given_up(records):
     # What grows with the square of speed passes for dry friction, of a size that depends on the amplitude.
     wrong = Effect("coulomb_friction", "stage1_motor", {"torque": 0.1})
-    kept, doubt, _ = doubted(found(wrong, records[0]), *records, unimpressed)
+    kept, doubt, _ = doubted(found(wrong, records[0]), *records, unimpressed, borne_out)
     assert kept.choices == ()
     assert kept.final is kept.baseline
     assert "coulomb_friction" in doubt.why
@@ -84,7 +105,7 @@ def knocked_readings(record, seed):
 def test_a_right_name_stands_beside_something_that_acts_at_some_times(records):
     learn, judge = ([knocked_readings(one, seed) for one in kind] for seed, kind in enumerate(records))
     result = found(DRAG, learn)
-    kept, doubt, _ = doubted(result, learn, judge, unimpressed)
+    kept, doubt, _ = doubted(result, learn, judge, unimpressed, borne_out)
     assert doubt is None and kept.choices == result.choices
 
 
@@ -92,7 +113,7 @@ def test_a_name_that_explains_little_is_given_up_beside_it_and_told(records):
     clean = [recorded(STAGE, 0.2, 3)], [recorded(STAGE, 0.07, 4)]
     learn, judge = ([knocked_readings(one, seed) for one in kind] for seed, kind in enumerate(clean))
     result = found(Effect("coulomb_friction", "stage1_motor", {"torque": 0.05}), learn)
-    kept, doubt, _ = doubted(result, learn, judge, unimpressed)
+    kept, doubt, _ = doubted(result, learn, judge, unimpressed, borne_out)
     assert kept.choices == () and doubt is not None
     assert [one.found.effect.effect for one in kept.given_up] == ["coulomb_friction"]
     assert kept.given_up[0].why
@@ -105,9 +126,9 @@ def test_an_axis_whose_position_drifts_is_judged_by_its_velocity(records, monkey
     result = found(DRAG, learn)
     monkeypatch.setattr(doubt_module, "all_the_time", lambda *_: False)
     drifts = {False: (20.0, 50.0), True: (30.0, 90.0)}
-    kept, doubt, _ = doubted(result, learn, judge, lambda model: drifts[bool(model.effects)])
+    kept, doubt, _ = doubted(result, learn, judge, lambda model: drifts[bool(model.effects)], borne_out)
     assert doubt is None and kept.choices == result.choices
-    kept, doubt, _ = doubted(result, learn, judge, lambda model: drifts[bool(model.effects)][:1])
+    kept, doubt, _ = doubted(result, learn, judge, lambda model: drifts[bool(model.effects)][:1], borne_out)
     assert kept.choices == () and "at some times" in doubt.why
     assert [one.found.effect.effect for one in kept.given_up] == ["quadratic_drag"]
     assert "at some times" in kept.given_up[0].why
@@ -128,7 +149,7 @@ def test_what_is_left_of_a_right_model_is_white_and_of_a_wrong_one_is_not():
 def test_a_structure_that_leaves_colour_is_no_match_even_without_a_name(records):
     result = found(DRAG, records[0])
     unnamed = SearchResult(result.baseline, result.baseline, (), (), result.scales)
-    _, doubt, _ = doubted(unnamed, *records, unimpressed)
+    _, doubt, _ = doubted(unnamed, *records, unimpressed, borne_out)
     assert doubt.choice is None
 
 
@@ -149,7 +170,7 @@ def test_what_acts_at_times_is_no_match_and_takes_no_other_name():
         baseline = fit_from_scratch(MODEL, learn)
         assert (unsteadiness([(baseline, learn)]) > 1.4) == expected
         result = SearchResult(baseline, baseline, (), (), recording_scales(MODEL, learn))
-        doubt = doubted(result, learn, judge, unimpressed)[1]
+        doubt = doubted(result, learn, judge, unimpressed, borne_out)[1]
         assert (doubt is not None) == expected
         if expected:
             assert "at some times" in doubt.why
@@ -159,7 +180,7 @@ def test_what_acts_at_times_is_no_match_and_takes_no_other_name():
     fit = fit_whole(MODEL.with_effects(mode), baseline.noise, learn, iterations=10)
     choice = Choice(Explanation(fit, 50.0, 50.0, True, 0), 1.0)
     result = SearchResult(baseline, fit, (choice,), (), recording_scales(MODEL, learn))
-    kept, doubt, _ = doubted(result, learn, judge, unimpressed)
+    kept, doubt, _ = doubted(result, learn, judge, unimpressed, borne_out)
     assert kept.choices == ()
     assert doubt.choice is choice
 
@@ -194,8 +215,8 @@ def test_an_effect_of_another_size_on_other_recordings_is_given_up(records):
         for t in (0.05, -0.05)
     )
     named = found(Effect("constant_torque", "stage1_motor", {"torque": 0.02}), [up])
-    assert doubted(named, [up], [up], unimpressed)[1] is None
-    _, doubt, _ = doubted(named, [up], [down], unimpressed)
+    assert doubted(named, [up], [up], unimpressed, borne_out)[1] is None
+    _, doubt, _ = doubted(named, [up], [down], unimpressed, borne_out)
     assert "another torque" in doubt.why
 
 
@@ -204,7 +225,7 @@ def test_where_a_name_falls_the_next_of_those_it_was_not_told_from_is_asked(reco
     result, right = found(wrong, records[0]), found(DRAG, records[0]).choices[0].chosen
     (first,) = result.choices
     unsure = replace(first, confidence=0.5, others=((right, 0.3),))
-    kept, doubt, _ = doubted(replace(result, choices=(unsure,)), *records, unimpressed)
+    kept, doubt, _ = doubted(replace(result, choices=(unsure,)), *records, unimpressed, borne_out)
     assert doubt is None
     assert kept.choices[0].chosen is right
     assert kept.choices[0].confidence == pytest.approx(1.0)
@@ -217,7 +238,7 @@ def test_what_is_said_is_what_spoke_against_the_first_name(records):
     result, other = found(wrong, records[0]), found(worse, records[0]).choices[0].chosen
     (first,) = result.choices
     unsure = replace(first, confidence=0.5, others=((other, 0.3),))
-    kept, doubt, _ = doubted(replace(result, choices=(unsure,)), *records, unimpressed)
+    kept, doubt, _ = doubted(replace(result, choices=(unsure,)), *records, unimpressed, borne_out)
     assert kept.choices == ()
     assert doubt.choice is unsure
     assert "coulomb_friction" in doubt.why
@@ -356,14 +377,14 @@ def test_what_gains_far_more_than_chance_and_only_here_is_something_unknown(reco
     chosen = found(DRAG, records[0]).choices[0].chosen
     tried = replace(chosen, gain=gain, held_out=-50.0)
     result = SearchResult(baseline, baseline, (), (tried,), recording_scales(STAGE, quiet[0]))
-    _, doubt, _ = doubted(result, *quiet, unimpressed)
+    _, doubt, _ = doubted(result, *quiet, unimpressed, borne_out)
     assert (doubt is not None) == expected
     if doubt is not None:
         assert doubt.choice.chosen is tried
         assert "quadratic_drag" in doubt.why
     # One that is too small to matter is none.
     nothing = replace(result, last_round=(replace(tried, material=False),))
-    assert doubted(nothing, *quiet, unimpressed)[1] is None
+    assert doubted(nothing, *quiet, unimpressed, borne_out)[1] is None
 
 
 @pytest.fixture
@@ -396,7 +417,7 @@ def believing(monkeypatch):
     def ask(*choices):
         fit = choices[-1].chosen.fit
         result = SearchResult(fit_of(), fit, choices, (), None)
-        kept, doubt, _ = doubted(result, [], [], unimpressed)
+        kept, doubt, _ = doubted(result, [], [], unimpressed, borne_out)
         return [c.chosen for c in kept.choices], doubt
 
     return ask, steps, refuted, asked

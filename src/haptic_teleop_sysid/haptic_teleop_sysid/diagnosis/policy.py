@@ -167,6 +167,12 @@ NEARLY_ALL = 0.8
 first opinion has given its own name up; their free run must err no more, either. Lower: more names for
 physics without one; higher: `unknown` where friction is in plain sight. Set on a robot's wrist (0.90)."""
 
+WHITE = 53.0
+"""Portmanteau statistic over 25 lags that white innovations exceed once in a thousand. Above it on both kinds
+of recordings a finding must be borne out by free runs or by the torques. Higher: more wrong names beside
+right ones on real machines, whose noise no model has; lower: right names of sensors, which torques do not
+show, fall. Computed (chi-square of 25 degrees of freedom)."""
+
 COLOURED = 100.0
 """Portmanteau statistic over 25 lags (25 for white innovations, 53 once in a thousand) on both kinds of
 recordings from which something is left that acts on from sample to sample. Lower: `unknown` more often,

@@ -8,6 +8,7 @@ from haptic_teleop_sysid.recordings.dataset import DataSet
 
 from .decision.adequacy import left_size
 from .decision.constancy import inconstant
+from .decision.corroborated import Corroboration
 from .decision.decide import Choice
 from .decision.doubt import coloured, doubted, left_is_random
 from .decision.misread import misread
@@ -28,7 +29,8 @@ def questioned(
     """What is left of the findings ``kept`` after the questions that likelihoods do not ask; ``believed``:
     what the search by prediction found, so far as chance leaves it."""
     harmful = None if kept.choices else next(iter(believed.choices), None)
-    result, doubt, stand = doubted(kept, found.learn, found.judge, found.chosen_by)
+    corroborated = Corroboration(found.horizons.errors, found.opinion)
+    result, doubt, stand = doubted(kept, found.learn, found.judge, found.chosen_by, corroborated)
     result, wrong = misread(result, found.given, found.learn, found.judge, found.cutoff)
     if wrong is not None:
         result = _before(result, *wrong)

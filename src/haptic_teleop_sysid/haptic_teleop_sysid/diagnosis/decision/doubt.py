@@ -28,8 +28,9 @@ from ..evidence.null_records import expected_colour, null_records, rounding_show
 from ..evidence.residual import Condition, conditions
 from ..evidence.whiteness import colour, unsteadiness
 from ..hypotheses.explanation import Explanation
-from ..policy import COLOURED, MOST_RANDOM, NOTICEABLE, ONLY_HERE, STILL_RANDOM, UNSTEADY
+from ..policy import COLOURED, MOST_RANDOM, NOTICEABLE, ONLY_HERE, STILL_RANDOM, UNSTEADY, WHITE
 from .adequacy import left_size
+from .corroborated import Corroborated
 from .decide import Choice, significant
 from .reasons import Doubt, momentary, rather_event
 from .search import SearchResult
@@ -58,12 +59,14 @@ def doubted(
     estimation: Sequence[Record],
     validation: Sequence[Record],
     percent: Callable[[Model], Sequence[float]],
+    corroborated: Corroborated,
 ) -> tuple[SearchResult, Doubt | None, Stand]:
     """The result without findings that do not stand up to the questions, what was given up, and how the
     rest stands.
 
     ``percent``: simulated fits of a model on the validation recordings: of all signals, and of velocities,
-    because the position of an axis that nothing holds drifts with every model.
+    because the position of an axis that nothing holds drifts with every model; ``corroborated``: whether
+    anything but likelihoods speaks for an effect of a fit, beside the fit without it.
     """
     there = held_out_fit(result.baseline, validation, [result.baseline.noise, result.final.noise])
     before = colour(result.baseline, estimation), colour(there, validation)
@@ -113,7 +116,15 @@ def doubted(
         if kept and kept[-1].chosen is not asked:
             so_far = kept[-2].chosen.fit if len(kept) > 1 else result.baseline
             why = momentary(kept[-1], so_far, estimation, validation) or _objection(
-                kept[-1], so_far, result.baseline, there, before, estimation, validation, percent
+                kept[-1],
+                so_far,
+                result.baseline,
+                there,
+                before,
+                estimation,
+                validation,
+                percent,
+                corroborated,
             )
             if why is not None:
                 given_up(kept[-1], *why)
@@ -238,6 +249,7 @@ def _objection(
     estimation: Sequence[Record],
     validation: Sequence[Record],
     percent: Callable[[Model], Sequence[float]],
+    corroborated: Corroborated,
 ) -> tuple[str, str | None] | None:
     """What speaks against a finding, in words, and when it shows (see `Doubt`).
 
@@ -276,6 +288,12 @@ def _objection(
         )
         return why, what
     after = colour(fit, estimation), colour(there, validation)
+    if min(after) > WHITE and not corroborated(fit, so_far, effect):
+        why = (
+            f"only one-step predictions speak for {effect.effect}, and their errors stay correlated with it; "
+            "neither free-run simulations nor the torques bear it out"
+        )
+        return why, None
     error_before, error_after = (100.0 - np.array(percent(m)) for m in (baseline.model, fit.model))
     if np.any(error_after < (1.0 - CLEARLY_BETTER) * error_before):
         return None

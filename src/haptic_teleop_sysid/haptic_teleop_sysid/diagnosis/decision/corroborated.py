@@ -1,0 +1,66 @@
+"""What only likelihoods speak for, where the noise model behind them does not hold.
+
+Likelihoods of one-step predictions are right where the innovations are white. Where they stay coloured, an
+effect also gains by predicting what is missing: a time stamp that is a sample off, a ripple, an encoder that
+errs. Two other methods need no noise model: free runs, which nothing corrects, and the torques that the
+motion asks for. A finding that neither of them bears out is given up.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+
+from haptic_teleop_sim.model import Effect, Model
+from haptic_teleop_sysid.estimation.gauss_newton import Fit
+from haptic_teleop_sysid.estimation.likelihood import FAILURES
+
+from ..evidence.horizons import PERFECT
+from ..evidence.inverse_dynamics.terms import Hypothesis, follows_from_motion
+from ..evidence.second_opinion import Errors, Opinion
+from ..policy import ERRS_LESS, LEAST_GAIN
+
+
+@dataclass(frozen=True)
+class Corroboration:
+    """Asks free runs and torques of findings. ``errors``: of free runs (see `Errors`); ``opinion``: of the
+    inverse dynamics, None where their arithmetic failed."""
+
+    errors: Errors
+    opinion: Opinion | None
+
+    def __call__(self, fit: Fit, so_far: Fit, effect: Effect) -> bool:
+        """Whether an effect of a fit is borne out, beside ``so_far``, the fit without it: free runs err
+        less by the factor ERRS_LESS (geometric mean of both kinds of recordings), or the torques gain
+        LEAST_GAIN on stretches that were not fitted, the other effects inside."""
+        ratios = [
+            max(own, PERFECT) / max(before, PERFECT)
+            for own, before in zip(self.errors(fit.model), self.errors(so_far.model), strict=True)
+        ]
+        return math.prod(ratios) < ERRS_LESS**2 or self._by_torques(fit.model, effect)
+
+    def _by_torques(self, model: Model, effect: Effect) -> bool:
+        if self.opinion is None or not _is_torque(effect):
+            return False
+        folds = self.opinion.witness.folds
+        known = {(e.effect, e.location) for e in (*folds.model.effects, effect)}
+        others = [e for e in model.effects if (e.effect, e.location) not in known and _is_torque(e)]
+        own, *rest = (Hypothesis.of(e, _place(model, e)) for e in (effect, *others))
+        try:
+            return folds.likelier((own, *rest)) - folds.likelier(tuple(rest)) > LEAST_GAIN
+        except FAILURES:
+            return False
+
+
+Corroborated = Callable[[Fit, Fit, Effect], bool]
+
+
+def _is_torque(effect: Effect) -> bool:
+    """Whether the effect adds to the torques, along the motion or between command and torque."""
+    return follows_from_motion(effect.entry) or effect.entry.kind == "input"
+
+
+def _place(model: Model, effect: Effect) -> str:
+    place = model.place(effect.location)
+    return "motor" if place == "actuator" else place
