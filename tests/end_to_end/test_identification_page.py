@@ -65,6 +65,6 @@ def test_the_fits_are_those_of_the_page(folder):
 
 def test_the_condition_is_that_of_the_page(folder):
     page = (DOCS / PAGE).read_text(encoding="utf-8")
-    stated = float(re.search(r"by a\s+quick\s+fit, is ([\d.e]+)", page)[1])
+    stated = float(re.search(r"by\s+a\s+quick\s+fit,\s+is ([\d.e]+)", page)[1])
     found = json.loads((folder / "look" / "dataset.json").read_text())["recordings"][0]
     assert found["condition"] == pytest.approx(stated, rel=0.03)

@@ -39,9 +39,12 @@ class Recorder:
             command, text=True, stdout=subprocess.PIPE, stderr=subprocess.PIPE, env=dict(os.environ)
         )
 
-    def stop(self, number: int = signal.SIGINT) -> tuple[int, str, str]:
-        """Exit status, standard output and standard error."""
+    def stop(self, number: int = signal.SIGINT, answers: Graph | None = None) -> tuple[int, str, str]:
+        """Exit status, standard output and standard error. ``answers``: whose nodes go on meanwhile, as those
+        of a robot do, and answer what the recorder asks at the end."""
         self.process.send_signal(number)
+        if answers is not None:
+            answers.until(lambda: self.process.poll() is not None, 20.0, "the recorder has ended")
         out, err = self.process.communicate(timeout=20)
         return self.process.returncode, out, err
 

@@ -22,7 +22,7 @@ def test_a_parameter_changed_while_recording_is_kept_beside_the_first(graph, sta
     finish(graph, source)
     graph.probe.set_parameters([type(graph.probe.get_parameter("gain"))("gain", value=4.0)])
     graph.listen(0.3)
-    recorder.stop()
+    recorder.stop(answers=graph)
     recording = read_recording(tmp_path / "a")
     assert recording.parameters["/probe"]["gain"] == 2.5
     assert recording.parameters_at_stop["/probe"]["gain"] == 4.0
@@ -36,7 +36,7 @@ def test_the_text_of_a_model_file_that_a_node_names_is_kept(graph, start_recorde
         graph.probe.declare_parameter(name, str(value))
     recorder = start_recorder(tmp_path / "a")
     finish(graph, Source(graph, 300))
-    recorder.stop()
+    recorder.stop(answers=graph)
     assert read_recording(tmp_path / "a").models == {str(model): model.read_text(encoding="utf-8")}
 
 
