@@ -1,6 +1,6 @@
 # `make` alone lists what there is to do. Every target that needs the environment makes it first.
 .DEFAULT_GOAL := help
-.PHONY: help setup demo discover test bench lint format types contracts docs check lock clean
+.PHONY: help setup demo discover test test-all bench lint format types contracts docs check lock clean
 
 BIN := .venv/bin
 UV ?= uv
@@ -19,13 +19,17 @@ demo: setup  ## scenario 1 in simulation as real ROS 2 nodes: recorded, verified
 discover: setup  ## a robot with concealed physics: record, diagnose, open the label, simulate again (SEED=n)
 	@$(BIN)/haptic-teleop discover --seed $(or $(SEED),1) $(ARGS)
 
-# All tests: on all cores, file by file, because a file's tests share what takes long to make, and in the order
+# Many tests: on all cores, file by file, because a file's tests share what takes long to make, and in the order
 # of tests/conftest.py. Some, named by ARGS: in one process, which begins sooner.
-ALL_TESTS := -n auto --maxprocesses 8 --dist loadfile --no-loadscope-reorder --durations 25
-
+MANY_TESTS := -n auto --maxprocesses 8 --dist loadfile --no-loadscope-reorder --durations 25
 # Hundreds of processes are started: what each of them would compile of Python is kept, whatever the shell says.
-test: setup  ## the whole test suite, or what ARGS name
-	@PYTHONDONTWRITEBYTECODE= $(BIN)/python -m pytest $(or $(ARGS),$(ALL_TESTS))
+PYTEST := PYTHONDONTWRITEBYTECODE= $(BIN)/python -m pytest
+
+test: setup  ## the tests but for the longest (ten minutes on two cores), or what ARGS name
+	@$(PYTEST) $(or $(ARGS),$(MANY_TESTS) -m 'not long')
+
+test-all: setup  ## every test, as .ci/run does
+	@$(PYTEST) $(MANY_TESTS) $(ARGS)
 
 bench: setup  ## measure what the project promises about speed
 	@$(BIN)/python tests/benchmarks/run.py $(ARGS)
@@ -45,7 +49,7 @@ contracts: setup  ## who may import whom (import-linter)
 docs: setup  ## the documentation site, into build/docs; a warning is an error
 	@$(BIN)/sphinx-build -W --keep-going --quiet -d build/doctrees docs build/docs && echo "docs: open build/docs/index.html"
 
-check: lint types contracts test docs  ## everything that must hold before a commit
+check: lint types contracts test-all docs  ## everything that must hold before a commit
 
 lock:  ## pin dependencies anew after a change in pyproject.toml (needs uv on the PATH)
 	@$(UV) pip compile --quiet --universal --python-version 3.11 --all-extras --generate-hashes \

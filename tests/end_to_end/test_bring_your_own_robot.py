@@ -18,7 +18,7 @@ from haptic_teleop_sim.model import load_model
 from haptic_teleop_sysid.recordings.dataset import load_dataset
 
 PAGE = (DOCS / "bring_your_own_robot.md").read_text(encoding="utf-8")
-pytestmark = pytest.mark.no_graph
+pytestmark = [pytest.mark.no_graph, pytest.mark.long]
 
 
 @pytest.fixture(scope="module")

@@ -60,6 +60,7 @@ def test_colcon_lists_five_ros_packages(checkout):
     ]
 
 
+@pytest.mark.long
 def test_every_executable_is_installed_where_ros2_run_looks_and_nowhere_on_the_path(workspace):
     for package, entries in front_door.registries().items():
         prefix = workspace / "install" / package

@@ -141,6 +141,7 @@ def content(output):
     return json.loads((Path(output) / "diagnosis.json").read_text())
 
 
+@pytest.mark.long
 @pytest.mark.timeout(600)
 def test_a_joint_as_the_structure_has_it_yields_no_mismatch(tmp_path, model_file, capsys):
     output = tmp_path / "out"
@@ -175,6 +176,7 @@ def test_a_joint_as_the_structure_has_it_yields_no_mismatch(tmp_path, model_file
         assert not (believed and one["material"] and one["significant"])
 
 
+@pytest.mark.long
 @pytest.mark.timeout(600)
 def test_friction_at_the_motor_is_named_measured_and_handed_on(tmp_path, model_file, rubbing):
     output = tmp_path / "out"
@@ -395,6 +397,7 @@ def test_a_missing_recording_is_refused(tmp_path, model_file, rubbing, capsys):
     assert "nowhere" in error
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(
     ("case", "effect", "location"),
     [("case07", "gravity", "stage1_arm"), ("case13", "input_delay", "stage2_actuator")],

@@ -13,6 +13,7 @@ from haptic_teleop_sim.model import load_model
 pytestmark = pytest.mark.no_graph
 
 
+@pytest.mark.long
 @pytest.mark.timeout(400)  # a cold cache compiles in three processes
 def test_a_concealed_spring_is_named_and_the_plant_simulates_scenario_1_better_with_it(tmp_path):
     output = tmp_path / "found"

@@ -53,9 +53,9 @@ def shortened(name, folder, *changes):
     [
         ("scenario1_sim.yaml", ()),  # in processes: below, where they are stopped now and then
         ("scenario2_sim.yaml", ()),
-        ("scenario2_sim.yaml", ("--processes",)),
+        pytest.param("scenario2_sim.yaml", ("--processes",), marks=pytest.mark.long),
         ("scenario1_link_sim.yaml", ()),
-        ("scenario1_link_sim.yaml", ("--processes",)),
+        pytest.param("scenario1_link_sim.yaml", ("--processes",), marks=pytest.mark.long),
     ],
 )
 def test_stamps_and_values_of_the_graph_are_those_of_lockstep(tmp_path, name, options):
@@ -65,6 +65,7 @@ def test_stamps_and_values_of_the_graph_are_those_of_lockstep(tmp_path, name, op
     assert np.abs(expected[f"{slave}/joint_states"].position).max() > 0.1  # it is about a robot that moves
 
 
+@pytest.mark.long
 @MEANWHILE
 def test_rates_without_a_common_period_and_packets_repeated_and_overtaken_make_no_difference(tmp_path):
     file = shortened(
@@ -79,6 +80,7 @@ def test_rates_without_a_common_period_and_packets_repeated_and_overtaken_make_n
     assert differences(tmp_path / "bag", expected) == []
 
 
+@pytest.mark.long
 @MEANWHILE
 @pytest.mark.parametrize("seed", [1, 2])
 def test_a_process_that_is_stopped_for_up_to_1_5_s_now_and_then_makes_no_difference(tmp_path, seed):

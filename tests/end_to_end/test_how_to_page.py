@@ -74,6 +74,7 @@ def test_a_mistake_in_its_parameters_is_told_in_a_sentence(folder, command, line
     assert "wrong.yaml" in done.stderr and told in done.stderr
 
 
+@pytest.mark.long
 @pytest.mark.timeout(800)
 def test_the_graph_runs_the_law_and_verify_compares_all_three(folder):
     pytest.importorskip("rclpy", reason="needs ROS 2: `make setup`, or source an installation")

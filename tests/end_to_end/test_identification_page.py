@@ -15,7 +15,7 @@ from pages import DOCS, blocks
 
 from haptic_teleop_control.front_door import load
 
-pytestmark = pytest.mark.no_graph
+pytestmark = [pytest.mark.no_graph, pytest.mark.long]
 PAGE = "identification.md"
 
 

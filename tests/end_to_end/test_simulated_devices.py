@@ -48,6 +48,7 @@ def through_the_drivers(folder, capture):
     return file
 
 
+@pytest.mark.long
 def test_emulated_devices_give_the_same_in_one_process_and_in_many_and_replayed_once_more(tmp_path):
     file = through_the_drivers(tmp_path / "config", tmp_path / "sfj.raw")
     fast = ("--real-time-factor", "0", "--duration", "3")
@@ -69,7 +70,7 @@ def test_emulated_devices_give_the_same_in_one_process_and_in_many_and_replayed_
     assert differences(tmp_path / "processes", composed) == []
 
 
-@pytest.mark.parametrize("plant", ["sfj_sim", "mujoco_sim"])
+@pytest.mark.parametrize("plant", ["sfj_sim", pytest.param("mujoco_sim", marks=pytest.mark.long)])
 def test_an_identification_experiment_gives_the_same_in_the_graph_as_in_lockstep(tmp_path, plant):
     if plant == "mujoco_sim":
         pytest.importorskip("mujoco")

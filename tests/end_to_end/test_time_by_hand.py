@@ -43,6 +43,7 @@ def moment(said: str) -> float:
     return float(found)
 
 
+@pytest.mark.long
 def test_time_of_nodes_started_by_hand_is_awaited_paused_stepped_and_let_go_on(ros_isolation):
     coordinator = ("time_coordinator", "--ros-args", "-p", "participants:=[sfj_sim]")
     with shell(*coordinator) as waiting:

@@ -46,7 +46,7 @@ def until(condition, deadline=30.0):
         time.sleep(0.02)
 
 
-@pytest.mark.parametrize("mode", [[], ["--processes"]])
+@pytest.mark.parametrize("mode", [[], pytest.param(["--processes"], marks=pytest.mark.long)])
 def test_a_scenario_moves_the_plant_and_ends_by_itself_with_0(file, mode):
     process = start("scenario", str(file), *mode)
     _, errors = process.communicate(timeout=60)
@@ -196,7 +196,7 @@ def test_a_second_controller_in_the_same_domain_is_refused_before_anything_moves
     assert not (tmp_path / "bag").exists()
 
 
-@pytest.mark.parametrize("mode", [[], ["--processes"]])
+@pytest.mark.parametrize("mode", [[], pytest.param(["--processes"], marks=pytest.mark.long)])
 def test_a_second_run_in_the_same_domain_is_refused_and_does_not_disturb_the_first(file, tmp_path, mode):
     """The nodes of both have the same names; while the second waits for its start it may answer nobody."""
     bag = tmp_path / "bag"

@@ -111,6 +111,7 @@ def test_a_real_time_factor_that_is_none_is_refused_on_the_command_line(file, ca
     assert "real_time_factor" in error and len(error.splitlines()) == 1
 
 
+@pytest.mark.long
 def test_a_controller_that_never_answers_ends_the_scenario_with_1_and_is_named(file):
     process = start(file, "--processes")
     _, errors = process.communicate(timeout=100)
@@ -154,7 +155,7 @@ def ends_first(processes: list[subprocess.Popen]) -> int:
     return watched.index(ended[0])
 
 
-@pytest.mark.parametrize("options", [(), ("--processes",)])
+@pytest.mark.parametrize("options", [(), pytest.param(("--processes",), marks=pytest.mark.long)])
 def test_a_second_run_and_a_stray_node_are_refused_and_the_first_run_goes_on(file, options):
     usual(file)
     # Slowly: it takes processor time as long as the others are refused.
@@ -216,6 +217,7 @@ def test_of_two_scenarios_started_together_one_goes_on(file):
     assert "of a run begun before: stop that, or choose another ROS_DOMAIN_ID" in told
 
 
+@pytest.mark.long
 def test_a_coordinator_that_is_killed_ends_the_scenario_with_1_and_is_named(file):
     process = start(usual(file), "--processes", "--record", "bag")
     try:

@@ -40,6 +40,7 @@ def dragged(seed):
     return record(torque, found.y[:1].T, 1e-5)
 
 
+@pytest.mark.long
 def test_the_entry_is_found_by_the_inverse_dynamics_without_a_word_about_it_anywhere_else(added):
     assert locations(added.name, "rigid_body") == ("motor",)
     recordings = [dragged(seed) for seed in (0, 1)]

@@ -424,6 +424,7 @@ def test_noise_has_the_level_and_the_memory_that_were_drawn() -> None:
     assert memory == pytest.approx(math.exp(-1.0), abs=0.03)  # one correlation time later
 
 
+@pytest.mark.long
 def test_what_two_effects_add_on_their_way_together_is_what_both_add() -> None:
     """Forces apart along one path: exact but for rounding where one does not act through the other."""
     for index in range(3):

@@ -19,6 +19,7 @@ from haptic_teleop_sysid.blind.sealing import open_labels, seal
 from haptic_teleop_sysid.spread import spread
 
 
+@pytest.mark.long
 def test_a_run_goes_on_elsewhere_from_its_archive_and_is_scored_there(tmp_path: Path) -> None:
     fake = tmp_path / "fake.py"
     fake.write_text(FAKE)

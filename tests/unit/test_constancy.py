@@ -23,6 +23,7 @@ def test_recordings_of_one_machine_agree_whatever_it_is(truth, disturbance):
     assert inconstant(fit_from_scratch(off(STAGE, 1), learn), judge) is None
 
 
+@pytest.mark.long
 def test_those_of_two_machines_are_unknown_and_the_parameter_is_named():
     _, verdict, _, content = diagnose(STAGE, [recorded(STAGE, 1)], [recorded(OTHER, 2)])
     assert verdict.kind == "unknown"

@@ -25,7 +25,7 @@ def asked():
     """How a pendulum with friction, whose free runs say nothing, answers for an effect beside gravity."""
     here, there = (pendulum(s, coulomb=0.3, weight=2.0) for s in (0, 1))
     said = witness(RIGID, [here], [there], recording_scales(RIGID, [here]))
-    opinion = SimpleNamespace(witness=said)
+    opinion = SimpleNamespace(witness=said, chosen=None)
     like = fit_whole(RIGID, initial_noise(pack(RIGID), [here]), [here], iterations=1)
 
     def answer(effect, *beside, errors=lambda model: (0.5, 0.5), opinion=opinion):
@@ -48,6 +48,27 @@ def test_a_time_stamp_is_no_torque_and_free_runs_decide(asked):
     assert not asked(SKEW, errors=lambda model: (0.49, 0.48) if model.effects else (0.5, 0.5))
     better_here = lambda model: (0.3, 0.9) if model.effects else (0.5, 0.5)  # noqa: E731
     assert not asked(SKEW, errors=better_here), "where it was fitted only"
+
+
+def test_sizes_of_the_others_are_sought_anew_without_it(asked):
+    # Friction of another form makes up for what the finding lacks, and is not needed beside all of it.
+    small = replace(FRICTION, parameters={"torque": 0.1})
+    rest = Effect("asymmetric_friction", "j_motor", {"positive": 0.2, "negative": 0.2})
+    assert asked(rest, WEIGHT)
+    assert not asked(rest, WEIGHT, small)
+
+
+def test_free_runs_must_err_less_than_with_as_few_names_of_the_inverse_dynamics(asked):
+    def answer(*named, errs):
+        group = SimpleNamespace(model=RIGID.with_effects(*named), effects=named)
+        other = SimpleNamespace(chosen=SimpleNamespace(group=group, errors=(errs, errs)))
+        better = {0: 0.5, 1: 0.5, 2: 0.4}
+        return asked(SKEW, FRICTION, errors=lambda m: (better[len(m.effects)],) * 2, opinion=other)
+
+    assert answer(WEIGHT, errs=0.5)
+    assert not answer(WEIGHT, errs=0.42), "what errs as little does without it"
+    assert answer(WEIGHT, FRICTION, RIPPLE, errs=0.1), "more names explain more"
+    assert answer(SKEW, errs=0.1), "the same name"
 
 
 def test_without_equations_of_motion_free_runs_decide_alone(asked):

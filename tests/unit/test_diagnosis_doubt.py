@@ -289,6 +289,7 @@ def test_recordings_that_hardly_determine_a_size_do_not_spread_it(records):
     assert stands_out(result.choices[0], result.final, stand, faint)
 
 
+@pytest.mark.long
 def test_a_finding_that_spoils_the_simulation_leaves_something_unknown(monkeypatch):
     truth = STAGE.with_effects(DRAG)
     data = [

@@ -148,6 +148,7 @@ def test_what_is_gained_at_one_moment_is_told_from_what_is_gained_always():
     assert momentary(Choice(replace(named, beside=stop), 1.0), before, slid, slid) is None
 
 
+@pytest.mark.long
 def test_a_slip_that_was_put_back_is_unknown_and_not_another_machine():
     sets = [dataset(1, slip=7.0), dataset(2)]
     _, verdict, _, content = diagnose(STAGE, sets[:1], sets[1:])

@@ -107,6 +107,7 @@ def test_the_nuisance_of_the_first_falls_with_it():
     assert [e.effect for e in found.fit.model.effects] == ["coulomb_friction"]
 
 
+@pytest.mark.long
 def test_a_delay_of_many_samples_is_found():
     late = Effect("input_delay", "stage1_actuator", {"delay": 0.055})
     sets = [

@@ -104,6 +104,7 @@ def test_a_model_that_runs_away_has_no_nulls(stage):
         null_dataset(fit, pushed, [fit.noise], np.random.default_rng(1))
 
 
+@pytest.mark.long
 def test_nulls_go_through_the_diagnosis_itself(stage, monkeypatch):
     """Through the same functions, with data sets in place of the recordings."""
     (data, other), fit = stage

@@ -57,6 +57,7 @@ def test_the_orders_of_a_long_recording_are_found_on_fewer_samples(order, monkey
     assert thinned > 100 and whole > 100
 
 
+@pytest.mark.long
 def test_a_long_recording_is_searched_on_fewer_samples_and_judged_on_all(monkeypatch):
     records = [
         joint_record(seed, seconds=10.0, rms=rms, motor_torque=_wavy) for seed, rms in ((3, 0.25), (4, 0.35))

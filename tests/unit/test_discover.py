@@ -299,6 +299,7 @@ def test_a_wrong_name_is_told_as_wrong_and_the_chain_ends_with_0(tmp_path, monke
     assert any("without the wall" in note for note in content["notes"])
 
 
+@pytest.mark.long
 @pytest.mark.usefixtures("unillustrated")
 def test_mujoco_is_the_robot_where_it_can_express_what_is_hidden(tmp_path, monkeypatch, experiment):
     pytest.importorskip("mujoco", reason="MuJoCo is not installed: pip install mujoco")

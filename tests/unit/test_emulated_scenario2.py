@@ -146,6 +146,7 @@ def emulated() -> dict:
     return as_in_simulation(SIM, DURATION)
 
 
+@pytest.mark.long
 def test_over_a_board_server_not_one_sample_is_another(emulated):
     run = as_in_simulation(SIM, 8.0, remote=True)
     for name, values in run.items():

@@ -73,6 +73,7 @@ def test_what_ended_is_kept_and_what_made_the_program_fail_is_tried_again(tmp_pa
     assert os.environ.get("HAPTIC_TELEOP_THREADS") == before, "what holds for the work is put back"
 
 
+@pytest.mark.long
 def test_a_run_on_two_workers_of_dask_that_was_killed_goes_on(tmp_path, capsys):
     distributed = pytest.importorskip("distributed")
     bags, out, model = tmp_path / "bags", tmp_path / "out", tmp_path / "new.yaml"

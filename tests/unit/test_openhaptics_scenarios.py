@@ -171,6 +171,7 @@ def moves_freely_presses_and_lets_go(
     assert np.ptp(rest) < 2e-3, "and rests"
 
 
+@pytest.mark.long
 def test_scenario_1_from_the_inkwell_to_the_end_of_the_drivers(whole):
     run = whole(1)
     without_a_fault(run)

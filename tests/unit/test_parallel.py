@@ -98,6 +98,7 @@ def test_fits_and_screening_do_not_depend_on_the_number_of_threads(records, monk
     assert len(found[0][3]) > 10
 
 
+@pytest.mark.long
 def test_a_round_of_the_search_does_not_depend_on_the_number_of_threads(records, monkeypatch):
     start = initial_noise(pack(STAGE), records[:1])
     fit = fit_whole(STAGE, start, records[:1], iterations=20)

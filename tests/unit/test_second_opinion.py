@@ -196,7 +196,9 @@ def test_a_name_that_needs_another_machine_is_given_up(rubbing):
 @pytest.mark.parametrize(
     ("machine", "named", "inertia"),
     [
-        ("kr300", {"coulomb_friction": (250.0, 500.0)}, (1300.0, 2600.0)),
+        pytest.param(
+            "kr300", {"coulomb_friction": (250.0, 500.0)}, (1300.0, 2600.0), marks=pytest.mark.long
+        ),
         ("dfki", {"gravity": (2.9, 3.6), "coulomb_friction": (0.15, 0.3)}, (0.12, 0.22)),
     ],
 )

@@ -16,9 +16,12 @@ playwright = pytest.importorskip("playwright.sync_api", reason="playwright is no
 pytest.importorskip("sphinx", reason="sphinx is not installed")
 pytest.importorskip("rclpy", reason="needs ROS 2: `make setup`, or source an installation")
 CHROMIUM = shutil.which("chromium") or shutil.which("chromium-browser") or shutil.which("google-chrome")
-pytestmark = pytest.mark.skipif(
-    CHROMIUM is None, reason="no chromium: apt-get install chromium, then these tests run"
-)
+pytestmark = [
+    pytest.mark.long,  # the whole site is built
+    pytest.mark.skipif(
+        CHROMIUM is None, reason="no chromium: apt-get install chromium, then these tests run"
+    ),
+]
 #: Width of the text on A4 with the margins of the site's style sheet, CSS pixels.
 A4 = round((210 - 30) / 25.4 * 96)
 SETTINGS = """

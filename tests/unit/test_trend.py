@@ -126,6 +126,7 @@ def test_recordings_are_ordered_by_their_stamps_and_what_has_no_date_is_listed()
         trend_of(NEW, dateless, {name: Path(name) for name in dateless}, 22, 0.05)
 
 
+@pytest.mark.long
 def test_the_command_names_the_first_that_leaves_and_goes_on_where_it_was(tmp_path, capsys):
     ageing = Ageing(friction=(8, 0.5), slip=7)
     bags, out, model = tmp_path / "bags", tmp_path / "out", tmp_path / "new.yaml"

@@ -46,8 +46,8 @@ def baseline(learn):
 @pytest.mark.parametrize(
     ("law", "numbers", "effect", "place", "true"),
     [
-        (1, (0.3, 2.0, 0.6), "angle_dependent_inertia", "arm",
-         {"amplitude": 0.3, "order": 2.0, "phase": 0.6}),
+        pytest.param(1, (0.3, 2.0, 0.6), "angle_dependent_inertia", "arm",
+         {"amplitude": 0.3, "order": 2.0, "phase": 0.6}, marks=pytest.mark.long),
         (2, (4.0, 0.8), "torque_speed_limit", "actuator", {"limit": 4.0, "slope": 0.8}),
     ],
 )  # fmt: skip

@@ -189,6 +189,7 @@ def test_without_a_simulation_the_run_is_no_more_than_a_note_and_why_is_said_onc
         assert told.count("cannot be simulated") == 1 and told.count("not/here.yaml") <= 2
 
 
+@pytest.mark.long
 def test_the_second_scenario_is_laid_over_its_simulation_too(tmp_path, capsys):
     scenario = load_scenario(CONFIG / "scenario2_sim.yaml")
     topics = run_scenario(scenario, 7.0)
@@ -237,6 +238,7 @@ def test_of_two_recordings_of_the_second_scenario_the_agreement_is_told(tmp_path
     assert not json.loads((tmp_path / "without" / "verify.json").read_text())["runs"][bags[1]]["stages"]
 
 
+@pytest.mark.long
 def test_the_report_shows_the_recording_over_its_simulation_unless_told_not_to(tmp_path):
     one = recorded()
     bag = str(write_recording(tmp_path / "bag", one.topics, one.parameters, {}))

@@ -32,13 +32,21 @@ class Corroboration:
 
     def __call__(self, fit: Fit, so_far: Fit, effect: Effect) -> bool:
         """Whether an effect of a fit is borne out, beside ``so_far``, the fit without it: free runs err
-        less by the factor ERRS_LESS (geometric mean of both kinds of recordings), or the torques gain
-        LEAST_GAIN on stretches that were not fitted, the other effects inside."""
-        ratios = [
-            max(own, PERFECT) / max(before, PERFECT)
-            for own, before in zip(self.errors(fit.model), self.errors(so_far.model), strict=True)
-        ]
-        return math.prod(ratios) < ERRS_LESS**2 or self._by_torques(fit.model, effect)
+        less by the factor ERRS_LESS (geometric mean of both kinds of recordings) than without it, or than
+        with as few names of the inverse dynamics; or the torques gain LEAST_GAIN on stretches that were not
+        fitted, beside the other effects with sizes of their own."""
+        without = [_error(self.errors(so_far.model)), *self._instead(fit.model, effect)]
+        freely = _error(self.errors(fit.model)) < ERRS_LESS * min(without)
+        return freely or self._by_torques(fit.model, effect)
+
+    def _instead(self, model: Model, effect: Effect) -> list[float]:
+        """Error of the free runs with what the inverse dynamics name, where the effect is not among them, and
+        no more effects than the model has."""
+        chosen = None if self.opinion is None else self.opinion.chosen
+        if chosen is None or len(chosen.group.model.effects) > len(model.effects):
+            return []
+        names = [(e.effect, e.location) for e in chosen.group.effects]
+        return [] if (effect.effect, effect.location) in names else [_error(chosen.errors)]
 
     def _by_torques(self, model: Model, effect: Effect) -> bool:
         if self.opinion is None or not _is_torque(effect):
@@ -46,14 +54,20 @@ class Corroboration:
         folds = self.opinion.witness.folds
         known = {(e.effect, e.location) for e in (*folds.model.effects, effect)}
         others = [e for e in model.effects if (e.effect, e.location) not in known and _is_torque(e)]
-        own, *rest = (Hypothesis.of(e, _place(model, e)) for e in (effect, *others))
+        own = Hypothesis.of(effect, _place(model, effect))
+        rest = tuple(Hypothesis.resized(e, _place(model, e)) for e in others)
         try:
-            return folds.likelier((own, *rest)) - folds.likelier(tuple(rest)) > LEAST_GAIN
+            return folds.likelier((*rest, own)) - folds.likelier(rest) > LEAST_GAIN
         except FAILURES:
             return False
 
 
 Corroborated = Callable[[Fit, Fit, Effect], bool]
+
+
+def _error(errors: tuple[float, float]) -> float:
+    """Geometric mean of the errors of both kinds of recordings."""
+    return math.sqrt(math.prod(max(e, PERFECT) for e in errors))
 
 
 def _is_torque(effect: Effect) -> bool:

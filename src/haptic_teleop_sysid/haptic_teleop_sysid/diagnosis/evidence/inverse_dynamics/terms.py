@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import itertools
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from copy import copy
 from dataclasses import dataclass, replace
 from functools import cached_property
@@ -172,6 +172,18 @@ class Hypothesis:
         size = entry.parameters[0].name
         return cls(entry, effect.location, place, tuple(values.items()), (size,), None, gives, held=True)
 
+    @classmethod
+    def resized(cls, effect: Effect, place: str) -> Hypothesis:
+        """A known effect whose sizes are sought anew, with its shape as it is; as in `of` where its equation
+        is not linear in its size."""
+        held, entry = cls.of(effect, place), effect.entry
+        sizes, _, angle = _parts(entry)
+        if entry.kind == "input" or not sizes or _is_held(entry, sizes):
+            return held
+        apart = {*sizes, angle, entry.parameters[1].name if entry.memory == "ratio" else None}
+        shape = tuple((n, v) for n, v in effect.values.items() if n not in apart)
+        return cls(entry, effect.location, place, shape, sizes, angle, held.gives)
+
     @property
     def _turns(self) -> bool:
         """Whether its angle turns sine into cosine; else it shifts."""
@@ -242,11 +254,8 @@ def _of_actuator(entry: EffectEntry, location: str, scales: Scales) -> Iterator[
 
 
 def _shapes(entry: EffectEntry, location: str, place: str, scales: Scales) -> Iterator[Hypothesis]:
-    sizes = tuple(p.name for p in entry.parameters if p.default is None and p.neutral == 0.0)
-    shaped = [p for p in entry.parameters if p.default is None and p.neutral is None]
-    angle = next((p.name for p in entry.parameters if p.turns), None)
-    held = len(sizes) == 1 and not linear(entry, sizes[0])
-    if held:
+    sizes, shaped, angle = _parts(entry)
+    if _is_held(entry, sizes):
         size = entry.parameter(sizes[0])
         for value in size.grid:
             shape = ((size.name, value * scales.size[size.scale]),)
@@ -261,6 +270,18 @@ def _shapes(entry: EffectEntry, location: str, place: str, scales: Scales) -> It
                 gives = _SMALL * scales.size["torque"] / gives
                 shape = tuple((n, v) for n, v in shape if n != name)
         yield Hypothesis(entry, location, place, shape, sizes, angle, gives)
+
+
+def _parts(entry: EffectEntry) -> tuple[tuple[str, ...], list[EffectParameter], str | None]:
+    """An effect's sizes, the parameters of its shape, and the angle that turns or offsets it."""
+    sizes = tuple(p.name for p in entry.parameters if p.default is None and p.neutral == 0.0)
+    shaped = [p for p in entry.parameters if p.default is None and p.neutral is None]
+    return sizes, shaped, next((p.name for p in entry.parameters if p.turns), None)
+
+
+def _is_held(entry: EffectEntry, sizes: Sequence[str]) -> bool:
+    """Whether the equation is not linear in the effect's one size."""
+    return len(sizes) == 1 and not linear(entry, sizes[0])
 
 
 def _grid(parameter: EffectParameter, scales: Scales, place: str) -> list[float]:
