@@ -11,7 +11,7 @@ import pytest
 from haptic_teleop_control import front_door
 
 BIN = Path(sys.executable).parent
-pytestmark = pytest.mark.no_graph
+pytestmark = [pytest.mark.no_graph, pytest.mark.long]
 
 PACKAGES = sorted(front_door.PACKAGES)
 
@@ -60,7 +60,6 @@ def test_colcon_lists_five_ros_packages(checkout):
     ]
 
 
-@pytest.mark.long
 def test_every_executable_is_installed_where_ros2_run_looks_and_nowhere_on_the_path(workspace):
     for package, entries in front_door.registries().items():
         prefix = workspace / "install" / package

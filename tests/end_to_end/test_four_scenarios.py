@@ -66,7 +66,8 @@ def operate(act: str) -> None:
 
 
 @pytest.mark.timeout(300)
-@pytest.mark.parametrize("number", [1, pytest.param(2, marks=pytest.mark.long)])
+@pytest.mark.long
+@pytest.mark.parametrize("number", [1, 2])
 def test_through_the_drivers_it_waits_for_the_operator_then_moves_and_presses(tmp_path, repository, number):
     """On emulated devices in simulated time, which the operator pauses to act: it moves by what was told and
     not by how fast this machine is."""

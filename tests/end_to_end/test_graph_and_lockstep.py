@@ -54,7 +54,7 @@ def shortened(name, folder, *changes):
         ("scenario1_sim.yaml", ()),  # in processes: below, where they are stopped now and then
         ("scenario2_sim.yaml", ()),
         pytest.param("scenario2_sim.yaml", ("--processes",), marks=pytest.mark.long),
-        ("scenario1_link_sim.yaml", ()),
+        pytest.param("scenario1_link_sim.yaml", (), marks=pytest.mark.long),
         pytest.param("scenario1_link_sim.yaml", ("--processes",), marks=pytest.mark.long),
     ],
 )
@@ -92,6 +92,7 @@ def test_a_process_that_is_stopped_for_up_to_1_5_s_now_and_then_makes_no_differe
     assert differences(tmp_path / "bag", expected) == []
 
 
+@pytest.mark.long
 @MEANWHILE
 def test_a_machine_that_freezes_as_a_whole_makes_no_difference(tmp_path):
     luck = random.Random(3)

@@ -70,7 +70,8 @@ def test_emulated_devices_give_the_same_in_one_process_and_in_many_and_replayed_
     assert differences(tmp_path / "processes", composed) == []
 
 
-@pytest.mark.parametrize("plant", ["sfj_sim", pytest.param("mujoco_sim", marks=pytest.mark.long)])
+@pytest.mark.long
+@pytest.mark.parametrize("plant", ["sfj_sim", "mujoco_sim"])
 def test_an_identification_experiment_gives_the_same_in_the_graph_as_in_lockstep(tmp_path, plant):
     if plant == "mujoco_sim":
         pytest.importorskip("mujoco")

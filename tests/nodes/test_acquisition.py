@@ -38,6 +38,7 @@ def test_an_experiment_in_the_graph_moves_one_stage_and_ends_in_a_bag(tmp_path, 
     assert any(name.endswith("acquisition") for name in recording.parameters)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("options", [[], ["--lockstep"]], ids=["graph", "lockstep"])
 def test_an_experiment_that_is_aborted_ends_soon_after_and_says_so(tmp_path, repository, options):
     content = yaml.safe_load((repository / "config" / "acquire_sfj_stage2.yaml").read_text())
@@ -173,6 +174,7 @@ def test_a_fault_of_a_node_is_told_at_once_and_not_at_the_next_second(graph):
     assert own[0].level == DiagnosticStatus.ERROR and "robot_fault" in own[0].message
 
 
+@pytest.mark.long
 def test_acquire_ends_with_1_names_the_robot_s_fault_and_keeps_what_was_recorded(tmp_path, repository):
     content = yaml.safe_load((repository / "config" / "acquire_sfj_stage1.yaml").read_text())
     content["scenario"]["ros__parameters"]["nodes"] = ["sfj_driver", "acquisition"]

@@ -39,6 +39,7 @@ class Server:
         self.port = int(found[1])
 
 
+@pytest.mark.long
 @pytest.mark.wall_time
 def test_a_driver_moves_a_robot_behind_a_board_server_loses_it_and_finds_it_again(
     graph: Graph, tmp_path: Path, stalls: Stalls

@@ -196,7 +196,8 @@ def test_a_second_controller_in_the_same_domain_is_refused_before_anything_moves
     assert not (tmp_path / "bag").exists()
 
 
-@pytest.mark.parametrize("mode", [[], pytest.param(["--processes"], marks=pytest.mark.long)])
+@pytest.mark.long
+@pytest.mark.parametrize("mode", [[], ["--processes"]])
 def test_a_second_run_in_the_same_domain_is_refused_and_does_not_disturb_the_first(file, tmp_path, mode):
     """The nodes of both have the same names; while the second waits for its start it may answer nobody."""
     bag = tmp_path / "bag"

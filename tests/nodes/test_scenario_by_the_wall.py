@@ -7,6 +7,7 @@ from small_scenario import FILE, start
 from haptic_teleop_control.recording import read_recording
 
 
+@pytest.mark.long
 @pytest.mark.wall_time
 @pytest.mark.parametrize("mode", [[], ["--processes"]])
 def test_by_the_wall_it_begins_together_moves_and_ends_with_zero(tmp_path, mode, stalls):

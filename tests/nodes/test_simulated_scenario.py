@@ -155,7 +155,8 @@ def ends_first(processes: list[subprocess.Popen]) -> int:
     return watched.index(ended[0])
 
 
-@pytest.mark.parametrize("options", [(), pytest.param(("--processes",), marks=pytest.mark.long)])
+@pytest.mark.long
+@pytest.mark.parametrize("options", [(), ("--processes",)])
 def test_a_second_run_and_a_stray_node_are_refused_and_the_first_run_goes_on(file, options):
     usual(file)
     # Slowly: it takes processor time as long as the others are refused.

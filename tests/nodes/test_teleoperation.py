@@ -290,6 +290,7 @@ def test_a_link_that_goes_dead_is_a_fault(graph):
     assert setting.controller.faults.latched == "stale_link"
 
 
+@pytest.mark.long
 def test_the_command_operate_calls_the_services_and_prints_the_state(graph):
     setting = Setting(graph)
     setting.sample()

@@ -71,6 +71,7 @@ sys.exit(main(sys.argv[1:]))
 """
 
 
+@pytest.mark.long
 def test_no_module_of_the_server_asks_for_what_windows_lacks():
     """By the standard library's stubs, which say what is where."""
     listed = (

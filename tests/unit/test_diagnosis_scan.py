@@ -250,7 +250,9 @@ def test_the_verdict_is_unknown_and_says_what_it_looks_like():
     found = explanation("steep_drag", 300.0, 300.0, place="arm", coefficient=0.1)
     choice = choose([found], 0.0, False)
     result = SearchResult(fit, fit, (), (found,), recording_scales(MODEL, records[:1]), choice)
-    result, doubt, stand = doubted(result, records[:1], records[1:], lambda model: (90.0,))
+    result, doubt, stand = doubted(
+        result, records[:1], records[1:], lambda model: (90.0,), lambda *_: True
+    )
     verdict = decide_verdict(result, records[:1], records[1:], doubt, stand.spread)
     assert verdict.kind == "unknown"
     assert verdict.findings == []

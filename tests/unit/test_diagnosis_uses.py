@@ -151,6 +151,7 @@ def stage_data(seed, name, disturbance=0.01):
     )
 
 
+@pytest.mark.long
 def test_test_recordings_change_nothing_but_what_is_shown(asked):
     estimation, validation = [stage_data(1, "e")], [stage_data(2, "v")]
     results = [

@@ -168,6 +168,7 @@ def start(tmp_path, seed, *options):
     return discover.main([*arguments, *options]), output
 
 
+@pytest.mark.long
 def test_the_true_model_as_an_answer_is_right_and_simulates_what_was_recorded(
     tmp_path, monkeypatch, experiment, capsys
 ):

@@ -154,6 +154,7 @@ def test_over_a_board_server_not_one_sample_is_another(emulated):
     assert run["omni angle"][-1, 1:] == pytest.approx(SURFACE, abs=2e-3), "it touches"
 
 
+@pytest.mark.long
 def test_no_angle_of_the_omni_is_ever_more_than_one_count_apart(simulated, emulated):
     apart = np.abs(emulated["omni angle"] - simulated["omni angle"]) / COUNT
     assert apart.max() < 1.001

@@ -14,6 +14,7 @@ from haptic_teleop_sysid.estimation.strategies import estimate
 from haptic_teleop_sysid.recordings.dataset import load_dataset
 
 
+@pytest.mark.long
 def test_a_linear_omni_model_verifies_worse_than_the_nonlinear_one_and_worst_when_slow():
     found = story.omni(seconds=12.0)
     signal = "omni_y_motor.position"

@@ -189,6 +189,7 @@ def test_scenario_1_from_the_inkwell_to_the_end_of_the_drivers(whole):
     assert not logs["sfj asked"][-1].any(), "uncoupled"
 
 
+@pytest.mark.long
 def test_scenario_2_from_the_inkwell_to_the_end_of_the_drivers(whole):
     run = whole(2)
     without_a_fault(run)

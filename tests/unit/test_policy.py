@@ -218,7 +218,9 @@ def test_what_is_left_of_a_structure_is_doubted(monkeypatch, colour, unsteady, g
         monkeypatch.setattr(doubt_module, name, lambda *_, answer=answer: answer)
     monkeypatch.setattr(doubt_module, "rather_event", lambda doubt, both: doubt)
     tried = explanation("coulomb_friction", gain, -50.0)
-    _, doubt, _ = doubt_module.doubted(result_of(last_round=(tried,)), [], [], lambda model: (50.0,))
+    _, doubt, _ = doubt_module.doubted(
+        result_of(last_round=(tried,)), [], [], lambda model: (50.0,), lambda *_: True
+    )
     assert (doubt.why if doubt else "") == "" if not said else said in doubt.why
 
 

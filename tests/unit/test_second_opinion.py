@@ -193,12 +193,11 @@ def test_a_name_that_needs_another_machine_is_given_up(rubbing):
     assert beyond_reach(replace(result, final=replace(named, at_bound=("motor_damping",))), far) is None
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(
     ("machine", "named", "inertia"),
     [
-        pytest.param(
-            "kr300", {"coulomb_friction": (250.0, 500.0)}, (1300.0, 2600.0), marks=pytest.mark.long
-        ),
+        ("kr300", {"coulomb_friction": (250.0, 500.0)}, (1300.0, 2600.0)),
         ("dfki", {"gravity": (2.9, 3.6), "coulomb_friction": (0.15, 0.3)}, (0.12, 0.22)),
     ],
 )

@@ -43,11 +43,12 @@ def baseline(learn):
     return fit_from_scratch(LAB, learn, limits=within_reach(LAB, recording_scales(LAB, learn)))
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(
     ("law", "numbers", "effect", "place", "true"),
     [
-        pytest.param(1, (0.3, 2.0, 0.6), "angle_dependent_inertia", "arm",
-         {"amplitude": 0.3, "order": 2.0, "phase": 0.6}, marks=pytest.mark.long),
+        (1, (0.3, 2.0, 0.6), "angle_dependent_inertia", "arm",
+         {"amplitude": 0.3, "order": 2.0, "phase": 0.6}),
         (2, (4.0, 0.8), "torque_speed_limit", "actuator", {"limit": 4.0, "slope": 0.8}),
     ],
 )  # fmt: skip
