@@ -103,6 +103,7 @@ def test_a_machine_that_freezes_as_a_whole_makes_no_difference(tmp_path):
     assert differences(tmp_path / "bag", expected) == []
 
 
+@pytest.mark.long
 def test_the_recording_says_that_time_was_simulated_and_how_fast_it_ran(tmp_path):
     run(CONFIG / "scenario1_sim.yaml", tmp_path / "bag", 0.3)
     recording = read_recording(tmp_path / "bag")

@@ -84,7 +84,7 @@ def test_a_recorded_scenario_holds_every_sample_and_the_parameters(file, tmp_pat
     assert recording.parameters["/force_controller"]["timeout"] == 0.05
 
 
-@pytest.mark.parametrize("moment", [0.0, 0.5, 1.5, 6.0])
+@pytest.mark.parametrize("moment", [0.0, 0.5, 1.5, pytest.param(6.0, marks=pytest.mark.long)])
 def test_ctrl_c_ends_everything_with_0_at_any_moment(file, tmp_path, moment):
     bag = tmp_path / "bag"
     process = start("scenario", str(file), "--duration", "0", "--record", str(bag))

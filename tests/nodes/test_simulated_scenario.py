@@ -200,6 +200,7 @@ def test_a_second_run_and_a_stray_node_are_refused_and_the_first_run_goes_on(fil
         assert np.array_equal(states[: len(commands)], commands)
 
 
+@pytest.mark.long
 def test_of_two_scenarios_started_together_one_goes_on(file):
     usual(file)
     # Both would go on for longer than anybody waits: one that has ended by itself is no stranger any more.

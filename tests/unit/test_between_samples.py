@@ -58,6 +58,7 @@ def test_the_recordings_say_how_the_input_of_a_log_acts(held):
     assert predicted_better(RIGID, [log(1, held)]) is not held
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("held", [True, False])
 def test_the_diagnosis_names_nothing_where_nothing_is_hidden_and_says_how_it_read_the_input(held):
     _, _, _, content = diagnose(RIGID, [log(1, held)], [log(2, held)])

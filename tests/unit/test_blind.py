@@ -178,6 +178,7 @@ def test_the_generator_shares_no_code_with_what_it_examines() -> None:
                     assert name.startswith((*allowed, *writing, *running)), f"{path.name} imports {name}"
 
 
+@pytest.mark.long
 def test_the_same_seed_gives_the_same_case_and_another_seed_another() -> None:
     first, again, other = (draw_case(seed, "single", 4, "x") for seed in (5, 5, 6))
     assert first.label == again.label
@@ -391,6 +392,7 @@ assert all(kinds) and pathlib.Path(a.model).is_file()
 """
 
 
+@pytest.mark.long
 def test_from_seed_to_report_with_a_tool_that_sees_nothing(tmp_path: Path) -> None:
     fake = tmp_path / "fake.py"
     fake.write_text(FAKE)

@@ -6,6 +6,7 @@ import subprocess
 import sys
 from pathlib import Path
 
+import pytest
 from numba.core.caching import IndexDataCacheFile
 
 KEYS = 150
@@ -121,5 +122,6 @@ import coverage
 """
 
 
+@pytest.mark.long
 def test_linear_algebra_is_loaded_with_the_first_function_that_has_some():
     subprocess.run([sys.executable, "-c", PRODUCT], check=True)

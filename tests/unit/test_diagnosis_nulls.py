@@ -132,6 +132,7 @@ def test_nulls_go_through_the_diagnosis_itself(stage, monkeypatch):
         assert not np.array_equal(validation[0].motor_position, other.motor_position)
 
 
+@pytest.mark.long
 def test_nothing_hidden_raises_no_alarm(stage):
     (_, data), fit = stage
     other = load_dataset(stage_recording(seed=3, seconds=6.0), STAGE)

@@ -29,6 +29,7 @@ def pulled():
     return [joint_record(4, rms=0.05, motor_torque=lambda angle: -0.02)]
 
 
+@pytest.mark.long
 def test_a_constant_torque_is_fitted_from_nothing(pulled):
     scales, limits = recording_scales(MODEL, pulled), within_reach(MODEL)
     fits = plain(MODEL, pulled, scales, limits, nothing)

@@ -22,6 +22,8 @@ from haptic_teleop_sim.emulation import sfj_plant
 from haptic_teleop_sim.lockstep import run_scenario
 from haptic_teleop_sim.scenario_parameters import load_scenario
 
+pytestmark = pytest.mark.long  # whole scenarios, sample by sample
+
 FILE = Path(__file__).parents[2] / "config" / "scenario1_sim.yaml"
 DURATION = 18.0
 TABLE_DEFAULTS = SFJ_TABLE.defaults()
@@ -180,7 +182,6 @@ def test_the_omni_moves_as_the_simulated_one_does_within_its_torque_steps(simula
     assert np.abs(emulated["omni"] - states.position).max() < 5e-3
 
 
-@pytest.mark.long
 def test_over_a_board_server_not_one_sample_is_another(emulated):
     run = through_the_drivers(duration=12.4, remote=True)
     for name, values in run.items():
@@ -209,7 +210,6 @@ def test_the_file_for_the_robots_presses_as_it_asks_within_the_recommended_curre
     assert np.abs(run["flow"][contact]).max() < 0.3
 
 
-@pytest.mark.long
 def test_the_ramp_and_the_slew_limit_as_shipped_do_not_change_the_contact(emulated):
     shaped = {key: TABLE_DEFAULTS[key] for key in UNSHAPED if "limit" not in key}
     run = through_the_drivers(shaped, 14.0)

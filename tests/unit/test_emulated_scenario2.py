@@ -30,6 +30,8 @@ from haptic_teleop_sim.emulation import sfj_plant
 from haptic_teleop_sim.scenario_parameters import load_scenario
 from haptic_teleop_sim.scenario_run import simulate_scenario
 
+pytestmark = pytest.mark.long  # whole scenarios, sample by sample
+
 SIM = Path(__file__).parents[2] / "config" / "scenario2_sim.yaml"
 REAL = SIM.with_name("scenario2_real.yaml")
 DURATION = 16.0
@@ -146,7 +148,6 @@ def emulated() -> dict:
     return as_in_simulation(SIM, DURATION)
 
 
-@pytest.mark.long
 def test_over_a_board_server_not_one_sample_is_another(emulated):
     run = as_in_simulation(SIM, 8.0, remote=True)
     for name, values in run.items():
@@ -154,7 +155,6 @@ def test_over_a_board_server_not_one_sample_is_another(emulated):
     assert run["omni angle"][-1, 1:] == pytest.approx(SURFACE, abs=2e-3), "it touches"
 
 
-@pytest.mark.long
 def test_no_angle_of_the_omni_is_ever_more_than_one_count_apart(simulated, emulated):
     apart = np.abs(emulated["omni angle"] - simulated["omni angle"]) / COUNT
     assert apart.max() < 1.001

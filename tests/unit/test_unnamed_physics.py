@@ -62,6 +62,7 @@ def test_an_effect_is_found_by_name_with_its_sizes(law, numbers, effect, place, 
     assert structure == pytest.approx(TRUTH, rel=0.03)
 
 
+@pytest.mark.long
 def test_neither_is_found_where_nothing_is_hidden():
     learn, judge = records(0, seconds=7.0)
     assert search(LAB, baseline(learn), learn, judge).choices == ()
