@@ -19,7 +19,7 @@ from haptic_teleop_sysid.diagnosis.decision.doubt import _without_last, doubted
 from haptic_teleop_sysid.diagnosis.decision.reasons import Doubt, off_the_mark
 from haptic_teleop_sysid.diagnosis.decision.search import SearchResult
 from haptic_teleop_sysid.diagnosis.decision.stand import Stand, stand_of, stands_out
-from haptic_teleop_sysid.diagnosis.evidence.whiteness import LAGS, colour, unsteadiness
+from haptic_teleop_sysid.diagnosis.evidence.whiteness import LAGS, colour, in_steps, unsteadiness
 from haptic_teleop_sysid.diagnosis.hypotheses.explanation import Explanation
 from haptic_teleop_sysid.diagnosis.inputs.scales import recording_scales
 from haptic_teleop_sysid.diagnosis.usable import records_of
@@ -471,3 +471,16 @@ def test_what_merely_predicts_the_same_falls_with_the_name_it_was_behind(believi
     refuted.append(first)
     kept, doubt = ask(Choice(first, 0.65, ((rival, 0.35),), alike=0.35))
     assert kept == [] and doubt.choice.chosen is first
+
+
+def test_innovations_of_many_encoder_steps_are_not_coloured_by_rounding(monkeypatch, records):
+    result = found(DRAG, records[0])
+    both = [(result.baseline, records[0]), (result.baseline, records[1])]
+    here = in_steps(*both[0])
+    finer = [replace(r, resolution=tuple(0.1 * s for s in r.resolution)) for r in records[0]]
+    assert in_steps(result.baseline, finer) == pytest.approx(10.0 * here, rel=0.05)
+    # A bad model makes recordings with nothing hidden as coloured as the real ones.
+    monkeypatch.setattr(doubt_module, "expected_colour", lambda *_: 500.0)
+    for steps, by_steps in ((0.5, True), (5.0, False)):
+        monkeypatch.setattr(doubt_module, "in_steps", lambda *_, s=steps: s)
+        assert doubt_module._by_steps((600.0, 700.0), both) == by_steps

@@ -26,7 +26,7 @@ from ..evidence.held_out import held_out_fit
 from ..evidence.modulation import changes_with, modulations
 from ..evidence.null_records import expected_colour, null_records, rounding_shows
 from ..evidence.residual import Condition, conditions
-from ..evidence.whiteness import colour, unsteadiness
+from ..evidence.whiteness import colour, in_steps, unsteadiness
 from ..hypotheses.explanation import Explanation
 from ..policy import COLOURED, MOST_RANDOM, NOTICEABLE, ONLY_HERE, STILL_RANDOM, UNSTEADY, WHITE
 from .adequacy import left_size
@@ -40,6 +40,8 @@ from .stand import Stand, stand_of, stands_out
 UNCHANGED = 0.3
 #: Factor over the colour of simulated recordings of the same fit, beyond which it is not the encoders'.
 BY_ROUNDING = 2.0
+#: Innovations (rms) in steps of the encoder, above which rounding is less than a twelfth of their power.
+LARGER_THAN_STEPS = 1.0
 #: Share of the baseline's unsteadiness from which an effect has not explained that.
 AS_UNSTEADY = 0.7
 #: A size is another one on other recordings when it differs by this share and by this many standard errors.
@@ -106,7 +108,7 @@ def doubted(
             doubt = Doubt(last, why, condition)
 
     both = [(result.baseline, estimation), (there, validation)]
-    rounded = min(before) > COLOURED and not _more_coloured(before, both)
+    rounded = _by_steps(before, both)
     rounding = _Rounding(result.baseline, estimation)
     while True:
         while rounded and (steps := rounding.first(kept)) is not None:
@@ -150,6 +152,13 @@ def _more_coloured(found: tuple[float, float], fits: Sequence[tuple[Fit, Sequenc
     """Whether innovations are clearly more coloured on both kinds of recordings than coarse encoders make
     those of a true model."""
     return all(c > BY_ROUNDING * expected_colour(*one) for c, one in zip(found, fits, strict=True))
+
+
+def _by_steps(found: tuple[float, float], fits: Sequence[tuple[Fit, Sequence[Record]]]) -> bool:
+    """Whether innovations are as coloured as coarse encoders make those of a true model, and no larger than
+    these encoders' steps: larger ones have another cause."""
+    coarse = min(found) > COLOURED and all(in_steps(*one) < LARGER_THAN_STEPS for one in fits)
+    return coarse and not _more_coloured(found, fits)
 
 
 def coloured(fit: Fit, estimation: Sequence[Record], validation: Sequence[Record]) -> bool:

@@ -32,6 +32,18 @@ def colour(fit: Fit, records: Sequence[Record]) -> float:
     return max(found, default=0.0)
 
 
+def in_steps(fit: Fit, records: Sequence[Record]) -> float:
+    """Largest rms of the motor's innovations over the recordings, in steps of its encoder."""
+    found = []
+    for record in records:
+        packed = pack(fit.model)
+        e = settled(record, innovations(packed, fit.noise, record).innovation)[:, 0]
+        known = e[settled(record, seen(packed, record))[:, 0]]
+        rms = float(np.sqrt(np.mean(known**2))) if len(known) else 0.0
+        found.append(rms / max(float(record.resolution[0]), 1e-12))
+    return max(found, default=0.0)
+
+
 def ljung_box(e: NDArray[np.float64], read: NDArray[np.bool_], lags: int = LAGS) -> float:
     """Portmanteau statistic of innovations (n,) of which those of ``read`` (n,) count (Ljung and Box 1978):
 
