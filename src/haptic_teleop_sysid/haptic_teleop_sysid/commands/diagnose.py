@@ -91,7 +91,7 @@ def refuse_repeated(bags: list[str]) -> None:
     for bag, place in zip(bags, places, strict=True):
         if places.count(place) > 1:
             raise ConfigurationError(
-                f"{bag} is given twice: learn from, judge by and show with different recordings."
+                f"{bag} is given twice: estimation, validation and test need different recordings."
             )
 
 
@@ -118,16 +118,16 @@ def _parser() -> argparse.ArgumentParser:
         nargs="+",
         required=True,
         metavar="MODEL.yaml",
-        help="what the lab believes; several, one a joint, are diagnosed side by side, into DIR/JOINT, with "
-        "one page that ranks them",
+        help="your model; several, one for each joint, are diagnosed side by side, into DIR/JOINT, with one page "
+        "that ranks them",
     )
-    parser.add_argument("--estimation", nargs="+", metavar="BAG", help="recordings to learn from")
+    parser.add_argument("--estimation", nargs="+", metavar="BAG", help="recordings to fit the models to")
     parser.add_argument(
         "--bags",
         nargs="+",
         metavar="DIR",
         help="instead: each recording of a folder for itself, into DIR/RECORDING; without --validation its "
-        "last third judges",
+        "last third is the validation recording",
     )
     parser.add_argument(
         "--validation",

@@ -154,8 +154,9 @@ def acquire_file(model: Model, experiment: Mapping[str, Any]) -> str | None:
         "acquisition": {"ros__parameters": nested},
     }
     return (
-        "# What diagnose suggests to record next; --lockstep simulates it first.\n"
-        f"#   haptic-teleop acquire --config {FILE} --output RECORDING\n" + dump_yaml(content)
+        "# What diagnose suggests to record next. Simulated:\n"
+        f"#   haptic-teleop acquire --config {FILE} --output RECORDING --lockstep\n"
+        "# Without --lockstep it MOVES THE ROBOT.\n" + dump_yaml(content)
     )
 
 
