@@ -118,8 +118,8 @@ def _parser() -> argparse.ArgumentParser:
         nargs="+",
         required=True,
         metavar="MODEL.yaml",
-        help="your model; several, one for each joint, are diagnosed side by side, into DIR/JOINT, with one page "
-        "that ranks them",
+        help="your model; several, one for each joint, are diagnosed side by side, into DIR/JOINT, with one "
+        "page that ranks them",
     )
     parser.add_argument("--estimation", nargs="+", metavar="BAG", help="recordings to fit the models to")
     parser.add_argument(
