@@ -96,6 +96,16 @@ def test_what_only_one_step_predictions_speak_for_stands_only_while_those_are_wh
     assert [e.effect for e in asked] == ["spring_to_ground"]
 
 
+def test_what_coarse_encoders_colour_is_not_held_against_a_name(monkeypatch, records):
+    monkeypatch.setattr(doubt_module, "colour", lambda *_: 600.0)
+    monkeypatch.setattr(doubt_module, "expected_colour", lambda *_: 400.0)
+    for steps, stands in ((0.35, True), (2.0, False)):
+        monkeypatch.setattr(doubt_module, "in_steps", lambda *_, s=steps: s)
+        monkeypatch.setattr(doubt_module, "rounding_shows", lambda *_: False)
+        kept = doubted(found(DRAG, records[0]), *records, unimpressed, lambda *_: False)[0]
+        assert bool(kept.choices) == stands
+
+
 def test_a_wrong_name_is_given_up(records):
     # What grows with the square of speed passes for dry friction, of a size that depends on the amplitude.
     wrong = Effect("coulomb_friction", "stage1_motor", {"torque": 0.1})

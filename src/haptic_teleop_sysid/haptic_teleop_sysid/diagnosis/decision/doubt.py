@@ -108,7 +108,7 @@ def doubted(
             doubt = Doubt(last, why, condition)
 
     both = [(result.baseline, estimation), (there, validation)]
-    rounded = _by_steps(before, both)
+    rounded = min(before) > COLOURED and _by_steps(before, both)
     rounding = _Rounding(result.baseline, estimation)
     while True:
         while rounded and (steps := rounding.first(kept)) is not None:
@@ -157,8 +157,7 @@ def _more_coloured(found: tuple[float, float], fits: Sequence[tuple[Fit, Sequenc
 def _by_steps(found: tuple[float, float], fits: Sequence[tuple[Fit, Sequence[Record]]]) -> bool:
     """Whether innovations are as coloured as coarse encoders make those of a true model, and no larger than
     these encoders' steps: larger ones have another cause."""
-    coarse = min(found) > COLOURED and all(in_steps(*one) < LARGER_THAN_STEPS for one in fits)
-    return coarse and not _more_coloured(found, fits)
+    return all(in_steps(*one) < LARGER_THAN_STEPS for one in fits) and not _more_coloured(found, fits)
 
 
 def coloured(fit: Fit, estimation: Sequence[Record], validation: Sequence[Record]) -> bool:
@@ -297,7 +296,9 @@ def _objection(
         )
         return why, what
     after = colour(fit, estimation), colour(there, validation)
-    if min(after) > WHITE and not corroborated(fit, so_far, effect):
+    with_it = [(fit, estimation), (there, validation)]
+    white = min(after) <= WHITE or _by_steps(after, with_it)
+    if not white and not corroborated(fit, so_far, effect):
         why = (
             f"only one-step predictions speak for {effect.effect}, and their errors stay correlated with it; "
             "neither free-run simulations nor the torques bear it out"
@@ -307,9 +308,9 @@ def _objection(
     if np.any(error_after < (1.0 - CLEARLY_BETTER) * error_before):
         return None
     unchanged = min(after) > COLOURED and all(a > UNCHANGED * b for a, b in zip(after, before, strict=True))
-    if unchanged and _more_coloured(after, [(fit, estimation), (there, validation)]):
+    if unchanged and _more_coloured(after, with_it):
         return f"with {effect.effect} the observer keeps correcting much as it did without", None
-    unsteady = unsteadiness([(fit, estimation), (there, validation)])
+    unsteady = unsteadiness(with_it)
     if unsteady > UNSTEADY and unsteady > AS_UNSTEADY * unsteadiness(
         [(baseline, estimation), (baseline_there, validation)]
     ):
