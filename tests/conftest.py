@@ -50,8 +50,8 @@ begins last keeps one core busy while the others have nothing left to do."""
 
 
 def pytest_xdist_auto_num_workers() -> int:
-    """Two processes more than there are cores: tests that start nodes wait for them much of their time."""
-    return len(os.sched_getaffinity(0)) + 2
+    """One process more than there are cores: tests that start nodes wait for them much of their time."""
+    return len(os.sched_getaffinity(0)) + 1
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
