@@ -24,24 +24,24 @@ ROUNDING = 1.2 / 12.0
 
 def colour(fit: Fit, records: Sequence[Record]) -> float:
     """Largest portmanteau statistic (`ljung_box`) of the motor's innovations over the recordings."""
-    found = []
-    for record in records:
-        packed = pack(fit.model)
-        e = settled(record, innovations(packed, fit.noise, record).innovation)[:, 0]
-        found.append(ljung_box(e, settled(record, seen(packed, record))[:, 0]))
-    return max(found, default=0.0)
+    return max((ljung_box(*_of_motor(fit, record)) for record in records), default=0.0)
 
 
 def in_steps(fit: Fit, records: Sequence[Record]) -> float:
     """Largest rms of the motor's innovations over the recordings, in steps of its encoder."""
     found = []
     for record in records:
-        packed = pack(fit.model)
-        e = settled(record, innovations(packed, fit.noise, record).innovation)[:, 0]
-        known = e[settled(record, seen(packed, record))[:, 0]]
-        rms = float(np.sqrt(np.mean(known**2))) if len(known) else 0.0
+        e, read = _of_motor(fit, record)
+        rms = float(np.sqrt(np.mean(e[read] ** 2))) if np.any(read) else 0.0
         found.append(rms / max(float(record.resolution[0]), 1e-12))
     return max(found, default=0.0)
+
+
+def _of_motor(fit: Fit, record: Record) -> tuple[NDArray[np.float64], NDArray[np.bool_]]:
+    """The motor's settled innovations (n,), and which of them are of a reading (n,)."""
+    packed = pack(fit.model)
+    e = settled(record, innovations(packed, fit.noise, record).innovation)[:, 0]
+    return e, settled(record, seen(packed, record))[:, 0]
 
 
 def ljung_box(e: NDArray[np.float64], read: NDArray[np.bool_], lags: int = LAGS) -> float:
