@@ -261,3 +261,9 @@ def test_a_model_of_which_everything_is_known_has_its_effects_found_all_the_same
     found = asked(known, *(pendulum(s, weight=2.0) for s in (0, 1)))
     assert best(found).effects[0].effect == "gravity"
     assert best(found).effects[0].parameters["torque"] == pytest.approx(2.0, rel=0.03)
+
+
+def test_what_an_actuator_makes_of_the_input_is_a_torque_at_the_motor():
+    zone = Effect("dead_zone", "j_actuator", {"width": 0.1})
+    for made in (Hypothesis.of, Hypothesis.resized):
+        assert made(zone, RIGID.place(zone.location)).place == "motor"

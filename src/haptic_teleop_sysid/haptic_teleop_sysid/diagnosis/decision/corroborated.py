@@ -31,13 +31,14 @@ class Corroboration:
     opinion: Opinion | None
 
     def __call__(self, fit: Fit, so_far: Fit, effect: Effect) -> bool:
-        """Whether an effect of a fit is borne out, beside ``so_far``, the fit without it: free runs err
-        less by the factor ERRS_LESS (geometric mean of both kinds of recordings) than without it, or than
-        with as few names of the inverse dynamics; or the torques gain LEAST_GAIN on stretches that were not
-        fitted, beside the other effects with sizes of their own."""
+        """Whether an effect of a fit is borne out, beside ``so_far``, the fit without it: the torques gain
+        LEAST_GAIN on stretches that were not fitted, beside the other effects with sizes of their own; or
+        free runs err less by the factor ERRS_LESS (geometric mean of both kinds of recordings) than without
+        it, and than with as few names of the inverse dynamics."""
+        if self._by_torques(fit.model, effect):
+            return True
         without = [_error(self.errors(so_far.model)), *self._instead(fit.model, effect)]
-        freely = _error(self.errors(fit.model)) < ERRS_LESS * min(without)
-        return freely or self._by_torques(fit.model, effect)
+        return _error(self.errors(fit.model)) < ERRS_LESS * min(without)
 
     def _instead(self, model: Model, effect: Effect) -> list[float]:
         """Error of the free runs with what the inverse dynamics name, where the effect is not among them, and
@@ -54,8 +55,8 @@ class Corroboration:
         folds = self.opinion.witness.folds
         known = {(e.effect, e.location) for e in (*folds.model.effects, effect)}
         others = [e for e in model.effects if (e.effect, e.location) not in known and _is_torque(e)]
-        own = Hypothesis.of(effect, _place(model, effect))
-        rest = tuple(Hypothesis.resized(e, _place(model, e)) for e in others)
+        own = Hypothesis.of(effect, model.place(effect.location))
+        rest = tuple(Hypothesis.resized(e, model.place(e.location)) for e in others)
         try:
             return folds.likelier((*rest, own)) - folds.likelier(rest) > LEAST_GAIN
         except FAILURES:
@@ -73,8 +74,3 @@ def _error(errors: tuple[float, float]) -> float:
 def _is_torque(effect: Effect) -> bool:
     """Whether the effect adds to the torques, along the motion or between command and torque."""
     return follows_from_motion(effect.entry) or effect.entry.kind == "input"
-
-
-def _place(model: Model, effect: Effect) -> str:
-    place = model.place(effect.location)
-    return "motor" if place == "actuator" else place

@@ -163,8 +163,10 @@ class Hypothesis:
 
     @classmethod
     def of(cls, effect: Effect, place: str) -> Hypothesis:
-        """A known effect: its one column is its torque, evaluated at the size that it has (`held`)."""
+        """A known effect: its one column is its torque, evaluated at the size that it has (`held`). What an
+        actuator makes of the input is a torque at the motor."""
         entry, values = effect.entry, effect.values
+        place = "motor" if place == "actuator" else place
         gives = 0.0
         if entry.memory in ("ratio", "displacement"):
             first, second = (values[p.name] for p in entry.parameters[:2])
@@ -182,7 +184,7 @@ class Hypothesis:
             return held
         apart = {*sizes, angle, entry.parameters[1].name if entry.memory == "ratio" else None}
         shape = tuple((n, v) for n, v in effect.values.items() if n not in apart)
-        return cls(entry, effect.location, place, shape, sizes, angle, held.gives)
+        return cls(entry, effect.location, held.place, shape, sizes, angle, held.gives)
 
     @property
     def _turns(self) -> bool:
