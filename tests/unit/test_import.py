@@ -225,6 +225,18 @@ def test_degrees_declared_as_radians_are_told_by_range_and_encoder_step(tmp_path
     assert "degrees" not in notes(open_recording(turns))  # beyond one turn in degrees: it may well be radians
 
 
+def test_a_motor_that_turns_far_in_steps_of_a_whole_turn_is_in_radians(tmp_path):
+    step = 2.0 * np.pi / 4000
+    header = ("t [s]", "torque [Nm]", "angle [rad]")
+    motor = step * np.rint(60.0 * ANGLE / step)
+    assert np.ptp(motor) > 4.0 * np.pi
+    log = table(tmp_path / "motor.csv", header, (T, TORQUE, motor), digits=12)
+    assert "degrees" not in notes(open_recording(log))
+    coarse = 0.9 * np.rint(60.0 * ANGLE / 0.9)  # steps of 360/400
+    log = table(tmp_path / "degrees.csv", header, (T, TORQUE, coarse), digits=12)
+    assert "are these degrees" in notes(open_recording(log))
+
+
 def test_milliseconds_declared_as_seconds_are_told_or_refused(tmp_path):
     header = ("t [s]", "torque [Nm]", "angle [rad]", "speed [rad/s]")
     log = table(tmp_path / "log.csv", header[:3], (1e3 * T, TORQUE, ANGLE))

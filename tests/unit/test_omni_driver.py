@@ -77,15 +77,20 @@ def test_the_peak_lasts_its_time_and_then_the_axis_weakens_to_its_continuous_tor
 
 
 def test_a_weakened_axis_recovers_when_half_of_its_excess_is_gone():
-    budget = TorqueBudget(1, TorqueLimits(peak=0.4, continuous=0.2, time=1.0, ramp_time=0.0))
+    budget = TorqueBudget(1, TorqueLimits(peak=0.4, continuous=0.1, time=1.0, ramp_time=0.0))
     while not budget.weakened[0]:
         budget.step([0.4], 0.01)
     rests = 0
     while budget.weakened[0]:
         budget.rest(0.01)
         rests += 1
-    # Half of (0.4² - 0.2²) x 1 s at 0.2² per second.
-    assert rests * 0.01 == pytest.approx(0.06 / 0.04, abs=0.05)
+    # Half of (0.4² - 0.1²) x 1 s at 0.1² per second.
+    assert rests * 0.01 == pytest.approx(0.075 / 0.01, abs=0.16)  # one step of 0.4 further than the capacity
+
+
+def test_no_more_flows_for_ever_than_the_device_bears():
+    with pytest.raises(ConfigurationError, match="continuous"):
+        TorqueLimits(continuous=0.2)
 
 
 def test_torque_ramps_in_after_a_start_and_after_every_pause():

@@ -12,8 +12,8 @@ from haptic_teleop_control.parameters import Parameter
 DEVICE_HANGS = "device_hangs"
 
 DEVICE_FAULTS = {
-    DEVICE_HANGS: "the device does not come back from a call; check its cable, its power and who else uses "
-    "it, then reset"
+    DEVICE_HANGS: "the device does not come back from a call within device_timeout (0.5 s by default); check "
+    "its cable, its power and who else uses it, then reset"
 }
 """Faults of any device, with the sentence for the log."""
 

@@ -20,7 +20,13 @@ class TorqueLimits:
     """Of every axis. Raises ConfigurationError naming the field for a value outside its range."""
 
     peak: float = quantity(OMNI_PEAK_TORQUE, "N·m", "largest torque", above=0.0, maximum=OMNI_PEAK_TORQUE)
-    continuous: float = quantity(OMNI_CONTINUOUS_TORQUE, "N·m", "torque that may flow for ever", above=0.0)
+    continuous: float = quantity(
+        OMNI_CONTINUOUS_TORQUE,
+        "N·m",
+        "torque that may flow for ever",
+        above=0.0,
+        maximum=OMNI_CONTINUOUS_TORQUE,
+    )
     time: float = quantity(
         5.0, "s", "for which the peak may flow from cold (assumed)", above=0.0, maximum=60.0
     )

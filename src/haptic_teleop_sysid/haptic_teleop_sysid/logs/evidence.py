@@ -225,7 +225,8 @@ def _judge_derivative(
 
 def _far(position: Signal) -> list[str]:
     """Radians that would be many turns and are within one turn as degrees; encoder steps that are a plain
-    part of 360. A velocity that is the derivative says nothing of it: it may be in the same wrong unit."""
+    part of 360. A velocity that is the derivative says nothing of it: it may be in the same wrong unit.
+    Encoder steps that are a whole part of 2 pi and not of 360 are radians of a motor that turns far."""
     if position.quantity != "angle" or position.declared not in ("rad", "radian", "radians"):
         return []
     values = position.column.values[np.isfinite(position.column.values)]
@@ -234,7 +235,8 @@ def _far(position: Signal) -> list[str]:
     steps = steps[steps > 1e-9]
     step = float(np.min(steps)) if len(steps) else 0.0
     plain = _binary_part(360.0, step) and not _binary_part(2.0 * np.pi, step)
-    if float(np.max(np.abs(values))) > 360.5 or not (travel > _FAR or plain):
+    turns = _whole_part(2.0 * np.pi, step) and not _whole_part(360.0, step)
+    if float(np.max(np.abs(values))) > 360.5 or turns or not (travel > _FAR or plain):
         return []
     also = f", and its least step of {step:.4g} is 360/{360.0 / step:.0f}" if plain else ""
     return [
@@ -247,6 +249,12 @@ def _binary_part(whole: float, step: float) -> bool:
     """Whether an encoder of 2^8 lines or a higher power of two has this step."""
     part = whole / step if step > 0.0 else 0.0
     return part >= 200.0 and abs(part / 2.0 ** round(np.log2(part)) - 1.0) < 1e-4
+
+
+def _whole_part(whole: float, step: float) -> bool:
+    """Whether an encoder of 200 to 20 000 counts a turn has this step: by chance once in fifty."""
+    part = whole / step if step > 0.0 else 0.0
+    return 200.0 <= part <= 20_000.0 and abs(part - round(part)) < 0.01
 
 
 def _of(signal: Signal) -> str:
