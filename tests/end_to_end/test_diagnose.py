@@ -295,7 +295,10 @@ def test_a_validation_recording_of_another_robot_is_refused(tmp_path, model_file
     assert "/sfj/joint_states" in error or "stage1" in error
 
 
-def test_a_recording_in_which_only_the_other_stage_moved_is_refused(tmp_path, model_file, rubbing, capsys):
+def test_a_recording_in_which_only_the_other_stage_moved_is_refused_before_anything_is_compiled(
+    tmp_path, model_file, rubbing, capsys, monkeypatch
+):
+    monkeypatch.setattr(diagnose, "pass_seconds", pytest.fail)
     amperes = current(3, 3.0, 0.2, (0.5, 1.3))
     other = write_bag(tmp_path / "stage2_only", amperes, motion(amperes, 3), "stage2")
     error = refused(capsys, model_file, rubbing[0], other, tmp_path / "out")

@@ -20,7 +20,7 @@ from haptic_teleop_sysid.commands.treatment_options import add_mapping_option
 from haptic_teleop_sysid.diagnosis.inputs.cuts import refuse_too_long
 from haptic_teleop_sysid.diagnosis.report.forecast import DiagnosisForecast, pass_seconds
 from haptic_teleop_sysid.diagnosis.report.summary import summary
-from haptic_teleop_sysid.diagnosis.usable import records_of
+from haptic_teleop_sysid.diagnosis.usable import records_of, refuse_unusable
 from haptic_teleop_sysid.logs.reading import is_foreign
 from haptic_teleop_sysid.logs.story import tell
 from haptic_teleop_sysid.many.options import add_means_options, refuse_means
@@ -61,6 +61,8 @@ def run_one(arguments: argparse.Namespace, model: Model, began: float) -> int:
         refuse_too_many([*estimation, *validation, *test])
         read = {d.name: d.experiment for d in (*estimation, *validation, *test)}
         tell(screen, read, arguments.verbose)
+        refuse_unusable([*estimation, *validation, *test])  # before anything is compiled
+        progress.say("timing one pass over the recordings")
         forecast.unit = pass_seconds(model, records_of(estimation))
         content, report = diagnose_into(
             model, (estimation, validation, test), output, options, began, progress.say
