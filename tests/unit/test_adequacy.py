@@ -15,8 +15,8 @@ from haptic_teleop_sysid.diagnosis.decision.adequacy import (
     left_size,
     short_of,
 )
+from haptic_teleop_sysid.diagnosis.decision.coloured import left_is_random
 from haptic_teleop_sysid.diagnosis.decision.decide import Choice
-from haptic_teleop_sysid.diagnosis.decision.doubt import left_is_random
 from haptic_teleop_sysid.diagnosis.decision.reasons import Doubt, more_than_chance
 from haptic_teleop_sysid.diagnosis.decision.search import SearchResult
 from haptic_teleop_sysid.diagnosis.decision.verdict import decide_verdict

@@ -14,6 +14,7 @@ from haptic_teleop_sim.model import Effect
 from haptic_teleop_sysid.diagnosis import explain as explaining
 from haptic_teleop_sysid.diagnosis import question as questioning
 from haptic_teleop_sysid.diagnosis import run as diagnosis
+from haptic_teleop_sysid.diagnosis.decision import coloured, objections
 from haptic_teleop_sysid.diagnosis.decision.decide import Choice
 from haptic_teleop_sysid.diagnosis.decision.doubt import _without_last, doubted
 from haptic_teleop_sysid.diagnosis.decision.reasons import Doubt, off_the_mark
@@ -97,11 +98,12 @@ def test_what_only_one_step_predictions_speak_for_stands_only_while_those_are_wh
 
 
 def test_what_coarse_encoders_colour_is_not_held_against_a_name(monkeypatch, records):
-    monkeypatch.setattr(doubt_module, "colour", lambda *_: 600.0)
-    monkeypatch.setattr(doubt_module, "expected_colour", lambda *_: 400.0)
+    for module in (doubt_module, objections):
+        monkeypatch.setattr(module, "colour", lambda *_: 600.0)
+    monkeypatch.setattr(coloured, "expected_colour", lambda *_: 400.0)
+    monkeypatch.setattr(doubt_module, "rounding_shows", lambda *_: False)
     for steps, stands in ((0.35, True), (2.0, False)):
-        monkeypatch.setattr(doubt_module, "in_steps", lambda *_, s=steps: s)
-        monkeypatch.setattr(doubt_module, "rounding_shows", lambda *_: False)
+        monkeypatch.setattr(coloured, "in_steps", lambda *_, s=steps: s)
         kept = doubted(found(DRAG, records[0]), *records, unimpressed, lambda *_: False)[0]
         assert bool(kept.choices) == stands
 
@@ -145,7 +147,7 @@ def test_an_axis_whose_position_drifts_is_judged_by_its_velocity(records, monkey
     axis that nothing holds err with every model."""
     learn, judge = ([knocked_readings(one, seed) for one in kind] for seed, kind in enumerate(records))
     result = found(DRAG, learn)
-    monkeypatch.setattr(doubt_module, "all_the_time", lambda *_: False)
+    monkeypatch.setattr(objections, "all_the_time", lambda *_: False)
     drifts = {False: (20.0, 50.0), True: (30.0, 90.0)}
     kept, doubt, _ = doubted(result, learn, judge, lambda model: drifts[bool(model.effects)], borne_out)
     assert doubt is None and kept.choices == result.choices
@@ -419,14 +421,13 @@ def believing(monkeypatch):
         asked.append((found.fit, before))
         return any(found is one for one in steps)
 
-    def objection(choice, *rest):
+    def objection(self, choice, so_far):
         return ("it has another size", None) if any(choice.chosen is one for one in refuted) else None
 
     replaced = {
         "rounding_shows": shows,
-        "_objection": objection,
-        "_more_coloured": lambda *_: False,
-        "momentary": lambda *_: None,
+        "more_coloured": lambda *_: False,
+        "by_steps": lambda *_: True,
         "colour": lambda *_: 200.0,
         "held_out_fit": lambda fit, *_: fit,
         "stand_of": lambda *_: Stand((0.0, 0.0), (0.0, 0.0), {}),
@@ -435,6 +436,7 @@ def believing(monkeypatch):
     }
     for name, what in replaced.items():
         monkeypatch.setattr(doubt_module, name, what)
+    monkeypatch.setattr(objections.Objections, "to", objection)
 
     def ask(*choices):
         fit = choices[-1].chosen.fit
@@ -490,7 +492,7 @@ def test_innovations_of_many_encoder_steps_are_not_coloured_by_rounding(monkeypa
     finer = [replace(r, resolution=tuple(0.1 * s for s in r.resolution)) for r in records[0]]
     assert in_steps(result.baseline, finer) == pytest.approx(10.0 * here, rel=0.05)
     # A bad model makes recordings with nothing hidden as coloured as the real ones.
-    monkeypatch.setattr(doubt_module, "expected_colour", lambda *_: 500.0)
+    monkeypatch.setattr(coloured, "expected_colour", lambda *_: 500.0)
     for steps, by_steps in ((0.5, True), (5.0, False)):
-        monkeypatch.setattr(doubt_module, "in_steps", lambda *_, s=steps: s)
-        assert doubt_module._by_steps((600.0, 700.0), both) == by_steps
+        monkeypatch.setattr(coloured, "in_steps", lambda *_, s=steps: s)
+        assert coloured.by_steps((600.0, 700.0), both) == by_steps

@@ -5,7 +5,7 @@ import pytest
 from identification_plants import STAGE, stage_recording
 
 from haptic_teleop_sim.model import Effect
-from haptic_teleop_sysid.diagnosis.decision import doubt
+from haptic_teleop_sysid.diagnosis.decision import objections
 from haptic_teleop_sysid.diagnosis.evidence.modulation import (
     JUST_AFTER,
     LONGEST_REST,
@@ -101,6 +101,6 @@ def test_what_happens_for_moments_needs_to_change_the_mean_but_little():
 def test_what_the_encoders_steps_make_of_a_constant_size_is_no_change_of_it(monkeypatch, by_rounding, told):
     real, made = object(), object()
     said = {real: {RESTED: Modulation(0.15, 40.0)}, made: {RESTED: Modulation(by_rounding, 3.0)}}
-    monkeypatch.setattr(doubt, "null_records", lambda fit, records: made)
-    monkeypatch.setattr(doubt, "modulations", lambda fit, effect, records: said[records])
-    assert doubt._changing(None, None, FRICTION, real, real) == told
+    monkeypatch.setattr(objections, "null_records", lambda fit, records: made)
+    monkeypatch.setattr(objections, "modulations", lambda fit, effect, records: said[records])
+    assert objections.changing_with(None, None, FRICTION, real, real) == told

@@ -18,6 +18,7 @@ import haptic_teleop_sysid.diagnosis.decision.verdict as verdict_module
 import haptic_teleop_sysid.diagnosis.evidence.second_opinion as second_module
 import haptic_teleop_sysid.diagnosis.policy as policy
 from haptic_teleop_sim.model import Effect
+from haptic_teleop_sysid.diagnosis.decision import coloured
 from haptic_teleop_sysid.diagnosis.decision.adequacy import Adequacy, short_of
 from haptic_teleop_sysid.diagnosis.decision.decide import Choice, choose, significant
 from haptic_teleop_sysid.diagnosis.decision.reasons import Doubt, more_than_chance
@@ -211,7 +212,7 @@ def test_what_is_left_of_a_structure_is_doubted(monkeypatch, colour, unsteady, g
     answers = {
         "colour": colour,
         "unsteadiness": unsteady,
-        "_more_coloured": True,
+        "more_coloured": True,
         "held_out_fit": fit_of(),
     }
     for name, answer in answers.items():
@@ -251,11 +252,11 @@ def test_what_is_left_is_random_where_it_is_white_small_and_follows_nothing_to_s
     driven = fit_of().model.parameters["torque_constant"]
     curve = np.full(8, size * driven)
     left = Condition("stage1_motor", "motor angle", "rad", explained, np.zeros(8), curve)
-    answers = {"colour": colour, "_more_coloured": True, "held_out_fit": fit_of(), "conditions": [left]}
+    answers = {"colour": colour, "more_coloured": True, "held_out_fit": fit_of(), "conditions": [left]}
     answers["left_size"] = added
     for name, answer in answers.items():
-        monkeypatch.setattr(doubt_module, name, lambda *_, answer=answer: answer)
-    assert doubt_module.left_is_random(fit_of(), [record], []) == random
+        monkeypatch.setattr(coloured, name, lambda *_, answer=answer: answer)
+    assert coloured.left_is_random(fit_of(), [record], []) == random
 
 
 @pytest.mark.parametrize(("added", "said"), [(0.12, ""), (0.13, "13 %"), (np.inf, "")])

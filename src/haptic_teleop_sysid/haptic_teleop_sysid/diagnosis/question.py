@@ -7,10 +7,11 @@ from dataclasses import replace
 from haptic_teleop_sysid.recordings.dataset import DataSet
 
 from .decision.adequacy import left_size
+from .decision.coloured import coloured, left_is_random
 from .decision.constancy import inconstant
 from .decision.corroborated import Corroboration
 from .decision.decide import Choice
-from .decision.doubt import coloured, doubted, left_is_random
+from .decision.doubt import doubted
 from .decision.misread import misread
 from .decision.overruled import as_result, believed_instead, beyond_reach, inadequate, stands_next
 from .decision.reasons import Doubt, more_than_chance, off_the_mark, runs_away, slipped

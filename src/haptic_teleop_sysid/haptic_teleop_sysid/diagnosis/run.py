@@ -13,8 +13,8 @@ from haptic_teleop_sysid.recordings.dataset import DataSet
 from .decision.adequacy import adequacy, short_of
 from .decision.at_reversals import where_torque_jumps, with_friction
 from .decision.beside_unknown import with_names
+from .decision.coloured import left_is_random
 from .decision.decide import Choice
-from .decision.doubt import left_is_random
 from .decision.measured_input import of_measured_input
 from .decision.nulls import Null, beyond_chance, nulls
 from .decision.overruled import explained_along

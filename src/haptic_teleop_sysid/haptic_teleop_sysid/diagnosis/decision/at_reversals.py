@@ -23,7 +23,7 @@ from ..hypotheses.explanation import Explanation
 from ..policy import LEAST_JUMP, SURE_JUMP
 from .adequacy import NOT_SURE
 from .decide import Choice
-from .doubt import OTHER_SIZE
+from .objections import OTHER_SIZE
 from .search import SearchResult
 from .verdict import Verdict, finding, where_left
 

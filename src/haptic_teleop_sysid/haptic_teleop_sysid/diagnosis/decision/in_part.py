@@ -25,7 +25,7 @@ from ..hypotheses.explanation import Explanation
 from ..policy import LEAST_EXPLAINED
 from .adequacy import NOT_SURE
 from .decide import Choice
-from .doubt import OTHER_SIZE
+from .objections import OTHER_SIZE
 from .stand_in import StandIn
 from .verdict import Verdict, finding
 
