@@ -1,0 +1,59 @@
+"""Are the innovations of a fit coloured by more than coarse encoders make them? Is what is left random?"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from haptic_teleop_sim.kernel import pack
+from haptic_teleop_sysid.estimation.gauss_newton import Fit
+from haptic_teleop_sysid.estimation.records import Record
+
+from ..evidence.held_out import held_out_fit
+from ..evidence.null_records import expected_colour
+from ..evidence.residual import Condition, conditions
+from ..evidence.whiteness import colour, in_steps
+from ..policy import COLOURED, MOST_RANDOM, NOTICEABLE, STILL_RANDOM
+from .adequacy import left_size
+
+#: Factor over the colour of simulated recordings of the same fit, beyond which it is not the encoders'.
+BY_ROUNDING = 2.0
+#: Innovations (rms) in steps of the encoder, above which rounding is less than a twelfth of their power.
+LARGER_THAN_STEPS = 1.0
+
+
+def more_coloured(found: tuple[float, float], fits: Sequence[tuple[Fit, Sequence[Record]]]) -> bool:
+    """Whether innovations are clearly more coloured on both kinds of recordings than coarse encoders make
+    those of a true model."""
+    return all(c > BY_ROUNDING * expected_colour(*one) for c, one in zip(found, fits, strict=True))
+
+
+def by_steps(found: tuple[float, float], fits: Sequence[tuple[Fit, Sequence[Record]]]) -> bool:
+    """Whether innovations are as coloured as coarse encoders make those of a true model, and no larger than
+    these encoders' steps: larger ones have another cause."""
+    return all(in_steps(*one) < LARGER_THAN_STEPS for one in fits) and not more_coloured(found, fits)
+
+
+def coloured(fit: Fit, estimation: Sequence[Record], validation: Sequence[Record]) -> bool:
+    """Whether the innovations of a fit are coloured on both kinds of recordings, by more than coarse encoders
+    make them: then its noise model does not hold, and its likelihoods are not to be taken at their word."""
+    there = held_out_fit(fit, validation, [fit.noise])
+    found = colour(fit, estimation), colour(there, validation)
+    return min(found) > COLOURED and more_coloured(found, [(fit, estimation), (there, validation)])
+
+
+def left_is_random(fit: Fit, estimation: Sequence[Record], validation: Sequence[Record]) -> bool:
+    """Whether what a fit leaves is random as far as these recordings show: its innovations are white, and the
+    left-over torque is no larger than chance is on a machine and follows nothing that was measured to speak
+    of."""
+    if not left_size(fit, [*estimation, *validation]) <= MOST_RANDOM or coloured(fit, estimation, validation):
+        return False
+    found = conditions(fit, estimation, validation, fit.model.joint)
+    return all(c.explained <= STILL_RANDOM or _slight(c, fit, estimation) for c in found)
+
+
+def _slight(left: Condition, fit: Fit, estimation: Sequence[Record]) -> bool:
+    """Whether what follows a quantity is too small a torque to be worth a word."""
+    input_ = np.sqrt(np.mean([np.mean(r.input**2) for r in estimation]))
+    return bool(left.size <= NOTICEABLE * abs(pack(fit.model).torque_constant) * input_)
