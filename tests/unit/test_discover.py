@@ -144,6 +144,23 @@ def test_an_answer_is_judged_by_name_place_and_stated_set(tmp_path, verdict, fin
         assert judgement.parameters[0]["error"] == pytest.approx(0.2)
 
 
+def test_the_right_name_at_the_wrong_place_is_not_called_a_wrong_name(tmp_path):
+    lab = lab_model("stage1")
+    truth = {
+        "effect": "encoder_scale", "location": "stage1_arm_encoder", "parameters": {"scale": 1.03},
+        "scored": ["scale"], "detectability": None,
+    }  # fmt: skip
+    label = {
+        "kind": "single", "stage": "stage1", "loop": "open loop current", "truth": [truth],
+        "sets": [[["encoder_scale", "stage1_arm_encoder"]]], "truth_parameters": dict(lab.parameters),
+    }  # fmt: skip
+    said = [("encoder_scale", "stage1_motor_encoder", {"scale": 1.03}, [])]
+    answer(tmp_path, lab, lab, said, "identified")
+    judgement = judge(label, tmp_path)
+    assert judgement.outcome == "wrong"
+    assert "the place is wrong" in judgement.sentence and "nor" not in judgement.sentence
+
+
 class Stand:
     """A stand-in for the diagnosis that looks around before it answers."""
 
@@ -295,7 +312,7 @@ def test_a_wrong_name_is_told_as_wrong_and_the_chain_ends_with_0(tmp_path, monke
     content = json.loads((output / "discover.json").read_text())
     assert content["outcome"] == "wrong"
     assert content["right"] is False
-    assert "neither name nor place" in capsys.readouterr().out
+    assert "the place is wrong" in capsys.readouterr().out
     # Its stop takes the place of the wall, which cannot stand there a second time.
     assert any("without the wall" in note for note in content["notes"])
 

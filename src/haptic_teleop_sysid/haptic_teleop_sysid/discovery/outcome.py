@@ -15,7 +15,7 @@ _SENTENCES: dict[Outcome, str] = {
     "right place": "the place is right, the name is not",
     "unknown": "it was said that something unknown is missing, and no name was given",
     "missed": "no mismatch was found, although one was hidden",
-    "wrong": "neither name nor place is right",
+    "wrong": "the place is wrong, whatever the name",
     "failed": "the diagnosis reached no verdict",
 }
 
