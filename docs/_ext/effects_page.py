@@ -48,7 +48,7 @@ TABLE = """\
 """
 TABULATED = (
     "Its parameters `variable`, `knots`, `torque` and `torque_std`: "
-    "[a map](../diagnosis.md#a-torque-without-a-name)."
+    "[a map](../diagnosis.md#physics-without-a-name)."
 )
 SAME = " It is identifiable only where `{}` is fixed: free, the two cannot be told apart."
 NEVER = """\
