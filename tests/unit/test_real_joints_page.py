@@ -1,0 +1,45 @@
+"""docs/real_joints.csv: its rows add up to the totals that pages state, and follow the page's rule."""
+
+import csv
+import re
+from collections import Counter
+from pathlib import Path
+
+import pytest
+
+DOCS = Path(__file__).resolve().parents[2] / "docs"
+TOTAL = re.compile(r"(\d+) right, (\d+) in part, (\d+) open, (\d+) wrong(?:,| and) (\d+) missed")
+
+
+@pytest.fixture(scope="module")
+def rows():
+    with (DOCS / "real_joints.csv").open(encoding="utf-8", newline="") as stream:
+        return list(csv.DictReader(stream))
+
+
+@pytest.mark.parametrize("page", ["real_joints.md", "diagnosis_measured.md"])
+def test_the_totals_on_a_page_are_those_of_the_rows(rows, page):
+    judged = Counter(row["judged"] for row in rows)
+    text = " ".join((DOCS / page).read_text(encoding="utf-8").split())
+    found = TOTAL.search(text)
+    assert [int(n) for n in found.groups()] == [
+        judged[word] for word in ("right", "in part", "open", "wrong", "missed")
+    ]
+    assert f"{len(rows)} cases" in text
+
+
+def test_an_answer_with_a_wrong_finding_is_judged_wrong_and_no_other_is(rows):
+    assert {r["joint"] for r in rows if "WRONG" in r["answer"]} == {
+        r["joint"] for r in rows if r["judged"] == "wrong"
+    }
+
+
+def test_each_wrong_answer_stands_on_the_page(rows):
+    text = (DOCS / "real_joints.md").read_text(encoding="utf-8")
+    table = text.split("\n## Wrong\n")[1].split("\n## Missed\n")[0]
+    assert len(re.findall(r"^\| (?!joint |---)", table, re.M)) == Counter(r["judged"] for r in rows)["wrong"]
+
+
+def test_rows_are_in_order_of_their_dates_newest_first(rows):
+    dates = [row["date"] for row in rows]
+    assert dates == sorted(dates, reverse=True)
