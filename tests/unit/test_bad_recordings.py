@@ -11,7 +11,13 @@ from joint_recordings import TRUTH
 from haptic_teleop_control.errors import RecordingError
 from haptic_teleop_control.recording import write_recording
 from haptic_teleop_sysid.commands import diagnose as command
-from haptic_teleop_sysid.diagnosis.evidence.consistency import refuse_other_units, refuse_unrelated
+from haptic_teleop_sysid.diagnosis.evidence.consistency import (
+    alike,
+    parts_of,
+    refuse_other_units,
+    refuse_unrelated,
+    sizes,
+)
 from haptic_teleop_sysid.diagnosis.inputs.cuts import (
     FEWEST_SAMPLES,
     MOST_SAMPLES,
@@ -75,6 +81,40 @@ def test_recordings_of_two_machines_are_refused(data):
         RecordingError, match=r"bag2 is .* times that of bag1, so they are hardly of one machine"
     ):
         refuse_other_units(commanded([data[0], other]))
+
+
+def test_a_motion_that_hardly_accelerates_says_nothing_of_the_units_of_another():
+    """Of its inertia the slow motion shows only noise; the fast one needs little but the inertia."""
+    rng = np.random.default_rng(4)
+
+    def part(acceleration, velocity, inertia=2.0):
+        columns = rng.normal(size=(3000, 2)) * (acceleration, velocity)
+        drive = columns @ (inertia, 1.0) + 0.5 * rng.normal(size=3000)
+        return drive - drive.mean(), columns - columns.mean(axis=0)
+
+    slow, fast = part(0.001, 1.0), part(1.0, 0.1)
+    found = sizes([slow, fast])
+    assert not 1.0 / 3.0 < found[1, 0] < 3.0, "by the slow motion's numbers the fast one has other units"
+    assert alike(slow, fast)
+    # What both show differs by as much: these are two machines.
+    assert not alike(part(0.5, 1.0), part(0.5, 1.0, inertia=8.0))
+    assert not alike((3.0 * slow[0], slow[1]), part(0.001, 1.0))
+
+
+def test_pieces_of_one_recording_are_not_held_against_each_other(data):
+    """A log with holes: its short pieces, each by itself, say little of inertia and friction."""
+    whole = commanded(data)
+    series = ("input", "measured", "exogenous")
+    pieces = [
+        replace(r, **{n: getattr(r, n)[k : k + 300] for n in series})
+        for r in whole
+        for k in range(0, 1500, 300)
+    ]
+    refuse_other_units(pieces)
+    assert [*parts_of(pieces)] == ["bag1", "bag2"]
+    loud = [replace(r, input=1000.0 * r.input) if r.name == "bag2" else r for r in pieces]
+    with pytest.raises(RecordingError, match="bag2.*bag1.*thousandths"):
+        refuse_other_units(loud)
 
 
 def test_an_input_that_does_not_drive_the_joint_is_refused(data):

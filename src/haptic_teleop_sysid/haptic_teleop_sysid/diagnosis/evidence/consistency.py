@@ -34,6 +34,9 @@ _UNITS = {180.0 / np.pi: "degrees for radians", 2.0 * np.pi: "turns for radians"
 _NEAR = 1.25
 #: Factor from which two recordings are hardly of one machine.
 _ANOTHER = 3.0
+#: Share of what own numbers explain of an input that common ones may miss of either of two recordings. Of two
+#: inputs that differ by the factor 3 common numbers miss a quarter of one at least.
+_MISSED = 0.15
 #: Stretches that a coherence is averaged over, and the probability of the largest one by chance.
 _STRETCHES, _BY_CHANCE = 16, 1e-4
 #: Share of an input below which inverse dynamics explains nothing of it.
@@ -60,37 +63,72 @@ def terms(record: Record) -> tuple[FloatArray, FloatArray]:
     return filtered(record.input)[inside], np.column_stack(columns)[inside]
 
 
-def sizes(records: Sequence[Record]) -> FloatArray:
+Part = tuple[FloatArray, FloatArray]
+
+
+def parts_of(records: Sequence[Record]) -> dict[str, Part]:
+    """By name of the recording, the `terms` of all its pieces, each about its own mean."""
+    found: dict[str, list[Part]] = {}
+    for record in records:
+        drive, columns = terms(record)
+        columns = columns[:, :-1]
+        found.setdefault(record.name, []).append((drive - drive.mean(), columns - columns.mean(axis=0)))
+    return {
+        name: (np.concatenate([d for d, _ in pieces]), np.vstack([c for _, c in pieces]))
+        for name, pieces in found.items()
+    }
+
+
+def sizes(parts: Sequence[Part]) -> FloatArray:
     """How large the input of each recording (row) is by the numbers of each other one (column), in units of
-    what it is: 1 where both agree; NaN where the motion does not explain the input of the latter."""
-    parts = [terms(r) for r in records]
-    found = np.full((len(records), len(records)), np.nan)
+    what it is: 1 where both agree; NaN where the motion does not explain the input of the latter. ``parts``:
+    see `parts_of`."""
+    found = np.full((len(parts), len(parts)), np.nan)
     for j, (drive, columns) in enumerate(parts):
-        scale = np.maximum(np.sqrt(np.mean(columns**2, axis=0)), 1e-300)
-        numbers = np.linalg.lstsq(columns / scale, drive, rcond=1e-9)[0] / scale
+        numbers = _regressed(columns, drive)
         left = drive - columns @ numbers
         if np.var(left) > (1.0 - _EXPLAINS) * np.var(drive):
             continue
         for i, (other, theirs) in enumerate(parts):
-            expected = theirs[:, :-1] @ numbers[:-1]
-            expected = expected - np.mean(expected)
-            away = other - np.mean(other)
-            along = float(expected @ away) / max(
-                float(np.sqrt((expected @ expected) * (away @ away))), 1e-300
+            expected = theirs @ numbers
+            along = float(expected @ other) / max(
+                float(np.sqrt((expected @ expected) * (other @ other))), 1e-300
             )
             if along > np.sqrt(_EXPLAINS):
-                found[i, j] = float(np.sqrt((away @ away) / (expected @ expected)))
+                found[i, j] = float(np.sqrt((other @ other) / (expected @ expected)))
     return found
+
+
+def alike(one: Part, other: Part) -> bool:
+    """Whether common numbers explain either input nearly as well as its own do. Where the two move at other
+    angles, or one of them hardly accelerates, the numbers of the one alone say nothing of the other."""
+    both = [(d / max(s, 1e-300), c / max(s, 1e-300)) for d, c in (one, other) for s in [float(np.std(d))]]
+    weighed = [(d / np.sqrt(len(d)), c / np.sqrt(len(d))) for d, c in both]
+    numbers = _regressed(np.vstack([c for _, c in weighed]), np.concatenate([d for d, _ in weighed]))
+    for drive, columns in both:
+        left = np.var(drive - columns @ _regressed(columns, drive))
+        if np.var(drive - columns @ numbers) - left > _MISSED * (np.var(drive) - left):
+            return False
+    return True
+
+
+def _regressed(columns: FloatArray, drive: FloatArray) -> FloatArray:
+    scale = np.maximum(np.sqrt(np.mean(columns**2, axis=0)), 1e-300)
+    return np.linalg.lstsq(columns / scale, drive, rcond=1e-9)[0] / scale
 
 
 def refuse_other_units(records: Sequence[Record]) -> None:
     """Raise RecordingError for two recordings whose inputs differ, for their motions, by the factor between
     two units, or so much that they are hardly of one machine."""
-    found = sizes(records)
-    for i in range(len(records)):
+    by_name = parts_of(records)
+    names, parts = [*by_name], [*by_name.values()]
+    found = sizes(parts)
+    for i in range(len(parts)):
         for j in range(i):
             ratios = [r for r in (found[i, j], 1.0 / found[j, i]) if np.isfinite(r)]
             if not ratios or min(max(r, 1.0 / r) for r in ratios) < _ANOTHER:
+                continue
+            if alike(parts[i], parts[j]):
                 continue
             ratio = float(np.exp(np.mean(np.log(ratios))))
             large = max(ratio, 1.0 / ratio)
@@ -99,8 +137,8 @@ def refuse_other_units(records: Sequence[Record]) -> None:
                 if large / _NEAR < factor < large * _NEAR:
                     why = f"as if one of them had another unit ({words})"
             raise RecordingError(
-                f"for the same motion the input of {records[i].name} is {ratio:.3g} times that of "
-                f"{records[j].name}, {why}: diagnose recordings of one machine, in the same units."
+                f"for the same motion the input of {names[i]} is {ratio:.3g} times that of "
+                f"{names[j]}, {why}: diagnose recordings of one machine, in the same units."
             )
 
 
@@ -121,8 +159,7 @@ def refuse_unrelated(record: Record, joint: str) -> None:
     drive, columns = terms(record)
     angle = columns[:, 3]
     columns = np.column_stack([columns, np.sin(angle), np.cos(angle)])
-    scale = np.maximum(np.sqrt(np.mean(columns**2, axis=0)), 1e-300)
-    left = drive - columns @ (np.linalg.lstsq(columns / scale, drive, rcond=1e-9)[0] / scale)
+    left = drive - columns @ _regressed(columns, drive)
     share = 1.0 - float(np.var(left) / max(float(np.var(drive)), 1e-300))
     if share < _NOTHING:
         raise RecordingError(
