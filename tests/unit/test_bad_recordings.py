@@ -113,7 +113,7 @@ def test_pieces_of_one_recording_are_not_held_against_each_other(data):
     refuse_other_units(pieces)
     assert [*parts_of(pieces)] == ["bag1", "bag2"]
     loud = [replace(r, input=1000.0 * r.input) if r.name == "bag2" else r for r in pieces]
-    with pytest.raises(RecordingError, match="bag2.*bag1.*thousandths"):
+    with pytest.raises(RecordingError, match=r"bag2.*bag1.*thousandths"):
         refuse_other_units(loud)
 
 
