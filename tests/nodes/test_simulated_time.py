@@ -197,7 +197,8 @@ def test_a_controller_that_does_not_answer_sends_zero_when_time_is_halted(graph,
 @pytest.mark.parametrize(
     ("efforts", "fault"),
     [
-        ([(2_000_000, PUSH)], "future_command"),
+        # A stamp that no state has: heard twice, a state's answer may meet the next state, and be right.
+        ([(3_000_000, PUSH)], "future_command"),
         ([(0, PUSH), (0, [-2.0, -0.4])], "contradictory_command"),
         ([(0, [math.nan, 0.0])], "non_finite_command"),
     ],
