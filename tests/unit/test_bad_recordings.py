@@ -152,7 +152,7 @@ def test_noise_about_one_place_is_no_motion(data):
 
 
 def test_two_hundred_samples_are_refused_with_what_is_needed():
-    with pytest.raises(RecordingError, match=f"200 samples.*at least {FEWEST_SAMPLES}"):
+    with pytest.raises(RecordingError, match=f"200 samples.*, and {FEWEST_SAMPLES} in all"):
         records_of([loaded(seconds=0.4)])
 
 

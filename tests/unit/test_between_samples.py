@@ -79,9 +79,16 @@ def test_as_read_it_is_the_mean_from_each_sample_to_the_next_and_is_not_taken_so
     assert may_be_read([data]) and not may_be_read([found])
 
 
-def test_only_logs_are_asked():
-    other = replace(log(1, held=False), experiment={"kind": "open loop"})
-    assert not may_be_read([other], [log(2, held=False)])
+def test_recordings_of_a_command_are_not_asked():
+    bag = replace(log(1, held=False), experiment={"kind": "open loop"})
+    measured = replace(bag, input_source="measured effort", commanded_input=None)
+    assert may_be_read([measured], [log(2, held=False)]), "an effort that was read beside the angles"
+    for other in (
+        replace(measured, input_source="commanded effort"),
+        replace(measured, commanded_input=bag.input),
+        replace(measured, input_read=True),
+    ):
+        assert not may_be_read([other], [log(2, held=False)])
 
 
 def test_a_command_is_read_like_the_input():

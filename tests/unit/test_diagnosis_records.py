@@ -8,8 +8,9 @@ from identification_plants import STAGE, stage_recording
 
 from haptic_teleop_control.errors import RecordingError
 from haptic_teleop_sysid.diagnosis.evidence.current import _starts, shown_by_current
+from haptic_teleop_sysid.diagnosis.inputs.cuts import SHORTEST_STRETCH
 from haptic_teleop_sysid.diagnosis.inputs.plausible import refuse_copies, with_contradictions
-from haptic_teleop_sysid.diagnosis.usable import FEWEST_SAMPLES, records_of
+from haptic_teleop_sysid.diagnosis.usable import records_of, refuse_unusable
 from haptic_teleop_sysid.recordings.dataset import load_dataset
 
 
@@ -37,14 +38,28 @@ def test_a_hole_cuts_a_recording_apart_and_what_happened_in_it_is_nobody_s_effec
     assert second.start == pytest.approx(data.start + 1500 * data.dt)
     assert np.isfinite(second.measured).all()
     # Pieces that are too short to say anything are left out.
-    (only,) = records_of([holed(data, (FEWEST_SAMPLES - 200, FEWEST_SAMPLES - 100))])
-    assert len(only) == len(data) - FEWEST_SAMPLES + 100
+    (only,) = records_of([holed(data, (SHORTEST_STRETCH - 100, SHORTEST_STRETCH - 50))])
+    assert len(only) == len(data) - SHORTEST_STRETCH + 50
 
 
 def test_nothing_but_short_pieces_is_refused(data):
-    step = FEWEST_SAMPLES - 50
+    step = SHORTEST_STRETCH - 10
     with pytest.raises(RecordingError, match="without a hole"):
         records_of([holed(data, *((k, k + 40) for k in range(step, len(data), step)))])
+
+
+def test_short_recordings_count_together_and_each_kind_needs_enough(data):
+    """A lab that records one move after the other has many recordings of a few seconds."""
+    n = len(data)
+    moves = [replace(holed(data, (0, k), (k + 300, n)), name=f"move{k}") for k in (600, 1200, 1800)]
+    assert [len(r) for r in records_of(moves)] == [300] * 3
+    with pytest.raises(RecordingError, match="move600: 300 samples in all"):
+        records_of(moves[:1])
+    with pytest.raises(RecordingError, match="has 200 samples without a hole"):
+        records_of([*moves, holed(data, (200, n))])
+    other = load_dataset(stage_recording(seed=4, seconds=6.0), STAGE)
+    with pytest.raises(RecordingError, match="move600: 300 samples in all"):
+        refuse_unusable([other], moves[:1], [])
 
 
 @pytest.mark.parametrize(("field", "what"), [("commanded_input", "input"), ("motor_position", "motor angle")])

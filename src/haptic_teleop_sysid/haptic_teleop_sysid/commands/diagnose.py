@@ -61,7 +61,7 @@ def run_one(arguments: argparse.Namespace, model: Model, began: float) -> int:
         refuse_too_many([*estimation, *validation, *test])
         read = {d.name: d.experiment for d in (*estimation, *validation, *test)}
         tell(screen, read, arguments.verbose)
-        refuse_unusable([*estimation, *validation, *test])  # before anything is compiled
+        refuse_unusable(estimation, validation, test)  # before anything is compiled
         progress.say("timing one pass over the recordings")
         forecast.unit = pass_seconds(model, records_of(estimation))
         content, report = diagnose_into(

@@ -56,7 +56,7 @@ def diagnose(
     nothing is hidden, and a finding has to exceed what is found there. ``test``: recordings that only show;
     without them a part of a long validation does (see `three_uses`).
     """
-    refuse_unusable([*estimation, *validation, *test])
+    refuse_unusable(estimation, validation, test)
     uses = three_uses(estimation, validation, test)
     found, read = explained(model, [*uses.fit], [*uses.choose], say)
     uses = uses.changed(as_read) if read else uses

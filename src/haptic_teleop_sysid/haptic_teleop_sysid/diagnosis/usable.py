@@ -11,7 +11,7 @@ from haptic_teleop_sysid.estimation.records import Record, records_from
 from haptic_teleop_sysid.recordings.dataset import DataSet
 
 from .evidence.consistency import refuse_other_units, refuse_unrelated
-from .inputs.cuts import FEWEST_SAMPLES
+from .inputs.cuts import FEWEST_SAMPLES, SHORTEST_STRETCH
 from .inputs.plausible import refuse_copies, refuse_idle, refuse_kinematic, refuse_motionless
 
 #: Difference (A or N·m, relative to the rms command) up to which the measured current counts as following.
@@ -24,14 +24,21 @@ def records_of(data: list[DataSet]) -> list[Record]:
     for dataset in data:
         pieces = records_from(dataset, commanded=True)
         longest = max(pieces, key=len)
-        if len(longest) < FEWEST_SAMPLES:
+        if len(longest) < SHORTEST_STRETCH:
             raise RecordingError(
                 f"{dataset.name} has {len(longest)} samples without a hole; a diagnosis needs at least "
-                f"{FEWEST_SAMPLES}: record for longer."
+                f"{SHORTEST_STRETCH} in a row, and {FEWEST_SAMPLES} in all: record for longer, or leave it "
+                "out."
             )
         refuse_motionless(longest, dataset.joint)
         refuse_unrelated(longest, dataset.joint)
-        records += [piece for piece in pieces if len(piece) >= FEWEST_SAMPLES]
+        records += [piece for piece in pieces if len(piece) >= SHORTEST_STRETCH]
+    together = sum(map(len, records))
+    if records and together < FEWEST_SAMPLES:
+        raise RecordingError(
+            f"{', '.join(d.name for d in data)}: {together} samples in all; a diagnosis needs at least "
+            f"{FEWEST_SAMPLES} for estimation, and as many for validation: record for longer."
+        )
     return records
 
 
@@ -47,11 +54,13 @@ def sense_follows(data: list[DataSet]) -> bool:
     return True
 
 
-def refuse_unusable(recordings: Sequence[DataSet]) -> None:
-    """Raise RecordingError for recordings that a diagnosis cannot use, alone or together."""
+def refuse_unusable(*kinds: Sequence[DataSet]) -> None:
+    """Raise RecordingError for recordings that a diagnosis cannot use, alone or together; ``kinds``: those to
+    fit to, to judge by, to show."""
+    recordings = [dataset for kind in kinds for dataset in kind]
     refuse_copies(recordings)
     refuse_idle(recordings)
-    records = records_of([*recordings])
+    records = [record for kind in kinds for record in records_of([*kind])]
     for dataset in recordings:
         refuse_kinematic(dataset)
     refuse_other_units(records)

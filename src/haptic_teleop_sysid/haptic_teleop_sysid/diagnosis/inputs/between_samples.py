@@ -33,9 +33,18 @@ TOLD = (
 
 
 def may_be_read(*several: Sequence[DataSet]) -> bool:
-    """Whether all recordings are logs, of which nobody has said how their input acts, taken as they came."""
+    """Whether nobody has said of any recording how its input acts: of imported logs, taken as they came, and
+    of bags that hold an effort beside the angles and no command."""
     every = [d for sets in several for d in sets]
-    return all(d.experiment.get("kind") == "imported" and not d.input_read for d in every)
+    return all(not d.input_read and (_imported(d) or _measured_alone(d)) for d in every)
+
+
+def _imported(data: DataSet) -> bool:
+    return data.experiment.get("kind") == "imported"
+
+
+def _measured_alone(data: DataSet) -> bool:
+    return data.input_source == "measured effort" and data.commanded_input is None
 
 
 def half_a_sample(effects: Iterable[Effect], dt: float) -> bool:

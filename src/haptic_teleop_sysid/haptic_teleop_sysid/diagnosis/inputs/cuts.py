@@ -13,8 +13,9 @@ from haptic_teleop_sysid.estimation.records import records_from
 from haptic_teleop_sysid.recordings.channels import STATES
 from haptic_teleop_sysid.recordings.dataset import DataSet
 
-#: Samples in a row below which no recording can say anything about six parameters and their noise.
-FEWEST_SAMPLES = 500
+#: Samples, of all recordings of one kind together, below which nothing can be said about six parameters and
+#: their noise; and samples in a row of the shortest piece that counts among them.
+FEWEST_SAMPLES, SHORTEST_STRETCH = 500, 250
 #: Samples of all recordings together that a diagnosis keeps in memory with their derivatives (1.5 kB each at
 #: most, measured), so that it stays below 2 GiB.
 MOST_SAMPLES = 1_000_000
@@ -23,7 +24,7 @@ MOST_SAMPLES = 1_000_000
 def with_cuts_told(dataset: DataSet) -> DataSet:
     """The data set whose problems also say where it is cut apart, and which pieces are used."""
     pieces = records_from(dataset, commanded=True)
-    used = [p for p in pieces if len(p) >= FEWEST_SAMPLES]
+    used = [p for p in pieces if len(p) >= SHORTEST_STRETCH]
     whole = len(pieces) == 1 and len(pieces[0]) > 0.999 * len(dataset)
     if whole or not used:
         return dataset
@@ -32,7 +33,7 @@ def with_cuts_told(dataset: DataSet) -> DataSet:
     left = dataset.dt * (len(dataset) - sum(len(p) for p in used))
     problem = (
         f"it is cut apart at its holes and used from {times}{more}; {left:.3f} s are left out (holes, and "
-        f"pieces of fewer than {FEWEST_SAMPLES} samples)"
+        f"pieces of fewer than {SHORTEST_STRETCH} samples)"
     )
     return replace(dataset, problems=(*dataset.problems, problem))
 
