@@ -22,6 +22,7 @@ from ..hypotheses.twins import twin
 from ..policy import ERRS_FAR_LESS, ERRS_LESS, LEAST_EXPLAINED
 from .decide import Choice, prior
 from .free_run_sizes import Simulated, sized_freely
+from .known_sizes import with_known_sizes
 from .reasons import Doubt
 from .search import SearchResult
 
@@ -72,7 +73,9 @@ def as_result(
     # The sizes are those of runs as long as the reported ones.
     heard = replace(opinion.chosen, errors=errors(opinion.chosen.group.model))
     fastest = predicted.scales.size["fastest"]
-    opinion = replace(opinion, chosen=sized_freely(heard, simulated, errors, fastest))
+    opinion = with_known_sizes(
+        replace(opinion, chosen=heard), lambda h: sized_freely(h, simulated, errors, fastest), errors
+    )
     assert opinion.chosen is not None
     baseline = predicted.baseline
     alone = opinion.witness.structure
@@ -80,7 +83,8 @@ def as_result(
         baseline = fit_of(alone, baseline, records)
     group = opinion.chosen.group
     final = fit_of(group, baseline, records)
-    other = None if group is heard.group else fit_of(heard.group, baseline, records)
+    sized = len(group.effects) == len(heard.group.effects) and group is not heard.group
+    other = fit_of(heard.group, baseline, records) if sized else None
     adequacy = opinion.adequacy
     choices = tuple(
         _choice(opinion, final, len(group.model.effects) - len(group.effects) + i)

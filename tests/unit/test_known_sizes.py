@@ -1,0 +1,54 @@
+"""Effects of which nobody knows how much there is are left out of what the inverse dynamics name."""
+
+from types import SimpleNamespace
+
+import pytest
+from identification_plants import STAGE
+
+from haptic_teleop_sim.model import Effect
+from haptic_teleop_sysid.diagnosis.decision.known_sizes import with_known_sizes
+from haptic_teleop_sysid.diagnosis.evidence.inverse_dynamics.witness import Group
+from haptic_teleop_sysid.diagnosis.evidence.second_opinion import Heard, Opinion
+
+FRICTION = Effect("coulomb_friction", "stage1_motor", {"torque": 1.4})
+CONSTANT = Effect("constant_torque", "stage1_motor", {"torque": 0.015})
+WITNESS = SimpleNamespace(folds=SimpleNamespace(explained=lambda hypotheses: 0.1 * len(hypotheses)))
+
+
+def opinion(*effects, std):
+    named = {f"stage1_motor.{name}.torque": error for name, error in std.items()}
+    hypotheses = tuple(e.effect for e in effects)
+    group = Group(STAGE.with_effects(*effects), hypotheses, 10.0, 80.0, 0.9, {"motor_inertia": 0.1, **named})
+    return Opinion(Heard(group, 12.0, (0.2, 0.3)), (), WITNESS)
+
+
+def kept(before, sized=lambda heard: heard):
+    found = with_known_sizes(before, sized, lambda model: (0.4, 0.5)).chosen
+    return [e.effect for e in found.group.effects], found
+
+
+@pytest.mark.parametrize(
+    ("errors", "names"),
+    [
+        ((0.1, 0.005), ["coulomb_friction", "constant_torque"]),
+        ((0.1, 0.05), ["coulomb_friction"]),
+        ((2.0, 0.005), ["constant_torque"]),
+        ((9.0, 0.05), ["constant_torque"]),  # both are unknown: one is left, to be said with its confidence
+    ],
+)
+def test_what_is_not_known_to_be_there_is_left_out(errors, names):
+    std = dict(zip(("coulomb_friction", "constant_torque"), errors, strict=True))
+    assert kept(opinion(FRICTION, CONSTANT, std=std))[0] == names
+
+
+def test_what_is_left_is_run_and_judged_by_itself():
+    before = opinion(FRICTION, CONSTANT, std={"coulomb_friction": 0.1, "constant_torque": 0.05})
+    names, found = kept(before)
+    assert names == ["coulomb_friction"] == [*found.group.hypotheses]
+    assert [e.effect for e in found.group.model.effects] == ["coulomb_friction"]
+    assert found.errors == (0.4, 0.5) and found.group.explained == 0.1
+    assert [*found.group.std] == ["motor_inertia", "stage1_motor.coulomb_friction.torque"]
+    # Sizes are found anew without it.
+    counted = []
+    kept(before, lambda heard: counted.append(len(heard.group.effects)) or heard)
+    assert counted == [2, 1]
