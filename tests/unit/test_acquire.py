@@ -7,9 +7,10 @@ import yaml
 
 from haptic_teleop_control.acquisition import ABORTED, FINISHED, Acquisition
 from haptic_teleop_control.errors import ConfigurationError
+from haptic_teleop_control.parameter_files import parameters_for
 from haptic_teleop_control.recording import read_recording
 from haptic_teleop_sim.default_models import sfj_stage_model
-from haptic_teleop_sysid.commands.acquire import main
+from haptic_teleop_sysid.commands.acquire import experiment_from, main
 from haptic_teleop_sysid.recordings.dataset import load_dataset
 from haptic_teleop_sysid.recordings.preparation import Treatment, lead_in, prepare
 from haptic_teleop_sysid.simulation.windows import closed_loop
@@ -76,6 +77,12 @@ def test_high_currents_warn_and_higher_ones_are_refused_without_allow(joint, car
     with pytest.raises(ConfigurationError, match=r"0\.6 A of stage.*recommended 0\.5 A.*--allow"):
         experiment(joint=joint, signal__square__amplitude=0.6)
     assert experiment(joint=joint, signal__square__amplitude=0.6, allow=True).warnings
+
+
+def test_the_file_for_the_robot_begins_emulated_and_with_a_current_that_needs_no_care(repository):
+    experiment, sections = experiment_from(repository / "config" / "acquire_sfj_real.yaml")
+    assert experiment.joint == "stage1" and not experiment.warnings
+    assert parameters_for(sections, "sfj_driver")["device"] == "emulated"
 
 
 def test_an_experiment_without_end_or_signal_is_refused():

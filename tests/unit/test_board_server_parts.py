@@ -219,6 +219,12 @@ def test_the_files_of_first_contact_begin_emulated_and_far_below_the_recommended
     assert max(map(abs, levels)) < 0.1 and levels[-1] == 0.0
 
 
+@pytest.mark.parametrize("number", [1, 2])
+def test_the_files_that_couple_the_robots_have_the_passivity_controller_on(repository, number):
+    sections = load_parameter_file(repository / "config" / f"scenario{number}_real.yaml")
+    assert parameters_for(sections, "force_controller")["passivity.controller"] is True
+
+
 def test_a_remote_board_keeps_no_simulated_time(tmp_path):
     with pytest.raises(ConfigurationError, match="use_sim_time"):
         make_driver(

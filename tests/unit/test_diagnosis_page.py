@@ -290,6 +290,8 @@ def test_each_command_is_one_that_its_program_takes(robot, joint, table, excitat
     assert taken.model == ["my models/lab.yaml"] and taken.validation == list(check)
     assert taken.estimation == [*learn, str(output / "next_recording")]
     assert len(recorded) == (table is not None and excitation is not None)
+    told = page.sections[0].blocks[0].rows[-1][0]
+    assert ("MOVES THE ROBOT" in told) == bool(recorded), "what is pasted is no simulation"
     for words in recorded:
         taken = PARSERS["acquire"]().parse_args(words[2:])
         assert (taken.config, taken.output) == (

@@ -5,12 +5,15 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+import yaml
 from identification_plants import AXIS, STAGE, axis_recording, stage_recording
 from stepped_machines import RIGID, pendulum
 from test_own_springs import recorded
 
+from haptic_teleop_2dsfj.settings import TABLE as SFJ_TABLE
 from haptic_teleop_control.acquisition import Acquisition
 from haptic_teleop_control.robots import SFJ_STAGES
+from haptic_teleop_omni.settings import TABLE as OMNI_TABLE
 from haptic_teleop_sim.kernel import pack, simulate
 from haptic_teleop_sim.model import Effect
 from haptic_teleop_sysid.commands.acquire import experiment_from
@@ -24,6 +27,7 @@ from haptic_teleop_sysid.diagnosis.report.experiment import menu, series, sharpe
 from haptic_teleop_sysid.diagnosis.report.next_experiment import (
     FILE,
     SIGNAL_FILE,
+    acquire_file,
     next_experiment,
     varied,
     write_experiment,
@@ -193,6 +197,15 @@ def test_a_size_that_is_not_well_known_is_something_to_record_for(stage):
     name = "stage1_motor.coulomb_friction.torque"
     found = sharpen(fit, name, size, record, result.scales)
     assert found.signal_generator == told["signal_generator"]
+
+
+@pytest.mark.parametrize(("model", "table"), [(STAGE, SFJ_TABLE), (AXIS, OMNI_TABLE)])
+def test_the_file_for_acquire_says_that_it_drives_the_hardware(model, table):
+    text = acquire_file(model, {"why": "w", "signal_generator": {"joint": model.joint}})
+    assert f"MOVES THE ROBOT: it starts {table.node_name}" in text and "`device: emulated`" in text
+    content = yaml.safe_load(text)
+    assert content["scenario"]["ros__parameters"]["nodes"] == [table.node_name, "acquisition"]
+    assert table.node_name not in content and table.defaults()["device"] == "hardware"
 
 
 def test_a_disturbance_without_bounds_is_said_and_is_no_number(stage):

@@ -153,10 +153,13 @@ def acquire_file(model: Model, experiment: Mapping[str, Any]) -> str | None:
         },
         "acquisition": {"ros__parameters": nested},
     }
+    driver = content["scenario"]["ros__parameters"]["nodes"][0]
     return (
         "# What diagnose suggests to record next. Simulated:\n"
         f"#   haptic-teleop acquire --config {FILE} --output RECORDING --lockstep\n"
-        "# Without --lockstep it MOVES THE ROBOT.\n" + dump_yaml(content)
+        f"# Without --lockstep it MOVES THE ROBOT: it starts {driver}, which drives the hardware\n"
+        f"# unless a section {driver} says `device: emulated`. Commission the robot first\n"
+        "# (docs/first_contact.md).\n" + dump_yaml(content)
     )
 
 

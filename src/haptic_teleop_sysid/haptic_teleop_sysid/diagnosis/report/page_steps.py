@@ -101,7 +101,10 @@ def _recorded_by(content: dict[str, Any], origin: Origin) -> str:
     """How the recording comes about, and what the command that follows does with it."""
     place = origin.output / RECORDING
     if _driven(content):
-        return "The first command records it, the second diagnoses it with the others."
+        return (
+            "The first command MOVES THE ROBOT and records it: commission the robot first "
+            "(docs/first_contact.md). The second diagnoses the recording with the others."
+        )
     then = "the command diagnoses it with the others"
     if not content["next_experiment"]["signal_generator"]:
         return f"Save it as {place}: {then}."
