@@ -267,3 +267,18 @@ def test_what_an_actuator_makes_of_the_input_is_a_torque_at_the_motor():
     zone = Effect("dead_zone", "j_actuator", {"width": 0.1})
     for made in (Hypothesis.of, Hypothesis.resized):
         assert made(zone, RIGID.place(zone.location)).place == "motor"
+
+
+def test_a_size_at_which_nothing_was_evaluated_is_no_size():
+    """Where an effect is not linear in its size it is tried at some sizes, and what is between them counts:
+    nothing is said of a gain that falls to less than half."""
+
+    def made(seed: int) -> Record:
+        one = pendulum(seed, weight=2.0)
+        time = one.start + one.dt * np.arange(len(one))
+        gain = 1.0 - 0.6 * (1.0 - np.exp(-time / (0.4 * len(one) * one.dt)))
+        return replace(one, input=one.input / gain)
+
+    found = asked(RIGID, made(0), made(1))
+    assert best(found).effects
+    assert not any(e.effect == "gain_drift" for level in found.levels for g in level for e in g.effects)

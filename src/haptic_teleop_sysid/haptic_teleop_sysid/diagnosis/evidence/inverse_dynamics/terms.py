@@ -114,6 +114,10 @@ class Hypothesis:
         low += [-math.inf] * (self.angle is not None)
         return np.where(np.array(low) >= 0.0, 0.0, -np.inf), np.full(len(low), np.inf)
 
+    def ends_at_bound(self, factors: FloatArray) -> bool:
+        """Whether a size that is held would have to be another one, at which nothing was evaluated."""
+        return self.held and not 1.001 / _OFF < float(factors[0]) < _OFF / 1.001
+
     @property
     def parameters(self) -> int:
         """How many numbers were sought: those of the columns, and those of the shape."""

@@ -124,6 +124,11 @@ def witness(
             chosen, search.fitted(0, chosen)
         ) < LARGEST * float(np.sqrt(np.mean(driven**2)))
 
+    def named(chosen: Chosen) -> bool:
+        pairs = own_columns(here.names, chosen)
+        values = search.fitted(0, chosen)
+        return apt(chosen) and not any(h.ends_at_bound(values[own]) for h, own in pairs)
+
     # Two that hide each other: neither need be the best by itself, or be seen by itself at all.
     tops = [chosen[0] for chosen in singles[:MOST_PAIRED]]
     pairs = [pair for pair in itertools.combinations(tops, 2) if different(*pair)]
@@ -135,7 +140,7 @@ def witness(
     if pairs:
         levels.append(_threes(search, every, pairs, apt))
     folds = Search(model, Fold((here, there), False), Fold((here, there), True))
-    return _weighed(search, folds, levels, cutoff, apt)
+    return _weighed(search, folds, levels, cutoff, named)
 
 
 def _threes(
@@ -164,9 +169,9 @@ def _weighed(
     folds: Search,
     levels: Sequence[Sequence[Chosen]],
     cutoff: float,
-    apt: Callable[[Chosen], bool],
+    named: Callable[[Chosen], bool],
 ) -> Witness:
-    """The best groups of each number of effects, of those that are admissible."""
+    """The best groups of each number of effects, of those that may be ``named``."""
     # What the fullest explanation leaves comes nearest to noise: how long that remembers says how many
     # samples count, and for all groups the same number.
     fullest = search.leader([(), *(chosen for level in levels for chosen in level)])
@@ -179,7 +184,7 @@ def _weighed(
         return search.likelier(chosen) - A_PARAMETER * sum(h.parameters for h in chosen)
 
     kept = [
-        [*itertools.islice(filter(apt, sorted(level, key=gain, reverse=True)), BEAM)] for level in levels
+        [*itertools.islice(filter(named, sorted(level, key=gain, reverse=True)), BEAM)] for level in levels
     ]
     found = tuple(tuple(_group(search, chosen, gain(chosen)) for chosen in level) for level in kept if level)
     shapeless = folds.shapeless(())
