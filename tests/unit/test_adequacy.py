@@ -173,6 +173,22 @@ def test_a_name_beside_which_much_is_left_is_part_of_what_is_missing_and_the_ver
     assert (by_chance.kind, by_chance.findings[0]["confidence"]) == ("identified", 0.69)
 
 
+@pytest.mark.parametrize("effect", ["coulomb_friction", "sensor_delay"])
+def test_beside_something_unknown_what_no_free_run_shows_must_be_a_torque(effect):
+    records = [pendulum(0, coulomb=0.4)]
+    result = result_with(records, 0.4)
+    (choice,) = result.choices
+    if effect == "sensor_delay":
+        late = Effect(effect, "j_motor_encoder", {"delay": 0.01})
+        fit = replace(result.final, model=replace(result.final.model, effects=(late,)))
+        choice = replace(choice, chosen=replace(choice.chosen, fit=fit))
+        result = replace(result, final=fit, choices=(choice,))
+    verdict = decide_verdict(result, records, records, adequate=Adequacy(0.5, 0.0))
+    assert verdict.kind == "unknown"
+    told = [(f["effect"], f["confidence"]) for f in verdict.findings]
+    assert told == ([("coulomb_friction", 0.0)] if effect == "coulomb_friction" else [])
+
+
 @pytest.mark.parametrize(
     ("place", "made"),
     [
