@@ -14,7 +14,6 @@ from scipy.optimize import brentq
 from haptic_teleop_control.laws import find_law
 from haptic_teleop_control.robots import SFJ_STAGES, STAGES
 
-SHORT = {"augmented_error": "thesis", "disturbance_observer": "observer"}
 Results = dict[str, list[Merit]]
 
 
@@ -62,9 +61,9 @@ def _by_wall(results: Results, stage: str) -> str:
     for wall in WALLS:
         for law, merits in results.items():
             chosen = [m for m in merits if m.stage == stage and m.case.wall == wall]
-            rows.append([f"{wall:g}", SHORT.get(law, law), *_cell(chosen)])
+            rows.append([f"{wall:g}", law, *_cell(chosen)])
     for law, merits in results.items():
-        rows.append(["**all**", SHORT.get(law, law), *_cell([m for m in merits if m.stage == stage])])
+        rows.append(["**all**", law, *_cell([m for m in merits if m.stage == stage])])
     return _table(rows, ("wall, N·m/rad", "law"))
 
 
@@ -146,12 +145,12 @@ def tables(results: Results, others: dict[str, Results]) -> str:
             _by_wall(results, stage),
         ]
     for law, merits in results.items():
-        parts += [f"### Where the aim is missed: {SHORT.get(law, law)}", _failures(merits)]
+        parts += [f"### Where the aim is missed: {law}", _failures(merits)]
     rows = [
         [
             name,
             stage.replace("stage", "stage "),
-            SHORT.get(law, law),
+            law,
             *_cell([m for m in merits if m.stage == stage]),
         ]
         for name, found in others.items()
@@ -178,14 +177,12 @@ def picture(laws: Sequence[str], speed: float = 1.0) -> Figure:
                 for law, colour in zip(laws, colours, strict=False):
                     made = find_law(law).from_parameters({}, STAGES, DT)
                     time, shown = simulate(Case(Plant("nominal"), wall, speed), made)
-                    axis.plot(
-                        time, shown[:, 2, 2 * row + 1], color=colour, linewidth=1.2, label=SHORT.get(law, law)
-                    )
+                    axis.plot(time, shown[:, 2, 2 * row + 1], color=colour, linewidth=1.2, label=law)
                 axis.axhline(LAMBDA * speed, color="#1c2431", linewidth=0.8, linestyle="--")
                 axis.set_xlim(0.0, 5.0)
                 axis.set_title(f"{stage.replace('stage', 'stage ')}, wall {wall:g} N·m/rad", fontsize=9)
             axes[row, 0].set_ylabel("Te, N·m")
-        axes[0, 0].legend(frameon=False)
+        axes[1, 0].legend(frameon=False, loc="center right")
         for axis in axes[1]:
             axis.set_xlabel("time, s")
     return figure

@@ -1,6 +1,6 @@
 """How much delay the teleoperation bears: the tables in docs/teleoperation.md and docs/contact.md.
 
-    python tests/studies/delay_and_passivity.py [scenario1] [scenario2] [link] [blind]
+    python tests/studies/delay_and_passivity.py [scenario1] [scenario2] [filtered] [link] [blind]
 
 Lockstep, deterministic. A hand (an impedance at the master) leads both stages to a surface, holds for 6 s
 and lets go again. Stable: while it holds, less what drifts, the torque on the environment has a standard
@@ -13,6 +13,7 @@ from __future__ import annotations
 import sys
 import tempfile
 from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -215,13 +216,17 @@ def _small(desired: float, standstill: float, models: dict[str, str], folder: Pa
 
 
 def main(argv: list[str]) -> None:
-    wanted = argv or ["scenario1", "scenario2", "link", "blind"]
+    wanted = argv or ["scenario1", "scenario2", "filtered", "link", "blind"]
     if "scenario1" in wanted:
         print("\nScenario 1. Per delay, one way: ripple, lowest energy of master and link in mJ.\n")
         delays(scenario1, "omni", GRIPS_OMNI, (0.1, 0.2))
     if "scenario2" in wanted:
         print("\nScenario 2, likewise.\n")
         delays(scenario2, "sfj", GRIPS_SFJ, (1.0, 2.0))
+    if "filtered" in wanted:
+        print("\nScenario 2 with the low-pass of the shipped files, likewise.\n")
+        low_pass = {f"stage{i}.master.feedback_cutoff_hz": 10.0 for i in (1, 2)}
+        delays(partial(scenario2, **low_pass), "sfj", GRIPS_SFJ, (1.0,))
     if "link" in wanted:
         print("\nScenario 1, firm hand, feedback 0.1, over bad links.\n")
         links()
