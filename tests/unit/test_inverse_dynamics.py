@@ -53,11 +53,39 @@ def test_nothing_is_found_where_nothing_is_missing():
 
 def test_a_friction_that_differs_between_directions_is_told_by_both_sizes():
     found = asked(RIGID, *(pendulum(s, coulomb=0.4, offset=0.1) for s in (0, 1)))
-    effect = best(found).effects[0]
-    assert effect.effect == "asymmetric_friction"
+    effects = named(found.levels[0][0])
+    assert set(effects) == {"asymmetric_friction"}
     # Friction of 0.4 and a push of 0.1 forward: 0.3 against the one direction, 0.5 against the other.
-    assert effect.parameters["positive"] == pytest.approx(0.3, rel=0.1)
-    assert effect.parameters["negative"] == pytest.approx(0.5, rel=0.1)
+    assert effects["asymmetric_friction"].parameters["positive"] == pytest.approx(0.3, rel=0.1)
+    assert effects["asymmetric_friction"].parameters["negative"] == pytest.approx(0.5, rel=0.1)
+    # The two of which it is made are as good.
+    assert set(named(found.levels[1][0])) == {"coulomb_friction", "constant_torque"}
+
+
+def test_a_joint_that_stands_still_says_nothing_of_its_friction():
+    """Between two moves dry friction holds a torque that no balance knows."""
+
+    def made(seed: int) -> Record:
+        one = pendulum(seed, coulomb=0.4)
+        n = len(one) // 2
+        rest = np.arange(n)
+        stuck = np.column_stack([np.full(n, one.measured[-1, 0])] * 2)
+        held = 0.3 * np.sin(2.0 * np.pi * rest / 700.0)  # less than friction holds
+        return replace(
+            one,
+            input=np.concatenate([one.input, held]),
+            measured=np.vstack([one.measured, stuck if one.measured.shape[1] == 2 else stuck[:, :1]]),
+            exogenous=np.concatenate([one.exogenous, np.zeros((n, *one.exogenous.shape[1:]))]),
+        )
+
+    recordings = made(0), made(1)
+    motion = banded(recordings[0], True, 3.0)
+    last = motion.time[motion.kept[-1]] - recordings[0].start
+    assert last < len(recordings[0]) * 2 / 3 * recordings[0].dt
+    found = asked(RIGID, *recordings)
+    plain = next(g for g in found.levels[0] if "coulomb_friction" in named(g))
+    assert named(plain)["coulomb_friction"].parameters["torque"] == pytest.approx(0.4, rel=0.1)
+    assert plain.explained > 0.9
 
 
 def test_a_torque_that_no_effect_describes_is_recoverable_and_not_explained():

@@ -39,6 +39,9 @@ PADDED = 3.0
 BRIDGED = 0.125
 #: Periods of the cut-off at either end of a stretch that the filter's transient spoils.
 ENDS = 1.0
+#: Share of the top speed below which a joint stands still, and for how many periods of the cut-off: a motion
+#: that turns is slow for less. Share of all samples that must be left for this to count.
+STILL, STANDS, LEAST_MOVING = 0.02, 2.0, 0.05
 
 
 @dataclass(frozen=True)
@@ -157,7 +160,8 @@ def _valley(frequency: FloatArray, power: FloatArray, lowest: float) -> int:
 
 
 def banded(record: Record, rigid: bool, cutoff: float) -> BandedMotion:
-    """The record in the band; readings that are missing are bridged and do not count."""
+    """The record in the band; readings that are missing are bridged and do not count, nor does a joint that
+    stands still."""
     measured = record.measured
     arm = measured[:, 0] if rigid or not np.any(np.isfinite(measured[:, 1])) else measured[:, 1]
     raw = np.column_stack([bridged(measured[:, 0]), bridged(arm)])
@@ -166,6 +170,7 @@ def banded(record: Record, rigid: bool, cutoff: float) -> BandedMotion:
     thin = slice(None, None, max(1, int(1.0 / (FINE_PER_PERIOD * cutoff * record.dt))))
     dt = record.dt * (thin.step or 1)
     missing = in_long_holes(~np.isfinite(measured[:, 0]) | ~np.isfinite(arm), BRIDGED / (cutoff * record.dt))
+    missing |= standing(velocity, STANDS / (cutoff * record.dt))
     block, kept = _counting(missing, thin, dt, cutoff)
     time = record.start + record.dt * np.arange(len(record), dtype=np.float64)[thin]
     return BandedMotion(
@@ -191,12 +196,20 @@ def held_in_band(values: FloatArray, dt: float, cutoff: float) -> FloatArray:
 
 
 def in_long_holes(missing: NDArray[np.bool_], most: float) -> NDArray[np.bool_]:
-    """Which of the samples (n,) that are missing lie in holes of more than ``most`` samples."""
+    """Which of the samples (n,) that are missing lie in a row of more than ``most`` of them."""
     edges = np.flatnonzero(np.diff(np.concatenate([[0], missing.astype(np.int8), [0]])))
     found = np.zeros(len(missing), dtype=np.bool_)
     for start, stop in edges.reshape(-1, 2).tolist():
         found[start:stop] = stop - start > most
     return found
+
+
+def standing(velocity: FloatArray, least: float) -> NDArray[np.bool_]:
+    """Which of the samples of a ``velocity`` (n, 2) lie where the joint stands still for more than ``least``
+    samples: dry friction then holds whatever torque there is, up to its own, and no balance tells it."""
+    speed = np.max(np.abs(velocity), axis=1)
+    found = in_long_holes(speed < STILL * np.max(speed, initial=0.0), least)
+    return found if np.mean(found) <= 1.0 - LEAST_MOVING else np.zeros(len(found), dtype=np.bool_)
 
 
 def _counting(
