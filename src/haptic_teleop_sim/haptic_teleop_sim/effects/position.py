@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 
 from .entry import EffectEntry
-from .hypothesis import SMALL_TORQUE, Equivalent, Numbers, Recorded, bends, noticeable
+from .hypothesis import SMALL_TORQUE, Equivalent, Numbers, Recorded, noticeable, repeats
 from .parameter import EffectParameter
 
 #: Share of the travel by which the recordings' torque, rms, pushes into a stop at most: what yields further
@@ -38,7 +38,7 @@ def _as_gravity_aside(p: Numbers) -> dict[str, float]:
 
 def _ripples(p: Numbers, on: Recorded) -> bool:
     """A noticeable amplitude, of a sine of which enough was seen."""
-    return p["amplitude"] > SMALL_TORQUE * on.size["torque"] and bends(p, on)
+    return p["amplitude"] > SMALL_TORQUE * on.size["torque"] and repeats(p, on)
 
 
 def _stops(p: Numbers, on: Recorded) -> bool:
