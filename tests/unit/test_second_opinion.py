@@ -3,11 +3,13 @@
 import json
 import math
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 from stepped_machines import RIGID, pendulum
 
+from haptic_teleop_sim.effects import EFFECTS
 from haptic_teleop_sim.model import Effect, load_model
 from haptic_teleop_sysid.commands.diagnose import main
 from haptic_teleop_sysid.diagnosis.decision.decide import Choice
@@ -21,8 +23,8 @@ from haptic_teleop_sysid.diagnosis.decision.overruled import (
 )
 from haptic_teleop_sysid.diagnosis.decision.search import SearchResult
 from haptic_teleop_sysid.diagnosis.decision.verdict import decide_verdict, size_known
-from haptic_teleop_sysid.diagnosis.evidence.inverse_dynamics.witness import witness
-from haptic_teleop_sysid.diagnosis.evidence.second_opinion import second_opinion
+from haptic_teleop_sysid.diagnosis.evidence.inverse_dynamics.witness import Group, witness
+from haptic_teleop_sysid.diagnosis.evidence.second_opinion import Heard, plainer_first, second_opinion
 from haptic_teleop_sysid.diagnosis.hypotheses.explanation import Explanation
 from haptic_teleop_sysid.diagnosis.hypotheses.material import material
 from haptic_teleop_sysid.diagnosis.inputs.scales import recording_scales
@@ -226,3 +228,24 @@ def test_nobody_is_surer_of_a_name_than_of_its_size():
     unsure = size_known(friction, {"torque": {"value": 11.9, "std": 5.6}})
     assert 0.6 < unsure < 0.8
     assert size_known(friction, {"torque": {"value": 11.9, "std": 0.4}}) > 0.999
+
+
+def heard_of(*names, gain, torques, errors=(0.1, 0.1)):
+    hypotheses = tuple(SimpleNamespace(entry=EFFECTS[n], location="j_motor") for n in names)
+    return Heard(Group(RIGID, hypotheses, torques, 90.0, 0.9, {}), gain, errors)
+
+
+def test_a_richer_form_needs_more_than_chance_from_torques_or_free_runs():
+    rich, plain = ("presliding_friction", "gravity"), ("coulomb_friction", "gravity")
+
+    def first(*, torques=(30.0, 22.0), errors=(0.1, 0.1), plain=plain):
+        one = heard_of(*rich, gain=40.0, torques=torques[0], errors=errors)
+        found = plainer_first([one, heard_of(*plain, gain=32.0, torques=torques[1])])
+        assert [h.gain for h in found] == [40.0, 32.0], "what is believed keeps what the best one gains"
+        return [h.entry.name for h in found[0].group.hypotheses]
+
+    assert first() == [*plain]
+    assert first(torques=(40.0, 22.0)) == [*rich], "its shape gains from the torques"
+    assert first(errors=(0.08, 0.09)) == [*rich], "free runs err less with it"
+    assert first(plain=("coulomb_friction", "spring_to_ground")) == [*rich], "that is something else"
+    assert first(plain=("asymmetric_friction", "gravity")) == [*rich], "that is no plainer form of it"

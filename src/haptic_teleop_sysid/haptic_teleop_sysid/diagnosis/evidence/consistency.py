@@ -1,10 +1,10 @@
 """Do recordings belong together, and does their input drive the joint?  Asked of band-limited inverse
 dynamics before anything is fitted.
 
-The torque that a motion takes, J a + b v + Fc sign v + k q + k_s (q - q_arm) + c, is linear in what is
-unknown. A regression of the input on it, with all terms filtered as the input is (Gautier and Khalil 1990),
-says of each recording how much of its input the motion explains, and how large the input of another one is by
-its numbers.
+The torque that a motion takes, J a + b v + Fc sign v + k q + g sin(q + q0) + k_s (q - q_arm) + c, is linear
+in what is unknown. A regression of the input on it, with all terms filtered as the input is (Gautier and
+Khalil 1990), says of each recording how much of its input the motion explains, and how large the input of
+another one is by its numbers.
 """
 
 from __future__ import annotations
@@ -55,7 +55,7 @@ def terms(record: Record) -> tuple[FloatArray, FloatArray]:
     smooth = filtered(angle)
     velocity = np.gradient(smooth, record.dt)
     sign = np.tanh(velocity / max(_SMOOTH * float(np.max(np.abs(velocity))), 1e-300))
-    own = [np.gradient(velocity, record.dt), velocity, sign, smooth]
+    own = [np.gradient(velocity, record.dt), velocity, sign, smooth, np.sin(smooth), np.cos(smooth)]
     if np.any(np.isfinite(record.measured[:, 1])):
         own.append(smooth - filtered(bridged(record.measured[:, 1])))
     columns = [filtered(one) for one in own] + [np.ones(len(angle))]
@@ -71,6 +71,8 @@ def parts_of(records: Sequence[Record]) -> dict[str, Part]:
     found: dict[str, list[Part]] = {}
     for record in records:
         drive, columns = terms(record)
+        if len(drive) <= columns.shape[1]:
+            continue  # shorter than the filter swings
         columns = columns[:, :-1]
         found.setdefault(record.name, []).append((drive - drive.mean(), columns - columns.mean(axis=0)))
     return {
@@ -128,9 +130,11 @@ def refuse_other_units(records: Sequence[Record]) -> None:
             ratios = [r for r in (found[i, j], 1.0 / found[j, i]) if np.isfinite(r)]
             if not ratios or min(max(r, 1.0 / r) for r in ratios) < _ANOTHER:
                 continue
-            if alike(parts[i], parts[j]):
-                continue
             ratio = float(np.exp(np.mean(np.log(ratios))))
+            scaled = parts[i][0] / ratio, parts[i][1]
+            # A factor that does not make them one machine's is no factor between units or machines.
+            if alike(parts[i], parts[j]) or not alike(scaled, parts[j]):
+                continue
             large = max(ratio, 1.0 / ratio)
             why = "so they are hardly of one machine"
             for factor, words in _UNITS.items():
@@ -157,8 +161,6 @@ def refuse_unrelated(record: Record, joint: str) -> None:
     if largest >= by_chance:
         return
     drive, columns = terms(record)
-    angle = columns[:, 3]
-    columns = np.column_stack([columns, np.sin(angle), np.cos(angle)])
     left = drive - columns @ _regressed(columns, drive)
     share = 1.0 - float(np.var(left) / max(float(np.var(drive)), 1e-300))
     if share < _NOTHING:

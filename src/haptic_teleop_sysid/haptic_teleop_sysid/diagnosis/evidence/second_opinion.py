@@ -10,17 +10,18 @@ does not hold.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
-from dataclasses import dataclass
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
 
+from haptic_teleop_sim.effects import EFFECTS
 from haptic_teleop_sim.model import Model
 
 from ..hypotheses.admissible import admissible
 from ..inputs.scales import Scales
-from ..policy import AN_EFFECT, NEARLY_ALL
+from ..policy import AN_EFFECT, ERRS_LESS, LEAST_GAIN, NEARLY_ALL
 from .horizons import PERFECT
 from .inverse_dynamics.witness import Group, Witness
 
@@ -109,7 +110,37 @@ def second_opinion(witness: Witness, scales: Scales, errors: Errors, before: tup
         fewer = max(fewer, level[0].gain)
         ranked.sort(key=lambda h: -h.gain)
         if ranked and ranked[0].gain > enough:
-            chosen, rivals = ranked[0], ranked
+            rivals = plainer_first(ranked)
+            chosen = rivals[0]
     weights = np.array([math.exp((h.gain - rivals[0].gain) / APART) for h in rivals])
     shares = weights / weights.sum() if len(weights) else weights
     return Opinion(chosen, tuple(zip(rivals, shares.tolist(), strict=True)), witness)
+
+
+def plainer_first(ranked: Sequence[Heard]) -> list[Heard]:
+    """Groups of as many effects, best first. One that differs from the first one in a plainer form of one
+    effect changes its gain, and its place, with it, unless the shape of the richer form gains LEAST_GAIN from
+    the torques, or makes free runs err less by ERRS_LESS: then it is more than what is left of something
+    else."""
+    first, *others = ranked
+    for number, other in enumerate(others, start=1):
+        if not _plainer(other.group, first.group):
+            continue
+        pairs = zip(first.errors, other.errors, strict=True)
+        less = math.prod(max(a, PERFECT) / max(b, PERFECT) for a, b in pairs)
+        if first.group.gain - other.group.gain < LEAST_GAIN and less > ERRS_LESS**2:
+            found = [replace(other, gain=first.gain), *others]
+            found[number] = replace(first, gain=other.gain)
+            return plainer_first(found)
+    return [*ranked]
+
+
+def _plainer(group: Group, richer: Group) -> bool:
+    """Whether a group has a plainer form of one effect of another group, and all its others."""
+    ones, others = ({(h.entry.name, h.location) for h in g.hypotheses} for g in (group, richer))
+    own, theirs = ones - others, others - ones
+    if len(own) != 1 or len(theirs) != 1:
+        return False
+    (name, location), (rich, place) = own.pop(), theirs.pop()
+    refinement = EFFECTS[rich].refinement
+    return place == location and refinement is not None and refinement.of == name
