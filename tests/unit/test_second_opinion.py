@@ -228,6 +228,11 @@ def test_nobody_is_surer_of_a_name_than_of_its_size():
     unsure = size_known(friction, {"torque": {"value": 11.9, "std": 5.6}})
     assert 0.6 < unsure < 0.8
     assert size_known(friction, {"torque": {"value": 11.9, "std": 0.4}}) > 0.999
+    # An arm whose angle hardly tells one order from the next has an inertia of any shape.
+    folds = Effect("angle_dependent_inertia", "j_motor", {"amplitude": 0.132, "order": 3.06})
+    told = {"amplitude": {"value": 0.132, "std": 0.028}, "order": {"value": 3.06, "std": 1.3}}
+    assert size_known(folds, told) < 0.5
+    assert size_known(folds, {**told, "order": {"value": 3.06, "std": 0.1}}) > 0.95
 
 
 def heard_of(*names, gain, torques, errors=(0.1, 0.1)):

@@ -31,8 +31,9 @@ FOLLOWS = 0.2
 #: Share of its size by which an effect is off because its form is never quite that of a machine's, as
 #: measured on development recordings whose generator has another form for everything.
 _FORM = 0.03
-#: Relative error within which a size counts as known.
-_KNOWN = 0.5
+#: Relative error within which a size counts as known, and an order: half a cycle more or less in two is another
+#: shape.
+_KNOWN, _KNOWN_ORDER = 0.5, 0.25
 
 
 @dataclass(frozen=True)
@@ -162,15 +163,19 @@ def _parameters(choice: Choice, final: Fit, spread: dict[str, float]) -> dict[st
 
 
 def size_known(effect: Effect, parameters: Mapping[str, Mapping[str, Any]]) -> float:
-    """Chance (0 to 1) that a size of the effect is right to within _KNOWN of itself, the surest one's: nobody
-    is surer of a name than of there being that much of it. ``parameters``: each with ``value`` and ``std``; 1
-    for an effect without a size."""
-    chances = []
+    """Chance (0 to 1) that a size of the effect is right to within _KNOWN of itself, the surest one's, and its
+    order to within _KNOWN_ORDER: nobody is surer of a name than of there being that much of it, and of that
+    shape. ``parameters``: each with ``value`` and ``std``; 1 for an effect without a size."""
+    sizes, orders = [], []
     for p in effect.entry.parameters:
-        if p.default is None and p.neutral is not None and np.isfinite(p.neutral) and p.name in parameters:
-            size, error = parameters[p.name]["value"] - p.neutral, parameters[p.name]["std"]
-            chances.append(math.erf(_KNOWN * abs(size) / max(error, 1e-300) / math.sqrt(2.0)))
-    return max(chances, default=1.0)
+        if p.name not in parameters:
+            continue
+        value, error = parameters[p.name]["value"], max(parameters[p.name]["std"], 1e-300)
+        if p.scan == "order":
+            orders.append(math.erf(_KNOWN_ORDER * abs(value) / error / math.sqrt(2.0)))
+        elif p.default is None and p.neutral is not None and np.isfinite(p.neutral):
+            sizes.append(math.erf(_KNOWN * abs(value - p.neutral) / error / math.sqrt(2.0)))
+    return min([max(sizes, default=1.0), *orders])
 
 
 def _uncertainty(parameter: EffectParameter, value: float, std: float, spread: float) -> float:
