@@ -31,8 +31,8 @@ FOLLOWS = 0.2
 #: Share of its size by which an effect is off because its form is never quite that of a machine's, as
 #: measured on development recordings whose generator has another form for everything.
 _FORM = 0.03
-#: Relative error within which a size counts as known, and an order: half a cycle more or less in two is another
-#: shape.
+#: Relative error within which a size counts as known, and an order: half a cycle more or less in two is
+#: another shape.
 _KNOWN, _KNOWN_ORDER = 0.5, 0.25
 
 
@@ -163,9 +163,9 @@ def _parameters(choice: Choice, final: Fit, spread: dict[str, float]) -> dict[st
 
 
 def size_known(effect: Effect, parameters: Mapping[str, Mapping[str, Any]]) -> float:
-    """Chance (0 to 1) that a size of the effect is right to within _KNOWN of itself, the surest one's, and its
-    order to within _KNOWN_ORDER: nobody is surer of a name than of there being that much of it, and of that
-    shape. ``parameters``: each with ``value`` and ``std``; 1 for an effect without a size."""
+    """Chance (0 to 1) that a size of the effect is right to within _KNOWN of itself, the surest one's, and
+    its order to within _KNOWN_ORDER: nobody is surer of a name than of there being that much of it, and of
+    that shape. ``parameters``: each with ``value`` and ``std``; 1 for an effect without a size."""
     sizes, orders = [], []
     for p in effect.entry.parameters:
         if p.name not in parameters:
