@@ -243,6 +243,19 @@ def test_a_robot_in_a_fault_of_its_own_ends_the_coupling_and_keeps_it_from_engag
     assert rig.coupling.engage(rig.now) is None
 
 
+def test_a_refusal_for_a_robot_s_own_fault_moves_no_master():
+    rig = Rig(auto_engage=False, command_source="device")
+    rig.coupling.master[0][1] = 0.3  # off neutral: to align would move it
+    rig.run(0.1)
+    rig.coupling.on_robot_fault(rig.now, "/sfj/sfj_driver", "limit_switch: an end is reached")
+    assert "limit_switch" in (rig.coupling.engage(rig.now) or "")
+    rig.run(0.1)
+    assert rig.coupling.state is State.DEVICES_READY and not rig.to_master.any()
+    rig.coupling.on_robot_fault(rig.now, "/sfj/sfj_driver", None)
+    assert "it is being aligned" in (rig.coupling.engage(rig.now) or "")
+    assert rig.coupling.state is State.ALIGNING
+
+
 def test_a_position_that_is_no_number_is_not_aligned():
     rig = Rig(command_source="device")
     rig.coupling.master[0][1] = math.nan

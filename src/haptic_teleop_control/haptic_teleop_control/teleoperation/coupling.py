@@ -196,12 +196,13 @@ class Coupling:
         if self.machine.state is State.FAULT:
             return "a fault is latched: reset it first"
         obstacle = self.obstacle(now)
-        if obstacle == PATTERN_RUNS:
-            return obstacle
         missing = self.streams.missing(now) is not None
+        # Neither begins to align: a refusal moves nothing.
+        if obstacle == PATTERN_RUNS or (self.robot_faults and not missing):
+            return obstacle
         if self.machine.engage(not missing, obstacle is None):
             return None
-        if missing or obstacle is None or self.robot_faults:
+        if missing or obstacle is None:
             return obstacle or "a side is missing"
         return f"{obstacle}; it is being aligned, engage again when it is there"
 
