@@ -81,11 +81,14 @@ def test_diagnose_tells_of_the_unit_of_time_before_it_refuses(tmp_path, capsys):
 def test_an_input_that_brakes_in_every_recording_is_the_doubt(tmp_path):
     turned = [write_log(tmp_path / f"{n}.csv", sign=-1.0, seed=n) for n in (1, 2)]
     data = [load_dataset(open_recording(log), model(), log) for log in turned]
-    told = {"verdict": "unknown", "doubt": "fitted to the other recordings, it has another size"}
+    told = {"verdict": "unknown", "findings": [], "doubt": "it has another size on the other recordings"}
     doubt = diagnosis_run.with_input_sign(told, data)["doubt"]
     assert doubt.startswith("the input seems to have the opposite sign")
     assert f"haptic-teleop import {turned[0]} --suggest" in doubt
     assert diagnosis_run.with_input_sign(told | {"verdict": "identified"}, data)["doubt"] == told["doubt"]
+    # A joint that falls over is braked by what holds it up: where that has a name, the sign is right.
+    held_up = told | {"findings": [{"effect": "gravity"}]}
+    assert diagnosis_run.with_input_sign(held_up, data)["doubt"] == told["doubt"]
     right = write_log(tmp_path / "right.csv")
     data.append(load_dataset(open_recording(right), model(), right))
     assert diagnosis_run.with_input_sign(told, data) == told

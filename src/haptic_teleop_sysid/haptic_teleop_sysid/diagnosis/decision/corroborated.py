@@ -50,11 +50,11 @@ class Corroboration:
         return [] if (effect.effect, effect.location) in names else [_error(chosen.errors)]
 
     def _by_torques(self, model: Model, effect: Effect) -> bool:
-        if self.opinion is None or not _is_torque(effect):
+        if self.opinion is None or not adds_torque(effect):
             return False
         folds = self.opinion.witness.folds
         known = {(e.effect, e.location) for e in (*folds.model.effects, effect)}
-        others = [e for e in model.effects if (e.effect, e.location) not in known and _is_torque(e)]
+        others = [e for e in model.effects if (e.effect, e.location) not in known and adds_torque(e)]
         own = Hypothesis.of(effect, model.place(effect.location))
         rest = tuple(Hypothesis.resized(e, model.place(e.location)) for e in others)
         try:
@@ -71,6 +71,6 @@ def _error(errors: tuple[float, float]) -> float:
     return math.sqrt(math.prod(max(e, PERFECT) for e in errors))
 
 
-def _is_torque(effect: Effect) -> bool:
+def adds_torque(effect: Effect) -> bool:
     """Whether the effect adds to the torques, along the motion or between command and torque."""
     return follows_from_motion(effect.entry) or effect.entry.kind == "input"

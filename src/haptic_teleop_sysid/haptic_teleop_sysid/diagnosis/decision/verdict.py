@@ -16,10 +16,10 @@ from haptic_teleop_sysid.estimation.records import Record
 
 from ..evidence.by_blocks import seen_steadily
 from ..evidence.certainty import standard_errors
-from ..evidence.inverse_dynamics.terms import follows_from_motion
 from ..evidence.residual import Condition, conditions, intervals, shares
 from ..policy import LEAST_EXPLAINED, LEAST_KNOWN, NOTICEABLE, STRUCTURED, SUREST
 from .adequacy import NOT_SURE, Adequacy, explained_torque
+from .corroborated import adds_torque
 from .decide import Choice
 from .reasons import Doubt
 from .search import SearchResult
@@ -68,11 +68,11 @@ def decide_verdict(
     findings = [finding(c, result.final, spread or {}, surest) for c in result.choices]
     unexplained = structured(result.final, remaining, estimation, result)
     if result.choices and adequate is not None and adequate.much_is_left:
-        # Beside something unknown a late or wrong reading has to show in free runs; a torque has the torques.
+        # Beside something unknown an error of an encoder has to show in free runs; a torque has the torques.
         beside = [
             f
             for c, f in zip(result.choices, findings, strict=True)
-            if f["confidence"] > 0.0 or follows_from_motion(c.chosen.effect.entry)
+            if f["confidence"] > 0.0 or adds_torque(c.chosen.effect)
         ]
         return Verdict(
             "unknown", [where_left(result, remaining, estimation)], beside, remaining, before, adequate
