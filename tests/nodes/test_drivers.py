@@ -360,11 +360,13 @@ def test_the_shipped_files_differ_from_the_simulated_ones_in_the_robots_and_in_w
     begins = {"auto_engage", "autostart", "stage1.delay", "stage2.delay"}
     # And in what the recommended current can do.
     begins |= {f"{stage}{side}.current_limit" for stage in ("stage1", "stage2") for side in ("", ".master")}
-    begins |= {"stage2.steps.levels"}
+    # And a hand at a robot is kept from energy that nobody asked for.
+    begins |= {"stage2.steps.levels", "passivity.controller"}
     for node in ("force_controller", "signal_generator"):
         different = {key for key in ours[node] | theirs[node] if ours[node].get(key) != theirs[node].get(key)}
         assert different <= begins
     for stage in ("stage1", "stage2"):
         law = f"{stage}.current_limit" if number == 1 else f"{stage}.master.current_limit"
         assert ours["sfj_driver"][f"{stage}.current_limit"] == ours["force_controller"][law] == 0.5
+    assert ours["force_controller"]["passivity.controller"] is True
     assert ours["force_controller"]["auto_engage"] is False and not ours["signal_generator"]["autostart"]
