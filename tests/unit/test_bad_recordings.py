@@ -10,6 +10,7 @@ from joint_recordings import TRUTH
 
 from haptic_teleop_control.errors import RecordingError
 from haptic_teleop_control.recording import write_recording
+from haptic_teleop_sim.model import Effect
 from haptic_teleop_sysid.commands import diagnose as command
 from haptic_teleop_sysid.diagnosis.evidence.consistency import (
     alike,
@@ -67,6 +68,18 @@ def test_units_that_differ_between_bags_are_named(data, field, factor, words):
         refuse_other_units(commanded([data[0], other]))
     with pytest.raises(RecordingError, match=words):
         diagnose(STAGE, data[:1], [other])
+
+
+@pytest.mark.parametrize("factor", [180.0 / np.pi, np.pi / 180.0])
+def test_units_of_the_angle_are_named_although_dry_friction_has_none_of_them(factor):
+    """No factor between the inputs makes up for it: of the torque only what friction leaves changes."""
+    rubbing = STAGE.with_effects(Effect("coulomb_friction", "stage1_motor", {"torque": 0.5}))
+    one, other = loaded(rubbing, seed=1, rms=0.2), loaded(rubbing, seed=2, rms=0.2, band=(0.2, 6.0))
+    refuse_other_units(commanded([one, other]))
+    names = ("motor_position", "arm_position")
+    turned = replace(other, **{n: factor * getattr(other, n) for n in names})
+    with pytest.raises(RecordingError, match=r"bag2.*bag1.*degrees for radians"):
+        refuse_other_units(commanded([one, turned]))
 
 
 def test_recordings_of_two_machines_are_refused(data):

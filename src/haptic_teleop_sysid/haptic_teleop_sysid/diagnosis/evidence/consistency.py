@@ -9,7 +9,9 @@ another one is by its numbers.
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 import scipy
@@ -22,14 +24,16 @@ from ..inputs.scales import bridged
 from .inverse_dynamics.motion import low_passed
 
 FloatArray = NDArray[np.float64]
+#: Of a recording: its input (n,), and the terms (n, k) that its motion makes of it; see `terms`.
+Part = tuple[FloatArray, FloatArray]
 #: Cut-off of the filter, Hz, and as a share of the sampling rate.
 _BAND, _SHARE = 8.0, 0.1
 #: Velocity, relative to the largest, within which its sign is smoothed.
 _SMOOTH = 0.02
 #: Share of its input that a motion must explain for its numbers to judge another recording.
 _EXPLAINS = 0.5
-#: Factors between units of angle or effort that are taken for one another: degrees and radians, turns and
-#: radians, thousandths, revolutions per minute; and how near to one of them (ratio) it must be.
+#: Factors between units of angle or effort that are taken for one another, and how near to one (ratio) the
+#: sizes of the inputs then come.
 _UNITS = {180.0 / np.pi: "degrees for radians", 2.0 * np.pi: "turns for radians", 1000.0: "thousandths"}
 _NEAR = 1.25
 #: Factor from which two recordings are hardly of one machine.
@@ -61,9 +65,6 @@ def terms(record: Record) -> tuple[FloatArray, FloatArray]:
     columns = [filtered(one) for one in own] + [np.ones(len(angle))]
     inside = slice(round(1.0 / (cut * record.dt)), len(angle) - round(1.0 / (cut * record.dt)))
     return filtered(record.input)[inside], np.column_stack(columns)[inside]
-
-
-Part = tuple[FloatArray, FloatArray]
 
 
 def parts_of(records: Sequence[Record]) -> dict[str, Part]:
@@ -104,14 +105,18 @@ def sizes(parts: Sequence[Part]) -> FloatArray:
 def alike(one: Part, other: Part) -> bool:
     """Whether common numbers explain either input nearly as well as its own do. Where the two move at other
     angles, or one of them hardly accelerates, the numbers of the one alone say nothing of the other."""
-    both = [(d / max(s, 1e-300), c / max(s, 1e-300)) for d, c in (one, other) for s in [float(np.std(d))]]
-    weighed = [(d / np.sqrt(len(d)), c / np.sqrt(len(d))) for d, c in both]
-    numbers = _regressed(np.vstack([c for _, c in weighed]), np.concatenate([d for d, _ in weighed]))
+    both = [(drive / _spread(drive), columns / _spread(drive)) for drive, columns in (one, other)]
+    rows = [(drive / np.sqrt(len(drive)), columns / np.sqrt(len(drive))) for drive, columns in both]
+    common = _regressed(np.vstack([c for _, c in rows]), np.concatenate([d for d, _ in rows]))
     for drive, columns in both:
-        left = np.var(drive - columns @ _regressed(columns, drive))
-        if np.var(drive - columns @ numbers) - left > _MISSED * (np.var(drive) - left):
+        explained = 1.0 - np.var(drive - columns @ _regressed(columns, drive))
+        if 1.0 - np.var(drive - columns @ common) < (1.0 - _MISSED) * explained:
             return False
     return True
+
+
+def _spread(values: FloatArray) -> float:
+    return max(float(np.std(values)), 1e-300)
 
 
 def _regressed(columns: FloatArray, drive: FloatArray) -> FloatArray:
@@ -120,30 +125,38 @@ def _regressed(columns: FloatArray, drive: FloatArray) -> FloatArray:
 
 
 def refuse_other_units(records: Sequence[Record]) -> None:
-    """Raise RecordingError for two recordings whose inputs differ, for their motions, by the factor between
-    two units, or so much that they are hardly of one machine."""
+    """Raise RecordingError for two recordings of which common numbers explain both only after the input or
+    the angle of one of them is multiplied by the factor between two units, or its input by one so large that
+    they are hardly of one machine."""
     by_name = parts_of(records)
     names, parts = [*by_name], [*by_name.values()]
     found = sizes(parts)
     for i in range(len(parts)):
         for j in range(i):
             ratios = [r for r in (found[i, j], 1.0 / found[j, i]) if np.isfinite(r)]
-            if not ratios or min(max(r, 1.0 / r) for r in ratios) < _ANOTHER:
+            if not ratios or min(max(r, 1.0 / r) for r in ratios) < _ANOTHER or alike(parts[i], parts[j]):
                 continue
             ratio = float(np.exp(np.mean(np.log(ratios))))
-            scaled = parts[i][0] / ratio, parts[i][1]
-            # A factor that does not make them one machine's is no factor between units or machines.
-            if alike(parts[i], parts[j]) or not alike(scaled, parts[j]):
-                continue
-            large = max(ratio, 1.0 / ratio)
-            why = "so they are hardly of one machine"
-            for factor, words in _UNITS.items():
-                if large / _NEAR < factor < large * _NEAR:
-                    why = f"as if one of them had another unit ({words})"
-            raise RecordingError(
-                f"for the same motion the input of {names[i]} is {ratio:.3g} times that of "
-                f"{names[j]}, {why}: diagnose recordings of one machine, in the same units."
-            )
+            what = _as_units([r for r in records if r.name == names[i]], parts[j])
+            if what is None and alike((parts[i][0] / ratio, parts[i][1]), parts[j]):
+                what = "so they are hardly of one machine"
+            if what is not None:
+                raise RecordingError(
+                    f"for the same motion the input of {names[i]} is {ratio:.3g} times that of {names[j]}, "
+                    f"{what}: diagnose recordings of one machine, in the same units."
+                )
+
+
+def _as_units(records: Sequence[Record], other: Part) -> str | None:
+    """Between which units the recordings of one name differ from another one, in words, if they do."""
+    for unit, words in _UNITS.items():
+        for factor, name in itertools.product((unit, 1.0 / unit), ("input", "measured")):
+            scaled = [replace(r, **{name: factor * getattr(r, name)}) for r in records]
+            (part,) = parts_of(scaled).values()
+            ratio = sizes([part, other])[0, 1]
+            if 1.0 / _NEAR < ratio < _NEAR and alike(part, other):
+                return f"as if one of them had another unit ({words})"
+    return None
 
 
 def refuse_unrelated(record: Record, joint: str) -> None:
