@@ -37,7 +37,7 @@ def records_of(data: list[DataSet]) -> list[Record]:
     if records and together < FEWEST_SAMPLES:
         raise RecordingError(
             f"{', '.join(d.name for d in data)}: {together} samples in all; a diagnosis needs at least "
-            f"{FEWEST_SAMPLES} for estimation, and as many for validation: record for longer."
+            f"{FEWEST_SAMPLES} of each kind (estimation, validation, test): record for longer."
         )
     return records
 

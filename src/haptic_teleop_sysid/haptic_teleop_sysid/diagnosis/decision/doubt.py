@@ -84,7 +84,7 @@ def doubted(
     both = [(result.baseline, estimation), (there, validation)]
     rounded = min(before) > COLOURED and by_steps(before, both)
     rounding = _Rounding(result.baseline, estimation)
-    objections = Objections(result.baseline, there, estimation, validation, percent, corroborated)
+    objections = Objections(result.baseline, there, before, estimation, validation, percent, corroborated)
     while True:
         while rounded and (steps := rounding.first(kept)) is not None:
             name = steps.chosen.effect.effect

@@ -47,10 +47,12 @@ Objection = tuple[str, str | None] | None
 @dataclass(frozen=True)
 class Objections:
     """To a finding of these recordings, beside ``baseline``, the structure alone, and ``baseline_there``, the
-    same with the validation recordings' noise levels. ``percent`` and ``corroborated``: see `doubted`."""
+    same with the validation recordings' noise levels; ``before``: colour of both. ``percent`` and
+    ``corroborated``: see `doubted`."""
 
     baseline: Fit
     baseline_there: Fit
+    before: tuple[float, float]
     estimation: Sequence[Record]
     validation: Sequence[Record]
     percent: Callable[[Model], Sequence[float]]
@@ -100,7 +102,6 @@ class Objections:
         """They stay coloured or unsteady with it, and nothing but them speaks for it."""
         after = colour(fit, self.estimation), colour(there, self.validation)
         with_it = [(fit, self.estimation), (there, self.validation)]
-        without = [(self.baseline, self.estimation), (self.baseline_there, self.validation)]
         white = min(after) <= WHITE or by_steps(after, with_it)
         if not white and not self.corroborated(fit, so_far, effect):
             why = (
@@ -113,10 +114,11 @@ class Objections:
         )
         if np.any(error_after < (1.0 - CLEARLY_BETTER) * error_before):
             return None
-        before = [colour(*one) for one in without]
-        unchanged = all(a > max(COLOURED, UNCHANGED * b) for a, b in zip(after, before, strict=True))
+        pairs = zip(after, self.before, strict=True)
+        unchanged = all(now > max(COLOURED, UNCHANGED * then) for now, then in pairs)
         if unchanged and more_coloured(after, with_it):
             return f"with {effect.effect} the observer keeps correcting much as it did without", None
+        without = [(self.baseline, self.estimation), (self.baseline_there, self.validation)]
         unsteady = unsteadiness(with_it)
         if unsteady <= UNSTEADY or unsteady <= AS_UNSTEADY * unsteadiness(without):
             return None

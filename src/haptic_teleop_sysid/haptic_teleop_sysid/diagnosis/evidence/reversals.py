@@ -30,7 +30,7 @@ from .inverse_dynamics.motion import (
     MOST_OF_RATE,
     BandedMotion,
     banded,
-    in_long_holes,
+    in_long_runs,
     low_passed,
 )
 
@@ -121,7 +121,7 @@ def _around_reversals(model: Model, record: Record, place: str) -> Iterator[tupl
 def _read(record: Record, rigid: bool, motion: BandedMotion) -> NDArray[np.bool_]:
     """Which of the motion's samples (n,) are read, or bridged as good as read."""
     missing = np.any(~np.isfinite(record.measured[:, : 1 if rigid else 2]), axis=1)
-    return ~in_long_holes(missing, BRIDGED / (motion.cutoff * record.dt))[motion.thin]
+    return ~in_long_runs(missing, BRIDGED / (motion.cutoff * record.dt))[motion.thin]
 
 
 def _motion(record: Record, rigid: bool, place: str) -> tuple[BandedMotion, float] | None:

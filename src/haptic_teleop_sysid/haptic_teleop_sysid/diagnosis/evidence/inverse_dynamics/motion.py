@@ -169,7 +169,7 @@ def banded(record: Record, rigid: bool, cutoff: float) -> BandedMotion:
     velocity = np.gradient(angle, record.dt, axis=0)
     thin = slice(None, None, max(1, int(1.0 / (FINE_PER_PERIOD * cutoff * record.dt))))
     dt = record.dt * (thin.step or 1)
-    missing = in_long_holes(~np.isfinite(measured[:, 0]) | ~np.isfinite(arm), BRIDGED / (cutoff * record.dt))
+    missing = in_long_runs(~np.isfinite(measured[:, 0]) | ~np.isfinite(arm), BRIDGED / (cutoff * record.dt))
     missing |= standing(velocity, STANDS / (cutoff * record.dt))
     block, kept = _counting(missing, thin, dt, cutoff)
     time = record.start + record.dt * np.arange(len(record), dtype=np.float64)[thin]
@@ -195,10 +195,10 @@ def held_in_band(values: FloatArray, dt: float, cutoff: float) -> FloatArray:
     return low_passed(0.5 * (values + np.append(values[:1], values[:-1])), dt, cutoff)
 
 
-def in_long_holes(missing: NDArray[np.bool_], most: float) -> NDArray[np.bool_]:
-    """Which of the samples (n,) that are missing lie in a row of more than ``most`` of them."""
-    edges = np.flatnonzero(np.diff(np.concatenate([[0], missing.astype(np.int8), [0]])))
-    found = np.zeros(len(missing), dtype=np.bool_)
+def in_long_runs(marked: NDArray[np.bool_], most: float) -> NDArray[np.bool_]:
+    """Which of the samples (n,) that are ``marked`` lie in a row of more than ``most`` of them."""
+    edges = np.flatnonzero(np.diff(np.concatenate([[0], marked.astype(np.int8), [0]])))
+    found = np.zeros(len(marked), dtype=np.bool_)
     for start, stop in edges.reshape(-1, 2).tolist():
         found[start:stop] = stop - start > most
     return found
@@ -208,7 +208,7 @@ def standing(velocity: FloatArray, least: float) -> NDArray[np.bool_]:
     """Which of the samples of a ``velocity`` (n, 2) lie where the joint stands still for more than ``least``
     samples: dry friction then holds whatever torque there is, up to its own, and no balance tells it."""
     speed = np.max(np.abs(velocity), axis=1)
-    found = in_long_holes(speed < STILL * np.max(speed, initial=0.0), least)
+    found = in_long_runs(speed < STILL * np.max(speed, initial=0.0), least)
     return found if np.mean(found) <= 1.0 - LEAST_MOVING else np.zeros(len(found), dtype=np.bool_)
 
 
