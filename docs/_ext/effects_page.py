@@ -103,7 +103,8 @@ def effects_page(folder):
 
 def _note(entry):
     same = SAME.format(entry.same_as) if entry.same_as else ""
-    return same + (NUISANCE if entry.nuisance else "")
+    needs = f" It needs {entry.needs}." if entry.needs else ""
+    return same + needs + (NUISANCE if entry.nuisance else "")
 
 
 def _never_named(entry):

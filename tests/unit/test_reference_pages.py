@@ -10,6 +10,7 @@ import pytest
 sys.path.insert(0, str(Path(__file__).resolve().parents[2] / "docs" / "_ext"))
 
 from effect_pictures import AMPLITUDE, DT, PERIOD, followed, response
+from effects_page import effects_page
 from plain_docstrings import to_rst
 
 from haptic_teleop_sim.effects import EFFECTS
@@ -130,3 +131,11 @@ def test_the_files_of_the_identification_example_are_read():
     assert lab.parameters == friction.parameters and len(friction.effects) == 1
     experiment, _ = experiment_from(examples / "check.yaml")
     assert experiment.joint == "stage1" and experiment.settings.multisine.rms == 0.16
+
+
+def test_the_catalogue_says_what_an_effect_needs_to_be_seen(tmp_path):
+    page = effects_page(tmp_path)
+    needing = [entry for entry in EFFECTS.values() if entry.needs]
+    assert {"torque_ripple", "torque_speed_limit"} <= {entry.name for entry in needing}
+    for entry in needing:
+        assert f"It needs {entry.needs}." in page

@@ -178,6 +178,7 @@ TORQUE_RIPPLE = EffectEntry(
     sentence="the motor torque varies periodically with its angle (cogging, gear mesh)",
     equation=lambda s, p: p.amplitude * s.sin(p.order * s.position + p.phase),
     rate=lambda p, ks: (abs(p["amplitude"] * p["order"]), 0.0),
+    needs="travel over three quarters of a cycle: less is one hill or valley, as gravity has it",
     condition="{q}, periodically",
     follows="angle",
     practical=_ripples,
