@@ -1,5 +1,6 @@
 """The catalogue of effects from their registry: equation, parameters, where each may sit, a picture."""
 
+import math
 from html import escape
 
 import sympy
@@ -22,6 +23,7 @@ simulation, estimation and diagnosis use.
 | σ | direction of the motion, from −1 to 1; after a reversal it changes over a small displacement |
 | t, a | time since the start; acceleration of the other stage's arm |
 | x₀, x₁ | internal states of the effect |
+| side(x), input | 1 for x ≥ 0, otherwise −1; torque of the actuator, N·m |
 | τ | torque added, positive in the direction of the angle; at the joint: to the torque from motor to arm |
 
 In the pictures the place of the effect swings as a sine of 1 rad (at the joint 0.05 rad) with a period of
@@ -64,6 +66,8 @@ SYMBOLS = {
     "position": "q", "velocity": "q̇", "deflection": "δ", "stiffness": "k", "time": "t", "exogenous": "a",
     "state0": "x₀", "state1": "x₁", "direction": "σ",
 }  # fmt: skip
+ROOT = sympy.Symbol("√e", positive=True)
+"""For the number that sympy makes of it, in front of exp(−x²/2)."""
 LEFT = {
     "torque": "τ", "friction": "τ", "friction_factor": "factor", "inertia": "ΔJ", "relative_inertia": "ΔJ/J",
     "output": "reading",
@@ -139,7 +143,9 @@ def _equation(entry):
     sides += [(f"d{SYMBOLS[f'state{i}']}/dt", rate(s, p)) for i, rate in enumerate(entry.rates)]
     made = []
     for left, right in sides:
-        for index, term in enumerate(_lines(sympy.sympify(right).subs(names))):
+        right = sympy.sympify(right).subs(names)
+        sizes_of_root = {sympy.Float(s * math.sqrt(math.e)): s * ROOT for s in (1, -1)}
+        for index, term in enumerate(_lines(right.xreplace(sizes_of_root))):
             minus = index > 0 and term.could_extract_minus_sign()
             inner = sympy.mathml(-term if minus else term, printer="presentation", mul_symbol="dot")
             sign = "−" if minus else "+"

@@ -183,10 +183,11 @@ def toctree(names):
 FAULTS_PAGE = """\
 # Faults
 
-A node that finds a fault counts it, sets its output to zero (force_controller: over `ramp_out_time`), and
-latches until reset: `haptic-teleop operate reset --controller NODE`, such as `/sfj/sfj_driver`. The first
-fault counts as the cause; those after it are usually consequences. The fault stands in the node's
-`/diagnostics` and in the recording, and `haptic-teleop verify` begins with it.
+A node that finds a fault counts it, sets its output to zero (force_controller: at once that of the master,
+after most faults over `ramp_out_time` that of the slave), and latches until reset: `haptic-teleop operate
+reset --controller NODE`, such as `/sfj/sfj_driver`. The first fault counts as the cause; those after it are
+usually consequences. The fault stands in the node's `/diagnostics` and in the recording, and `haptic-teleop
+verify` begins with it.
 
 | fault, reported by | what happened | what to do |
 |---|---|---|
@@ -207,7 +208,19 @@ def faults_page():
 COMMANDS_LEAD = """\
 # Commands
 
-What `haptic-teleop NAME --help` says. Nodes have [pages of their own](nodes.md).
+What `haptic-teleop NAME --help` says. Nodes have [pages of their own](nodes.md). Exit statuses of all:
+
+| exit status | means |
+|---|---|
+| 0 | success; also a scenario or a node that you end with Ctrl-C |
+| 1 | a run ended in a fault, `verify` found a failure, a node refused what `set` or `operate` asked, one of \
+several logs was not imported, or the program has a defect |
+| 2 | a mistake that the message explains |
+| 3 | `recover`: something was lost; `trend --check`: a recording is not as it should be |
+| 130 | ended with Ctrl-C before there was a result |
+
+Completion, in the start-up file of the shell: `eval "$(haptic-teleop --completion bash)"`; for zsh the same
+after `compinit`; for fish `haptic-teleop --completion fish | source`.
 
 | command | does |
 |---|---|

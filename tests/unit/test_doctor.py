@@ -1,5 +1,6 @@
 """`doctor` finds what is there, names the remedy for what is not, and says so in its exit status."""
 
+import re
 import sys
 import types
 from pathlib import Path
@@ -164,6 +165,13 @@ def test_a_loop_that_misses_samples_is_not_called_fine(monkeypatch, late, level)
 def test_it_asks_every_package_that_has_something_to_say():
     subjects = {check.subject for check in doctor.all_checks()}
     assert {"Python", "ROS 2", "timing", "OpenHaptics", "confirmed Omnis", "Quanser SDK"} <= subjects
+
+
+def test_commissioning_the_2dsfj_asks_for_every_line_that_is_not_the_omnis(repository):
+    page = (repository / "docs/first_contact.md").read_text()
+    (told,) = re.findall(r"^\| 1 \| `haptic-teleop doctor --hardware`; [^|]+ \| ([^|]+) \|", page, re.M)
+    own = [*doctor.environment_checks(), *sfj.checks()]
+    assert set(re.findall(r"`([^`]+)`", told)) - {"slow"} == {"board server", *(c.subject for c in own)}
 
 
 def test_the_offered_udev_rule_names_the_device(capsys):

@@ -235,6 +235,20 @@ def test_the_page_says_of_each_effect_what_the_files_do(repository):
             assert [e.sayings[0].how for e in (mjcf_export(one, 1e-4), urdf_export(one))] == said, name
 
 
+@pytest.mark.parametrize(
+    ("robot", "joint", "said"),
+    [
+        ("sfj", "stage1", "current, A"),
+        ("omni", "omni_y", "torque, N*m"),
+        ("generic", "j2", "input, in the unit of the recording"),
+    ],
+)
+def test_a_file_says_its_input_in_the_unit_that_the_model_takes(robot, joint, said):
+    rigid = model(structure="rigid_body", robot=robot, joint=joint)
+    assert f"control: {said};" in mjcf_export(rigid, 1e-4).text
+    assert f"input_ (n,): {said};" in python_export(rigid).text
+
+
 @MUJOCO
 def test_the_snippets_of_the_page_run(repository, tmp_path, monkeypatch):
     (tmp_path / "stage1.xml").write_text(mjcf_export(model(), 1e-4).text)

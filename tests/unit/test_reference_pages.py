@@ -6,14 +6,16 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import sympy
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[2] / "docs" / "_ext"))
 
 from effect_pictures import AMPLITUDE, DT, PERIOD, followed, response
-from effects_page import effects_page
+from effects_page import SYMBOLS, effects_page
 from plain_docstrings import to_rst
 
 from haptic_teleop_sim.effects import EFFECTS
+from haptic_teleop_sim.effects.symbols import namespaces
 from haptic_teleop_sim.model import load_model
 from haptic_teleop_sysid.commands.acquire import experiment_from
 
@@ -139,3 +141,35 @@ def test_the_catalogue_says_what_an_effect_needs_to_be_seen(tmp_path):
     assert {"torque_ripple", "torque_speed_limit"} <= {entry.name for entry in needing}
     for entry in needing:
         assert f"It needs {entry.needs}." in page
+
+
+def test_every_sign_of_an_equation_is_a_parameter_or_in_the_table_of_signs(tmp_path):
+    table = effects_page(tmp_path).partition("| sign | is |\n")[2].partition("\n\n")[0]
+    signs = ", ".join(re.findall(r"^\| (.+?) \|", table, re.M)).replace("(x)", "").split(", ")
+    known = {*signs, "sin", "cos", "tanh", "sech", "max", "min", "exp"}
+    for entry in EFFECTS.values():
+        s, p = namespaces(entry.parameter_names)
+        made = [] if entry.equation is None else [sympy.sympify(entry.equation(s, p))]
+        functions = {f.func.__name__.lower() for e in made for f in e.atoms(sympy.Function)} - {"abs"}
+        symbols = {SYMBOLS.get(x.name, x.name) for e in made for x in e.free_symbols}
+        symbols -= {f"p_{name}" for name in entry.parameter_names}
+        assert {*functions, *symbols} - known == set(), entry.name
+
+
+def test_the_equations_have_no_rounded_number(tmp_path):
+    page = effects_page(tmp_path)
+    assert re.findall(r"<mn>\d\.\d{5,}</mn>", page) == []
+    detent = page.partition("### detent\n")[2]
+    assert re.search(r"τ</mtext><mo>=</mo><mrow><mo>-</mo>.*<mi>&#8730;e</mi>", detent)
+
+
+@pytest.mark.parametrize("name", ["sfj_driver", "omni_driver", "force_controller", "link", "acquisition"])
+def test_the_meaning_of_a_parameter_begins_with_what_it_is(pages, name):
+    dangling = re.compile(r"(?:\w+ which|without) ")
+    assert [p.name for p in pages.nodes()[name].TABLE if dangling.match(p.meaning)] == []
+
+
+def test_the_meaning_of_a_parameter_of_the_board_server_begins_with_what_it_is():
+    from haptic_teleop_2dsfj.remote.server_settings import TABLE
+
+    assert [p.name for p in TABLE if re.match(r"(?:\w+ which|without) ", p.meaning)] == []

@@ -109,7 +109,7 @@ class BoardSettings:
     watchdog: float = quantity(
         0.02,
         "s",
-        "after which the board itself goes to 0 V if nobody reloads it",
+        "time after which the board itself goes to 0 V if nobody reloads it",
         name="board.watchdog",
         minimum=0.005,
         maximum=0.2,

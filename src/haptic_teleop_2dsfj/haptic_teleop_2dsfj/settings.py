@@ -88,7 +88,7 @@ def _table() -> ParameterTable:
             "s",
             0.0,
             0.1,
-            meaning="for which a state's answer is awaited before the write",
+            meaning="time to wait for the answer to a state before the write",
         ),
         Parameter(
             "ramp_time", RAMP_TIME, "s", 0.0, 5.0, meaning="from zero to full current after a start or reset"

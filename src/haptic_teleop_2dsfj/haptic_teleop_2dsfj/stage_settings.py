@@ -27,7 +27,7 @@ class StageSettings:
         0.5, "A", "recommended current, which may flow for ever", name="i2t.continuous", above=0.0
     )
     overload_time: float = quantity(
-        5.0, "s", "for which current_limit may flow from cold", name="i2t.time", above=0.0, maximum=60.0
+        5.0, "s", "time for which current_limit may flow from cold", name="i2t.time", above=0.0, maximum=60.0
     )
     current_slew: float = quantity(
         CURRENT_SLEW, "A/s", "largest rate of the current; .inf: none", above=0.0, infinite=True

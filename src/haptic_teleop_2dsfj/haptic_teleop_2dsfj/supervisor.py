@@ -47,12 +47,12 @@ class SupervisorSettings:
         0.9, "", "share of current_limit at which an encoder must move", minimum=0.5, maximum=1.0
     )
     frozen_time: float = quantity(
-        0.25, "s", "for which it may stand still all the same", above=0.0, maximum=10.0
+        0.25, "s", "time for which it may stand still at that current", above=0.0, maximum=10.0
     )
     sense_margin: float = quantity(
-        0.3, "A", "by which the measured current may differ from the commanded one", above=0.0
+        0.3, "A", "largest difference of the measured current from the commanded one", above=0.0
     )
-    sense_time: float = quantity(0.05, "s", "for which it may differ by more", above=0.0, maximum=1.0)
+    sense_time: float = quantity(0.05, "s", "time for which it may differ by more", above=0.0, maximum=1.0)
 
     def __post_init__(self) -> None:
         check_quantities(self)

@@ -68,7 +68,7 @@ def _parameters() -> list[Parameter]:
         ),
         Parameter("limit.velocity", 20.0, "rad/s", above=0.0, meaning="speed at which it aborts"),
         Parameter(
-            "limit.deflection", 0.5, "rad", above=0.0, meaning="of a stage's joint, at which it aborts"
+            "limit.deflection", 0.5, "rad", above=0.0, meaning="deflection of a stage at which it aborts"
         ),
         *signal,
     ]

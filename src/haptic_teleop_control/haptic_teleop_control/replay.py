@@ -118,7 +118,7 @@ def replay_command(
     """The body of a replay executable: capture in, recording out, a summary on standard output."""
     parser = ArgumentParser(
         prog=f"haptic-teleop {program}",
-        description="Send captured raw packets through codec and driver once more.",
+        description="Send a captured session's raw packets through its driver once more.",
     )
     parser.add_argument("capture", help="file that the driver's parameter `capture` named")
     parser.add_argument("--output", metavar="DIR", help="recording of the joint states; must not exist")

@@ -65,12 +65,12 @@ class OmniDriverSettings:
     patience: float = quantity(
         0.02,
         "s",
-        "without a report, after which the torque goes off",
+        "time without a report after which the torque goes off",
         name="silence",
         minimum=0.002,
         maximum=0.2,
     )
-    highest_speed: float = quantity(40.0, "rad/s", "at which the torque goes off", above=0.0)
+    highest_speed: float = quantity(40.0, "rad/s", "speed at which the torque goes off", above=0.0)
     bad_reports: int = quantity(
         3, "", "malformed or repeated reports in a row that are a fault", minimum=1, maximum=1000
     )
@@ -93,7 +93,7 @@ class OmniDriverSettings:
     calibration_hold: float = quantity(
         0.2,
         "s",
-        "for which the device must rest in that pose",
+        "time for which the device must rest in that pose",
         name="calibration.hold",
         minimum=0.0,
         maximum=10.0,
@@ -129,7 +129,7 @@ def _table() -> ParameterTable:
     layout = "of the reports: a name of the package or a YAML file; empty: that of device and transport"
     plant = "factory of the plant behind the emulated Omni: module:object"
     file = "parameter file whose section omni_sim describes that plant; empty: its defaults"
-    docked = "for which the emulated stylus rests in its inkwell after the start"
+    docked = "time for which the emulated stylus rests in its inkwell after the start"
     return ParameterTable(
         "omni_driver",
         [
@@ -143,7 +143,7 @@ def _table() -> ParameterTable:
             Parameter(
                 "timeout", 0.05, "s", 0.005, 0.2, meaning="age of a command at which the torque goes to zero"
             ),
-            Parameter("answer_wait", 3.0e-4, "s", 0.0, 0.1, meaning="for which a state's answer is awaited"),
+            Parameter("answer_wait", 3.0e-4, "s", 0.0, 0.1, meaning="time to wait for the answer to a state"),
             Parameter("capture", "", meaning="file for the raw packets of the session; empty: none"),
             Parameter("replay.file", "", meaning=replay),
             Parameter("layout", "", meaning=layout),

@@ -28,7 +28,7 @@ class TorqueLimits:
         maximum=OMNI_CONTINUOUS_TORQUE,
     )
     time: float = quantity(
-        5.0, "s", "for which the peak may flow from cold (assumed)", above=0.0, maximum=60.0
+        5.0, "s", "time for which the peak may flow from cold (assumed)", above=0.0, maximum=60.0
     )
     ramp_time: float = quantity(
         0.2, "s", "from zero to full torque after a start or reset", minimum=0.0, maximum=5.0

@@ -33,18 +33,18 @@ class ServerSettings:
     watchdog: float = quantity(
         0.02,
         "s",
-        "without a command, or with none that answers a sample as young as this, after which the current "
-        "goes to zero and the amplifier off",
+        "time after the last command that answered a fresh sample (no older than this), after which the "
+        "current goes to zero and the amplifier off",
         minimum=0.005,
         maximum=0.2,
     )
     answer_wait: float = quantity(
-        0.0015, "s", "for which a sample's answer is awaited before the next sample", minimum=0.0, maximum=0.1
+        0.0015, "s", "time to wait for the answer to a sample before the next one", minimum=0.0, maximum=0.1
     )
     highest_volts: tuple[float, ...] = quantity(
         HIGHEST_VOLTS,
         "V",
-        "of either output, above which a command is refused: the motors' maximum current",
+        "voltage of either output above which a command is refused: the motors' maximum current",
         minimum=0.0,
         maximum=10.0,
         length=2,

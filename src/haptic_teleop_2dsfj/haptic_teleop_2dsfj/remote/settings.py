@@ -19,10 +19,10 @@ class RemoteSettings:
     port: int = quantity(PORT, "", "its UDP port", minimum=1, maximum=65535)
     key_file: str = quantity("", "", "the shared key; empty: that of this user", name="key.file")
     silence: float = quantity(
-        0.1, "s", "without a sample, after which the board is lost", minimum=0.02, maximum=0.4
+        0.1, "s", "time without a sample after which the board is lost", minimum=0.02, maximum=0.4
     )
     patience: float = quantity(
-        3.0, "s", "for which the server may take to answer at the start", minimum=0.1, maximum=9.0
+        3.0, "s", "time that the server may take to answer at the start", minimum=0.1, maximum=9.0
     )
 
     def __post_init__(self) -> None:

@@ -60,7 +60,7 @@ class SfjMasterSettings:
     )
     neutral: float = quantity(0.0, "rad", "neutral position of the drive")
     return_speed: float = quantity(
-        0.2, "rad/s", "at which the drive goes to its neutral position", above=0.0, maximum=1.0
+        0.2, "rad/s", "speed at which the drive goes to its neutral position", above=0.0, maximum=1.0
     )
     feedback_gain: float = quantity(
         0.0, "", "felt share of the torque on the environment; 0 switches it off", minimum=0.0
@@ -69,7 +69,7 @@ class SfjMasterSettings:
         math.inf, "Hz", "low-pass of the feedback; .inf for none", above=0.0, infinite=True
     )
     travel: float = quantity(
-        0.25, "rad", "by which feedback may move the drive either way", minimum=0.0, maximum=1.0
+        0.25, "rad", "angle by which feedback may move the drive either way", minimum=0.0, maximum=1.0
     )
     kpm: float = quantity(60.0, "A/rad", "gain of the drive's position error", above=0.0)
     kdm: float = quantity(0.5, "A·s/rad", "gain of the drive's velocity", minimum=0.0)

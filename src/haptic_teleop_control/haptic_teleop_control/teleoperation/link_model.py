@@ -26,7 +26,9 @@ class LinkSettings:
     loss: float = quantity(0.0, "", "share of the packets that are lost", minimum=0.0, maximum=0.95)
     burst: float = quantity(1.0, "", "packets lost in a row, on average", minimum=1.0, maximum=1000.0)
     reorder: float = quantity(0.0, "", "share of the packets that are overtaken", minimum=0.0, maximum=0.5)
-    overtaken_by: float = quantity(0.004, "s", "by which an overtaken packet is late", above=0.0, maximum=1.0)
+    overtaken_by: float = quantity(
+        0.004, "s", "time by which an overtaken packet is late", above=0.0, maximum=1.0
+    )
     duplicate: float = quantity(0.0, "", "share of the packets that arrive twice", minimum=0.0, maximum=0.5)
     seed: int = quantity(1, "", "of all that is random", minimum=0)
 

@@ -51,7 +51,11 @@ class OpenHapticsSettings:
     serial: str = quantity("", "", "serial number that the device must have; empty: any")
     pacing: str = quantity("callback", "", "how the servo thread paces the driver", choices=PACINGS)
     watchdog: float = quantity(
-        0.02, "s", "without a new torque, after which the callback takes it away", minimum=0.005, maximum=0.2
+        0.02,
+        "s",
+        "time without a new torque after which the callback sets it to zero",
+        minimum=0.005,
+        maximum=0.2,
     )
     inkwell_value: int = quantity(
         0, "", "of the library's inkwell switch with the stylus in it", minimum=0, maximum=1

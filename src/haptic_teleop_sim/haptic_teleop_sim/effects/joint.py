@@ -228,7 +228,7 @@ ANGLE_DEPENDENT_INERTIA = EffectEntry(
     # J (1 + a cos(n q + phase)); its torque -J'(q) dq^2 / 2 comes with the kind.
     equation=lambda s, p: p.amplitude * s.cos(p.order * s.position + p.phase),
     lightest=lambda p: 1.0 - p["amplitude"],
-    needs="travel over a good part of a cycle, with acceleration or speed throughout",
+    needs="travel over at least a quarter of a cycle, fast or accelerating all the way",
     condition="{q}, with acceleration and {v} squared",
     versatile=True,
     practical=lambda p, on: p["amplitude"] > 0.005 and bends(p, on),

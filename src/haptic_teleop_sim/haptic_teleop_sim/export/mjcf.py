@@ -10,7 +10,7 @@ from ..model import Effect, Model
 from ..mujoco_effects import StageWords, plain_words, say
 from ..mujoco_xml import GRAVITY, Attributes, inertial, number
 from .mjcf_rules import mjcf_saying
-from .target import Exported, Saying, comment, gain_before, limit_behind, replaced, xml_name
+from .target import Exported, Saying, comment, gain_before, input_words, limit_behind, replaced, xml_name
 
 #: Share of a motor's inertia that its body keeps, the rest being armature: no body may have none.
 _BODY_SHARE = 1e-6
@@ -45,9 +45,8 @@ def mjcf_export(model: Model, timestep: float) -> Exported:
 
 def _header(model: Model, sayings: tuple[Saying, ...]) -> str:
     parts = [
-        f"{model.robot} {model.joint}, {model.structure}; control: "
-        + ("current, A" if model.robot == "sfj" else "torque, N*m")
-        + "; SI units, angles absolute, masses nominal where gravity does not pull"
+        f"{model.robot} {model.joint}, {model.structure}; control: {input_words(model)}; SI units, angles "
+        "absolute, masses nominal where gravity does not pull"
     ]
     parts += [f"{s.effect.effect} at {s.effect.location} {s.how}: {s.note}" for s in sayings if s.note]
     return "\n       ".join(parts)

@@ -16,7 +16,7 @@ from ..kernel.codegen import DERIVATIVE_ORDER, effect_source, rate_source, slope
 from ..kernel.pack import MOST_SUBSTEPS, pack
 from ..model import Effect, Model
 from .python_text import END, HELPERS, LATE, LOOP, SIGNATURE, indented
-from .target import Exported, said
+from .target import Exported, input_words, said
 
 _INERTIAS = ("inertia", "relative_inertia")
 _FACTORS = ("friction_factor", *_INERTIAS)
@@ -61,7 +61,7 @@ class _Writer:
             blocks.append(self._effect(number, effect))
         head = SIGNATURE.format(
             title=_word(f"{self.model.robot} {self.model.joint}, {self.model.structure}"),
-            unit="current, A" if self.model.robot == "sfj" else "torque, N*m (or N)",
+            unit=input_words(self.model),
             effects=_word(", ".join(f"{e.effect} at {e.location}" for e in effects) or "none"),
         )
         constants = "".join(f"{n} = {v!r}\n" for n, v in parameters.items()) + "".join(blocks)

@@ -109,6 +109,13 @@ def gain_before(model: Model, effect: Effect | None) -> float:
     return gain
 
 
+def input_words(model: Model) -> str:
+    """The model's input and its unit. The file of a model of another robot does not say in which unit its
+    input was recorded."""
+    known = {"sfj": "current, A", "omni": "torque, N*m"}
+    return known.get(model.robot, "input, in the unit of the recording")
+
+
 def limit_behind(model: Model, effect: Effect) -> float:
     """What a saturation lets through, N·m, behind the gains that follow it in the model."""
     after = gain_before(model, None) / gain_before(model, effect)

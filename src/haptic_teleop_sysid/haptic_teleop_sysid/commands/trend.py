@@ -1,5 +1,6 @@
 """`haptic-teleop trend`: many recordings of one robot in time. Parameters with errors, simulated fits and
-unexplained torque of each, control limits from the first ones, what changed since, and who left them first.
+unexplained torque of each, control limits from the first ones, what changed since then, and what left
+its limits first.
 """
 
 from __future__ import annotations
