@@ -19,12 +19,18 @@ from haptic_teleop_sysid.diagnosis.inputs.scales import (
 from haptic_teleop_sysid.estimation.gauss_newton import bounds
 
 FRICTION = Effect("coulomb_friction", "stage1_motor", {"torque": 0.1})
+CONSTANT = {"torque_constant": MODEL.parameters["torque_constant"]}
 NAME = "stage1_motor.coulomb_friction.contact_angle"
 
 
 @pytest.fixture(scope="module")
 def record():
     return joint_record(41, seconds=4.0)
+
+
+def in_unit(model, factor):
+    """The same model for such a recording: its input stays what it was."""
+    return replace(model, parameters={n: v / factor for n, v in model.parameters.items()} | CONSTANT)
 
 
 def in_units(record, factor):
@@ -36,7 +42,7 @@ def in_units(record, factor):
 
 @pytest.mark.parametrize("factor", [1e-4, 1.0, 1e4])
 def test_contacts_scale_with_the_unit(record, factor):
-    scales = recording_scales(MODEL, [in_units(record, factor)])
+    scales = recording_scales(in_unit(MODEL, factor), [in_units(record, factor)])
     travel = factor * np.ptp(record.measured[:, 0])
     tried = [e.parameters["contact_angle"] for e in contacts(FRICTION, scales)]
     np.testing.assert_allclose(tried, np.array(CONTACT_STARTS) * travel)
@@ -74,3 +80,15 @@ def test_an_arm_that_nobody_read_has_the_motor_s_travel(record):
     alone = replace(record, measured=np.column_stack([record.measured[:, 0], np.full(len(record), np.nan)]))
     scales = recording_scales(MODEL, [alone])
     assert scales.contacts(1)[0] == pytest.approx(scales.contacts(0)[0])
+
+
+def test_no_contact_is_stiffer_than_samples_can_show(record):
+    """On a contact that bears the rms torque the joint swings by 20 rad a sample at most: a recording at a
+    tenth of the rate would need ten times as many steps of the simulation and show no more of it."""
+    slow = replace(record, dt=10.0 * record.dt)
+    scales = recording_scales(MODEL, [slow])
+    least, most = scales.contacts(0)
+    inertia = MODEL.parameters["motor_inertia"]
+    assert slow.dt * np.sqrt(scales.size["torque"] / least / inertia) == pytest.approx(20.0)
+    assert least < scales.contact_starts(0)[0] < scales.contact_starts(0)[-1] < most
+    assert recording_scales(MODEL, [record]).contacts(0)[0] == pytest.approx(1e-6 * scales.span(0))

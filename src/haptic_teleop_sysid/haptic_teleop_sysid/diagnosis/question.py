@@ -6,14 +6,22 @@ from dataclasses import replace
 
 from haptic_teleop_sysid.recordings.dataset import DataSet
 
-from .decision.adequacy import left_size
+from .decision.adequacy import Adequacy, adequacy, left_size
+from .decision.beside_the_others import earned
 from .decision.coloured import coloured, left_is_random
 from .decision.constancy import inconstant
 from .decision.corroborated import Corroboration
 from .decision.decide import Choice
 from .decision.doubt import doubted
 from .decision.misread import misread
-from .decision.overruled import as_result, believed_instead, beyond_reach, inadequate, stands_next
+from .decision.overruled import (
+    as_result,
+    believed_instead,
+    beyond_reach,
+    explained_along,
+    inadequate,
+    stands_next,
+)
 from .decision.reasons import Doubt, more_than_chance, off_the_mark, runs_away, slipped
 from .decision.search import SearchResult
 from .decision.stand import Stand
@@ -80,6 +88,29 @@ def questioned(
             or more_than_chance(left_size(result.baseline, [*found.learn, *found.judge]))
         )
     return result, doubt, stand
+
+
+def weighed(found: Explained, result: SearchResult) -> tuple[SearchResult, Adequacy]:
+    """The result without names that do not earn their place beside the others (see `earned`), and how much
+    of what is missing the rest explains."""
+    adequate = _adequacy(found, result)
+    corroborated = Corroboration(found.horizons.errors, found.opinion)
+    fewer = earned(
+        result, adequate, found.learn, corroborated, lambda fit: left_size(fit, [*found.learn, *found.judge])
+    )
+    return fewer, adequate if fewer is result else _adequacy(found, fewer)
+
+
+def _adequacy(found: Explained, result: SearchResult) -> Adequacy:
+    return adequacy(
+        result.baseline,
+        result.final,
+        [*found.learn, *found.judge],
+        *(found.errors(fit.model) for fit in (result.baseline, result.final)),
+        random_left=left_is_random(result.final, found.learn, found.judge),
+        by_torque=result.by_torque,
+        by_motion=lambda: 0.0 if found.opinion is None else explained_along(result, found.opinion),
+    )
 
 
 def _gives_way(result: SearchResult, stand: Stand, opinion: Opinion, errors: Errors) -> bool:

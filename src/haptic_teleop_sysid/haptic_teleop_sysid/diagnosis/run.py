@@ -10,14 +10,12 @@ from haptic_teleop_sim.effects import MEASURED
 from haptic_teleop_sim.model import Model
 from haptic_teleop_sysid.recordings.dataset import DataSet
 
-from .decision.adequacy import adequacy, short_of
+from .decision.adequacy import short_of
 from .decision.at_reversals import where_torque_jumps, with_friction
 from .decision.beside_unknown import with_names
-from .decision.coloured import left_is_random
 from .decision.decide import Choice
 from .decision.measured_input import of_measured_input
 from .decision.nulls import Null, beyond_chance, nulls
-from .decision.overruled import explained_along
 from .decision.own_quantity import follows_still
 from .decision.search import SearchResult
 from .decision.stand_in import stand_in
@@ -29,7 +27,7 @@ from .evidence.proof import Proof, prove
 from .explain import explained
 from .inputs.between_samples import as_read
 from .inputs.uses import three_uses
-from .question import questioned
+from .question import questioned, weighed
 from .report.columns import column, errors_of, three_columns, with_bounds
 from .report.contents import contents
 from .report.testimony import testimony
@@ -75,16 +73,7 @@ def diagnose(
     result = of_measured_input(unconfirmed(result, found.nearby), read, estimation)
     adequate = None
     if any(c.chosen.by_current <= 0.0 for c in result.choices):
-        models = result.baseline.model, result.final.model
-        adequate = adequacy(
-            result.baseline,
-            result.final,
-            [*found.learn, *found.judge],
-            *map(found.errors, models),
-            random_left=left_is_random(result.final, found.learn, found.judge),
-            by_torque=result.by_torque,
-            by_motion=lambda: 0.0 if found.opinion is None else explained_along(result, found.opinion),
-        )
+        result, adequate = weighed(found, result)
         result, short = short_of(result, adequate)
         result, bent = follows_still(result, found.learn, found.judge)
         doubt = doubt or short or bent

@@ -9,8 +9,8 @@ motion asks for. A finding that neither of them bears out is given up.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
 from dataclasses import dataclass
+from typing import Protocol
 
 from haptic_teleop_sim.model import Effect, Model
 from haptic_teleop_sysid.estimation.gauss_newton import Fit
@@ -30,15 +30,19 @@ class Corroboration:
     errors: Errors
     opinion: Opinion | None
 
-    def __call__(self, fit: Fit, so_far: Fit, effect: Effect) -> bool:
-        """Whether an effect of a fit is borne out, beside ``so_far``, the fit without it: the torques gain
-        LEAST_GAIN on stretches that were not fitted, beside the other effects with sizes of their own; or
-        free runs err less by the factor ERRS_LESS (geometric mean of both kinds of recordings) than without
+    def __call__(self, fit: Fit, so_far: Fit, effect: Effect, factor: float = ERRS_LESS) -> bool:
+        """Whether an effect of a fit is borne out, beside ``so_far``, the fit without it: the torques gain by
+        it; or free runs err less by the ``factor`` (geometric mean of both kinds of recordings) than without
         it, and than with as few names of the inverse dynamics."""
-        if self._by_torques(fit.model, effect):
+        if self.by_torques(fit.model, effect):
             return True
         without = [_error(self.errors(so_far.model)), *self._instead(fit.model, effect)]
-        return _error(self.errors(fit.model)) < ERRS_LESS * min(without)
+        return _error(self.errors(fit.model)) < factor * min(without)
+
+    def elsewhere(self, fit: Fit, so_far: Fit) -> float:
+        """Error of the free runs of a fit on the validation recordings, over that of another fit."""
+        ours, theirs = (max(self.errors(one.model)[1], PERFECT) for one in (fit, so_far))
+        return ours / theirs
 
     def _instead(self, model: Model, effect: Effect) -> list[float]:
         """Error of the free runs with what the inverse dynamics name, where the effect is not among them, and
@@ -49,7 +53,9 @@ class Corroboration:
         names = [(e.effect, e.location) for e in chosen.group.effects]
         return [] if (effect.effect, effect.location) in names else [_error(chosen.errors)]
 
-    def _by_torques(self, model: Model, effect: Effect) -> bool:
+    def by_torques(self, model: Model, effect: Effect) -> bool:
+        """Whether the torques gain LEAST_GAIN by an effect of a model on stretches that were not fitted,
+        beside the other effects with sizes of their own."""
         if self.opinion is None or not adds_torque(effect):
             return False
         folds = self.opinion.witness.folds
@@ -63,7 +69,10 @@ class Corroboration:
             return False
 
 
-Corroborated = Callable[[Fit, Fit, Effect], bool]
+class Corroborated(Protocol):
+    """See `Corroboration.__call__`."""
+
+    def __call__(self, fit: Fit, so_far: Fit, effect: Effect, factor: float = ERRS_LESS) -> bool: ...
 
 
 def _error(errors: tuple[float, float]) -> float:

@@ -18,7 +18,8 @@ from haptic_teleop_sysid.recordings.motion import finite
 @dataclass(frozen=True)
 class Scales:
     """Typical sizes in SI units: ``size`` by the names of ``EffectParameter.scale``; ``lowest`` and
-    ``highest`` angle of motor and arm, rad; ``dt``, s; ``resolution`` of both encoders, rad.
+    ``highest`` angle of motor and arm, rad; ``dt``, s; ``resolution`` of both encoders, rad; ``pushed``: how
+    far the rms torque moves motor and arm from rest in a sample, twice that, rad.
     """
 
     size: dict[str, float]
@@ -26,6 +27,7 @@ class Scales:
     highest: tuple[float, float]
     dt: float
     resolution: tuple[float, float]
+    pushed: tuple[float, float] = (0.0, 0.0)
 
     def span(self, channel: int) -> float:
         """How far motor (0) or arm (1) moved, rad."""
@@ -46,15 +48,21 @@ class Scales:
 
     def contacts(self, channel: int) -> tuple[float, float]:
         """Displacements, rad, within which the contact of dry friction at motor (0) or arm (1) gives: shares
-        of the travel (CONTACTS), and up to a step of the encoder, within which nothing shows."""
+        of the travel (CONTACTS), and up to a step of the encoder, within which nothing shows; not so little
+        that the joint on it swings faster than STIFFEST."""
         travel = self.span(channel) or self.span(0) or 1.0
         step = self.resolution[channel] if self.span(channel) > 0.0 else 0.0
-        return CONTACTS[0] * travel, max(CONTACTS[1] * travel, step)
+        most = max(CONTACTS[1] * travel, step)
+        return min(max(CONTACTS[0] * travel, self.pushed[channel] / STIFFEST**2), 0.1 * most), most
 
     def contact_starts(self, channel: int) -> tuple[float, ...]:
-        """Displacements, rad, from which a contact is fitted (CONTACT_STARTS of the travel)."""
-        travel = self.contacts(channel)[0] / CONTACTS[0]
-        return tuple(share * travel for share in CONTACT_STARTS)
+        """Displacements, rad, from which a contact is fitted: CONTACT_STARTS of the travel, closer together
+        where a contact may not give that little."""
+        least, most = self.contacts(channel)
+        travel = self.span(channel) or self.span(0) or 1.0
+        first, *_, last = CONTACT_STARTS
+        low, high = max(first * travel, 2.0 * least), max(last * travel, 0.2 * most)
+        return tuple(float(angle) for angle in np.geomspace(min(low, high), high, len(CONTACT_STARTS)))
 
 
 #: Factor by which a machine may differ from what its owner believes.
@@ -62,6 +70,9 @@ REACH = 8.0
 #: Shares of the travel within which the contact of dry friction gives; from the larger one on it bears its
 #: own name, and the smaller is far below any encoder's step.
 CONTACTS = (1e-6, 1e-3)
+#: Radians per sample at which a joint may swing on a contact that bears the rms torque: six times what its
+#: samples can show. What is stiffer costs the simulation more steps and looks the same.
+STIFFEST = 20.0
 #: Shares of the travel over which dry friction may turn round: which of them is no finding, but a wrong one
 #: biases its torque and makes other forms of friction look better than the true one.
 CONTACT_STARTS = (2e-6, 2e-5, 2e-4)
@@ -146,5 +157,7 @@ def recording_scales(model: Model, records: Sequence[Record]) -> Scales:
         "furthest": angle,
         "one": 1.0,
     }
-    resolution = records[0].resolution
-    return Scales(size, (lowest[0], lowest[1]), (highest[0], highest[1]), records[0].dt, resolution)
+    resolution, dt = records[0].resolution, records[0].dt
+    inertias = (float(p.get(f"{axis}_inertia", p["motor_inertia"])) for axis in ("motor", "arm"))
+    motor, arm = (torque / inertia * dt**2 for inertia in inertias)
+    return Scales(size, (lowest[0], lowest[1]), (highest[0], highest[1]), dt, resolution, (motor, arm))

@@ -1,0 +1,83 @@
+"""Does each of several names earn its place beside the others?
+
+A name that was found after others may stand for a part of what has no name: it predicts the next sample
+better, and the others alone, fitted again, run as freely, or leave less torque unexplained.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+
+from haptic_teleop_sim.model import Effect
+from haptic_teleop_sysid.estimation.gauss_newton import Fit
+from haptic_teleop_sysid.estimation.records import Record
+from haptic_teleop_sysid.estimation.whole_fit import fit_whole
+
+from ..evidence.second_opinion import NO_WORSE
+from ..policy import ERRS_LESS, FITS_WORSE, SURE
+from .adequacy import Adequacy
+from .corroborated import Corroboration
+from .search import SearchResult
+
+
+def earned(
+    result: SearchResult,
+    adequate: Adequacy,
+    records: Sequence[Record],
+    corroborated: Corroboration,
+    left: Callable[[Fit], float],
+) -> SearchResult:
+    """The result without names that do not earn their place beside the others; the last one found is asked
+    first, and a single one not at all. ``adequate``: how much the names explain; ``records``: those of the
+    estimation; ``left``: size of the torque that the observer of a fit still adds."""
+    for choice in reversed(result.choices):
+        if len(result.choices) < 2:
+            break
+        effect = choice.chosen.effect
+        if choice.chosen.by_current > 0.0 or corroborated.by_torques(result.final.model, effect):
+            continue
+        without = _without(result.final, effect, records)
+        why = _against(result.final, without, effect, adequate, corroborated, left)
+        if why is None:
+            continue
+        other = None if result.by_torque is None else _without(result.by_torque, effect, records)
+        result = replace(
+            result.giving_up([choice], why),
+            choices=tuple(c for c in result.choices if c is not choice),
+            final=without,
+            by_torque=other,
+            last_round=(),
+        )
+    return result
+
+
+def _against(
+    fit: Fit,
+    without: Fit,
+    effect: Effect,
+    adequate: Adequacy,
+    corroborated: Corroboration,
+    left: Callable[[Fit], float],
+) -> str | None:
+    """What speaks against an effect of a fit, beside the fit without it; None for nothing. Where names
+    explain nearly all, or what they leave is random, free runs need not speak for it: it may be small."""
+    if left(fit) > FITS_WORSE * left(without):
+        return f"beside the others, more torque is missing with {effect.effect} than without"
+    if adequate.surest >= SURE:
+        return None
+    factor = NO_WORSE if adequate.random_left else ERRS_LESS
+    if corroborated(fit, without, effect, factor) and corroborated.elsewhere(fit, without) < factor:
+        return None
+    return (
+        f"beside the others only one-step predictions speak for {effect.effect}: "
+        f"free-run simulations err {'more' if adequate.random_left else 'hardly less'} with it"
+    )
+
+
+def _without(fit: Fit, effect: Effect, records: Sequence[Record]) -> Fit:
+    """A fit without one of its effects, the others fitted again."""
+    head = f"{effect.location}.{effect.effect}."
+    left = tuple(e for e in fit.model.effects if (e.effect, e.location) != (effect.effect, effect.location))
+    free = tuple(name for name in fit.free if not name.startswith(head))
+    return fit_whole(replace(fit.model, effects=left), fit.noise, records, free=free)
