@@ -86,6 +86,17 @@ def test_what_a_name_explains_of_the_torque_is_told_by_the_sizes_that_the_torque
     assert both.free_run == alone.free_run
 
 
+def test_torque_explained_in_the_band_of_the_motion_is_the_least_that_is_explained():
+    # An observer of fast, coarse readings corrects much that no torque makes.
+    records = [pendulum(0, coulomb=0.4)]
+    bare, part = (fitted(TRUE.with_effects(*e), records, ()) for e in ((), (rubbing(0.1),)))
+    errors = (0.5, 0.5), (0.1, 0.1)
+    alone = adequacy(bare, part, records, *errors)
+    assert alone.torque < 0.5
+    assert adequacy(bare, part, records, *errors, in_band=0.8) == replace(alone, torque=0.8)
+    assert adequacy(bare, part, records, *errors, in_band=0.1) == alone
+
+
 def test_where_nothing_worth_a_word_was_missing_nothing_is_asked_of_a_name():
     records = [pendulum(0, coulomb=0.01)]
     bare = fitted(TRUE, records, ())

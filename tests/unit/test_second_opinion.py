@@ -18,6 +18,7 @@ from haptic_teleop_sysid.diagnosis.decision.overruled import (
     as_result,
     believed_instead,
     beyond_reach,
+    explained_in_band,
     inadequate,
     stands_next,
 )
@@ -103,6 +104,12 @@ def test_what_gains_by_inverse_dynamics_and_by_free_runs_becomes_the_result(rubb
     assert torque["value"] == pytest.approx(0.4, abs=3 * torque["std"])
     assert 0.0 < torque["std"] < 0.1
     assert "free run" in finding["because"]
+    # The torque that it explains is that in the band of the motion, too, whatever an observer corrects.
+    explained = explained_in_band(result, opinion)
+    assert explained == pytest.approx(opinion.chosen.group.explained, abs=0.02)
+    assert explained > 0.9
+    predicted = replace(result.choices[0], chosen=replace(result.choices[0].chosen, witnessed=None))
+    assert explained_in_band(replace(result, choices=(predicted,)), opinion) == 0.0
 
 
 def test_free_runs_that_are_no_better_than_the_mean_say_nothing_for_a_name(rubbing):

@@ -19,6 +19,7 @@ from .decision.overruled import (
     believed_instead,
     beyond_reach,
     explained_along,
+    explained_in_band,
     inadequate,
     stands_next,
 )
@@ -110,6 +111,7 @@ def _adequacy(found: Explained, result: SearchResult) -> Adequacy:
         random_left=left_is_random(result.final, found.learn, found.judge),
         by_torque=result.by_torque,
         by_motion=lambda: 0.0 if found.opinion is None else explained_along(result, found.opinion),
+        in_band=0.0 if found.opinion is None else explained_in_band(result, found.opinion),
     )
 
 

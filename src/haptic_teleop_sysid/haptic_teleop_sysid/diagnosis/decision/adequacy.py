@@ -89,12 +89,14 @@ def adequacy(
     random_left: bool = False,
     by_torque: Fit | None = None,
     by_motion: Callable[[], float] = lambda: 0.0,
+    in_band: float = 0.0,
 ) -> Adequacy:
     """Adequacy of what ``after`` has and ``before`` has not, on ``records`` of both kinds; errors: those of
     their free runs on either kind (see `second_opinion.Errors`); ``random_left``: as there. ``by_torque``:
     ``after`` with the sizes that the torques want (`SearchResult.by_torque`): where free runs and torques do
     not agree about sizes, either measure says how much the names explain with its own. ``by_motion``: the
-    share of the torque that the inverse dynamics say is explained, asked where an observer overflows."""
+    share of the torque that the inverse dynamics say is explained, asked where an observer overflows;
+    ``in_band``: the least that is explained, see `explained_in_band`."""
     fits = [before, *(fit for fit in (after, by_torque) if fit is not None)]
     was, *left = added = [added_torque(fit, records) for fit in fits]
     if all(map(_has_a_size, added)):
@@ -102,7 +104,7 @@ def adequacy(
     else:
         explained = min(max(by_motion(), 0.0), 1.0)
     return Adequacy(
-        explained,
+        max(explained, min(in_band, 1.0)),
         _share(np.array(errors_before), np.array(errors_after), SLIGHT_ERROR),
         random_left,
     )

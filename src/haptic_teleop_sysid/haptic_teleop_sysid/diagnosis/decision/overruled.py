@@ -20,6 +20,7 @@ from ..evidence.second_opinion import NO_WORSE, Errors, Heard, Opinion
 from ..hypotheses.explanation import Explanation
 from ..hypotheses.twins import twin
 from ..policy import ERRS_FAR_LESS, ERRS_LESS, LEAST_EXPLAINED
+from .corroborated import adds_torque
 from .decide import Choice, prior
 from .free_run_sizes import Simulated, sized_freely
 from .known_sizes import with_known_sizes
@@ -122,6 +123,16 @@ def explained_along(result: SearchResult, opinion: Opinion) -> float:
     """Share of the torque that the motion asks for and the structure does not have which the findings that
     are torques along the motion explain, on stretches that were not fitted."""
     return opinion.witness.folds.explained(_along_motion(result)[1])
+
+
+def explained_in_band(result: SearchResult, opinion: Opinion) -> float:
+    """The same of findings of the inverse dynamics, with what an actuator does; 0 where one of them was found
+    otherwise. It counts the band of the motion alone, where an observer also corrects what readings round."""
+    if any(c.chosen.witnessed is None for c in result.choices):
+        return 0.0
+    model, effects = result.baseline.model, [c.chosen.effect for c in result.choices]
+    group = tuple(Hypothesis.of(e, model.place(e.location)) for e in effects if adds_torque(e))
+    return opinion.witness.folds.explained(group)
 
 
 def _along_motion(result: SearchResult) -> tuple[list[Choice], tuple[Hypothesis, ...]]:
