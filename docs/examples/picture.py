@@ -14,12 +14,13 @@ from matplotlib.figure import Figure
 from haptic_teleop_control.recording import read_recording
 from haptic_teleop_sim.model import load_model
 from haptic_teleop_sysid.recordings.dataset import load_dataset
+from haptic_teleop_sysid.report.roles import ROLES
 from haptic_teleop_sysid.simulation.fit import choose_windows, simulated_fit
 
 EXAMPLES = Path(__file__).resolve().parent
 SHOWN = (2.4, 3.6)  # s
-#: Colours that people with any colour vision tell apart (Okabe and Ito).
-MODELS = (("the lab's model", "#D55E00", "--"), ("with the backlash that was found", "#0072B2", "-"))
+#: What each model means, drawn as the pages do.
+MODELS = (("the lab's model", "given"), ("with the backlash that was found", "augmented"))
 
 
 def main(diagnosis: Path) -> None:
@@ -31,20 +32,22 @@ def main(diagnosis: Path) -> None:
     figure = Figure(figsize=(8.0, 3.0), layout="constrained")
     axis = figure.add_subplot()
     part = (data.time >= SHOWN[0]) & (data.time <= SHOWN[1])
-    axis.plot(
-        data.time[part], data.arm_velocity[part], color="0.1", linewidth=2.6, alpha=0.45, label="measured"
-    )
-    for model, (label, colour, line) in zip(models, MODELS, strict=True):
+    lines = [(data.arm_velocity, "measured", "measured")]
+    for model, (label, role) in zip(models, MODELS, strict=True):
         fit = simulated_fit(model, data, windows)
-        shown = fit.simulated["stage2_arm.velocity"]
         percent = fit.percent["stage2_arm.velocity"]
+        lines.append((fit.simulated["stage2_arm.velocity"], f"{label}: fit {percent:.0f} %", role))
+    for values, label, name in lines:
+        role = ROLES[name]
+        dash = (0, tuple(d / role.width for d in role.dash)) if role.dash else "-"
         axis.plot(
             data.time[part],
-            shown[part],
-            line,
-            color=colour,
-            linewidth=1.3,
-            label=f"{label}: fit {percent:.0f} %",
+            values[part],
+            color=role.light,
+            linewidth=0.75 * role.width,
+            linestyle=dash,
+            label=label,
+            zorder=3 if name == "measured" else 2,
         )
     axis.set_xlabel("time / s")
     axis.set_ylabel("velocity of the arm / (rad/s)")

@@ -20,6 +20,7 @@ from haptic_teleop_sysid.commands import compare
 from haptic_teleop_sysid.runs.comparison import compare as compare_models
 from haptic_teleop_sysid.runs.comparison_pictures import comparison_pictures, percent_text
 from haptic_teleop_sysid.runs.comparison_report import comparison_page, conclusion
+from haptic_teleop_sysid.runs.told_roles import role_comment, told_role
 
 TRUE_MODEL = Model("sfj", "stage1", "flexible_joint", TRUTH, fixed=("stiffness", "torque_constant"))
 MODELS = Path(__file__).resolve().parents[1] / "data"
@@ -100,6 +101,35 @@ def test_the_worst_signal_is_told_with_a_word_and_the_command_that_finds_out_why
     page = comparison_page(found, comparison_pictures(found), "haptic-teleop diagnose ...").render()
     page = html.unescape(page)
     assert "<pre tabindex=\"0\"><code>haptic-teleop diagnose ..." in page and "estimate.json" in page
+
+
+def poor(fit):
+    """Make all signals of a fit follow no better than a constant."""
+    fit.percent.update(dict.fromkeys(fit.percent, -46.0))
+
+
+def test_a_joint_that_hardly_moves_is_no_alarm_and_is_said_first(bag, models):
+    current = 1e-3 * excitation(2500)
+    small = joint_recording(current, response(current))
+    found = compare_models({models[0]: TRUE_MODEL}, {"small": small})
+    poor(found.fits[models[0], "small"])
+    status, happened, todo, command = conclusion(found, "haptic-teleop diagnose ...")
+    assert (status, command) == ("fair", "") and happened.startswith("The joint hardly moves (by ")
+    assert "larger motion" in todo and "no better than a constant" not in happened
+    # Beside a recording that moves it has no say.
+    both = compare_models({models[0]: TRUE_MODEL}, {"small": small, bag: read_recording(bag)})
+    poor(both.fits[models[0], "small"])
+    assert conclusion(both)[0] == "good"
+
+
+def test_the_pictures_have_the_colours_that_the_files_ask_for(tmp_path):
+    roles = {}
+    for name, held in (("augmented_model.yaml", "baseline"), ("own.yaml", None), ("model.yaml", None)):
+        TRUE_MODEL.save(tmp_path / name, [] if held is None else ["from a diagnosis", role_comment(held)])
+        roles[name] = told_role(tmp_path / name)
+    assert roles == {"augmented_model.yaml": "re-estimated", "own.yaml": None, "model.yaml": None}
+    (tmp_path / "estimate.json").write_text("{}")
+    assert told_role(tmp_path / "model.yaml") == "re-estimated" and told_role(tmp_path / "no.yaml") is None
 
 
 def test_a_model_that_follows_everything_needs_no_command(compared, models):

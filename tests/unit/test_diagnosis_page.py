@@ -7,7 +7,7 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from stepped_machines import RIGID, drive, pendulum, record, two_masses
+from stepped_machines import DT, RIGID, drive, pendulum, record, two_masses
 
 from haptic_teleop_sim.model import Effect, Model
 from haptic_teleop_sim.omni_robot import OMNI_PARAMETERS
@@ -87,6 +87,63 @@ def test_the_plot_is_in_the_units_of_the_machine_and_has_the_law_as_a_line_of_it
     (panel,) = law_plot([found], Units("m", "N")).panels
     assert panel.unit == "N" and panel.x_label == "motor velocity (m/s)"
     assert [s.role for s in panel.series] == ["measured", "augmented", "reference"]
+
+
+def made_motion(acting):
+    """A record of a motion without friction that is known in full: ``acting(t, a, v)`` is what drives it,
+    N·m."""
+    time = DT * np.arange(10_000)
+    waves = [(0.4, 1.1), (0.25, 2.7), (0.1, 6.3)]  # rad, rad/s
+    angle = sum(size * np.sin(w * time) for size, w in waves)
+    v = sum(size * w * np.cos(w * time) for size, w in waves)
+    a = sum(-size * w**2 * np.sin(w * time) for size, w in waves)
+    return record(np.asarray(acting(time, a, v)), angle[:, None], 1e-6)
+
+
+INERTIA, DAMPING = 0.14, 0.35
+
+
+def test_friction_that_drifts_is_drawn_over_time_with_its_law_and_when_it_is_there():
+    def acting(t, a, v):
+        return INERTIA * a + DAMPING * (1.0 + 1.5 * (1.0 - np.exp(-t / 6.0))) * v
+
+    drift = Effect("friction_drift", "j_motor", {"change": 1.5, "time_constant": 6.0})
+    found = curve(MODEL, drift, made_motion(acting))
+    assert (found.quantity, found.unit) == ("time", "s")
+    np.testing.assert_allclose(found.before, found.law, atol=0.02)
+    assert found.explained > 0.99 and found.law[0] < 0.3 * found.law[-1]
+    page = Page("t")
+    where = [{"equation": "j_motor", "share": 1.0, "condition": "time", "intervals": []}]
+    reasons(page, verdict("identified", [finding()]), content(where=where), [found])
+    told = page.sections[0].blocks[-1].rows[0][-1]
+    begin, end = map(float, told.removesuffix(" s").split("–"))
+    assert 1.0 < begin < 9.0 and 17.0 < end < 20.0, told
+    (panel,) = law_plot([found], Units()).panels
+    assert panel.x_label == "time (s)" and "in the direction of the law" in panel.title
+
+
+def test_a_load_and_a_gain_that_change_are_drawn_over_time_too():
+    load = Effect("payload_change", "j_motor", {"time": 12.0, "inertia": 0.1})
+    found = curve(MODEL, load, made_motion(lambda t, a, v: (INERTIA + 0.1 * (t > 12.0)) * a + DAMPING * v))
+    early, late = found.centre < 11.0, found.centre > 13.0
+    assert found.quantity == "time" and found.explained > 0.98
+    assert np.max(np.abs(found.before[early])) < 0.05 * np.min(found.before[late])
+    assert found.there is not None and found.there[0] == pytest.approx(12.5, abs=1.0)
+    drift = Effect("gain_drift", "j_actuator", {"change": -0.3, "time_constant": 5.0})
+
+    def weaker(t, a, v):
+        return (INERTIA * a + DAMPING * v) / (1.0 - 0.3 * (1.0 - np.exp(-t / 5.0)))
+
+    found = curve(MODEL, drift, made_motion(weaker))
+    assert found.quantity == "time" and found.explained > 0.98
+
+
+def test_a_late_actuator_is_drawn_against_how_fast_its_input_changes():
+    late = Effect("input_delay", "j_actuator", {"delay": 0.02})
+    found = curve(MODEL, late, made_motion(lambda t, a, v: np.roll(INERTIA * a + DAMPING * v, -10)))
+    assert (found.quantity, found.unit) == ("rate of the input torque", "N*m/s")
+    np.testing.assert_allclose(found.before, -0.02 * found.centre, atol=0.01)
+    assert found.explained > 0.95
 
 
 def finding(confidence=0.97, alternatives=()):
@@ -215,6 +272,8 @@ def test_the_page_says_where_under_which_condition_and_when():
     html = page.render()
     for told in ("stage1_motor", "sign of motor velocity", "12.1–13.4 s", "83 %", "0.412 ± 0.010 N·m"):
         assert told in html
+    # What findings explain of the missing torque is a quantity of its own.
+    assert "share of the gain in log-likelihood" in html and "share of what is missing" not in html
     assert "N*m" not in html
 
 
@@ -270,9 +329,12 @@ def test_each_command_is_one_that_its_program_takes(robot, joint, table, excitat
     origin = Origin("my models/lab.yaml", learn, check, check, output, scenario=scenario)
     steps(page, content(robot, joint, excitation), origin)
     assert not any("`" in what for what, _ in page.sections[0].blocks[0].rows), "a page sets no code in text"
-    lines = [[shlex.split(line) for line in told.splitlines()] for _, told in page.sections[0].blocks[0].rows]
+    rows = page.sections[0].blocks[0].rows
+    driven = table is not None and excitation is not None
+    assert bool(rows[-1][1]) == driven, "a command that reads what no command made fails"
+    lines = [[shlex.split(line) for line in told.splitlines()] for _, told in rows]
     assert all(words[0] == "haptic-teleop" for commands in lines for words in commands)
-    (simulate, *looked), (compared,), (*recorded, diagnosed) = lines
+    (simulate, *looked), (compared,), recorded = lines
     if scenario is not None:
         assert simulate[1:4] == ["lockstep", str(scenario), "--record"]
         assert verify._parser().parse_args(looked[0][2:]).bag == simulate[4:]
@@ -285,19 +347,19 @@ def test_each_command_is_one_that_its_program_takes(robot, joint, table, excitat
     taken = PARSERS["compare"]().parse_args(compared[2:])
     assert taken.model == ["my models/lab.yaml", str(output / "augmented_model.yaml")]
     assert taken.bag == ["logs/check one", "b"]
-    # Whatever the next experiment is, its recording is diagnosed with those that there are.
+    told = rows[-1][0]
+    assert ("MOVES THE ROBOT" in told) == driven, "what is pasted is no simulation"
+    if not driven:
+        assert "added to --estimation" in told
+        return
+    # The recording is diagnosed with those that there are.
+    words, diagnosed = recorded
     taken = PARSERS["diagnose"]().parse_args(diagnosed[2:])
     assert taken.model == ["my models/lab.yaml"] and taken.validation == list(check)
     assert taken.estimation == [*learn, str(output / "next_recording")]
-    assert len(recorded) == (table is not None and excitation is not None)
-    told = page.sections[0].blocks[0].rows[-1][0]
-    assert ("MOVES THE ROBOT" in told) == bool(recorded), "what is pasted is no simulation"
-    for words in recorded:
-        taken = PARSERS["acquire"]().parse_args(words[2:])
-        assert (taken.config, taken.output) == (
-            str(output / "next_experiment.yaml"),
-            str(output / "next_recording"),
-        )
+    taken = PARSERS["acquire"]().parse_args(words[2:])
+    assert taken.config == str(output / "next_experiment.yaml")
+    assert taken.output == str(output / "next_recording")
 
 
 def test_what_a_second_method_says_for_and_against_stands_beside_how_sure_it_is():

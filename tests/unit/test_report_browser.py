@@ -146,11 +146,79 @@ def test_paper_shows_everything_and_cuts_no_table_off(browser, report):
     assert cut and max(cut) <= A4 + 1
     assert page.evaluate(BROKEN_WORDS) == []
     assert not page.is_visible("nav")  # nobody clicks on paper
+    assert page.evaluate("getComputedStyle(document.querySelector('.summary')).breakInside") == "avoid"
     assert page.is_visible(".plot .still svg") and not page.is_visible(".live")
     grounds = page.evaluate("getComputedStyle(document.body).backgroundColor")
     assert grounds == "rgb(255, 255, 255)"  # also for somebody whose screen is dark
     pdf = page.pdf(format="A4")
     assert pdf.startswith(b"%PDF") and len(pdf) > 20_000
+    page.close()
+
+
+@pytest.fixture(scope="module")
+def minute(tmp_path_factory):
+    """A minute of a fast signal at 500 Hz, and a simulation that is told by a long name."""
+    time = 2e-3 * np.arange(30_000)
+    wave = np.sin(2.0 * np.pi * 10.0 * time)
+    wave[20_003] = 3.0
+    name = "a/model/with/a/long/name/augmented_model.yaml"
+    lines = [Series("measured", time, wave), Series(name, time, 0.9 * wave, "augmented")]
+    page = Page("Response")
+    panels = [Panel(f"speed {k}", "rad/s", lines) for k in range(3)]
+    page.section("Response").plot(Plot(panels).with_difference(), "A minute.")
+    rows = [(f"parameter {k}", "2e-05", "1.234e-05 … 2.345e-05", "remark " * 12) for k in range(45)]
+    page.section("Table").table(["name", "estimate", "95 % interval", "remark"], rows)
+    return page.write(tmp_path_factory.mktemp("minute") / "report.html")
+
+
+def test_zoomed_in_every_sample_of_a_minute_shows_and_seen_whole_no_peak_is_lost(browser, minute):
+    page, wrong = opened(browser, minute, **WATCHED)
+    drawn = """(() => { const s = Bokeh.documents[0].roots()[0].renderers.find(r => r.name === "measured");
+      return ["x", "y"].map(c => Array.from(s.data_source.get_column(c))); })()"""
+    time, value = page.evaluate(drawn)
+    assert 1000 < len(time) < 2100 and max(value) == pytest.approx(3.0) and time[-1] == pytest.approx(59.998)
+    page.evaluate("Bokeh.documents[0].roots()[0].x_range.setv({ start: 20.0, end: 21.2 })")
+    page.wait_for_function(f"({drawn})[0].at(-1) < 22")
+    time, value = map(np.array, page.evaluate(drawn))
+    np.testing.assert_allclose(np.diff(time), 2e-3, atol=1e-9)
+    assert (time[0], time[-1]) == (pytest.approx(20.0, abs=5e-3), pytest.approx(21.2, abs=5e-3))
+    np.testing.assert_allclose(value, np.sin(2.0 * np.pi * 10.0 * time), atol=3e-4)
+    assert "zoomed in, every sample" in page.inner_text("figcaption")
+    page.click("button[data-do=reset]")
+    page.wait_for_function(f"({drawn})[0].at(-1) > 59")
+    assert minute.stat().st_size < 3_000_000 and wrong == []
+    page.close()
+
+
+@pytest.mark.parametrize("width", [420, 1280])
+def test_nothing_moves_when_a_plot_tells_its_values(browser, minute, width):
+    page, _ = opened(browser, minute, **WATCHED | {"viewport": {"width": width, "height": 900}})
+    tops = """[...document.querySelectorAll(".canvas")].filter(e => e.offsetParent)
+      .map(e => e.getBoundingClientRect().top + scrollY)"""
+    page.locator(".canvas").first.scroll_into_view_if_needed()
+    page.wait_for_timeout(200)
+    before = page.evaluate(tops)
+    box = page.locator(".canvas").first.bounding_box()
+    for share in (0.3, 0.6, 0.9):
+        page.mouse.move(box["x"] + share * box["width"], box["y"] + 60)
+        page.wait_for_selector(".readout:has-text('measured')")
+        assert page.evaluate(tops) == pytest.approx(before, abs=0.3)
+    page.close()
+
+
+def test_on_paper_no_number_or_interval_is_broken_and_no_last_line_has_its_own_page(browser, minute):
+    page, _ = opened(browser, minute, **WATCHED | {"viewport": {"width": A4, "height": 1000}})
+    page.emulate_media(media="print")
+    heights = page.evaluate(
+        "[...document.querySelectorAll('td:nth-child(2), td:nth-child(3)')].map(e => { const r = "
+        "document.createRange(); r.selectNodeContents(e); return new Set([...r.getClientRects()]"
+        ".map(b => Math.round(b.top))).size; })"
+    )
+    assert heights and set(heights) == {1}
+    # When it was written stands at the top, or it would often have the last page for itself.
+    assert page.is_visible(".printed") and not page.is_visible("footer")
+    style = "getComputedStyle(document.querySelector('{}')).{}"
+    assert page.evaluate(style.format("tbody tr:last-child", "breakBefore")) == "avoid"
     page.close()
 
 

@@ -4,6 +4,8 @@ means one thing; and how numbers and units are written."""
 import base64
 import gzip
 import itertools
+import re
+from pathlib import Path
 from types import SimpleNamespace
 
 import numpy as np
@@ -12,7 +14,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
-from haptic_teleop_sysid.recordings.small_motion import hardly_moving, judged, spread
+from haptic_teleop_sysid.recordings.small_motion import at_rest, hardly_moving, judged, spread
 from haptic_teleop_sysid.report import (
     Band,
     Page,
@@ -26,9 +28,10 @@ from haptic_teleop_sysid.report import (
     units_in,
     with_error,
 )
-from haptic_teleop_sysid.report.live import PAGE_POINTS, live, packed_script
+from haptic_teleop_sysid.report.live import live, packed_script
 from haptic_teleop_sysid.report.plot import LEAST_HEIGHT, log_ticks, thinned
 from haptic_teleop_sysid.report.roles import ROLES, model_roles
+from haptic_teleop_sysid.report.samples import DRAWN, Packed, kept_words, pack, pack_all
 from haptic_teleop_sysid.report.section import Block, foldable, looks_numeric, prose
 
 MEGABYTE = 1_000_000
@@ -70,9 +73,63 @@ def test_a_page_of_many_long_lines_stays_below_three_megabytes_and_a_million_sam
         lines = [Series(role, time, noise, role) for role in itertools.islice(ROLES, 8)]
         section.plot(Plot([Panel("p", "rad", lines)]).with_difference(), "caption")
     assert len(page.render().encode()) < 3 * MEGABYTE
-    for block in section.blocks[:2]:
-        data = drawn(live(block.plot, block.plot.panels, "p", PAGE_POINTS // 45)["document"])
-        assert [(float(y.min()), float(y.max())) for y in data] == [(-50.0, 40.0)] * 8
+    views = [(block.plot, block.plot.panels, False) for block in section.blocks]
+    for (plot, panels, _), packed in zip(views, pack_all(views, taken=1_000_000), strict=True):
+        assert 600 <= packed.kept <= packed.count == len(panels[0].series[0].value)
+        data = [unpacked(packed, 0, place) for place in range(8)]
+        assert [(y.min(), y.max()) for _, y in data] == [(pytest.approx(-50.0), pytest.approx(40.0))] * 8
+        assert {"bytes", "lines"} == set(live(plot, panels, "p", packed)["samples"])
+
+
+def unpacked(packed, panel, place):
+    """Times and values of a packed line, as the page's script reads them."""
+    raw = gzip.decompress(base64.b64decode(packed.bytes_))
+    line = packed.lines[panel, place]
+    n, at = line["n"], line["at"]
+
+    def numbers(at, order):
+        words = np.frombuffer(raw, np.uint8, 2 * n, at).astype(np.int64)
+        found = (words[:n] << 8) | words[n:]
+        for _ in range(order):
+            found = np.cumsum(found)
+        return found
+
+    steps = numbers(at, line["order"]) % 65_536
+    value = np.where(steps > 16_382, np.nan, line["low"] + steps * (line["high"] - line["low"]) / 16_382)
+    if "period" not in line:
+        return np.frombuffer(raw, "<f4", n, at + 2 * n).astype(float), value
+    index = numbers(at + 2 * n, 1) if line.get("jumps") else np.arange(n)
+    return line["start"] + line["period"] * index, value
+
+
+@settings(max_examples=100)
+@given(
+    arrays(np.float64, st.integers(DRAWN + 1, DRAWN + 300), elements=values),
+    st.sampled_from([700, 10_000]),
+    st.booleans(),
+)
+def test_packed_samples_are_those_of_the_line(value, points, even):
+    time = 3.0 + 0.002 * np.arange(len(value))
+    if not even:
+        time = np.float32(time + 0.0005 * np.sin(np.arange(len(value)))).astype(float)
+    panel = Panel("p", "rad", [Series("x", time, value)])
+    found_time, found = unpacked(pack(Plot([panel]), [panel], points), 0, 0)
+    thin_time, thin = thinned(time, value, points)
+    np.testing.assert_allclose(found_time, thin_time, atol=1e-6)
+    finite = thin[np.isfinite(thin)]
+    step = (np.ptp(finite) if len(finite) else 0.0) / 16_382
+    np.testing.assert_allclose(found, thin, atol=0.51 * step + 1e-9, equal_nan=True)
+
+
+def test_a_minute_at_500_hertz_is_kept_whole_and_it_is_said_how_many_samples_a_point_stands_for():
+    time = 0.002 * np.arange(30_000)
+    lines = [Series(role, time, np.sin(60.0 * time + k), role) for k, role in enumerate(list(ROLES)[:4])]
+    views = [(plot := Plot([Panel("p", "rad", lines)] * 4), plot.panels, False)]
+    (packed,) = pack_all(views, taken=1_200_000)
+    assert packed.kept == packed.count == 30_000
+    assert kept_words(packed).endswith("zoomed in, every sample.") and "30000 samples" in kept_words(packed)
+    assert "the least and greatest of each 10 samples" in kept_words(Packed("", {}, 30_000, 6_000))
+    assert kept_words(Packed()) == ""
 
 
 def drawn(document, column="y"):
@@ -139,11 +196,23 @@ def contrast(one, other):
     return (b + 0.05) / (a + 0.05)
 
 
-def test_the_first_model_is_the_given_one_and_one_with_more_effects_the_augmented():
-    assert model_roles([0, 0, 1]) == ["given", "re-estimated", "augmented"]
-    assert model_roles([0, 2]) == ["given", "augmented"]
-    assert model_roles([1, 1, 1]) == ["given", "re-estimated", "third"]
+def test_a_model_has_the_colour_of_what_its_file_says_whatever_its_place_in_the_command():
+    told = {"augmented": (1, "augmented"), "given": (0, None), "re-estimated": (0, "re-estimated")}
+    for order in itertools.permutations(told):
+        effects, said = zip(*(told[name] for name in order), strict=True)
+        assert model_roles(effects, said) == list(order)
+    # Without a word of theirs, effects tell.
+    assert model_roles([0, 2]) == ["given", "augmented"] and model_roles([2, 0]) == ["augmented", "given"]
+    assert model_roles([1, 1]) == ["given", "third"]
+    assert model_roles([0, 0], ["re-estimated", "re-estimated"]) == ["re-estimated", "third"]
     assert len(set(model_roles([0, 1, 1, 0, 2]))) == 5
+
+
+def test_the_picture_of_the_first_hour_has_the_colours_of_the_pages():
+    picture = (Path(__file__).parents[2] / "docs" / "first_hour.svg").read_text()
+    drawn = set(re.findall(r"stroke: (#[0-9a-f]{6}); stroke-width: 0.9;", picture))
+    assert ROLES["measured"].light in drawn  # thin, as on every page
+    assert all(ROLES[role].light in picture for role in ("given", "augmented"))
 
 
 def test_the_script_that_travels_inside_is_bokeh():
@@ -210,9 +279,30 @@ def test_a_fit_of_three_milliradians_of_motion_is_no_alarm_unless_that_is_all_th
     assert judged(fits, hardly_moving([moving(0.4, 0.0015)])) == {"motor.position": 97.0}
     assert hardly_moving([moving(0.4, 0.0015), moving(0.4, 0.1)]) == set()
     assert hardly_moving([moving(0.001, 0.0015)]) == set()
+    assert at_rest([moving(0.001, 0.0015)]) and not at_rest([moving(0.4, 0.0015)])
     assert judged(fits, set(fits)) == fits
     assert spread(np.array([np.nan, 1.0, 3.0])) == pytest.approx(2.0, rel=0.02)
     assert spread(np.full(3, np.nan)) == 0.0
+
+
+def test_the_velocity_of_a_motion_that_hardly_moves_is_left_out_like_its_position():
+    swing = 0.0015 * np.sin(40.0 * TIME)
+    signals = {"a.position": swing, "a.velocity": 0.06 * np.cos(40.0 * TIME), "m.position": 100.0 * swing}
+    units = {"a.position": "rad", "a.velocity": "rad/s", "m.position": "rad"}
+    here = SimpleNamespace(signals=lambda: signals, units=lambda: units)
+    assert hardly_moving([here]) == {"a.position", "a.velocity"}
+    del signals["m.position"]
+    assert at_rest([here]) and hardly_moving([here]) == set()
+
+
+def test_to_go_left_is_earlier_over_time_only():
+    line = [Series("x", TIME, TIME)]
+    page = Page("t")
+    page.section("s").plot(Plot([Panel("p", "rad", line)]))
+    assert 'aria-label="Earlier"' in page.render() and 'aria-label="Left"' not in page.render()
+    page = Page("t")
+    page.section("s").plot(Plot([Panel("p", "N·m", line, x_label="deflection (rad)")]))
+    assert 'aria-label="Left"' in page.render() and 'aria-label="Earlier"' not in page.render()
 
 
 def test_an_axis_reaches_as_far_as_the_errors_and_the_band_do():
@@ -231,11 +321,12 @@ def test_dates_keep_their_seconds_and_too_many_names_are_not_told():
     time = 1.767e9 + np.arange(100.0)
     line = Series("x", time, time, marks=True, line=False)
     plot = Plot([Panel("p", "N", [line])], names=["a"] * 100, dated=True)
-    found = live(plot, plot.panels, "p", 600)
+    found = live(plot, plot.panels, "p", Packed())
     assert found["dated"] and len(found["names"]) == 100
     (milliseconds,) = drawn(found["document"], "x")
     assert milliseconds == pytest.approx(1000.0 * time, abs=0.5)  # single precision leaves two minutes
-    assert live(plot, plot.panels, "p", 50)["names"] == []
+    many = Plot(plot.panels, names=["a"] * (DRAWN + 1), dated=True)
+    assert live(many, many.panels, "p", Packed())["names"] == []
     three = ["one", "two", "three"]
     few = Plot([Panel("p", "N", [Series("x", np.arange(1.0, 4.0), np.ones(3))])], names=three)
     (axis,) = still(few).axes
@@ -274,5 +365,5 @@ def test_a_sentence_keeps_options_and_dates_whole_and_shows_what_is_typed_as_cod
     assert '<span class="whole">--validation</span>' in html and "a--b" in html
     assert "<code>x &lt;y&gt;</code>" in html and html.count("<span") == 2
     assert '<span class="whole">0.139 %</span>' in str(foldable("grew by 0.139 %"))
-    for whole in ("≥ 90 %", "80–97 %", "4.12–5.00", "12.1–13.4 s"):
+    for whole in ("≥ 90 %", "80–97 %", "4.12–5.00", "12.1–13.4 s", "2e-05", "−2.3e-05 … 1.7", "8.39 … 6.58"):
         assert f'<span class="whole">{whole}</span>' in str(foldable(f"about {whole} of it"))

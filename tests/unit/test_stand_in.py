@@ -16,6 +16,7 @@ from haptic_teleop_sysid.diagnosis.report.summary import map_sentences
 from haptic_teleop_sysid.estimation.gauss_newton import Fit
 from haptic_teleop_sysid.estimation.noise import NoiseModel
 from haptic_teleop_sysid.runs.diagnosis_run import comments
+from haptic_teleop_sysid.runs.told_roles import told_role
 
 GIVEN = replace(RIGID, source="given")
 NOISE = NoiseModel(0.1, 0.1, 1e-4, 1e-4)
@@ -61,7 +62,8 @@ def test_the_model_that_is_handed_on_says_what_it_is(tmp_path):
     assert "verdict unknown" in above[0] and "stand-in" in above[0] and "is not believed" in above[1]
     assert load_model(place).effects[0].effect == "coulomb_friction"
     content |= {"verdict": "identified", "stand_in": None}
-    assert len(comments(content)) == 1
+    assert len(comments(content)) == 2
+    assert told_role(place) == "augmented"
 
 
 @pytest.mark.parametrize(

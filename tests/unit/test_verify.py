@@ -15,6 +15,7 @@ from haptic_teleop_control.recording import Recording, read_recording, write_rec
 from haptic_teleop_sim import lockstep
 from haptic_teleop_sysid.commands import verify
 from haptic_teleop_sysid.report import Page
+from haptic_teleop_sysid.report.roles import ROLES
 from haptic_teleop_sysid.verification.conclusion import conclusion
 from haptic_teleop_sysid.verification.contact import longest_still
 from haptic_teleop_sysid.verification.overlay_report import Overlays
@@ -367,6 +368,17 @@ def test_of_several_runs_the_difference_to_the_first_can_be_shown():
     assert told.difference_of == "measured less simulated"
     assert np.nanmax(np.abs(told.difference[2].series[0].value + slower.value)) == 0.0
     assert not stage_picture(runs[:1], "stage1", ["one"]).difference
+    motor, arm = told.panels[1].series[2:4]
+    assert (motor.label, arm.label) == ("lab: motor", "lab: arm")
+    assert stripes(arm.dash) != stripes(ROLES["given"].dash)
+
+
+def stripes(dash):
+    """A dash as it repeats: as short as it can be."""
+    for size in range(2, len(dash), 2):
+        if dash == dash[:size] * (len(dash) // size):
+            return dash[:size]
+    return dash
 
 
 def page_of(plot):

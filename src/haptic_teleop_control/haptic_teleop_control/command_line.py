@@ -9,6 +9,7 @@ from collections.abc import Callable, Collection, Sequence
 from typing import Any, NoReturn
 
 from haptic_teleop_control.errors import ConfigurationError, HapticTeleopError
+from haptic_teleop_control.interrupts import nothing_swallowed
 
 USAGE_ERROR = 2
 INTERRUPTED = 130  # 128 + SIGINT, what a shell reports for a command stopped with Ctrl-C
@@ -20,13 +21,14 @@ def run_command(main: Callable[[list[str]], int | None], argv: Sequence[str] | N
 
     `main` receives the arguments without the program's name, those of the process when `argv` is None; its
     result is the exit status, None meaning 0. A `HapticTeleopError` becomes one line on standard error and
-    status 2; leaving through `argparse` (`--help` is 0, a bad argument 2) becomes that status; Ctrl-C becomes
-    130, with the sentence that the interrupt carries, if any, and a reader that closed our output (`| head`)
-    141, silently. Any other exception passes
-    through: it is a defect of the program, and Python then prints the traceback and exits with 1.
+    status 2; leaving through `argparse` (`--help` is 0, a bad argument 2) becomes that status; Ctrl-C,
+    wherever it comes, becomes 130, with the sentence that the interrupt carries, if any, and a reader that
+    closed our output (`| head`) 141, silently. Any other exception passes through: it is a defect of the
+    program, and Python then prints the traceback and exits with 1.
     """
     try:
-        status = main(list(sys.argv[1:] if argv is None else argv))
+        with nothing_swallowed():
+            status = main(list(sys.argv[1:] if argv is None else argv))
         sys.stdout.flush()  # here, so that a closed pipe is met inside this `try`
     except HapticTeleopError as error:
         return tell(error)

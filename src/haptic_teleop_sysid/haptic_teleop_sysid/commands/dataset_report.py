@@ -224,13 +224,19 @@ def spectrum_picture(one: Excitation, unit: str) -> Plot:
     inside = (one.frequency > 0.0) & (one.frequency < 0.5 * one.frequency[-1])
     panels = []
     for title, power in (
-        (f"input, dB re 1 {unit}²/Hz", one.input_spectrum),
+        (f"input, dB re 1 {_squared(unit)}/Hz", one.input_spectrum),
         ("motor speed, dB re 1 (rad/s)²/Hz", one.response_spectrum),
     ):
         decibels = 10.0 * np.log10(np.maximum(power[inside], 1e-30))
         line = Series("", np.asarray(one.frequency[inside]), np.asarray(decibels))
         panels.append(Panel(title, "dB", [line], spans=[one.band]))
     return Plot(panels, "frequency (Hz); shaded: 95 % of the input's power")
+
+
+def _squared(unit: str) -> str:
+    """The square of a unit: that of a product in parentheses."""
+    text = unit_text(unit) or "1"
+    return f"{text}²" if text.isalpha() else f"({text})²"
 
 
 def page(looks: dict[str, Look], next_steps: Sequence[tuple[str, str]] = ()) -> Page:

@@ -34,7 +34,7 @@ Fits = dict[str, float]
 @dataclass(frozen=True)
 class Overlay:
     """fits: model -> signal -> fit in percent to the recorded scenario, counted from the command's onset.
-    picture: the lab's and the augmented model's run over the recording's. notes: what was different.
+    picture: the runs of all models over the recording's. notes: what was different.
     """
 
     fits: dict[str, Fits]
@@ -70,7 +70,7 @@ def simulate_scenario1(
         ]
         runs[name] = examine(read_recording(folder / name), name)
     fits = {name: _fits(real, run, stage) for name, run in runs.items()}
-    return Overlay(fits, _picture(real, runs, stage), notes)
+    return Overlay(fits, runs_picture(real, runs, stage), notes)
 
 
 def _fits(real: Run, simulated: Run, stage: str) -> Fits:
@@ -85,14 +85,14 @@ def _fits(real: Run, simulated: Run, stage: str) -> Fits:
     return fits
 
 
-def _picture(real: Run, runs: Mapping[str, Run], stage: str) -> Plot:
-    shown = [name for name in (LAB, AUGMENTED) if name in runs]
+def runs_picture(real: Run, runs: Mapping[str, Run], stage: str) -> Plot:
+    """The ``runs`` with each model (by LAB, REFITTED, AUGMENTED) over the recorded one."""
     return stage_picture(
-        [real, *(runs[name] for name in shown)],
+        [real, *runs.values()],
         stage,
-        ["recorded", *shown],
+        ["recorded", *runs],
         remove_delay=True,
-        roles=["measured", *(_ROLES[name] for name in shown)],
+        roles=["measured", *(_ROLES[name] for name in runs)],
     )
 
 

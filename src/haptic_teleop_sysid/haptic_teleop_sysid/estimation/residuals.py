@@ -111,6 +111,11 @@ def whitened(u: Array) -> Array:
     return np.asarray(scipy.signal.lfilter(coefficients, [1.0], u), dtype=np.float64)
 
 
+def depends_on_input(one: Residuals) -> bool:
+    """Whether past inputs explain what the model does not."""
+    return one.outside[1] > 0.1 and one.worst[1] > 0.05
+
+
 def reading(found: list[Residuals], closed_loop: bool | None) -> list[str]:
     """Say in sentences what the correlations mean."""
     told = []
@@ -123,7 +128,7 @@ def reading(found: list[Residuals], closed_loop: bool | None) -> list[str]:
             + ("" if auto > 0.05 else ", as good as white")
             + f"; {100 * cross:.0f} % of the cross-correlations with past inputs, the largest "
             f"{one.worst[1]:.2f}"
-            + (": past inputs explain what the model does not" if cross > 0.1 and one.worst[1] > 0.05 else "")
+            + (": past inputs explain what the model does not" if depends_on_input(one) else "")
             + "."
         )
     if closed_loop:

@@ -43,7 +43,8 @@ class Estimate:
     one-step predictor was not believed, and ``fit`` is that of the one that looks further ahead;
     ``plain_std``: standard errors by parameter of a method without noise model, NaN where it has none;
     ``contradictions``: by effect, what of its numbers it cannot have, in words; ``by_form``: by parameter,
-    the part of its standard error that other published forms of its law make."""
+    the part of its standard error that other published forms of its law make; ``kept``: the undetermined
+    parameters that ``model`` has as the start had them."""
 
     model: Model
     start: Model
@@ -60,6 +61,7 @@ class Estimate:
     plain_std: dict[str, float] = field(default_factory=dict)
     contradictions: dict[str, str] = field(default_factory=dict)
     by_form: dict[str, float] = field(default_factory=dict)
+    kept: tuple[str, ...] = ()
 
     def disagreement(self) -> dict[str, float]:
         """Parameters that the far-sighted predictor puts elsewhere, by more than 10 % and DISAGREEMENT of its

@@ -46,7 +46,7 @@ class Uncertainty:
     """Of the parameters ``names`` (p): ``std`` (p,), inf where undetermined; ``correlation`` (p, p), NaN
     there; ``information_std`` (p,) what the information matrix alone says; ``undetermined``: name -> why,
     in words; ``near_zero``: names that may as well be zero; ``condition`` of the information scaled to unit
-    diagonal."""
+    diagonal; ``combined``: of the undetermined those of which a combination is known."""
 
     names: tuple[str, ...]
     std: FloatArray
@@ -55,6 +55,7 @@ class Uncertainty:
     undetermined: dict[str, str]
     near_zero: tuple[str, ...]
     condition: float
+    combined: tuple[str, ...] = ()
 
     def interval(self, name: str, value: float) -> tuple[float, float] | None:
         """95 % interval about a value; None where undetermined."""
@@ -160,6 +161,7 @@ def _judge(fit: Fit, information: FloatArray, meat: FloatArray) -> Uncertainty:
     names, p = fit.free, len(information)
     everything = (*names, *(f"{_LEVEL} {i}" for i in range(p - len(names))))
     undetermined: dict[str, str] = {}
+    combined: list[str] = []
     scale = np.sqrt(np.maximum(np.diag(information), 0.0))
     seen = scale > 1e-150
     for name in np.array(everything, dtype=object)[~seen]:
@@ -171,7 +173,7 @@ def _judge(fit: Fit, information: FloatArray, meat: FloatArray) -> Uncertainty:
     top = float(levels[-1]) if len(levels) else 1.0
     weak = levels < SINGULAR * top * max(len(levels), 1)
     for column in np.flatnonzero(weak):
-        _singular(everything, index, directions[:, column], undetermined)
+        combined += _singular(everything, index, directions[:, column], undetermined)
     kept = directions[:, ~weak]
     inverse = (kept / levels[~weak]) @ kept.T
     bread = np.zeros((p, p))
@@ -192,7 +194,8 @@ def _judge(fit: Fit, information: FloatArray, meat: FloatArray) -> Uncertainty:
         if name in undetermined:
             std[i] = plain[i] = np.inf
             correlation[i, :] = correlation[:, i] = np.nan
-    return Uncertainty(names, std, correlation, plain, undetermined, near_zero, condition)
+    together = tuple(name for name in names if name in combined)
+    return Uncertainty(names, std, correlation, plain, undetermined, near_zero, condition, together)
 
 
 def widened(unsure: Uncertainty, fit: Fit, further: Mapping[str, float]) -> Uncertainty:
@@ -242,8 +245,9 @@ def _condition(bread: FloatArray) -> float:
 
 def _singular(
     names: tuple[str, ...], index: NDArray[np.intp], direction: FloatArray, told: dict[str, str]
-) -> None:
-    """Tell of each parameter that moves along a direction in which the recording sees nothing."""
+) -> list[str]:
+    """Tell of each parameter that moves along a direction in which the recording sees nothing; their names
+    where they are several."""
     part = [names[index[i]] for i in np.flatnonzero(np.abs(direction) > 1e-3 * np.max(np.abs(direction)))]
     # Noise levels come along in many a direction, and nobody can fix one of them.
     part = [name for name in part if not name.startswith(_LEVEL)] or part
@@ -255,6 +259,7 @@ def _singular(
             if others
             else "nothing in the recording depends on it"
         )
+    return part if len(part) > 1 else []
 
 
 def _may_vanish(fit: Fit, name: str) -> bool:

@@ -27,9 +27,9 @@ from haptic_teleop_sysid.report import (
     with_error,
 )
 from haptic_teleop_sysid.results import plain
+from haptic_teleop_sysid.runs.estimation_doubts import doubts
 from haptic_teleop_sysid.runs.estimation_run import Choices, load, run_estimate, write_results
-from haptic_teleop_sysid.runs.estimation_verdict import problems
-from haptic_teleop_sysid.runs.parameter_table import parameter_rows
+from haptic_teleop_sysid.runs.estimation_verdict import problems, rows_of
 
 from .each import Job
 from .folder import Found
@@ -75,8 +75,14 @@ def estimate_one(
     return plain(
         {
             "parameters": {
-                row.name: {"value": row.value, "std": row.std, "unit": row.unit}
-                for row in parameter_rows(result.estimate)
+                row.name: {
+                    "value": row.value,
+                    "std": row.std,
+                    "unit": row.unit,
+                    "at_least": row.at_least,
+                    "relative_to": row.relative_to,
+                }
+                for row in rows_of(result)
                 if row.status != "fixed"
             },
             "converged": result.estimate.converged,
@@ -84,7 +90,10 @@ def estimate_one(
                 signal: min(result.fits["estimate", b].percent[signal] for b in shown)
                 for signal in data[bag].signals()
             },
-            "doubts": [problem.headline for problem in problems(result)],
+            "doubts": [
+                *(problem.headline for problem in problems(result)),
+                *(doubt.sentence for doubt in doubts(result)),
+            ],
         }
     )
 
@@ -237,7 +246,8 @@ def _headed(name: str, unit: str) -> str:
 def _cell(row: Mapping[str, Any] | None) -> str:
     if row is None or row["value"] is None:
         return "not determined"
-    return with_error(row["value"], row["std"])
+    told = with_error(row["value"], row["std"], relative_to=row.get("relative_to"))
+    return told.replace("±", "± at least") if row.get("at_least") else told
 
 
 def _least(fit: Mapping[str, float | None]) -> str:

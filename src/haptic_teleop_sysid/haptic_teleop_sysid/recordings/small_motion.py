@@ -29,16 +29,33 @@ def spread(values: Array) -> float:
 
 
 def hardly_moving(data: Iterable[DataSet]) -> set[str]:
-    """Signals that hardly move on any of the recordings; none where all of them do: then that is the motion
-    of this machine."""
+    """Signals that hardly move on any of the recordings, and velocities of positions that hardly do; none
+    where all of them do: then that is the motion of this machine (`at_rest`)."""
+    moving, every = _moving(data)
+    return every - moving if moving else set()
+
+
+def at_rest(data: Iterable[DataSet]) -> bool:
+    """Whether no signal moves by more than next to nothing on any of the recordings."""
+    return not _moving(data)[0]
+
+
+def _moving(data: Iterable[DataSet]) -> tuple[set[str], set[str]]:
+    """The signals that move on any of the recordings, and all."""
     moving, every = set(), set()
     for dataset in data:
-        units = dataset.units()
-        for name, values in dataset.signals().items():
-            every.add(name)
-            if spread(values) >= SMALLEST_SPREAD.get(units[name], 0.0):
-                moving.add(name)
-    return every - moving if moving else set()
+        units, signals = dataset.units(), dataset.signals()
+        large = {n: spread(v) >= SMALLEST_SPREAD.get(units[n], 0.0) for n, v in signals.items()}
+        # The faster a tiny motion, the greater its velocity, and the encoder's steps in it.
+        moving |= {n for n in large if large[n] and large.get(_position_of(n), True)}
+        every |= set(large)
+    return moving, every
+
+
+def _position_of(signal: str) -> str:
+    """The position that a velocity is of; another signal itself."""
+    place, _, kind = signal.rpartition(".")
+    return f"{place}.position" if kind == "velocity" else signal
 
 
 def judged(percent: Mapping[str, float], still: set[str]) -> dict[str, float]:

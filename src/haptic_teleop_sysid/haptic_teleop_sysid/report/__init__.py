@@ -7,7 +7,14 @@ and dash; `live` makes it one to zoom and pan on (Bokeh), `pictures` one that st
 `numbers` writes numbers with their errors and units, `output` finds the directory that a run may write to.
 """
 
-from haptic_teleop_sysid.report.numbers import error_text, rounded, unit_text, units_in, with_error
+from haptic_teleop_sysid.report.numbers import (
+    error_text,
+    relative,
+    rounded,
+    unit_text,
+    units_in,
+    with_error,
+)
 from haptic_teleop_sysid.report.output import claim_output_directory, claimed, numbered_output_directory
 from haptic_teleop_sysid.report.page import Page, Status
 from haptic_teleop_sysid.report.pictures import histogram, inline_svg, save_png, still
@@ -29,6 +36,7 @@ __all__ = [
     "histogram",
     "inline_svg",
     "numbered_output_directory",
+    "relative",
     "rounded",
     "save_png",
     "still",

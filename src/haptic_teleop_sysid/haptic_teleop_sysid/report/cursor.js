@@ -35,8 +35,8 @@ const Cursor = (() => {
   function drawn({ plot }) {
     const found = new Map();
     for (const line of plot.renderers) {
-      const y = line.data_source.get_column("y");
-      if (line.visible && y && y.length && !found.has(line.name)) found.set(line.name, [line.data_source.get_column("x"), y]);
+      const [x, y] = Samples.of(line.data_source);
+      if (line.visible && y && y.length && !found.has(line.name)) found.set(line.name, [x, y]);
     }
     return found;
   }
@@ -60,7 +60,21 @@ const Cursor = (() => {
           if (this.where(panel) === undefined && panel.stop.matches(":focus-visible")) panel.readout.textContent = HINT;
         });
         panel.stop.addEventListener("blur", () => this.rest(panel));
+        new ResizeObserver(() => this.reserve(panel)).observe(panel.stop);
       }
+    }
+
+    // Room for the longest text that a panel may tell, so that nothing moves when it does.
+    reserve(panel) {
+      const { readout, plot: { x_range } } = panel;
+      const ends = [x_range.start, (x_range.start + x_range.end) / 2, x_range.end];
+      const texts = [HINT, ...ends.map((x) => `${this.told(panel, x).replace(/ (?=[\d.])/g, " −")}00`)];
+      const said = readout.textContent;
+      readout.style.minHeight = "";
+      readout.textContent = texts.reduce((a, b) => (b.length > a.length ? b : a));
+      const { height } = readout.getBoundingClientRect();
+      readout.textContent = said;
+      readout.style.minHeight = `${height}px`;
     }
 
     where(panel) {

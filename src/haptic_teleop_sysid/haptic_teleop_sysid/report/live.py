@@ -1,7 +1,7 @@
 """Plots on which one zooms and pans: Bokeh documents, and its scripts, packed into the page.
 
-A page needs no network: BokehJS travels inside, compressed (the browser unpacks it), and so do the samples,
-thinned so that the page stays small.  Colours are names of CSS variables (``tags`` such as
+A page needs no network: BokehJS travels inside, compressed (the browser unpacks it), and so do the samples of
+long lines (`samples`).  Colours are names of CSS variables (``tags`` such as
 ``line_color=--measured``), which the page's script looks up, in the light and in the dark.
 """
 
@@ -21,22 +21,16 @@ import numpy as np
 from .numbers import unit_text
 from .plot import Band, Panel, Plot, Series, log_ticks, thinned
 from .roles import ROLES, variable
+from .samples import DRAWN, Packed
 
 if TYPE_CHECKING:
+    from bokeh.models import ColumnDataSource, Range1d
     from bokeh.models import Plot as BokehPlot
-    from bokeh.models import Range1d
 
-#: Samples of all lines of a page together, and of one line at least and at most: 100 000 are about 1 MB.
-PAGE_POINTS, LEAST_POINTS, MOST_POINTS = 80_000, 600, 20_000
 #: Height of a panel, pixels; the last one has the axis' numbers and name beside.
 _HEIGHT, _AXIS = 165, 42
 #: A label of an axis, and its unit.
 _LABEL = re.compile(r"(.*?)\s*\(([^()]*)\)")
-
-
-def points_for(lines: int) -> int:
-    """Samples that each of so many lines of a page may have."""
-    return int(np.clip(PAGE_POINTS // max(lines, 1), LEAST_POINTS, MOST_POINTS))
 
 
 def available() -> bool:
@@ -53,24 +47,28 @@ def packed_script() -> str:
     return base64.b64encode(gzip.compress(text.encode(), 9, mtime=0)).decode("ascii")
 
 
-def live(plot: Plot, panels: Sequence[Panel], prefix: str, points: int) -> dict[str, Any]:
-    """What the page's script embeds of some ``panels`` of a plot: ``document`` (BokehJS' JSON), ``roots``: id
-    of each panel's plot -> id of the element that it is drawn into, ``prefix`` and the panel's number,
-    ``axes``: id -> what its axes are called when a value is told, ``names`` of the samples, if they are not
-    too many to be drawn each, and whether it is ``dated``."""
+def live(plot: Plot, panels: Sequence[Panel], prefix: str, packed: Packed) -> dict[str, Any]:
+    """What the page's script embeds of some ``panels`` of a plot, the long lines of which are ``packed``:
+    ``document`` (BokehJS' JSON), ``roots``: id of each panel's plot -> id of the element that it is drawn
+    into, ``prefix`` and the panel's number, ``axes``: id -> what its axes are called when a value is told,
+    ``names`` of the samples, if they are not too many to be drawn each, whether it is ``dated``, and
+    ``samples``: the ``bytes`` of all long lines, and of each, by the id of its source, what they mean."""
     from bokeh.document import Document
 
     spans = [s for p in panels for s in (_span(line) for line in p.series) if s is not None]
     marked = any(s.marks for p in panels for s in p.series)
     shared = _range(spans, 1000.0 if plot.dated else 1.0, 0.03 if marked else 0.01)
     document, plots, roots, axes = Document(), [], {}, {}
+    lines: dict[str, Any] = {}
     for number, panel in enumerate(panels):
         own = shared
         if panel.x_label:
             own = _range([s for s in map(_span, panel.series) if s is not None])
         last = number == len(panels) - 1 or bool(panel.x_label)
         label = panel.x_label or (plot.x_label if last else "")
-        one = _figure(panel, own, label, last, points, plot.dated)
+        long = {k: told for (which, k), told in packed.lines.items() if which == number}
+        one, sources = _figure(panel, own, label, last, long, plot.dated)
+        lines |= sources
         if last and plot.named_ticks:
             _name_ticks(one, plot.names)
         plots.append(one)
@@ -79,13 +77,14 @@ def live(plot: Plot, panels: Sequence[Panel], prefix: str, points: int) -> dict[
     with document.models.freeze():  # or it looks through all that it has after each
         for one in plots:
             document.add_root(one)
-    names = list(plot.names) if len(plot.names) <= points else []
+    names = list(plot.names) if len(plot.names) <= DRAWN else []
     return {
         "document": document.to_json(deferred=False),
         "roots": roots,
         "axes": axes,
         "names": names,
         "dated": plot.dated,
+        "samples": {"bytes": packed.bytes_, "lines": lines},
     }
 
 
@@ -115,8 +114,9 @@ def _name_ticks(plot: Any, names: Sequence[str]) -> None:
 
 
 def _figure(
-    panel: Panel, x_range: Range1d, x_label: str, last: bool, points: int, dated: bool = False
-) -> BokehPlot:
+    panel: Panel, x_range: Range1d, x_label: str, last: bool, long: dict[int, Any], dated: bool = False
+) -> tuple[BokehPlot, dict[str, Any]]:
+    """A panel's plot, and what is packed of its ``long`` lines (by place) by the id of their sources."""
     from bokeh.models import BasicTickFormatter, BoxAnnotation, FixedTicker, Range1d, Span
     from bokeh.plotting import figure
 
@@ -161,8 +161,12 @@ def _figure(
     cursor.visible, cursor.tags = False, ["line_color=--focus"]
     plot.add_layout(cursor)
     # Wide lines first, what was measured last and on top.
-    for series in sorted(panel.series, key=lambda s: (s.role == "measured", -ROLES[s.role].width)):
-        _line(plot, series, points, scale)
+    order = {k: (s.role == "measured", -ROLES[s.role].width) for k, s in enumerate(panel.series)}
+    sources = {}
+    for place in sorted(order, key=lambda k: order[k]):
+        source = _line(plot, panel.series[place], scale, place in long)
+        if place in long:
+            sources[source.id] = long[place]
     for axis in plot.axis:
         axis.tags = [f"{part}_color=--ink" for part in ("axis_line", "major_tick_line", "minor_tick_line")]
         axis.tags += ["major_label_text_color=--text", "axis_label_text_color=--text"]
@@ -180,7 +184,7 @@ def _figure(
         grid.tags = ["grid_line_color=--grid"]
     plot.xaxis.axis_label = x_label
     plot.xaxis.visible = last
-    return plot
+    return plot, sources
 
 
 def _tools(plot: Any) -> None:
@@ -203,26 +207,32 @@ def _shade(plot: Any, band: Band, scale: float) -> None:
     drawn.level = "underlay"
 
 
-def _line(plot: Any, series: Series, points: int, scale: float) -> None:
+def _line(plot: Any, series: Series, scale: float, packed: bool) -> ColumnDataSource:
+    """Draw a line and return its source, which the page's script fills where its samples are ``packed``."""
+    from bokeh.models import ColumnDataSource
+
     role = ROLES[series.role]
-    time, value = thinned(np.asarray(series.time), np.asarray(series.value), points)
+    time, value = np.asarray(series.time), np.asarray(series.value)
+    time, value = (time[[0, -1]], np.full(2, np.nan)) if packed else thinned(time, value, DRAWN)
     # Times are told from each other and values drawn: single precision does for both, but not for dates.
     when = np.asarray(time, np.float32) if scale == 1.0 else scale * np.asarray(time, np.float64)
-    source = {"x": when, "y": np.asarray(value, np.float32)}
+    columns = {"x": when, "y": np.asarray(value, np.float32)}
+    source: ColumnDataSource = ColumnDataSource(columns)
+    told = {"x": "x", "y": "y", "source": source, "name": series.label or "value"}
     dash = role.dash if series.dash is None else series.dash
     style = {"line_color": role.light, "line_width": role.width, "line_dash": list(dash) or "solid"}
-    name = series.label or "value"
     if series.line:
-        drawn = plot.line(**_columns(source), **style, name=name)
+        drawn = plot.line(**told, **style)
         drawn.glyph.tags = [f"line_color=={variable(series.role)}"]
     if series.marks:
         shape = {"marker": "square", "size": 8} if series.square else {"size": 5}
-        marks = plot.scatter(**_columns(source), **shape, name=name)
+        marks = plot.scatter(**told, **shape)
         marks.glyph.fill_color = marks.glyph.line_color = role.light
         marks.glyph.tags = [f"{part}_color=={variable(series.role)}" for part in ("fill", "line")]
     if series.error is not None and len(value) == len(series.value):
         low, high = series.reaches()
-        _bars(plot, source | {"low": low, "high": high}, series.role, name)
+        _bars(plot, columns | {"low": low, "high": high}, series.role, told["name"])
+    return source
 
 
 def _bars(plot: Any, source: dict[str, Any], role: str, name: str) -> None:
@@ -231,12 +241,6 @@ def _bars(plot: Any, source: dict[str, Any], role: str, name: str) -> None:
     ends = {"x0": "x", "x1": "x", "y0": "low", "y1": "high"}
     bars = plot.segment(**ends, source=ColumnDataSource(source), name=name)
     bars.glyph.line_color, bars.glyph.tags = ROLES[role].light, [f"line_color=={variable(role)}"]
-
-
-def _columns(source: dict[str, Any]) -> dict[str, Any]:
-    from bokeh.models import ColumnDataSource
-
-    return {"x": "x", "y": "y", "source": ColumnDataSource(source)}
 
 
 def _span(series: Series) -> tuple[float, float] | None:

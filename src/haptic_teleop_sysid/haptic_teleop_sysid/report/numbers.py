@@ -45,8 +45,24 @@ def error_text(std: float) -> str:
     return f"{std:.{max(digits, 0)}f}" if std > 0.0 and -3 <= digits <= 7 else f"{std:.2g}"
 
 
-def with_error(value: float, std: float | None, unit: str = "") -> str:
-    """A number with its standard error, where it has one, and its unit: "0.412 ± 0.010 N·m"."""
+def relative(value: float, std: float | None) -> tuple[str, str] | None:
+    """A number that is known relative to another one only, and its standard error: "0.1700", "< 0.0001".
+    No digit beyond the fourth means anything there; None where the error reaches that digit by itself."""
+    if not value or std is None or not (math.isfinite(std) and math.isfinite(value)):
+        return None
+    place = math.floor(math.log10(abs(value))) - 3
+    if std >= 10.0**place:
+        return None
+    if -8 <= place <= 0:
+        return f"{value:.{-place}f}", f"< {10.0**place:.{-place}f}"
+    return f"{value:.3e}", f"< {10.0**place:.0e}"
+
+
+def with_error(value: float, std: float | None, unit: str = "", relative_to: str | None = None) -> str:
+    """A number with its standard error, where it has one, and its unit: "0.412 ± 0.010 N·m"; of one that is
+    known ``relative_to`` another only, as many digits as mean anything."""
+    if relative_to and (few := relative(value, std)) is not None:
+        return f"{few[0]} {unit_text(unit)}".rstrip() + f" (relative to the {relative_to.replace('_', ' ')})"
     told = rounded(value, std)
     if std is not None and math.isfinite(std) and std > 0.0:
         told += f" ± {error_text(std)}"

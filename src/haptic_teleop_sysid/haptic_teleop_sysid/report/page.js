@@ -46,11 +46,12 @@
     }
 
     async show() {
+      const { view } = this;
       for (const part of this.figure.querySelectorAll("[data-view]")) {
-        part.hidden = part.dataset.view !== this.view;
+        part.hidden = part.dataset.view !== view;
       }
-      if (this.plots[this.view]) return;
-      const { document: content, roots, axes } = this.content[this.view];
+      if (this.plots[view]) return;
+      const { document: content, roots, axes } = this.content[view];
       const ids = Object.keys(roots);
       const items = [{ docid: "d", roots, root_ids: ids }];
       await Bokeh.embed.embed_items({ d: content }, items);
@@ -58,7 +59,8 @@
       for (const plot of found) {
         for (const range of [plot.x_range, plot.y_range]) whole.set(range, { start: range.start, end: range.end });
       }
-      this.plots[this.view] = found;
+      this.plots[view] = found;
+      await Samples.fill(found, this.content[view].samples);
       // Bokeh's own stops for the Tab key do nothing here, and do not show: the canvas around them is one.
       for (const id of Object.values(roots)) untabbed(document.getElementById(id));
       for (const plot of found) patient(plot);
@@ -71,7 +73,7 @@
       });
       const order = [...this.figure.querySelectorAll("[data-line]")].map((box) => box.dataset.line);
       const said = this.figure.querySelector(".said");
-      new Cursor(panels, this.content[this.view], order, said, (what, about) => this.zoom(what, about));
+      new Cursor(panels, this.content[view], order, said, (what, about) => this.zoom(what, about));
     }
 
     lines() {

@@ -12,11 +12,12 @@ from typing import Any, Literal
 import jinja2
 from markupsafe import Markup
 
-from .live import as_script, available, live, packed_script, points_for
+from .live import as_script, available, live, packed_script
 from .numbers import units_in
 from .pictures import inline_svg, still
-from .plot import Plot, Series
+from .plot import Panel, Plot, Series
 from .roles import ROLES, variables
+from .samples import kept_words, pack_all
 from .section import Link, Section, foldable, prose, unbreakable
 
 Status = Literal["good", "fair", "bad", "plain"]
@@ -71,7 +72,7 @@ class Page:
         files = importlib.resources.files("haptic_teleop_sysid.report")
         text = {
             name: files.joinpath(name).read_text(encoding="utf-8")
-            for name in ("page.html.j2", "page.css", "cursor.js", "page.js")
+            for name in ("page.html.j2", "page.css", "samples.js", "cursor.js", "page.js")
         }
         conclusion, verdicts = self._concluded()
         drawn = _drawn(self.sections)
@@ -86,7 +87,7 @@ class Page:
             style=Markup(text["page.css"]),
             light=Markup(variables(dark=False)),
             dark=Markup(variables(dark=True)),
-            script=Markup(text["cursor.js"] + text["page.js"]),
+            script=Markup("".join(text[name] for name in text if name.endswith(".js"))),
             bokeh=Markup(packed_script()) if any("script" in d for d in drawn.values()) else "",
             written=datetime.now().astimezone().strftime("%Y-%m-%d %H:%M %Z"),
         )
@@ -109,28 +110,48 @@ class Page:
 
 def _drawn(sections: Sequence[Section]) -> dict[int, dict[str, Any]]:
     """What the template draws of each plot and picture, by the identity of its block."""
-    blocks = [b for s in sections for b in s.blocks]
-    lines = sum(b.plot.lines() for b in blocks if b.plot is not None)
-    points = points_for(lines)
-    fewer = max(_LEAST_STILL, min(_MOST_STILL, _STILL_POINTS // max(lines, 1)))
+    blocks = [(b, s.folded) for s in sections for b in s.blocks]
+    fewer = _still_points(sum(b.plot.lines() for b, _ in blocks if b.plot is not None))
+    plots = [(b.plot, folded) for b, folded in blocks if b.plot is not None and available()]
+    listed = [(plot, panels, folded) for plot, folded in plots for panels in _views(plot).values()]
     found: dict[int, dict[str, Any]] = {}
-    for number, block in enumerate(blocks):
-        name = f"picture{number}"
+    for number, (block, _) in enumerate(blocks):
         figure = block.figure if block.plot is None else still(block.plot, fewer)
-        if figure is None:
+        if figure is not None:
+            name = f"picture{number}"
+            found[id(block)] = {"svg": Markup(inline_svg(figure, name, block.text)), "name": name}
+    if not listed:
+        return found
+    taken = len(packed_script()) + sum(len(one["svg"]) for one in found.values())
+    packed = iter(pack_all(listed, taken))
+    for block, _ in blocks:
+        if block.plot is None:
             continue
-        one: dict[str, Any] = {"svg": Markup(inline_svg(figure, name, block.text)), "name": name}
-        if block.plot is not None and available():
-            views = {"response": block.plot.panels}
-            if block.plot.difference:
-                views["difference"] = block.plot.difference
-            content = {
-                view: live(block.plot, panels, f"{name}-{view}", points)
-                for view, panels in views.items()
-            }
-            one |= {"script": Markup(as_script(content)), "views": views, "legend": _legend(block.plot)}
-        found[id(block)] = one
+        views, one = _views(block.plot), found[id(block)]
+        samples = {view: next(packed) for view in views}
+        content = {
+            view: live(block.plot, panels, f"{one['name']}-{view}", samples[view])
+            for view, panels in views.items()
+        }
+        one |= {"script": Markup(as_script(content)), "views": views, "legend": _legend(block.plot)}
+        one |= {"kept": kept_words(samples["response"]), "ways": _ways(block.plot)}
     return found
+
+
+def _still_points(lines: int) -> int:
+    """Samples that each of so many lines of a page may have in a picture that stands still."""
+    return max(_LEAST_STILL, min(_MOST_STILL, _STILL_POINTS // max(lines, 1)))
+
+
+def _ways(plot: Plot) -> tuple[str, str]:
+    """What it is to go left and right."""
+    return ("Earlier", "Later") if plot.over_time else ("Left", "Right")
+
+
+def _views(plot: Plot) -> dict[str, Sequence[Panel]]:
+    """Panels that a plot shows at once, and on request."""
+    found = {"response": plot.panels}
+    return found | ({"difference": plot.difference} if plot.difference else {})
 
 
 def _legend(plot: Plot) -> list[Series]:

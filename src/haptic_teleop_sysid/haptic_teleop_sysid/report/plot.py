@@ -120,6 +120,12 @@ class Plot:
     difference_of: str = LESS
 
     @property
+    def over_time(self) -> bool:
+        """Whether all its panels lie over time."""
+        labels = {p.x_label or self.x_label for p in self.panels}
+        return self.dated or all(label.startswith("time") for label in labels)
+
+    @property
     def named_ticks(self) -> bool:
         """Whether the names stand at the axis."""
         return 0 < len(self.names) <= MOST_NAMED and not self.dated

@@ -8,6 +8,7 @@ test of colour vision measures it.  The dash says the same once more, for paper 
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 
@@ -58,12 +59,15 @@ def variables(dark: bool) -> str:
     return " ".join(f"{variable(n)}: {r.dark if dark else r.light};" for n, r in ROLES.items())
 
 
-def model_roles(effects: list[int]) -> list[str]:
-    """Roles of several models by how many ``effects`` each has: the first is the given one; the first that
-    has more effects than it is the augmented one, and the others are re-estimated ones, then further ones."""
+def model_roles(effects: Sequence[int], told: Sequence[str | None] = ()) -> list[str]:
+    """Roles of several models, whatever their order, by what their files say of themselves (``told``, None
+    for nothing) and how many ``effects`` each has: of those that say nothing the first with the fewest is the
+    given one, and those with more are augmented ones. A role that is taken leaves a further one."""
+    told = list(told) or [None] * len(effects)
+    fewest = min((n for n, role in zip(effects, told, strict=True) if role != "augmented"), default=0)
     roles: list[str] = []
-    for count in effects:
-        wanted = "given" if not roles else "augmented" if count > effects[0] else "re-estimated"
+    for count, role in zip(effects, told, strict=True):
+        wanted = role or ("augmented" if count > fewest else "given")
         free = [r for r in (wanted, *MODELS[_FURTHER:], *MODELS) if r not in roles]
         # Never as what was measured, over which they are drawn.
         roles.append(free[0] if free else MODELS[len(roles) % len(MODELS)])

@@ -23,9 +23,13 @@ _NUMBER = re.compile(r"(\d+\.?\d*|\.\d+)(e[+-]?\d+)?(?![\w.])|(nan|inf)$")
 _FOLDS = re.compile(r"(_|(?<=[\w/])[./](?=[A-Za-z]{2}))")
 #: As much of a sentence: what is shorter goes to the next line as a whole.
 _WIDE_IN_PROSE = 24
-#: What stays on one line: of a cell a number with its percent, or a range; a date with its time, the name of
-#: an option.
-_RANGE = re.compile(r"(?<![\w.])((?:[≤≥] )?(?:\d[\d.]*–)?\d[\d.]* %|\d[\d.]*–\d[\d.]*(?: s\b)?(?!\w))")
+#: What stays on one line: of a cell a number with its percent or exponent, or a range; a date with its time,
+#: the name of an option.
+_EXPONENT = r"(?:e[+-]?\d+)?"
+_RANGE = re.compile(
+    r"(?<![\w.])((?:[≤≥] )?(?:\d[\d.]*–)?\d[\d.]* %|\d[\d.]*–\d[\d.]*(?: s\b)?(?!\w)|"
+    rf"[−-]?\d[\d.]*{_EXPONENT} … [−-]?\d[\d.]*{_EXPONENT}|[−-]?\d[\d.]*e[+-]?\d+(?!\w))"
+)
 _WHOLE = re.compile(r"(?<![\w/.-])(\d{4}-\d\d-\d\d(?: \d\d:\d\d)?|--[a-z][\w-]*)(?![\w-])")
 _ONE_LINE = r'<span class="whole">\1</span>'
 #: What is meant to be typed.

@@ -9,6 +9,7 @@ from haptic_teleop_sysid.report import Panel, Plot, Series, unit_text
 from haptic_teleop_sysid.report.endings import shortest_ending
 from haptic_teleop_sysid.report.roles import model_roles
 from haptic_teleop_sysid.runs.comparison import Comparison
+from haptic_teleop_sysid.runs.told_roles import told_role
 
 
 def percent_text(value: float) -> str:
@@ -48,10 +49,10 @@ def input_panel(dataset: DataSet) -> Panel:
 
 
 def roles_of(result: Comparison) -> dict[str, str]:
-    """What each model means, as `ROLES` has it: the first is the given one, one with further effects the
-    augmented one."""
+    """What each model means, as `ROLES` has it: by what its file says of itself, else by its effects."""
     effects = [len(model.effects) for model in result.models.values()]
-    return dict(zip(result.models, model_roles(effects), strict=True))
+    told = [told_role(name) for name in result.models]
+    return dict(zip(result.models, model_roles(effects, told), strict=True))
 
 
 def within(simulated: np.ndarray, measured: np.ndarray) -> np.ndarray:

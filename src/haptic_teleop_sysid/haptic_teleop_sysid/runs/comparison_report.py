@@ -6,12 +6,13 @@ import numpy as np
 
 from haptic_teleop_sysid.estimation.residuals import UNDER_FEEDBACK
 from haptic_teleop_sysid.recordings.parameter_units import Units
-from haptic_teleop_sysid.recordings.small_motion import hardly_moving, judged, spread
+from haptic_teleop_sysid.recordings.small_motion import at_rest, hardly_moving, judged, spread
 from haptic_teleop_sysid.recordings.time_grid import period_text
 from haptic_teleop_sysid.report import Page, Plot, Status, unit_text
 from haptic_teleop_sysid.report.terminal_table import TerminalTable
 from haptic_teleop_sysid.runs.comparison import Comparison
 from haptic_teleop_sysid.runs.comparison_pictures import percent_text, short, short_bag
+from haptic_teleop_sysid.runs.followed import CLOSE, of_mean, of_worst, worse
 from haptic_teleop_sysid.runs.residual_picture import residual_picture
 from haptic_teleop_sysid.simulation.windows import closed_loop
 
@@ -37,12 +38,6 @@ def comparison_table(result: Comparison) -> dict[str, TerminalTable]:
         title = f"{bag}: simulated fit in % ({extent}; {chosen.why})"
         tables[title] = TerminalTable(("model", *heads), rows, heads)
     return tables
-
-
-#: Mean fit (percent) from which a model is close to a recording, and from which it is roughly right.
-CLOSE, ROUGH = 90.0, 70.0
-#: Fit (percent) below which a signal is followed no better than by its mean.
-USELESS = 0.0
 
 
 def comparison_page(result: Comparison, pictures: dict[str, Plot], command: str = "") -> Page:
@@ -116,15 +111,23 @@ def _residuals(page: Page, result: Comparison, bag: str) -> None:
             section.plot(residual_picture(found, result.data[bag].dt), title)
 
 
+def _fits(result: Comparison, model: str) -> list[tuple[float, str, str]]:
+    """Fits (percent, signal, recording) of a model that a judgement rests on: without signals that hardly
+    move where others do, and without recordings in which nothing does where there are others."""
+    rest = {bag for bag, dataset in result.data.items() if at_rest([dataset])}
+    return [
+        (percent, signal, bag)
+        for bag, dataset in result.data.items()
+        if bag not in rest or len(rest) == len(result.data)
+        for signal, percent in judged(result.fits[model, bag].percent, hardly_moving([dataset])).items()
+    ]
+
+
 def _means(result: Comparison) -> dict[str, float]:
     """Mean fit of each model over signals and recordings, percent; minus infinity for one that runs away."""
     found = {}
     for name in result.models:
-        fits = [
-            p
-            for bag, dataset in result.data.items()
-            for p in judged(result.fits[name, bag].percent, hardly_moving([dataset])).values()
-        ]
+        fits = [percent for percent, _, _ in _fits(result, name)]
         mean = float(np.mean(fits)) if fits else float("nan")
         found[name] = mean if np.isfinite(mean) else float("-inf")
     return found
@@ -139,17 +142,11 @@ def nearest_model(result: Comparison) -> str:
 def _worst(result: Comparison, model: str) -> tuple[Status, str] | None:
     """The signal that a model follows worst on any recording, and how good that is; None where it comes close
     to all of them. A signal that hardly moves is left out where others move."""
-    fits = [
-        (percent, signal, bag)
-        for bag, dataset in result.data.items()
-        for signal, percent in judged(result.fits[model, bag].percent, hardly_moving([dataset])).items()
-        if np.isfinite(percent)
-    ]
+    fits = [one for one in _fits(result, model) if np.isfinite(one[0])]
     percent, signal, bag = min(fits, default=(CLOSE, "", ""))
-    if percent >= CLOSE:
+    if (judged_as := of_worst(percent)) is None:
         return None
-    status: Status = "good" if percent >= ROUGH else "fair" if percent >= USELESS else "bad"
-    word = {"good": "fair", "fair": "poor", "bad": "no better than a constant"}[status]
+    status, word = judged_as
     where = f" on {short_bag(bag, result)}" if len(result.data) > 1 else ""
     return status, f"Worst is {signal}{where} with {percent_text(percent)} %, which is {word}."
 
@@ -168,16 +165,31 @@ def conclusion(result: Comparison, command: str = "") -> tuple[Status, str, str,
         happened = f"{nearest} comes nearest to {bags}: mean fit {percent_text(means[best])} % ({others})."
     else:
         happened = f"{nearest} follows {bags} with a mean fit of {percent_text(means[best])} %."
-    of_mean: Status = "good" if means[best] >= CLOSE else "fair" if means[best] >= ROUGH else "bad"
+    if at_rest(result.data.values()):
+        # A fit of next to nothing is no alarm, and no proof either.
+        return "fair", f"{_still(result)} {happened}", "record a larger motion, and compare on that.", ""
+    mean = of_mean(means[best])
     worst = _worst(result, best)
     status: Status = "good"
     if worst is not None:
         status, sentence = worst
         happened = f"{happened} {sentence}"
-    if (status, of_mean) == ("good", "good"):
+    if worse(status, mean) == "good":
         return "good", happened, f'simulate with "{nearest}".', ""
     todo = "let diagnose find what is missing; Difference in the picture shows when."
-    return min((status, of_mean), key=("bad", "fair", "good").index), happened, todo, command
+    return worse(status, mean), happened, todo, command
+
+
+def _still(result: Comparison) -> str:
+    """What is said where the joint hardly moves, with how far it does."""
+    farthest: dict[str, float] = {}
+    for dataset in result.data.values():
+        for signal, values in dataset.signals().items():
+            unit = dataset.units()[signal]
+            if signal.endswith(".position"):
+                farthest[unit] = max(farthest.get(unit, 0.0), spread(values))
+    moves = ", ".join(f"by {size:.2g} {unit}" for unit, size in farthest.items())
+    return f"The joint hardly moves ({moves}), so that a fit tells little of a model."
 
 
 def _summary(page: Page, result: Comparison) -> None:

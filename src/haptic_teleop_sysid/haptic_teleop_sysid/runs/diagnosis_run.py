@@ -27,6 +27,7 @@ from haptic_teleop_sysid.recordings.parameter_units import Units
 from haptic_teleop_sysid.recordings.preparation import with_damage_told
 from haptic_teleop_sysid.results import tool_version, write_json
 from haptic_teleop_sysid.runs.augmented_scenario import write_scenario
+from haptic_teleop_sysid.runs.told_roles import role_comment
 
 
 @dataclass(frozen=True)
@@ -80,10 +81,11 @@ def with_input_sign(content: dict[str, Any], data: Sequence[DataSet]) -> dict[st
 
 def comments(content: dict[str, Any]) -> list[str]:
     """What stands above the model that is handed on, so that it says what it is wherever it goes."""
-    told = [f"from a diagnosis with the verdict {content['verdict']}: {content['augmented_model']['what']}"]
-    if content["stand_in"] is not None and content["augmented_model"]["holds"] == "augmented":
+    held = content["augmented_model"]
+    told = [f"from a diagnosis with the verdict {content['verdict']}: {held['what']}"]
+    if content["stand_in"] is not None and held["holds"] == "augmented":
         told.append(content["stand_in"]["what"])
-    return told
+    return [*told, role_comment(held["holds"])]
 
 
 def diagnose_into(

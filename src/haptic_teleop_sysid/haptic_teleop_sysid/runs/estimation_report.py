@@ -12,9 +12,17 @@ from haptic_teleop_sysid.recordings.time_grid import period_text
 from haptic_teleop_sysid.report import Page, Panel, Plot, Series
 from haptic_teleop_sysid.report.terminal_table import TerminalTable
 from haptic_teleop_sysid.runs.comparison_pictures import input_panel, percent_text, within
-from haptic_teleop_sysid.runs.estimation_result import Result, units_of
-from haptic_teleop_sysid.runs.estimation_verdict import Commands, conclusion, notes, problems
-from haptic_teleop_sysid.runs.parameter_table import HEADER, as_text, parameter_rows
+from haptic_teleop_sysid.runs.estimation_doubts import doubts
+from haptic_teleop_sysid.runs.estimation_result import Result
+from haptic_teleop_sysid.runs.estimation_verdict import (
+    Commands,
+    conclusion,
+    is_doubted,
+    notes,
+    problems,
+    rows_of,
+)
+from haptic_teleop_sysid.runs.parameter_table import HEADER, as_text, caption, remark
 from haptic_teleop_sysid.runs.residual_picture import residual_picture
 from haptic_teleop_sysid.simulation.windows import closed_loop
 
@@ -35,7 +43,7 @@ def as_json(result: Result) -> dict[str, Any]:
         "message": found.message,
         "iterations": found.iterations,
         "estimation_s": found.seconds,
-        "parameters": [asdict(row) for row in parameter_rows(found, units_of(result))],
+        "parameters": [asdict(row) for row in rows_of(result)],
         "undetermined": {} if unsure is None else unsure.undetermined,
         "correlation": None if unsure is None else {"names": unsure.names, "matrix": unsure.correlation},
         "condition": None if unsure is None else unsure.condition,
@@ -47,6 +55,8 @@ def as_json(result: Result) -> dict[str, Any]:
         "disagreement": found.disagreement(),
         "contradictions": found.contradictions,
         "problems": [asdict(problem) for problem in problems(result)],
+        "doubts": [asdict(doubt) for doubt in doubts(result)],
+        "kept_starts": list(found.kept),
         "error_by_form": found.by_form,
         "fit": {
             which: {bag: result.fits[which, bag].percent for bag in result.data}
@@ -91,8 +101,8 @@ def as_json(result: Result) -> dict[str, Any]:
 def tables(result: Result) -> list[TerminalTable]:
     """Parameters, and fits of start and estimate on all recordings, for the terminal."""
     found = []
-    for row in parameter_rows(result.estimate, units_of(result)):
-        cells = dict(zip(HEADER, as_text(row), strict=True)) | {"remark": row.status}
+    for row in rows_of(result):
+        cells = dict(zip(HEADER, as_text(row), strict=True)) | {"remark": remark(row, in_full=False)}
         if row.value is None:
             cells["estimate"] = "–"
         found.append([cells[column] for column in _SHOWN])
@@ -130,9 +140,8 @@ def page(result: Result, commands: Commands | None = None) -> Page:
         report.verdict("bad", problem.headline)
     for status, sentence in notes(result):
         report.verdict(status, sentence)
-    rows = parameter_rows(found, units_of(result))
     report.section("Parameters").table(
-        HEADER, [as_text(row) for row in rows], "Estimates with their standard errors and intervals of 95 %"
+        HEADER, [as_text(row) for row in rows_of(result)], caption(is_doubted(result))
     )
     if any(problem.details for problem in told):
         why = report.section("Why these parameters do not hold", folded=True)

@@ -26,9 +26,13 @@ class Result:
     residuals: dict[str, list[Residuals]]
     told: dict[str, list[str]]
 
+    def judging(self) -> list[str]:
+        """The recordings that judge: those that were not used, or all where there are none."""
+        return [b for b in self.data if b in self.validation] or list(self.data)
+
     def mean_fit(self, which: str) -> float:
         """Mean fit of "start" or "estimate" over the signals of the recordings that judge, percent."""
-        bags = [b for b in self.data if b in self.validation] or list(self.data)
+        bags = self.judging()
         fits = [judged(self.fits[which, b].percent, hardly_moving([self.data[b]])) for b in bags]
         return float(np.mean([p for found in fits for p in found.values()]))
 

@@ -12,6 +12,7 @@ from haptic_teleop_control.errors import RecordingError
 from haptic_teleop_control.recording import Recording
 from haptic_teleop_sim.model import Model
 from haptic_teleop_sysid.estimation.excitation import at_values, refuse_idle
+from haptic_teleop_sysid.estimation.kept_starts import with_starts_kept
 from haptic_teleop_sysid.estimation.progress import Progress, silent
 from haptic_teleop_sysid.estimation.records import records_from, with_trusted_input
 from haptic_teleop_sysid.estimation.residuals import residual_analysis
@@ -34,6 +35,7 @@ from haptic_teleop_sysid.runs.estimation_result import Result
 from haptic_teleop_sysid.runs.estimation_verdict import Commands
 from haptic_teleop_sysid.runs.form_errors import with_forms
 from haptic_teleop_sysid.runs.shape_starts import shape_starts
+from haptic_teleop_sysid.runs.undetermined import undetermined_sentence
 from haptic_teleop_sysid.simulation.fit import choose_windows, simulated_fit
 
 
@@ -107,7 +109,7 @@ def run_estimate(
         starts=shape_starts(model, records, choices.limits) if one_step else (),
         progress=progress,
     )
-    found = with_forms(found, records)
+    found = with_forms(with_starts_kept(found, records, choices.limits), records)
     progress("simulating", 1.0)
     fits, residuals = {}, {}
     for bag, dataset in data.items():
@@ -122,10 +124,11 @@ def run_estimate(
     return Result(found, data, tuple(validation), fits, residuals, told)
 
 
-def usable_model(found: Estimate) -> Model:
-    """The model to save: where a parameter is not determined, the value that the search ended with stays in
-    use, because the rest was estimated with it."""
-    return replace(found.model, source="estimate")
+def save_model(found: Estimate, path: Path) -> None:
+    """Write the estimated model, with a line of comment on each parameter that is not determined."""
+    undetermined = () if found.uncertainty is None else found.uncertainty.undetermined
+    comments = [undetermined_sentence(found, name) for name in undetermined]
+    replace(found.model, source="estimate").save(path, comments)
 
 
 def write_results(
@@ -137,7 +140,7 @@ def write_results(
 ) -> Path | None:
     """Write model.yaml and estimate.json, and with ``with_page`` report.html, whose path is returned, and
     its pictures. ``began``: `time.perf_counter` when it began; ``commands``: what the page gives to paste."""
-    usable_model(result.estimate).save(output / "model.yaml")
+    save_model(result.estimate, output / "model.yaml")
     path = None
     if with_page:
         for number, bag in enumerate(result.data, start=1):

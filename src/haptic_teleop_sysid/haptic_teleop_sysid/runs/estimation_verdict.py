@@ -4,12 +4,17 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+from haptic_teleop_control.counted import counted
 from haptic_teleop_sysid.estimation.result import Estimate
 from haptic_teleop_sysid.report import Status, unit_text
 from haptic_teleop_sysid.runs.comparison_pictures import percent_text
+from haptic_teleop_sysid.runs.estimation_doubts import alike, doubts
 from haptic_teleop_sysid.runs.estimation_result import Result, units_of
-from haptic_teleop_sysid.runs.parameter_table import parameter_rows
+from haptic_teleop_sysid.runs.parameter_table import NUMBERS, Row, parameter_rows
+from haptic_teleop_sysid.runs.undetermined import remedy, undetermined_sentence
 from haptic_teleop_sysid.simulation.windows import closed_loop
+
+_MISSING = "let diagnose find what is missing."
 
 
 @dataclass(frozen=True)
@@ -48,6 +53,16 @@ def problems(result: Result) -> list[Problem]:
     return told
 
 
+def is_doubted(result: Result) -> bool:
+    """Whether a problem, or physics that seems to be missing, makes the standard errors too small."""
+    return bool(problems(result) or doubts(result))
+
+
+def rows_of(result: Result) -> list[Row]:
+    """The rows of the table of parameters, as far as they can be trusted."""
+    return parameter_rows(result.estimate, units_of(result), is_doubted(result))
+
+
 def _missing(result: Result) -> Problem:
     """Parameters that another predictor puts elsewhere."""
     found, units = result.estimate, units_of(result)
@@ -70,17 +85,23 @@ def _missing(result: Result) -> Problem:
 
 
 def notes(result: Result) -> list[tuple[Status, str]]:
-    """(status, sentence) of what else is to be known: convergence, what is undetermined, what the recordings
-    lack."""
+    """(status, sentence) of what else is to be known: physics that seems to be missing, convergence, what is
+    undetermined, what the recordings lack."""
     found = result.estimate
-    told: list[tuple[Status, str]] = []
+    further = doubts(result)[0 if problems(result) else 1 :]  # the first one stands in the conclusion
+    told: list[tuple[Status, str]] = [(doubt.status, doubt.sentence) for doubt in further]
+    for one, other, together in alike(result):
+        ratio = "ratio" if together > 0.0 else "product"
+        sentence = f"{one} and {other} are correlated by {together:+.2f}: their {ratio} is known far better"
+        told.append(("plain", f"{sentence} than either, and what the model leaves out shifts both."))
     if found.converged:
         told.append(
             ("good", f"The search ended at an optimum after {found.iterations} iterations ({found.message}).")
         )
     if found.uncertainty is not None:
-        for name, why in found.uncertainty.undetermined.items():
-            told.append(("fair", f"{name} cannot be determined from these recordings: {why}."))
+        for name in found.uncertainty.undetermined:
+            asked = remedy(found, name)
+            told.append(("fair", f"{undetermined_sentence(found, name)} {asked[0].upper()}{asked[1:]}"))
         if found.far_sighted is not None and not found.far_sighted.values:
             told.append(("plain", "The cross-check by looking further ahead did not arrive: it is silent."))
         for name in found.uncertainty.near_zero:
@@ -97,15 +118,21 @@ def notes(result: Result) -> list[tuple[Status, str]]:
 def conclusion(result: Result, commands: Commands) -> tuple[Status, str, str, str]:
     """How good it is, what was estimated, what to do, and the command for that ("" for none)."""
     found, wrong = result.estimate, problems(result)
-    count = sum(1 for row in parameter_rows(found, units_of(result)) if row.status != "fixed")
+    count = sum(1 for row in rows_of(result) if row.status in NUMBERS)
     before, after = result.mean_fit("start"), result.mean_fit("estimate")
     where = "recordings that were not used" if result.validation else "the recordings that were used"
     happened = (
-        f"{count} parameters of {found.model.joint} estimated: on {where} the mean fit goes from "
+        f"{counted(count, 'parameter')} of {found.model.joint} estimated: on {where} the mean fit goes from "
         f"{percent_text(before)} to {percent_text(after)} %."
     )
     if wrong:
         return "bad", f"{wrong[0].headline} {happened}", *_remedy(wrong[0], found, commands)
+    if reasons := doubts(result):
+        status: Status = reasons[0].status
+        return status, f"{happened} {reasons[0].sentence}", _MISSING, commands.diagnose
+    if found.uncertainty is not None and found.uncertainty.undetermined:
+        name = next(iter(found.uncertainty.undetermined))
+        return "fair", happened, remedy(found, name), ""
     if any(status == "fair" for status, _ in notes(result)):
         todo = "model.yaml holds the estimate; read the notes below before you use it."
         return "fair", happened, todo, ""
@@ -118,7 +145,7 @@ def conclusion(result: Result, commands: Commands) -> tuple[Status, str, str, st
 def _remedy(problem: Problem, found: Estimate, commands: Commands) -> tuple[str, str]:
     """The one thing to do, and its command."""
     if not problem.search:
-        return "let diagnose find what is missing.", commands.diagnose
+        return _MISSING, commands.diagnose
     if len(found.starts) > 1 and found.method == "prediction-error":
         return "state start values nearer to the machine with --start, or hold parameters with --fix.", ""
     if found.method != "prediction-error":

@@ -23,8 +23,8 @@ if TYPE_CHECKING:  # importing matplotlib takes half a second
 
 Array = NDArray[np.float64]
 #: Dashes of the speed that the force law promises, and of an arm where colours tell runs apart: dots, behind
-#: the stroke of its run.
-_PROMISE, _DOTS = (3, 3), (2, 3)
+#: the stroke of its run, or a stroke behind its dots.
+_PROMISE, _DOTS, _STROKE = (3, 3), (2, 3), (10, 3)
 
 
 def stage_picture(
@@ -104,7 +104,8 @@ def _lines(data: StageRun, shift: float, label: str, role: str) -> dict[str, lis
     position = [Series(moving, time, data.arm_position if of_omni else data.motor_position, role)]
     if not of_omni:
         dash = ROLES[role].dash
-        arm, dots = ("second", None) if single else (role, (*dash, *_DOTS, *_DOTS) if dash else _DOTS)
+        more = (*dash, *dash, *_STROKE) if dash == _DOTS else (*dash, *_DOTS, *_DOTS)
+        arm, dots = ("second", None) if single else (role, more if dash else _DOTS)
         position.append(Series(f"{name}arm", time, data.arm_position, arm, dots))
     current = [Series(drive if single else moving, time, data.current, role)]
     if single and data.commanded_current is not None:

@@ -14,6 +14,7 @@ from haptic_teleop_sysid.estimation.descent import gauss_newton_step
 from haptic_teleop_sysid.estimation.gauss_newton import Fit, bounds, normal_equations
 from haptic_teleop_sysid.estimation.records import Record
 from haptic_teleop_sysid.recordings.parameter_units import Units
+from haptic_teleop_sysid.recordings.relative_scale import relative_to
 
 from ..decision.search import SearchResult
 from ..decision.verdict import Verdict
@@ -37,13 +38,15 @@ _SIDES = ("lowest", "highest")
 class Number:
     """A parameter of one model: ``value`` and ``std`` in ``unit``; ``std`` None where it was not estimated,
     is at a bound or is not determined; ``change``: relative to the given value, None without one; ``bound``:
-    lowest | highest where the value is the limit of what was allowed."""
+    lowest | highest where the value is the limit of what was allowed; ``relative_to``: the fixed parameter
+    whose error comes on top, one to one, "" for none."""
 
     value: float
     unit: str
     std: float | None = None
     change: float | None = None
     bound: str | None = None
+    relative_to: str = ""
 
     def content(self) -> dict[str, Any]:
         """The same for a result file."""
@@ -53,6 +56,7 @@ class Number:
             "std": self.std,
             "change": self.change,
             "at_bound": self.bound,
+            "relative_to": self.relative_to,
         }
 
 
@@ -101,6 +105,7 @@ def column(
             float(std) if free and np.isfinite(std) else None,
             value / first - 1.0 if first else None,
             sides.get(name),
+            relative_to(model, name),
         )
     return found
 
@@ -182,6 +187,7 @@ def moved(given: Model, numbers: Mapping[str, Number]) -> list[dict[str, Any]]:
                 "std": number.std,
                 "unit": number.unit,
                 "change": number.change,
+                "relative_to": number.relative_to,
             }
         )
     return sorted(found, key=lambda m: -np.inf if m["change"] is None else -abs(m["change"]))

@@ -29,6 +29,10 @@ from .testimony import testimony_section
 
 #: What the three models mean, as `report.roles` has it.
 ROLES = ("given", "re-estimated", "augmented")
+_OVER_TIME = (
+    " Over time the torque is that in the direction of the law, which swings with the motion: it grows as "
+    "the change does."
+)
 
 
 def diagnosis_page(
@@ -81,6 +85,7 @@ def _missing(page: Page, verdict: Verdict, curves: Sequence[LawCurve], units: Un
     caption = (
         "Torque that the equations of motion lack on the recordings fitted to, against what it follows "
         "(dots: means of as many samples each): without the finding, with it, and the law that was named."
+        + (_OVER_TIME if any(c.there for c in curves) else "")
         + ("" if verdict.findings else " It only stands in: it is not believed to be what is missing.")
         + _only(verdict, curves)
         if curves

@@ -84,6 +84,6 @@ def _cells(number: dict[str, Any] | None) -> tuple[str, str]:
     bound = "" if number["at_bound"] is None else f" ({LIMIT[number['at_bound']]})"
     change = number["change"]
     return (
-        f"{with_error(number['value'], number['std'])}{bound}",
+        f"{with_error(number['value'], number['std'], relative_to=number.get('relative_to'))}{bound}",
         "–" if change is None else f"{100 * change:+.1f} %",
     )

@@ -2,8 +2,8 @@
 follows, what is still missing with it, and the named law through both.
 
 The torque is what the equations of motion lack on the recordings that were fitted to, with the parameters of
-the augmented model, in the band of the motion (`inverse_dynamics`): no observer takes part, and no response
-is simulated.  Law and quantity go through the same filter, so that corners are as round as those of the dots.
+the augmented model (`law_torque`).  What changes in the course of a recording swings with the motion: its
+torque is drawn over time as far as it acts in the direction of the law.
 (A component-plus-residual plot: Larsen and McCleary, Technometrics 14(3), 1972.)
 """
 
@@ -24,22 +24,28 @@ from haptic_teleop_sysid.report import Panel, Plot, Series, unit_text
 from ..decision.search import SearchResult
 from ..decision.verdict import Verdict
 from ..evidence.inverse_dynamics.motion import BandedMotion, banded, motion_band
-from ..evidence.inverse_dynamics.terms import Hypothesis, follows_from_motion
-from ..evidence.residual import UNITS, Condition
+from ..evidence.residual import Condition
+from .law_torque import TIME, followed, has_law, lacking, law_torque, on_arm, quantity
 
 FloatArray = NDArray[np.float64]
 
 #: Most and fewest dots of a curve, and samples that each is the mean of at least, and where there are more
 #: of them.
 _MOST_DOTS, _FEWEST_DOTS, _SAMPLES, _WANTED = 60, 8, 4, 8
+#: The same over time, where each has to hold a few swings of the motion.
+_MOST_TIMES = 24
+#: Share of its greatest size from which a law over time counts as there.
+_THERE = 0.5
 
 
 @dataclass(frozen=True)
 class LawCurve:
     """Means over bins of a ``quantity`` (bins,), in ``unit``: the torque (N·m) missing ``before`` and
-    ``after`` the effect called ``name`` is in the model, and its ``law``."""
+    ``after`` the effect called ``name`` is in the model, and its ``law``; over time all three as far as they
+    act in the direction of the law. ``place``: the effect's location."""
 
     name: str
+    place: str
     quantity: str
     unit: str
     centre: FloatArray
@@ -53,19 +59,26 @@ class LawCurve:
         rest = float(np.mean(self.after**2)) / max(float(np.mean(self.before**2)), 1e-300)
         return min(max(1.0 - rest, 0.0), 1.0)
 
+    @property
+    def there(self) -> tuple[float, float] | None:
+        """Of a law over time: from when until when (s) it has half of its greatest size; None of another."""
+        if self.quantity != TIME:
+            return None
+        strong = self.centre[np.abs(self.law) >= _THERE * np.max(np.abs(self.law))]
+        return float(strong[0]), float(strong[-1])
+
 
 def law_curves(
     result: SearchResult, records: Sequence[Record], stand_in: Mapping[str, Any] | None = None
 ) -> list[LawCurve]:
-    """One curve for each finding that is a torque along the motion, or what an actuator makes of its input at
-    once; where nothing was found, for each effect that stands in (`StandIn.content`). ``records``: what was
-    fitted to."""
+    """One curve for each finding that is a torque along motion, time or input; where nothing was found, for
+    each effect that stands in (`StandIn.content`). ``records``: what was fitted to."""
     model = result.final.model
-    effects = [e for e in model.effects if _has_law(e)]
+    effects = [e for e in model.effects if has_law(e)]
     wanted = [(c.chosen.effect.effect, c.chosen.effect.location) for c in result.choices]
     if not wanted and stand_in is not None:
         wanted = [(e["effect"], e["location"]) for e in stand_in["effects"]]
-    shown = [e for e in effects if (e.effect, e.location) in wanted and _shows(e)]
+    shown = [e for e in effects if (e.effect, e.location) in wanted and quantity(e)[0]]
     if not shown:
         return []
     cutoff = motion_band(records)
@@ -78,82 +91,23 @@ def law_curve(
 ) -> LawCurve | None:
     """The curve of one effect of the ``effects`` of a model that have a law; None where too few samples
     count."""
-    name, unit = _quantity(effect)
+    name, unit = quantity(effect)
     found = []
     for motion in motions:
-        laws = {id(e): Hypothesis.of(e, _place(e)).columns(motion, model)[:, 0] for e in effects}
-        lacking = _lacking(model, motion, int(_place(effect) in ("arm", "joint")))
-        others = [e for e in effects if e is not effect and _equation(e) == _equation(effect)]
-        before = lacking - sum(laws[id(e)] for e in others)
-        found.append(np.column_stack([_followed(motion, name, model), before, laws[id(effect)]]))
+        law = law_torque(effect, effects, motion, model)
+        others = [e for e in effects if e is not effect and on_arm(e) == on_arm(effect)]
+        before = lacking(model, motion, on_arm(effect))
+        before = before - sum(law_torque(e, effects, motion, model) for e in others)
+        along = np.sign(law) if name == TIME else 1.0
+        found.append(np.column_stack([followed(motion, name, model), along * before, along * law]))
     x, before, law = np.concatenate(found).T
-    dots = min(len(x) // _SAMPLES, _MOST_DOTS, max(_FEWEST_DOTS, len(x) // _WANTED))
+    most = _MOST_TIMES if name == TIME else _MOST_DOTS
+    dots = min(len(x) // _SAMPLES, most, max(_FEWEST_DOTS, len(x) // _WANTED))
     if dots < _FEWEST_DOTS or not np.all(np.isfinite([x, before, law])):
         return None
     bins = np.array_split(np.argsort(x, kind="stable"), dots)
     means = [np.array([float(np.mean(v[b])) for b in bins]) for v in (x, before, before - law, law)]
-    return LawCurve(f"{effect.effect} at {effect.location}", name, unit, *means)
-
-
-def _has_law(effect: Effect) -> bool:
-    """Whether the effect is a torque that follows from motion or input at each moment."""
-    return follows_from_motion(effect.entry) or effect.entry.kind == "input"
-
-
-def _shows(effect: Effect) -> bool:
-    """Whether it follows one quantity: what an actuator does late or in time follows none."""
-    return effect.entry.kind != "input" or effect.entry.follows == "input"
-
-
-def _place(effect: Effect) -> str:
-    place = effect.location.rpartition("_")[2]
-    return "motor" if place == "actuator" else place
-
-
-def _equation(effect: Effect) -> bool:
-    """Whether the effect is told from the arm's equation of motion: the joint's are, too."""
-    return _place(effect) in ("arm", "joint")
-
-
-def _lacking(model: Model, motion: BandedMotion, channel: int) -> FloatArray:
-    """What one equation of motion lacks, N·m, at the samples that count: what its effects have to add."""
-    p = model.parameters
-    elastic = 0.0 if model.rigid else p["stiffness"] * (motion.angle[:, 0] - motion.angle[:, 1])
-    a, v = motion.acceleration[:, channel], motion.velocity[:, channel]
-    if channel:
-        return motion.filtered(p["arm_inertia"] * a + p["arm_damping"] * v - elastic)
-    drive = p["torque_constant"] * motion.input
-    return motion.filtered(p["motor_inertia"] * a + p["motor_damping"] * v + elastic - drive)
-
-
-def _followed(motion: BandedMotion, name: str, model: Model) -> FloatArray:
-    """The quantity that a law follows, at the samples that count."""
-    if name == "input torque":
-        return motion.filtered(model.parameters["torque_constant"] * motion.input)
-    q, v = motion.angle, motion.velocity
-    values = {
-        "motor angle": q[:, 0],
-        "arm angle": q[:, 1],
-        "motor velocity": v[:, 0],
-        "arm velocity": v[:, 1],
-        "deflection": q[:, 0] - q[:, 1],
-        "rate of deflection": v[:, 0] - v[:, 1],
-    }
-    return motion.filtered(values[name])
-
-
-def _quantity(effect: Effect) -> tuple[str, str]:
-    """What an effect's torque follows, and the unit of that."""
-    place = _place(effect)
-    if effect.entry.kind == "input":
-        name = "input torque"
-    elif effect.entry.follows == "deflection":
-        name = "deflection"
-    elif place == "joint":
-        name = "rate of deflection"
-    else:
-        name = f"{place} {'angle' if effect.entry.follows == 'angle' else 'velocity'}"
-    return name, UNITS[name]
+    return LawCurve(f"{effect.effect} at {effect.location}", effect.location, name, unit, *means)
 
 
 def law_plot(curves: Sequence[LawCurve], units: Units) -> Plot:
@@ -167,7 +121,9 @@ def law_plot(curves: Sequence[LawCurve], units: Units) -> Plot:
             Series("the named law", c.centre, c.law, "reference"),
         ]
         axis = f"{c.quantity} ({unit_text(units.restated(c.unit))})"
-        panels.append(Panel(f"Torque that is missing: {c.name}", force, lines, (0.0,), x_label=axis))
+        along = ", in the direction of the law" if c.quantity == TIME else ""
+        title = f"Torque that is missing{along}: {c.name}"
+        panels.append(Panel(title, force, lines, (0.0,), x_label=axis))
     return Plot(panels)
 
 

@@ -3,6 +3,7 @@ shows."""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Any
 
 from haptic_teleop_sysid.report import Page, Section
@@ -12,9 +13,13 @@ from ..decision.verdict import Verdict
 from ..decision.words import chance_sentence
 from ..policy import SUREST
 from .contents import not_believed
+from .law_torque import TIME
 from .page_law import LawCurve, explained_after
 from .page_lead import parameter_text
 from .testimony import at_reversals, second_method
+
+#: What the share of a place is one of: with names, and without.
+_GAINED, _LEFT = "share of the gain in log-likelihood", "share of the left-over torque"
 
 
 def reasons(page: Page, verdict: Verdict, content: dict[str, Any], curves: list[LawCurve]) -> None:
@@ -42,28 +47,38 @@ def reasons(page: Page, verdict: Verdict, content: dict[str, Any], curves: list[
         section.text(at_reversals(one))
     for c in curves:
         section.text(
-            f"Of the torque that follows the {c.quantity} without {c.name}, {100 * c.explained:.0f} % (mean "
-            "square of the dots) is gone with it."
+            f"The dots against {_named(c)} are means, in which what is random cancels: with {c.name} "
+            f"{100 * c.explained:.0f} % of their mean square is gone."
         )
-    _where(section, content)
+    _where(section, content, curves)
     if "nulls" in content:
         section.text(f"By chance alone: {chance_sentence(content['nulls'])}.")
 
 
-def _where(section: Section, content: dict[str, Any]) -> None:
+def _named(curve: LawCurve) -> str:
+    """The quantity that a curve follows, with its article."""
+    return curve.quantity if curve.quantity == TIME else f"the {curve.quantity}"
+
+
+def _where(section: Section, content: dict[str, Any], curves: Sequence[LawCurve]) -> None:
     """Where it sits, when it shows, and at which times of the first recording."""
     rows = [
-        (
-            w["equation"],
-            f"{100 * w['share']:.0f} %",
-            w["condition"],
-            ", ".join(f"{a:g}–{b:g} s" for a, b in w["intervals"]) or "throughout",
-        )
+        (w["equation"], f"{100 * w['share']:.0f} %", w["condition"], _when(w, curves))
         for w in content["where"]
     ]
     if rows:
         caption = "Where and when it shows; times are those of the first recording that was fitted to"
-        section.table(("place", "share of what is missing", "depends on", "strongest at"), rows, caption)
+        share = _LEFT if content["verdict"] == "unknown" else _GAINED
+        section.table(("place", share, "depends on", "strongest at"), rows, caption)
+
+
+def _when(where: dict[str, Any], curves: Sequence[LawCurve]) -> str:
+    """The times at which it is strongest: of what changes in the course of a recording, when its torque has
+    half of its greatest size."""
+    changes = [c.there for c in curves if c.place == where["equation"] and c.there is not None]
+    if changes and TIME in where["condition"].split():
+        return ", ".join(f"{a:.1f}–{b:.1f} s" for a, b in changes)
+    return ", ".join(f"{a:g}–{b:g} s" for a, b in where["intervals"]) or "throughout"
 
 
 def _ceiling(verdict: Verdict, surest: float) -> str:

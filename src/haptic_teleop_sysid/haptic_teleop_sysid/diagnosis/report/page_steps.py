@@ -33,7 +33,7 @@ class Origin:
 
 
 def steps(page: Page, content: dict[str, Any], origin: Origin) -> None:
-    """Simulate, compare, record: the section with the commands."""
+    """Simulate, compare, record: the section with the commands, each of which works as it stands."""
     experiment = content["next_experiment"]
     augmented = str(origin.output / "augmented_model.yaml")
     page.section("The next three steps").commands(
@@ -43,7 +43,7 @@ def steps(page: Page, content: dict[str, Any], origin: Origin) -> None:
              _simulate(content, augmented, origin)),
             (f"Compare it with your model, on {_compared_on(origin)}.",
              _compare(augmented, origin)),
-            (f"Run the next experiment: {experiment['why']}. {_recorded_by(content, origin)}",
+            (f"{_experiment(content)}. {_recorded_by(content, origin)}",
              _record(content, origin)),
         ]
     )  # fmt: skip
@@ -54,6 +54,14 @@ def steps(page: Page, content: dict[str, Any], origin: Origin) -> None:
             "The signal of the next experiment; chance that the better of two models is told by it: "
             f"{100 * experiment['expected_discrimination']:.0f} %",
         )
+
+
+def _experiment(content: dict[str, Any]) -> str:
+    """What is to be recorded, and why."""
+    why = content["next_experiment"]["why"]
+    if content["next_experiment"]["signal_generator"]:
+        return f"Run the next experiment: {why}"
+    return f"What to record next: {why}"
 
 
 def _compared_on(origin: Origin) -> str:
@@ -98,33 +106,33 @@ def _compare(model: str, origin: Origin) -> str:
 
 
 def _recorded_by(content: dict[str, Any], origin: Origin) -> str:
-    """How the recording comes about, and what the command that follows does with it."""
-    place = origin.output / RECORDING
+    """How the recording comes about, and what becomes of it."""
     if _driven(content):
         return (
             "The first command MOVES THE ROBOT and records it: commission the robot first "
-            "(docs/first_contact.md). The second diagnoses the recording with the others."
+            "(docs/first_contact.md); with --lockstep it simulates the robot instead. The second diagnoses "
+            "the recording with the others."
         )
-    then = "the command diagnoses it with the others"
+    then = "Then repeat the diagnosis with that recording added to --estimation."
     if not content["next_experiment"]["signal_generator"]:
-        return f"Save it as {place}: {then}."
+        return then
     return (
         f"Let your machine follow the input of {origin.output / SIGNAL_FILE}, at first at a tenth of its "
-        f"size, and save the log as {place}: {then}."
+        f"size, and save a log of it. {then}"
     )
 
 
 def _record(content: dict[str, Any], origin: Origin) -> str:
-    """What records it, where `acquire` drives the robot, and what diagnoses it with the recordings that there
-    are."""
+    """What records it, and what diagnoses it with the recordings that there are; nothing where no command
+    makes the recording: one that reads it would fail."""
+    if not _driven(content):
+        return ""
     recording = str(origin.output / RECORDING)
     words = ["haptic-teleop", "diagnose", "--model", origin.model]
     words += ["--estimation", *origin.estimation, recording]
     words += ["--validation", *origin.validation] if origin.validation else []
     words += ["--mapping", origin.mapping] if origin.mapping else []
     diagnosed = shlex.join([*words, "--allow-gaps", "--output", str(origin.output / "with_next_recording")])
-    if not _driven(content):
-        return diagnosed
     acquire = ["haptic-teleop", "acquire", "--config", str(origin.output / FILE), "--output", recording]
     return f"{shlex.join(acquire)}\n{diagnosed}"
 

@@ -117,7 +117,8 @@ def moved_sentence(content: dict[str, Any]) -> str:
 def moved_words(moved: dict[str, Any]) -> str:
     """A parameter that moved: name, both values, standard error, unit."""
     name = moved["parameter"].replace("_", " ")
-    return f"{name} {moved['given']:.4g} -> {with_error(moved['value'], moved['std'], moved['unit'])}"
+    number = with_error(moved["value"], moved["std"], moved["unit"], moved.get("relative_to"))
+    return f"{name} {moved['given']:.4g} -> {number}"
 
 
 def percent(fit: float | None) -> str:

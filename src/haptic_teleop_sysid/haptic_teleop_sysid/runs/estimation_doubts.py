@@ -1,0 +1,87 @@
+"""What says that a model leaves physics out although its own two predictors agree: responses that it follows
+poorly, one-step errors that are not white."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+
+from haptic_teleop_sysid.estimation.residuals import depends_on_input
+from haptic_teleop_sysid.recordings.small_motion import at_rest, hardly_moving, judged
+from haptic_teleop_sysid.report import Status
+from haptic_teleop_sysid.runs.comparison_pictures import percent_text
+from haptic_teleop_sysid.runs.estimation_result import Result
+from haptic_teleop_sysid.runs.followed import CLOSE, of_mean, of_worst, worse
+
+COLOURED = 0.1
+"""Share of the auto-correlations beyond the bound from which one-step errors are not white: ten times that of
+a right model. The noise model is tuned to few lags; right models with encoders that step reach 0.08."""
+SAME = 0.995
+"""Correlation from which two estimates are told as one: it is printed as 1.00."""
+
+
+@dataclass(frozen=True)
+class Doubt:
+    """A reason to think that physics is missing, in a sentence."""
+
+    status: Status
+    sentence: str
+
+
+def doubts(result: Result) -> list[Doubt]:
+    """Reasons to think that the model leaves something out, the weightiest first; empty for a good one."""
+    return [*_followed(result), *_coloured(result)]
+
+
+def _followed(result: Result) -> Iterator[Doubt]:
+    """By the scale on which `compare` sends a model to `diagnose`; a fit of next to nothing says nothing."""
+    if at_rest(result.data[bag] for bag in result.judging()):
+        return
+    fits = [
+        (percent, signal, bag)
+        for bag in result.judging()
+        for signal, percent in judged(
+            result.fits["estimate", bag].percent, hardly_moving([result.data[bag]])
+        ).items()
+    ]
+    finite = [one for one in fits if np.isfinite(one[0])]
+    percent, signal, bag = min(finite, default=(CLOSE, "", ""))
+    status, word = of_worst(percent) or ("good", "")
+    status = worse(status, of_mean(result.mean_fit("estimate")))
+    if status == "good":
+        return
+    where = f" on {bag}" if len(result.data) > 1 else ""
+    worst = f": {signal}{where} with {percent_text(percent)} %, which is {word}" if word else ""
+    yield Doubt(status, f"The model does not follow the motion closely{worst}; physics may be missing.")
+
+
+def _coloured(result: Result) -> Iterator[Doubt]:
+    """By what the one-step errors correlate with."""
+    for bag in result.judging():
+        for one in result.residuals.get(bag, []):
+            auto = one.outside[0]
+            said = []
+            if auto > COLOURED:
+                said.append(f"{100 * auto:.0f} % of their auto-correlations lie beyond the bound")
+            if depends_on_input(one):
+                said.append("they depend on past inputs")
+            if said:
+                errors = f"The one-step errors of {one.signal} on {bag} are not white"
+                yield Doubt("fair", f"{errors}: {', and '.join(said)}.")
+
+
+def alike(result: Result) -> list[tuple[str, str, float]]:
+    """Pairs of estimates of which one combination is known ten times better than either, with their
+    correlation."""
+    unsure = result.estimate.uncertainty
+    if unsure is None:
+        return []
+    names, matrix = unsure.names, unsure.correlation
+    return [
+        (names[j], names[i], float(matrix[i, j]))
+        for i in range(len(names))
+        for j in range(i)
+        if abs(matrix[i, j]) >= SAME  # NaN is not
+    ]
