@@ -265,6 +265,9 @@ def test_larger_starts_leave_alone_what_is_linear(scales):
         ("extra_flexible_mode", "arm", {"frequency": 12.0, "inertia": 0.01}, True),
         ("extra_flexible_mode", "arm", {"frequency": 200.0, "inertia": 0.01}, False),
         ("extra_flexible_mode", "arm", {"frequency": 12.0, "inertia": 0.01, "damping_ratio": 1.1}, False),
+        # An error by a third of the angle and more is none of an encoder.
+        ("encoder_eccentricity", "motor_encoder", {"amplitude": 0.01, "order": 20.0}, True),
+        ("encoder_eccentricity", "motor_encoder", {"amplitude": 0.02, "order": 20.0}, False),
         ("friction_drift", "motor", {"change": 0.3, "time_constant": 3.0}, True),
         ("friction_drift", "motor", {"change": 0.001, "time_constant": 3.0}, False),
         ("gain_drift", "actuator", {"change": 0.3, "time_constant": 3.0}, True),
