@@ -113,7 +113,8 @@ def test_the_environment_becomes_the_ament_prefix_where_none_is_set(probe, monke
 
 
 @pytest.mark.parametrize(
-    ("typed", "meant"), [("comapre", "compare"), ("sfj-sim", "sfj_sim"), ("Recorder", "recorder")]
+    ("typed", "meant"),
+    [("comapre", "compare"), ("sfj-sim", "sfj_sim"), ("Recorder", "recorder"), ("Plot", "preview")],
 )
 def test_a_mistyped_name_is_refused_in_one_sentence_with_the_nearest_one(typed, meant):
     done = run(typed)
@@ -122,6 +123,12 @@ def test_a_mistyped_name_is_refused_in_one_sentence_with_the_nearest_one(typed, 
     assert len(done.stderr.splitlines()) == 1
     assert typed in done.stderr
     assert f"'{meant}'" in done.stderr
+
+
+def test_what_people_call_by_another_word_is_there_and_the_word_is_none_of_its_own():
+    known = front_door.executables()
+    assert set(front_door.MEANT.values()) <= set(known)
+    assert not set(front_door.MEANT) & set(known)
 
 
 UNKNOWN = [("xyzzy",), ("--colour",), ("--completion",), ("--completion", "tcsh")]

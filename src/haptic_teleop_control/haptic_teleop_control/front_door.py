@@ -84,6 +84,27 @@ def listing() -> str:
     return "\n".join(lines)
 
 
+#: Which executable does what people call by another word.
+MEANT = {
+    "calibrate": "stiffness",
+    "check": "doctor",
+    "convert": "import",
+    "draw": "preview",
+    "fit": "estimate",
+    "identify": "estimate",
+    "launch": "scenario",
+    "listen": "echo",
+    "param": "set",
+    "plot": "preview",
+    "record": "acquire",
+    "report": "verify",
+    "run": "scenario",
+    "simulate": "lockstep",
+    "start": "scenario",
+    "validate": "verify",
+}
+
+
 def version() -> str:
     """The version that is installed: from a plain environment or from a colcon workspace."""
     for distribution in (PROGRAM, PACKAGES[0]):
@@ -101,7 +122,8 @@ def load(name: str) -> Callable[[list[str]], int | None]:
     """
     known = executables()
     if name not in known:
-        near = difflib.get_close_matches(name.replace("-", "_").lower(), known, n=1, cutoff=0.5)
+        typed = name.replace("-", "_").lower()
+        near = [MEANT[typed]] if typed in MEANT else difflib.get_close_matches(typed, known, n=1, cutoff=0.5)
         hint = f"did you mean {near[0]!r}?" if near else "it knows none that resembles it;"
         raise ConfigurationError(f"unknown executable {name!r}: {hint} `{PROGRAM}` alone lists all of them")
     module, function = known[name][0].split(":")
