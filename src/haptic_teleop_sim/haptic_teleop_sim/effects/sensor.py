@@ -10,17 +10,17 @@ from .parameter import EffectParameter
 #: have been seen, rad; by hand.
 _BELOW_RESOLUTION = 0.1
 _SOME_BEND = 0.6
-#: The most that the error may change with the angle: the eccentricity over the disc's radius, where it has one
-#: cycle. From 1 on the reading would go back while the axis moves on. By hand, far beyond any disc; what was
-#: fitted to 14 real joints without such an error has 0.3 to 3, to four others less.
+#: The most that the error may change with the angle: the eccentricity over the disc's radius, where it has
+#: one cycle. From 1 on the reading would go back while the axis moves on. By hand, far beyond any disc; what
+#: was fitted to 14 real joints without such an error has 0.3 to 3, to four others less.
 _STEEPEST_ERROR = 0.3
 #: A reading that is late, by a delay or by its stamp; the same of a torque.
 LATE_READING, LATE_TORQUE = "late reading", "late torque"
 
 
 def _errs(p: Numbers, on: Recorded) -> bool:
-    """An error that the encoder's steps let through, of a sine of which enough was seen, and not so steep that
-    it is none of an encoder."""
+    """An error that the encoder's steps let through, of a sine of which enough was seen, and not so steep
+    that it is none of an encoder."""
     seen = p["amplitude"] > _BELOW_RESOLUTION * on.resolution and p["order"] * on.span > _SOME_BEND
     return seen and abs(p["amplitude"] * p["order"]) < _STEEPEST_ERROR
 
