@@ -9,6 +9,14 @@ import pytest
 
 from haptic_teleop_control.command_line import INTERRUPTED, run_command
 
+@pytest.fixture(autouse=True)
+def heard():
+    """A background job of a shell begins deaf to interrupts."""
+    before = signal.signal(signal.SIGINT, signal.default_int_handler)
+    yield
+    signal.signal(signal.SIGINT, before)
+
+
 CALLED_BACK = ctypes.CFUNCTYPE(None)
 
 
