@@ -9,6 +9,7 @@ import pytest
 
 from haptic_teleop_control.command_line import INTERRUPTED, run_command
 
+
 @pytest.fixture(autouse=True)
 def heard():
     """A background job of a shell begins deaf to interrupts."""

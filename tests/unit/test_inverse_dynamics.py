@@ -201,6 +201,23 @@ def test_the_band_of_a_motion_does_not_depend_on_how_coarse_the_encoder_is(steps
     assert motion_band([coarse]) == pytest.approx(motion_band([one]), rel=0.1)
 
 
+def test_a_short_stretch_between_two_holes_changes_neither_the_band_nor_what_is_found():
+    """Of 250 samples a filter of the long one's band sees little but the ends."""
+    long, other = pendulum(0, coulomb=0.3), pendulum(1, coulomb=0.3)
+    short = replace(
+        long, input=long.input[900:1150], measured=long.measured[900:1150], exogenous=long.exogenous[900:1150]
+    )
+    cutoff = motion_band([long, other])
+    assert motion_band([long, short, other]) == pytest.approx(cutoff, rel=0.05)
+    assert len(equations(RIGID, [long, short], cutoff).motions) == 1
+    assert len(equations(RIGID, [short], cutoff).motions) == 1
+    scales = recording_scales(RIGID, [long])
+    found = [witness(RIGID, learn, [other], scales) for learn in ([long], [long, short])]
+    named = [g.effects[0] for one in found for g in one.levels[0]]
+    torques = [e.values["torque"] for e in named if e.effect == "coulomb_friction"]
+    assert torques[1] == pytest.approx(torques[0], rel=0.02)
+
+
 def test_friction_at_the_arm_of_an_elastic_joint_is_found_there_with_stiffness_free_or_not():
     def made(seed: int) -> Record:
         torque = drive(seed, 2.0 + 0.5 * seed)

@@ -24,7 +24,7 @@ FloatArray = NDArray[np.float64]
 ORDER = 2
 #: Share of the velocity's power that lies below the band of the motion, and the cut-off relative to that.
 POWER, ABOVE = 0.95, 4.0
-#: Lowest and highest cut-off: cycles over the shortest recording, and share of the sampling rate.
+#: Lowest and highest cut-off: cycles over a stretch that counts, and share of the sampling rate.
 LEAST_CYCLES, MOST_OF_RATE = 5.0, 0.1
 #: s, length of the stretches whose spectra are averaged.
 SEGMENT = 8.0
@@ -134,9 +134,11 @@ def _response(length: int, cutoff: float, times: int, block: int) -> FloatArray:
 def motion_band(records: Sequence[Record]) -> float:
     """Cut-off, Hz, that leaves the motion and takes the noise: ABOVE times the frequency below which POWER of
     the motor's velocity lies, over all recordings, up to the `_valley` behind which the readings' scatter
-    rises: the velocity of a coarse encoder has most of its power where nothing moves."""
+    rises: the velocity of a coarse encoder has most of its power where nothing moves. Half of the samples lie
+    in stretches of LEAST_CYCLES of it at least: a short one between two holes says nothing of the band."""
     slowest = 1.0 / max(r.dt for r in records)
-    shortest = min(len(r) * r.dt for r in records)
+    lengths = sorted((len(r) * r.dt for r in records), reverse=True)
+    shortest = lengths[int(np.searchsorted(np.cumsum(lengths), 0.5 * sum(lengths)))]
     grid = np.linspace(0.0, 0.5 * slowest, 4096)
     spectrum = np.zeros(len(grid))
     for record in records:
@@ -157,6 +159,13 @@ def _valley(frequency: FloatArray, power: FloatArray, lowest: float) -> int:
     places = [*np.searchsorted(frequency, edges).tolist(), len(frequency)]
     octaves = [(float(np.mean(power[a:b])), b) for a, b in pairwise(places) if b > a]
     return min(octaves)[1] if octaves else len(frequency)
+
+
+def long_enough(records: Sequence[Record], cutoff: float) -> list[Record]:
+    """The records that last LEAST_CYCLES of the cut-off; of shorter ones a filter sees little but the
+    ends."""
+    least = 0.99 * min(LEAST_CYCLES / cutoff, max(len(r) * r.dt for r in records))
+    return [r for r in records if len(r) * r.dt >= least]
 
 
 def banded(record: Record, rigid: bool, cutoff: float) -> BandedMotion:

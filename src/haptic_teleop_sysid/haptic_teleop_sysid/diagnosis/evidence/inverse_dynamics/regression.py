@@ -26,7 +26,7 @@ from haptic_teleop_sysid.estimation.records import Record
 from haptic_teleop_sysid.simulation.scores import score_covariance
 
 from ...inputs.scales import within_reach
-from .motion import BandedMotion, banded
+from .motion import BandedMotion, banded, long_enough
 from .term import Term
 from .terms import Hypothesis, follows_from_motion
 
@@ -129,9 +129,9 @@ def signs(place: str, rigid: bool) -> tuple[float, ...]:
 
 
 def equations(model: Model, records: Sequence[Record], cutoff: float) -> Equations:
-    """The equations of a model's joint along recordings, filtered at ``cutoff``, Hz; the model's own effects
-    count as known as far as they are torques along the motion."""
-    motions = tuple(banded(r, model.rigid, cutoff) for r in records)
+    """The equations of a model's joint along recordings that are `long_enough`, filtered at ``cutoff``, Hz;
+    the model's own effects count as known as far as they are torques along the motion."""
+    motions = tuple(banded(r, model.rigid, cutoff) for r in long_enough(records, cutoff))
 
     def along(pick: Callable[[BandedMotion], FloatArray]) -> FloatArray:
         return np.concatenate([m.filtered(pick(m)) for m in motions])
