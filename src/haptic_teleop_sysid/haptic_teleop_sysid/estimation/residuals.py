@@ -10,7 +10,7 @@ controller, not of the model.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import scipy
@@ -63,6 +63,15 @@ def residual_analysis(fit: Fit, record: Record, lags: int = 50) -> list[Residual
         correlations(e[:, c], u, min(lags, len(u) // 4), f"{fit.model.joint}_{place[c]}.position")
         for c in channels(packed, record)
     ]
+
+
+def tuned_to(fit: Fit, record: Record) -> Fit:
+    """A fit with the noise levels of another record; itself where they cannot be tuned."""
+    try:
+        noise, value = tune_noise(pack(fit.model), fit.noise, [record])
+    except (np.linalg.LinAlgError, ValueError):
+        return fit
+    return replace(fit, noise=noise, log_likelihood=value) if np.isfinite(value) else fit
 
 
 def model_residuals(model: Model, dataset: DataSet) -> list[Residuals] | None:

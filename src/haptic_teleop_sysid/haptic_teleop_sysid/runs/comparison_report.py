@@ -6,6 +6,7 @@ import numpy as np
 
 from haptic_teleop_sysid.estimation.residuals import UNDER_FEEDBACK
 from haptic_teleop_sysid.recordings.parameter_units import Units
+from haptic_teleop_sysid.recordings.scatter import beyond_scatter
 from haptic_teleop_sysid.recordings.small_motion import at_rest, hardly_moving, judged, spread
 from haptic_teleop_sysid.recordings.time_grid import period_text
 from haptic_teleop_sysid.report import Page, Plot, Status, unit_text
@@ -123,6 +124,15 @@ def _fits(result: Comparison, model: str) -> list[tuple[float, str, str]]:
     ]
 
 
+def _beyond(result: Comparison, model: str) -> list[tuple[float, float, str, str]]:
+    """The same fits without what the readings scatter by (`beyond_scatter`), before what they are."""
+    return [
+        (beyond_scatter({signal: percent}, result.data[bag])[signal], percent, signal, bag)
+        for percent, signal, bag in _fits(result, model)
+        if np.isfinite(percent)
+    ]
+
+
 def _means(result: Comparison) -> dict[str, float]:
     """Mean fit of each model over signals and recordings, percent; minus infinity for one that runs away."""
     found = {}
@@ -142,9 +152,8 @@ def nearest_model(result: Comparison) -> str:
 def _worst(result: Comparison, model: str) -> tuple[Status, str] | None:
     """The signal that a model follows worst on any recording, and how good that is; None where it comes close
     to all of them. A signal that hardly moves is left out where others move."""
-    fits = [one for one in _fits(result, model) if np.isfinite(one[0])]
-    percent, signal, bag = min(fits, default=(CLOSE, "", ""))
-    if (judged_as := of_worst(percent)) is None:
+    beyond, percent, signal, bag = min(_beyond(result, model), default=(CLOSE, CLOSE, "", ""))
+    if (judged_as := of_worst(beyond)) is None:
         return None
     status, word = judged_as
     where = f" on {short_bag(bag, result)}" if len(result.data) > 1 else ""
@@ -168,7 +177,8 @@ def conclusion(result: Comparison, command: str = "") -> tuple[Status, str, str,
     if at_rest(result.data.values()):
         # A fit of next to nothing is no alarm, and no proof either.
         return "fair", f"{_still(result)} {happened}", "record a larger motion, and compare on that.", ""
-    mean = of_mean(means[best])
+    beyond = [fit for fit, *_ in _beyond(result, best)]
+    mean = of_mean(float(np.mean(beyond)) if beyond and np.isfinite(means[best]) else means[best])
     worst = _worst(result, best)
     status: Status = "good"
     if worst is not None:

@@ -9,6 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from haptic_teleop_sysid.estimation.residuals import depends_on_input
+from haptic_teleop_sysid.recordings.scatter import beyond_scatter
 from haptic_teleop_sysid.recordings.small_motion import at_rest, hardly_moving, judged
 from haptic_teleop_sysid.report import Status
 from haptic_teleop_sysid.runs.comparison_pictures import percent_text
@@ -36,25 +37,25 @@ def doubts(result: Result) -> list[Doubt]:
 
 
 def _followed(result: Result) -> Iterator[Doubt]:
-    """By the scale on which `compare` sends a model to `diagnose`; a fit of next to nothing says nothing."""
+    """By the scale on which `compare` sends a model to `diagnose`; a fit of next to nothing says nothing, and
+    what readings scatter by is no misfit of a model."""
     if at_rest(result.data[bag] for bag in result.judging()):
         return
-    fits = [
-        (percent, signal, bag)
-        for bag in result.judging()
-        for signal, percent in judged(
-            result.fits["estimate", bag].percent, hardly_moving([result.data[bag]])
-        ).items()
-    ]
-    finite = [one for one in fits if np.isfinite(one[0])]
-    percent, signal, bag = min(finite, default=(CLOSE, "", ""))
-    status, word = of_worst(percent) or ("good", "")
-    status = worse(status, of_mean(result.mean_fit("estimate")))
+    fits = []
+    for bag in result.judging():
+        dataset = result.data[bag]
+        told = judged(result.fits["estimate", bag].percent, hardly_moving([dataset]))
+        beyond = beyond_scatter(told, dataset)
+        fits += [(beyond[s], percent, s, bag) for s, percent in told.items() if np.isfinite(percent)]
+    worst, percent, signal, bag = min(fits, default=(CLOSE, CLOSE, "", ""))
+    status, word = of_worst(worst) or ("good", "")
+    mean = result.mean_fit("estimate")  # of one that runs away not a number
+    status = worse(status, of_mean(float(np.mean([fit for fit, *_ in fits])) if np.isfinite(mean) else mean))
     if status == "good":
         return
     where = f" on {bag}" if len(result.data) > 1 else ""
-    worst = f": {signal}{where} with {percent_text(percent)} %, which is {word}" if word else ""
-    yield Doubt(status, f"The model does not follow the motion closely{worst}; physics may be missing.")
+    which = f": {signal}{where} with {percent_text(percent)} %, which is {word}" if word else ""
+    yield Doubt(status, f"The model does not follow the motion closely{which}; physics may be missing.")
 
 
 def _coloured(result: Result) -> Iterator[Doubt]:
