@@ -43,10 +43,12 @@ def test_a_model_without_the_robots_friction_is_doubted_though_its_predictors_ag
 ):
     """The tutorial's stage 2: `compare` calls such a fit poor and sends the model to `diagnose`."""
     example = repository / "docs" / "examples" / "stage2"
-    told, content, page, _ = estimated(
+    told, content, page, folder = estimated(
         tmp_path, capsys, "--model", example / "model.yaml", "--bag", example / "learn",
         "--validation", example / "check",
     )  # fmt: skip
+    # Whoever takes the file into a scenario reads it there, too.
+    assert "physics may be missing" in (folder / "model.yaml").read_text().split("haptic_teleop_model")[0]
     assert content["problems"] == [] and content["disagreement"] == {}
     assert "simulate with it" not in told and "which is poor" in told
     (command,) = [line for line in told.splitlines() if line.startswith("  haptic-teleop ")]
@@ -173,7 +175,8 @@ def test_what_is_not_determined_keeps_its_start_unless_the_recording_contradicts
     saved = load_model(folder / "model.yaml").parameters["motor_inertia"]
     assert (saved == inertia) is kept
     assert content["kept_starts"] == (["motor_inertia"] if kept else [])
-    (comment,) = [t for t in (folder / "model.yaml").read_text().splitlines() if t.startswith("#")]
+    comments = [t for t in (folder / "model.yaml").read_text().splitlines() if t.startswith("#")]
+    (comment,) = [t for t in comments if "motor_inertia" in t]
     assert "motor_inertia cannot be determined" in comment
     assert ("keeps the start value, 0.0004" if kept else "the start value fits worse") in comment
     assert "1 parameter of j1 estimated" in told

@@ -16,7 +16,6 @@ from haptic_teleop_sysid.estimation.kept_starts import with_starts_kept
 from haptic_teleop_sysid.estimation.progress import Progress, silent
 from haptic_teleop_sysid.estimation.records import records_from, with_trusted_input
 from haptic_teleop_sysid.estimation.residuals import residual_analysis, tuned_to
-from haptic_teleop_sysid.estimation.result import Estimate
 from haptic_teleop_sysid.estimation.strategies import METHODS, estimate
 from haptic_teleop_sysid.logs.opened import open_recording
 from haptic_teleop_sysid.logs.story import how_read, reported
@@ -30,11 +29,13 @@ from haptic_teleop_sysid.recordings.preparation import (
 )
 from haptic_teleop_sysid.report import save_png
 from haptic_teleop_sysid.results import tool_version, write_json
+from haptic_teleop_sysid.runs.estimation_doubts import doubts
 from haptic_teleop_sysid.runs.estimation_report import as_json, fit_picture, page
 from haptic_teleop_sysid.runs.estimation_result import Result
-from haptic_teleop_sysid.runs.estimation_verdict import Commands
+from haptic_teleop_sysid.runs.estimation_verdict import Commands, problems
 from haptic_teleop_sysid.runs.form_errors import with_forms
 from haptic_teleop_sysid.runs.shape_starts import shape_starts
+from haptic_teleop_sysid.runs.told_roles import role_comment
 from haptic_teleop_sysid.runs.undetermined import undetermined_sentence
 from haptic_teleop_sysid.simulation.fit import choose_windows, simulated_fit
 
@@ -127,11 +128,14 @@ def run_estimate(
     return Result(found, data, tuple(validation), fits, residuals, told)
 
 
-def save_model(found: Estimate, path: Path) -> None:
-    """Write the estimated model, with a line of comment on each parameter that is not determined."""
+def save_model(result: Result, path: Path) -> None:
+    """Write the estimated model, with a line of comment on each parameter that is not determined, and on what
+    speaks against the others."""
+    found = result.estimate
     undetermined = () if found.uncertainty is None else found.uncertainty.undetermined
     comments = [undetermined_sentence(found, name) for name in undetermined]
-    replace(found.model, source="estimate").save(path, comments)
+    against = [*(one.headline for one in problems(result)), *(one.sentence for one in doubts(result))]
+    replace(found.model, source="estimate").save(path, [role_comment("baseline"), *against, *comments])
 
 
 def write_results(
@@ -143,7 +147,7 @@ def write_results(
 ) -> Path | None:
     """Write model.yaml and estimate.json, and with ``with_page`` report.html, whose path is returned, and
     its pictures. ``began``: `time.perf_counter` when it began; ``commands``: what the page gives to paste."""
-    save_model(result.estimate, output / "model.yaml")
+    save_model(result, output / "model.yaml")
     path = None
     if with_page:
         for number, bag in enumerate(result.data, start=1):
