@@ -10,6 +10,7 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from bokeh.models import Range1d
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
@@ -28,7 +29,7 @@ from haptic_teleop_sysid.report import (
     units_in,
     with_error,
 )
-from haptic_teleop_sysid.report.live import live, packed_script
+from haptic_teleop_sysid.report.live import _figure, live, packed_script
 from haptic_teleop_sysid.report.plot import LEAST_HEIGHT, log_ticks, thinned
 from haptic_teleop_sysid.report.roles import ROLES, model_roles
 from haptic_teleop_sysid.report.samples import DRAWN, Packed, kept_words, pack, pack_all
@@ -367,3 +368,13 @@ def test_a_sentence_keeps_options_and_dates_whole_and_shows_what_is_typed_as_cod
     assert '<span class="whole">0.139 %</span>' in str(foldable("grew by 0.139 %"))
     for whole in ("≥ 90 %", "80–97 %", "4.12–5.00", "12.1–13.4 s", "2e-05", "−2.3e-05 … 1.7", "8.39 … 6.58"):
         assert f'<span class="whole">{whole}</span>' in str(foldable(f"about {whole} of it"))
+
+
+def test_a_law_lies_on_the_dots_that_it_explains():
+    dots = Series("missing", TIME[:40], TIME[:40], marks=True, line=False)
+    panel = Panel("p", "N·m", [dots, Series("the named law", TIME[:40], TIME[:40], "reference")])
+    (axis,) = still(Plot([panel])).axes
+    drawn = {line.get_label(): line.get_zorder() for line in axis.lines}
+    assert drawn["missing"] < drawn["the named law"]
+    figure, _ = _figure(panel, Range1d(start=0.0, end=1.0), "x", True, {})
+    assert [type(one.glyph).__name__ for one in figure.renderers] == ["Scatter", "Line"]

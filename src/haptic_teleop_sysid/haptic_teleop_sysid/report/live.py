@@ -160,8 +160,10 @@ def _figure(
     cursor = Span(location=0.0, dimension="height", level="overlay", line_width=2, name="cursor")
     cursor.visible, cursor.tags = False, ["line_color=--focus"]
     plot.add_layout(cursor)
-    # Wide lines first, what was measured last and on top.
-    order = {k: (s.role == "measured", -ROLES[s.role].width) for k, s in enumerate(panel.series)}
+    # Dots first, then wide lines, and the line of what was measured last and on top.
+    order = {
+        k: (s.line, s.line and s.role == "measured", -ROLES[s.role].width) for k, s in enumerate(panel.series)
+    }
     sources = {}
     for place in sorted(order, key=lambda k: order[k]):
         source = _line(plot, panel.series[place], scale, place in long)

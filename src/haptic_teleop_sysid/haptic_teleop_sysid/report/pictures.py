@@ -151,6 +151,7 @@ def _line(axis: Axes, line: Series, points: int) -> None:
     style: Any = (0, tuple(d / max(role.width, 1.0) for d in dash)) if dash else "-"
     # What was measured lies on top, thin, so that neither hides the other.
     order = 3.0 if line.role == "measured" else 2.0 + 0.01 / max(role.width, 0.1)
+    order = order if line.line else 0.1 * order + 1.5  # dots below the lines that they lie about
     axis.plot(
         time,
         value,
