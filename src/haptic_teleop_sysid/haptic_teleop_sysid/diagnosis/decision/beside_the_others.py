@@ -67,7 +67,8 @@ def _against(
     if adequate.surest >= SURE:
         return None
     factor = NO_WORSE if adequate.random_left else ERRS_LESS
-    if corroborated(fit, without, effect, factor) and corroborated.elsewhere(fit, without) < factor:
+    ratios = corroborated.by_free_runs(fit, without, effect), corroborated.elsewhere(fit, without)
+    if max(ratios) < factor:
         return None
     return (
         f"beside the others only one-step predictions speak for {effect.effect}: "

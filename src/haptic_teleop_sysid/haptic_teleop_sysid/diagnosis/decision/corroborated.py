@@ -9,8 +9,8 @@ motion asks for. A finding that neither of them bears out is given up.
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Protocol
 
 from haptic_teleop_sim.model import Effect, Model
 from haptic_teleop_sysid.estimation.gauss_newton import Fit
@@ -30,14 +30,16 @@ class Corroboration:
     errors: Errors
     opinion: Opinion | None
 
-    def __call__(self, fit: Fit, so_far: Fit, effect: Effect, factor: float = ERRS_LESS) -> bool:
+    def __call__(self, fit: Fit, so_far: Fit, effect: Effect) -> bool:
         """Whether an effect of a fit is borne out, beside ``so_far``, the fit without it: the torques gain by
-        it; or free runs err less by the ``factor`` (geometric mean of both kinds of recordings) than without
-        it, and than with as few names of the inverse dynamics."""
-        if self.by_torques(fit.model, effect):
-            return True
+        it, or free runs err less."""
+        return self.by_torques(fit.model, effect) or self.by_free_runs(fit, so_far, effect) < ERRS_LESS
+
+    def by_free_runs(self, fit: Fit, so_far: Fit, effect: Effect) -> float:
+        """Error of the free runs with an effect (geometric mean of both kinds of recordings), over that
+        without it, or with as few names of the inverse dynamics where that is less."""
         without = [_error(self.errors(so_far.model)), *self._instead(fit.model, effect)]
-        return _error(self.errors(fit.model)) < factor * min(without)
+        return _error(self.errors(fit.model)) / min(without)
 
     def elsewhere(self, fit: Fit, so_far: Fit) -> float:
         """Error of the free runs of a fit on the validation recordings, over that of another fit."""
@@ -69,10 +71,7 @@ class Corroboration:
             return False
 
 
-class Corroborated(Protocol):
-    """See `Corroboration.__call__`."""
-
-    def __call__(self, fit: Fit, so_far: Fit, effect: Effect, factor: float = ERRS_LESS) -> bool: ...
+Corroborated = Callable[[Fit, Fit, Effect], bool]
 
 
 def _error(errors: tuple[float, float]) -> float:
