@@ -128,8 +128,7 @@ def test_the_pictures_have_the_colours_that_the_files_ask_for(tmp_path):
         TRUE_MODEL.save(tmp_path / name, [] if held is None else ["from a diagnosis", role_comment(held)])
         roles[name] = told_role(tmp_path / name)
     assert roles == {"augmented_model.yaml": "re-estimated", "own.yaml": None, "model.yaml": None}
-    (tmp_path / "estimate.json").write_text("{}")
-    assert told_role(tmp_path / "model.yaml") == "re-estimated" and told_role(tmp_path / "no.yaml") is None
+    assert told_role(tmp_path / "no.yaml") is None
 
 
 def test_a_model_that_follows_everything_needs_no_command(compared, models):

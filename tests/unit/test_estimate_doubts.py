@@ -20,6 +20,7 @@ from haptic_teleop_sysid.estimation.residuals import correlations, depends_on_in
 from haptic_teleop_sysid.recordings.relative_scale import relative_to
 from haptic_teleop_sysid.report import relative, with_error
 from haptic_teleop_sysid.runs.followed import of_mean, of_worst, worse
+from haptic_teleop_sysid.runs.told_roles import told_role
 from haptic_teleop_sysid.runs.undetermined import what_determines
 
 pytestmark = pytest.mark.usefixtures("unillustrated")
@@ -49,6 +50,7 @@ def test_a_model_without_the_robots_friction_is_doubted_though_its_predictors_ag
     )  # fmt: skip
     # Whoever takes the file into a scenario reads it there, too.
     assert "physics may be missing" in (folder / "model.yaml").read_text().split("haptic_teleop_model")[0]
+    assert told_role(folder / "model.yaml") == "re-estimated"
     assert content["problems"] == [] and content["disagreement"] == {}
     assert "simulate with it" not in told and "which is poor" in told
     (command,) = [line for line in told.splitlines() if line.startswith("  haptic-teleop ")]

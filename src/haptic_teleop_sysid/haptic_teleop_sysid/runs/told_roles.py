@@ -8,8 +8,6 @@ from pathlib import Path
 _ROLE = "role: "
 #: The roles of models that a program wrote, by what a diagnosis calls what it hands on.
 _HELD = {"given": "given", "baseline": "re-estimated", "augmented": "augmented"}
-#: What `estimate` writes, and its account beside it.
-_ESTIMATE, _ACCOUNT = "model.yaml", "estimate.json"
 
 
 def role_comment(held: str) -> str:
@@ -18,11 +16,10 @@ def role_comment(held: str) -> str:
 
 
 def told_role(path: str | Path) -> str | None:
-    """given | re-estimated | augmented, by the comments above a model, or by the account of an estimation
-    beside it; None where nothing says so: then it is somebody's own."""
-    file = Path(path)
+    """given | re-estimated | augmented, by the comments above a model; None where nothing says so: then it is
+    somebody's own."""
     try:
-        lines = file.read_text(encoding="utf-8").splitlines()
+        lines = Path(path).read_text(encoding="utf-8").splitlines()
     except (OSError, UnicodeDecodeError):
         return None
     for line in lines:
@@ -31,5 +28,4 @@ def told_role(path: str | Path) -> str | None:
         role = line.lstrip("# ").removeprefix(_ROLE)
         if line.lstrip("# ").startswith(_ROLE) and role in _HELD.values():
             return role
-    estimated = file.name == _ESTIMATE and file.with_name(_ACCOUNT).is_file()
-    return "re-estimated" if estimated else None
+    return None
