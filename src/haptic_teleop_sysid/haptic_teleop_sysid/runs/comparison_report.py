@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 
 from haptic_teleop_sysid.estimation.residuals import UNDER_FEEDBACK
@@ -149,11 +151,11 @@ def nearest_model(result: Comparison) -> str:
     return max(means, key=lambda name: means[name])
 
 
-def _worst(result: Comparison, model: str) -> tuple[Status, str] | None:
-    """The signal that a model follows worst on any recording, and how good that is; None where it comes close
-    to all of them. A signal that hardly moves is left out where others move."""
-    beyond, percent, signal, bag = min(_beyond(result, model), default=(CLOSE, CLOSE, "", ""))
-    if (judged_as := of_worst(beyond)) is None:
+def _worst(result: Comparison, beyond: Sequence[tuple[float, float, str, str]]) -> tuple[Status, str] | None:
+    """The signal that a model follows worst on any recording, and how good that is, by what `_beyond` says of
+    it; None where it comes close to all of them."""
+    least, percent, signal, bag = min(beyond, default=(CLOSE, CLOSE, "", ""))
+    if (judged_as := of_worst(least)) is None:
         return None
     status, word = judged_as
     where = f" on {short_bag(bag, result)}" if len(result.data) > 1 else ""
@@ -177,9 +179,10 @@ def conclusion(result: Comparison, command: str = "") -> tuple[Status, str, str,
     if at_rest(result.data.values()):
         # A fit of next to nothing is no alarm, and no proof either.
         return "fair", f"{_still(result)} {happened}", "record a larger motion, and compare on that.", ""
-    beyond = [fit for fit, *_ in _beyond(result, best)]
-    mean = of_mean(float(np.mean(beyond)) if beyond and np.isfinite(means[best]) else means[best])
-    worst = _worst(result, best)
+    beyond = _beyond(result, best)
+    known = bool(beyond) and np.isfinite(means[best])
+    mean = of_mean(float(np.mean([fit for fit, *_ in beyond])) if known else means[best])
+    worst = _worst(result, beyond)
     status: Status = "good"
     if worst is not None:
         status, sentence = worst
