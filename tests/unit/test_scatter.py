@@ -53,6 +53,8 @@ def test_a_wrong_model_is_not(noise):
 def test_a_smooth_motion_scatters_by_nothing_and_noise_by_all():
     assert scatter(read(0.0), DT) < 0.02
     assert scatter(np.random.default_rng(2).standard_normal(5000), DT) == pytest.approx(1.0, abs=0.05)
+    # At 50 Hz five readings take a tenth of a second, in which a joint may turn round.
+    assert scatter(np.random.default_rng(2).standard_normal(5000), 0.02) == 0.0
     holed = read(0.0)
     holed[100:140] = np.nan
     assert scatter(holed, DT) < 0.05

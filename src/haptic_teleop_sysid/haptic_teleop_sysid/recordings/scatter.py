@@ -14,14 +14,16 @@ from haptic_teleop_sysid.recordings.dataset import DataSet
 
 Array = NDArray[np.float64]
 SMOOTH = 0.03
-"""s over which a joint's velocity is a parabola: what lies off that is scatter."""
+"""s over which a joint's velocity is a parabola: what lies off that is scatter. Of readings so seldom that
+five of them take twice as long nothing is known."""
 
 
 def scatter(values: Array, dt: float) -> float:
-    """Share (rms) of the variation of a velocity (n,) that is scatter of its readings, 0 to 1."""
+    """Share (rms) of the variation of a velocity (n,) that is scatter of its readings, 0 to 1; 0 where that
+    cannot be told."""
     length = max(5, 2 * int(0.5 * SMOOTH / dt) + 1)
     good = np.isfinite(values)
-    if np.sum(good) < 2 * length:
+    if np.sum(good) < 2 * length or length * dt > 2.0 * SMOOTH:
         return 0.0
     known = np.interp(np.arange(len(values)), np.flatnonzero(good), values[good])
     off = (known - scipy.signal.savgol_filter(known, length, 2))[good]
