@@ -34,12 +34,17 @@ def in_a_destructor():
     Ends()
 
 
+def go_on():
+    """The rest of a run, to which an interrupt has to put an end."""
+    for _ in range(300):
+        time.sleep(0.01)
+
+
 @pytest.mark.parametrize("where", [in_a_callback, in_a_destructor])
 def test_an_interrupt_that_python_ignores_comes_again(where):
     def main(argv):
         where()
-        for _ in range(300):
-            time.sleep(0.01)
+        go_on()
         return 0
 
     assert run_command(main, []) == INTERRUPTED
@@ -68,8 +73,7 @@ def test_the_compiler_of_numba_swallows_no_interrupt():
         compiler = llvm.create_mcjit_compiler(module, target)
         compiler.set_object_cache(lambda module, buffer: signal.raise_signal(signal.SIGINT), lambda _: None)
         compiler.finalize_object()
-        for _ in range(300):
-            time.sleep(0.01)
+        go_on()
         return 0
 
     assert run_command(main, []) == INTERRUPTED

@@ -199,7 +199,9 @@ def test_nothing_moves_when_a_plot_tells_its_values(browser, minute, width):
     tops = """[...document.querySelectorAll(".canvas")].filter(e => e.offsetParent)
       .map(e => e.getBoundingClientRect().top + scrollY)"""
     page.locator(".canvas").first.scroll_into_view_if_needed()
-    page.wait_for_timeout(200)
+    # Each readout has its room by then.
+    seen = "[...document.querySelectorAll('.readout')].filter(e => e.offsetParent)"
+    page.wait_for_function(f"{seen}.length && {seen}.every(e => e.style.minHeight)")
     before = page.evaluate(tops)
     box = page.locator(".canvas").first.bounding_box()
     for share in (0.3, 0.6, 0.9):
