@@ -158,7 +158,7 @@ GAIN_DRIFT = EffectEntry(
     sentence="the torque per current changes in the course of the recording, as a warming motor's does",
     step=gain_drift_step,
     condition="input and time",
-    follows="",
+    follows="time",
     practical=drifts,
 )
 #: Share of the rms torque below which a limit leaves nothing of the input, which then would drive nothing.
@@ -233,6 +233,7 @@ TORQUE_SPEED_LIMIT = EffectEntry(
     needs="a recorded command: the measured current shows what is left already",
     of_command=True,
     condition="large inputs at speed",
+    follows="input",
     form_of="torque_saturation",
     large=True,
     practical=_limits_at_speed,
@@ -270,7 +271,7 @@ ACTUATOR_LAG = EffectEntry(
     states=2,
     spread=True,
     condition="changes of the input",
-    follows="",
+    follows="input rate",
     practical=late("time_constant"),
     large=True,
 )
@@ -284,7 +285,7 @@ INPUT_DELAY = EffectEntry(
     states=DELAY_MEMORY + 1,
     spread=True,
     condition="changes of the input",
-    follows="",
+    follows="input rate",
     separated=(("actuator_lag", "excite up to frequencies above 1 / (2 delay)"),),
     practical=late("delay"),
     families=("late torque",),

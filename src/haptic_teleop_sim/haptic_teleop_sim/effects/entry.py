@@ -63,7 +63,7 @@ class EffectEntry:
 
     - how it reads: ``sentence``; ``condition``: what it depends on, in words, with ``{q}`` and ``{v}`` for
       angle and velocity, and ``condition_at``: what else at a place; ``follows``: the quantity against which
-      its law is drawn, "" for none; ``separated``: by which experiment it is told from another effect (names
+      its law is drawn; ``separated``: by which experiment it is told from another effect (names
       and words); ``mistaken``: the parameter of the structure that, held at a wrong value, would look the
       same, and the words of that warning;
     - ``practical(p, on)``: whether it deserves its name at these parameters on such recordings (`Recorded`);
@@ -108,7 +108,7 @@ class EffectEntry:
     tabulated: bool = False
     condition: str = ""
     condition_at: tuple[tuple[Place, str], ...] = ()
-    follows: Literal["", "velocity", "angle", "deflection", "input"] = "velocity"
+    follows: Literal["velocity", "angle", "deflection", "input", "input rate", "time"] = "velocity"
     separated: tuple[tuple[str, str], ...] = ()
     mistaken: tuple[str, str] | None = None
     practical: Practical | None = None

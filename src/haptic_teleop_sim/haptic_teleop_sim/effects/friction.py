@@ -238,6 +238,7 @@ DRIFT = EffectEntry(
     sentence="friction changes in the course of the recording, as a drive does that warms up",
     equation=lambda s, p: 1 + p.change * (1 - s.exp(-s.time / p.time_constant)),
     condition="time",
+    follows="time",
     practical=drifts,
 )
 

@@ -190,6 +190,7 @@ PAYLOAD_CHANGE = EffectEntry(
     # Attached within some 50 ms: a step in time would have no derivative by its time.
     equation=lambda s, p: p.inertia * (1 + s.tanh((s.time - p.time) / 0.025)) / 2,
     condition="time",
+    follows="time",
     separated=(("friction_drift", "record again with and without the load"),),
     practical=_changes,
 )

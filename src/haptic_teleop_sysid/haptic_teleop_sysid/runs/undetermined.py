@@ -16,6 +16,8 @@ _BY_LAW = {
     "angle": "travel over more of the range",
     "deflection": "larger torques through the joint",
     "input": "larger and quicker inputs",
+    "input rate": "larger and quicker inputs",
+    "time": "a longer time",
 }
 
 

@@ -29,8 +29,8 @@ TIME, INPUT, INPUT_RATE = "time", "input torque", "rate of the input torque"
 """Quantities beside angles and speeds that an effect may follow."""
 #: Kinds of effects that change another term of the equation: all friction at a place, or its inertia.
 _CHANGES = ("friction_factor", "inertia")
-#: The word by which an entry's condition says that an actuator answers late.
-_LATE = "changes"
+_BY_ENTRY = {"time": TIME, "input": INPUT, "input rate": INPUT_RATE, "deflection": "deflection"}
+"""Of these the quantities that are of no place, by `EffectEntry.follows`."""
 
 
 def has_law(effect: Effect) -> bool:
@@ -45,22 +45,15 @@ def _of_input(entry: EffectEntry) -> bool:
 
 
 def quantity(effect: Effect) -> tuple[str, str]:
-    """What an effect's torque follows, and the unit of that; "" for what follows none."""
-    entry, place = effect.entry, place_of(effect)
-    words = entry.condition.split()
-    if TIME in words:
-        name = TIME
-    elif entry.kind == "input" and entry.follows != "input":
-        name = INPUT_RATE if _LATE in words else ""
-    elif entry.kind == "input" or _of_input(entry):
-        name = INPUT
-    elif entry.follows == "deflection":
-        name = "deflection"
+    """What an effect's torque follows, and the unit of that."""
+    follows, place = effect.entry.follows, place_of(effect)
+    if follows in _BY_ENTRY:
+        name = _BY_ENTRY[follows]
     elif place == "joint":
         name = "rate of deflection"
     else:
-        name = f"{place} {'angle' if entry.follows == 'angle' else 'velocity'}"
-    return name, (UNITS | {INPUT_RATE: "N*m/s", "": ""})[name]
+        name = f"{place} {follows}"
+    return name, (UNITS | {INPUT_RATE: "N*m/s"})[name]
 
 
 def followed(motion: BandedMotion, name: str, model: Model) -> FloatArray:

@@ -78,7 +78,7 @@ def law_curves(
     wanted = [(c.chosen.effect.effect, c.chosen.effect.location) for c in result.choices]
     if not wanted and stand_in is not None:
         wanted = [(e["effect"], e["location"]) for e in stand_in["effects"]]
-    shown = [e for e in effects if (e.effect, e.location) in wanted and quantity(e)[0]]
+    shown = [e for e in effects if (e.effect, e.location) in wanted]
     if not shown:
         return []
     cutoff = motion_band(records)
