@@ -240,6 +240,11 @@ def test_nobody_is_surer_of_a_name_than_of_its_size():
     told = {"amplitude": {"value": 0.132, "std": 0.028}, "order": {"value": 3.06, "std": 1.3}}
     assert size_known(folds, told) < 0.5
     assert size_known(folds, {**told, "order": {"value": 3.06, "std": 0.1}}) > 0.95
+    # A limit is none where it is infinite: it is known as well as its inverse.
+    limit = Effect("torque_speed_limit", "j_actuator", {"limit": 85.8, "slope": 252.0})
+    told = {"limit": {"value": 85.8, "std": 116.0}, "slope": {"value": 252.0, "std": 343.0}}
+    assert size_known(limit, told) < 0.5
+    assert size_known(limit, {**told, "limit": {"value": 85.8, "std": 8.0}}) > 0.95
 
 
 def heard_of(*names, gain, torques, errors=(0.1, 0.1)):

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
+from contextlib import suppress
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -24,6 +25,7 @@ from .evidence.current import shown_by_current
 from .evidence.horizons import Horizons, free_errors
 from .evidence.inverse_dynamics.motion import motion_band
 from .evidence.inverse_dynamics.witness import witness
+from .evidence.predictable import while_predictable
 from .evidence.proof import Course
 from .evidence.second_opinion import Opinion, second_opinion
 from .inputs.between_samples import as_read, half_a_sample, may_be_read, predicted_better
@@ -108,12 +110,11 @@ def _possible(model: Model, estimation: list[DataSet], validation: list[DataSet]
     yield model
     learn, judge = records_of(estimation), records_of(validation)
     try:
-        levels = witness(model, learn, judge, recording_scales(model, learn)).levels
+        leader = witness(model, learn, judge, recording_scales(model, learn)).most_likely
     except FAILURES:
         return
-    groups = [group for level in levels for group in level]
-    if groups:
-        yield model.with_effects(*max(groups, key=lambda group: group.gain).effects)
+    if leader is not None:
+        yield model.with_effects(*leader.effects)
 
 
 def explain(
@@ -129,8 +130,15 @@ def explain(
             f"{model.source} predicts nothing of {estimation[0].name}, whatever its parameters: see whether "
             "its inertias, and the units and signs of the recording, are what they should be."
         )
-    course = Course.of(baseline.model, everything)
     cutoff = motion_band([*learn, *judge])
+    say("asking the inverse dynamics")
+    try:
+        said = witness(model, learn, judge, recording_scales(baseline.model, learn), cutoff)
+    except FAILURES:
+        said = None
+    course = Course.of(baseline.model, everything)
+    if said is not None and said.most_likely is not None:
+        course = while_predictable(course, said.most_likely.model)
     coarse = course.coarse(cutoff)
     result = search(
         model,
@@ -159,14 +167,11 @@ def explain(
             better = "what a search by free simulation finds simulates all recordings better"
             kept = replace(free, given_up=kept.giving_up(kept.choices, better).given_up)
             freely = True
-    say("asking the inverse dynamics")
-    scales = result.scales
-    try:
-        said = witness(model, learn, judge, scales, cutoff)
+    opinion = None
+    if said is not None:
         alone = (model, result.baseline.model, said.structure.model)
-        opinion = second_opinion(said, scales, horizons.errors, min(map(horizons.errors, alone)))
-    except FAILURES:
-        opinion = None
+        with suppress(*FAILURES):
+            opinion = second_opinion(said, result.scales, horizons.errors, min(map(horizons.errors, alone)))
     return Explained(model, learn, judge, course, horizons, result, kept, freely, opinion, cutoff)
 
 

@@ -173,8 +173,10 @@ def size_known(effect: Effect, parameters: Mapping[str, Mapping[str, Any]]) -> f
         value, error = parameters[p.name]["value"], max(parameters[p.name]["std"], 1e-300)
         if p.scan == "order":
             orders.append(math.erf(_KNOWN_ORDER * abs(value) / error / math.sqrt(2.0)))
-        elif p.default is None and p.neutral is not None and np.isfinite(p.neutral):
-            sizes.append(math.erf(_KNOWN * abs(value - p.neutral) / error / math.sqrt(2.0)))
+        elif p.default is None and p.neutral is not None:
+            # The inverse of a limit has the same relative error, and is none where there is no limit.
+            size = value - p.neutral if math.isfinite(p.neutral) else value
+            sizes.append(math.erf(_KNOWN * abs(size) / error / math.sqrt(2.0)))
     return min([max(sizes, default=1.0), *orders])
 
 

@@ -85,6 +85,12 @@ class Witness:
     shapeless: tuple[Latent, ...]
     folds: Search
 
+    @property
+    def most_likely(self) -> Group | None:
+        """The group of effects that gains most; None where there is none."""
+        groups = (group for level in self.levels for group in level)
+        return max(groups, key=lambda group: group.gain, default=None)
+
     def beside(self, group: Group) -> tuple[Latent, float] | None:
         """The torque without a form that explains most of what a group leaves, and the share of that."""
         more = self.folds.shapeless(group.hypotheses, 1)
