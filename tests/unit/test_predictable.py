@@ -71,6 +71,13 @@ def test_windows_of_a_stable_joint_stay(course):
         assert while_predictable(course, model) is course
 
 
+def test_what_only_shows_is_simulated_over_windows_as_short(course):
+    whole = cut(course.data[0], None, "")
+    shorter = while_predictable(course, UPRIGHT).shortened(course.data[0], whole)
+    assert shorter.seconds == pytest.approx(while_predictable(course, UPRIGHT).windows[0].seconds)
+    assert course.shortened(course.data[0], whole) is whole
+
+
 def test_windows_are_not_cut_below_what_says_anything(course):
     heavy = NOTHING.with_effects(Effect("gravity", "j_motor", {"torque": 4e4, "phase": math.pi}))
     assert min(b - a for a, b in while_predictable(course, heavy).windows[0].spans) >= 20

@@ -14,13 +14,11 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from haptic_teleop_control.errors import ConfigurationError
 from haptic_teleop_sim.kernel import Packed, acting_torque, pack, respond
 from haptic_teleop_sim.model import Model
 from haptic_teleop_sysid.recordings.dataset import DataSet
 from haptic_teleop_sysid.simulation.fit import Spans
 from haptic_teleop_sysid.simulation.initial_state import measured_state, without_actuator
-from haptic_teleop_sysid.simulation.windows import SHORTEST, cut
 
 from .proof import Course
 
@@ -37,13 +35,8 @@ def while_predictable(course: Course, model: Model) -> Course:
     seconds = predictable(course, model)
     if not math.isfinite(seconds):
         return course
-    least = SHORTEST * max(d.dt for d in course.data)
     why = f"because errors of a simulation grow {GROWN:g} times in {seconds:.2g} s: the joint is unstable"
-    try:
-        windows = tuple(cut(d, max(seconds, least), why) for d in course.data)
-    except ConfigurationError:
-        return course
-    return Course(course.data, windows)
+    return course.no_longer_than(seconds, why)
 
 
 def predictable(course: Course, model: Model) -> float:

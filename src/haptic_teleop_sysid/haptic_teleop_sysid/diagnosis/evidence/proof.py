@@ -5,15 +5,16 @@ from __future__ import annotations
 
 from collections import deque
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
 
+from haptic_teleop_control.errors import ConfigurationError
 from haptic_teleop_sim.model import Model
 from haptic_teleop_sysid.recordings.dataset import DataSet
 from haptic_teleop_sysid.simulation.fit import SimulatedFit, choose_windows, simulated_fit
-from haptic_teleop_sysid.simulation.windows import Windows
+from haptic_teleop_sysid.simulation.windows import SHORTEST, Windows, cut
 
 from ..inputs.coarse import coarser, thinned_data
 from ..inputs.uses import Uses, with_command
@@ -70,12 +71,31 @@ class Course:
     windows: tuple[Windows, ...]
     #: What was simulated last, because several questions are asked of the same model.
     known: deque[tuple[Model, tuple[SimulatedFit, ...]]] = field(default_factory=lambda: deque(maxlen=6))
+    #: s, of the longest window that may be, and why; None where windows may have any length.
+    most: tuple[float, str] | None = None
 
     @staticmethod
     def of(baseline: Model, data: Sequence[DataSet]) -> Course:
         """The recordings, driven by the command; the baseline says whether windows are needed."""
         driven = tuple(with_command(d) for d in data)
         return Course(driven, tuple(choose_windows(baseline, d) for d in driven))
+
+    def no_longer_than(self, seconds: float, why: str) -> Course:
+        """The same recordings in windows of ``seconds`` at most, or of SHORTEST samples where those last
+        longer; as they are where a recording has no such stretch."""
+        least = SHORTEST * max(d.dt for d in self.data)
+        cut_to = replace(self, known=deque(maxlen=6), most=(max(seconds, least), why))
+        parts = zip(self.data, self.windows, strict=True)
+        try:
+            return replace(cut_to, windows=tuple(cut_to.shortened(d, w) for d, w in parts))
+        except ConfigurationError:
+            return self
+
+    def shortened(self, data: DataSet, windows: Windows) -> Windows:
+        """Windows of a recording, cut anew where they are longer than they may be."""
+        if self.most is None or (windows.seconds is not None and windows.seconds <= self.most[0]):
+            return windows
+        return cut(data, *self.most)
 
     def coarse(self, cutoff: float) -> Course:
         """The same windows of thinned recordings, for motion in the band up to ``cutoff``, Hz."""
@@ -105,7 +125,7 @@ def prove(given: Model, baseline: Model, augmented: Model, course: Course, uses:
     """Simulate the three models on every recording, over the same windows; ``course``: of what was fitted to
     and what chose."""
     models = dict(zip(MODELS, (given, baseline, augmented), strict=True))
-    n, shown = len(uses.fit), uses.show.simulated(list(models.values()), baseline)
+    n, shown = len(uses.fit), uses.show.simulated(list(models.values()), baseline, course.shortened)
     fits = {}
     for (name, model), test in zip(models.items(), shown, strict=True):
         both = course.simulate(model)

@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 from haptic_teleop_sim.model import Model
 from haptic_teleop_sysid.recordings.dataset import DataSet
 from haptic_teleop_sysid.simulation.fit import SimulatedFit, choose_windows, simulated_fit
+from haptic_teleop_sysid.simulation.windows import Windows
 
 from .cuts import FEWEST_SAMPLES
 
@@ -37,11 +38,13 @@ class Shown:
 
     recordings: tuple[DataSet, ...] = ()
 
-    def simulated(self, models: Sequence[Model], baseline: Model) -> list[tuple[SimulatedFit, ...]]:
+    def simulated(
+        self, models: Sequence[Model], baseline: Model, shortened: Callable[[DataSet, Windows], Windows]
+    ) -> list[tuple[SimulatedFit, ...]]:
         """The responses of each model, recording by recording, over the same windows; the baseline says
-        whether windows are needed."""
+        whether windows are needed, and ``shortened`` how long they may be."""
         driven = [with_command(d) for d in self.recordings]
-        windows = [choose_windows(baseline, d) for d in driven]
+        windows = [shortened(d, choose_windows(baseline, d)) for d in driven]
         return [
             tuple(simulated_fit(model, d, w) for d, w in zip(driven, windows, strict=True))
             for model in models
