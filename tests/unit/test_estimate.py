@@ -15,8 +15,8 @@ from haptic_teleop_sysid.estimation.strategies import estimate
 from haptic_teleop_sysid.recordings.dataset import load_dataset
 from haptic_teleop_sysid.runs.estimation_verdict import misled_sentence
 from haptic_teleop_sysid.runs.parameter_table import parameter_rows
+from haptic_teleop_sysid.simulation.covariance import score_covariance
 from haptic_teleop_sysid.simulation.fit import simulated_fit
-from haptic_teleop_sysid.simulation.scores import score_covariance
 
 
 def relative_errors(found, truth):

@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 from haptic_teleop_control.errors import ModelError
 from haptic_teleop_sim.kernel import Packed, pack
 from haptic_teleop_sim.model import STRUCTURES, parameter_bounds
-from haptic_teleop_sysid.simulation.scores import score_covariance
+from haptic_teleop_sysid.simulation.covariance import deviations, scaled_inverse, score_covariance
 
 from .gauss_newton import Fit, whiten
 from .likelihood import channels, innovations, settling
@@ -167,15 +167,9 @@ def _judge(fit: Fit, information: FloatArray, meat: FloatArray) -> Uncertainty:
     for name in np.array(everything, dtype=object)[~seen]:
         undetermined[name] = "nothing in the recording depends on it"
     index = np.flatnonzero(seen)
-    s = scale[index]
-    correlation_matrix = information[np.ix_(index, index)] / np.outer(s, s)
-    levels, directions = np.linalg.eigh(correlation_matrix) if len(index) else (np.zeros(0), np.zeros((0, 0)))
-    top = float(levels[-1]) if len(levels) else 1.0
-    weak = levels < SINGULAR * top * max(len(levels), 1)
-    for column in np.flatnonzero(weak):
-        combined += _singular(everything, index, directions[:, column], undetermined)
-    kept = directions[:, ~weak]
-    inverse = (kept / levels[~weak]) @ kept.T
+    s, inverse, unseen = scaled_inverse(information[np.ix_(index, index)], SINGULAR * max(len(index), 1))
+    for direction in unseen.T:
+        combined += _singular(everything, index, direction, undetermined)
     bread = np.zeros((p, p))
     bread[np.ix_(index, index)] = inverse / np.outer(s, s)
     count = len(names)
@@ -183,8 +177,7 @@ def _judge(fit: Fit, information: FloatArray, meat: FloatArray) -> Uncertainty:
     bread = bread[:count, :count]
     condition = _condition(bread) if not undetermined.keys() & set(names) else float("inf")
     undetermined = {name: why for name, why in undetermined.items() if name in names}
-    std = np.sqrt(np.maximum(np.diag(covariance), 0.0))
-    plain = np.sqrt(np.maximum(np.diag(bread), 0.0))
+    std, plain = deviations(covariance), deviations(bread)
     # Overlapping windows may underrate: never surer than the information itself.
     std = np.maximum(std, plain)
     near_zero = _told_apart(fit, std, undetermined)
@@ -237,7 +230,7 @@ def _told_apart(fit: Fit, std: FloatArray, undetermined: dict[str, str]) -> tupl
 
 def _condition(bread: FloatArray) -> float:
     """Condition of the parameters' inverse information, noise levels eliminated, scaled to unit diagonal."""
-    scale = np.sqrt(np.maximum(np.diag(bread), 0.0))
+    scale = deviations(bread)
     if not len(bread) or not np.all(scale > 0.0):
         return float("inf")
     return float(np.linalg.cond(bread / np.outer(scale, scale)))

@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from haptic_teleop_sim.kernel import INITIAL, Packed, pack, predict
 from haptic_teleop_sim.model import Model
 from haptic_teleop_sysid.recordings.dataset import DataSet
-from haptic_teleop_sysid.simulation.scores import score_covariance
+from haptic_teleop_sysid.simulation.covariance import deviations, sandwich, score_covariance
 
 Array = NDArray[np.float64]
 LOGARITHMIC = ("stiffness", "motor_inertia", "arm_inertia", "torque_constant")
@@ -97,8 +97,7 @@ class WindowProblem:
         scale = np.sqrt(np.maximum(np.diag(information), 0.0))
         if not np.all(scale > 0.0) or np.linalg.cond(information / np.outer(scale, scale)) > 1e12:
             return np.full(count, np.nan)
-        inverse = np.linalg.inv(information)
-        std = np.sqrt(np.maximum(np.diag(inverse @ meat @ inverse), 0.0))
+        std = deviations(sandwich(information, meat))
         factors = [outer(n, v) if n in LOGARITHMIC else 1.0 for n, v in zip(self.names, x, strict=False)]
         return std * np.array(factors)
 

@@ -9,18 +9,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from haptic_teleop_sysid.estimation.gauss_newton import Fit
+from haptic_teleop_sysid.simulation.covariance import deviations, scaled_inverse
 
 FloatArray = NDArray[np.float64]
-
-
-def scaled_inverse(information: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Square roots of the diagonal (p,), and the inverse (p, p) of the information in these units; zero in
-    directions of which nothing is known."""
-    scale = np.sqrt(np.maximum(np.diag(information), 1e-300))
-    if not len(scale):
-        return scale, information
-    inverse = np.linalg.pinv(information / np.outer(scale, scale), rcond=1e-12, hermitian=True)
-    return scale, np.asarray(inverse, dtype=float)
 
 
 def covariance(fit: Fit, held: Sequence[str]) -> tuple[list[str], FloatArray, FloatArray]:
@@ -28,7 +19,7 @@ def covariance(fit: Fit, held: Sequence[str]) -> tuple[list[str], FloatArray, Fl
     (p,). What is left of an information that the noise levels took can be zero or less by rounding: of those
     nothing is known."""
     kept = [i for i, n in enumerate(fit.free) if n not in held and fit.information[i, i] > 0.0]
-    scale, inverse = scaled_inverse(fit.information[np.ix_(kept, kept)])
+    scale, inverse, _ = scaled_inverse(fit.information[np.ix_(kept, kept)])
     return [fit.free[i] for i in kept], scale, inverse
 
 
@@ -40,7 +31,7 @@ def standard_errors(fit: Fit, held: Sequence[str] = ()) -> dict[str, float]:
     if not np.all(np.isfinite(fit.information)):
         return errors
     names, scale, inverse = covariance(fit, held)
-    found = np.sqrt(np.maximum(np.diag(inverse), 0.0)) / scale
+    found = deviations(inverse) / scale
     return errors | dict(zip(names, found.tolist(), strict=True))
 
 
@@ -52,7 +43,7 @@ def known_beside(fit: Fit, own: Sequence[str]) -> FloatArray:
     known = np.zeros((len(fit.free), len(fit.free)))
     if not np.all(np.isfinite(fit.information)):
         return known
-    scale, inverse = scaled_inverse(fit.information[np.ix_(mine, mine)])
+    scale, inverse, _ = scaled_inverse(fit.information[np.ix_(mine, mine)])
     cross = fit.information[np.ix_(rest, mine)] / scale
     known[np.ix_(rest, rest)] = fit.information[np.ix_(rest, rest)] - cross @ inverse @ cross.T
     return known

@@ -11,8 +11,8 @@ import numpy as np
 from haptic_teleop_sim.effects import MEASURED
 from haptic_teleop_sim.effects.torque_map import TorqueMap
 from haptic_teleop_sim.model import Effect
+from haptic_teleop_sysid.simulation.covariance import scaled_inverse
 
-from .certainty import scaled_inverse
 from .inverse_dynamics.groups import CLEARLY, Search
 from .inverse_dynamics.latent import Latent
 
@@ -67,7 +67,7 @@ def drawn(search: Search, latent: Latent) -> Effect:
     terms, side = (latent,), search.sides[0]
     values = search.fitted(0, terms)
     own, rest = slice(len(side.side.names), None), slice(len(side.side.names))
-    scale, scaled = scaled_inverse(side.information(terms)[0][own, own])
+    scale, scaled, _ = scaled_inverse(side.information(terms)[0][own, own])
     inverse = np.diag(scaled) / scale**2
     left = side.left(terms, values).reshape(-1, side.samples)[_rows(search, latent)]
     # Neighbouring samples say the same: so many count for one.

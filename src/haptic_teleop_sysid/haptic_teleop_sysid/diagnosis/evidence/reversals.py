@@ -14,6 +14,7 @@ The first sees friction at the motor alone, because the spring's torque shows in
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
@@ -24,6 +25,7 @@ from numpy.typing import NDArray
 from haptic_teleop_sim.kernel import pack
 from haptic_teleop_sim.model import Model
 from haptic_teleop_sysid.estimation.records import Record
+from haptic_teleop_sysid.simulation.covariance import deviations, sandwich, scaled_inverse
 
 from .inverse_dynamics.motion import (
     BRIDGED,
@@ -78,13 +80,14 @@ def jump(model: Model, records: Sequence[Record], place: str) -> Jump | None:
     scale = np.sqrt(np.sum(columns**2, axis=0))
     if not np.all(scale > 0.0):
         return None
-    inverse = np.linalg.pinv((columns / scale).T @ (columns / scale), hermitian=True)
-    values = inverse @ ((columns / scale).T @ target)
+    # Its diagonal is one, as `scaled_inverse` makes it.
+    information = (columns / scale).T @ (columns / scale)
+    values = scaled_inverse(information)[1] @ ((columns / scale).T @ target)
     if values[0] / scale[0] < HELD * model.parameters["motor_inertia"]:
         return None
     scores = np.array([(x / scale).T @ (y - (x / scale) @ values) for x, y in rows])
     few = len(rows) / (len(rows) - 1.0)
-    errors = np.sqrt(few * np.maximum(np.diag(inverse @ (scores.T @ scores) @ inverse), 0.0))
+    errors = math.sqrt(few) * deviations(sandwich(information, scores.T @ scores))
     constant = abs(pack(model).torque_constant)
     driven = np.sqrt(np.mean(np.concatenate([r.input for r in records]) ** 2))
     return Jump(values[-1] / scale[-1], errors[-1] / scale[-1], len(rows), float(constant * driven))

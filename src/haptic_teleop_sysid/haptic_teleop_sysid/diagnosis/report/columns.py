@@ -15,10 +15,11 @@ from haptic_teleop_sysid.estimation.gauss_newton import Fit, bounds, normal_equa
 from haptic_teleop_sysid.estimation.records import Record
 from haptic_teleop_sysid.recordings.parameter_units import Units
 from haptic_teleop_sysid.recordings.relative_scale import relative_to
+from haptic_teleop_sysid.simulation.covariance import scaled_inverse
 
 from ..decision.search import SearchResult
 from ..decision.verdict import Verdict
-from ..evidence.certainty import scaled_inverse, standard_errors
+from ..evidence.certainty import standard_errors
 from ..evidence.other_forms import together
 from ..inputs.scales import within_reach
 from ..policy import SIGNIFICANT
@@ -28,9 +29,6 @@ from ..policy import SIGNIFICANT
 PRACTICAL = 0.05
 #: Share of a parameter in a direction of which the recordings say nothing, from which it is not determined.
 _UNDETERMINED = 1e-3
-#: Nothing is known of a direction below this eigenvalue of the information, parameters in units of their own
-#: standard deviations: as in `certainty.scaled_inverse`.
-_NOTHING = 1e-12
 _SIDES = ("lowest", "highest")
 
 
@@ -198,8 +196,6 @@ def _undetermined(fit: Fit) -> list[str]:
     scales)."""
     if not len(fit.free) or not np.all(np.isfinite(fit.information)):
         return list(fit.free)
-    scale, _ = scaled_inverse(fit.information)
-    values, directions = np.linalg.eigh(fit.information / np.outer(scale, scale))
-    nothing = directions[:, values < _NOTHING * max(float(values[-1]), 1.0)]
+    nothing = scaled_inverse(fit.information)[2]
     shares = np.sqrt(np.sum(nothing**2, axis=1))
     return [name for name, share in zip(fit.free, shares, strict=True) if share > _UNDETERMINED]

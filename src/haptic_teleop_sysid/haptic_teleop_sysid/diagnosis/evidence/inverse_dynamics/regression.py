@@ -23,7 +23,7 @@ from numpy.typing import NDArray
 
 from haptic_teleop_sim.model import STRUCTURES, Model
 from haptic_teleop_sysid.estimation.records import Record
-from haptic_teleop_sysid.simulation.scores import score_covariance
+from haptic_teleop_sysid.simulation.covariance import deviations, sandwich, score_covariance
 
 from ...inputs.scales import within_reach
 from .motion import BandedMotion, banded, long_enough
@@ -177,5 +177,4 @@ def standard_errors(columns: FloatArray, left: FloatArray, lags: int) -> FloatAr
     """(p,) standard errors with errors correlated over ``lags`` rows (Newey and West 1987)."""
     information = columns.T @ columns
     meat = score_covariance(columns * left[:, None], lags)
-    inverse = np.linalg.pinv(information, hermitian=True)
-    return np.sqrt(np.maximum(np.diag(inverse @ meat @ inverse), 0.0))
+    return deviations(sandwich(information, meat))
