@@ -20,10 +20,11 @@ from haptic_teleop_sysid.diagnosis.decision.overruled import (
     beyond_reach,
     explained_in_band,
     inadequate,
+    more_plainly,
     stands_next,
 )
 from haptic_teleop_sysid.diagnosis.decision.search import SearchResult
-from haptic_teleop_sysid.diagnosis.decision.verdict import decide_verdict, size_known
+from haptic_teleop_sysid.diagnosis.decision.verdict import decide_verdict, shape_unknown, size_known
 from haptic_teleop_sysid.diagnosis.evidence.inverse_dynamics.witness import Group, witness
 from haptic_teleop_sysid.diagnosis.evidence.second_opinion import Heard, plainer_first, second_opinion
 from haptic_teleop_sysid.diagnosis.hypotheses.explanation import Explanation
@@ -266,3 +267,37 @@ def test_a_richer_form_needs_more_than_chance_from_torques_or_free_runs():
     assert first(errors=(0.08, 0.09)) == [*rich], "free runs err less with it"
     assert first(plain=("coulomb_friction", "spring_to_ground")) == [*rich], "that is something else"
     assert first(plain=("asymmetric_friction", "gravity")) == [*rich], "that is no plainer form of it"
+
+
+def found_by_prediction(baseline, *effects, std=None):
+    """A result with these effects, each with these standard errors by parameter name."""
+    fit = replace(baseline, model=RIGID.with_effects(*effects))
+    choices = tuple(
+        Choice(Explanation(fit, 50.0, 20.0, True, i, std=std or {}), 1.0) for i in range(len(effects))
+    )
+    return SearchResult(baseline, fit, choices, (), None)
+
+
+def test_the_plainer_form_of_the_same_names_is_told_from_others(opinion, rubbing):
+    baseline = rubbing[3].baseline
+    falling = Effect("stribeck_friction", "j_motor", {"coulomb": 0.1, "breakaway": 0.4, "velocity": 2.0})
+    plain = Effect("coulomb_friction", "j_motor", {"torque": 0.4})
+    weight = Effect("gravity", "j_motor", {"torque": 1.0})
+    assert [e.effect for e in opinion.chosen.group.effects] == ["coulomb_friction"]
+    assert more_plainly(opinion, found_by_prediction(baseline, falling))
+    assert not more_plainly(opinion, found_by_prediction(baseline, plain)), "it is the same"
+    assert not more_plainly(opinion, found_by_prediction(baseline, weight)), "it is something else"
+    assert not more_plainly(opinion, found_by_prediction(baseline, falling, weight)), "it is more"
+    assert not more_plainly(replace(opinion, chosen=None), found_by_prediction(baseline, falling))
+
+
+def test_a_friction_that_falls_nobody_knows_to_what_has_no_known_shape(rubbing):
+    baseline, head = rubbing[3].baseline, "j_motor.stribeck_friction."
+    falling = Effect("stribeck_friction", "j_motor", {"coulomb": 0.0, "breakaway": 0.4, "velocity": 5.6})
+    known = {head + "coulomb": 0.05, head + "breakaway": 0.1, head + "velocity": 5.7}
+    for std, unknown in ((known, False), ({**known, head + "coulomb": 1.25}, True)):
+        result = found_by_prediction(baseline, falling, std=std)
+        assert shape_unknown(result.choices[0], result.final, {}) == unknown
+    # The spread between recordings counts.
+    result = found_by_prediction(baseline, falling, std=known)
+    assert shape_unknown(result.choices[0], result.final, {head + "breakaway": 0.3})

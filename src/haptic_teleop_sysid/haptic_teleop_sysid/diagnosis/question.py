@@ -21,12 +21,13 @@ from .decision.overruled import (
     explained_along,
     explained_in_band,
     inadequate,
+    more_plainly,
     stands_next,
 )
 from .decision.reasons import Doubt, more_than_chance, off_the_mark, runs_away, slipped
 from .decision.search import SearchResult
 from .decision.stand import Stand
-from .decision.verdict import size_unknown
+from .decision.verdict import shape_unknown, size_unknown
 from .evidence.inverse_dynamics.terms import follows_from_motion
 from .evidence.proof import mean_percent
 from .evidence.second_opinion import Errors, Opinion
@@ -46,7 +47,7 @@ def questioned(
         result = _before(result, *wrong)
         doubt = doubt if result.choices else (doubt or Doubt(*wrong))
     first = result.nameless.chosen.fit if result.nameless is not None else result.final
-    opinion = found.opinion
+    first_errors, opinion = found.horizons.errors(first.model), found.opinion
 
     def instead(why: str) -> tuple[SearchResult, Doubt | None, Stand]:
         assert opinion is not None
@@ -55,9 +56,16 @@ def questioned(
 
     alone = Stand(stand.before, stand.after, {})
     if opinion is not None and believed_instead(
-        opinion, found.horizons.errors(first.model), lambda: coloured(first, found.learn, found.judge)
+        opinion, first_errors, lambda: coloured(first, found.learn, found.judge)
     ):
         return instead("what the inverse dynamics name simulates all recordings better")
+    if (
+        opinion is not None
+        and more_plainly(opinion, result)
+        and any(shape_unknown(c, result.final, stand.spread) for c in result.choices)
+        and stands_next(opinion, first_errors)
+    ):
+        return instead("what is more than the plainer form of the inverse dynamics is not known")
     # Where what is left is random, a torque without a form follows chance.
     left = (
         bool(result.choices) and doubt is None and not left_is_random(result.final, found.learn, found.judge)

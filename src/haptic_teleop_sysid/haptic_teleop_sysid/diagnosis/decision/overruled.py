@@ -54,6 +54,21 @@ def stands_next(opinion: Opinion, first: tuple[float, float]) -> bool:
     return chosen is not None and opinion.explains_most and max(_ratios(chosen, first)) < NO_WORSE
 
 
+def more_plainly(opinion: Opinion, result: SearchResult) -> bool:
+    """Whether the second opinion has the names of a result, one or more of them in a plainer form."""
+    chosen, richer = opinion.chosen, 0
+    if chosen is None or len(chosen.group.effects) != len(result.choices):
+        return False
+    there = {e.location: e.effect for e in chosen.group.effects}
+    for effect in (choice.chosen.effect for choice in result.choices):
+        own, refinement = there.get(effect.location), effect.entry.refinement
+        plainer = refinement is not None and own == refinement.of
+        if own != effect.effect and not plainer:
+            return False
+        richer += plainer
+    return richer > 0
+
+
 def _ratios(chosen: Heard, first: tuple[float, float]) -> list[float]:
     """Errors of the free runs relative to the ``first`` opinion's, of either kind of recordings."""
     return [

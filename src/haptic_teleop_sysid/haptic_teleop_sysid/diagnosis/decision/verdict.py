@@ -137,6 +137,19 @@ def size_unknown(choice: Choice, final: Fit, spread: dict[str, float]) -> bool:
     return size_known(_fitted(choice, final), _parameters(choice, final, spread)) < LEAST_KNOWN
 
 
+def shape_unknown(choice: Choice, final: Fit, spread: dict[str, float]) -> bool:
+    """Whether one of a finding's sizes may be anything up to half of the largest: a dry friction that falls
+    with speed, nobody knows to what, is no more than dry friction."""
+    told = _parameters(choice, final, spread)
+    sizes = [told[p.name] for p in choice.chosen.effect.entry.parameters if p.name in told and _is_size(p)]
+    largest = max((abs(size["value"]) for size in sizes), default=0.0)
+    return any(size["std"] > _KNOWN * largest for size in sizes)
+
+
+def _is_size(parameter: EffectParameter) -> bool:
+    return parameter.default is None and parameter.neutral == 0.0
+
+
 def _fitted(choice: Choice, final: Fit) -> Effect:
     """The finding's effect with the numbers of the final model."""
     effect = choice.chosen.effect
