@@ -1,5 +1,6 @@
 """Effects of which nobody knows how much there is are left out of what the inverse dynamics name."""
 
+from dataclasses import replace
 from types import SimpleNamespace
 
 import pytest
@@ -12,12 +13,14 @@ from haptic_teleop_sysid.diagnosis.evidence.second_opinion import Heard, Opinion
 
 FRICTION = Effect("coulomb_friction", "stage1_motor", {"torque": 1.4})
 CONSTANT = Effect("constant_torque", "stage1_motor", {"torque": 0.015})
-WITNESS = SimpleNamespace(folds=SimpleNamespace(explained=lambda hypotheses: 0.1 * len(hypotheses)))
+WITNESS = SimpleNamespace(
+    levels=(), folds=SimpleNamespace(explained=lambda hypotheses: 0.1 * len(hypotheses))
+)
 
 
 def opinion(*effects, std):
     named = {f"stage1_motor.{name}.torque": error for name, error in std.items()}
-    hypotheses = tuple(e.effect for e in effects)
+    hypotheses = tuple(SimpleNamespace(entry=e.entry, location=e.location) for e in effects)
     group = Group(STAGE.with_effects(*effects), hypotheses, 10.0, 80.0, 0.9, {"motor_inertia": 0.1, **named})
     return Opinion(Heard(group, 12.0, (0.2, 0.3)), (), WITNESS)
 
@@ -44,7 +47,7 @@ def test_what_is_not_known_to_be_there_is_left_out(errors, names):
 def test_what_is_left_is_run_and_judged_by_itself():
     before = opinion(FRICTION, CONSTANT, std={"coulomb_friction": 0.1, "constant_torque": 0.05})
     names, found = kept(before)
-    assert names == ["coulomb_friction"] == [*found.group.hypotheses]
+    assert names == ["coulomb_friction"] == [h.entry.name for h in found.group.hypotheses]
     assert [e.effect for e in found.group.model.effects] == ["coulomb_friction"]
     assert found.errors == (0.4, 0.5) and found.group.explained == 0.1
     assert [*found.group.std] == ["motor_inertia", "stage1_motor.coulomb_friction.torque"]
@@ -52,3 +55,43 @@ def test_what_is_left_is_run_and_judged_by_itself():
     counted = []
     kept(before, lambda heard: counted.append(len(heard.group.effects)) or heard)
     assert counted == [2, 1]
+
+
+def group_of(*effects, torque_error=0.1):
+    return opinion(*effects, std={"coulomb_friction": torque_error, "constant_torque": 0.1}).chosen.group
+
+
+def test_a_form_that_is_not_known_is_told_plainly():
+    rippled = Effect(
+        "position_dependent_friction",
+        "stage1_motor",
+        {"torque": 1.4, "amplitude": 1.2, "order": 2.0, "phase": 0.0},
+    )
+    weight = Effect("constant_torque", "stage1_motor", {"torque": 0.5})
+    plain, strange = (
+        group_of(weight, FRICTION),
+        group_of(weight, Effect("gravity", "stage1_motor", {"torque": 9.0})),
+    )
+    before = opinion(weight, rippled, std={"constant_torque": 0.02})
+    head = "stage1_motor.position_dependent_friction."
+    before.chosen.group.std.update({head + "torque": 9.0, head + "amplitude": 9.0})
+    found = replace(before, witness=SimpleNamespace(levels=((strange, plain),), folds=WITNESS.folds))
+    assert kept(found)[0] == ["constant_torque", "coulomb_friction"]
+    # Where nobody found the plain one beside the same others, it is left out.
+    assert kept(replace(before, witness=SimpleNamespace(levels=((strange,),), folds=WITNESS.folds)))[0] == [
+        "constant_torque"
+    ]
+
+
+def test_sizes_that_free_runs_do_not_know_stay_those_of_the_torques():
+    before = opinion(FRICTION, CONSTANT, std={"coulomb_friction": 0.1, "constant_torque": 0.002})
+
+    def sized(heard, error):
+        larger = heard.group.model.with_values({"stage1_motor.coulomb_friction.torque": 2.0})
+        std = {**heard.group.std, "stage1_motor.coulomb_friction.torque": error}
+        return replace(heard, group=replace(heard.group, model=larger, std=std))
+
+    for error, torque in ((0.2, 2.0), (2.0, 1.4)):
+        names, found = kept(before, lambda heard, e=error: sized(heard, e))
+        assert names == ["coulomb_friction", "constant_torque"]
+        assert found.group.effects[0].values["torque"] == torque

@@ -284,11 +284,19 @@ def test_the_plainer_form_of_the_same_names_is_told_from_others(opinion, rubbing
     plain = Effect("coulomb_friction", "j_motor", {"torque": 0.4})
     weight = Effect("gravity", "j_motor", {"torque": 1.0})
     assert [e.effect for e in opinion.chosen.group.effects] == ["coulomb_friction"]
-    assert more_plainly(opinion, found_by_prediction(baseline, falling))
-    assert not more_plainly(opinion, found_by_prediction(baseline, plain)), "it is the same"
-    assert not more_plainly(opinion, found_by_prediction(baseline, weight)), "it is something else"
-    assert not more_plainly(opinion, found_by_prediction(baseline, falling, weight)), "it is more"
-    assert not more_plainly(replace(opinion, chosen=None), found_by_prediction(baseline, falling))
+
+    def plainly(*effects, of=opinion, errors=opinion.chosen.errors):
+        return more_plainly(of, found_by_prediction(baseline, *effects), errors)
+
+    assert plainly(falling)
+    assert plainly(falling, errors=(0.095, 0.115))
+    assert not plainly(falling, errors=(0.08, 0.12)), "the richer form runs better"
+    assert not plainly(plain), "it is the same"
+    assert not plainly(weight), "it is something else"
+    assert not plainly(falling, weight), "it is more"
+    assert not plainly(falling, of=replace(opinion, chosen=None))
+    more = replace(opinion, witness=replace(opinion.witness, recoverable=2.0 * opinion.witness.recoverable))
+    assert not plainly(falling, of=more), "half of what could be explained is not"
 
 
 def test_a_friction_that_falls_nobody_knows_to_what_has_no_known_shape(rubbing):

@@ -7,7 +7,7 @@ import math
 from collections.abc import Iterator
 from typing import Any
 
-from .hypothesis import DISTINCT, SMALL_TORQUE, Numbers, Recorded, bends
+from .hypothesis import BOTH_WAYS, DISTINCT, SMALL_TORQUE, Numbers, Recorded, bends
 from .parameter import CONTACT, STICTION_ANGLE
 
 #: Shares of the rms velocity over which a friction that falls with speed is begun, shares of the travel over
@@ -77,11 +77,10 @@ def by_exponential(s: Any, p: Any) -> Any:
 
 
 def differs(p: Numbers, on: Recorded) -> bool:
-    """The two directions well apart, in a friction that is one."""
+    """The two directions well apart, in a friction that is one, of a joint that moves in both."""
     total = p["positive"] + p["negative"]
-    return total > 2 * SMALL_TORQUE * on.size["torque"] and abs(p["positive"] - p["negative"]) > (
-        DISTINCT * total
-    )
+    apart = abs(p["positive"] - p["negative"]) > DISTINCT * total
+    return apart and total > 2 * SMALL_TORQUE * on.size["torque"] and on.both_ways > BOTH_WAYS
 
 
 def gives(p: Numbers, on: Recorded) -> bool:

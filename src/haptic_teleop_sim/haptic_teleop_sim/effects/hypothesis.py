@@ -18,7 +18,8 @@ class Recorded:
     ``size``: typical sizes in SI units, by the names of ``EffectParameter.scale``; ``lowest`` and
     ``highest``: angles reached there, rad; ``dt``: sample period, s; ``resolution``: of the encoder there,
     and ``coarsest`` of all encoders, rad; ``sticking``: displacement up to which a contact that gives counts
-    as one that sticks, rad.
+    as one that sticks, rad; ``both_ways``: how far it moved in one direction, of what it did in the other, 0
+    to 1.
     """
 
     size: Mapping[str, float]
@@ -28,6 +29,7 @@ class Recorded:
     resolution: float
     coarsest: float
     sticking: float
+    both_ways: float = 1.0
 
     @property
     def span(self) -> float:
@@ -70,6 +72,11 @@ SMALL_TORQUE = 0.0001
 DISTINCT = 0.2
 #: Least delay as a share of the sample period: less is not told from how the samples were taken; by hand.
 SHARE_OF_SAMPLE = 0.003
+#: Share of the way in one direction that a joint goes in the other at least, where both are told apart; by
+#: hand.
+BOTH_WAYS = 0.02
+#: Share of its largest torque by which a pull towards an angle changes over the travel; by hand.
+CHANGES = 0.1
 #: Share of the recording over which a drift takes place at least: what has changed as soon as the recording
 #: begins does not drift; by hand.
 AT_ONCE = 0.02

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 
 from .entry import EffectEntry
-from .hypothesis import SMALL_TORQUE, Equivalent, Numbers, Recorded, noticeable, repeats
+from .hypothesis import CHANGES, SMALL_TORQUE, Equivalent, Numbers, Recorded, noticeable, repeats
 from .parameter import EffectParameter
 
 #: Share of the travel by which the recordings' torque, rms, pushes into a stop at most: what yields further
@@ -49,6 +49,12 @@ def _stops(p: Numbers, on: Recorded) -> bool:
         and reach * p["angle"] > 0
         and p["stiffness"] * _YIELDS * on.span > on.size["torque"]
     )
+
+
+def _pulls_to_an_angle(p: Numbers, on: Recorded) -> bool:
+    """Over the travel its torque changes: with a rest far away it is a constant torque."""
+    farthest = max(abs(on.lowest - p["rest"]), abs(on.highest - p["rest"]))
+    return on.span > CHANGES * farthest
 
 
 GRAVITY = EffectEntry(
@@ -122,6 +128,7 @@ SPRING_TO_GROUND = EffectEntry(
     spring=lambda p: p["stiffness"],
     condition="{q}",
     follows="angle",
+    practical=_pulls_to_an_angle,
     families=_PULL,
     equivalents=(
         Equivalent("spring_to_ground", _BOTH, across=True, condition=_AT_REST),

@@ -15,20 +15,45 @@ from .verdict import size_known
 
 def with_known_sizes(opinion: Opinion, sized: Callable[[Heard], Heard], errors: Errors) -> Opinion:
     """The opinion, its sizes ``sized``, without effects whose size is not known to LEAST_KNOWN: the least
-    known one is left out and the others are sized anew, until all are known or one is left. ``errors``: of
-    free runs."""
+    known one is told in its plainer form, where that is in a group beside the same others, or left out, and
+    the others are sized anew, until all are known or one is left. Sizes that free runs do not know stay those
+    of the torques, where these know them. ``errors``: of free runs."""
     assert opinion.chosen is not None
-    heard = sized(opinion.chosen)
+
+    def known_sizes(before: Heard) -> Heard:
+        after = sized(before)
+        first, then = (_least_known(heard.group)[0] for heard in (before, after))
+        return before if then < LEAST_KNOWN <= first else after
+
+    heard = known_sizes(opinion.chosen)
     while len(heard.group.effects) > 1:
-        known, least = min(
-            (_known(heard.group, effect), i) for i, effect in enumerate(heard.group.effects)
-        )
+        known, least = _least_known(heard.group)
         if known >= LEAST_KNOWN:
             break
-        group = _without(heard.group, least)
+        group = _plainer(opinion, heard.group, least) or _without(heard.group, least)
         group = replace(group, explained=opinion.witness.folds.explained(group.hypotheses))
-        heard = sized(Heard(group, heard.gain, errors(group.model)))
+        heard = known_sizes(Heard(group, heard.gain, errors(group.model)))
     return replace(opinion, chosen=heard)
+
+
+def _plainer(opinion: Opinion, group: Group, index: int) -> Group | None:
+    """The witness's group with one effect in its plainer form and the same others; None where there is
+    none."""
+    refinement = group.hypotheses[index].entry.refinement
+    if refinement is None:
+        return None
+    wanted = [(h.entry.name, h.location) for h in group.hypotheses]
+    wanted[index] = (refinement.of, wanted[index][1])
+    for level in opinion.witness.levels:
+        for other in level:
+            if sorted((h.entry.name, h.location) for h in other.hypotheses) == sorted(wanted):
+                return other
+    return None
+
+
+def _least_known(group: Group) -> tuple[float, int]:
+    """How surely the least known size of a group is known, and which effect's it is."""
+    return min((_known(group, effect), i) for i, effect in enumerate(group.effects))
 
 
 def _known(group: Group, effect: Effect) -> float:

@@ -20,6 +20,7 @@ from ..evidence.second_opinion import NO_WORSE, Errors, Heard, Opinion
 from ..hypotheses.explanation import Explanation
 from ..hypotheses.twins import twin
 from ..policy import ERRS_FAR_LESS, ERRS_LESS, LEAST_EXPLAINED
+from .adequacy import SLIGHT_ERROR
 from .corroborated import adds_torque
 from .decide import Choice, prior
 from .free_run_sizes import Simulated, sized_freely
@@ -54,10 +55,15 @@ def stands_next(opinion: Opinion, first: tuple[float, float]) -> bool:
     return chosen is not None and opinion.explains_most and max(_ratios(chosen, first)) < NO_WORSE
 
 
-def more_plainly(opinion: Opinion, result: SearchResult) -> bool:
-    """Whether the second opinion has the names of a result, one or more of them in a plainer form."""
+def more_plainly(opinion: Opinion, result: SearchResult, first: tuple[float, float]) -> bool:
+    """Whether the second opinion has the names of a result, one or more of them in a plainer form, explains
+    most of what can be explained with them, and runs nearly as well as the result, whose free runs err by
+    ``first``; errors that are not worth a word (SLIGHT_ERROR) are as good as none."""
     chosen, richer = opinion.chosen, 0
-    if chosen is None or len(chosen.group.effects) != len(result.choices):
+    if chosen is None or len(chosen.group.effects) != len(result.choices) or not opinion.explains_most:
+        return False
+    pairs = zip(chosen.errors, first, strict=True)
+    if max(max(own, SLIGHT_ERROR) / max(other, SLIGHT_ERROR) for own, other in pairs) >= 1.0 / ERRS_LESS:
         return False
     there = {e.location: e.effect for e in chosen.group.effects}
     for effect in (choice.chosen.effect for choice in result.choices):

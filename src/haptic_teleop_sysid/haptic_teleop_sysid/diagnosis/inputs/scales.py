@@ -19,7 +19,8 @@ from haptic_teleop_sysid.recordings.motion import finite
 class Scales:
     """Typical sizes in SI units: ``size`` by the names of ``EffectParameter.scale``; ``lowest`` and
     ``highest`` angle of motor and arm, rad; ``dt``, s; ``resolution`` of both encoders, rad; ``pushed``: how
-    far the rms torque moves motor and arm from rest in a sample, twice that, rad.
+    far the rms torque moves motor and arm from rest in a sample, twice that, rad; ``both_ways``: of the way
+    that each went in one direction the share that it went in the other.
     """
 
     size: dict[str, float]
@@ -28,6 +29,7 @@ class Scales:
     dt: float
     resolution: tuple[float, float]
     pushed: tuple[float, float] = (0.0, 0.0)
+    both_ways: tuple[float, float] = (1.0, 1.0)
 
     def span(self, channel: int) -> float:
         """How far motor (0) or arm (1) moved, rad."""
@@ -44,6 +46,7 @@ class Scales:
             self.resolution[channel],
             max(self.resolution),
             self.contacts(channel)[1],
+            self.both_ways[channel],
         )
 
     def contacts(self, channel: int) -> tuple[float, float]:
@@ -65,6 +68,8 @@ class Scales:
         return tuple(float(angle) for angle in np.geomspace(min(low, high), high, len(CONTACT_STARTS)))
 
 
+#: Share of its top speed from which a joint counts as moving.
+MOVES = 0.02
 #: Factor by which a machine may differ from what its owner believes.
 REACH = 8.0
 #: Shares of the travel within which the contact of dry friction gives; from the larger one on it bears its
@@ -160,4 +165,22 @@ def recording_scales(model: Model, records: Sequence[Record]) -> Scales:
     resolution, dt = records[0].resolution, records[0].dt
     inertias = (float(p.get(f"{axis}_inertia", p["motor_inertia"])) for axis in ("motor", "arm"))
     motor, arm = (torque / inertia * dt**2 for inertia in inertias)
-    return Scales(size, (lowest[0], lowest[1]), (highest[0], highest[1]), dt, resolution, (motor, arm))
+    travel = (lowest[0], lowest[1]), (highest[0], highest[1])
+    return Scales(
+        size, *travel, dt, resolution, (motor, arm), (_both_ways(records, 0), _both_ways(records, 1))
+    )
+
+
+def _both_ways(records: Sequence[Record], channel: int) -> float:
+    """Of the way that motor (0) or arm (1) goes in one direction the share that it goes in the other, 0 to 1,
+    while it is faster than MOVES of its top speed; 1 where it was not measured."""
+    speeds = [velocity_of(r.measured[:, channel], r.dt) for r in records]
+    fastest = max(float(np.max(np.abs(v), initial=0.0)) for v in speeds)
+    if fastest == 0.0:
+        return 1.0
+    ways = [
+        sum(r.dt * float(np.sum(v[side * v > MOVES * fastest])) for r, v in zip(records, speeds, strict=True))
+        for side in (1.0, -1.0)
+    ]
+    less, more = sorted(map(abs, ways))
+    return less / more
