@@ -123,6 +123,8 @@ class Packed:
         the sample before, whose torque is known by then.
         """
         whole, lead = np.zeros(2, dtype=np.int64), np.zeros(2)
+        if not self.skew:
+            return whole, lead
         for channel in (0, 1):
             delay = sum(float(self.p[o]) for c, o in self.skew if c == channel) / dt
             whole[channel] = math.floor(delay)

@@ -66,7 +66,7 @@ def settling(record: Record) -> int:
 
 def channels(packed: Packed, record: Record) -> list[int]:
     """Encoders that take part: the motor's, and the arm's where there is one."""
-    if packed.rigid or np.count_nonzero(np.isfinite(record.measured[:, 1])) < _FEWEST:
+    if packed.rigid or record.readings[1] < _FEWEST:
         return [0]
     return [0, 1]
 
@@ -74,8 +74,10 @@ def channels(packed: Packed, record: Record) -> list[int]:
 def seen(packed: Packed, record: Record) -> NDArray[np.bool_]:
     """Which innovations (n, 2) come of a reading: readings of a late encoder are moved ahead, see `predict`,
     and 0 stands for those that are missing."""
-    there = np.isfinite(record.measured)
     whole = packed.encoder_shift(record.dt)[0]
+    if not whole.any():
+        return record.read
+    there = record.read.copy()
     for channel in np.flatnonzero(whole):
         source = np.arange(len(there)) + whole[channel]
         inside = (source >= 0) & (source < len(there))
@@ -120,7 +122,7 @@ def log_likelihood(packed: Packed, records: Sequence[Record], innovation: Sequen
         if sign <= 0:
             return -np.inf
         # Of the recording, so that a model whose encoder is late is judged by as many readings as any other.
-        taken = settled(record, np.isfinite(record.measured))[:, : len(spread)]
+        taken = settled(record, record.read)[:, : len(spread)]
         if taken.all():
             total -= 0.5 * len(taken) * float(value)
             continue
@@ -141,7 +143,7 @@ def by_sample(packed: Packed, record: Record, innovation: FloatArray) -> FloatAr
     half a nat per reading."""
     spread = covariance(packed, record, innovation)
     used = len(spread)
-    taken = settled(record, np.isfinite(record.measured))[:, :used]
+    taken = settled(record, record.read)[:, :used]
     there = settled(record, seen(packed, record))[:, :used]
     e = settled(record, innovation)[:, :used]
     motor = float(spread[0, 0])

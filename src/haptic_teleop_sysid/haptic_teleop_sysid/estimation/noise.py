@@ -133,9 +133,7 @@ def observer_gain(
     own, slope = replace(noise, reference=None), packed.encoder_slope
     gain = _structure_gain(base, rigid, own, dt, channels, tuple(ahead.tolist()), slope)
     full = np.zeros((packed.states, 2))
-    places = {0: 0, 1: 1, 2: 2, 3: 3, 4: packed.states - 2, 5: packed.states - 1}
-    for state, row in enumerate(gain):
-        full[places[state]] = row
+    full[:4], full[-2:] = gain[:4], gain[4:]
     return full
 
 
@@ -158,9 +156,9 @@ def _structure_gain(
     q[4, 4] = noise.motor_torque**2 * (1.0 - decay[0] ** 2) / scale
     q[5, 5] = noise.arm_torque**2 * (1.0 - decay[1] ** 2) / scale
     r[1, 1] = noise.arm_angle**2 / scale
-    keep, gain = [0, 2, 4] if rigid else list(range(6)), np.zeros((6, 2))
-    own, used = np.ix_(keep, keep), np.ix_(channels, channels)
-    gain[np.ix_(keep, channels)] = stationary_filter(
-        transition[own], c[np.ix_(channels, keep)], q[own], r[used]
+    keep, used = slice(0, 6, 2 if rigid else 1), slice(channels[0], channels[-1] + 1)
+    gain = np.zeros((6, 2))
+    gain[keep, used] = stationary_filter(
+        transition[keep, keep], c[used, keep], q[keep, keep], r[used, used]
     )[1]
     return gain

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -48,6 +49,18 @@ class Record:
 
     def __len__(self) -> int:
         return len(self.input)
+
+    @cached_property
+    def read(self) -> NDArray[np.bool_]:
+        """Which readings there are, (n, 2); not to be written to."""
+        found = np.isfinite(self.measured)
+        found.flags.writeable = False
+        return found
+
+    @cached_property
+    def readings(self) -> tuple[int, int]:
+        """How many there are of motor and arm."""
+        return int(np.count_nonzero(self.read[:, 0])), int(np.count_nonzero(self.read[:, 1]))
 
     def initial_state(self) -> FloatArray:
         """Angles first read, and the speeds (which the observer corrects within some samples)."""

@@ -72,7 +72,7 @@ class Answers:
                     np.ascontiguousarray(np.concatenate(torques).T),
                     channel,
                     entry.kind == "output",
-                    np.isfinite(record.measured),
+                    record.read,
                     transition,
                     gain,
                     shown,
@@ -97,12 +97,10 @@ class Answers:
                 if i == j:
                     rest = np.where(rest > _ALL_EXPLAINED * whole, rest, _NOTHING_LEFT)
                 matrix[:, i, j] = matrix[:, j, i] = rest
-        found = np.zeros(number)
-        for k in range(number):
-            size = np.sqrt(np.diag(matrix[k]))
-            scaled, own = scores[k] / size, matrix[k] / np.outer(size, size)
-            found[k] = 0.5 * float(np.linalg.lstsq(own, scaled, rcond=1e-9)[0] @ scaled)
-        return found
+        size = np.sqrt(np.diagonal(matrix, axis1=1, axis2=2))
+        scaled, own = scores / size, matrix / (size[:, :, None] * size[:, None, :])
+        inverse = np.linalg.pinv(own, rcond=1e-9, hermitian=True)
+        return 0.5 * np.einsum("ki,kij,kj->k", scaled, inverse, scaled)
 
 
 @njit(cache=True, error_model="numpy", nogil=True)
