@@ -327,3 +327,33 @@ def test_a_size_at_which_nothing_was_evaluated_is_no_size():
     found = asked(RIGID, made(0), made(1))
     assert best(found).effects
     assert not any(e.effect == "gain_drift" for level in found.levels for g in level for e in g.effects)
+
+
+def cogging(seed, order=31.0, seconds=12.0):
+    """A motor that turns at about a revolution a second, driven against a torque that varies ``order`` times
+    per revolution: its speed swings at some 31 Hz, far above what else moves."""
+    luck = np.random.default_rng(seed)
+    fine, inertia, damping, size = 10, 2e-4, 0.02, 0.15
+    q, v, dt = 0.0, 6.3, 0.001
+    angle, torque = np.empty(round(seconds / dt)), np.empty(round(seconds / dt))
+    for k in range(len(angle)):
+        wanted = 6.3 + 0.6 * np.sin(0.7 * k * dt + seed)
+        angle[k], torque[k] = q, 0.02 * 6.3 + 0.05 * (wanted - v) + 0.002 * luck.standard_normal()
+        for _ in range(fine):
+            v += dt / fine * (torque[k] + size * np.sin(order * q) - damping * v) / inertia
+            q += dt / fine * v
+    measured = np.column_stack([1e-4 * np.round(angle / 1e-4), np.full(len(angle), np.nan)])
+    return Record("made here", dt, torque, measured, np.zeros(len(angle)), (1e-4, 1e-4))
+
+
+def test_a_motor_that_cogs_is_seen_in_the_band_of_its_cogging():
+    learn, judge = [cogging(0)], [cogging(1)]
+    model = RIGID.with_values({"motor_inertia": 2.4e-4, "motor_damping": 0.016})
+    assert motion_band([*learn, *judge]) > 31.0
+    said = witness(model, learn, judge, recording_scales(model, learn))
+    best = said.levels[0][0]
+    (effect,) = best.effects
+    assert (effect.effect, effect.values["order"]) == ("torque_ripple", 31.0)
+    assert effect.values["amplitude"] == pytest.approx(0.15, rel=0.15)
+    # Readings that scatter by more than a line does are no motion.
+    assert motion_band([replace(r, resolution=(0.05, 0.05)) for r in learn]) < 20.0

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -20,7 +21,8 @@ class Scales:
     """Typical sizes in SI units: ``size`` by the names of ``EffectParameter.scale``; ``lowest`` and
     ``highest`` angle of motor and arm, rad; ``dt``, s; ``resolution`` of both encoders, rad; ``pushed``: how
     far the rms torque moves motor and arm from rest in a sample, twice that, rad; ``both_ways``: of the way
-    that each went in one direction the share that it went in the other.
+    that each went in one direction the share that it went in the other; ``orders``: cycles per revolution up
+    to which the samples of motor and arm lie densely enough.
     """
 
     size: dict[str, float]
@@ -30,6 +32,7 @@ class Scales:
     resolution: tuple[float, float]
     pushed: tuple[float, float] = (0.0, 0.0)
     both_ways: tuple[float, float] = (1.0, 1.0)
+    orders: tuple[float, float] = (0.0, 0.0)
 
     def span(self, channel: int) -> float:
         """How far motor (0) or arm (1) moved, rad."""
@@ -68,6 +71,8 @@ class Scales:
         return tuple(float(angle) for angle in np.geomspace(min(low, high), high, len(CONTACT_STARTS)))
 
 
+#: Cycles per sample up to which samples show an order, at nine tenths of them.
+RESOLVED = 0.25
 #: Share of its top speed from which a joint counts as moving.
 MOVES = 0.02
 #: Factor by which a machine may differ from what its owner believes.
@@ -166,9 +171,16 @@ def recording_scales(model: Model, records: Sequence[Record]) -> Scales:
     inertias = (float(p.get(f"{axis}_inertia", p["motor_inertia"])) for axis in ("motor", "arm"))
     motor, arm = (torque / inertia * dt**2 for inertia in inertias)
     travel = (lowest[0], lowest[1]), (highest[0], highest[1])
-    return Scales(
-        size, *travel, dt, resolution, (motor, arm), (_both_ways(records, 0), _both_ways(records, 1))
-    )
+    ways, orders = ((one(records, 0), one(records, 1)) for one in (_both_ways, highest_order))
+    return Scales(size, *travel, dt, resolution, (motor, arm), ways, orders)
+
+
+def highest_order(records: Sequence[Record], channel: int) -> float:
+    """The highest order, cycles per revolution, for which the samples of motor (0) or arm (1) lie densely
+    enough; 0 where the angle was not measured."""
+    steps = np.abs(np.concatenate([np.diff(r.measured[:, channel]) for r in records]))
+    steps = steps[np.isfinite(steps)]
+    return 2.0 * math.pi * RESOLVED / max(float(np.quantile(steps, 0.9)), 1e-12) if len(steps) else 0.0
 
 
 def _both_ways(records: Sequence[Record], channel: int) -> float:

@@ -21,21 +21,21 @@ from haptic_teleop_sysid.estimation.parallel import side_by_side
 from haptic_teleop_sysid.estimation.records import Record, thinned_to
 
 from ..hypotheses.candidates import Scanned
-from ..inputs.scales import Scales
+from ..inputs.scales import Scales, highest_order
 from .answers import Answers
 
 FloatArray = NDArray[np.float64]
 
 #: Most values of one parameter, and how many of the best are starts.
 _MOST_VALUES, _BEST = 160, 3
+#: Highest whole number of cycles per revolution that is tried on a joint that turns on and on.
+_MOST_CYCLES = 200
 #: Shares of the furthest angles at which a stop is tried.
 _SHARES = (0.998, 0.99, 0.98, 0.96, 0.94, 0.91, 0.88, 0.84, 0.8, 0.75, 0.7)
 #: Ratio of neighbouring natural frequencies; a lightly damped part answers some 4 % to either side.
 _RATIO = 1.04
 #: Places of an angle within the travel.
 _PLACES = 24
-#: Cycles per sample up to which a thinned recording shows an order, at nine tenths of its samples.
-_RESOLVED = 0.25
 
 
 def scan(fit: Fit, records: Sequence[Record], scales: Scales) -> Scanned:
@@ -48,7 +48,7 @@ def scan(fit: Fit, records: Sequence[Record], scales: Scales) -> Scanned:
         quick = fine if thin is records else Answers(fit, thin)
     except FAILURES:
         return {}
-    most = [np.inf if thin is records else _highest_order(thin, channel) for channel in (0, 1)]
+    most = [np.inf if thin is records else highest_order(thin, channel) for channel in (0, 1)]
     sought: list[tuple[EffectEntry, EffectParameter, str]] = []
     for name, entry in EFFECTS.items():
         parameter = next((p for p in entry.parameters if p.scan), None)
@@ -72,13 +72,6 @@ def scan(fit: Fit, records: Sequence[Record], scales: Scales) -> Scanned:
     }
 
 
-def _highest_order(records: Sequence[Record], channel: int) -> float:
-    """The highest order for which these samples lie densely enough; 0 where the angle was not measured."""
-    steps = np.abs(np.concatenate([np.diff(r.measured[:, channel]) for r in records]))
-    steps = steps[np.isfinite(steps)]
-    return 2.0 * math.pi * _RESOLVED / max(float(np.quantile(steps, 0.9)), 1e-12) if len(steps) else 0.0
-
-
 def both(one: Scanned, other: Scanned) -> Scanned:
     """The values of both, without repetition, those of ``one`` first."""
     return {key: list(dict.fromkeys([*values, *other.get(key, [])])) for key, values in one.items()}
@@ -94,6 +87,10 @@ def scanned_values(parameter: EffectParameter, scales: Scales, place: str) -> It
         for i in range(_MOST_VALUES):
             if parameter.minimum <= first + i * step <= parameter.maximum:
                 yield first + i * step
+        if span > 2.0 * math.pi:
+            # What turns on and on repeats with its revolution.
+            last = min(scales.orders[channel], _MOST_CYCLES, parameter.maximum)
+            yield from map(float, range(math.floor(_MOST_VALUES * step) + 1, math.floor(last) + 1))
     elif parameter.scan == "frequency":
         value, last = 0.5, min(0.3 / scales.dt, parameter.maximum)
         while value < last:
