@@ -39,3 +39,10 @@ def test_friction_differs_only_between_directions_that_are_gone():
         assert material(sided, scales) == named
     # Either direction may be in another recording.
     assert material(sided, recording_scales(RIGID, [moved(onward), moved(-onward)]))
+
+
+@pytest.mark.parametrize(("order", "named"), [(1.0, False), (1.1, False), (0.7, True), (2.0, True)])
+def test_a_ripple_of_one_cycle_a_turn_is_gravity(order, named):
+    scales = recording_scales(RIGID, [moved(4.0 * np.sin(TIME))])
+    ripple = Effect("torque_ripple", "j_motor", {"amplitude": 0.3, "order": order, "phase": 0.2})
+    assert material(ripple, scales) == named

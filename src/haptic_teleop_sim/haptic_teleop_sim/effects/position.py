@@ -11,6 +11,9 @@ from .parameter import EffectParameter
 #: Share of the travel by which the recordings' torque, rms, pushes into a stop at most: what yields further
 #: stops nothing, it is a spring; by hand.
 _YIELDS = 0.3
+#: Cycles per revolution about one that are those of gravity: they say the same, but for a shape hardly
+#: seen; by hand.
+_ONCE_A_TURN = 0.15
 #: A pull towards an angle: gravity or a spring.
 _PULL = ("pull towards an angle",)
 _SMALL_ANGLES = "over a small angle"
@@ -37,8 +40,9 @@ def _as_gravity_aside(p: Numbers) -> dict[str, float]:
 
 
 def _ripples(p: Numbers, on: Recorded) -> bool:
-    """A noticeable amplitude, of a sine of which enough was seen."""
-    return p["amplitude"] > SMALL_TORQUE * on.size["torque"] and repeats(p, on)
+    """A noticeable amplitude, of a sine of which enough was seen; once a turn it is gravity."""
+    noticed = p["amplitude"] > SMALL_TORQUE * on.size["torque"] and repeats(p, on)
+    return noticed and abs(p["order"] - 1.0) > _ONCE_A_TURN
 
 
 def _stops(p: Numbers, on: Recorded) -> bool:
