@@ -14,7 +14,8 @@ from haptic_teleop_sim.omni_robot import OMNI_PARAMETERS
 from haptic_teleop_sim.sfj_robot import SFJ_PARAMETERS
 from haptic_teleop_sysid.commands import acquire, compare, diagnose, export, verify
 from haptic_teleop_sysid.diagnosis.decision.adequacy import Adequacy
-from haptic_teleop_sysid.diagnosis.evidence.inverse_dynamics.motion import banded, motion_band
+from haptic_teleop_sysid.diagnosis.evidence.inverse_dynamics.band import motion_band
+from haptic_teleop_sysid.diagnosis.evidence.inverse_dynamics.motion import banded
 from haptic_teleop_sysid.diagnosis.report.page_law import law_curve, law_curves, law_plot
 from haptic_teleop_sysid.diagnosis.report.page_lead import lead
 from haptic_teleop_sysid.diagnosis.report.page_reasons import reasons

@@ -9,7 +9,8 @@ from stepped_machines import DT, RIGID, bent_spring, drive, pendulum, record, tw
 
 from haptic_teleop_sim.effects import EFFECTS
 from haptic_teleop_sim.model import Effect, Model
-from haptic_teleop_sysid.diagnosis.evidence.inverse_dynamics.motion import banded, motion_band
+from haptic_teleop_sysid.diagnosis.evidence.inverse_dynamics.band import motion_band
+from haptic_teleop_sysid.diagnosis.evidence.inverse_dynamics.motion import banded
 from haptic_teleop_sysid.diagnosis.evidence.inverse_dynamics.regression import equations
 from haptic_teleop_sysid.diagnosis.evidence.inverse_dynamics.terms import Hypothesis, turning
 from haptic_teleop_sysid.diagnosis.evidence.inverse_dynamics.witness import witness

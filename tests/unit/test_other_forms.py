@@ -11,7 +11,7 @@ from stepped_machines import DT, FINE, RIGID, drive, record
 from haptic_teleop_sim.model import Effect
 from haptic_teleop_sysid.diagnosis.evidence import other_forms
 from haptic_teleop_sysid.diagnosis.evidence.certainty import standard_errors
-from haptic_teleop_sysid.diagnosis.evidence.inverse_dynamics.motion import motion_band
+from haptic_teleop_sysid.diagnosis.evidence.inverse_dynamics.band import motion_band
 from haptic_teleop_sysid.diagnosis.evidence.other_forms import spread_by_form, together
 from haptic_teleop_sysid.estimation.whole_fit import fit_from_scratch
 

@@ -21,13 +21,9 @@ from numpy.typing import NDArray
 from haptic_teleop_control.errors import ConfigurationError, MismatchError, RecordingError
 from haptic_teleop_control.recording import Recording
 from haptic_teleop_sim.model import STRUCTURES, Model
+from haptic_teleop_sysid.diagnosis.evidence.inverse_dynamics.band import motion_band
 from haptic_teleop_sysid.diagnosis.evidence.inverse_dynamics.groups import independent
-from haptic_teleop_sysid.diagnosis.evidence.inverse_dynamics.motion import (
-    BRIDGED,
-    BandedMotion,
-    banded,
-    motion_band,
-)
+from haptic_teleop_sysid.diagnosis.evidence.inverse_dynamics.motion import BRIDGED, BandedMotion, banded
 from haptic_teleop_sysid.diagnosis.evidence.inverse_dynamics.products import solved
 from haptic_teleop_sysid.diagnosis.evidence.inverse_dynamics.regression import standard_errors
 from haptic_teleop_sysid.estimation.excitation import refuse_idle

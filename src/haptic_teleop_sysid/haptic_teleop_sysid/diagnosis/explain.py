@@ -23,7 +23,7 @@ from .decision.free_run_sizes import turning_limits
 from .decision.search import LEAST_PERCENT, POOR_FIT, SearchResult, search, search_by_simulation
 from .evidence.current import shown_by_current
 from .evidence.horizons import Horizons, free_errors
-from .evidence.inverse_dynamics.motion import motion_band
+from .evidence.inverse_dynamics.band import motion_band
 from .evidence.inverse_dynamics.witness import witness
 from .evidence.predictable import while_predictable
 from .evidence.proof import Course

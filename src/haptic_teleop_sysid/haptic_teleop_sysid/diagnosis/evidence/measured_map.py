@@ -26,9 +26,9 @@ from haptic_teleop_sysid.estimation.whole_fit import fit_whole
 
 from ..inputs.scales import within_reach
 from .drawn_map import VARIABLES, drawn, explained_there, finer
+from .inverse_dynamics.band import motion_band
 from .inverse_dynamics.groups import Search, independent
 from .inverse_dynamics.latent import Latent
-from .inverse_dynamics.motion import motion_band
 from .inverse_dynamics.regression import equations
 from .second_opinion import Errors
 from .suggested_law.entry_file import law_content

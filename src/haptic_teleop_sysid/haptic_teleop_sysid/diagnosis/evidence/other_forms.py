@@ -21,7 +21,7 @@ from haptic_teleop_sim.model import Effect, Model
 from haptic_teleop_sysid.estimation.likelihood import FAILURES
 from haptic_teleop_sysid.estimation.records import Record
 
-from .inverse_dynamics.motion import MOST_OF_RATE
+from .inverse_dynamics.band import MOST_OF_RATE
 from .inverse_dynamics.products import solved
 from .inverse_dynamics.regression import Equations, equations, signs
 from .inverse_dynamics.terms import Hypothesis

@@ -27,14 +27,8 @@ from haptic_teleop_sim.model import Model
 from haptic_teleop_sysid.estimation.records import Record
 from haptic_teleop_sysid.simulation.covariance import deviations, sandwich, scaled_inverse
 
-from .inverse_dynamics.motion import (
-    BRIDGED,
-    MOST_OF_RATE,
-    BandedMotion,
-    banded,
-    in_long_runs,
-    low_passed,
-)
+from .inverse_dynamics.band import MOST_OF_RATE
+from .inverse_dynamics.motion import BRIDGED, BandedMotion, banded, in_long_runs, low_passed
 
 FloatArray = NDArray[np.float64]
 

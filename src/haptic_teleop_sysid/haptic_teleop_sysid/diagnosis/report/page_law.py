@@ -23,7 +23,8 @@ from haptic_teleop_sysid.report import Panel, Plot, Series, unit_text
 
 from ..decision.search import SearchResult
 from ..decision.verdict import Verdict
-from ..evidence.inverse_dynamics.motion import BandedMotion, banded, motion_band
+from ..evidence.inverse_dynamics.band import motion_band
+from ..evidence.inverse_dynamics.motion import BandedMotion, banded
 from ..evidence.residual import Condition
 from .law_torque import TIME, followed, has_law, lacking, law_torque, on_arm, quantity
 

@@ -26,7 +26,8 @@ from haptic_teleop_sysid.estimation.records import Record
 from haptic_teleop_sysid.simulation.covariance import deviations, sandwich, score_covariance
 
 from ...inputs.scales import within_reach
-from .motion import BandedMotion, banded, long_enough
+from .band import long_enough
+from .motion import BandedMotion, banded
 from .term import Term
 from .terms import Hypothesis, follows_from_motion
 

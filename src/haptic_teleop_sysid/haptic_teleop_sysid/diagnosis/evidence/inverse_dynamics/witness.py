@@ -14,10 +14,10 @@ from haptic_teleop_sysid.estimation.records import Record
 
 from ...hypotheses.admissible import admissible
 from ...inputs.scales import Scales
+from .band import motion_band
 from .folds import Fold
 from .groups import Chosen, Search, different, independent
 from .latent import Latent
-from .motion import motion_band
 from .regression import equations, own_columns, standard_errors
 from .terms import Hypothesis, hypotheses
 
