@@ -61,8 +61,8 @@ def questioned(
         return instead("what the inverse dynamics name simulates all recordings better")
     if (
         opinion is not None
-        and more_plainly(opinion, result, first_errors)
         and any(shape_unknown(c, result.final, stand.spread) for c in result.choices)
+        and more_plainly(opinion, result, first_errors)
     ):
         return instead("what is more than the plainer form of the inverse dynamics is not known")
     # Where what is left is random, a torque without a form follows chance.

@@ -60,10 +60,7 @@ def more_plainly(opinion: Opinion, result: SearchResult, first: tuple[float, flo
     most of what can be explained with them, and runs nearly as well as the result, whose free runs err by
     ``first``; errors that are not worth a word (SLIGHT_ERROR) are as good as none."""
     chosen, richer = opinion.chosen, 0
-    if chosen is None or len(chosen.group.effects) != len(result.choices) or not opinion.explains_most:
-        return False
-    pairs = zip(chosen.errors, first, strict=True)
-    if max(max(own, SLIGHT_ERROR) / max(other, SLIGHT_ERROR) for own, other in pairs) >= 1.0 / ERRS_LESS:
+    if chosen is None or len(chosen.group.effects) != len(result.choices):
         return False
     there = {e.location: e.effect for e in chosen.group.effects}
     for effect in (choice.chosen.effect for choice in result.choices):
@@ -72,7 +69,9 @@ def more_plainly(opinion: Opinion, result: SearchResult, first: tuple[float, flo
         if own != effect.effect and not plainer:
             return False
         richer += plainer
-    return richer > 0
+    pairs = zip(chosen.errors, first, strict=True) if richer and opinion.explains_most else ()
+    ratios = [max(own, SLIGHT_ERROR) / max(other, SLIGHT_ERROR) for own, other in pairs]
+    return bool(ratios) and max(ratios) < 1.0 / ERRS_LESS
 
 
 def _ratios(chosen: Heard, first: tuple[float, float]) -> list[float]:
