@@ -16,6 +16,7 @@ from haptic_teleop_sysid.diagnosis.decision.reasons import Doubt
 from haptic_teleop_sysid.diagnosis.decision.stand_in import StandIn
 from haptic_teleop_sysid.diagnosis.decision.verdict import Verdict
 from haptic_teleop_sysid.diagnosis.evidence.inverse_dynamics.witness import witness
+from haptic_teleop_sysid.diagnosis.evidence.reversals import Jump
 from haptic_teleop_sysid.diagnosis.evidence.second_opinion import Opinion
 from haptic_teleop_sysid.diagnosis.hypotheses.explanation import Explanation
 from haptic_teleop_sysid.diagnosis.inputs.scales import recording_scales
@@ -44,7 +45,7 @@ def stand_in_of(learn, *effects):
 
 
 #: Friction at the motor that shows where the motion turns.
-SEEN = Turning((AtReversals("coulomb_friction", "j_motor", ()),))
+SEEN = Turning((AtReversals("coulomb_friction", "j_motor", (Jump(0.38, 0.02, 20, 2.0),) * 2),))
 
 
 def result_of(fit):
@@ -128,7 +129,11 @@ def test_what_stands_must_be_most_of_what_is_missing_or_friction_that_nothing_co
     most = replace(drag, share=0.55)
     assert most_or_seen([less, drag, most], Turning()) == [less, most]
     form = replace(less, effect=Effect("presliding_friction", "j_motor", {"torque": 0.4, "stiffness": 9.0}))
+    assert most_or_seen([less, form, drag], Turning()) == [less, form]
     assert most_or_seen([less, form, drag], SEEN) == [less, form]
+    # What is seen where the motion turns has the size that it has there, unless it is most of what is left.
+    larger = Turning(tuple(replace(j, jumps=(Jump(0.2, 0.01, 20, 2.0),) * 2) for j in SEEN.jumps))
+    assert most_or_seen([less, form, replace(less, share=0.55), drag], larger) == [replace(less, share=0.55)]
     # Where the motion turns often enough and nothing jumps, there is no dry friction.
     smooth = Turning(smooth=frozenset({("coulomb_friction", "j_motor")}))
     assert most_or_seen([less, form, replace(found, share=0.9), most], smooth) == [most]

@@ -98,6 +98,11 @@ class Turning:
     jumps: tuple[AtReversals, ...] = ()
     smooth: frozenset[tuple[str, str]] = frozenset()
 
+    def size_of(self, effect: str, location: str) -> float | None:
+        """The size, N·m, with which a form of it is seen there; None where none is."""
+        own = (j.size for j in self.jumps if location == j.location and effect in family(j.effect))
+        return next(own, None)
+
     def not_seen(self, effect: str, location: str) -> bool:
         """Whether it should be seen there, if it is of a kind that jumps, and is not."""
         return any(location == place and effect in family(name) for name, place in self.smooth)

@@ -27,6 +27,9 @@ from .search import SearchResult
 from .stand_in import StandIn
 from .verdict import Verdict
 
+#: Share by which the size of a friction may differ from that of its jump.
+OTHERWISE = 0.25
+
 
 def with_names(
     verdict: Verdict,
@@ -65,13 +68,17 @@ def with_names(
 
 def most_or_seen(parts: Sequence[InPart], turning: Turning) -> list[InPart]:
     """Those that explain at least LEAST_EXPLAINED of all that is missing, or are of a kind that jumps where
-    the motion turns: seen there, or not asked, because it turns too seldom. Who should be seen there and is
-    not, falls."""
+    the motion turns: seen there with that size, or not asked, because it turns too seldom. Who should be seen
+    there and is not, falls. Who is seen with another size is told from there (`with_friction`): along the
+    motion it also stands in for what has no name."""
     kept = []
     for part in parts:
         effect, location = part.effect.effect, part.effect.location
         jumps = any(e.jumps and effect in family(n) for n, e in EFFECTS.items())
-        if (jumps or part.share >= LEAST_EXPLAINED) and not turning.not_seen(effect, location):
+        there = turning.size_of(effect, location)
+        size = part.effect.values[part.effect.entry.parameters[0].name]
+        agrees = there is None or abs(size - there) <= OTHERWISE * max(size, there)
+        if ((jumps and agrees) or part.share >= LEAST_EXPLAINED) and not turning.not_seen(effect, location):
             kept.append(part)
     return kept
 
