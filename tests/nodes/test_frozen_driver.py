@@ -15,7 +15,7 @@ FRONT_DOOR = (sys.executable, "-m", "haptic_teleop_control.front_door")
 
 
 @pytest.mark.wall_time
-def test_a_frozen_driver_finds_its_board_at_zero_when_it_wakes_and_stays_stopped(graph, stalls):
+def test_a_frozen_driver_finds_its_board_at_zero_when_it_wakes_and_stays_stopped(graph):
     states, heard = Sink(graph, "/sfj/joint_states"), []
     graph.probe.create_subscription(DiagnosticArray, "/diagnostics", heard.append, 10)
 
@@ -34,26 +34,32 @@ def test_a_frozen_driver_finds_its_board_at_zero_when_it_wakes_and_stays_stopped
         graph.until(lambda: command.connected() and states.messages, what="discovery")
         answered = [0]
 
-        def drive() -> bool:
-            """Answers each new state; whether the driver's current has come, or a fault."""
+        def drive() -> None:
+            """Answers each new state."""
             if len(states.messages) > answered[0]:
                 answered[0] = len(states.messages)
                 command.send(stamp=stamp_of(states.last), effort=[2.0, 0.4])
-            return states.last.effort[0] > 1.0 or bool(fault())
 
-        graph.until(drive, 20.0, what="a current")
-        driven = states.last.effort[0] > 1.0
+        def driven() -> bool:
+            """Whether the driver's current has come; a fault before that, where the machine stood still, is
+            reset as an operator does."""
+            if fault():
+                graph.call("/sfj/sfj_driver/reset")
+                heard.clear()
+            drive()
+            return states.last.effort[0] > 1.0
+
+        graph.until(driven, 20.0, what="a current")
         process.send_signal(signal.SIGSTOP)
         time.sleep(0.5)
         process.send_signal(signal.SIGCONT)
         graph.until(lambda: heard.clear() or True)
-        graph.until(lambda: drive() and fault() and expiries(), what="the board has expired")
+        graph.until(lambda: (drive(), fault() and expiries())[1], what="the board has expired")
         count = len(states.messages)
         graph.until(lambda: (drive(), len(states.messages) > count + 100)[1])
         assert abs(states.last.effort[0]) < 0.5, "what is left is the offset and noise of the current's sense"
-        assert driven or stalls.excuse(0.05)
-        if driven:  # whichever it notices first: that its last command is old, or that the board went to 0 V
-            assert fault() in ("watchdog_expired", "stale_command")
+        # Whichever it notices first: that its last command is old, or that the board went to 0 V.
+        assert fault() in ("watchdog_expired", "stale_command")
     finally:
         process.send_signal(signal.SIGINT)
         assert process.wait(20) == 0
