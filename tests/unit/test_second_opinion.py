@@ -294,6 +294,10 @@ def test_the_plainer_form_of_the_same_names_is_told_from_others(opinion, rubbing
     assert not plainly(plain), "it is the same"
     assert not plainly(weight), "it is something else"
     assert not plainly(falling, weight), "it is more"
+    group = replace(opinion.chosen.group, model=RIGID.with_effects(weight, plain), hypotheses=(None, None))
+    pair = replace(opinion, chosen=replace(opinion.chosen, group=group))
+    assert plainly(falling, weight, of=pair), "two at one place are told apart by their names"
+    assert not plainly(falling, of=pair)
     assert not plainly(falling, of=replace(opinion, chosen=None))
     more = replace(opinion, witness=replace(opinion.witness, recoverable=2.0 * opinion.witness.recoverable))
     assert not plainly(falling, of=more), "half of what could be explained is not"

@@ -8,7 +8,7 @@ from dataclasses import replace
 from haptic_teleop_sim.model import Effect
 
 from ..evidence.inverse_dynamics.witness import Group
-from ..evidence.second_opinion import Errors, Heard, Opinion
+from ..evidence.second_opinion import Errors, Heard, Opinion, named_by, plainer
 from ..policy import LEAST_KNOWN
 from .verdict import size_known
 
@@ -39,16 +39,12 @@ def with_known_sizes(opinion: Opinion, sized: Callable[[Heard], Heard], errors: 
 def _plainer(opinion: Opinion, group: Group, index: int) -> Group | None:
     """The witness's group with one effect in its plainer form and the same others; None where there is
     none."""
-    refinement = group.hypotheses[index].entry.refinement
-    if refinement is None:
-        return None
-    wanted = [(h.entry.name, h.location) for h in group.hypotheses]
-    wanted[index] = (refinement.of, wanted[index][1])
-    for level in opinion.witness.levels:
-        for other in level:
-            if sorted((h.entry.name, h.location) for h in other.hypotheses) == sorted(wanted):
-                return other
-    return None
+    names, own = named_by(group), group.hypotheses[index]
+    asked = (other for level in opinion.witness.levels for other in level)
+    found = (
+        g for g in asked if plainer(named_by(g), names) and (own.entry.name, own.location) not in named_by(g)
+    )
+    return next(found, None)
 
 
 def _least_known(group: Group) -> tuple[float, int]:
@@ -70,6 +66,4 @@ def _without(group: Group, index: int) -> Group:
     gone = group.effects[index]
     std = {n: s for n, s in group.std.items() if not n.startswith(f"{gone.location}.{gone.effect}.")}
     hypotheses = (*group.hypotheses[:index], *group.hypotheses[index + 1 :])
-    return replace(
-        group, model=replace(group.model, effects=tuple(effects)), hypotheses=hypotheses, std=std
-    )
+    return replace(group, model=replace(group.model, effects=tuple(effects)), hypotheses=hypotheses, std=std)

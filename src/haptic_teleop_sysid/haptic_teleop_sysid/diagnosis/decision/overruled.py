@@ -16,7 +16,7 @@ from haptic_teleop_sysid.estimation.whole_fit import fit_whole
 from ..evidence.horizons import PERFECT
 from ..evidence.inverse_dynamics.terms import Hypothesis, follows_from_motion
 from ..evidence.inverse_dynamics.witness import Group
-from ..evidence.second_opinion import NO_WORSE, Errors, Heard, Opinion
+from ..evidence.second_opinion import NO_WORSE, Errors, Heard, Opinion, plainer
 from ..hypotheses.explanation import Explanation
 from ..hypotheses.twins import twin
 from ..policy import ERRS_FAR_LESS, ERRS_LESS, LEAST_EXPLAINED
@@ -56,22 +56,16 @@ def stands_next(opinion: Opinion, first: tuple[float, float]) -> bool:
 
 
 def more_plainly(opinion: Opinion, result: SearchResult, first: tuple[float, float]) -> bool:
-    """Whether the second opinion has the names of a result, one or more of them in a plainer form, explains
-    most of what can be explained with them, and runs nearly as well as the result, whose free runs err by
-    ``first``; errors that are not worth a word (SLIGHT_ERROR) are as good as none."""
-    chosen, richer = opinion.chosen, 0
-    if chosen is None or len(chosen.group.effects) != len(result.choices):
+    """Whether the second opinion has the names of a result, one of them in its plainer form, explains most of
+    what can be explained with them, and runs nearly as well as the result, whose free runs err by ``first``;
+    errors that are not worth a word (SLIGHT_ERROR) are as good as none."""
+    chosen = opinion.chosen
+    names = {(c.chosen.effect.effect, c.chosen.effect.location) for c in result.choices}
+    if chosen is None or not plainer({(e.effect, e.location) for e in chosen.group.effects}, names):
         return False
-    there = {e.location: e.effect for e in chosen.group.effects}
-    for effect in (choice.chosen.effect for choice in result.choices):
-        own, refinement = there.get(effect.location), effect.entry.refinement
-        plainer = refinement is not None and own == refinement.of
-        if own != effect.effect and not plainer:
-            return False
-        richer += plainer
-    pairs = zip(chosen.errors, first, strict=True) if richer and opinion.explains_most else ()
-    ratios = [max(own, SLIGHT_ERROR) / max(other, SLIGHT_ERROR) for own, other in pairs]
-    return bool(ratios) and max(ratios) < 1.0 / ERRS_LESS
+    pairs = zip(chosen.errors, first, strict=True)
+    worse = max(max(own, SLIGHT_ERROR) / max(other, SLIGHT_ERROR) for own, other in pairs)
+    return opinion.explains_most and worse < 1.0 / ERRS_LESS
 
 
 def _ratios(chosen: Heard, first: tuple[float, float]) -> list[float]:

@@ -41,6 +41,8 @@ UNSEEN = 5.0
 #: Error of the free runs of a model on estimation and on validation recordings, as a share of the motion's
 #: spread: 1 is no better than the mean (see `horizons`).
 Errors = Callable[[Model], tuple[float, float]]
+#: Effects with their locations.
+Names = set[tuple[str, str]]
 
 
 @dataclass(frozen=True)
@@ -124,7 +126,7 @@ def plainer_first(ranked: Sequence[Heard]) -> list[Heard]:
     else."""
     first, *others = ranked
     for number, other in enumerate(others, start=1):
-        if not _plainer(other.group, first.group):
+        if not plainer(named_by(other.group), named_by(first.group)):
             continue
         pairs = zip(first.errors, other.errors, strict=True)
         less = math.prod(max(a, PERFECT) / max(b, PERFECT) for a, b in pairs)
@@ -135,10 +137,14 @@ def plainer_first(ranked: Sequence[Heard]) -> list[Heard]:
     return [*ranked]
 
 
-def _plainer(group: Group, richer: Group) -> bool:
-    """Whether a group has a plainer form of one effect of another group, and all its others."""
-    ones, others = ({(h.entry.name, h.location) for h in g.hypotheses} for g in (group, richer))
-    own, theirs = ones - others, others - ones
+def named_by(group: Group) -> Names:
+    """A group's effects and their locations."""
+    return {(h.entry.name, h.location) for h in group.hypotheses}
+
+
+def plainer(names: Names, richer: Names) -> bool:
+    """Whether effects, with their locations, are those of ``richer``, one of them in its plainer form."""
+    own, theirs = names - richer, richer - names
     if len(own) != 1 or len(theirs) != 1:
         return False
     (name, location), (rich, place) = own.pop(), theirs.pop()
