@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 
+from haptic_teleop_sysid.estimation.gauss_newton import Fit
 from haptic_teleop_sysid.recordings.dataset import DataSet
 
 from .decision.adequacy import Adequacy, adequacy, left_size
@@ -27,10 +28,12 @@ from .decision.overruled import (
 from .decision.reasons import Doubt, more_than_chance, off_the_mark, runs_away, slipped
 from .decision.search import SearchResult
 from .decision.stand import Stand
+from .decision.unsteady import constant_sizes
 from .decision.verdict import shape_unknown, size_unknown
 from .evidence.inverse_dynamics.terms import follows_from_motion
 from .evidence.proof import mean_percent
 from .evidence.second_opinion import Errors, Opinion
+from .evidence.steadiness import Steadiness, steadiness
 from .explain import Explained
 
 
@@ -48,6 +51,7 @@ def questioned(
         doubt = doubt if result.choices else (doubt or Doubt(*wrong))
     first = result.nameless.chosen.fit if result.nameless is not None else result.final
     first_errors, opinion = found.horizons.errors(first.model), found.opinion
+    named = [c.chosen.effect for c in result.choices]
 
     def instead(why: str) -> tuple[SearchResult, Doubt | None, Stand]:
         assert opinion is not None
@@ -56,7 +60,7 @@ def questioned(
 
     alone = Stand(stand.before, stand.after, {})
     if opinion is not None and believed_instead(
-        opinion, first_errors, lambda: coloured(first, found.learn, found.judge)
+        opinion, named, first_errors, lambda: coloured(first, found.learn, found.judge)
     ):
         return instead("what the inverse dynamics name simulates all recordings better")
     if (
@@ -98,15 +102,29 @@ def questioned(
     return result, doubt, stand
 
 
-def weighed(found: Explained, result: SearchResult) -> tuple[SearchResult, Adequacy]:
-    """The result without names that do not earn their place beside the others (see `earned`), and how much
-    of what is missing the rest explains."""
-    adequate = _adequacy(found, result)
+def weighed(
+    found: Explained, result: SearchResult, stand: Stand
+) -> tuple[SearchResult, Adequacy | None, Doubt | None]:
+    """The result without names that do not earn their place beside the others (see `earned`) or are no
+    constants of the joint (`constant_sizes`); how much of what is missing the rest explains, None where none
+    is left; and why."""
     corroborated = Corroboration(found.horizons.errors, found.opinion)
-    fewer = earned(
-        result, adequate, found.learn, corroborated, lambda fit: left_size(fit, [*found.learn, *found.judge])
-    )
-    return fewer, adequate if fewer is result else _adequacy(found, fewer)
+
+    def size_left(fit: Fit) -> float:
+        return left_size(fit, [*found.learn, *found.judge])
+
+    before = adequate = doubt = None
+    while result.choices and result is not before:
+        before, adequate = result, _adequacy(found, result)
+        kept = earned(result, adequate, found.learn, corroborated, size_left, stand.spread)
+        result, doubt = constant_sizes(kept, lambda one: steady(found, one), found.learn)
+    return result, adequate if result.choices else None, doubt
+
+
+def steady(found: Explained, result: SearchResult) -> dict[tuple[str, str], Steadiness]:
+    """How steady the sizes of a result's names are along all recordings."""
+    named = [c.chosen.effect for c in result.choices]
+    return steadiness(result.final.model, named, [*found.learn, *found.judge], found.cutoff)
 
 
 def _adequacy(found: Explained, result: SearchResult) -> Adequacy:

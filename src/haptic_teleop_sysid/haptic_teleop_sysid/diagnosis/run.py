@@ -24,10 +24,11 @@ from .decision.verdict import Verdict, decide_verdict
 from .evidence.measured_map import measured_map
 from .evidence.other_forms import spread_by_form, together
 from .evidence.proof import Proof, prove
+from .evidence.steadiness import spread_by_stretch
 from .explain import explained
 from .inputs.between_samples import as_read
 from .inputs.uses import three_uses
-from .question import questioned, weighed
+from .question import questioned, steady, weighed
 from .report.columns import column, errors_of, three_columns, with_bounds
 from .report.contents import contents
 from .report.testimony import testimony
@@ -73,12 +74,17 @@ def diagnose(
     result = of_measured_input(unconfirmed(result, found.nearby), read, estimation)
     adequate = None
     if any(c.chosen.by_current <= 0.0 for c in result.choices):
-        result, adequate = weighed(found, result)
+        result, adequate, varying = weighed(found, result, stand)
+        doubt = doubt or varying
+    if adequate is not None:
         result, short = short_of(result, adequate)
         result, bent = follows_still(result, found.learn, found.judge)
         doubt = doubt or short or bent
     say("deciding")
-    forms = spread_by_form(result.final.model, found.learn, found.cutoff)
+    forms = together(
+        spread_by_form(result.final.model, found.learn, found.cutoff),
+        spread_by_stretch(steady(found, result), result.final.model),
+    )
     verdict = decide_verdict(result, found.learn, found.judge, doubt, together(stand.spread, forms), adequate)
     turning = where_torque_jumps(result.baseline, found.learn, found.judge)
     mapped = instead = None

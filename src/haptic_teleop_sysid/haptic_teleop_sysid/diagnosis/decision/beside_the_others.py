@@ -19,6 +19,7 @@ from ..policy import ERRS_LESS, FITS_WORSE, SURE
 from .adequacy import Adequacy
 from .corroborated import Corroboration
 from .search import SearchResult
+from .verdict import size_unknown
 
 
 def earned(
@@ -27,25 +28,32 @@ def earned(
     records: Sequence[Record],
     corroborated: Corroboration,
     left: Callable[[Fit], float],
+    spread: dict[str, float],
 ) -> SearchResult:
     """The result without names that do not earn their place beside the others; the last one found is asked
     first, and a single one not at all. ``adequate``: how much the names explain; ``records``: those of the
-    estimation; ``left``: size of the torque that the observer of a fit still adds."""
+    estimation; ``left``: size of the torque that the observer of a fit still adds; ``spread``: of parameters
+    between recordings."""
     for choice in reversed(result.choices):
         if len(result.choices) < 2:
             break
         effect = choice.chosen.effect
-        if choice.chosen.by_current > 0.0 or corroborated.by_torques(result.final.model, effect):
+        if choice.chosen.by_current > 0.0:
             continue
-        without = _without(result.final, effect, records)
-        why = _against(result.final, without, effect, adequate, corroborated, left)
+        others = without(result.final, effect, records)
+        if size_unknown(choice, result.final, spread):
+            why = f"beside the others the size of {effect.effect} is not known"
+        elif corroborated.by_torques(result.final.model, effect):
+            continue
+        else:
+            why = _against(result.final, others, effect, adequate, corroborated, left)
         if why is None:
             continue
-        other = None if result.by_torque is None else _without(result.by_torque, effect, records)
+        other = None if result.by_torque is None else without(result.by_torque, effect, records)
         result = replace(
             result.giving_up([choice], why),
             choices=tuple(c for c in result.choices if c is not choice),
-            final=without,
+            final=others,
             by_torque=other,
             last_round=(),
         )
@@ -76,7 +84,7 @@ def _against(
     )
 
 
-def _without(fit: Fit, effect: Effect, records: Sequence[Record]) -> Fit:
+def without(fit: Fit, effect: Effect, records: Sequence[Record]) -> Fit:
     """A fit without one of its effects, the others fitted again."""
     head = f"{effect.location}.{effect.effect}."
     left = tuple(e for e in fit.model.effects if (e.effect, e.location) != (effect.effect, effect.location))

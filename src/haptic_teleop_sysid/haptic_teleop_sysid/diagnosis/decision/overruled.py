@@ -10,16 +10,17 @@ import numpy as np
 
 from haptic_teleop_sim.model import Effect, Model
 from haptic_teleop_sysid.estimation.gauss_newton import Fit
+from haptic_teleop_sysid.estimation.likelihood import FAILURES
 from haptic_teleop_sysid.estimation.records import Record
 from haptic_teleop_sysid.estimation.whole_fit import fit_whole
 
 from ..evidence.horizons import PERFECT
 from ..evidence.inverse_dynamics.terms import Hypothesis, follows_from_motion
-from ..evidence.inverse_dynamics.witness import Group
-from ..evidence.second_opinion import NO_WORSE, Errors, Heard, Opinion, plainer
+from ..evidence.inverse_dynamics.witness import A_PARAMETER, Group
+from ..evidence.second_opinion import NO_WORSE, Errors, Heard, Opinion, named_by, plainer
 from ..hypotheses.explanation import Explanation
 from ..hypotheses.twins import twin
-from ..policy import ERRS_FAR_LESS, ERRS_LESS, LEAST_EXPLAINED
+from ..policy import ERRS_FAR_LESS, ERRS_LESS, LEAST_EXPLAINED, LEAST_GAIN
 from .adequacy import SLIGHT_ERROR
 from .corroborated import adds_torque
 from .decide import Choice, prior
@@ -34,10 +35,12 @@ _LEVELS = 8
 WANTED = 12.0
 
 
-def believed_instead(opinion: Opinion, first: tuple[float, float], coloured: Callable[[], bool]) -> bool:
-    """Whether the second opinion is believed; ``first``: errors of the free runs with what the first one
-    found (see `second_opinion.Errors`), ``coloured``: whether its innovations show that its noise model does
-    not hold, which takes a fit and is asked only where it decides."""
+def believed_instead(
+    opinion: Opinion, named: Sequence[Effect], first: tuple[float, float], coloured: Callable[[], bool]
+) -> bool:
+    """Whether the second opinion is believed; ``named``: what the first one found, ``first``: errors of its
+    free runs (see `second_opinion.Errors`), ``coloured``: whether its innovations show that its noise model
+    does not hold, which takes a fit and is asked only where it decides."""
     if opinion.chosen is None:
         return False
     ratios = _ratios(opinion.chosen, first)
@@ -45,7 +48,34 @@ def believed_instead(opinion: Opinion, first: tuple[float, float], coloured: Cal
     if ratios[1] >= NO_WORSE or math.prod(ratios) >= ERRS_LESS**2:
         return False
     # What errs far less where neither was fitted is not made worse by a first one that fits the rest closely.
-    return min(math.prod(ratios), ratios[1]) < ERRS_FAR_LESS**2 or coloured()
+    if min(math.prod(ratios), ratios[1]) < ERRS_FAR_LESS**2:
+        return True
+    return torques_agree(opinion, named) or coloured()
+
+
+def torques_agree(opinion: Opinion, named: Sequence[Effect]) -> bool:
+    """Whether the second opinion has the names of the first one, ``named``, and other sizes; or no more names
+    by which the torques gain LEAST_GAIN more, on stretches that were not fitted and beyond what each
+    parameter must gain. What is no torque is not compared."""
+    assert opinion.chosen is not None
+    group, folds = opinion.chosen.group, opinion.witness.folds
+    known = {(e.effect, e.location) for e in named}
+    if named_by(group) == known:
+        return True
+    if len(group.effects) > len(known) or not all(map(adds_torque, named)):
+        return False
+    theirs = tuple(Hypothesis.resized(e, folds.model.place(e.location)) for e in named)
+    more = sum(map(_free, named)) - sum(map(_free, group.effects))
+    try:
+        gained = folds.likelier(group.hypotheses) - folds.likelier(theirs)
+    except FAILURES:
+        return False
+    return gained + A_PARAMETER * more > LEAST_GAIN
+
+
+def _free(effect: Effect) -> int:
+    """How many of an effect's parameters were sought."""
+    return sum(p.default is None or bool(p.turns) for p in effect.entry.parameters)
 
 
 def stands_next(opinion: Opinion, first: tuple[float, float]) -> bool:

@@ -75,11 +75,12 @@ def _spread(
 
 def stands_out(choice: Choice, final: Fit, stand: Stand, validation: Sequence[Record]) -> bool:
     """Whether one of the effect's sizes differs from none by more than its uncertainty, spread included: with
-    all its parameters in doubt, or its sizes alone (a slow drift has a rate, but no time constant)."""
+    all its parameters in doubt, or its sizes alone (a slow drift has a rate, but no time constant). A limit,
+    which is none where it is infinite, has the relative error of its inverse."""
     effect = choice.chosen.effect
     head = f"{effect.location}.{effect.effect}."
     sizes = {
-        head + p.name: p.neutral
+        head + p.name: p.neutral if np.isfinite(p.neutral) else 0.0
         for p in effect.entry.parameters
         if p.default is None and p.neutral is not None and head + p.name in stand.spread
     }

@@ -33,7 +33,7 @@ FOLLOWS = 0.2
 _FORM = 0.03
 #: Relative error within which a size counts as known, and an order: half a cycle more or less in two is
 #: another shape.
-_KNOWN, _KNOWN_ORDER = 0.5, 0.25
+KNOWN, KNOWN_ORDER = 0.5, 0.25
 
 
 @dataclass(frozen=True)
@@ -143,7 +143,7 @@ def shape_unknown(choice: Choice, final: Fit, spread: dict[str, float]) -> bool:
     told = _parameters(choice, final, spread)
     sizes = [told[p.name] for p in choice.chosen.effect.entry.parameters if p.name in told and _is_size(p)]
     largest = max((abs(size["value"]) for size in sizes), default=0.0)
-    return any(size["std"] > _KNOWN * largest for size in sizes)
+    return any(size["std"] > KNOWN * largest for size in sizes)
 
 
 def _is_size(parameter: EffectParameter) -> bool:
@@ -176,8 +176,8 @@ def _parameters(choice: Choice, final: Fit, spread: dict[str, float]) -> dict[st
 
 
 def size_known(effect: Effect, parameters: Mapping[str, Mapping[str, Any]]) -> float:
-    """Chance (0 to 1) that a size of the effect is right to within _KNOWN of itself, the surest one's, and
-    its order to within _KNOWN_ORDER: nobody is surer of a name than of there being that much of it, and of
+    """Chance (0 to 1) that a size of the effect is right to within KNOWN of itself, the surest one's, and
+    its order to within KNOWN_ORDER: nobody is surer of a name than of there being that much of it, and of
     that shape. ``parameters``: each with ``value`` and ``std``; 1 for an effect without a size."""
     sizes, orders = [], []
     for p in effect.entry.parameters:
@@ -185,11 +185,11 @@ def size_known(effect: Effect, parameters: Mapping[str, Mapping[str, Any]]) -> f
             continue
         value, error = parameters[p.name]["value"], max(parameters[p.name]["std"], 1e-300)
         if p.scan == "order":
-            orders.append(math.erf(_KNOWN_ORDER * abs(value) / error / math.sqrt(2.0)))
+            orders.append(math.erf(KNOWN_ORDER * abs(value) / error / math.sqrt(2.0)))
         elif p.default is None and p.neutral is not None:
             # The inverse of a limit has the same relative error, and is none where there is no limit.
             size = value - p.neutral if math.isfinite(p.neutral) else value
-            sizes.append(math.erf(_KNOWN * abs(size) / error / math.sqrt(2.0)))
+            sizes.append(math.erf(KNOWN * abs(size) / error / math.sqrt(2.0)))
     return min([max(sizes, default=1.0), *orders])
 
 
