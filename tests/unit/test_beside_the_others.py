@@ -2,6 +2,7 @@
 
 from dataclasses import replace
 
+import numpy as np
 import pytest
 from stepped_machines import RIGID, pendulum
 
@@ -21,6 +22,7 @@ WEIGHT = Effect("gravity", "j_motor", {"torque": 1.5, "phase": 0.0})
 STOP = Effect("spring_to_ground", "j_motor", {"stiffness": 0.5, "rest": 0.0})
 SKEW = Effect("channel_skew", "j_motor_encoder", {"delay": 0.002})
 BOTH = ["gravity", "channel_skew"]
+NONE: dict[str, float] = {}
 MUCH, LITTLE = Adequacy(0.8, 0.8), Adequacy(1.0, 1.0)
 
 
@@ -30,10 +32,16 @@ def kept():
     records = [pendulum(0, coulomb=0.0, weight=2.0)]
     like = fit_whole(RIGID, initial_noise(pack(RIGID), records), records, iterations=1)
 
-    def answer(errors, *effects, adequate=MUCH, in_currents=(), left=lambda fit: 0.1):
+    def answer(errors, *effects, adequate=MUCH, in_currents=(), left=lambda fit: 0.1, spread=NONE):
         sizes = [f"{e.location}.{e.effect}.{next(iter(e.parameters))}" for e in effects]
+        known = 1e8 * np.eye(len(like.free) + len(sizes))  # all to within 1e-4
         fits = [
-            replace(like, model=RIGID.with_effects(*effects[:n]), free=(*like.free, *sizes[:n]))
+            replace(
+                like,
+                model=RIGID.with_effects(*effects[:n]),
+                free=(*like.free, *sizes[:n]),
+                information=known[: len(like.free) + n, : len(like.free) + n],
+            )
             for n in range(1, len(effects) + 1)
         ]
         choices = tuple(
@@ -42,7 +50,7 @@ def kept():
         )
         scales = recording_scales(RIGID, records)
         result = SearchResult(like, fits[-1], choices, (), scales)
-        found = earned(result, adequate, records, Corroboration(errors, None), left)
+        found = earned(result, adequate, records, Corroboration(errors, None), left, spread)
         names = [e.effect for e in found.final.model.effects]
         assert names == [c.chosen.effect.effect for c in found.choices]
         assert len(found.given_up) == len(effects) - len(names)
@@ -108,3 +116,12 @@ def test_a_name_with_which_more_torque_is_missing_goes(kept, adequate):
     assert names == ["gravity"]
     assert "more torque is missing" in found.given_up[0].why
     assert kept(better, WEIGHT, SKEW, adequate=adequate, left=lambda fit: 0.1)[0] == BOTH
+
+
+def test_a_name_whose_size_is_not_known_has_no_place_beside_others(kept):
+    needed, size = errs(gravity=0.3, channel_skew=0.5), "j_motor_encoder.channel_skew.delay"
+    assert kept(needed, WEIGHT, SKEW, spread={size: 0.001})[0] == BOTH
+    names, found = kept(needed, WEIGHT, SKEW, spread={size: 0.004})
+    assert names == ["gravity"]
+    assert "not known" in found.given_up[0].why
+    assert kept(needed, SKEW, spread={size: 0.004})[0] == ["channel_skew"], "alone it stays, unsurely"

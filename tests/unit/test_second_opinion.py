@@ -94,7 +94,7 @@ def test_what_gains_by_inverse_dynamics_and_by_free_runs_becomes_the_result(rubb
     learn, judge, scales, first = rubbing
     opinion = second_opinion(witness(RIGID, learn, judge, scales), scales, errors_of, (0.5, 0.5))
     assert [e.effect for e in opinion.chosen.group.effects] == ["coulomb_friction"]
-    assert believed_instead(opinion, (0.5, 0.5), coloured=lambda: True)
+    assert believed_instead(opinion, [], (0.5, 0.5), coloured=lambda: True)
     result, doubt = as_result(opinion, first, learn, errors_of, as_it_is)
     assert doubt is None
     verdict = decide_verdict(result, learn, judge, doubt)
@@ -129,16 +129,32 @@ def test_a_limit_that_leaves_nothing_of_the_input_is_no_saturation(rubbing):
 
 
 def test_a_first_opinion_that_runs_as_well_stays(opinion):
-    assert not believed_instead(opinion, (0.1, 0.12), coloured=lambda: True)
+    assert not believed_instead(opinion, [], (0.1, 0.12), coloured=lambda: True)
     # White innovations are believed longer.
-    assert believed_instead(opinion, (0.12, 0.14), coloured=lambda: True)
-    assert not believed_instead(opinion, (0.12, 0.14), coloured=lambda: False)
+    assert believed_instead(opinion, [], (0.12, 0.14), coloured=lambda: True)
+    assert not believed_instead(opinion, [], (0.12, 0.14), coloured=lambda: False)
+
+
+def test_white_innovations_are_not_believed_against_the_torques_too(opinion):
+    """Free runs err clearly less by the second opinion, if not far less, and the torques want it as well."""
+    better, run = Effect("coulomb_friction", "j_motor", {"torque": 0.3}), (0.12, 0.14)
+    ripple = Effect("torque_ripple", "j_motor", {"amplitude": 0.2, "order": 5.0, "phase": 0.0})
+    delay = Effect("sensor_delay", "j_motor_encoder", {"delay": 0.01})
+
+    def believed(*named, first=run):
+        return believed_instead(opinion, named, first, coloured=lambda: False)
+
+    assert believed(better), "the same name, another size"
+    assert believed(ripple), "another name, of which the torques know nothing"
+    assert not believed(ripple, first=(0.1, 0.12)), "free runs err no less"
+    assert not believed(delay), "no torque: the torques cannot be asked"
+    assert not believed(Effect("asymmetric_friction", "j_motor", {"positive": 0.4, "negative": 0.4}))
 
 
 def test_what_errs_far_less_where_neither_was_fitted_is_believed_over_a_close_fit(opinion):
     """A first opinion of many parameters may simulate better what it was fitted to, all else far worse."""
-    assert believed_instead(opinion, (0.07, 0.25), coloured=lambda: False)
-    assert not believed_instead(opinion, (0.07, 0.22), coloured=lambda: False)
+    assert believed_instead(opinion, [], (0.07, 0.25), coloured=lambda: False)
+    assert not believed_instead(opinion, [], (0.07, 0.22), coloured=lambda: False)
 
 
 def test_a_name_that_is_given_up_brings_up_the_next_where_that_explains_most(opinion):
@@ -164,7 +180,7 @@ def test_what_spoils_the_free_run_is_not_believed_however_much_torque_it_explain
     testimony = witness(RIGID, learn, judge, scales)
     spoilt = second_opinion(testimony, scales, lambda m: (0.4, 0.6) if m.effects else (0.5, 0.5), (0.5, 0.5))
     assert spoilt.chosen is None
-    assert not believed_instead(spoilt, (0.9, 0.9), coloured=lambda: True)
+    assert not believed_instead(spoilt, [], (0.9, 0.9), coloured=lambda: True)
 
 
 def test_a_name_that_explains_little_of_what_its_quantities_do_is_given_up():
