@@ -7,6 +7,7 @@ import pytest
 import yaml
 from identification_plants import STAGE, stage_recording
 from joint_recordings import TRUTH
+from stepped_machines import pendulum
 
 from haptic_teleop_control.errors import RecordingError
 from haptic_teleop_control.recording import write_recording
@@ -18,6 +19,7 @@ from haptic_teleop_sysid.diagnosis.evidence.consistency import (
     refuse_other_units,
     refuse_unrelated,
     sizes,
+    unlike,
 )
 from haptic_teleop_sysid.diagnosis.inputs.cuts import (
     FEWEST_SAMPLES,
@@ -96,6 +98,19 @@ def test_recordings_of_two_machines_are_refused(data):
         refuse_other_units(commanded([data[0], other]))
 
 
+def test_recordings_of_machines_that_have_nothing_in_common_are_refused():
+    """A slide with friction and a pendulum with a weight: no factor makes one of the other."""
+    slide, weight = pendulum(0, coulomb=2.0), pendulum(1, weight=1.5)
+    heavy = replace(slide, name="bag1", input=20.0 * slide.input, measured=0.05 * slide.measured)
+    light = replace(weight, name="bag2", input=0.1 * weight.input)
+    with pytest.raises(RecordingError, match=r"bag2 is .* times that of bag1, .* hardly of one machine"):
+        refuse_other_units([heavy, light])
+    with pytest.raises(RecordingError, match=r"bag1 is .* times that of bag2, .* hardly of one machine"):
+        refuse_other_units([light, heavy])
+    refuse_other_units([heavy, replace(heavy, name="bag2")])
+    refuse_other_units([replace(slide, name="bag1"), replace(weight, name="bag2")])  # missing physics
+
+
 def test_a_motion_that_hardly_accelerates_says_nothing_of_the_units_of_another():
     """Of its inertia the slow motion shows only noise; the fast one needs little but the inertia."""
     rng = np.random.default_rng(4)
@@ -106,8 +121,9 @@ def test_a_motion_that_hardly_accelerates_says_nothing_of_the_units_of_another()
         return drive - drive.mean(), columns - columns.mean(axis=0)
 
     slow, fast = part(0.001, 1.0), part(1.0, 0.1)
-    found = sizes([slow, fast])
+    every, found = sizes([slow, fast])
     assert not 1.0 / 3.0 < found[1, 0] < 3.0, "by the slow motion's numbers the fast one has other units"
+    assert not unlike(every[0, 1], every[1, 0]), "the other way round they agree"
     assert alike(slow, fast)
     # What both show differs by as much: these are two machines.
     assert not alike(part(0.5, 1.0), part(0.5, 1.0, inertia=8.0))
