@@ -125,3 +125,13 @@ def test_a_name_whose_size_is_not_known_has_no_place_beside_others(kept):
     assert names == ["gravity"]
     assert "not known" in found.given_up[0].why
     assert kept(needed, SKEW, spread={size: 0.004})[0] == ["channel_skew"], "alone it stays, unsurely"
+
+
+def test_of_a_name_that_spoils_the_other_recordings_nobody_is_sure(kept):
+    here, there = errs(gravity=0.3, channel_skew=0.5), errs(gravity=0.3, channel_skew=1.1)
+    split = lambda model: (here(model)[0], there(model)[1])  # noqa: E731
+    names, found = kept(split, WEIGHT, SKEW, adequate=LITTLE)
+    assert names == BOTH
+    assert "worse with the channel skew" in found.choices[1].unsure
+    assert not found.choices[0].unsure
+    assert not any(c.unsure for c in kept(here, WEIGHT, SKEW, adequate=LITTLE)[1].choices)

@@ -18,6 +18,7 @@ from ..evidence.second_opinion import NO_WORSE
 from ..policy import ERRS_LESS, FITS_WORSE, SURE
 from .adequacy import Adequacy
 from .corroborated import Corroboration
+from .decide import Choice
 from .search import SearchResult
 from .verdict import size_unknown
 
@@ -33,21 +34,25 @@ def earned(
     """The result without names that do not earn their place beside the others; the last one found is asked
     first, and a single one not at all. ``adequate``: how much the names explain; ``records``: those of the
     estimation; ``left``: size of the torque that the observer of a fit still adds; ``spread``: of parameters
-    between recordings."""
+    between recordings. Of a name that stays although the torques do not bear it out, and with which the other
+    recordings are simulated worse, nobody is sure."""
     for choice in reversed(result.choices):
         if len(result.choices) < 2:
             break
         effect = choice.chosen.effect
         if choice.chosen.by_current > 0.0:
             continue
-        others = without(result.final, effect, records)
-        if size_unknown(choice, result.final, spread):
-            why = f"beside the others the size of {effect.effect} is not known"
-        elif corroborated.by_torques(result.final.model, effect):
+        unknown = size_unknown(choice, result.final, spread)
+        if not unknown and corroborated.by_torques(result.final.model, effect):
             continue
+        others = without(result.final, effect, records)
+        if unknown:
+            why = f"beside the others the size of {effect.effect} is not known"
         else:
             why = _against(result.final, others, effect, adequate, corroborated, left)
         if why is None:
+            if not choice.unsure and corroborated.elsewhere(result.final, others) > NO_WORSE:
+                result = _nobody_sure(result, choice)
             continue
         other = None if result.by_torque is None else without(result.by_torque, effect, records)
         result = replace(
@@ -58,6 +63,14 @@ def earned(
             last_round=(),
         )
     return result
+
+
+def _nobody_sure(result: SearchResult, choice: Choice) -> SearchResult:
+    """The result in which nobody is sure of a finding with which others' recordings are simulated worse."""
+    name = choice.chosen.effect.effect.replace("_", " ")
+    unsure = f"the torques do not bear it out, and validation recordings run worse with the {name} than without"
+    kept = tuple(replace(c, unsure=c.unsure or unsure) if c is choice else c for c in result.choices)
+    return replace(result, choices=kept)
 
 
 def _against(
