@@ -132,6 +132,6 @@ def test_of_a_name_that_spoils_the_other_recordings_nobody_is_sure(kept):
     split = lambda model: (here(model)[0], there(model)[1])  # noqa: E731
     names, found = kept(split, WEIGHT, SKEW, adequate=LITTLE)
     assert names == BOTH
-    assert "worse with the channel skew" in found.choices[1].unsure
+    assert "do not bear out the channel skew" in found.choices[1].unsure
     assert not found.choices[0].unsure
     assert not any(c.unsure for c in kept(here, WEIGHT, SKEW, adequate=LITTLE)[1].choices)

@@ -66,9 +66,9 @@ def earned(
 
 
 def _nobody_sure(result: SearchResult, choice: Choice) -> SearchResult:
-    """The result in which nobody is sure of a finding with which others' recordings are simulated worse."""
+    """The result in which nobody is sure of a finding with which validation recordings run worse."""
     name = choice.chosen.effect.effect.replace("_", " ")
-    unsure = f"the torques do not bear it out, and validation recordings run worse with the {name} than without"
+    unsure = f"the torques do not bear out the {name}, and with it validation recordings run worse"
     kept = tuple(replace(c, unsure=c.unsure or unsure) if c is choice else c for c in result.choices)
     return replace(result, choices=kept)
 

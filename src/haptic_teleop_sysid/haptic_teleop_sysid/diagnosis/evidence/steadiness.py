@@ -137,7 +137,9 @@ def spread_by_stretch(steady: Mapping[tuple[str, str], Steadiness], model: Model
     found = {}
     for effect in model.effects:
         one = steady.get((effect.effect, effect.location))
-        for p in effect.entry.parameters if one is not None else ():
+        if one is None:
+            continue
+        for p in effect.entry.parameters:
             if p.default is None and p.neutral == 0.0:
                 found[f"{effect.location}.{effect.effect}.{p.name}"] = one.off * abs(effect.values[p.name])
     return found
