@@ -149,6 +149,21 @@ def test_white_innovations_are_not_believed_against_the_torques_too(opinion):
     assert not believed(ripple, first=(0.1, 0.12)), "free runs err no less"
     assert not believed(delay), "no torque: the torques cannot be asked"
     assert not believed(Effect("asymmetric_friction", "j_motor", {"positive": 0.4, "negative": 0.4}))
+    assert not believed(), "where nothing was found, white innovations say that nothing is there"
+
+
+def test_more_names_have_to_be_worth_more_torque_each(opinion):
+    """The opinion's one name against none that is there, as if it had been two and three."""
+    ripple = Effect("torque_ripple", "j_motor", {"amplitude": 0.2, "order": 5.0, "phase": 0.0})
+    gained = opinion.chosen.group.gain
+    assert gained > 2 * 12.0
+    for names, stands in ((2, True), (int(gained / 12.0) + 3, False)):
+        group = opinion.chosen.group
+        group = SimpleNamespace(effects=group.effects * names, hypotheses=group.hypotheses * names)
+        folds = SimpleNamespace(model=RIGID, likelier=lambda terms: gained if len(terms) > 1 else 0.0)
+        told = replace(opinion, chosen=replace(opinion.chosen, group=group))
+        told = replace(told, witness=replace(opinion.witness, folds=folds))
+        assert believed_instead(told, [ripple], (0.12, 0.14), coloured=lambda: False) == stands
 
 
 def test_what_errs_far_less_where_neither_was_fitted_is_believed_over_a_close_fit(opinion):

@@ -54,15 +54,15 @@ def believed_instead(
 
 
 def torques_agree(opinion: Opinion, named: Sequence[Effect]) -> bool:
-    """Whether the second opinion has the names of the first one, ``named``, and other sizes; or no more names
-    by which the torques gain LEAST_GAIN more, on stretches that were not fitted and beyond what each
-    parameter must gain. What is no torque is not compared."""
+    """Whether the second opinion has the names of the first one, ``named``, and other sizes; or others by
+    which the torques gain LEAST_GAIN more, and as much for each name more, on stretches that were not fitted
+    and beyond what each parameter must gain. What is no torque is not compared, nor is no name at all."""
     assert opinion.chosen is not None
     group, folds = opinion.chosen.group, opinion.witness.folds
     known = {(e.effect, e.location) for e in named}
     if named_by(group) == known:
         return True
-    if len(group.effects) > len(known) or not all(map(adds_torque, named)):
+    if not named or not all(map(adds_torque, named)):
         return False
     theirs = tuple(Hypothesis.resized(e, folds.model.place(e.location)) for e in named)
     more = sum(map(_free, named)) - sum(map(_free, group.effects))
@@ -70,7 +70,8 @@ def torques_agree(opinion: Opinion, named: Sequence[Effect]) -> bool:
         gained = folds.likelier(group.hypotheses) - folds.likelier(theirs)
     except FAILURES:
         return False
-    return gained + A_PARAMETER * more > LEAST_GAIN
+    names = 1 + max(len(group.effects) - len(known), 0)
+    return gained + A_PARAMETER * more > LEAST_GAIN * names
 
 
 def _free(effect: Effect) -> int:
