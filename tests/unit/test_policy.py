@@ -177,8 +177,13 @@ def test_each_effect_gains_six_nats_in_the_second_opinion(monkeypatch, gains, co
     ],
 )
 def test_the_second_opinion_errs_clearly_less(errs, coloured, believed):
-    opinion = SimpleNamespace(chosen=SimpleNamespace(errors=(0.2 * errs, 0.2 * errs)))
-    assert overruled_module.believed_instead(opinion, (0.2, 0.2), lambda: coloured) == believed
+    group = SimpleNamespace(effects=(), hypotheses=(SimpleNamespace(entry=FRICTION.entry, location=FRICTION.location),))
+    chosen = SimpleNamespace(errors=(0.2 * errs, 0.2 * errs), group=group)
+    opinion = SimpleNamespace(chosen=chosen, witness=SimpleNamespace(folds=None))
+    assert overruled_module.believed_instead(opinion, [], (0.2, 0.2), lambda: coloured) == believed
+    same = [FRICTION]
+    told = overruled_module.believed_instead(opinion, same, (0.2, 0.2), lambda: coloured)
+    assert told == (errs < 0.9), "the same names with other sizes need no coloured innovations"
 
 
 @pytest.mark.parametrize(("explains", "kept"), [(0.53, True), (0.47, False)])
