@@ -177,7 +177,8 @@ def test_each_effect_gains_six_nats_in_the_second_opinion(monkeypatch, gains, co
     ],
 )
 def test_the_second_opinion_errs_clearly_less(errs, coloured, believed):
-    group = SimpleNamespace(effects=(), hypotheses=(SimpleNamespace(entry=FRICTION.entry, location=FRICTION.location),))
+    known = SimpleNamespace(entry=FRICTION.entry, location=FRICTION.location)
+    group = SimpleNamespace(effects=(), hypotheses=(known,))
     chosen = SimpleNamespace(errors=(0.2 * errs, 0.2 * errs), group=group)
     opinion = SimpleNamespace(chosen=chosen, witness=SimpleNamespace(folds=None))
     assert overruled_module.believed_instead(opinion, [], (0.2, 0.2), lambda: coloured) == believed
