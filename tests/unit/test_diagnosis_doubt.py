@@ -303,6 +303,19 @@ def test_a_slow_drift_stands_out_by_its_rate():
     assert not stands_out(choice, result.final, replace(stand, spread=spread), [clean])
 
 
+def test_a_limit_that_may_be_anything_does_not_stand_out():
+    """A limit is none where it is infinite; every finite one differs from that by more than any error."""
+    limit = Effect("torque_saturation", "stage1_actuator", {"limit": 0.25})
+    estimation, validation = [recorded(STAGE.with_effects(limit), 0.2, s) for s in (1, 2)]
+    result = found(limit, [estimation])
+    stand = stand_of(result, (25.0, 25.0), [estimation], [validation])
+    assert stands_out(result.choices[0], result.final, stand, [validation])
+    size = result.final.model.parameter_values()["stage1_actuator.torque_saturation.limit"]
+    for share, stands in ((0.4, True), (0.6, False)):
+        apart = replace(stand, spread={"stage1_actuator.torque_saturation.limit": share * size})
+        assert stands_out(result.choices[0], result.final, apart, [validation]) == stands
+
+
 def test_recordings_that_hardly_determine_a_size_do_not_spread_it(records):
     estimation, _ = records
     faint = [recorded(STAGE.with_effects(DRAG), 0.004, 5)]
