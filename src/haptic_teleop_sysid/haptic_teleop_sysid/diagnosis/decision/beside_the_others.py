@@ -54,15 +54,22 @@ def earned(
             if not choice.unsure and corroborated.elsewhere(result.final, others) > NO_WORSE:
                 result = _nobody_sure(result, choice)
             continue
-        other = None if result.by_torque is None else without(result.by_torque, effect, records)
-        result = replace(
-            result.giving_up([choice], why),
-            choices=tuple(c for c in result.choices if c is not choice),
-            final=others,
-            by_torque=other,
-            last_round=(),
-        )
+        result = left_out(result, choice, why, others, records)
     return result
+
+
+def left_out(
+    result: SearchResult, choice: Choice, why: str, final: Fit, records: Sequence[Record]
+) -> SearchResult:
+    """The result without one of several names, which is given up; ``final``: the fit `without` it."""
+    effect = choice.chosen.effect
+    return replace(
+        result.giving_up([choice], why),
+        choices=tuple(c for c in result.choices if c is not choice),
+        final=final,
+        by_torque=None if result.by_torque is None else without(result.by_torque, effect, records),
+        last_round=(),
+    )
 
 
 def _nobody_sure(result: SearchResult, choice: Choice) -> SearchResult:

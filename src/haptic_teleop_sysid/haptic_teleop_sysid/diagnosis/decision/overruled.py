@@ -50,10 +50,10 @@ def believed_instead(
     # What errs far less where neither was fitted is not made worse by a first one that fits the rest closely.
     if min(math.prod(ratios), ratios[1]) < ERRS_FAR_LESS**2:
         return True
-    return torques_agree(opinion, named) or coloured()
+    return _torques_agree(opinion, named) or coloured()
 
 
-def torques_agree(opinion: Opinion, named: Sequence[Effect]) -> bool:
+def _torques_agree(opinion: Opinion, named: Sequence[Effect]) -> bool:
     """Whether the second opinion has the names of the first one, ``named``, and other sizes; or others by
     which the torques gain LEAST_GAIN more, and as much for each name more, on stretches that were not fitted
     and beyond what each parameter must gain. What is no torque is not compared, nor is no name at all."""

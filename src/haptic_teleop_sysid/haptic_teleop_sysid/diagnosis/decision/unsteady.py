@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 
@@ -10,11 +9,11 @@ from haptic_teleop_sysid.estimation.records import Record
 
 from ..evidence.steadiness import Steadiness
 from ..policy import LEAST_KNOWN
-from .beside_the_others import without
+from .beside_the_others import left_out, without
 from .decide import Choice
 from .reasons import Doubt
 from .search import SearchResult
-from .verdict import KNOWN
+from .verdict import KNOWN, chance_within
 
 
 def constant_sizes(
@@ -37,14 +36,10 @@ def constant_sizes(
             f"{effect.effect} is no constant of the joint: in {len(one.sizes)} stretches of the recordings "
             f"the torques want {min(one.sizes):.2g} to {max(one.sizes):.2g} times its size"
         )
-        given_up = result.giving_up([choice], why)
-        left = tuple(c for c in result.choices if c is not choice)
-        if not left:
-            bare = replace(given_up, final=result.baseline, choices=(), last_round=(), nameless=None)
-            return bare, Doubt(choice, why)
-        other = None if result.by_torque is None else without(result.by_torque, effect, records)
-        final = without(result.final, effect, records)
-        result = replace(given_up, choices=left, final=final, by_torque=other, last_round=())
+        if len(result.choices) == 1:
+            bare = replace(result.giving_up([choice], why), final=result.baseline, choices=())
+            return replace(bare, last_round=(), nameless=None), Doubt(choice, why)
+        result = left_out(result, choice, why, without(result.final, effect, records), records)
     return result, None
 
 
@@ -57,4 +52,4 @@ def _by_current(choice: Choice) -> bool:
 
 
 def _known(one: Steadiness) -> bool:
-    return one.off <= 0.0 or math.erf(KNOWN / one.off / math.sqrt(2.0)) >= LEAST_KNOWN
+    return chance_within(KNOWN, one.off) >= LEAST_KNOWN

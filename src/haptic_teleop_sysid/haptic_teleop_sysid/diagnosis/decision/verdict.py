@@ -183,14 +183,19 @@ def size_known(effect: Effect, parameters: Mapping[str, Mapping[str, Any]]) -> f
     for p in effect.entry.parameters:
         if p.name not in parameters:
             continue
-        value, error = parameters[p.name]["value"], max(parameters[p.name]["std"], 1e-300)
+        value, error = parameters[p.name]["value"], parameters[p.name]["std"]
         if p.scan == "order":
-            orders.append(math.erf(KNOWN_ORDER * abs(value) / error / math.sqrt(2.0)))
+            orders.append(chance_within(KNOWN_ORDER * abs(value), error))
         elif p.default is None and p.neutral is not None:
             # The inverse of a limit has the same relative error, and is none where there is no limit.
             size = value - p.neutral if math.isfinite(p.neutral) else value
-            sizes.append(math.erf(KNOWN * abs(size) / error / math.sqrt(2.0)))
+            sizes.append(chance_within(KNOWN * abs(size), error))
     return min([max(sizes, default=1.0), *orders])
+
+
+def chance_within(distance: float, std: float) -> float:
+    """Chance (0 to 1) that something with this standard error is off by no more than a distance."""
+    return math.erf(distance / max(std, 1e-300) / math.sqrt(2.0))
 
 
 def _uncertainty(parameter: EffectParameter, value: float, std: float, spread: float) -> float:
