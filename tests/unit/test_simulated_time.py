@@ -19,6 +19,7 @@ from haptic_teleop_control.simulated_time.messages import (
     RUNNING,
     SOURCE,
     WAITING,
+    WITHDRAWN,
     Delivery,
     Member,
     Report,
@@ -156,6 +157,42 @@ def test_a_node_started_by_hand_does_not_take_the_place_of_a_scenarios_own():
     spectator = Member("/spectator", RECORDER, topics=("/sfj/joint_states",))
     joined(coordinator, spectator, sender="hand")
     assert coordinator.status().members == ("/spectator",)
+
+
+def test_a_coordinator_started_by_hand_takes_nobody_before_it_has_looked_for_another():
+    coordinator = joined(Coordinator(["sfj_sim"], 0.0, listens=0.95), PLANT_MEMBER)
+    for tenth in range(1, 12):
+        coordinator.poll(tenth / 10)
+        joined(coordinator, PLANT_MEMBER, wall=tenth / 10)
+        assert (coordinator.status().members == ()) == (tenth < 10)
+
+
+def test_whoever_joined_a_coordinator_that_gives_way_turns_to_the_other_one():
+    """It would wait for a coordinator that has ended, and take no refusal of the one that goes on."""
+    said, faults, refusals = [], [], []
+    stray = Coordinator(["sfj_sim", "omni_sim"], 0.0, born=2)
+    scenarios = Coordinator(["sfj_sim"], 0.0, run="of the scenario", born=1)
+    joined(scenarios, PLANT_MEMBER, sender="its own", run="of the scenario")
+    participant = listening(faults, refusals, said.append)
+    participant.poll(0.0)
+    stray.hear(said.pop(), 0.0)
+    (status,) = stray.poll(0.0)
+    participant.hear(status)
+    assert participant.joined and stray.yields_to(scenarios.status())
+    participant.hear(stray.give_way())
+    assert not participant.joined and not stray.poll(0.3)[1:] and stray.end("").state == WITHDRAWN
+    participant.poll(0.1)
+    scenarios.hear(said.pop(), 0.1)
+    participant.hear(scenarios.status())
+    assert "another node of this name" in refusals[0] and not faults
+
+
+def test_of_two_coordinators_whose_time_has_begun_the_later_one_halts():
+    first, second = open_loop(born=1), open_loop(born=2)
+    first.poll(0.0), second.poll(0.0)
+    assert second.yields_to(first.status()) and not first.yields_to(second.status())
+    assert second.give_way().state == HALTED and "was there first" in second.status().reason
+    assert not second.yields_to(first.status()) and not first.yields_to(second.end(""))
 
 
 def test_pause_holds_time_a_step_is_one_tick_and_a_step_while_running_is_refused():

@@ -16,7 +16,7 @@ from haptic_teleop_control.nodes.base.run import run_node
 from haptic_teleop_control.nodes.timing.exchange import CoordinatorEnd
 from haptic_teleop_control.nodes.timing.time_base import steady_timer
 from haptic_teleop_control.simulated_time.coordinator import Coordinator
-from haptic_teleop_control.simulated_time.messages import HALTED, OVER, WAITING, Report, Status
+from haptic_teleop_control.simulated_time.messages import HALTED, OVER, WAITING, WITHDRAWN, Report, Status
 from haptic_teleop_control.simulated_time.runs import own_run
 from haptic_teleop_control.simulated_time.stamps import ORIGIN, seconds
 
@@ -27,6 +27,10 @@ CLOCK_PERIOD = 10_000_000
 """ns of simulated time between two messages on /clock."""
 
 HALT = "halted"
+
+LISTENS = 1.0
+"""s in which one that was started by hand looks for another coordinator before it takes anybody: nobody else
+has looked, and what joins the wrong one of two hears no refusal of the other. `scenario` looks itself."""
 
 SILENT = 3.0
 """s that it waits for participants before it says so: those of a scenario join within that."""
@@ -67,6 +71,7 @@ class TimeCoordinator(HapticNode):
             paused=values["paused"],
             run=own_run(),
             born=self.wall.stamp(),
+            listens=0.0 if own_run() else LISTENS,
         )
         self._told = ORIGIN - CLOCK_PERIOD
         self._over = False
@@ -88,6 +93,7 @@ class TimeCoordinator(HapticNode):
 
     def _hear_other(self, status: Status) -> None:
         if self._coordinator.armed and self._coordinator.yields_to(status) and self.failure is None:
+            self._end.announce(self._coordinator.give_way(), self._coordinator.members)
             taking_part = ", ".join(status.members) or "nobody yet"
             self.fail(
                 ConfigurationError(
@@ -166,7 +172,7 @@ class TimeCoordinator(HapticNode):
 
     def shutdown_safely(self) -> None:
         coordinator = self._coordinator
-        if coordinator.armed and coordinator.state not in (OVER, HALTED):
+        if coordinator.armed and coordinator.state not in (OVER, HALTED, WITHDRAWN):
             self._end.announce(coordinator.end("the coordinator was stopped"), coordinator.members)
         self._end.close()
 

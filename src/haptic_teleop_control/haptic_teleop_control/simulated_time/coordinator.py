@@ -22,6 +22,7 @@ from haptic_teleop_control.simulated_time.messages import (
     RUNNING,
     SOURCE,
     WAITING,
+    WITHDRAWN,
     Member,
     Report,
     Status,
@@ -57,7 +58,8 @@ class Coordinator:
     """participants: bare or full names of the nodes that must join before time begins; others may, until
     then. duration: s, 0: no end. liveness: s. run: of the `scenario` that has started it; its
     participants are then that run's, and what another run's nodes report is not for it. born: ns of the
-    wall clock. `poll` and `hear` return what is to be announced."""
+    wall clock. listens: s during which it takes nobody, in which it hears of another coordinator. `poll`
+    and `hear` return what is to be announced."""
 
     def __init__(
         self,
@@ -69,8 +71,9 @@ class Coordinator:
         paused: bool = False,
         run: str = "",
         born: int = 0,
+        listens: float = 0.0,
     ) -> None:
-        self._run, self._born = run, born
+        self._run, self._born, self._listens = run, born, listens
         self.session = secrets.token_hex(4)
         self.participants = list(participants)
         self.pace = Pace(factor)
@@ -126,7 +129,7 @@ class Coordinator:
 
     def end(self, reason: str) -> Status:
         """No tick comes any more."""
-        if self.state not in (OVER, HALTED):
+        if self.state not in (OVER, HALTED, WITHDRAWN):
             self.state, self.reason = OVER, reason
         return self.status()
 
@@ -148,11 +151,21 @@ class Coordinator:
     def yields_to(self, other: Status) -> bool:
         """Whether another coordinator goes on and this one does not: there is one time in a ROS domain, and
         the one that has begun, or else the one that was there first, has it."""
-        if other.session == self.session or self.state != WAITING:
+        begun = (RUNNING, PAUSED)
+        if other.session == self.session or self.state not in (WAITING, *begun):
             return False
-        if other.state == WAITING:
-            return (other.born, other.session) < (self._born, self.session)
-        return other.state in (RUNNING, PAUSED)
+        if (other.state == WAITING) == (self.state == WAITING):
+            earlier = (other.born, other.session) < (self._born, self.session)
+            return earlier and other.state in (WAITING, *begun)
+        return other.state in begun
+
+    def give_way(self) -> Status:
+        """To another coordinator: its participants turn to that one, or are halted where time has begun."""
+        if self.state == WAITING:
+            self.state = WITHDRAWN
+        else:
+            self._halt("another coordinator of simulated time, which was there first, goes on")
+        return self.status()
 
     # Messages.
 
@@ -163,7 +176,8 @@ class Coordinator:
             return
         name = report.name
         if report.act == "join" and report.member is not None:
-            self._join(report.member, report.sender, report.run)
+            if self._lived >= self._listens:  # else it joins again
+                self._join(report.member, report.sender, report.run)
             return
         if name not in self.members or self._senders[name] != report.sender:
             return
@@ -225,7 +239,7 @@ class Coordinator:
             self.state = PAUSED if self._paused else RUNNING
             if self._schedule.next_stamp is None:
                 self._halt("nobody takes part who publishes anything; put a plant among the nodes")
-        if self.state in (OVER, HALTED):
+        if self.state in (OVER, HALTED, WITHDRAWN):
             return []
         if self._busy:
             return self._ask_again()

@@ -24,7 +24,9 @@ PLANT, SOURCE, ANSWERER, LINK, RECORDER = "plant", "source", "answerer", "link",
 KINDS = (PLANT, SOURCE, ANSWERER, LINK, RECORDER)
 
 WAITING, RUNNING, PAUSED, OVER, HALTED = "waiting", "running", "paused", "over", "halted"
-"""States of the coordinator."""
+WITHDRAWN = "withdrawn"
+"""States of the coordinator. Withdrawn: before its time began it gave way to another one, to which its
+participants turn."""
 
 MOST_TEXT = 1 << 18
 """Characters; a status that names a hundred nodes has a tenth of that."""

@@ -15,6 +15,7 @@ from haptic_teleop_control.simulated_time.messages import (
     OVER,
     PAUSED,
     WAITING,
+    WITHDRAWN,
     Member,
     Report,
     Status,
@@ -155,6 +156,9 @@ class Participant:
                 return
             self.joined, self._session = True, status.session
             self._on_joined()
+        if status.state == WITHDRAWN:  # before time began; the next attempt to join reaches the other one
+            self.joined, self._session, self.state = False, "", ""
+            return
         self.state, self._reason = status.state, status.reason
         if status.state == HALTED:
             self._fault(f"simulated time is halted: {status.reason}")
