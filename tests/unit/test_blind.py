@@ -316,8 +316,20 @@ def test_a_pair_counts_whole_half_and_wrong(tmp_path: Path) -> None:
     both = scored(tmp_path, label, {"verdict": "identified", "findings": [two, one]})
     half = scored(tmp_path, label, {"verdict": "identified", "findings": [one]})
     mixed = scored(tmp_path, label, {"verdict": "identified", "findings": [one, stray]})
-    assert [s["both"] for s in (both, half, mixed)] == [True, False, False]
+    assert [s["all_named"] for s in (both, half, mixed)] == [True, False, False]
     assert [s["one_and_none_wrong"] for s in (both, half, mixed)] == [True, True, False]
+    assert [(s["right_names"], s["named_wrong"]) for s in (both, half, mixed)] == [(2, 0), (1, 0), (1, 1)]
+    pairs = summarise([both, half, mixed])["together"]["pair"]
+    assert (pairs["all"]["hits"], pairs["one_and_none_wrong"]["hits"], pairs["all"]["of"]) == (1, 2, 3)
+    assert pairs["right_names"]["value"] == pytest.approx(4 / 3)
+
+
+@pytest.mark.long
+def test_each_of_three_effects_shows_beside_the_two_others() -> None:
+    case = draw_case(77, "triple", 0, "triple")
+    told = case.label["truth"]
+    assert len(told) == len({t["effect"] for t in told}) == len(case.label["sets"]) == 3
+    assert min(t["detectability"] for t in told) >= 8.0 and case.label["isolable"]
 
 
 def test_a_command_that_failed_or_wrote_rubbish_is_no_success(tmp_path: Path) -> None:

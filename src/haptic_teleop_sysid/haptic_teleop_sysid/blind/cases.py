@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 import zlib
 from dataclasses import dataclass, replace
+from itertools import combinations
 from typing import Any
 
 import numpy as np
@@ -46,7 +47,9 @@ from haptic_teleop_sysid.blind.robot import (
 )
 
 Array = NDArray[np.float64]
-KINDS = ("single", "clean", "pair", "outside", "tied")
+TOGETHER = {"pair": 2, "triple": 3}
+"""How many effects are hidden together."""
+KINDS = ("single", "clean", *TOGETHER, "outside", "tied")
 LEVELS = (2.0, 8.0, 32.0, 128.0, 512.0)
 DURATION = 24.0
 DRAWS = 1000  # a stop that is just felt (d' 2) has needed close to a hundred
@@ -193,7 +196,7 @@ def _draw(
             "colour_arm": noisy.colour_arm,
         },
     }
-    label["isolable"] = kind in ("single", "pair") and all(len(s) == 1 for s in label["sets"])
+    label["isolable"] = kind in ("single", *TOGETHER) and all(len(s) == 1 for s in label["sets"])
     model = lab_model(rng, noisy, known)
     return Case(
         name,
@@ -225,13 +228,14 @@ def _wanted(
     if kind == "tied":
         effect, part = TIES[index % len(TIES)]
         return [(effects.BY_NAME[effect], part, rng.uniform(8.0, 24.0))]
-    chosen = rng.choice(len(places), 2, replace=False)
-    pair = [
+    chosen = rng.choice(len(places), TOGETHER[kind], replace=False)
+    together = [
         (effects.BY_NAME[places[i][0]], places[i][1], float(rng.choice([32.0, 128.0, 512.0]))) for i in chosen
     ]
-    if pair[0][0] is pair[1][0] or _family(pair[0][0]) & _family(pair[1][0]):
-        raise Unlucky
-    return pair
+    for (one, *_), (other, *_) in combinations(together, 2):
+        if one is other or _family(one) & _family(other):
+            raise Unlucky
+    return together
 
 
 def _family(kind: Kind) -> set[str]:
@@ -346,19 +350,24 @@ def _recorded(
 def _as_large(
     planted: list[Planted], driven: Driven, added: list[Column], filter_: Whitener, known: bool
 ) -> list[Planted]:
-    """Return the effects with the d' that they have in the recording itself, of a pair each beside the other.
+    """Return the effects with the d' that they have in the recording itself, each beside the others.
 
     One effect may leave another no way to show. Unlucky where the recording makes much of a difference to a
-    single effect, or leaves less than d' 8 of one of two.
+    single effect, or leaves less than d' 8 of one of several.
     """
     base = refit_columns(filter_, driven, known)
     left = beyond(base, whiten(filter_, added, len(driven.motor)))
     found = []
     for i, one in enumerate(planted):
-        alone = left[:, i]
+        alone: Array = left[:, i]
+        others: list[Array] = []
         for j in range(len(planted)):
             if j != i:
-                direction = left[:, j] / max(float(np.linalg.norm(left[:, j])), 1e-12)
+                beside = left[:, j]
+                for other in others:
+                    beside = beside - other * (other @ beside)
+                direction = beside / max(float(np.linalg.norm(beside)), 1e-12)
+                others.append(direction)
                 alone = alone - direction * (direction @ alone)
         found.append(replace(one, detectability=float(np.linalg.norm(alone))))
     if len(found) == 1:
@@ -390,13 +399,13 @@ def _rivals(
 
 
 def _check(kind: str, tell: list[dict[tuple[str, str], float]]) -> None:
-    """Unlucky when a tie is none, an effect outside the table has a name in it, or one of a pair has
+    """Unlucky when a tie is none, an effect outside the table has a name in it, or one of several has
     another."""
     if kind == "tied" and min(tell[0].values()) > 0.4 * CANNOT_TELL:
         raise Unlucky
     if kind == "outside" and min(tell[0].values()) < 32.0:
         raise Unlucky
-    if kind == "pair" and min(min(found.values()) for found in tell) < CANNOT_TELL:
+    if kind in TOGETHER and min(min(found.values()) for found in tell) < CANNOT_TELL:
         raise Unlucky
 
 

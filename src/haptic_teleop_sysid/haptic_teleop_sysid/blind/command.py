@@ -37,7 +37,8 @@ def parser() -> argparse.ArgumentParser:
     found.add_argument(
         "--cases",
         default="single=300,clean=300,pair=40,outside=40,tied=30",
-        help="how many of each kind: single, clean, pair, outside (the table), tied (cannot be told apart)",
+        help="how many of each kind: single, clean, pair, triple (effects together), outside (the table), "
+        "tied (cannot be told apart)",
     )
     found.add_argument("--output", type=Path, required=True, help="directory of cases, results and report")
     found.add_argument("--levels", default=",".join(f"{v:g}" for v in LEVELS), help="sizes of singles, as d'")

@@ -17,6 +17,7 @@ from haptic_teleop_sysid.blind.tables import (
     percent,
     rows_table,
     targets_table,
+    together_table,
 )
 from haptic_teleop_sysid.report import Page
 from haptic_teleop_sysid.report.pictures import COLOUR, blank, styled
@@ -93,6 +94,8 @@ def blind_page(result: dict[str, Any]) -> Page:
         [(name.replace("_", " "), percent(clean[name])) for name in ("all", "without_trace", "with_trace")],
         f"A trace of d' below 1 was rightly named {clean['trace_named']} times, which counts as no alarm.",
     )
+    if (several := together_table(summary))[1]:
+        page.section("Several effects together").table(*several)
     page.section("Outside the table").table(
         ("physics", "called unknown"), [(k, percent(v)) for k, v in summary["outside_by_effect"].items()]
     )

@@ -91,10 +91,10 @@ def score_case(name: str, label: dict[str, Any], directory: Path) -> dict[str, A
         score["set_size"] = len(stated) if is_named else None
         rivals = [s for s in stated if s != truths[0] and s in allowed]
         score["cannot_tell"] = verdict == "ambiguous" and truths[0] in stated and bool(rivals)
-    if len(truths) == 2:
+    if len(truths) > 1:
         hit = [any(f in allowed for f in firsts) for allowed in sets]
         wrong = [f for f in firsts if not any(f in allowed for allowed in sets)]
-        score["both"] = all(hit)
+        score["all_named"], score["right_names"] = all(hit), sum(hit)
         score["one_and_none_wrong"] = any(hit) and not wrong
         score["named_wrong"] = len(wrong)
     if label["kind"] == "clean":

@@ -9,6 +9,7 @@ from statistics import NormalDist, mean, median
 from typing import Any
 
 from .calibration import calibration
+from .cases import TOGETHER
 
 Scores = list[dict[str, Any]]
 STRONG = 8.0
@@ -85,9 +86,14 @@ def summarise(scores: Scores) -> dict[str, Any]:
         "by_loop": {loop: _row(found) for loop, found in _grouped(strong, lambda s: s["loop"]).items()},
         "by_stage": {stage: _row(found) for stage, found in _grouped(strong, lambda s: s["stage"]).items()},
         "confusion": _confusion(strong, by_kind["outside"], clean),
-        "pairs": {
-            "both": rate(s["both"] for s in by_kind["pair"]),
-            "one_and_none_wrong": rate(s["one_and_none_wrong"] for s in by_kind["pair"]),
+        "together": {
+            kind: {
+                "all": rate(s["all_named"] for s in by_kind[kind]),
+                "one_and_none_wrong": rate(s["one_and_none_wrong"] for s in by_kind[kind]),
+                "right_names": middle((s["right_names"] for s in by_kind[kind]), average=True),
+                "wrong_names": middle((s["named_wrong"] for s in by_kind[kind]), average=True),
+            }
+            for kind in TOGETHER
         },
         "outside_by_effect": {
             effect: rate(s["verdict"] == "unknown" for s in found)
@@ -122,7 +128,7 @@ def _targets(strong: Scores, by_kind: dict[str, Scores]) -> dict[str, dict[str, 
         "cannot_tell": rate(s["cannot_tell"] for s in by_kind["tied"]),
         "wrongly_ambiguous": rate(s["verdict"] == "ambiguous" for s in detected if s["isolable"]),
         "outside_unknown": rate(s["verdict"] == "unknown" for s in by_kind["outside"]),
-        "pair_both": rate(s["both"] for s in by_kind["pair"]),
+        "pair_both": rate(s["all_named"] for s in by_kind["pair"]),
         "size_error": middle(p["error"] for p in sizes),
         "coverage": rate(intervals),
         "gap_closed": middle(f["share"] for f in fits),

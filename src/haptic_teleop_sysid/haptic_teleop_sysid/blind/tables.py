@@ -111,6 +111,16 @@ def effect_table(result: dict[str, Any]) -> Table:
     return ("effect", *map(_size_text, sizes)), rows
 
 
+def together_table(summary: dict[str, Any]) -> Table:
+    """Return how many of several effects that are hidden together are named."""
+    rows = []
+    for kind, entry in summary["together"].items():
+        if entry["all"]["of"]:
+            means = (f"{entry[key]['value']:.2f}" for key in ("right_names", "wrong_names"))
+            rows.append((kind, percent(entry["all"]), percent(entry["one_and_none_wrong"]), *means))
+    return ("hidden", "all named", "one named, and none wrong", "right names", "wrong names"), rows
+
+
 def baseline_table(result: dict[str, Any]) -> Table:
     """Return the methods side by side on the same cases."""
     rows = [
@@ -174,6 +184,8 @@ def markdown(result: dict[str, Any]) -> str:
         _text_table(effect_table(result)),
         "### By loop and stage\n",
         _text_table(rows_table({**summary["by_loop"], **summary["by_stage"]}, "experiment")),
+        "### Several effects together\n",
+        _text_table(together_table(summary)),
         "### Outside the table: called unknown\n",
         _text_table(
             (("physics", "unknown"), [(k, percent(v)) for k, v in summary["outside_by_effect"].items()])
