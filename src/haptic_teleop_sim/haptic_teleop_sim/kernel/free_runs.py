@@ -258,6 +258,9 @@ def nearest_starts(spans, states, angles, torque, exogenous, t0, mechanics, goal
                     for i in range(m):
                         known_read[i, 0], known_read[i, 1] = read[i, 0], read[i, 1]
             expected = newton_step(errors, rows, free, damping, slopes, step)
+            # Derivatives of one step before that have kept their promise tell what is left to gain.
+            if not renew and not fresh and expected < enough * cost:
+                break
             for j in range(4):
                 trial[j] = state[j]
             for c in range(free):

@@ -81,8 +81,9 @@ def maximise(
     enough: float,
     progress: Callable[[int, float], None] | None = None,
 ) -> End[P]:
-    """From parameters (p,) and their point to where a step promises less than ``enough`` of log-likelihood
-    or gains less than a tenth of that, or where no damped step gains anything."""
+    """From parameters (p,) and their point to where a step promises less than ``enough`` of log-likelihood,
+    gains less than a tenth of that or all that there was to gain up to less than ``enough``, or where no
+    damped step gains anything."""
     damping, count, converged = damped.first, 0, False
     message = "stopped at the limit of iterations"
     information, gradient = np.zeros((len(theta), len(theta))), np.zeros(len(theta))
@@ -114,13 +115,15 @@ def maximise(
             converged = promised < _NEXT_TO_NOTHING
             message = "no step gains anything: the model bends too much here or is at its best"
             break
-        gained = trial.value - point.value
+        gained, moved = trial.value - point.value, new - theta
+        told = -float(gradient @ moved) - 0.5 * float(moved @ information @ moved)
         theta, point = new, trial
         damping = max(damping / _FACTOR, damped.least)
         if progress is not None:
             progress(count, point.value)
-        if gained < 0.1 * enough:
-            # Where the model has kinks, steps promise what they do not hold.
+        if gained < 0.1 * enough or (promised - told) + abs(told - gained) < enough:
+            # Where the model has kinks, steps promise what they do not hold. Where one holds it, what is left
+            # is what the whole step would have gained more, and what this one was wrong by.
             converged, message = True, "converged"
             break
     return End(theta, point, information, gradient, converged, message, count)
