@@ -65,3 +65,17 @@ def test_where_the_function_bends_it_ends_within_what_is_enough_of_the_top(begin
     end = maximise(problem, start, problem.at(start, None, 0.0), DAMPED, iterations=50, enough=0.01)
     best = max(problem.at(np.array([t]), None, 0.0).value for t in np.linspace(0.6, 0.8, 2001))
     assert end.converged and best - end.point.value < 0.01
+
+
+def test_two_directions_that_break_their_promises_in_opposite_ways_do_not_pass_for_one_that_holds_it():
+    """One bends more than it seems, and its step gains less; one bends ten times less, and gains more."""
+    true, seems = np.array([1.2, 1.0]), np.diag([1.0, 10.0])
+
+    def at(theta, before, damping):
+        return Place(theta, -0.5 * float(true @ theta**2))
+
+    wide = np.full(2, 1e9)
+    problem = Problem(at, lambda point, theta: (seems, true * theta), lambda p, t, new: new, -wide, wide)
+    start = np.array([0.87, 1.5])
+    end = maximise(problem, start, at(start, None, 0.0), DAMPED, iterations=99, enough=0.03)
+    assert end.converged and end.count > 3 and -end.point.value < 0.35

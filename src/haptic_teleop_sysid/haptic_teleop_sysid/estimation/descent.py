@@ -82,8 +82,8 @@ def maximise(
     progress: Callable[[int, float], None] | None = None,
 ) -> End[P]:
     """From parameters (p,) and their point to where a step promises less than ``enough`` of log-likelihood,
-    gains less than a tenth of that or all that there was to gain up to less than ``enough``, or where no
-    damped step gains anything."""
+    gains less than a tenth of that or all that there was to gain up to a tenth of that, or where no damped
+    step gains anything."""
     damping, count, converged = damped.first, 0, False
     message = "stopped at the limit of iterations"
     information, gradient = np.zeros((len(theta), len(theta))), np.zeros(len(theta))
@@ -121,9 +121,10 @@ def maximise(
         damping = max(damping / _FACTOR, damped.least)
         if progress is not None:
             progress(count, point.value)
-        if gained < 0.1 * enough or (promised - told) + abs(told - gained) < enough:
+        if min(gained, (promised - told) + abs(told - gained)) < 0.1 * enough:
             # Where the model has kinks, steps promise what they do not hold. Where one holds it, what is left
-            # is what the whole step would have gained more, and what this one was wrong by.
+            # is what the whole step would have gained more, and some times what this one was wrong by: where
+            # a direction bends ten times less than it seems, eight times.
             converged, message = True, "converged"
             break
     return End(theta, point, information, gradient, converged, message, count)
