@@ -16,7 +16,7 @@ from haptic_teleop_control.nodes.base.run import run_node
 from haptic_teleop_control.nodes.timing.exchange import CoordinatorEnd
 from haptic_teleop_control.nodes.timing.time_base import steady_timer
 from haptic_teleop_control.simulated_time.coordinator import Coordinator
-from haptic_teleop_control.simulated_time.messages import HALTED, OVER, WAITING, WITHDRAWN, Report, Status
+from haptic_teleop_control.simulated_time.messages import ENDED, HALTED, OVER, WAITING, Report, Status
 from haptic_teleop_control.simulated_time.runs import own_run
 from haptic_teleop_control.simulated_time.stamps import ORIGIN, seconds
 
@@ -172,7 +172,7 @@ class TimeCoordinator(HapticNode):
 
     def shutdown_safely(self) -> None:
         coordinator = self._coordinator
-        if coordinator.armed and coordinator.state not in (OVER, HALTED, WITHDRAWN):
+        if coordinator.armed and coordinator.state not in ENDED:
             self._end.announce(coordinator.end("the coordinator was stopped"), coordinator.members)
         self._end.close()
 

@@ -13,6 +13,8 @@ from collections.abc import Iterable
 
 from haptic_teleop_control.simulated_time.messages import (
     ANSWERER,
+    BEGUN,
+    ENDED,
     HALTED,
     LINK,
     OVER,
@@ -129,7 +131,7 @@ class Coordinator:
 
     def end(self, reason: str) -> Status:
         """No tick comes any more."""
-        if self.state not in (OVER, HALTED, WITHDRAWN):
+        if self.state not in ENDED:
             self.state, self.reason = OVER, reason
         return self.status()
 
@@ -151,13 +153,11 @@ class Coordinator:
     def yields_to(self, other: Status) -> bool:
         """Whether another coordinator goes on and this one does not: there is one time in a ROS domain, and
         the one that has begun, or else the one that was there first, has it."""
-        begun = (RUNNING, PAUSED)
-        if other.session == self.session or self.state not in (WAITING, *begun):
+        if other.session == self.session or self.state in ENDED or other.state in ENDED:
             return False
-        if (other.state == WAITING) == (self.state == WAITING):
-            earlier = (other.born, other.session) < (self._born, self.session)
-            return earlier and other.state in (WAITING, *begun)
-        return other.state in begun
+        if (self.state in BEGUN) != (other.state in BEGUN):
+            return other.state in BEGUN
+        return (other.born, other.session) < (self._born, self.session)
 
     def give_way(self) -> Status:
         """To another coordinator: its participants turn to that one, or are halted where time has begun."""
@@ -239,7 +239,7 @@ class Coordinator:
             self.state = PAUSED if self._paused else RUNNING
             if self._schedule.next_stamp is None:
                 self._halt("nobody takes part who publishes anything; put a plant among the nodes")
-        if self.state in (OVER, HALTED, WITHDRAWN):
+        if self.state in ENDED:
             return []
         if self._busy:
             return self._ask_again()
@@ -405,7 +405,7 @@ class Coordinator:
 
     def _leave(self, member: Member, why: str) -> None:
         del self.members[member.name], self._senders[member.name]
-        if self.state in (RUNNING, PAUSED) and member.kind != RECORDER:
+        if self.state in BEGUN and member.kind != RECORDER:
             self._halt(f"{member.name} {why or 'has ended'}")
         self._owing.discard(member.name)
 

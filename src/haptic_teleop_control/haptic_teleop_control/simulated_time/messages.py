@@ -27,6 +27,7 @@ WAITING, RUNNING, PAUSED, OVER, HALTED = "waiting", "running", "paused", "over",
 WITHDRAWN = "withdrawn"
 """States of the coordinator. Withdrawn: before its time began it gave way to another one, to which its
 participants turn."""
+BEGUN, ENDED = (RUNNING, PAUSED), (OVER, HALTED, WITHDRAWN)
 
 MOST_TEXT = 1 << 18
 """Characters; a status that names a hundred nodes has a tenth of that."""
