@@ -187,6 +187,18 @@ def test_whoever_joined_a_coordinator_that_gives_way_turns_to_the_other_one():
     assert "another node of this name" in refusals[0] and not faults
 
 
+@pytest.mark.parametrize(("state", "joins_again"), [(WAITING, True), (RUNNING, False), (PAUSED, False)])
+def test_a_coordinator_that_is_lost_before_time_began_leaves_its_participants_free(state, joins_again):
+    said, faults = [], []
+    participant = taken_part(listening(faults, say=said.append, liveness=1.0), state=state)
+    for tenth in range(14):
+        participant.poll(tenth / 10)
+    assert participant.joined != joins_again and bool(faults) != joins_again
+    assert said[-1].act == ("join" if joins_again else "left")
+    taken_part(participant, session="another", state=WAITING)
+    assert participant.state == (WAITING if joins_again else state), "it hears the other one, or its own alone"
+
+
 def test_of_two_coordinators_whose_time_has_begun_the_later_one_halts():
     first, second = open_loop(born=1), open_loop(born=2)
     first.poll(0.0), second.poll(0.0)
@@ -360,6 +372,7 @@ def test_what_cannot_be_paused_yet_says_what_it_waits_for():
         '"member":null,"silent":false,"sender":"","run":""}',
         '{"type":"status","session":"s","state":"running","stamp":1,"members":[],"reason":"","refused":[],'
         '"achieved":1.0,"senders":[],"run":""}',
+        encode(Status("s", "dreaming", 1)),
         encode(Report("/a", "join", member=Member("/a", PLANT, 0.0, "/t"))),
         encode(Report("/a", "join", member=Member("/a", SOURCE, float("nan"), "/t"))),
         encode(Report("/a", "join", member=Member("/a", "guest"))),

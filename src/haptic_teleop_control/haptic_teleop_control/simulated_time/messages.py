@@ -157,6 +157,12 @@ def _text(value: Any) -> str:
     return value
 
 
+def _state(value: Any) -> str:
+    if value not in (WAITING, *BEGUN, *ENDED):
+        raise ValueError
+    return value
+
+
 def _whole(value: Any) -> int:
     if type(value) is not int or not 0 <= value < LARGEST:
         raise ValueError
@@ -192,7 +198,7 @@ def _stamps(value: Any) -> dict[str, int]:
 def _status(content: dict[str, Any]) -> Status:
     return Status(
         _text(content["session"]),
-        _text(content["state"]),
+        _state(content["state"]),
         _whole(content["stamp"]),
         _texts(content["members"]),
         _text(content["reason"]),

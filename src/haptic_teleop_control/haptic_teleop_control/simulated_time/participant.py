@@ -33,7 +33,7 @@ come first, and a child of `scenario` that was killed is seen at once anyway."""
 
 class Participant:
     """member: itself. say: sends a report. on_tick(tick, repeated): called for every tick, also those that
-    ask nothing of it. on_fault(detail): time is halted or the coordinator is lost; once.
+    ask nothing of it. on_fault(detail): time is halted, or its coordinator is lost after it began; once.
     on_refused(detail): the coordinator does not take it; once, and nothing else is called then. on_joined:
     it takes part from now on. on_status: every status. liveness: s without a word from the coordinator.
     run: of the `scenario` that has started it; it then hears only that one's coordinator.
@@ -96,6 +96,9 @@ class Participant:
                 self._next_join = self._lived + JOIN_INTERVAL
                 self._say("join", member=self.member)
         elif self._lived - self._heard > self._liveness and self.state != OVER:
+            if self.state == WAITING:
+                self._turn_to_another()
+                return
             self._fault(f"the coordinator of simulated time has been silent for {self._liveness:g} s")
 
     @property
@@ -156,8 +159,8 @@ class Participant:
                 return
             self.joined, self._session = True, status.session
             self._on_joined()
-        if status.state == WITHDRAWN:  # before time began; the next attempt to join reaches the other one
-            self.joined, self._session, self.state = False, "", ""
+        if status.state == WITHDRAWN:
+            self._turn_to_another()
             return
         self.state, self._reason = status.state, status.reason
         if status.state == HALTED:
@@ -165,6 +168,10 @@ class Participant:
         elif status.state in (PAUSED, OVER):
             self.stamp = max(self.stamp, status.stamp)
         self._on_status(status)
+
+    def _turn_to_another(self) -> None:
+        """It takes no part with a coordinator that is gone before time began, and tries to join again."""
+        self.joined, self._session, self.state = False, "", ""
 
     def _fault(self, detail: str) -> None:
         if not self._faulty:
