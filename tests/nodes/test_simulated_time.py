@@ -330,18 +330,25 @@ def test_the_last_word_is_no_answer_and_stops_the_robot(graph):
     assert setting.plant.permitted() is None
 
 
-def test_a_second_coordinator_in_the_domain_and_its_end_change_nothing(graph, elsewhere):
+@pytest.mark.parametrize("deaf", [False, True])
+def test_a_second_coordinator_in_the_domain_and_its_end_change_nothing(graph, elsewhere, deaf):
+    """It withdraws as soon as it hears of the other one; as long as it does not, it waits and is ended."""
     plant = graph.start(SfjSim, use_sim_time=True)
     elsewhere.run(lambda: elsewhere.node._coordinator.ticks > 20)
     second, heard = Elsewhere(graph, "nobody"), []
     graph.probe.create_subscription(String, STATUS_TOPIC, lambda text: heard.append(decode(text.data)), 100)
-    of_second = lambda *states: any(  # noqa: E731
-        status.session == second.node._coordinator.session and status.state in states for status in heard
+    coordinator = second.node._coordinator
+    if deaf:
+        coordinator.yields_to = lambda other: False
+    of_second = lambda state: any(  # noqa: E731
+        status.session == coordinator.session and status.state == state for status in heard
     )
     try:
-        elsewhere.run(lambda: second.executor.spin_once(timeout_sec=0.0) or of_second(WAITING, WITHDRAWN))
+        noticed = (lambda: of_second(WAITING)) if deaf else (lambda: coordinator.state == WITHDRAWN)
+        elsewhere.run(lambda: second.executor.spin_once(timeout_sec=0.0) or noticed())
         second.node.shutdown_safely()
-        elsewhere.run(lambda: of_second(OVER, WITHDRAWN))
+        elsewhere.run(lambda: of_second(OVER) or not deaf)
+        assert (second.node.failure is None) == deaf and (coordinator.state == OVER) == deaf
     finally:
         second.close()
     before = elsewhere.node._coordinator.ticks
@@ -423,7 +430,7 @@ def test_a_recorder_flushes_and_ends_by_what_it_has_kept_whatever_the_wall_clock
         spin = lambda: recorder.spin_once(graph.executor)  # noqa: E731
         setting.let_live(lambda: spin() or "/recorder" in setting.coordinator.members)
         setting.let_live(lambda: spin() or setting.coordinator.state == PAUSED)
-        setting.coordinator.resume()
+        assert setting.coordinator.resume() is None
         # The wall is held: a flush that is due before the pause would leave nothing for the one in question.
         graph.until(lambda: spin() or recorder.received.get("/sfj/joint_states", 0) > 100)
         setting.coordinator.pause()

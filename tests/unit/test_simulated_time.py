@@ -196,7 +196,7 @@ def test_a_coordinator_that_is_lost_before_time_began_leaves_its_participants_fr
     assert participant.joined != joins_again and bool(faults) != joins_again
     assert said[-1].act == ("join" if joins_again else "left")
     taken_part(participant, session="another", state=WAITING)
-    assert participant.state == (WAITING if joins_again else state), "it hears the other one, or its own alone"
+    assert participant.state == (WAITING if joins_again else state), "it hears the other, or its own alone"
 
 
 def test_of_two_coordinators_whose_time_has_begun_the_later_one_halts():
