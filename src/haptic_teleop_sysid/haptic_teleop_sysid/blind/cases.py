@@ -360,7 +360,7 @@ def _as_large(
     found = []
     for i, one in enumerate(planted):
         alone: Array = left[:, i]
-        others: list[Array] = []
+        others: list[Array] = []  # by Gram and Schmidt: digests of old labels hang on the last bit for pairs
         for j in range(len(planted)):
             if j != i:
                 beside = left[:, j]

@@ -124,7 +124,7 @@ def maximise(
         if min(gained, (promised - told) + abs(told - gained)) < 0.1 * enough:
             # Where the model has kinks, steps promise what they do not hold. Where one holds it, what is left
             # is what the whole step would have gained more, and some times what this one was wrong by: where
-            # a direction bends ten times less than it seems, eight times.
+            # a direction bends ten times less than it seems, nine times.
             converged, message = True, "converged"
             break
     return End(theta, point, information, gradient, converged, message, count)
