@@ -20,6 +20,7 @@ from haptic_teleop_control.simulated_time.messages import (
     OVER,
     PLANT,
     SOURCE,
+    STATES,
     Delivery,
     Member,
     Report,
@@ -284,8 +285,8 @@ MEMBERS = st.builds(
 MESSAGES = st.one_of(
     st.builds(Tick, NAMES, STAMPS, STAMPS, TUPLES, TUPLES, NEWEST, DELIVERIES),
     st.builds(
-        Status, NAMES, NAMES, STAMPS, TUPLES, NAMES, st.dictionaries(NAMES, NAMES, max_size=3),
-        st.floats(0, 1e9), TUPLES, NAMES, STAMPS,
+        Status, NAMES, st.sampled_from(STATES), STAMPS, TUPLES, NAMES,
+        st.dictionaries(NAMES, NAMES, max_size=3), st.floats(0, 1e9), TUPLES, NAMES, STAMPS,
     ),
     st.builds(
         Report, NAMES, st.sampled_from(["join", "done", "waiting", "recorded", "taken", "left"]), STAMPS,

@@ -28,6 +28,7 @@ WITHDRAWN = "withdrawn"
 """States of the coordinator. Withdrawn: before its time began it gave way to another one, to which its
 participants turn."""
 BEGUN, ENDED = (RUNNING, PAUSED), (OVER, HALTED, WITHDRAWN)
+STATES = (WAITING, *BEGUN, *ENDED)
 
 MOST_TEXT = 1 << 18
 """Characters; a status that names a hundred nodes has a tenth of that."""
@@ -158,7 +159,7 @@ def _text(value: Any) -> str:
 
 
 def _state(value: Any) -> str:
-    if value not in (WAITING, *BEGUN, *ENDED):
+    if value not in STATES:
         raise ValueError
     return value
 
