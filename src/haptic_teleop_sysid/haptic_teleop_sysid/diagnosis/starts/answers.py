@@ -43,6 +43,13 @@ class Answers:
             slopes.append(j)
         jacobian = np.concatenate(slopes)
         scale = np.sqrt(np.sum(jacobian**2, axis=0))
+        self.motions = [
+            [
+                variables_along(record, run.states, channel)
+                for record, run in zip(self.records, self.runs, strict=True)
+            ]
+            for channel in (0, 1)
+        ]
         self.structure = np.linalg.qr(jacobian[:, scale > 0.0] / scale[scale > 0.0])[0]
         self.left = np.concatenate(whitened)
         self.left = self.left - self.structure @ (self.structure.T @ self.left)
@@ -56,10 +63,7 @@ class Answers:
         """Nats (values,) that the effect promises at each value of its scanned parameter."""
         found = np.zeros(len(values))
         channel = 1 if place.startswith("arm") else 0
-        motions = [
-            variables_along(record, run.states, channel)
-            for record, run in zip(self.records, self.runs, strict=True)
-        ]
+        motions = self.motions[channel]
         chunk = max(1, min(_CHUNK, _MOST_AT_ONCE // sum(len(r) for r in self.records)))
         for begin in range(0, len(values), chunk):
             some = values[begin : begin + chunk]
