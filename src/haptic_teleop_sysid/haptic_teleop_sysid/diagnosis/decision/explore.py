@@ -111,7 +111,7 @@ def _most_material(fits: Sequence[Fit], index: int, scales: Scales) -> list[Fit]
     """The best of the fits, one of each effect at each place: what is too small or too much like a simpler
     thing to be named takes no place from what is not."""
     best = best_of_each(fits, index)  # by likelihood, which the sort below keeps
-    return sorted(best, key=lambda f: not material(f.model.effects[index], scales))[:_MOST_POLISHED]
+    return sorted(best, key=lambda f: not material(f.model.effects[index], scales.driven(f.model)))[:_MOST_POLISHED]
 
 
 def _in_the_running(fits: Sequence[Fit], least: float) -> list[Fit]:

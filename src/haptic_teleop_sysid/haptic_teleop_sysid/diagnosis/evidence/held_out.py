@@ -3,10 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 
+from haptic_teleop_sim.kernel import pack
 from haptic_teleop_sysid.estimation.gauss_newton import Fit
+from haptic_teleop_sysid.estimation.likelihood import likelihood_of
 from haptic_teleop_sysid.estimation.noise import NoiseModel
 from haptic_teleop_sysid.estimation.parallel import side_by_side
 from haptic_teleop_sysid.estimation.records import Record, thinned_to
@@ -27,6 +30,8 @@ _STEPS = 15
 _FIRST_STEPS, _MOST_ENDED = 4, 2
 #: Share of the samples that a search takes on the way to noise levels, which are six numbers at most.
 _FEWER = 0.5
+#: Nats that an effect changes on recordings that it does not reach, but for rounding.
+_NOTHING = 0.01
 
 
 def judged(
@@ -52,19 +57,37 @@ def judged(
     between = side_by_side(lambda pair: reconciled(pair[0], pair[1], validation), both)
     blocks = side_by_side(lambda pair: by_blocks([(pair[0], estimation), (pair[1], validation)]), both)
     alone = between[0]
-    found = [
-        Explanation(
-            f,
-            f.log_likelihood - fit.log_likelihood,
-            there.log_likelihood - before.log_likelihood,
-            material(f.model.effects[index], scales),
-            index,
-            beside - alone,
-            gains=None if own is None or blocks[0] is None else own - blocks[0],
+    found = []
+    for f, there, beside, own in zip(fits, after, between[1:], blocks[1:], strict=True):
+        held_out, reconciled_more = there.log_likelihood - before.log_likelihood, beside - alone
+        if held_out + reconciled_more < 0.0 and _unreached(there, index, validation):
+            held_out = reconciled_more = 0.0
+        found.append(
+            Explanation(
+                f,
+                f.log_likelihood - fit.log_likelihood,
+                held_out,
+                material(f.model.effects[index], scales.driven(f.model)),
+                index,
+                reconciled_more,
+                gains=None if own is None or blocks[0] is None else own - blocks[0],
+            )
         )
-        for f, there, beside, own in zip(fits, after, between[1:], blocks[1:], strict=True)
-    ]
     return sorted(found, key=lambda e: (not e.material, -e.score))
+
+
+def _unreached(there: Fit, index: int, records: Sequence[Record]) -> bool:
+    """Whether the recordings are predicted alike with an effect and without it, all else the same.
+
+    They do not object to a stop that they do not reach. What they lose beside it they lose by the structure's
+    parameters, which a fit that leaves less unexplained holds more tightly."""
+    effects = tuple(e for i, e in enumerate(there.model.effects) if i != index)
+    own = there.model.effects[index]
+    head = f"{own.location}.{own.effect}."
+    fixed = tuple(name for name in there.model.fixed if not name.startswith(head))
+    bare = replace(there.model, effects=effects, fixed=fixed)
+    without = likelihood_of(pack(bare), there.noise, records)
+    return abs(without - there.log_likelihood) < _NOTHING
 
 
 def reconciled(fit: Fit, there: Fit, records: Sequence[Record]) -> float:

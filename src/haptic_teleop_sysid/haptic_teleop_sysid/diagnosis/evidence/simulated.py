@@ -95,7 +95,7 @@ def explore_simulated(
             best,
             best.log_likelihood - fit.log_likelihood,
             after - before,
-            material(best.model.effects[index], scales),
+            material(best.model.effects[index], scales.driven(best.model)),
             index,
         )
 

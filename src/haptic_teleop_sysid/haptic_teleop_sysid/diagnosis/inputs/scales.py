@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import scipy
@@ -22,7 +22,8 @@ class Scales:
     ``highest`` angle of motor and arm, rad; ``dt``, s; ``resolution`` of both encoders, rad; ``pushed``: how
     far the rms torque moves motor and arm from rest in a sample, twice that, rad; ``both_ways``: of the way
     that each went in one direction the share that it went in the other; ``orders``: cycles per revolution up
-    to which the samples of motor and arm lie densely enough.
+    to which the samples of motor and arm lie densely enough; ``torque_constant``: N·m/A, by which ``size``
+    has torques of the recorded input.
     """
 
     size: dict[str, float]
@@ -33,6 +34,15 @@ class Scales:
     pushed: tuple[float, float] = (0.0, 0.0)
     both_ways: tuple[float, float] = (1.0, 1.0)
     orders: tuple[float, float] = (0.0, 0.0)
+    torque_constant: float = 1.0
+
+    def driven(self, model: Model) -> Scales:
+        """The scales with the input's torques as ``model`` has them: a structure without a saturation makes
+        up for it by a third of the torque constant."""
+        constant = float(model.parameters["torque_constant"])
+        factor = constant / self.torque_constant
+        size = {name: v * factor if name in _OF_THE_INPUT else v for name, v in self.size.items()}
+        return replace(self, size=size, torque_constant=constant)
 
     def span(self, channel: int) -> float:
         """How far motor (0) or arm (1) moved, rad."""
@@ -71,6 +81,8 @@ class Scales:
         return tuple(float(angle) for angle in np.geomspace(min(low, high), high, len(CONTACT_STARTS)))
 
 
+#: Sizes that are in proportion to the torque of the recorded input.
+_OF_THE_INPUT = ("torque", "peak", "torque_per_angle", "peak_per_speed", "drag", "steep")
 #: Cycles per sample up to which samples show an order, at nine tenths of them.
 RESOLVED = 0.25
 #: Share of its top speed from which a joint counts as moving.
@@ -172,7 +184,9 @@ def recording_scales(model: Model, records: Sequence[Record]) -> Scales:
     motor, arm = (torque / inertia * dt**2 for inertia in inertias)
     travel = (lowest[0], lowest[1]), (highest[0], highest[1])
     ways, orders = ((one(records, 0), one(records, 1)) for one in (_both_ways, highest_order))
-    return Scales(size, *travel, dt, resolution, (motor, arm), ways, orders)
+    return Scales(
+        size, *travel, dt, resolution, (motor, arm), ways, orders, float(p["torque_constant"])
+    )
 
 
 def highest_order(records: Sequence[Record], channel: int) -> float:

@@ -30,8 +30,10 @@ FloatArray = NDArray[np.float64]
 _MOST_VALUES, _BEST = 160, 3
 #: Highest whole number of cycles per revolution that is tried on a joint that turns on and on.
 _MOST_CYCLES = 200
-#: Shares of the furthest angles at which a stop is tried.
-_SHARES = (0.998, 0.99, 0.98, 0.96, 0.94, 0.91, 0.88, 0.84, 0.8, 0.75, 0.7)
+#: How far before the furthest angles a stop is tried, in shares of half the travel, and the least share that an
+#: end lies beyond zero: the sign of a stop's angle is its side.
+_BEFORE = (0.002, 0.01, 0.02, 0.04, 0.06, 0.09, 0.12, 0.16, 0.2, 0.25, 0.3)
+_BEYOND = 0.02
 #: Ratio of neighbouring natural frequencies; a lightly damped part answers some 4 % to either side.
 _RATIO = 1.04
 #: Places of an angle within the travel.
@@ -100,9 +102,11 @@ def scanned_values(parameter: EffectParameter, scales: Scales, place: str) -> It
         for i in range(1, _PLACES):
             yield scales.lowest[channel] + scales.span(channel) * i / _PLACES
     else:
-        for end in (scales.highest[channel], scales.lowest[channel]):
-            if abs(end) > 0.1 * scales.size[parameter.scale]:
-                yield from (share * end for share in _SHARES)
+        half = 0.5 * scales.span(channel)
+        for side, end in ((1.0, scales.highest[channel]), (-1.0, scales.lowest[channel])):
+            if side * end > _BEYOND * half:
+                angles = (end - side * share * half for share in _BEFORE)
+                yield from (angle for angle in angles if side * angle > 0.0)
 
 
 def _peaks(values: Sequence[float], gains: FloatArray) -> list[float]:
