@@ -24,8 +24,9 @@ and one gained enough and was believed: about one alarm in 321. Set on the same 
 
 CLEAR_GAIN = 30.0
 """Gain on the estimation recordings from which the validation recordings need only not object: they may not
-reach a stop or a limit at all. Between LEAST_GAIN and here what is asked of them falls linearly. Lower: more
-that is true of one recording alone is believed. By hand; more than twice what any of those 321 gained."""
+reach a stop or a limit at all, and then nothing that they lose speaks against it. Between LEAST_GAIN and here
+what is asked of them falls linearly. Lower: more that is true of one recording alone is believed. By hand;
+more than twice what any of those 321 gained."""
 
 LEAST_AGAINST = 2.0
 """Log-likelihood by which the validation recordings may object to a clear gain. Higher: effects that hold on

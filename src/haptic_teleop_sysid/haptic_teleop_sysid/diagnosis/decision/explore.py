@@ -111,7 +111,11 @@ def _most_material(fits: Sequence[Fit], index: int, scales: Scales) -> list[Fit]
     """The best of the fits, one of each effect at each place: what is too small or too much like a simpler
     thing to be named takes no place from what is not."""
     best = best_of_each(fits, index)  # by likelihood, which the sort below keeps
-    return sorted(best, key=lambda f: not material(f.model.effects[index], scales.driven(f.model)))[:_MOST_POLISHED]
+
+    def told_small(fit: Fit) -> bool:
+        return not material(fit.model.effects[index], scales.driven(fit.model))
+
+    return sorted(best, key=told_small)[:_MOST_POLISHED]
 
 
 def _in_the_running(fits: Sequence[Fit], least: float) -> list[Fit]:

@@ -18,6 +18,7 @@ from haptic_teleop_sysid.estimation.whole_fit import fit_whole, noise_starts
 from ..hypotheses.explanation import Explanation
 from ..hypotheses.material import material
 from ..inputs.scales import Scales
+from ..policy import CLEAR_GAIN
 from .by_blocks import by_blocks
 
 #: Best fits whose noise levels the model without their effect is granted, too.
@@ -59,13 +60,15 @@ def judged(
     alone = between[0]
     found = []
     for f, there, beside, own in zip(fits, after, between[1:], blocks[1:], strict=True):
+        gain = f.log_likelihood - fit.log_likelihood
         held_out, reconciled_more = there.log_likelihood - before.log_likelihood, beside - alone
-        if held_out + reconciled_more < 0.0 and _unreached(there, index, validation):
+        objects = gain >= CLEAR_GAIN and held_out + reconciled_more < 0.0
+        if objects and _unreached(there, index, validation):
             held_out = reconciled_more = 0.0
         found.append(
             Explanation(
                 f,
-                f.log_likelihood - fit.log_likelihood,
+                gain,
                 held_out,
                 material(f.model.effects[index], scales.driven(f.model)),
                 index,

@@ -30,8 +30,8 @@ FloatArray = NDArray[np.float64]
 _MOST_VALUES, _BEST = 160, 3
 #: Highest whole number of cycles per revolution that is tried on a joint that turns on and on.
 _MOST_CYCLES = 200
-#: How far before the furthest angles a stop is tried, in shares of half the travel, and the least share that an
-#: end lies beyond zero: the sign of a stop's angle is its side.
+#: How far before the furthest angles a stop is tried, in shares of half the travel, and the least share that
+#: an end lies beyond zero: the sign of a stop's angle is its side.
 _BEFORE = (0.002, 0.01, 0.02, 0.04, 0.06, 0.09, 0.12, 0.16, 0.2, 0.25, 0.3)
 _BEYOND = 0.02
 #: Ratio of neighbouring natural frequencies; a lightly damped part answers some 4 % to either side.

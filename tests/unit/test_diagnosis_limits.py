@@ -1,0 +1,94 @@
+"""Stops and limits act in a part of the motion only: where they are sought, what their size is compared with,
+and recordings that never reach them.  Recordings come from an integrator of the tests."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from test_diagnosis_parts import MODEL, STEP, joint_record
+
+from haptic_teleop_sim.effects import EFFECTS
+from haptic_teleop_sim.model import Effect
+from haptic_teleop_sysid.diagnosis.evidence import held_out
+from haptic_teleop_sysid.diagnosis.hypotheses.material import material
+from haptic_teleop_sysid.diagnosis.inputs.scales import Scales, recording_scales
+from haptic_teleop_sysid.diagnosis.starts.scan import scanned_values
+from haptic_teleop_sysid.estimation.whole_fit import fit_from_scratch, fit_whole
+
+ANGLE = next(p for p in EFFECTS["hard_stop"].parameters if p.scan)
+
+
+def places(lowest: float, highest: float) -> list[float]:
+    scales = Scales({"furthest": max(-lowest, highest)}, (lowest,) * 2, (highest,) * 2, 0.002, (STEP, STEP))
+    return list(scanned_values(ANGLE, scales, "motor"))
+
+
+@pytest.mark.parametrize(
+    ("lowest", "highest", "stop"), [(-0.049, 0.6, -0.0445), (-0.6, 0.6, 0.55), (-0.6, 0.03, 0.027)]
+)
+def test_a_stop_is_sought_on_its_side_wherever_zero_lies(lowest, highest, stop):
+    found = [angle for angle in places(lowest, highest) if angle * stop > 0.0]
+    assert min(abs(angle - stop) for angle in found) < 0.02 * (highest - lowest)
+    assert all(lowest < angle < highest for angle in found)
+
+
+def test_no_stop_is_sought_at_an_end_that_is_on_the_other_side():
+    """The sign of a stop's angle is its side: a lower one has a negative angle."""
+    assert all(angle > 0.2 for angle in places(0.2, 0.6))
+    assert all(angle < 0.0 for angle in places(-0.6, 0.001))
+
+
+@pytest.fixture(scope="module")
+def records():
+    """One recording that runs into a stop of the arm, and one that does not."""
+    reach = float(np.max(joint_record(3).measured[:, 1]))
+    stop = 0.9 * reach
+    wall = {"arm_torque": lambda q: -300.0 * max(q - stop, 0.0)}
+    return stop, joint_record(3, **wall), joint_record(4, rms=0.05, **wall)
+
+
+def explained(records, effect, monkeypatch, objection):
+    """How a further effect is judged when the other recordings lose ``objection`` nats by the parameters."""
+    _, learn, judge = records
+    fit = fit_from_scratch(MODEL, [learn])
+    wider = fit_whole(MODEL.with_effects(effect), fit.noise, [learn])
+    monkeypatch.setattr(
+        held_out, "reconciled", lambda fit, *_: 0.0 if fit.model.effects else objection
+    )
+    monkeypatch.setattr(held_out, "by_blocks", lambda pairs: None)
+    return held_out.judged(fit, [wider], [learn], [judge], recording_scales(MODEL, [learn]))[0]
+
+
+def test_recordings_that_do_not_reach_a_stop_do_not_object_to_it(records, monkeypatch):
+    stop, _, judge = records
+    assert np.max(judge.measured[:, 1]) < 0.8 * stop
+    effect = Effect("hard_stop", "stage1_arm", {"angle": stop, "stiffness": 300.0})
+    found = explained(records, effect, monkeypatch, 3000.0)
+    assert found.gain > 100.0
+    assert found.elsewhere == 0.0
+
+
+def test_recordings_that_an_effect_does_reach_object_to_it(monkeypatch):
+    """Friction acts everywhere."""
+    rubbing = {"motor_friction": lambda _, v: -0.1 * np.tanh(v / 1e-3)}
+    records = 0.0, joint_record(3, **rubbing), joint_record(4, rms=0.1, **rubbing)
+    effect = Effect("coulomb_friction", "stage1_motor", {"torque": 0.1})
+    found = explained(records, effect, monkeypatch, 3000.0)
+    assert found.gain > 100.0 and found.elsewhere < -1000.0
+
+
+def test_a_limit_is_judged_by_the_torque_constant_of_its_own_model(records):
+    """A structure without its saturation makes up for it by the torque constant: by that one, no torque that
+    was asked for reaches the limit."""
+    _, learn, _ = records
+    swallowed = replace(MODEL, parameters={**MODEL.parameters, "torque_constant": 3.0})
+    peak = float(np.max(np.abs(learn.input)))
+    saturation = Effect("torque_saturation", "stage1_actuator", {"limit": 0.5 * 8.925 * peak})
+    scales = recording_scales(swallowed, [learn])
+    assert not material(saturation, scales)
+    own = scales.driven(MODEL)
+    assert material(saturation, own)
+    right = recording_scales(MODEL, [learn])
+    for name in ("torque", "peak", "torque_per_angle", "peak_per_speed", "drag", "steep"):
+        assert own.size[name] == pytest.approx(right.size[name])
+    assert own.size["fastest"] == scales.size["fastest"]
