@@ -294,7 +294,8 @@ def test_what_gains_too_little_on_thinned_recordings_is_not_fitted_on_all_sample
     }
     for name, instead in as_it_is.items():
         monkeypatch.setattr(explore_module, name, instead)
-    explore_module.explore(fit_of(log_likelihood=500.0), MODEL, ["all"], [], SimpleNamespace(driven=lambda _: None))
+    scales = SimpleNamespace(driven=lambda _: None)
+    explore_module.explore(fit_of(log_likelihood=500.0), MODEL, ["all"], [], scales)
     assert ended == goes_on
 
 
