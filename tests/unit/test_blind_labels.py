@@ -109,3 +109,17 @@ def test_a_spring_at_the_motor_and_half_a_wave_of_ripple_are_one_thing() -> None
         rest = spring - columns @ np.linalg.lstsq(columns, spring)[0]
         left.append(float(np.std(rest) / np.std(spring)))
     assert min(left) < 0.1
+
+
+@pytest.mark.parametrize("seed", [5, 6])
+def test_a_torque_speed_limit_acts_by_its_slope(seed: int) -> None:
+    """One that holds the torque at standstill as well would be a saturation where the slope is small."""
+    order = np.random.default_rng((seed, 55)).permutation(len(PLACES))
+    index = next(i for i in range(len(PLACES)) if PLACES[int(order[i])][0] == "torque_speed_limit")
+    case = draw_case(seed, "single", index, "limit", levels=(32.0,))
+    own, filter_ = case.planted[0], whitener(case.settings[0].robot)
+    assert own.detectability > 8.0
+    flat = replace(own, parameters={**own.parameters, "slope": 1e-9})
+    with pytest.raises(Unlucky):
+        (seen, _) = _recorded([flat], list(case.settings), case.pushes, case.scenes)
+        _as_large([flat], *seen, filter_, False)

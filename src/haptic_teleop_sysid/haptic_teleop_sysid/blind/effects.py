@@ -146,9 +146,10 @@ def _draw_inertia(rng: np.random.Generator, scene: Scene) -> Parameters:
 
 
 def _draw_speed_limit(rng: np.random.Generator, scene: Scene) -> Parameters:
-    # The sense is before it here: behind it, the measured current shows what is left.
+    # The sense is before it here: behind it, the measured current shows what is left. A limit that acts at
+    # standstill would have no size at which it shows little, and with hardly any slope is a saturation.
     peak = scene.torque_constant * scene.current
-    return {"limit": peak * rng.uniform(0.9, 1.05), "slope": 0.03 * peak / scene.speed}
+    return {"limit": peak * rng.uniform(1.0, 1.15), "slope": 0.03 * peak / scene.speed}
 
 
 def _draw_presliding(rng: np.random.Generator, scene: Scene) -> Parameters:

@@ -230,7 +230,7 @@ def _actuator(
             yield Rival("channel_skew", "actuator", (Column(current=shift),), (1,))
     for time in (0.002, 0.005, 0.012, 0.03, 0.07, *delays):
         yield from both("actuator_lag", _lagged(u, time, period) - u)
-    for share in (0.5, 0.7, 0.85, 0.95):
+    for share in (0.5, 0.6, 0.7, 0.8, 0.85, 0.9, 0.95, 0.98):
         yield from both("torque_saturation", np.clip(u, -share * peak, share * peak) - u)
     fastest = float(np.max(np.abs(like.motor_speed))) + 1e-9
     for level, share in itertools.product((0.8, 1.0), (0.15, 0.4, 0.8)):
