@@ -13,6 +13,7 @@ from haptic_teleop_sysid.diagnosis.evidence import held_out
 from haptic_teleop_sysid.diagnosis.hypotheses.material import material
 from haptic_teleop_sysid.diagnosis.inputs.scales import Scales, recording_scales
 from haptic_teleop_sysid.diagnosis.starts.scan import scanned_values
+from haptic_teleop_sysid.diagnosis.starts.trials import finished
 from haptic_teleop_sysid.estimation.whole_fit import fit_from_scratch, fit_whole
 
 ANGLE = next(p for p in EFFECTS["hard_stop"].parameters if p.scan)
@@ -92,3 +93,15 @@ def test_a_limit_is_judged_by_the_torque_constant_of_its_own_model(records):
     for name in ("torque", "peak", "torque_per_angle", "peak_per_speed", "drag", "steep"):
         assert own.size[name] == pytest.approx(right.size[name])
     assert own.size["fastest"] == scales.size["fastest"]
+
+
+def test_a_fit_that_stopped_at_the_limit_of_its_steps_goes_on_to_the_end(records):
+    _, learn, _ = records
+    whole = fit_from_scratch(MODEL, [learn])
+    far = MODEL.with_values({"motor_inertia": 0.2, "motor_damping": 8.0})
+    begun = fit_whole(far, whole.noise, [learn], iterations=1)
+    assert not begun.converged and begun.log_likelihood < whole.log_likelihood - 10.0
+    ended = finished(begun, [learn], {})
+    assert ended.converged
+    assert ended.log_likelihood == pytest.approx(whole.log_likelihood, abs=2.0)
+    assert finished(ended, [learn], {}) is ended

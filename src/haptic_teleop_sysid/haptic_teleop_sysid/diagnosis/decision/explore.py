@@ -29,6 +29,7 @@ from ..starts.trials import (
     LAST_STEPS,
     TUNING_STEPS,
     best_of_each,
+    finished,
     polish,
     quiet,
     trial,
@@ -42,6 +43,8 @@ _MOST_TUNED = 6
 _MOST_PROMISED = 3
 _MOST_POLISHED = 6
 _MOST_ABLATED = 2
+#: The best of them, which go on where they have come to the end of their steps and not of their way.
+_MOST_FINISHED = 3
 #: Nats behind the best on thinned recordings, both fitted to the end there, from which nothing is expected.
 _HOPELESS = 60.0
 #: Fits from nothing that are fitted to the end, on all samples.
@@ -95,6 +98,8 @@ def explore(
         fits = best_of_each(_most_material([*fits, *rest], index, scales), index)
     say("fitting richer forms of friction")
     fits = best_of_each([*fits, *ended(richer_forms(fits, fit, index, few, scales, limits))], index)
+    ahead = side_by_side(lambda f: finished(f, estimation, limits), fits[:_MOST_FINISHED])
+    fits = best_of_each([*ahead, *fits[_MOST_FINISHED:]], index)
     fits = with_shadows(fits, fit, estimation, limits)
     say("fitting the model without them again")
     better = better_baseline(fit, (fits or begun)[:_MOST_ABLATED], estimation, limits)

@@ -23,6 +23,8 @@ _TRIAL_STEPS = 5
 _ENOUGH = 1.0
 TUNING_STEPS = 3
 LAST_STEPS = 15
+#: How often a fit goes on from where its steps ended.
+_MOST_ROUNDS = 4
 #: Gain (nats) from which a nuisance is kept.
 _WORTH_A_NUISANCE = 8.0
 
@@ -87,6 +89,19 @@ def polish(fit: Fit, records: Sequence[Record], limits: Limits, steps: int = LAS
     return fit_whole(
         fit.model, fit.noise, records, free=fit.free, iterations=steps, enough=_ENOUGH, limits=limits
     )
+
+
+def finished(fit: Fit, records: Sequence[Record], limits: Limits) -> Fit:
+    """The fit, or where it stopped at the limit of its steps the end of its way: the likelihood of a late
+    encoder has a kink at every sample, and its structure may have far to go."""
+    gained = np.inf
+    for _ in range(_MOST_ROUNDS if not fit.converged else 0):
+        if not gained > _ENOUGH:
+            break
+        further = polish(fit, records, limits)
+        gained = further.log_likelihood - fit.log_likelihood
+        fit = further if gained > 0.0 else fit
+    return fit
 
 
 def with_contact(fit: Fit) -> Fit:
