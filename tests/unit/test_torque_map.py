@@ -120,7 +120,7 @@ def test_a_surface_goes_through_its_knots_smoothly():
     ("variable", "place", "named"),
     [
         ("angle", "arm", ("spring_to_ground", "arm", {"stiffness": 0.7})),
-        ("velocity", "joint", ("joint_damping", "joint", {"coefficient": 0.7})),
+        ("deflection_rate", "joint", ("joint_damping", "joint", {"coefficient": 0.7})),
     ],
 )
 def test_a_straight_curve_is_the_effect_with_a_name(variable, place, named):
@@ -156,12 +156,41 @@ def test_a_surface_moves_the_arm_as_a_general_solver_says():
     assert states[:, :2] == pytest.approx(exact.y[:2].T, abs=1e-7)
 
 
+def test_a_map_at_the_joint_follows_the_motor_s_angle_and_the_deflection():
+    """A spring whose stiffness falls with the motor's angle, f = -2 d (1 + q), which acts on both sides."""
+    q, d = np.linspace(-2.0, 2.0, 5), np.linspace(-1.0, 1.0, 5)
+    model = with_map(
+        {"variable": ["angle", "deflection"], "knots": [q, d],
+         "torque": 2.0 * d[None, :] * (1.0 + q[:, None])}, "joint", motor_damping=0.3
+    )  # fmt: skip
+    b = dict(model.parameters)
+
+    def rates(t, x):
+        deflection = x[0] - x[1]
+        spring = deflection * (b["stiffness"] + 2.0 * (1.0 + x[0]))
+        push = b["torque_constant"] * 0.2 - b["motor_damping"] * x[2] - spring
+        pull = spring - b["arm_damping"] * x[3]
+        return [x[2], x[3], push / b["motor_inertia"], pull / b["arm_inertia"]]
+
+    start = np.array([-0.5, -0.6, 0.2, -0.3])
+    states = simulate(model, np.full(400, 0.2), DT, start).states
+    times = DT * np.arange(400)
+    exact = solve_ivp(rates, (0.0, times[-1]), start, "DOP853", times, rtol=1e-11, atol=1e-12)
+    assert np.max(np.abs(states[:, 0])) < 2.0 and np.max(np.abs(states[:, 0] - states[:, 1])) < 1.0
+    assert states[:, :2] == pytest.approx(exact.y[:2].T, abs=1e-7)
+    space: dict = {}
+    exec(compile(python_export(model).text, "exported", "exec"), space)
+    theirs = space["simulate"](drive(300), DT)["states"]
+    assert theirs == pytest.approx(simulate(model, drive(300), DT).states[:, :4], abs=1e-12)
+
+
+@pytest.mark.parametrize("place", ["motor", "joint"])
 @pytest.mark.parametrize("variable", QUANTITIES)
-def test_the_structure_s_derivatives_are_exact_beside_a_map_of(variable):
+def test_the_structure_s_derivatives_are_exact_beside_a_map_of(variable, place):
     scale = 0.3 if variable in ("angle", "deflection") else 2.0
     knots = (scale * np.linspace(-1.0, 1.0, 7)).tolist()
     curve = {"variable": variable, "knots": knots, "torque": [0.2 * math.sin(2.0 * k / scale) for k in knots]}
-    model = with_map(curve, "motor", motor_damping=0.5)
+    model = with_map(curve, place, motor_damping=0.5)
     other = np.cos(2.0 * DT * np.arange(1500))
 
     def run(changed, free=()):

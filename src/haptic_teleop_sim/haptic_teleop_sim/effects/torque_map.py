@@ -18,8 +18,8 @@ from .map_kernel import map_series, map_value, map_value_derivatives
 
 FloatArray = NDArray[np.float64]
 
-#: What a map may depend on; the place in this tuple is its code in compiled code. At the joint angle and
-#: velocity are those of the deflection. ``other_*``: the arm of the robot's other stage.
+#: What a map may depend on; the place in this tuple is its code in compiled code. ``angle`` and ``velocity``
+#: are those of the place, at the joint the motor's. ``other_*``: the arm of the robot's other stage.
 QUANTITIES = (
     "angle",
     "velocity",

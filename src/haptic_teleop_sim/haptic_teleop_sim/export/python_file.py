@@ -122,7 +122,8 @@ class _Writer:
         return block
 
     def _dynamic(self, values: str, entry: EffectEntry, place: str, effect: Effect) -> None:
-        angle, speed = _SEEN[place]
+        # A map at the joint follows the motor, or the deflection as such.
+        angle, speed = _SEEN["motor" if entry.tabulated and place == "joint" else place]
         place = "motor" if place == "actuator" else place
         function = f"{entry.name}_value"
         if entry.compiled is not None:

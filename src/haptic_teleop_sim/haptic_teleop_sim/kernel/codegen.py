@@ -179,7 +179,7 @@ def dispatch_source() -> str:
     also with ``_derivatives`` (for ``value`` those of ``scale`` and of what it leaves, ``torque``), and
     ``actuate``."""
     assert set(VARIABLES) >= set(DERIVATIVE_ORDER)
-    parts: list[str] = []
+    parts = [f"MAP = {next(i for i, e in enumerate(dynamic_entries()) if e.tabulated)}\n"]
     tables: dict[str, list[tuple[int, list[str]]]] = {
         n: [] for n in ("value", "scale", "state_rate", "slope", "reading", *_WITH_DERIVATIVES, "actuate")
     }

@@ -171,7 +171,8 @@ def rates(qm, qa, vm, va, z, moved_motor, moved_arm, t, torque_motor, torque_arm
         kind = codes[e, 2]
         k = codes[e, 3]
         o = codes[e, 4]
-        q, v = (qm, vm) if loc == 0 else ((qa, va) if loc == 1 else (d, dv))
+        # At the joint all but a map follow the deflection.
+        q, v = (qm, vm) if loc == 0 or (loc == 2 and code == MAP) else ((qa, va) if loc == 1 else (d, dv))
         z0 = z[o] if codes[e, 5] > 0 else 0.0
         z1 = z[o + 1] if codes[e, 5] > 1 else 0.0
         way = 0.0

@@ -89,6 +89,8 @@ def rates_sensitive(qm, qa, vm, va, z, moved_motor, moved_arm, t, torque_motor, 
     m_q, m_v, m_d, m_k = -0.5 * curve_m * vm * vm, -base[2] * facm - bend_m * vm, 0.0, 0.0
     a_q, a_v, a_d, a_k = -0.5 * curve_a * va * va, -base[4] * faca - bend_a * va, 0.0, 0.0
     t_d, t_v, t_k = ks, 0.0, d
+    # Of a map by the motor's own angle and velocity.
+    t_q, t_w = 0.0, 0.0
     m_r, a_r = 0.0, 0.0
     m_u, a_u, t_u = 1.0, 0.0, 0.0
     for e in range(first, codes.shape[0]):
@@ -98,7 +100,7 @@ def rates_sensitive(qm, qa, vm, va, z, moved_motor, moved_arm, t, torque_motor, 
         o = codes[e, 4]
         nz = codes[e, 5]
         npar = codes[e, 6]
-        q, v = (qm, vm) if loc == 0 else ((qa, va) if loc == 1 else (d, dv))
+        q, v = (qm, vm) if loc == 0 or (loc == 2 and code == MAP) else ((qa, va) if loc == 1 else (d, dv))
         z0 = z[o] if nz > 0 else 0.0
         z1 = z[o + 1] if nz > 1 else 0.0
         way = 0.0
@@ -179,6 +181,11 @@ def rates_sensitive(qm, qa, vm, va, z, moved_motor, moved_arm, t, torque_motor, 
                     by_parameter[stage, 3, p_col[k + i]] = w * g[FIRST_PARAMETER + i]
         else:
             tau += f
+            if code == MAP:
+                t_q += g[0]
+                t_w += g[1]
+                g[0] = 0.0
+                g[1] = 0.0
             t_d += g[0] + g[2]
             t_v += g[1] + g[8]
             t_k += g[3]
@@ -205,15 +212,15 @@ def rates_sensitive(qm, qa, vm, va, z, moved_motor, moved_arm, t, torque_motor, 
     am = (fm + rubm * facm - (0.0 if rigid else tau)) * im
     aa = (fa + ruba * faca + tau) * ia
     if rigid:
-        t_d, t_v, t_k, t_u = 0.0, 0.0, 0.0, 0.0
-    by_state[stage, 2, 0] = (m_q + m_d - t_d - am * bend_m) * im
+        t_d, t_v, t_k, t_u, t_q, t_w = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
+    by_state[stage, 2, 0] = (m_q + m_d - t_d - t_q - am * bend_m) * im
     by_state[stage, 2, 1] = (t_d - m_d) * im
-    by_state[stage, 2, 2] = (m_v + m_r - t_v) * im
+    by_state[stage, 2, 2] = (m_v + m_r - t_v - t_w) * im
     by_state[stage, 2, 3] = (t_v - m_r) * im
     by_state[stage, 2, n - 2] = im
-    by_state[stage, 3, 0] = (t_d + a_d) * ia
+    by_state[stage, 3, 0] = (t_d + t_q + a_d) * ia
     by_state[stage, 3, 1] = (a_q - a_d - t_d - aa * bend_a) * ia
-    by_state[stage, 3, 2] = (t_v + a_r) * ia
+    by_state[stage, 3, 2] = (t_v + t_w + a_r) * ia
     by_state[stage, 3, 3] = (a_v - a_r - t_v) * ia
     by_state[stage, 3, n - 1] = ia
     if base_col[0] >= 0:

@@ -12,6 +12,7 @@ from haptic_teleop_control.counted import counted
 from haptic_teleop_control.robots import VELOCITY_FILTER_CUTOFF_HZ, VELOCITY_FILTER_DAMPING
 from haptic_teleop_sysid.recordings.channels import Channel
 from haptic_teleop_sysid.recordings.damage import SETTLES, held, leaps, stood_still
+from haptic_teleop_sysid.recordings.seldom_read import seldom_read
 from haptic_teleop_sysid.recordings.slips import MOST, Slip, excursions, put_back, slips
 from haptic_teleop_sysid.recordings.time_grid import NS, TimeGrid
 from haptic_teleop_sysid.recordings.velocity_series import velocity_series
@@ -54,7 +55,8 @@ def _mended(read: Array, joint: str, grid: TimeGrid, damage: Damage) -> Array:
             "no joint does: "
             "they count as not read"
         )
-    stale = held(np.where(unread, np.nan, kept))
+    known = np.where(unread, np.nan, kept)
+    stale = held(known) | seldom_read(known)
     if stale.any():
         damage.told.append(
             f"{joint}.position repeats one value at {counted(int(np.sum(stale)), 'sample')} while the "

@@ -16,7 +16,7 @@ import numpy as np
 
 from haptic_teleop_sim.kernel import pack
 from haptic_teleop_sysid.estimation.gauss_newton import Fit
-from haptic_teleop_sysid.estimation.likelihood import settled
+from haptic_teleop_sysid.estimation.likelihood import FAILURES, settled
 from haptic_teleop_sysid.estimation.records import Record
 
 from ..evidence.residual import left_over
@@ -121,15 +121,19 @@ def _has_a_size(added: np.ndarray) -> bool:
 
 def added_torque(fit: Fit, records: Sequence[Record]) -> np.ndarray:
     """Rms of the torques that the observer adds on each record, all equations together, as a share of the rms
-    input torque there, (records,)."""
-    constant = pack(fit.model).torque_constant
+    input torque there, (records,); infinite where there is no such observer."""
+    constant = abs(pack(fit.model).torque_constant)
+
+    def share(record: Record) -> float:
+        try:
+            torque = settled(record, left_over(fit, record).torque)
+        except FAILURES:
+            return np.inf
+        driven = constant * float(np.sqrt(np.mean(record.input**2)))
+        return float(np.sqrt(np.sum(np.mean(torque**2, axis=0)))) / max(driven, 1e-300)
+
     with np.errstate(over="ignore", invalid="ignore"):
-        found = [
-            np.sqrt(np.sum(np.mean(settled(r, left_over(fit, r).torque) ** 2, axis=0)))
-            / max(abs(constant) * float(np.sqrt(np.mean(r.input**2))), 1e-300)
-            for r in records
-        ]
-    return np.array(found)
+        return np.array([share(record) for record in records])
 
 
 def left_size(fit: Fit, records: Sequence[Record]) -> float:

@@ -12,7 +12,7 @@ from haptic_teleop_sim.model import Effect, Model
 from haptic_teleop_sysid.estimation.gauss_newton import Fit
 from haptic_teleop_sysid.estimation.likelihood import FAILURES
 from haptic_teleop_sysid.estimation.records import Record
-from haptic_teleop_sysid.estimation.whole_fit import fit_whole
+from haptic_teleop_sysid.estimation.whole_fit import fit_whole, noise_starts
 
 from ..evidence.horizons import PERFECT
 from ..evidence.inverse_dynamics.terms import Hypothesis, follows_from_motion
@@ -218,6 +218,11 @@ def fit_of(group: Group, like: Fit, records: Sequence[Record]) -> Fit:
     """The group's model as it is, with noise levels for its observer and the regression's standard errors."""
     model, std = group.model, group.std
     tuned = fit_whole(model, like.noise, records, free=(), iterations=_LEVELS)
+    if not np.isfinite(tuned.log_likelihood):
+        # The levels of a model far from this one may leave it without an observer.
+        starts = noise_starts(model, records)
+        begun = [fit_whole(model, n, records, free=(), iterations=_LEVELS) for n in starts]
+        tuned = max(begun, key=lambda fit: fit.log_likelihood)
     names = tuple(n for n in model.free_parameters() if std.get(n, 0.0) > 0.0)
     information = np.diag([1.0 / std[n] ** 2 for n in names])
     nothing = np.zeros(len(names))

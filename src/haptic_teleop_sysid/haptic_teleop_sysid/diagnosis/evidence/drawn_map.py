@@ -7,6 +7,7 @@ import math
 from dataclasses import replace
 
 import numpy as np
+from numpy.typing import NDArray
 
 from haptic_teleop_sim.effects import MEASURED
 from haptic_teleop_sim.effects.torque_map import TorqueMap
@@ -14,9 +15,11 @@ from haptic_teleop_sim.model import Effect
 from haptic_teleop_sysid.simulation.covariance import scaled_inverse
 
 from .inverse_dynamics.groups import CLEARLY, Search
-from .inverse_dynamics.latent import Latent
+from .inverse_dynamics.latent import IN_A_TURN, Latent
 
-#: Knots of a curve at most.
+FloatArray = NDArray[np.float64]
+
+#: Knots of a curve or a surface up to which it is made finer.
 MOST_KNOTS = 100
 #: What the quantities of a torque without a form are called in a model file.
 VARIABLES = {
@@ -35,16 +38,23 @@ def _rows(search: Search, latent: Latent) -> slice | int:
 
 
 def finer(search: Search, latent: Latent) -> Latent:
-    """The curve with twice as many knots, and so on, as long as it explains clearly more where it was not
-    fitted; a surface as it is."""
-    while len(latent.knots) == 1 and len(latent.knots[0]) < MOST_KNOTS:
-        old = np.array(latent.knots[0])
-        knots = np.sort(np.concatenate([old, 0.5 * (old[1:] + old[:-1])]))
-        denser = replace(latent, knots=(tuple(knots.tolist()),))
-        if search.likelier((denser,)) < search.likelier((latent,)) + CLEARLY:
+    """The curve or surface with twice as many knots along the quantity by which that gains most, and so on,
+    as long as it explains clearly more where it was not fitted."""
+    while math.prod(map(len, latent.knots)) < MOST_KNOTS:
+        tried = [_denser(latent, axis) for axis in range(len(latent.knots))]
+        best = max(tried, key=lambda one: search.likelier((one,)))
+        if search.likelier((best,)) < search.likelier((latent,)) + CLEARLY:
             break
-        latent = denser
+        latent = best
     return latent
+
+
+def _denser(latent: Latent, axis: int) -> Latent:
+    """With a further knot between any two along one quantity."""
+    old = np.array(latent.knots[axis])
+    between = np.sort(np.concatenate([old, 0.5 * (old[1:] + old[:-1])]))
+    knots = (*latent.knots[:axis], tuple(between.tolist()), *latent.knots[axis + 1 :])
+    return replace(latent, knots=knots)
 
 
 def explained_there(search: Search, latent: Latent) -> float:
@@ -77,10 +87,28 @@ def drawn(search: Search, latent: Latent) -> Effect:
     apart = (values[own] - other) / math.sqrt(2.0)
     errors = np.sqrt(np.maximum(inverse, 0.0) * float(np.mean(left**2)) * alike + apart**2)
     arm = side.side.arm_scale(values) if latent.place == "arm" else 1.0
+    shape = [len(k) for k in latent.knots]
+    torque, std = ((arm * v).reshape(shape) for v in (values[own], errors))
+    knots = list(latent.knots)
+    if latent.quantities[0].endswith(IN_A_TURN):
+        angles = np.concatenate([m.angle[:, int(latent.place == "arm")] for m in side.side.motions])
+        knots[0], torque, std = _turned(knots[0], torque, std, float(angles.min()), float(angles.max()))
     table = TorqueMap(
-        tuple(VARIABLES[q] for q in latent.quantities),
-        latent.knots,
-        tuple((arm * values[own]).tolist()),
-        tuple((arm * errors).tolist()),
+        tuple(VARIABLES[q.removesuffix(IN_A_TURN)] for q in latent.quantities),
+        tuple(knots),
+        tuple(torque.ravel().tolist()),
+        tuple(std.ravel().tolist()),
     )
     return Effect(MEASURED.name, latent.location, table=table)
+
+
+def _turned(
+    turn: tuple[float, ...], torque: FloatArray, std: FloatArray, lowest: float, highest: float
+) -> tuple[tuple[float, ...], FloatArray, FloatArray]:
+    """Knots, torques and errors of one turn, again and again over all turns from ``lowest`` to ``highest``,
+    rad, and one further on either side."""
+    whole = 2.0 * math.pi
+    turns = range(math.floor(lowest / whole) - 1, math.floor(highest / whole) + 2)
+    knots = [k + whole * n for n in turns for k in turn[:-1]]
+    again = [np.concatenate([part[:-1]] * len(turns)) for part in (torque, std)]
+    return tuple(knots), again[0], again[1]

@@ -25,11 +25,11 @@ from haptic_teleop_sysid.estimation.records import Record
 from haptic_teleop_sysid.estimation.whole_fit import fit_whole
 
 from ..inputs.scales import within_reach
-from .drawn_map import VARIABLES, drawn, explained_there, finer
+from .drawn_map import drawn, explained_there
 from .inverse_dynamics.band import motion_band
-from .inverse_dynamics.groups import Search, independent
-from .inverse_dynamics.latent import Latent
-from .inverse_dynamics.regression import equations
+from .inverse_dynamics.groups import Search
+from .inverse_dynamics.latent import IN_A_TURN, Latent
+from .places_of_maps import places_of
 from .second_opinion import Errors
 from .suggested_law.entry_file import law_content
 from .suggested_law.of_map import law_of
@@ -37,7 +37,7 @@ from .suggested_law.regression import Law
 
 FloatArray = NDArray[np.float64]
 
-#: Maps whose free simulation is tried, those that explain most torque where it was not fitted.
+#: Maps that are tried in free simulation, those that explain most torque where it was not fitted.
 MOST_TRIED = 4
 #: Share of the simulated error on validation recordings that a map must take away to be put in.
 A_GOOD_PART = 0.25
@@ -96,34 +96,38 @@ def measured_map(
         return MeasuredMap(f"the given model has a {MEASURED.name} already")
     cutoff = motion_band([*estimation, *validation]) if cutoff is None else cutoff
     try:
-        search = _equations(base, given, estimation, validation, cutoff)
-        ranked = sorted(search.latents, key=lambda one: search.left_over((one,)))
+        places = places_of(base, given, estimation, validation, cutoff)
+        drawn_over = [(one.search, latent) for one in places for latent in one.maps]
     except FAILURES:
         return MeasuredMap("the inverse dynamics of these recordings cannot be computed")
-    maps = [one for one in ranked if all(q in VARIABLES for q in one.quantities)]
-    if not maps:
+    if not drawn_over:
         return MeasuredMap("the recordings move too little to draw a torque over anything")
-    most = explained_there(search, maps[0])
-    other = next((one for one in ranked if one not in maps), None)
-    if other is not None and search.explained((other,)) > max(_RATHER * search.explained((maps[0],)), 0.0):
+    drawn_over.sort(key=lambda pair: -explained_there(*pair))
+    most = explained_there(*drawn_over[0])
+    share = max(search.explained((latent,)) for search, latent in drawn_over)
+    others = [(one.search.explained((one.other,)), one.other) for one in places if one.other is not None]
+    told, other = max(others, key=lambda pair: pair[0], default=(-math.inf, None))
+    if other is not None and told > max(_RATHER * share, 0.0):
         why = f"no map was added: what is missing follows the {_named(other)}, which is no map's to follow"
         return MeasuredMap(why, explained=most)
     if most < A_GOOD_TORQUE:
+        latent = drawn_over[0][1]
         why = (
-            f"no map was added: the best one, over {_named(maps[0])}, explains {100 * max(most, 0.0):.0f} % "
+            f"no map was added: the best one, over {_named(latent)}, explains {100 * max(most, 0.0):.0f} % "
             f"of the torque that is missing there where it was not drawn from; {_ELSE}"
         )
-        return MeasuredMap(why, explained=most, quantities=maps[0].quantities)
-    before, tried = errors(base.model), list[tuple[tuple[float, float], Latent, Effect, Fit]]()
-    for one in (finer(search, m) for m in maps[:MOST_TRIED]):
+        return MeasuredMap(why, explained=most, quantities=_told(latent))
+    before, tried = errors(base.model), list[tuple[tuple[float, float], Search, Latent, Effect, Fit]]()
+    for search, one in drawn_over[:MOST_TRIED]:
         say(f"drawing a torque over {_named(one)}")
         effect = drawn(search, one)
         fit = _fitted(base, effect, given, estimation)
         if fit is not None and all(map(math.isfinite, left := errors(fit.model))):
-            tried.append((left, one, effect, fit))
+            tried.append((left, search, one, effect, fit))
     if not tried:
         return MeasuredMap("no map was added: no model with one predicts the recordings", explained=most)
-    left, one, effect, fit = min(tried, key=lambda t: t[0][0])
+    # They were drawn from the torques: the likelihood has not seen them yet.
+    left, search, one, effect, fit = max(tried, key=lambda t: t[-1].log_likelihood)
     closed = 1.0 - left[1] / max(before[1], 1e-300)
     explained = explained_there(search, one)
     if closed < A_GOOD_PART or left[0] > before[0]:
@@ -132,26 +136,14 @@ def measured_map(
             f"no map was added: the best one, over {_named(one)}, {change} the simulated error of recordings "
             f"that it was not drawn from; {_ELSE}"
         )
-        return MeasuredMap(why, None, None, explained, closed, one.quantities)
+        return MeasuredMap(why, None, None, explained, closed, _told(one))
     why = (
         f"augmented_model.yaml has a {MEASURED.name} at {effect.location} over {_named(one)}, which takes "
         f"{100 * closed:.0f} % off the simulated error of recordings that it was not drawn from"
     )
     say("looking for a law of that torque")
     law, share = law_of(search, one, effect), search.explained((one,))
-    return MeasuredMap(why, effect, fit, explained, closed, one.quantities, law, share)
-
-
-def _equations(
-    base: Fit, given: Model, estimation: Sequence[Record], validation: Sequence[Record], cutoff: float
-) -> Search:
-    model = replace(given, effects=base.model.effects, fixed=base.model.fixed)
-    search = Search(model, *(equations(model, records, cutoff) for records in (estimation, validation)))
-    best = min(search.latents, key=lambda one: search.left_over((one,)), default=None)
-    terms = () if best is None else (best,)
-    left = [s.left(terms, search.fitted(1 - k, terms))[: s.samples] for k, s in enumerate(search.sides)]
-    search.numbers = (independent(left[0]), independent(left[1]))
-    return search
+    return MeasuredMap(why, effect, fit, explained, closed, _told(one), law, share)
 
 
 def _fitted(base: Fit, effect: Effect, given: Model, records: Sequence[Record]) -> Fit | None:
@@ -170,3 +162,8 @@ def _fitted(base: Fit, effect: Effect, given: Model, records: Sequence[Record]) 
 
 def _named(latent: Latent) -> str:
     return " and ".join(latent.quantities)
+
+
+def _told(latent: Latent) -> tuple[str, ...]:
+    """The quantities, of which a map has all turns."""
+    return tuple(name.removesuffix(IN_A_TURN) for name in latent.quantities)

@@ -40,6 +40,27 @@ SURFACES = {
     "arm": (("arm angle", "arm velocity"), ("arm velocity", "displacement since the last reversal")),
     "joint": (("deflection", "rate of deflection"),),
 }
+#: An angle that starts anew with every turn.
+IN_A_TURN = " in a turn"
+#: What else a measured torque may follow: at the joint what a gear's teeth, a wobbling coupling or a
+#: centrifugal part make of a spring; and what comes again with every turn.
+MEASURED_OVER: dict[str, tuple[tuple[str, ...], ...]] = {
+    "motor": (("motor angle in a turn",), ("motor angle in a turn", "motor velocity")),
+    "arm": (("arm angle in a turn",), ("arm angle in a turn", "arm velocity")),
+    "joint": (
+        ("motor angle",),
+        ("motor angle", "deflection"),
+        ("motor velocity", "deflection"),
+        ("motor angle in a turn",),
+        ("motor angle in a turn", "deflection"),
+    ),
+}
+#: Share of a turn that every recording must cover, so that what comes again with it shows.
+COVERED = 0.9
+#: Parts of a turn that are counted.
+_PARTS = 40
+#: Knots of a turn in a surface, and weight that ties its end to its beginning.
+KNOTS_OF_TURN, TIE = 13, 10.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -74,6 +95,8 @@ class Latent:
         for axis in range(len(sizes)):
             second = np.diff(np.eye(sizes[axis]), 2, axis=0)
             before, after = (int(np.prod(part)) for part in (sizes[:axis], sizes[axis + 1 :]))
+            if self.quantities[axis].endswith(IN_A_TURN):
+                second = np.concatenate([second, _tied(sizes[axis])])
             rows.append(np.asarray(np.kron(np.kron(np.eye(before), second), np.eye(after)), dtype=np.float64))
         return np.concatenate(rows)
 
@@ -92,23 +115,33 @@ def latents(model: Model, motions: Sequence[BandedMotion]) -> Iterator[Latent]:
     """Torques without a form at every equation; knots over what all motions cover."""
     places = ("motor",) if model.rigid else ("motor", "arm", "joint")
     for place in places:
-        turns = TURNS * max(
-            float(np.ptp(np.concatenate([_position(m, place) for m in motions]))), 1e-12
-        )
-        for names in [(n,) for n in CURVES[place]] + list(SURFACES[place]):
-            number = KNOTS if len(names) == 1 else KNOTS_OF_SURFACE
-            knots = [
-                _knots(np.concatenate([quantity(m, place, n, turns)[m.kept] for m in motions]), number)
-                for n in names
-            ]
-            if all(len(k) > 2 for k in knots):
-                yield Latent(model.location(place), place, names, tuple(knots), turns)
+        yield from _over(model, motions, place, [*((n,) for n in CURVES[place]), *SURFACES[place]])
+
+
+def measured_over(model: Model, motions: Sequence[BandedMotion], place: str) -> Iterator[Latent]:
+    """Further torques without a form at a place that can be measured, by MEASURED_OVER."""
+    yield from _over(model, motions, place, MEASURED_OVER[place])
+
+
+def _over(
+    model: Model, motions: Sequence[BandedMotion], place: str, quantities: Sequence[tuple[str, ...]]
+) -> Iterator[Latent]:
+    turns = TURNS * max(float(np.ptp(np.concatenate([_position(m, place) for m in motions]))), 1e-12)
+    for names in quantities:
+        number = KNOTS if len(names) == 1 else KNOTS_OF_SURFACE
+        knots = [_knots([quantity(m, place, n, turns)[m.kept] for m in motions], number, n) for n in names]
+        if all(len(k) > 2 for k in knots):
+            yield Latent(model.location(place), place, names, tuple(knots), turns)
 
 
 def quantity(motion: BandedMotion, place: str, name: str, turns: float) -> FloatArray:
     """A quantity of the motion by its name, (n,)."""
     if name == "time":
         return motion.time
+    if name.endswith(IN_A_TURN):
+        return np.mod(quantity(motion, place, name.removesuffix(IN_A_TURN), turns), 2.0 * np.pi)
+    if name.startswith("motor"):
+        return (motion.velocity if name == "motor velocity" else motion.angle)[:, 0]
     position = _position(motion, place)
     if "since" in name:
         return turning(np.ascontiguousarray(position), turns)
@@ -123,12 +156,26 @@ def _position(motion: BandedMotion, place: str) -> FloatArray:
     return q[:, 0] - q[:, 1] if place == "joint" else q[:, int(place == "arm")]
 
 
-def _knots(values: FloatArray, number: int) -> tuple[float, ...]:
-    """Knots halfway between evenly spaced and evenly filled, distinct."""
+def _knots(seen: Sequence[FloatArray], number: int, name: str) -> tuple[float, ...]:
+    """Knots halfway between evenly spaced and evenly filled, distinct; of a turn even ones, and none where
+    a recording does not cover it."""
+    if name.endswith(IN_A_TURN):
+        turn = np.linspace(0.0, 2.0 * np.pi, max(number, KNOTS_OF_TURN))
+        parts = [np.unique((one / (2.0 * np.pi) * _PARTS).astype(np.intp)) for one in seen]
+        return tuple(turn.tolist()) if min(map(len, parts), default=0) >= COVERED * _PARTS else ()
+    values = np.concatenate([*seen])
     low, high = np.quantile(values, [0.002, 0.998])
     filled = np.quantile(values, np.linspace(0.002, 0.998, number))
     even = np.linspace(low, high, number)
     return tuple(np.unique(0.5 * (filled + even)).tolist())
+
+
+def _tied(number: int) -> FloatArray:
+    """(2, number): end less beginning of a turn, and of the slopes there."""
+    rows = np.zeros((2, number))
+    rows[0, [0, -1]] = TIE, -TIE
+    rows[1, [0, 1, -2, -1]] = -1.0, 1.0, 1.0, -1.0
+    return rows
 
 
 def _between(values: FloatArray, knots: FloatArray) -> tuple[NDArray[np.intp], FloatArray]:

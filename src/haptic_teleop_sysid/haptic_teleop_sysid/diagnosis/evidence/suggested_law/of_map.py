@@ -16,7 +16,10 @@ _LAW = 0.8
 
 
 def law_of(search: Search, latent: Latent, effect: Effect) -> Law | None:
-    """The law of a drawn map; None where none explains a good part of what the map does."""
+    """The law of a drawn map; None where none explains a good part of what the map does, and for a torque of
+    the joint that follows the motor: an entry's equation knows the deflection there, and no other angle."""
+    if latent.place == "joint" and any(q.startswith("motor") for q in latent.quantities):
+        return None
     motions = [m for side in search.sides for m in side.side.motions]
     part = int(latent.place == "arm")
     joint = latent.place == "joint"

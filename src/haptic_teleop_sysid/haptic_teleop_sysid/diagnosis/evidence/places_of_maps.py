@@ -1,0 +1,71 @@
+"""Which torques without a form can be measured: over one or two quantities of the motion, at one place."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+from haptic_teleop_sim.model import Model
+from haptic_teleop_sysid.estimation.gauss_newton import Fit
+from haptic_teleop_sysid.estimation.records import Record
+
+from .drawn_map import VARIABLES, finer
+from .inverse_dynamics.groups import Search, independent
+from .inverse_dynamics.latent import IN_A_TURN, Latent, measured_over
+from .inverse_dynamics.regression import equations
+
+#: Maps of a place that are made finer, those that explain most torque where it was not fitted.
+MOST_DRAWN = 4
+
+
+@dataclass(frozen=True)
+class Place:
+    """Torques without a form that were drawn with one ``search``: ``maps``, best first and as fine as the
+    recordings allow, and the best ``other``, which no map can follow."""
+
+    search: Search
+    maps: list[Latent]
+    other: Latent | None
+
+
+def places_of(
+    base: Fit, given: Model, estimation: Sequence[Record], validation: Sequence[Record], cutoff: float
+) -> list[Place]:
+    """Torques at motor and arm beside a structure that is free, and torques of the joint beside inertias and
+    a spring as they were fitted: beside free ones such a torque can take the spring's place, with an arm of
+    no inertia behind it, and the equations hold as well."""
+    model = replace(given, effects=base.model.effects, fixed=base.model.fixed)
+    free = _equations(model, estimation, validation, cutoff)
+    places = ("motor",) if model.rigid else ("motor", "arm")
+    found = [_place(free, [*(one for one in free.latents if one.place != "joint"), *_further(free, *places)])]
+    if not model.rigid:
+        model = model.with_values(dict(base.model.parameters))
+        model = replace(model, fixed=(*model.fixed, "stiffness", "motor_inertia", "arm_inertia"))
+        held = _equations(model, estimation, validation, cutoff)
+        along = [one for one in held.latents if one.place == "joint"]
+        found.append(_place(held, [*along, *_further(held, "joint")]))
+    return found
+
+
+def _further(search: Search, *places: str) -> list[Latent]:
+    motions = [m for side in search.sides for m in side.side.motions]
+    return [one for place in places for one in measured_over(search.model, motions, place)]
+
+
+def _place(search: Search, latents: Sequence[Latent]) -> Place:
+    ranked = sorted(latents, key=lambda one: search.left_over((one,)))
+    maps = [one for one in ranked if all(q.removesuffix(IN_A_TURN) in VARIABLES for q in one.quantities)]
+    other = next((one for one in ranked if one not in maps), None)
+    maps = [finer(search, one) for one in maps[:MOST_DRAWN]]
+    return Place(search, sorted(maps, key=lambda one: search.left_over((one,))), other)
+
+
+def _equations(
+    model: Model, estimation: Sequence[Record], validation: Sequence[Record], cutoff: float
+) -> Search:
+    search = Search(model, *(equations(model, records, cutoff) for records in (estimation, validation)))
+    best = min(search.latents, key=lambda one: search.left_over((one,)), default=None)
+    terms = () if best is None else (best,)
+    left = [s.left(terms, search.fitted(1 - k, terms))[: s.samples] for k, s in enumerate(search.sides)]
+    search.numbers = (independent(left[0]), independent(left[1]))
+    return search

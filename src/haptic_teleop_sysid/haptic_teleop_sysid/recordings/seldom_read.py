@@ -1,0 +1,39 @@
+"""A log that is written more often than its encoder is read: the readings between repeat the last one."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+#: Samples from one reading to the next at most: what a record is not cut apart at (`records.LONGEST_HOLE`).
+MOST = 5
+#: New values from which on their spacing says anything.
+FEWEST = 50
+#: Share of the spacings that must be the usual one, but for a sample of jitter.
+REGULAR = 0.9
+#: Spacings, in usual ones, from which on the joint rests and its readings repeat by themselves.
+RESTS = 3.0
+#: Factor between the largest and the smallest steps (all but a fiftieth) from which they are those of a
+#: motion at even times; steps of a coarse encoder are alike, and come at times of their own.
+VARIED = 4.0
+
+
+def seldom_read(values: NDArray[np.float64]) -> NDArray[np.bool_]:
+    """True (n,) at the repeats of a position (n,) that is read once in two samples or more, evenly, up to
+    MOST."""
+    found = np.zeros(len(values), dtype=np.bool_)
+    steps = np.diff(values)
+    new = np.flatnonzero(np.isfinite(steps) & (steps != 0.0)) + 1
+    if len(new) < FEWEST:
+        return found
+    apart = np.diff(new)
+    usual = int(np.median(apart))
+    moving = np.flatnonzero(apart < RESTS * usual)
+    if not 2 <= usual <= MOST or np.mean(np.abs(apart[moving] - usual) <= 1) < REGULAR:
+        return found
+    small, large = np.quantile(np.abs(steps[new - 1]), (0.02, 0.98))
+    if large < VARIED * small:
+        return found
+    for i in moving:
+        found[new[i] + 1 : new[i + 1]] = True
+    return found

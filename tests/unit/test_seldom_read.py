@@ -1,0 +1,63 @@
+"""Logs that are written more often than their encoder is read, and logs on irregular stamps with holes."""
+
+import numpy as np
+import pytest
+
+from haptic_teleop_sysid.estimation.records import LONGEST_HOLE
+from haptic_teleop_sysid.recordings.seldom_read import MOST, seldom_read
+from haptic_teleop_sysid.recordings.time_grid import TimeGrid
+
+TIME = 0.005 * np.arange(4000)
+ANGLE = 3.0 * np.sin(1.3 * TIME) + np.sin(3.1 * TIME)
+
+
+def in_steps(angle: np.ndarray, step: float) -> np.ndarray:
+    return np.rint(angle / step) * step
+
+
+@pytest.mark.parametrize("period", [2, 4, 5])
+def test_repeats_between_readings_count_as_not_read(period):
+    read = in_steps(ANGLE, 1e-3)[(np.arange(4000) // period) * period]
+    expected = np.arange(4000) % period != 0
+    found = seldom_read(read)
+    assert np.mean(found == expected) > 0.98
+    assert np.mean(found[~expected]) < 0.02  # where the joint turns, a new reading may repeat the last one
+
+
+def test_stamps_that_jitter_by_a_sample_are_no_other_reading():
+    rng = np.random.default_rng(1)
+    at = np.cumsum(rng.choice([3, 4, 4, 4, 5], 1000))
+    last = at[np.clip(np.searchsorted(at, np.arange(4000), side="right") - 1, 0, None)]
+    found = seldom_read(in_steps(ANGLE, 1e-3)[np.clip(last, 0, 3999)])
+    assert np.mean(found) == pytest.approx(0.75, abs=0.03)
+
+
+@pytest.mark.parametrize("step", [1e-3, 0.02, 0.3])
+def test_steps_of_an_encoder_are_no_repeats(step):
+    assert not seldom_read(in_steps(ANGLE, step)).any()
+    assert not seldom_read(in_steps(0.7 * TIME, step)).any()  # at one speed, its steps are even
+
+
+def test_a_joint_that_rests_repeats_its_angle_by_itself():
+    resting = np.concatenate([np.zeros(1000), ANGLE[:3000]])
+    found = seldom_read(in_steps(resting, 1e-3)[(np.arange(4000) // 4) * 4])
+    assert not found[:1000].any() and np.mean(found[1010:]) > 0.7
+
+
+def test_what_is_read_so_seldom_does_not_cut_a_record():
+    assert MOST <= LONGEST_HOLE
+
+
+def test_values_that_are_missing_on_irregular_stamps_cost_no_others():
+    """Of one reading in four each is there, at the grid's time that is nearest to it, and exact on a line."""
+    rng = np.random.default_rng(2)
+    stamps = np.rint(1e9 * (TIME + 0.001 * rng.uniform(-1.0, 1.0, 4000))).astype(np.int64)
+    keep = np.arange(4000)
+    grid = TimeGrid(keep, stamps, TIME, 0.005, True, np.ones(4000, dtype=np.bool_))
+    line = np.where(keep % 4 == 0, 2.0 * (stamps - stamps[0]) * 1e-9, np.nan)
+    found = grid.sampled(line)
+    there = np.isfinite(found)
+    assert np.mean(there) == pytest.approx(0.25, abs=0.02)
+    assert np.all(np.min(np.abs(np.flatnonzero(there)[:, None] - keep[None, ::4]), axis=1) <= 1)
+    between = there & (TIME < (stamps[3996] - stamps[0]) * 1e-9)  # not behind the last one
+    assert found[between] == pytest.approx(2.0 * TIME[between], abs=1e-9)
