@@ -47,6 +47,8 @@ A_GOOD_TORQUE = 0.4
 _ELSE = "what is missing has memory, acts at moments, or follows something that was not recorded"
 #: Factor over what a map explains from which a torque with memory, or over time, is what it is instead.
 _RATHER = 1.5
+#: Share of the log-likelihood that the best map gains with which a plainer one is taken.
+_AS_GOOD = 0.9
 _STEPS = 15
 
 
@@ -126,8 +128,11 @@ def measured_map(
             tried.append((left, search, one, effect, fit))
     if not tried:
         return MeasuredMap("no map was added: no model with one predicts the recordings", explained=most)
-    # They were drawn from the torques: the likelihood has not seen them yet.
-    left, search, one, effect, fit = max(tried, key=lambda t: t[-1].log_likelihood)
+    # They were drawn from the torques: the likelihood has not seen them yet. A curve before a surface.
+    gained = [t[-1].log_likelihood - base.log_likelihood for t in tried]
+    enough = min(_AS_GOOD * max(gained), max(gained))
+    good = [t for t, nats in zip(tried, gained, strict=True) if nats >= enough]
+    left, search, one, effect, fit = min(good, key=lambda t: (len(t[2].quantities), -t[-1].log_likelihood))
     closed = 1.0 - left[1] / max(before[1], 1e-300)
     explained = explained_there(search, one)
     if closed < A_GOOD_PART or left[0] > before[0]:
