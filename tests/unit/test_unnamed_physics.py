@@ -29,10 +29,10 @@ LAB = Model(
 )  # fmt: skip
 
 
-def records(law, *numbers, seconds=12.0):
+def records(law, *numbers, **options):
     both = []
     for seed in (11, 12):
-        current, angles = moved(seed, law, *numbers, seconds=seconds)
+        current, angles = moved(seed, law, *numbers, **options)
         both.append(
             Record(f"made {seed}", DT, current, angles, np.zeros(len(current)), (1e-4, 2e-4), at_rest=True)
         )
@@ -77,8 +77,8 @@ def errors_of(learn, judge):
     return lambda model: (one(model, learn[0]), one(model, judge[0]))
 
 
-def measured(law, *numbers):
-    learn, judge = records(law, *numbers)
+def measured(law, *numbers, **options):
+    learn, judge = records(law, *numbers, **options)
     return measured_map(baseline(learn), LAB, learn, judge, errors_of(learn, judge))
 
 
@@ -118,6 +118,25 @@ def test_physics_without_a_name_is_measured_and_its_law_suggested(
     seen = types.SimpleNamespace(position=at, velocity=at, **haptic_teleop_sim.effects.on_arrays.NUMERIC)
     true = np.array([torque(x) for x in at])
     assert entry.equation(seen, sizes) == pytest.approx(true, abs=0.03 * np.max(np.abs(true)))
+
+
+@pytest.mark.parametrize(
+    ("law", "numbers", "over", "amplitude", "closed"),
+    [(7, (4.0,), ("velocity", "deflection"), 1.0, 0.6), (8, (0.4, 3.0), ("angle", "deflection"), 2.0, 0.5)],
+    ids=["stiffer with speed", "stiffness over a turn"],
+)
+def test_a_torque_of_the_joint_that_follows_the_motor_is_measured(law, numbers, over, amplitude, closed):
+    found = measured(law, *numbers, amplitude=amplitude)
+    assert found.effect is not None, found.why
+    assert found.effect.location == "stage1_joint"
+    assert found.effect.table.variables == over
+    assert found.closed > closed
+    if law == 8:  # of all turns alike, also where no motion went
+        table = found.effect.table
+        at = np.linspace(-3.0, 3.0, 50)
+        there = table.at(at, np.full(50, 0.1))
+        assert there == pytest.approx(table.at(at + 2.0 * np.pi, np.full(50, 0.1)), abs=1e-9)
+        assert "in a turn" in found.why
 
 
 def test_the_band_is_wide_where_no_motion_went():
