@@ -59,5 +59,5 @@ def test_values_that_are_missing_on_irregular_stamps_cost_no_others():
     there = np.isfinite(found)
     assert np.mean(there) == pytest.approx(0.25, abs=0.02)
     assert np.all(np.min(np.abs(np.flatnonzero(there)[:, None] - keep[None, ::4]), axis=1) <= 1)
-    between = there & (TIME < (stamps[3996] - stamps[0]) * 1e-9)  # not behind the last one
+    between = there & ((stamps[3996] - stamps[0]) * 1e-9 > TIME)  # not behind the last one
     assert found[between] == pytest.approx(2.0 * TIME[between], abs=1e-9)
