@@ -21,9 +21,9 @@ DT, STEPS = 0.004, 40
 def _moved(current, push, p, law, a, b, c):
     """States (n, 4). law: 1 varying inertia (a relative amplitude, b order, c phase), 2 limit by speed (a
     limit, b slope), 3 a detent at the arm (a torque, b angle, c width), 4 cubic drag at the motor (a), 5 a
-    cubic spring at the arm (a, b rest), 6 a joint that creeps (a stiffness, b time constant), 7 a coupling that
-    stiffens with speed (doubled at a), 8 a spring that changes with the motor's angle (a relative amplitude,
-    b order)."""
+    cubic spring at the arm (a, b rest), 6 a joint that creeps (a stiffness, b time constant), 7 a coupling
+    that stiffens with speed (doubled at a), 8 a spring that changes with the motor's angle (a relative
+    amplitude, b order)."""
     kt, ks, jm, bm, ja, ba = p
     out = np.zeros((len(current), 4))
     qm = qa = vm = va = z = 0.0
