@@ -255,6 +255,14 @@ def test_a_reader_is_told_how_much_was_explained_unless_it_is_nearly_all():
     assert explains_sentence(content | {"adequacy": None}) == ""
 
 
+def test_a_quiet_recording_has_no_more_chance_in_it_than_a_loud_one(monkeypatch):
+    """The same torque by chance, 0.05 N·m, beside an input of 1 and of 0.1 N·m."""
+    loud, quiet = (replace(pendulum(0), input=rms * np.ones(len(pendulum(0)))) for rms in (1.0, 0.1))
+    monkeypatch.setattr(adequacies, "added_torque", lambda _, records: np.array([0.05, 0.5][: len(records)]))
+    assert left_size(None, [loud]) == pytest.approx(0.05)
+    assert left_size(None, [loud, quiet]) == pytest.approx(0.05 * np.sqrt(2.0 / 1.01))
+
+
 def test_where_an_observer_overflows_the_inverse_dynamics_say_how_much_is_explained(monkeypatch):
     records = [pendulum(0, coulomb=0.4)]
     bare = fitted(TRUE, records, ())

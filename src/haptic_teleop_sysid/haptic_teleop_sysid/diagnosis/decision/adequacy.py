@@ -137,9 +137,13 @@ def added_torque(fit: Fit, records: Sequence[Record]) -> np.ndarray:
 
 
 def left_size(fit: Fit, records: Sequence[Record]) -> float:
-    """The same over all records; infinite where an observer overflows."""
+    """The same over all records, relative to the input over all of them: a record that is quieter than the
+    others has the same chance in it, and hardly any input. Infinite where an observer overflows."""
     added = added_torque(fit, records)
-    return float(np.sqrt(np.mean(added**2))) if _has_a_size(added) else float("inf")
+    power = np.array([len(r) * float(np.mean(r.input**2)) for r in records])
+    if not _has_a_size(added):
+        return float("inf")
+    return float(np.sqrt(np.sum(power * added**2) / max(float(np.sum(power)), 1e-300)))
 
 
 def _share(before: np.ndarray, after: np.ndarray, slight: float) -> float:
