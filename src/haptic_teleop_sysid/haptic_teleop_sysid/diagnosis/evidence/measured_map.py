@@ -37,8 +37,9 @@ from .suggested_law.regression import Law
 
 FloatArray = NDArray[np.float64]
 
-#: Maps that are tried in free simulation, those that explain most torque where it was not fitted.
-MOST_TRIED = 4
+#: Maps drawn with one search that are tried in free simulation, those that explain most torque where it was
+#: not fitted.
+MOST_TRIED = 3
 #: Share of the simulated error on validation recordings that a map must take away to be put in.
 A_GOOD_PART = 0.25
 #: Share of the torque that is missing at its place (mean square, the noise of its equation included) that a
@@ -120,7 +121,7 @@ def measured_map(
         )
         return MeasuredMap(why, explained=most, quantities=_told(latent))
     before, tried = errors(base.model), list[tuple[tuple[float, float], Search, Latent, Effect, Fit]]()
-    for search, one in drawn_over[:MOST_TRIED]:
+    for search, one in (pair for place in places for pair in place.best(MOST_TRIED)):
         say(f"drawing a torque over {_named(one)}")
         effect = drawn(search, one)
         fit = _fitted(base, effect, given, estimation)
@@ -128,7 +129,9 @@ def measured_map(
             tried.append((left, search, one, effect, fit))
     if not tried:
         return MeasuredMap("no map was added: no model with one predicts the recordings", explained=most)
-    # They were drawn from the torques: the likelihood has not seen them yet. A curve before a surface.
+    # They were drawn from the torques: neither free runs nor the likelihood have seen them yet. A curve comes
+    # before a surface.
+    tried = [t for t in tried if t[0][0] < before[0]] or tried
     gained = [t[-1].log_likelihood - base.log_likelihood for t in tried]
     enough = min(_AS_GOOD * max(gained), max(gained))
     good = [t for t, nats in zip(tried, gained, strict=True) if nats >= enough]

@@ -27,6 +27,10 @@ class Place:
     maps: list[Latent]
     other: Latent | None
 
+    def best(self, most: int) -> list[tuple[Search, Latent]]:
+        """The ``most`` best maps, each with the search that draws it."""
+        return [(self.search, one) for one in self.maps[:most]]
+
 
 def places_of(
     base: Fit, given: Model, estimation: Sequence[Record], validation: Sequence[Record], cutoff: float
