@@ -59,6 +59,25 @@ def test_recordings_of_one_machine_pass(data):
         refuse_motionless(record_from(one, commanded=True), "stage1")
 
 
+def test_a_log_of_one_step_passes_although_its_input_hardly_varies(data):
+    """A wheel runs up to speed under 7 V: of 2000 samples one has another input."""
+    time = 0.005 * np.arange(2000)
+    angle = -57.0 * (time - 0.05 * (1.0 - np.exp(-time / 0.05)))
+    stepped = replace(
+        record_from(data[0], commanded=True),
+        name="step",
+        dt=0.005,
+        input=np.where(time > 0.0, -7.0, 0.0),
+        measured=np.column_stack([angle, np.full(2000, np.nan)]),
+        exogenous=np.zeros(2000),
+    )
+    refuse_unrelated(stepped, "stage1")
+    refuse_other_units([*commanded(data), stepped])
+    noise = replace(stepped, input=np.random.default_rng(1).standard_normal(2000))
+    with pytest.raises(RecordingError, match="nothing in common"):
+        refuse_unrelated(noise, "stage1")
+
+
 @pytest.mark.parametrize(
     ("field", "factor", "words"),
     [("angle", 180.0 / np.pi, "degrees for radians"), ("input", 1000.0, "thousandths")],

@@ -32,6 +32,13 @@ def test_stamps_that_jitter_by_a_sample_are_no_other_reading():
     assert np.mean(found) == pytest.approx(0.75, abs=0.03)
 
 
+def test_repeats_of_a_joint_that_runs_up_to_a_steady_speed_are_told_from_an_encoder_s_steps():
+    speed = 50.0 * (1.0 - np.exp(-TIME / 0.05))
+    angle = np.cumsum(speed) * 0.005
+    found = seldom_read(in_steps(angle, 0.002)[(np.arange(4000) // 4) * 4])
+    assert np.mean(found) == pytest.approx(0.75, abs=0.01)
+
+
 @pytest.mark.parametrize("step", [1e-3, 0.02, 0.3])
 def test_steps_of_an_encoder_are_no_repeats(step):
     assert not seldom_read(in_steps(ANGLE, step)).any()

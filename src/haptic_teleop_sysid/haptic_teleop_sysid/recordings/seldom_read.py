@@ -13,9 +13,9 @@ FEWEST = 50
 REGULAR = 0.9
 #: Spacings, in usual ones, from which on the joint rests and its readings repeat by themselves.
 RESTS = 3.0
-#: Factor between the largest and the smallest steps (all but a fiftieth) from which they are those of a
-#: motion at even times; steps of a coarse encoder are alike, and come at times of their own.
-VARIED = 4.0
+#: Difference between the sizes of steps, relative to the usual one, that only a motion read at even times has;
+#: and how many of these are asked for.
+FINER, _FEW = 0.25, 3
 
 
 def seldom_read(values: NDArray[np.float64]) -> NDArray[np.bool_]:
@@ -31,8 +31,10 @@ def seldom_read(values: NDArray[np.float64]) -> NDArray[np.bool_]:
     moving = np.flatnonzero(apart < RESTS * usual)
     if not 2 <= usual <= MOST or np.mean(np.abs(apart[moving] - usual) <= 1) < REGULAR:
         return found
-    small, large = np.quantile(np.abs(steps[new - 1]), (0.02, 0.98))
-    if large < VARIED * small:
+    sizes = np.abs(steps[new - 1])
+    # Of an encoder that shows single steps the sizes are one or two of these, and nothing between.
+    finest = np.sort(np.diff(np.unique(np.round(sizes / np.median(sizes), 6))))
+    if len(finest) < _FEW or finest[_FEW - 1] > FINER:
         return found
     for i in moving:
         found[new[i] + 1 : new[i + 1]] = True

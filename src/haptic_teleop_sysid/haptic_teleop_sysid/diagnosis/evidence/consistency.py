@@ -47,6 +47,8 @@ _MISSED = 0.15
 _STRETCHES, _BY_CHANCE = 16, 1e-4
 #: Share of an input below which inverse dynamics explains nothing of it.
 _NOTHING = 0.2
+#: Share of the samples with another value, below which an input is one step.
+_SELDOM = 0.05
 
 
 def terms(record: Record) -> tuple[FloatArray, FloatArray]:
@@ -131,8 +133,8 @@ def refuse_other_units(records: Sequence[Record]) -> None:
     """Raise RecordingError for two recordings of which common numbers explain both only after the input or
     the angle of one of them is multiplied by the factor between two units, or its input by one so large that
     they are hardly of one machine; or of which each is far too large by the numbers of the other, and the
-    other too small by its own."""
-    by_name = parts_of(records)
+    other too small by its own. One step of the input says too little to be compared."""
+    by_name = parts_of([r for r in records if not _one_step(r.input)])
     names, parts = [*by_name], [*by_name.values()]
     every, found = sizes(parts)
     for i in range(len(parts)):
@@ -173,12 +175,18 @@ def _as_units(records: Sequence[Record], other: Part) -> str | None:
     return None
 
 
+def _one_step(values: NDArray[np.float64]) -> bool:
+    """Whether an input (n,) has one value nearly all of the time: it varies too seldom to be compared."""
+    away = np.abs(values - np.median(values)) > 0.01 * np.ptp(values)
+    return bool(np.mean(away) < _SELDOM)
+
+
 def refuse_unrelated(record: Record, joint: str) -> None:
     """Raise RecordingError for an input that has nothing in common with the motion: at no frequency, and by
     no torque that inertia, friction, a spring or gravity would take."""
     size = len(record) // (_STRETCHES // 2)
     motion = np.gradient(bridged(record.measured[:, 0]))
-    if np.std(motion) <= 0.0 or size < 32:
+    if np.std(motion) <= 0.0 or size < 32 or _one_step(record.input):
         return
     _, shared = scipy.signal.coherence(record.input, motion, nperseg=size, noverlap=size // 2)
     largest = float(np.max(shared[1:]))
