@@ -13,7 +13,7 @@ FEWEST = 50
 REGULAR = 0.9
 #: Spacings, in usual ones, from which on the joint rests and its readings repeat by themselves.
 RESTS = 3.0
-#: Difference between the sizes of steps, relative to the usual one, that only a motion read at even times has;
+#: Difference between sizes of steps, relative to the usual one, that only a motion read at even times has;
 #: and how many of these are asked for.
 FINER, _FEW = 0.25, 3
 
