@@ -146,8 +146,7 @@ def _draw_inertia(rng: np.random.Generator, scene: Scene) -> Parameters:
 
 
 def _draw_speed_limit(rng: np.random.Generator, scene: Scene) -> Parameters:
-    # The sense is before it here: behind it, the measured current shows what is left. A limit that acts at
-    # standstill would have no size at which it shows little, and with hardly any slope is a saturation.
+    # Before the sense, whose current shows what is left; and by its slope alone, without which it saturates.
     peak = scene.torque_constant * scene.current
     return {"limit": peak * rng.uniform(1.0, 1.15), "slope": 0.03 * peak / scene.speed}
 
