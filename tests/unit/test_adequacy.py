@@ -258,9 +258,14 @@ def test_a_reader_is_told_how_much_was_explained_unless_it_is_nearly_all():
 def test_a_quiet_recording_has_no_more_chance_in_it_than_a_loud_one(monkeypatch):
     """The same torque by chance, 0.05 N·m, beside an input of 1 and of 0.1 N·m."""
     loud, quiet = (replace(pendulum(0), input=rms * np.ones(len(pendulum(0)))) for rms in (1.0, 0.1))
-    monkeypatch.setattr(adequacies, "added_torque", lambda _, records: np.array([0.05, 0.5][: len(records)]))
-    assert left_size(None, [loud]) == pytest.approx(0.05)
-    assert left_size(None, [loud, quiet]) == pytest.approx(0.05 * np.sqrt(2.0 / 1.01))
+    monkeypatch.setattr(adequacies, "_added", lambda _, records: np.full(len(records), 0.05))
+    bare = fitted(TRUE, [pendulum(0)], ())
+    constant = TRUE.parameters["torque_constant"]
+    assert left_size(bare, [loud]) == pytest.approx(0.05 / constant)
+    assert left_size(bare, [loud, quiet]) == pytest.approx(0.05 / constant * np.sqrt(2.0 / 1.01))
+    # A joint that swings freely has no input at all.
+    free = replace(quiet, input=np.zeros(len(quiet)))
+    assert left_size(bare, [loud, free]) == pytest.approx(0.05 / constant * np.sqrt(2.0))
 
 
 def test_where_an_observer_overflows_the_inverse_dynamics_say_how_much_is_explained(monkeypatch):
@@ -268,6 +273,7 @@ def test_where_an_observer_overflows_the_inverse_dynamics_say_how_much_is_explai
     bare = fitted(TRUE, records, ())
     assert left_size(bare, records) < 1.0
     monkeypatch.setattr(adequacies, "added_torque", lambda *_: np.array([1e5, 0.0]))
+    monkeypatch.setattr(adequacies, "_added", lambda _, found: np.full(len(found), 1e5))
     assert left_size(bare, records) == np.inf and more_than_chance(np.inf) is None
     asked = adequacy(bare, bare, records, (0.5, 0.5), (0.1, 0.1), by_motion=lambda: 0.8)
     assert asked.torque == 0.8

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import gc
 from collections.abc import Callable
 
 import numpy as np
 
+from haptic_teleop_sim.effects import on_arrays
 from haptic_teleop_sim.effects.on_arrays import remembering
 
 
@@ -50,11 +52,17 @@ def test_what_is_no_array_along_a_motion_goes_through() -> None:
     assert remembered(np.array([])).size == 0
 
 
-def test_memory_is_bounded() -> None:
+def test_memory_is_bounded_and_free_again(monkeypatch) -> None:
+    room = [50_000_000]
+    monkeypatch.setattr(on_arrays, "_REMEMBERED", room)
     calls, sine = counted()
     remembered = remembering(sine)
-    long = np.linspace(0.0, 1.0, 1_500_000)  # 12 MB, and as much for the result: two of them fit
+    long = np.linspace(0.1, 1.0, 1_500_000)  # 12 MB, and as much for the result: two of them fit
     for _ in range(2):
         for factor in (1.0, 2.0, 3.0, 4.0):
             remembered(factor * long)
     assert len(calls) == 6
+    assert 0 < room[0] < 3_000_000
+    del remembered
+    gc.collect()
+    assert room == [50_000_000]

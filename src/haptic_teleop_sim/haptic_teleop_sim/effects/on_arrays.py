@@ -4,6 +4,7 @@ recorded motion."""
 from __future__ import annotations
 
 import math
+import weakref
 from collections.abc import Callable
 from typing import Any
 
@@ -12,8 +13,9 @@ from numpy.typing import NDArray
 
 FloatArray = NDArray[np.float64]
 
-#: Bytes of arguments and results that are remembered along one motion.
-_REMEMBERED = 64_000_000
+#: Bytes of arguments and results that are remembered, of all functions together; those of a function that is
+#: gone are free again.
+_REMEMBERED = [256_000_000]
 
 NUMERIC: dict[str, Any] = {
     "side": lambda x: np.where(np.asarray(x) >= 0.0, 1.0, -1.0),
@@ -36,21 +38,28 @@ def remembering(function: Callable[[FloatArray], FloatArray]) -> Callable[[Float
     are asked for by several effects, and a sine takes twenty times as long as a comparison.
 
     What it returns is shared and cannot be written to; an argument must stay as it is."""
-    known: dict[tuple[int, float, float], list[tuple[FloatArray, FloatArray]]] = {}
-    room = [_REMEMBERED]
+    known: dict[tuple[float, ...], list[tuple[FloatArray, FloatArray]]] = {}
+    kept = [0]
 
     def remembered(x: FloatArray) -> FloatArray:
         if np.ndim(x) != 1 or not len(x):
             return function(x)
-        alike = known.setdefault((len(x), float(x[0]), float(x[len(x) // 2])), [])
+        alike = known.setdefault((len(x), *x[:: len(x) // 5 + 1].tolist(), float(x[-1])), [])
         for argument, result in alike:
             if np.array_equal(argument, x):
                 return result
         found = function(x)
-        room[0] -= x.nbytes + found.nbytes
-        if room[0] > 0:
+        size = x.nbytes + found.nbytes
+        if size < _REMEMBERED[0]:
+            _REMEMBERED[0] -= size
+            kept[0] += size
             found.flags.writeable = False
             alike.append((x, found))
         return found
 
+    weakref.finalize(remembered, _freed, kept)
     return remembered
+
+
+def _freed(kept: list[int]) -> None:
+    _REMEMBERED[0] += kept[0]

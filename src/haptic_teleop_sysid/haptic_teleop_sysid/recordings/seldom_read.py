@@ -5,8 +5,9 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-#: Samples from one reading to the next at most: what a record is not cut apart at (`records.LONGEST_HOLE`).
-MOST = 5
+#: Samples from one reading to the next at most: with a sample of jitter what a record is not cut apart at
+#: (`records.LONGEST_HOLE`).
+MOST = 4
 #: New values from which on their spacing says anything.
 FEWEST = 50
 #: Share of the spacings that must be the usual one, but for a sample of jitter.
@@ -15,7 +16,9 @@ REGULAR = 0.9
 RESTS = 3.0
 #: Difference between sizes of steps, relative to the usual one, that only a motion read at even times has;
 #: and how many of these are asked for.
-FINER, _FEW = 0.25, 3
+FINER, _FEW = 0.25, 5
+#: Rounding of a log in single precision, relative to the largest value, four times.
+_ROUNDED = 4.0 * float(np.finfo(np.float32).eps)
 
 
 def seldom_read(values: NDArray[np.float64]) -> NDArray[np.bool_]:
@@ -33,9 +36,13 @@ def seldom_read(values: NDArray[np.float64]) -> NDArray[np.bool_]:
         return found
     sizes = np.abs(steps[new - 1])
     # Of an encoder that shows single steps the sizes are one or two of these, and nothing between.
-    finest = np.sort(np.diff(np.unique(np.round(sizes / np.median(sizes), 6))))
-    if len(finest) < _FEW or finest[_FEW - 1] > FINER:
+    usual_size = float(np.median(sizes))
+    between = np.diff(np.unique(sizes)) / usual_size
+    least = max(_ROUNDED * float(np.nanmax(np.abs(values))) / usual_size, 1e-6)
+    if np.count_nonzero((between > least) & (between < FINER)) < _FEW:
         return found
     for i in moving:
-        found[new[i] + 1 : new[i + 1]] = True
+        # One that is as it was before was read as well, where the joint turns.
+        since = np.arange(new[i] + 1, new[i + 1]) - new[i]
+        found[new[i] + since] = (since % usual != 0) | (apart[i] < 1.5 * usual)
     return found

@@ -87,18 +87,19 @@ class TimeGrid:
 
     def sampled(self, values: Array) -> Array:
         """Bring values of all messages, (m,), to the grid (n,), linearly between messages when resampling;
-        where some are not finite, between those that are, and not a number farther than half a period from
-        all of these."""
+        where some are not finite, between those that are, and not a number where one that is not lies between
+        these and both are farther away than half a period."""
         kept = values[self.keep]
         if not self.resampled:
             return kept
         good, since = np.isfinite(kept), (self.stamps - self.stamps[0]) * NS
         if good.all() or not good.any():
             return np.interp(self.at, since, kept)
-        found, read = np.interp(self.at, since[good], kept[good]), since[good]
-        after = np.clip(np.searchsorted(read, self.at), 1, len(read) - 1) if len(read) > 1 else 0
-        away = np.minimum(np.abs(self.at - read[after]), np.abs(self.at - read[after - 1]))
-        return np.where(away <= (0.5 + IRREGULAR) * self.dt, found, np.nan)
+        found, read = np.interp(self.at, since[good], kept[good]), np.flatnonzero(good)
+        after = np.clip(np.searchsorted(since[read], self.at), 1, len(read) - 1) if len(read) > 1 else 0
+        ahead, behind = read[after], read[after - 1]
+        away = np.minimum(np.abs(self.at - since[ahead]), np.abs(self.at - since[behind]))
+        return np.where((away <= (0.5 + IRREGULAR) * self.dt) | (ahead - behind == 1), found, np.nan)
 
 
 def _set_back(

@@ -122,28 +122,37 @@ def _has_a_size(added: np.ndarray) -> bool:
 def added_torque(fit: Fit, records: Sequence[Record]) -> np.ndarray:
     """Rms of the torques that the observer adds on each record, all equations together, as a share of the rms
     input torque there, (records,); infinite where there is no such observer."""
-    constant = abs(pack(fit.model).torque_constant)
+    return _added(fit, records) / np.maximum(_driven(fit, records), 1e-300)
 
-    def share(record: Record) -> float:
+
+def _added(fit: Fit, records: Sequence[Record]) -> np.ndarray:
+    """These torques, N·m."""
+
+    def rms(record: Record) -> float:
         try:
             torque = settled(record, left_over(fit, record).torque)
         except FAILURES:
             return np.inf
-        driven = constant * float(np.sqrt(np.mean(record.input**2)))
-        return float(np.sqrt(np.sum(np.mean(torque**2, axis=0)))) / max(driven, 1e-300)
+        return float(np.sqrt(np.sum(np.mean(torque**2, axis=0))))
 
     with np.errstate(over="ignore", invalid="ignore"):
-        return np.array([share(record) for record in records])
+        return np.array([rms(record) for record in records])
+
+
+def _driven(fit: Fit, records: Sequence[Record]) -> np.ndarray:
+    """Rms of the input torque, N·m, (records,)."""
+    constant = abs(pack(fit.model).torque_constant)
+    return np.array([constant * float(np.sqrt(np.mean(r.input**2))) for r in records])
 
 
 def left_size(fit: Fit, records: Sequence[Record]) -> float:
     """The same over all records, relative to the input over all of them: a record that is quieter than the
     others has the same chance in it, and hardly any input. Infinite where an observer overflows."""
-    added = added_torque(fit, records)
-    power = np.array([len(r) * float(np.mean(r.input**2)) for r in records])
-    if not _has_a_size(added):
-        return float("inf")
-    return float(np.sqrt(np.sum(power * added**2) / max(float(np.sum(power)), 1e-300)))
+    samples = np.array([len(r) for r in records])
+    with np.errstate(over="ignore", invalid="ignore"):
+        added, driven = (np.sqrt(samples @ v(fit, records) ** 2) for v in (_added, _driven))
+    size = added / max(float(driven), 1e-300)
+    return float(size) if _has_a_size(size) else float("inf")
 
 
 def _share(before: np.ndarray, after: np.ndarray, slight: float) -> float:

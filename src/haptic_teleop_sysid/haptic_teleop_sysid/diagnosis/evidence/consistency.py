@@ -47,8 +47,8 @@ _MISSED = 0.15
 _STRETCHES, _BY_CHANCE = 16, 1e-4
 #: Share of an input below which inverse dynamics explains nothing of it.
 _NOTHING = 0.2
-#: Share of the samples with another value, below which an input is one step.
-_SELDOM = 0.05
+#: Share of the samples with another value, below which an input is one step, and how often it changes.
+_SELDOM, _CHANGES = 0.05, 4
 
 
 def terms(record: Record) -> tuple[FloatArray, FloatArray]:
@@ -134,7 +134,8 @@ def refuse_other_units(records: Sequence[Record]) -> None:
     the angle of one of them is multiplied by the factor between two units, or its input by one so large that
     they are hardly of one machine; or of which each is far too large by the numbers of the other, and the
     other too small by its own. One step of the input says too little to be compared."""
-    by_name = parts_of([r for r in records if not _one_step(r.input)])
+    records = [r for r in records if not _one_step(r.input)]
+    by_name = parts_of(records)
     names, parts = [*by_name], [*by_name.values()]
     every, found = sizes(parts)
     for i in range(len(parts)):
@@ -176,9 +177,10 @@ def _as_units(records: Sequence[Record], other: Part) -> str | None:
 
 
 def _one_step(values: NDArray[np.float64]) -> bool:
-    """Whether an input (n,) has one value nearly all of the time: it varies too seldom to be compared."""
-    away = np.abs(values - np.median(values)) > 0.01 * np.ptp(values)
-    return bool(np.mean(away) < _SELDOM)
+    """Whether an input (n,) has one value nearly all of the time and hardly changes: it varies too seldom
+    to be compared."""
+    away = values != np.median(values)
+    return bool(np.mean(away) < _SELDOM and np.count_nonzero(np.diff(values)) <= _CHANGES)
 
 
 def refuse_unrelated(record: Record, joint: str) -> None:

@@ -91,7 +91,8 @@ def drawn(search: Search, latent: Latent) -> Effect:
     torque, std = ((arm * v).reshape(shape) for v in (values[own], errors))
     knots = list(latent.knots)
     if latent.quantities[0].endswith(IN_A_TURN):
-        angles = np.concatenate([m.angle[:, int(latent.place == "arm")] for m in side.side.motions])
+        motions = [m for one in search.sides for m in one.side.motions]
+        angles = np.concatenate([m.angle[:, int(latent.place == "arm")] for m in motions])
         knots[0], torque, std = _turned(knots[0], torque, std, float(angles.min()), float(angles.max()))
     table = TorqueMap(
         tuple(VARIABLES[q.removesuffix(IN_A_TURN)] for q in latent.quantities),

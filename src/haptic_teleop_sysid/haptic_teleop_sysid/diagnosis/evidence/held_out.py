@@ -31,6 +31,9 @@ _STEPS = 15
 _FIRST_STEPS, _MOST_ENDED = 4, 2
 #: Share of the samples that a search takes on the way to noise levels, which are six numbers at most.
 _FEWER = 0.5
+#: Share of an effect's gain that the structure's parameters beside it may lose on recordings that it does not
+#: reach.
+_BY_THE_STRUCTURE = 0.05
 #: Nats that an effect changes on recordings that it does not reach, but for rounding.
 _NOTHING = 0.01
 
@@ -62,8 +65,9 @@ def judged(
     for f, there, beside, own in zip(fits, after, between[1:], blocks[1:], strict=True):
         gain = f.log_likelihood - fit.log_likelihood
         held_out, reconciled_more = there.log_likelihood - before.log_likelihood, beside - alone
-        objects = gain >= CLEAR_GAIN and held_out + reconciled_more < 0.0
-        if objects and _unreached(there, index, validation):
+        loss = -(held_out + reconciled_more)
+        slight = gain >= CLEAR_GAIN and 0.0 < loss < _BY_THE_STRUCTURE * gain
+        if slight and _unreached(there, index, validation):
             held_out = reconciled_more = 0.0
         found.append(
             Explanation(

@@ -57,6 +57,8 @@ MEASURED_OVER: dict[str, tuple[tuple[str, ...], ...]] = {
 }
 #: Share of a turn that every recording must cover, so that what comes again with it shows.
 COVERED = 0.9
+#: Turns from the lowest to the highest angle, up to which a map repeats one.
+MOST_TURNS = 50
 #: Parts of a turn that are counted.
 _PARTS = 40
 #: Knots of a turn in a surface, and weight that ties its end to its beginning.
@@ -119,8 +121,12 @@ def latents(model: Model, motions: Sequence[BandedMotion]) -> Iterator[Latent]:
 
 
 def measured_over(model: Model, motions: Sequence[BandedMotion], place: str) -> Iterator[Latent]:
-    """Further torques without a form at a place that can be measured, by MEASURED_OVER."""
-    yield from _over(model, motions, place, MEASURED_OVER[place])
+    """Further torques without a form at a place that can be measured, by MEASURED_OVER; none over a turn
+    where a map of all of them would be long."""
+    angle = np.concatenate([m.angle[:, int(place == "arm")] for m in motions])
+    few = float(np.ptp(angle)) < MOST_TURNS * 2.0 * np.pi
+    over = [names for names in MEASURED_OVER[place] if few or not names[0].endswith(IN_A_TURN)]
+    yield from _over(model, motions, place, over)
 
 
 def _over(
