@@ -319,12 +319,16 @@ def test_a_controller_that_is_stopped_says_zero_last_only_where_time_was_cut_sho
         coordinator.close()
 
 
-def test_the_last_word_is_no_answer_and_stops_the_robot(graph):
+@pytest.mark.parametrize("behind", [False, True])
+def test_the_last_word_is_no_answer_and_stops_the_robot(graph, behind):
+    """Also that of a controller which has not seen the newest state."""
     setting = Setting(graph)
     setting.until_tick(20)
     setting.answerer.efforts = []
     setting.let_live(lambda: setting.plant._awaiting)
-    setting.answerer.say(setting.plant.sampled + LAST_WORD, [0.0, 0.0])
+    plant = setting.plant
+    assert plant._driven and plant._answer_to < plant.sampled
+    setting.answerer.say((plant._answer_to if behind else plant.sampled) + LAST_WORD, [0.0, 0.0])
     setting.let_live(lambda: not setting.plant._driven)
     assert setting.plant.faults.latched is None and setting.plant._awaiting
     assert setting.plant.permitted() is None

@@ -132,7 +132,8 @@ class CommandedNode(HapticNode):
 
     def _answers_this_state(self, stamp: int) -> bool:
         """In simulated time nothing is late: an answer is that to the state published last, or it is none."""
-        if stamp == self.sampled + LAST_WORD:
+        # Who says it may not have seen the newest state: time can end between two nodes.
+        if stamp - LAST_WORD in (self.sampled, self._answer_to):
             self._driven = False
             return False
         if stamp > self.sampled:
