@@ -2,6 +2,7 @@
 
 import copy
 import math
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -161,3 +162,17 @@ def test_the_model_files_that_are_shipped_are_the_built_in_models(repository, jo
     folder = Path(repository) / "config" / "models"
     (path,) = folder.glob(f"*{joint}.yaml")
     assert load_model(path).to_mapping() == built_in.to_mapping()
+
+
+def test_a_model_without_an_effect_has_none_of_its_parameters_left():
+    model = Model(
+        "sfj", "stage1", "flexible_joint",
+        {"torque_constant": 8.9, "stiffness": 4.0, "motor_inertia": 0.06, "motor_damping": 2.0,
+         "arm_inertia": 0.17, "arm_damping": 0.02},
+        fixed=("stiffness",),
+    )  # fmt: skip
+    gravity = Effect("gravity", "stage1_arm", {"torque": 0.1, "phase": 0.0})
+    friction = Effect("coulomb_friction", "stage1_motor", {"torque": 0.1})
+    both = replace(model.with_effects(gravity, friction), fixed=("stiffness", "stage1_arm.gravity.phase"))
+    assert both.without("gravity", "stage1_arm") == model.with_effects(friction)
+    assert both.without("gravity", "stage1_motor") == both

@@ -140,6 +140,15 @@ class Model:
         """A copy with further effects."""
         return replace(self, effects=(*self.effects, *effects))
 
+    def without(self, effect: str, location: str) -> Model:
+        """A copy without one of its effects, and without that one's parameters among the fixed ones."""
+        head = f"{location}.{effect}."
+        return replace(
+            self,
+            effects=tuple(e for e in self.effects if (e.effect, e.location) != (effect, location)),
+            fixed=tuple(name for name in self.fixed if not name.startswith(head)),
+        )
+
     def to_mapping(self) -> dict[str, Any]:
         """The model file's content."""
         content: dict[str, Any] = {

@@ -107,6 +107,5 @@ def _against(
 def without(fit: Fit, effect: Effect, records: Sequence[Record]) -> Fit:
     """A fit without one of its effects, the others fitted again."""
     head = f"{effect.location}.{effect.effect}."
-    left = tuple(e for e in fit.model.effects if (e.effect, e.location) != (effect.effect, effect.location))
     free = tuple(name for name in fit.free if not name.startswith(head))
-    return fit_whole(replace(fit.model, effects=left), fit.noise, records, free=free)
+    return fit_whole(fit.model.without(effect.effect, effect.location), fit.noise, records, free=free)

@@ -32,11 +32,9 @@ def unconfirmed(result: SearchResult, responses: Responses) -> SearchResult:
     choices = []
     for choice in result.choices:
         effect = choice.chosen.effect
-        without = tuple(
-            e for e in final.effects if (e.effect, e.location) != (effect.effect, effect.location)
-        )
+        without = final.without(effect.effect, effect.location)
         asked = not (choice.unsure or choice.chosen.by_current > 0.0)
-        if asked and _same(responses(final), responses(replace(final, effects=without))):
+        if asked and _same(responses(final), responses(without)):
             name = effect.effect.replace("_", " ")
             unsure = (
                 f"the validation recordings say nothing of it: they are simulated alike with the {name} and "

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
 
 import numpy as np
 
@@ -88,11 +87,8 @@ def _unreached(there: Fit, index: int, records: Sequence[Record]) -> bool:
 
     They do not object to a stop that they do not reach. What they lose beside it they lose by the structure's
     parameters, which a fit that leaves less unexplained holds more tightly."""
-    effects = tuple(e for i, e in enumerate(there.model.effects) if i != index)
     own = there.model.effects[index]
-    head = f"{own.location}.{own.effect}."
-    fixed = tuple(name for name in there.model.fixed if not name.startswith(head))
-    bare = replace(there.model, effects=effects, fixed=fixed)
+    bare = there.model.without(own.effect, own.location)
     without = likelihood_of(pack(bare), there.noise, records)
     return abs(without - there.log_likelihood) < _NOTHING
 

@@ -65,6 +65,7 @@ def map_picture(found: dict[str, Any], units: Units) -> Figure:
         drawn = axes.pcolormesh(*dense, surface.T, cmap="RdBu_r", vmin=-most, vmax=most, shading="auto")
         axes.set_ylabel(labels[1])
         band = table.band()
-        worst = "" if band is None else f", standard error up to {float(np.max(band)):.2g}"
-        figure.colorbar(drawn, ax=axes, label=f"{force}{worst}")
+        if band is not None:
+            axes.set_title(f"standard error up to {float(np.max(band)):.2g}", fontsize="medium")
+        figure.colorbar(drawn, ax=axes, label=force)
     return figure
