@@ -54,7 +54,7 @@ def test_what_is_no_array_along_a_motion_goes_through() -> None:
 
 def test_memory_is_bounded_and_free_again(monkeypatch) -> None:
     room = [50_000_000]
-    monkeypatch.setattr(on_arrays, "_REMEMBERED", room)
+    monkeypatch.setattr(on_arrays, "_ROOM", room)
     calls, sine = counted()
     remembered = remembering(sine)
     long = np.linspace(0.1, 1.0, 1_500_000)  # 12 MB, and as much for the result: two of them fit

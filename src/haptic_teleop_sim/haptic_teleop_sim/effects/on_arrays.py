@@ -13,9 +13,9 @@ from numpy.typing import NDArray
 
 FloatArray = NDArray[np.float64]
 
-#: Bytes of arguments and results that are remembered, of all functions together; those of a function that is
-#: gone are free again.
-_REMEMBERED = [256_000_000]
+#: Bytes left for arguments and results that are remembered, of all functions together; those of a function
+#: that is gone are free again.
+_ROOM = [256_000_000]
 
 NUMERIC: dict[str, Any] = {
     "side": lambda x: np.where(np.asarray(x) >= 0.0, 1.0, -1.0),
@@ -50,8 +50,8 @@ def remembering(function: Callable[[FloatArray], FloatArray]) -> Callable[[Float
                 return result
         found = function(x)
         size = x.nbytes + found.nbytes
-        if size < _REMEMBERED[0]:
-            _REMEMBERED[0] -= size
+        if size < _ROOM[0]:
+            _ROOM[0] -= size
             kept[0] += size
             found.flags.writeable = False
             alike.append((x, found))
@@ -62,4 +62,4 @@ def remembering(function: Callable[[FloatArray], FloatArray]) -> Callable[[Float
 
 
 def _freed(kept: list[int]) -> None:
-    _REMEMBERED[0] += kept[0]
+    _ROOM[0] += kept[0]
