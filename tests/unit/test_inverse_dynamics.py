@@ -10,10 +10,12 @@ from stepped_machines import DT, RIGID, bent_spring, drive, pendulum, record, tw
 from haptic_teleop_sim.effects import EFFECTS
 from haptic_teleop_sim.model import Effect, Model
 from haptic_teleop_sysid.diagnosis.evidence.inverse_dynamics.band import motion_band
+from haptic_teleop_sysid.diagnosis.evidence.inverse_dynamics.groups import Search
 from haptic_teleop_sysid.diagnosis.evidence.inverse_dynamics.motion import banded
 from haptic_teleop_sysid.diagnosis.evidence.inverse_dynamics.regression import equations
 from haptic_teleop_sysid.diagnosis.evidence.inverse_dynamics.terms import Hypothesis, turning
 from haptic_teleop_sysid.diagnosis.evidence.inverse_dynamics.witness import witness
+from haptic_teleop_sysid.diagnosis.hypotheses.candidates import family
 from haptic_teleop_sysid.diagnosis.inputs.scales import recording_scales
 from haptic_teleop_sysid.estimation.records import Record
 
@@ -61,6 +63,24 @@ def test_a_friction_that_differs_between_directions_is_told_by_both_sizes():
     assert effects["asymmetric_friction"].parameters["negative"] == pytest.approx(0.5, rel=0.1)
     # The two of which it is made are as good.
     assert set(named(found.levels[1][0])) == {"coulomb_friction", "constant_torque"}
+
+
+def test_each_two_effects_are_tried_together_however_little_either_gains_alone(monkeypatch):
+    """Friction and drag of a wheel that turns one way look like viscous damping; neither shows alone."""
+    asked_for, left_over = set(), Search.left_over
+
+    def noted(self, terms):
+        names = [h.entry.name for h in terms if isinstance(h, Hypothesis)]
+        asked_for.add(frozenset(names) if len(names) == len(terms) else frozenset())
+        return left_over(self, terms)
+
+    monkeypatch.setattr(Search, "left_over", noted)
+    asked(RIGID, *(pendulum(s, coulomb=0.3) for s in (0, 1)))
+    alone = {name for names in asked_for if len(names) == 1 for name in names}
+    forms = [{"coulomb_friction", "quadratic_drag"}, {"gravity", "gain_drift"}, {"hard_stop", "actuator_lag"}]
+    assert len(alone) > 12 and all(two <= alone and frozenset(two) in asked_for for two in forms)
+    missing = {(a, b) for a in alone for b in alone - family(a) if frozenset({a, b}) not in asked_for}
+    assert not missing
 
 
 def test_a_joint_that_stands_still_says_nothing_of_its_friction():

@@ -21,8 +21,8 @@ from .latent import Latent
 from .regression import equations, own_columns, standard_errors
 from .terms import Hypothesis, hypotheses
 
-#: How many of the best are tried in pairs, and how many groups of each number of effects are kept.
-MOST_PAIRED, BEAM = 12, 8
+#: How many groups of each number of effects are kept.
+BEAM = 8
 #: Pairs that are extended by a third effect, and thirds that all of them are tried with.
 MOST_EXTENDED = 8
 #: Share of the input torque, mean square in the band, that an actuator must leave: what takes all of it away
@@ -136,8 +136,7 @@ def witness(
         return apt(chosen) and not any(h.ends_at_bound(values[own]) for h, own in pairs)
 
     # Two that hide each other: neither need be the best by itself, or be seen by itself at all.
-    tops = [chosen[0] for chosen in singles[:MOST_PAIRED]]
-    pairs = [pair for pair in itertools.combinations(tops, 2) if different(*pair)]
+    pairs = [pair for pair in itertools.combinations([h for (h,) in singles], 2) if different(*pair)]
     known = {frozenset(pair) for pair in pairs}
     leader = next(filter(apt, singles), singles[0] if singles else ())
     more = search.best_of_each(every, leader) if singles else []
