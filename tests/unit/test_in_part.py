@@ -74,6 +74,21 @@ def test_the_size_is_that_of_the_torque_and_what_free_runs_want_is_told(notched)
     assert "free runs of the stand-in want torque 0.5" in found.told()
 
 
+@pytest.mark.parametrize(("share", "stands"), [(0.95, True), (0.7, False)])
+def test_of_another_form_is_only_what_explains_much_less_than_a_curve(notched, monkeypatch, share, stands):
+    """In a long recording a curve over the same quantity is always clearly better."""
+    opinion, learn = notched
+    folds = opinion.witness.folds
+    plain, one = folds.likelier, next(q for q in folds.latents if q.quantities == ("motor velocity",))
+
+    def likelier(terms):
+        return plain(terms) + (1000.0 if one in terms else 0.0)
+
+    monkeypatch.setattr(folds, "likelier", likelier)
+    monkeypatch.setattr(folds, "adequacy_beside", lambda own, rest: share)
+    assert bool(found_in_part(stand_in_of(learn, FRICTION), RIGID, opinion)) is stands
+
+
 def test_friction_that_is_not_there_is_not_found():
     opinion, learn = opinion_of(detent=0.8)
     assert found_in_part(stand_in_of(learn, VALLEY, FRICTION), RIGID, opinion) == []

@@ -22,7 +22,7 @@ from ..evidence.inverse_dynamics.terms import Hypothesis, follows_from_motion
 from ..evidence.inverse_dynamics.witness import Group
 from ..evidence.second_opinion import Opinion
 from ..hypotheses.explanation import Explanation
-from ..policy import LEAST_EXPLAINED
+from ..policy import LEAST_EXPLAINED, NEARLY_ALL
 from .adequacy import NOT_SURE
 from .decide import Choice
 from .objections import OTHER_SIZE
@@ -64,8 +64,7 @@ class InPart:
             f"{self.rest.location}, "
             f"it explains {100 * self.share:.0f} % of the torque that is missing on recordings that were not "
             f"fitted, and {100 * self.adequacy:.0f} % of what any torque in its own quantities does; what "
-            "that other torque is has no name"
-            + (f"; {self.words} {others}" if others else "")
+            "that other torque is has no name" + (f"; {self.words} {others}" if others else "")
         )
 
 
@@ -85,9 +84,7 @@ def found_in_part(instead: StandIn, model: Model, opinion: Opinion) -> list[InPa
 def found_one_by_one(group: Group, opinion: Opinion) -> list[InPart]:
     """The same of the names of a group of the inverse dynamics, which were not run freely."""
     own = dict(zip(((e.effect, e.location) for e in group.effects), group.hypotheses, strict=True))
-    return _those_that_stand(
-        group.effects, lambda e: own[e.effect, e.location], opinion.witness.folds, ALONE
-    )
+    return _those_that_stand(group.effects, lambda e: own[e.effect, e.location], opinion.witness.folds, ALONE)
 
 
 def _those_that_stand(
@@ -111,13 +108,13 @@ def _judged(index: int, effect: Effect, own: Hypothesis, search: Search, words: 
     both = (own, rest)
     if search.likelier(both) < search.likelier((rest,)) + CLEARLY:
         return None
-    # Along one quantity a curve that explains clearly more has another form.
-    curves = [(q, rest) for q in alike if len(q.quantities) == 1]
-    if any(search.likelier(curve) > search.likelier(both) + CLEARLY for curve in curves):
-        return None
     adequacy = search.adequacy_beside(own, (rest,))
+    # Along one quantity a curve that explains clearly more has another form, unless the effect does nearly
+    # all that it does: in a long recording the least difference is clear.
+    curves = [(q, rest) for q in alike if len(q.quantities) == 1]
+    other_form = any(search.likelier(curve) > search.likelier(both) + CLEARLY for curve in curves)
     sizes = _sizes(own, both, search)
-    if adequacy < LEAST_EXPLAINED or sizes is None:
+    if adequacy < (NEARLY_ALL if other_form else LEAST_EXPLAINED) or sizes is None:
         return None
     mean = {n: 0.5 * (one + other) for n, (one, other) in sizes.items()}
     apart = {n: effect.values[n] for n in sizes}
