@@ -5,6 +5,7 @@ import ast
 import math
 import types
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -16,6 +17,7 @@ from haptic_teleop_sim.kernel.codegen import effect_source
 from haptic_teleop_sim.model import Model
 from haptic_teleop_sysid.diagnosis.decision.search import search
 from haptic_teleop_sysid.diagnosis.evidence.measured_map import measured_map
+from haptic_teleop_sysid.diagnosis.evidence.suggested_law import of_map
 from haptic_teleop_sysid.diagnosis.inputs.scales import recording_scales, within_reach
 from haptic_teleop_sysid.diagnosis.report.page_map import map_picture
 from haptic_teleop_sysid.estimation.records import Record
@@ -157,9 +159,7 @@ def test_a_joint_that_creeps_is_no_map():
 def test_a_map_that_makes_other_recordings_worse_is_not_put_in():
     learn, judge = records(3, 0.3, 0.25, 0.2)
     base = baseline(learn)
-    found = measured_map(
-        base, LAB, learn, judge, lambda model: (0.5, 0.5 if model == base.model else 0.6)
-    )
+    found = measured_map(base, LAB, learn, judge, lambda model: (0.5, 0.5 if model == base.model else 0.6))
     assert found.effect is None
     assert "no map was added" in found.why
 
@@ -226,3 +226,23 @@ def test_a_rigid_body_s_drag_is_measured_and_its_power_suggested():
     assert found.effect.table.variables == ("velocity",)
     assert [term.text for term in found.law.terms] == ["s.velocity * s.sqrt(s.abs(s.velocity))"]
     assert found.law.coefficients == pytest.approx([-0.4], rel=0.02)
+
+
+def test_where_a_map_explains_nothing_of_all_equations_no_law_of_it_is_suggested(monkeypatch):
+    """Four fifths of less than nothing are less than any law explains."""
+    found = []
+    monkeypatch.setattr(of_map, "library", lambda *args: [])
+    monkeypatch.setattr(of_map, "sparse_law", lambda search, products: SimpleNamespace(explained=found[0]))
+    motion = SimpleNamespace(angle=np.zeros((9, 2)), velocity=np.zeros((9, 2)))
+    latent = SimpleNamespace(place="motor", quantities=("motor angle",))
+    effect = SimpleNamespace(location="j", table=SimpleNamespace(variables=("angle",)))
+    for share, law, suggested in (
+        (-0.2, -0.15, False),
+        (0.5, 0.45, True),
+        (0.5, 0.3, False),
+        (-0.2, 0.1, True),
+    ):
+        found[:] = [law]
+        sides = [SimpleNamespace(side=SimpleNamespace(motions=[motion]))]
+        search = SimpleNamespace(sides=sides, model=None, explained=lambda terms, share=share: share)
+        assert (of_map.law_of(search, latent, effect) is not None) is suggested

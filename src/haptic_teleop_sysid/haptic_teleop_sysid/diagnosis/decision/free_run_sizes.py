@@ -15,12 +15,17 @@ of them end at one place. What is handed on sticks, with the sizes found so.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
+
+import numpy as np
 
 from haptic_teleop_control.errors import ModelError
 from haptic_teleop_sim.model import Effect, Model
+from haptic_teleop_sysid.estimation.gauss_newton import Fit
 from haptic_teleop_sysid.estimation.likelihood import FAILURES
+from haptic_teleop_sysid.estimation.records import Record
+from haptic_teleop_sysid.estimation.whole_fit import fit_whole, noise_starts
 from haptic_teleop_sysid.simulation.parameter_fit import ParameterFit
 
 from ..evidence.horizons import PERFECT
@@ -31,6 +36,7 @@ from ..policy import ERRS_LESS
 #: The model fitted to free runs of the estimation recordings.
 Simulated = Callable[[Model], ParameterFit]
 
+_LEVELS = 8
 #: Factor by which the velocity of a smoothed sign may differ from SMOOTHED of the top speed: far below, the
 #: error is as rough as without, and what is smooth far above is no dry friction.
 _OTHERWISE = 5.0
@@ -62,6 +68,28 @@ def sized_freely(heard: Heard, simulated: Simulated, errors: Errors, fastest: fl
         apart = (one[name] - other[name]) / math.sqrt(2.0) if name in one and name in other else 0.0
         std[name] = math.hypot(own if math.isfinite(own) else error, apart)
     return Heard(replace(group, model=found.model, std=std, at_bound=()), heard.gain, reached)
+
+
+def freely_sized(fit: Fit, simulated: Simulated, records: Sequence[Record]) -> Fit | None:
+    """A fit's model with the parameters that its free runs want; None where they want none."""
+    try:
+        found = simulated(fit.model)
+    except (*FAILURES, ModelError):
+        return None
+    return None if found.fled else as_fitted(found.model, found.std, fit, records)
+
+
+def as_fitted(model: Model, std: Mapping[str, float], like: Fit, records: Sequence[Record]) -> Fit:
+    """A model as it is, with noise levels for its observer, and the standard errors of its parameters."""
+    tuned = fit_whole(model, like.noise, records, free=(), iterations=_LEVELS)
+    if not np.isfinite(tuned.log_likelihood):
+        # The levels of a model far from this one may leave it without an observer.
+        starts = noise_starts(model, records)
+        begun = [fit_whole(model, n, records, free=(), iterations=_LEVELS) for n in starts]
+        tuned = max(begun, key=lambda fit: fit.log_likelihood)
+    names = tuple(n for n in model.free_parameters() if 0.0 < std.get(n, 0.0) < math.inf)
+    information = np.diag([1.0 / std[n] ** 2 for n in names])
+    return replace(tuned, free=names, information=information, gradient=np.zeros(len(names)))
 
 
 def _main_sizes(model: Model) -> list[str]:

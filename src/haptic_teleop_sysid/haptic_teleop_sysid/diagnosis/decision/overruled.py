@@ -6,13 +6,10 @@ import math
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 
-import numpy as np
-
 from haptic_teleop_sim.model import Effect, Model
 from haptic_teleop_sysid.estimation.gauss_newton import Fit
 from haptic_teleop_sysid.estimation.likelihood import FAILURES
 from haptic_teleop_sysid.estimation.records import Record
-from haptic_teleop_sysid.estimation.whole_fit import fit_whole, noise_starts
 
 from ..evidence.horizons import PERFECT
 from ..evidence.inverse_dynamics.terms import Hypothesis, follows_from_motion
@@ -24,12 +21,11 @@ from ..policy import ERRS_FAR_LESS, ERRS_LESS, LEAST_EXPLAINED, LEAST_GAIN
 from .adequacy import SLIGHT_ERROR
 from .corroborated import adds_torque
 from .decide import Choice, prior
-from .free_run_sizes import Simulated, sized_freely
+from .free_run_sizes import Simulated, as_fitted, sized_freely
 from .known_sizes import with_known_sizes
 from .reasons import Doubt
 from .search import SearchResult
 
-_LEVELS = 8
 #: Log-likelihood that the way back from a bound to the given value would cost, from which the recordings want
 #: a parameter there.
 WANTED = 12.0
@@ -101,9 +97,7 @@ def more_plainly(opinion: Opinion, result: SearchResult, first: tuple[float, flo
 
 def _ratios(chosen: Heard, first: tuple[float, float]) -> list[float]:
     """Errors of the free runs relative to the ``first`` opinion's, of either kind of recordings."""
-    return [
-        max(own, PERFECT) / max(other, PERFECT) for own, other in zip(chosen.errors, first, strict=True)
-    ]
+    return [max(own, PERFECT) / max(other, PERFECT) for own, other in zip(chosen.errors, first, strict=True)]
 
 
 def as_result(
@@ -183,9 +177,7 @@ def explained_in_band(result: SearchResult, opinion: Opinion) -> float:
 def _along_motion(result: SearchResult) -> tuple[list[Choice], tuple[Hypothesis, ...]]:
     """The findings that are torques along the motion, and as hypotheses."""
     told = [
-        c
-        for c in result.choices
-        if c.chosen.by_current <= 0.0 and follows_from_motion(c.chosen.effect.entry)
+        c for c in result.choices if c.chosen.by_current <= 0.0 and follows_from_motion(c.chosen.effect.entry)
     ]
     model = result.baseline.model
     return told, tuple(Hypothesis.of(c.chosen.effect, model.place(c.chosen.effect.location)) for c in told)
@@ -216,17 +208,7 @@ def beyond_reach(result: SearchResult, lab: Model) -> Doubt | None:
 
 def fit_of(group: Group, like: Fit, records: Sequence[Record]) -> Fit:
     """The group's model as it is, with noise levels for its observer and the regression's standard errors."""
-    model, std = group.model, group.std
-    tuned = fit_whole(model, like.noise, records, free=(), iterations=_LEVELS)
-    if not np.isfinite(tuned.log_likelihood):
-        # The levels of a model far from this one may leave it without an observer.
-        starts = noise_starts(model, records)
-        begun = [fit_whole(model, n, records, free=(), iterations=_LEVELS) for n in starts]
-        tuned = max(begun, key=lambda fit: fit.log_likelihood)
-    names = tuple(n for n in model.free_parameters() if std.get(n, 0.0) > 0.0)
-    information = np.diag([1.0 / std[n] ** 2 for n in names])
-    nothing = np.zeros(len(names))
-    return replace(tuned, free=names, information=information, gradient=nothing, at_bound=group.at_bound)
+    return replace(as_fitted(group.model, group.std, like, records), at_bound=group.at_bound)
 
 
 def _choice(opinion: Opinion, final: Fit, index: int) -> Choice:
@@ -265,4 +247,3 @@ def _choice(opinion: Opinion, final: Fit, index: int) -> Choice:
 
     rivals = sorted(others.values(), key=lambda o: -o[1])
     return Choice(explanation, own, tuple((instead(e), p) for e, p in rivals if p > 0.02))
-

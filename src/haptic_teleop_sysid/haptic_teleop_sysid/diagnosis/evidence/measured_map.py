@@ -2,9 +2,8 @@
 
 Each torque over one or two quantities of the motion (`inverse_dynamics.latent`) is drawn by least squares on
 the estimation recordings; the structure's parameters are then fitted beside it, and the free simulation of
-all recordings says what it is worth. The estimation recordings choose among the maps, the validation
-recordings say whether the chosen one stays: what has memory, or acts at moments, gives a curve on one
-recording that does not hold on another.
+all recordings says what it is worth. What is chosen among them stays if validation recordings are simulated
+better: what has memory, or acts at moments, gives a curve on one recording that does not hold on another.
 """
 
 from __future__ import annotations
@@ -12,7 +11,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -48,9 +47,21 @@ A_GOOD_TORQUE = 0.4
 _ELSE = "what is missing has memory, acts at moments, or follows something that was not recorded"
 #: Factor over what a map explains from which a torque with memory, or over time, is what it is instead.
 _RATHER = 1.5
-#: Share of the log-likelihood that the best map gains with which a plainer one is taken.
-_AS_GOOD = 0.9
+#: Share of the log-likelihood that the best map gains, and of the torque that it explains where it was not
+#: drawn from, with which another one is as good.
+_AS_LIKELY, _AS_GOOD = 0.8, 0.9
 _STEPS = 15
+
+
+class _Tried(NamedTuple):
+    """A map in a model: errors ``left`` of its free runs on estimation and on validation recordings, the
+    ``latent`` that was drawn with a ``search``, its ``effect`` and the ``fit`` with it."""
+
+    left: tuple[float, float]
+    search: Search
+    latent: Latent
+    effect: Effect
+    fit: Fit
 
 
 @dataclass(frozen=True)
@@ -92,9 +103,11 @@ def measured_map(
     errors: Errors,
     say: Callable[[str], None] = lambda text: None,
     cutoff: float | None = None,
+    resized: Callable[[Fit], Fit | None] = lambda fit: None,
 ) -> MeasuredMap:
     """The map that explains most of what ``base``, fitted from ``given``, lacks; ``cutoff``: Hz, of the band
-    of the motion, by default that of these recordings; see the module."""
+    of the motion, by default that of these recordings; ``resized``: a fit with the parameters that free runs
+    want, which is taken where it errs less on either kind of recordings; see the module."""
     if any(e.entry.tabulated for e in base.model.effects):
         return MeasuredMap(f"the given model has a {MEASURED.name} already")
     cutoff = motion_band([*estimation, *validation]) if cutoff is None else cutoff
@@ -120,22 +133,21 @@ def measured_map(
             f"of the torque that is missing there where it was not drawn from; {_ELSE}"
         )
         return MeasuredMap(why, explained=most, quantities=_told(latent))
-    before, tried = errors(base.model), list[tuple[tuple[float, float], Search, Latent, Effect, Fit]]()
+    before, tried = errors(base.model), list[_Tried]()
     for search, one in (pair for place in places for pair in place.best(MOST_TRIED)):
         say(f"drawing a torque over {_named(one)}")
         effect = drawn(search, one)
         fit = _fitted(base, effect, given, estimation)
         if fit is not None and all(map(math.isfinite, left := errors(fit.model))):
-            tried.append((left, search, one, effect, fit))
+            tried.append(_Tried(left, search, one, effect, fit))
     if not tried:
         return MeasuredMap("no map was added: no model with one predicts the recordings", explained=most)
-    # They were drawn from the torques: neither free runs nor the likelihood have seen them yet. A curve comes
-    # before a surface.
-    tried = [t for t in tried if t[0][0] < before[0]] or tried
-    gained = [t[-1].log_likelihood - base.log_likelihood for t in tried]
-    enough = min(_AS_GOOD * max(gained), max(gained))
-    good = [t for t, nats in zip(tried, gained, strict=True) if nats >= enough]
-    left, search, one, effect, fit = min(good, key=lambda t: (len(t[2].quantities), -t[-1].log_likelihood))
+    best = _chosen([t for t in tried if t.left[0] < before[0]] or tried, base)
+    left, search, one, effect, fit = best
+    freely = resized(fit)
+    after = left if freely is None else errors(freely.model)
+    if freely is not None and after[0] <= left[0] and after[1] <= left[1]:
+        left, fit = after, freely
     closed = 1.0 - left[1] / max(before[1], 1e-300)
     explained = explained_there(search, one)
     if closed < A_GOOD_PART or left[0] > before[0]:
@@ -166,6 +178,20 @@ def _fitted(base: Fit, effect: Effect, given: Model, records: Sequence[Record]) 
             continue
     good = [f for f in ends if np.isfinite(f.log_likelihood)]
     return max(good, key=lambda f: f.log_likelihood, default=None)
+
+
+def _chosen(tried: Sequence[_Tried], base: Fit) -> _Tried:
+    """Of the maps that predict the estimation recordings nearly as well as the best one, those that explain
+    nearly as much torque where they were not drawn from: of these a curve before a surface, then the one
+    that explains most. They were drawn from the torques: neither free runs nor the likelihood have seen them
+    yet; and a map says nothing of angles to which the recordings that it was drawn from did not go."""
+    gained = [t.fit.log_likelihood - base.log_likelihood for t in tried]
+    enough = min(_AS_LIKELY * max(gained), max(gained))
+    likely = [t for t, nats in zip(tried, gained, strict=True) if nats >= enough]
+    explained = [t.search.explained((t.latent,)) for t in likely]
+    most = min(_AS_GOOD * max(explained), max(explained))
+    good = [(t, share) for t, share in zip(likely, explained, strict=True) if share >= most]
+    return min(good, key=lambda pair: (len(pair[0].latent.quantities), -pair[1]))[0]
 
 
 def _named(latent: Latent) -> str:

@@ -14,9 +14,6 @@ from .inverse_dynamics.groups import Search, independent
 from .inverse_dynamics.latent import IN_A_TURN, Latent, measured_over
 from .inverse_dynamics.regression import equations
 
-#: Maps of a place that are made finer, those that explain most torque where it was not fitted.
-MOST_DRAWN = 4
-
 
 @dataclass(frozen=True)
 class Place:
@@ -60,7 +57,7 @@ def _place(search: Search, latents: Sequence[Latent]) -> Place:
     ranked = sorted(latents, key=lambda one: search.left_over((one,)))
     maps = [one for one in ranked if all(q.removesuffix(IN_A_TURN) in VARIABLES for q in one.quantities)]
     other = next((one for one in ranked if one not in maps), None)
-    maps = [finer(search, one) for one in maps[:MOST_DRAWN]]
+    maps = [finer(search, one) for one in maps]  # a coarse one says little of what a finer one explains
     return Place(search, sorted(maps, key=lambda one: search.left_over((one,))), other)
 
 
