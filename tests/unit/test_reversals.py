@@ -168,6 +168,14 @@ def test_friction_that_is_seen_only_there_is_part_of_the_answer_and_nobody_is_su
     # Another form of the same is named: nothing is added.
     named = told("identified", [{"effect": "presliding_friction", "location": "j_motor"}])
     assert with_friction(named, seen, result, records[:1]) == named
+    # So it is with what jumps there, too, whatever its law; not with what does not, or sits elsewhere.
+    for effect, location, enough in (
+        ("load_dependent_friction", "j_motor", True),
+        ("load_dependent_friction", "j_arm", False),
+        ("quadratic_drag", "j_motor", False),
+    ):
+        named = told("identified", [{"effect": effect, "location": location}])
+        assert (with_friction(named, seen, result, records[:1]) == named) is enough
     assert with_friction(told("no_mismatch"), Turning(), result, records[:1]) == told("no_mismatch")
 
 

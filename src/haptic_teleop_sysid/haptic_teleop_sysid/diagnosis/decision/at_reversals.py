@@ -132,7 +132,9 @@ def with_friction(
     """The verdict with what jumps where the motion turns and no finding names in any form: beside names that
     stand, as one that nobody is sure of; alone, or beside something unknown, as what is found of that."""
     for one in turning.jumps:
-        if not family(one.effect) & {f["effect"] for f in verdict.findings}:
+        # What follows the direction of the motion there jumps, too: friction by the load that is carried.
+        there = any(f["location"] == one.location and EFFECTS[f["effect"]].memory for f in verdict.findings)
+        if not there and not family(one.effect) & {f["effect"] for f in verdict.findings}:
             kind, where = verdict.kind, verdict.where
             if kind == "no_mismatch":
                 kind, where = "unknown", [where_left(result, verdict.remaining, learn)]
