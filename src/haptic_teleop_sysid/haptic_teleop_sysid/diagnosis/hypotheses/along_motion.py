@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from haptic_teleop_control.compiled import njit
 from haptic_teleop_sim.effects import EffectEntry, EffectParameter
-from haptic_teleop_sim.effects.on_arrays import NUMERIC, remembering
+from haptic_teleop_sim.effects.on_arrays import NUMERIC
 from haptic_teleop_sysid.estimation.records import Record
 
 FloatArray = NDArray[np.float64]
@@ -77,7 +77,7 @@ def variables_along(record: Record, states: FloatArray, channel: int) -> SimpleN
         direction=np.sign(velocity),
         state0=0.0,
         state1=0.0,
-        **NUMERIC | {"sin": remembering(np.sin)},
+        **NUMERIC,
     )
 
 

@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 
 from haptic_teleop_control.compiled import njit
 from haptic_teleop_sim.effects import EFFECTS, EffectEntry, EffectParameter, locations
-from haptic_teleop_sim.effects.on_arrays import NUMERIC, remembering
+from haptic_teleop_sim.effects.on_arrays import NUMERIC
 from haptic_teleop_sim.kernel import acting_torque, pack
 from haptic_teleop_sim.model import Effect, Model
 from haptic_teleop_sysid.estimation.records import Record
@@ -342,7 +342,7 @@ def _variables_of(motion: BandedMotion, place: str, gives: float) -> SimpleNames
         time=motion.time,
         exogenous=motion.exogenous,
         direction=direction,
-        **NUMERIC | {"sin": remembering(np.sin)},
+        **NUMERIC,
     )
 
 
