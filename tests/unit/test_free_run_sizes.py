@@ -5,12 +5,20 @@ import math
 import numpy as np
 import pytest
 from numba import njit
-from stepped_machines import DT, FINE, RIGID
+from stepped_machines import DT, FINE, RIGID, pendulum
 
+from haptic_teleop_control.errors import ModelError
 from haptic_teleop_sim.model import Effect
-from haptic_teleop_sysid.diagnosis.decision.free_run_sizes import sized_freely, turning_limits
+from haptic_teleop_sysid.diagnosis.decision.free_run_sizes import (
+    as_fitted,
+    freely_sized,
+    sized_freely,
+    turning_limits,
+)
+from haptic_teleop_sysid.diagnosis.evidence.certainty import standard_errors
 from haptic_teleop_sysid.diagnosis.evidence.inverse_dynamics.witness import Group
 from haptic_teleop_sysid.diagnosis.evidence.second_opinion import Heard
+from haptic_teleop_sysid.estimation.whole_fit import fit_from_scratch
 from haptic_teleop_sysid.recordings.dataset import DataSet
 from haptic_teleop_sysid.simulation.parameter_fit import ParameterFit, fit_parameters
 from haptic_teleop_sysid.simulation.windows import cut
@@ -108,3 +116,48 @@ def test_the_velocity_of_a_smoothed_sign_stays_near_a_share_of_the_top_speed():
         "j_motor.coulomb_friction.smoothing": (pytest.approx(0.02), pytest.approx(0.5))
     }
     assert turning_limits(RIGID, 5.0) == {}
+
+
+@pytest.fixture(scope="module")
+def predicted():
+    """A pendulum with a weight that is named, fitted to predictions, and its recording."""
+    records = [pendulum(0, weight=2.0)]
+    model = RIGID.with_effects(Effect("gravity", "j_motor", {"torque": 2.0, "phase": 0.0}))
+    return fit_from_scratch(model, records), records
+
+
+def wanted(model, std=0.01, fled=(), **values):
+    changed = model.with_values({n.replace("__", "."): v for n, v in values.items()})
+    return ParameterFit(changed, True, (1.0, 0.5), 9, fled, dict.fromkeys(model.free_parameters(), std))
+
+
+def test_the_parameters_that_free_runs_want_come_with_their_errors(predicted):
+    fit, records = predicted
+    sized = freely_sized(fit, lambda model: wanted(model, motor_damping=0.33), records, 5.0)
+    assert sized.model.parameters["motor_damping"] == 0.33
+    assert math.isfinite(sized.log_likelihood)
+    assert standard_errors(sized)["motor_damping"] == pytest.approx(0.01)
+    # Where free runs do not determine all of them, predictions say how well they are known.
+    sized = freely_sized(fit, lambda model: wanted(model, math.nan, motor_damping=0.33), records, 5.0)
+    assert standard_errors(sized) == pytest.approx(standard_errors(fit), rel=1e-6)
+
+
+def test_what_is_not_determined_stays_so(predicted):
+    fit, records = predicted
+    std = dict.fromkeys(fit.model.free_parameters(), 0.01) | {"motor_inertia": math.inf}
+    assert math.isinf(standard_errors(as_fitted(fit.model, std, fit, records))["motor_inertia"])
+
+
+def test_free_runs_that_want_another_machine_or_another_size_of_a_name_are_not_followed(predicted):
+    fit, records = predicted
+
+    def fails(model):
+        raise ModelError("nothing to fit")
+
+    for simulated in (
+        fails,
+        lambda model: wanted(model, fled=("motor_inertia",)),
+        lambda model: wanted(model, j_motor__gravity__torque=0.5),
+        lambda model: wanted(model, motor_inertia=math.nan),
+    ):
+        assert freely_sized(fit, simulated, records, 5.0) is None

@@ -166,15 +166,16 @@ def test_friction_that_is_seen_only_there_is_part_of_the_answer_and_nobody_is_su
     missed = with_friction(told("no_mismatch"), seen, result, records[:1])
     assert missed.kind == "unknown" and missed.where[0]["equation"] == "j_motor"
     # Another form of the same is named: nothing is added.
-    named = told("identified", [{"effect": "presliding_friction", "location": "j_motor"}])
+    named = told("identified", [{"effect": "presliding_friction", "location": "j_motor", "confidence": 0.9}])
     assert with_friction(named, seen, result, records[:1]) == named
-    # So it is with what jumps there, too, whatever its law; not with what does not, or sits elsewhere.
-    for effect, location, enough in (
-        ("load_dependent_friction", "j_motor", True),
-        ("load_dependent_friction", "j_arm", False),
-        ("quadratic_drag", "j_motor", False),
+    # So it is with what surely jumps there, too, whatever its law; not with what does not, or sits elsewhere.
+    for effect, location, confidence, enough in (
+        ("load_dependent_friction", "j_motor", 0.9, True),
+        ("load_dependent_friction", "j_motor", 0.5, False),
+        ("load_dependent_friction", "j_arm", 0.9, False),
+        ("quadratic_drag", "j_motor", 0.9, False),
     ):
-        named = told("identified", [{"effect": effect, "location": location}])
+        named = told("identified", [{"effect": effect, "location": location, "confidence": confidence}])
         assert (with_friction(named, seen, result, records[:1]) == named) is enough
     assert with_friction(told("no_mismatch"), Turning(), result, records[:1]) == told("no_mismatch")
 

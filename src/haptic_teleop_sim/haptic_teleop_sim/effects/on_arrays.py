@@ -17,7 +17,7 @@ FloatArray = NDArray[np.float64]
 #: Waite, Software Manual for the Elementary Functions, 1980).
 _PI = (3.1415926218032836914, 3.1786509424591713469e-08, 1.2246467864107188502e-16)
 _PER_PI = 1.0 / math.pi
-#: A number to whose last place a half is rounded: added and subtracted it leaves the nearest whole number.
+#: Adding and subtracting it rounds to the nearest whole number: its last place is 1.
 _WHOLE = 1.5 * 2.0**52
 #: Coefficients of x^3 to x^21 of the sine: beyond, they are less than 2e-18 of it on a half turn.
 _SERIES = tuple((-1.0) ** n / math.factorial(2 * n + 1) for n in range(1, 11))

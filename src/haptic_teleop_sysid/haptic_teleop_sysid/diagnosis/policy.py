@@ -170,8 +170,11 @@ have one, both with friction."""
 
 NEARLY_ALL = 0.8
 """Share of what torques without a form explain that the second witness' names must explain to stand where the
-first opinion has given its own name up; their free run must err no more, either. Lower: more names for
-physics without one; higher: `unknown` where friction is in plain sight. Set on a robot's wrist (0.90)."""
+first opinion has given its own name up; their free run must err no more, either. Also what a name beside
+`unknown` must explain of what any torque in its own quantities does, where a curve over one of them is
+clearly more likely: in a long recording the least difference in form is clear. Lower: more names for
+physics without one; higher: `unknown` where friction is in plain sight. Set on a robot's wrist (0.90); an
+instrument's spindle has 0.95 of the second."""
 
 WHITE = 53.0
 """Portmanteau statistic over 25 lags that white innovations exceed once in a thousand. Above it on both kinds

@@ -98,7 +98,7 @@ def diagnose(
             found.errors,
             say,
             found.cutoff,
-            lambda fit: freely_sized(fit, found.simulated, found.learn),
+            lambda fit: freely_sized(fit, found.simulated, found.learn, result.scales.size["fastest"]),
         )
         if mapped.fit is None:
             instead = stand_in(result.final, found.given, doubt, found.errors)

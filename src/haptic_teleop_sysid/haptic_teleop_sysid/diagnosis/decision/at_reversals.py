@@ -132,8 +132,8 @@ def with_friction(
     """The verdict with what jumps where the motion turns and no finding names in any form: beside names that
     stand, as one that nobody is sure of; alone, or beside something unknown, as what is found of that."""
     for one in turning.jumps:
-        # What follows the direction of the motion there jumps, too: friction by the load that is carried.
-        there = any(f["location"] == one.location and EFFECTS[f["effect"]].memory for f in verdict.findings)
+        # What surely follows the direction of the motion there jumps, too: friction by the load carried.
+        there = any(_jumps_there(f, one.location) for f in verdict.findings)
         if not there and not family(one.effect) & {f["effect"] for f in verdict.findings}:
             kind, where = verdict.kind, verdict.where
             if kind == "no_mismatch":
@@ -141,6 +141,12 @@ def with_friction(
             findings = [*verdict.findings, _finding(one, result.baseline)]
             verdict = replace(verdict, kind=kind, where=where, findings=findings)
     return verdict
+
+
+def _jumps_there(finding: dict[str, Any], location: str) -> bool:
+    """Whether a finding is at that place, surer than what is seen there alone, and turns with the motion."""
+    sure = finding["confidence"] > NOT_SURE
+    return sure and finding["location"] == location and bool(EFFECTS[finding["effect"]].memory)
 
 
 def _place_of(found: Sequence[AtReversals], model: Model) -> list[AtReversals]:

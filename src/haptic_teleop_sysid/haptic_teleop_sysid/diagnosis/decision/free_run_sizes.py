@@ -1,4 +1,5 @@
-"""Sizes of what the inverse dynamics named, fitted once more to free runs.
+"""Sizes of what the inverse dynamics named, and parameters beside a measured torque, fitted once more to free
+runs.
 
 A regression on torques weighs every stretch of the motion alike and knows nothing of where an error of an
 inertia leads over seconds; an input that is a little late, or filtered, shifts its sizes together. The model
@@ -28,6 +29,7 @@ from haptic_teleop_sysid.estimation.records import Record
 from haptic_teleop_sysid.estimation.whole_fit import fit_whole, noise_starts
 from haptic_teleop_sysid.simulation.parameter_fit import ParameterFit
 
+from ..evidence.certainty import standard_errors
 from ..evidence.horizons import PERFECT
 from ..evidence.inverse_dynamics.terms import SMOOTHED
 from ..evidence.second_opinion import NO_WORSE, Errors, Heard
@@ -37,6 +39,8 @@ from ..policy import ERRS_LESS
 Simulated = Callable[[Model], ParameterFit]
 
 _LEVELS = 8
+#: Standard error below which one is none.
+_LEAST_ERROR = 1e-100
 #: Factor by which the velocity of a smoothed sign may differ from SMOOTHED of the top speed: far below, the
 #: error is as rough as without, and what is smooth far above is no dry friction.
 _OTHERWISE = 5.0
@@ -58,9 +62,9 @@ def sized_freely(heard: Heard, simulated: Simulated, errors: Errors, fastest: fl
     before = [max(e, PERFECT) for e in heard.errors]
     if found.fled or not reached[0] < NO_WORSE * before[0] or not reached[1] < ERRS_LESS * before[1]:
         return heard
-    one, other = group.model.parameter_values(), found.model.parameter_values()
-    if any(not _alike(one[name], other.get(name, 0.0)) for name in _main_sizes(group.model)):
+    if not _same_names(group.model, found.model):
         return heard
+    one, other = group.model.parameter_values(), found.model.parameter_values()
     std = {}
     for name, error in group.std.items():
         own = found.std.get(name, math.nan)
@@ -70,26 +74,40 @@ def sized_freely(heard: Heard, simulated: Simulated, errors: Errors, fastest: fl
     return Heard(replace(group, model=found.model, std=std, at_bound=()), heard.gain, reached)
 
 
-def freely_sized(fit: Fit, simulated: Simulated, records: Sequence[Record]) -> Fit | None:
-    """A fit's model with the parameters that its free runs want; None where they want none."""
+def freely_sized(fit: Fit, simulated: Simulated, records: Sequence[Record], fastest: float) -> Fit | None:
+    """A fit's model with the parameters that its free runs want, those of the structure beside a measured
+    torque among them; None where they want none, or another size of what the model names. ``fastest``: top
+    speed, rad/s."""
     try:
-        found = simulated(fit.model)
+        found = _fitted(fit.model, simulated, fastest)
+        if found.fled or not _same_names(fit.model, found.model):
+            return None
+        before = standard_errors(fit)
+        std = {n: e if math.isfinite(e) else before.get(n, math.inf) for n, e in found.std.items()}
+        sized = as_fitted(found.model, std, fit, records)
     except (*FAILURES, ModelError):
         return None
-    return None if found.fled else as_fitted(found.model, found.std, fit, records)
+    return sized if math.isfinite(sized.log_likelihood) else None
 
 
 def as_fitted(model: Model, std: Mapping[str, float], like: Fit, records: Sequence[Record]) -> Fit:
-    """A model as it is, with noise levels for its observer, and the standard errors of its parameters."""
+    """A model as it is, with noise levels for its observer, and the standard errors of its parameters
+    (infinite: not determined; zero: not fitted)."""
     tuned = fit_whole(model, like.noise, records, free=(), iterations=_LEVELS)
     if not np.isfinite(tuned.log_likelihood):
         # The levels of a model far from this one may leave it without an observer.
         starts = noise_starts(model, records)
         begun = [fit_whole(model, n, records, free=(), iterations=_LEVELS) for n in starts]
         tuned = max(begun, key=lambda fit: fit.log_likelihood)
-    names = tuple(n for n in model.free_parameters() if 0.0 < std.get(n, 0.0) < math.inf)
-    information = np.diag([1.0 / std[n] ** 2 for n in names])
+    names = tuple(n for n in model.free_parameters() if std.get(n, 0.0) > 0.0)
+    information = np.diag(1.0 / np.maximum([std[n] for n in names], _LEAST_ERROR) ** 2)
     return replace(tuned, free=names, information=information, gradient=np.zeros(len(names)))
+
+
+def _same_names(model: Model, other: Model) -> bool:
+    """Whether two models have their effects with the same sizes, but for a factor of _SAME."""
+    one, there = model.parameter_values(), other.parameter_values()
+    return all(_alike(one[name], there.get(name, 0.0)) for name in _main_sizes(model))
 
 
 def _main_sizes(model: Model) -> list[str]:

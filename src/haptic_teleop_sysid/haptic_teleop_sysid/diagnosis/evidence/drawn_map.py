@@ -43,7 +43,9 @@ def finer(search: Search, latent: Latent) -> Latent:
     while math.prod(map(len, latent.knots)) < MOST_KNOTS:
         tried = [_denser(latent, axis) for axis in range(len(latent.knots))]
         best = max(tried, key=lambda one: search.likelier((one,)))
-        if search.likelier((best,)) < search.likelier((latent,)) + CLEARLY:
+        taken = search.likelier((best,)) >= search.likelier((latent,)) + CLEARLY
+        search.forget([one for one in (*tried, latent) if one is not (best if taken else latent)])
+        if not taken:
             break
         latent = best
     return latent

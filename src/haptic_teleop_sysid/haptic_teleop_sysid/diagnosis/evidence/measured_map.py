@@ -107,7 +107,7 @@ def measured_map(
 ) -> MeasuredMap:
     """The map that explains most of what ``base``, fitted from ``given``, lacks; ``cutoff``: Hz, of the band
     of the motion, by default that of these recordings; ``resized``: a fit with the parameters that free runs
-    want, which is taken where it errs less on either kind of recordings; see the module."""
+    want, which is taken where it errs no more on both kinds of recordings; see the module."""
     if any(e.entry.tabulated for e in base.model.effects):
         return MeasuredMap(f"the given model has a {MEASURED.name} already")
     cutoff = motion_band([*estimation, *validation]) if cutoff is None else cutoff
@@ -135,6 +135,8 @@ def measured_map(
         return MeasuredMap(why, explained=most, quantities=_told(latent))
     before, tried = errors(base.model), list[_Tried]()
     for search, one in (pair for place in places for pair in place.best(MOST_TRIED)):
+        if explained_there(search, one) < A_GOOD_TORQUE:
+            continue
         say(f"drawing a torque over {_named(one)}")
         effect = drawn(search, one)
         fit = _fitted(base, effect, given, estimation)
@@ -181,13 +183,18 @@ def _fitted(base: Fit, effect: Effect, given: Model, records: Sequence[Record]) 
 
 
 def _chosen(tried: Sequence[_Tried], base: Fit) -> _Tried:
-    """Of the maps that predict the estimation recordings nearly as well as the best one, those that explain
-    nearly as much torque where they were not drawn from: of these a curve before a surface, then the one
-    that explains most. They were drawn from the torques: neither free runs nor the likelihood have seen them
-    yet; and a map says nothing of angles to which the recordings that it was drawn from did not go."""
-    gained = [t.fit.log_likelihood - base.log_likelihood for t in tried]
-    enough = min(_AS_LIKELY * max(gained), max(gained))
-    likely = [t for t, nats in zip(tried, gained, strict=True) if nats >= enough]
+    """Of the maps that predict the estimation recordings nearly as well as the best one, those of its search
+    that explain nearly as much torque where they were not drawn from: of these a curve before a surface,
+    then the one that explains most. They were drawn from the torques: the likelihood has not seen them yet,
+    and compares what two searches, of which each leaves something else unexplained, do not. But it has not
+    seen angles to which the estimation recordings did not go, either."""
+
+    def gained(one: _Tried) -> float:
+        return one.fit.log_likelihood - base.log_likelihood
+
+    best = max(tried, key=gained)
+    enough = min(_AS_LIKELY * gained(best), gained(best))
+    likely = [t for t in tried if t.search is best.search and gained(t) >= enough]
     explained = [t.search.explained((t.latent,)) for t in likely]
     most = min(_AS_GOOD * max(explained), max(explained))
     good = [(t, share) for t, share in zip(likely, explained, strict=True) if share >= most]

@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 
 from haptic_teleop_sim.model import Model
 from haptic_teleop_sysid.estimation.gauss_newton import Fit
+from haptic_teleop_sysid.estimation.likelihood import FAILURES
 from haptic_teleop_sysid.estimation.records import Record
 
 from .drawn_map import VARIABLES, finer
@@ -57,8 +58,17 @@ def _place(search: Search, latents: Sequence[Latent]) -> Place:
     ranked = sorted(latents, key=lambda one: search.left_over((one,)))
     maps = [one for one in ranked if all(q.removesuffix(IN_A_TURN) in VARIABLES for q in one.quantities)]
     other = next((one for one in ranked if one not in maps), None)
-    maps = [finer(search, one) for one in maps]  # a coarse one says little of what a finer one explains
+    # A coarse one says little of what a finer one explains.
+    maps = [one for coarse in maps if (one := _as_fine(search, coarse)) is not None]
     return Place(search, sorted(maps, key=lambda one: search.left_over((one,))), other)
+
+
+def _as_fine(search: Search, coarse: Latent) -> Latent | None:
+    """A map as fine as the recordings allow; None where its arithmetic fails."""
+    try:
+        return finer(search, coarse)
+    except FAILURES:
+        return None
 
 
 def _equations(

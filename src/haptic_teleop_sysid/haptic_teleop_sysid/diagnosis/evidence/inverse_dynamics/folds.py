@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field
 from functools import cached_property
 
@@ -58,6 +58,14 @@ class Fold:
         if term not in self._known:
             self._known[term] = self._rows(lambda part: part.torque(term))
         return self._known[term]
+
+    def forget(self, terms: Iterable[Term]) -> None:
+        """See `Equations.forget`."""
+        gone = [*terms]
+        for term in gone:
+            self._known.pop(term, None)
+        for part in self.parts:
+            part.forget(gone)
 
     def bounds(self) -> tuple[FloatArray, FloatArray]:
         """See `Equations.bounds`."""

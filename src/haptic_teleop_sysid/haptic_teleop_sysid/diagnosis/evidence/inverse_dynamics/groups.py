@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from functools import cached_property
 
 import numpy as np
@@ -17,6 +17,7 @@ from .folds import Fold
 from .latent import Latent, latents
 from .products import Products, Terms
 from .regression import Equations
+from .term import Term
 from .terms import Hypothesis
 
 FloatArray = NDArray[np.float64]
@@ -145,6 +146,12 @@ class Search:
     def latents(self) -> tuple[Latent, ...]:
         """Every torque without a form."""
         return tuple(latents(self.model, [m for side in self.sides for m in side.side.motions]))
+
+    def forget(self, terms: Iterable[Term]) -> None:
+        """Free what is kept of terms that are not asked for again: columns as long as the recordings."""
+        gone = [*terms]
+        for side in self.sides:
+            side.forget(gone)
 
     def shapeless(self, beside: Chosen, most: int = MOST_SHAPELESS) -> tuple[Latent, ...]:
         """Up to ``most`` torques without a form, as long as each explains more, beside some effects."""

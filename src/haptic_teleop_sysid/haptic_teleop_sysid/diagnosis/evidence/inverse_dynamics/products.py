@@ -6,6 +6,8 @@ then solved, and judged on other equations, in the few numbers that it has, howe
 
 from __future__ import annotations
 
+from collections.abc import Iterable
+
 import numpy as np
 import scipy
 from numpy.typing import NDArray
@@ -90,6 +92,13 @@ class Products:
                 most = float(np.max(np.diag(products)[own]))
                 products[own, own] += STIFF**2 * most * bends.T @ bends
         return products, mixed
+
+    def forget(self, terms: Iterable[Term]) -> None:
+        """Free what is kept of terms that are not asked for again."""
+        gone = {*terms}
+        self.side.forget(gone)
+        self._own = {t: kept for t, kept in self._own.items() if t not in gone}
+        self._pairs = {pair: kept for pair, kept in self._pairs.items() if not gone & {*pair}}
 
     def unlike(self, term: Term, other: Term) -> float:
         """Share (mean square) of the torque of a term that no columns of another at the same place give."""

@@ -14,7 +14,7 @@ nothing.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 
@@ -80,6 +80,11 @@ class Equations:
         if term not in self._known:
             self._known[term] = np.concatenate([term.columns(m, self.model) for m in self.motions])
         return self._known[term]
+
+    def forget(self, terms: Iterable[Term]) -> None:
+        """Free the torques of terms that are not asked for again."""
+        for term in terms:
+            self._known.pop(term, None)
 
     def seen(self, term: Hypothesis) -> float:
         """Share of an effect's torque (mean square) that lies in the band, of the column of which least does;

@@ -36,6 +36,5 @@ def law_of(search: Search, latent: Latent, effect: Effect) -> Law | None:
         float(np.max(np.abs(np.concatenate(rates)))),
     )
     law = sparse_law(search, [*products])
-    if law is None or law.explained < _LAW * max(search.explained((latent,)), 0.0) or law.explained <= 0.0:
-        return None
-    return law
+    share = search.explained((latent,))
+    return None if law is None or share <= 0.0 or law.explained < _LAW * share else law
