@@ -18,6 +18,7 @@ from haptic_teleop_sim.model import Model
 from haptic_teleop_sysid.diagnosis.decision.search import search
 from haptic_teleop_sysid.diagnosis.evidence.measured_map import measured_map
 from haptic_teleop_sysid.diagnosis.evidence.suggested_law import of_map
+from haptic_teleop_sysid.diagnosis.evidence.suggested_law.entry_file import law_words
 from haptic_teleop_sysid.diagnosis.inputs.scales import recording_scales, within_reach
 from haptic_teleop_sysid.diagnosis.report.page_map import map_picture
 from haptic_teleop_sysid.estimation.records import Record
@@ -246,3 +247,19 @@ def test_where_a_map_explains_nothing_of_all_equations_no_law_of_it_is_suggested
         sides = [SimpleNamespace(side=SimpleNamespace(motions=[motion]))]
         search = SimpleNamespace(sides=sides, model=None, explained=lambda terms, share=share: share)
         assert (of_map.law_of(search, latent, effect) is not None) is suggested
+
+
+@pytest.mark.parametrize(
+    ("place", "words"),
+    [
+        ("arm", "torque = -5.3 * abs(angle) * sign(velocity) +2"),
+        ("joint", "torque = -5.3 * abs(deflection) * sign(deflection_rate) +2"),
+    ],
+)
+def test_a_law_is_told_in_the_words_of_a_model_file(place, words):
+    """At the joint these are those of the deflection: its `angle` and `velocity` are the motor's."""
+    terms = (
+        SimpleNamespace(place=place, text="s.abs(s.position) * s.direction", factors=()),
+        SimpleNamespace(place=place, text="1", factors=()),
+    )
+    assert law_words(SimpleNamespace(terms=terms, coefficients=(-5.3, 2.0))) == words

@@ -95,11 +95,21 @@ def _parameter(name: str, unit: str, meaning: str, value: float, sized: bool = F
     return f'        EffectParameter("{name}", "{unit}", "{meaning}", typical={value!r}{end}),\n'
 
 
+#: What a model file calls the variables of an equation.
+_AT_A_LINK = {"position": "angle", "direction": "sign(velocity)"}
+_AT_THE_JOINT = {
+    "position": "deflection",
+    "velocity": "deflection_rate",
+    "direction": "sign(deflection_rate)",
+}
+
+
 def law_words(law: Law) -> str:
     """The law as a formula with its numbers, in N*m, rad, rad/s."""
     found = []
     for term, size in zip(law.terms, law.coefficients, strict=True):
-        text = term.text.replace("s.", "").replace("position", "angle").replace("direction", "sign(velocity)")
+        words = _AT_THE_JOINT if term.place == "joint" else _AT_A_LINK
+        text = re.sub(r"\bs\.(\w+)", lambda name, words=words: words.get(name[1], name[1]), term.text)
         for factor in term.factors:
             for name, value, _ in factor.shape:
                 text = re.sub(rf"\bp\.{name}\b", f"{value:.4g}", text)
