@@ -13,6 +13,7 @@ from haptic_teleop_sysid.diagnosis.evidence import places_of_maps
 from haptic_teleop_sysid.diagnosis.evidence.drawn_map import finer
 from haptic_teleop_sysid.diagnosis.evidence.inverse_dynamics.band import motion_band
 from haptic_teleop_sysid.diagnosis.evidence.inverse_dynamics.groups import Search
+from haptic_teleop_sysid.diagnosis.evidence.inverse_dynamics.latent import Latent
 from haptic_teleop_sysid.diagnosis.evidence.inverse_dynamics.regression import equations
 
 #: Beside a free structure, and beside inertias and a spring that are held.
@@ -93,8 +94,8 @@ def test_curves_that_are_not_taken_are_not_kept():
 def test_parameters_that_free_runs_want_are_taken_if_they_err_no_more(monkeypatch, errors, kept):
     lab = Model("sfj", "stage1", "flexible_joint", dict(TRUTH))
     drawn, freely = SimpleNamespace(model="drawn", log_likelihood=9.0), SimpleNamespace(model="freely")
-    place = SimpleNamespace(maps=["one"], other=None, search=SimpleNamespace(explained=lambda terms: 0.9))
-    place.best = lambda most: [(place.search, SimpleNamespace(quantities=("motor angle",)))]
+    latent = Latent("j_motor", "motor", ("motor angle",), ((0.0, 0.5, 1.0),), 0.1)
+    place = places_of_maps.Place(SimpleNamespace(explained=lambda terms: 0.9), [latent], None)
     effect = SimpleNamespace(location="joint", effect="torque_map", table=None)
     for name, value in {
         "places_of": lambda *args: [place],

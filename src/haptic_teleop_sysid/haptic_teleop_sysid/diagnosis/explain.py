@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from haptic_teleop_control.errors import RecordingError
 from haptic_teleop_sim.model import Model
+from haptic_teleop_sysid.estimation.gauss_newton import Fit
 from haptic_teleop_sysid.estimation.likelihood import FAILURES
 from haptic_teleop_sysid.estimation.records import Record
 from haptic_teleop_sysid.estimation.whole_fit import fit_from_scratch
@@ -19,7 +20,7 @@ from haptic_teleop_sysid.simulation.parameter_fit import ParameterFit
 from haptic_teleop_sysid.simulation.parameter_fit import fit_parameters as fit_to_free_runs
 
 from .decision.decide import Choice
-from .decision.free_run_sizes import turning_limits
+from .decision.free_run_sizes import freely_sized, turning_limits
 from .decision.search import LEAST_PERCENT, POOR_FIT, SearchResult, search, search_by_simulation
 from .evidence.current import shown_by_current
 from .evidence.horizons import Horizons, free_errors
@@ -84,6 +85,10 @@ class Explained:
         scales = self.result.scales
         limits = within_reach(self.given, scales) | turning_limits(candidate, scales.size["fastest"])
         return fit_to_free_runs(candidate, [*parts][: self.count], limits)
+
+    def resized(self, fit: Fit) -> Fit | None:
+        """A fit with the parameters that its free runs want (see `freely_sized`)."""
+        return freely_sized(fit, self.simulated, self.learn, self.result.scales.size["fastest"])
 
 
 def explained(

@@ -14,7 +14,6 @@ from .decision.adequacy import short_of
 from .decision.at_reversals import where_torque_jumps, with_friction
 from .decision.beside_unknown import with_names
 from .decision.decide import Choice
-from .decision.free_run_sizes import freely_sized
 from .decision.measured_input import of_measured_input
 from .decision.nulls import Null, beyond_chance, nulls
 from .decision.own_quantity import follows_still
@@ -98,7 +97,7 @@ def diagnose(
             found.errors,
             say,
             found.cutoff,
-            lambda fit: freely_sized(fit, found.simulated, found.learn, result.scales.size["fastest"]),
+            found.resized,
         )
         if mapped.fit is None:
             instead = stand_in(result.final, found.given, doubt, found.errors)

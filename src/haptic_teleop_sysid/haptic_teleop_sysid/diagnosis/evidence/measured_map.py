@@ -114,12 +114,13 @@ def measured_map(
     try:
         places = places_of(base, given, estimation, validation, cutoff)
         drawn_over = [(one.search, latent) for one in places for latent in one.maps]
+        shares = {latent: explained_there(search, latent) for search, latent in drawn_over}
     except FAILURES:
         return MeasuredMap("the inverse dynamics of these recordings cannot be computed")
     if not drawn_over:
         return MeasuredMap("the recordings move too little to draw a torque over anything")
-    drawn_over.sort(key=lambda pair: -explained_there(*pair))
-    most = explained_there(*drawn_over[0])
+    nearest = max(shares, key=lambda latent: shares[latent])
+    most = shares[nearest]
     share = max(search.explained((latent,)) for search, latent in drawn_over)
     others = [(one.search.explained((one.other,)), one.other) for one in places if one.other is not None]
     told, other = max(others, key=lambda pair: pair[0], default=(-math.inf, None))
@@ -127,15 +128,14 @@ def measured_map(
         why = f"no map was added: what is missing follows the {_named(other)}, which is no map's to follow"
         return MeasuredMap(why, explained=most)
     if most < A_GOOD_TORQUE:
-        latent = drawn_over[0][1]
         why = (
-            f"no map was added: the best one, over {_named(latent)}, explains {100 * max(most, 0.0):.0f} % "
+            f"no map was added: the best one, over {_named(nearest)}, explains {100 * max(most, 0.0):.0f} % "
             f"of the torque that is missing there where it was not drawn from; {_ELSE}"
         )
-        return MeasuredMap(why, explained=most, quantities=_told(latent))
+        return MeasuredMap(why, explained=most, quantities=_told(nearest))
     before, tried = errors(base.model), list[_Tried]()
     for search, one in (pair for place in places for pair in place.best(MOST_TRIED)):
-        if explained_there(search, one) < A_GOOD_TORQUE:
+        if shares[one] < A_GOOD_TORQUE:
             continue
         say(f"drawing a torque over {_named(one)}")
         effect = drawn(search, one)
@@ -144,28 +144,26 @@ def measured_map(
             tried.append(_Tried(left, search, one, effect, fit))
     if not tried:
         return MeasuredMap("no map was added: no model with one predicts the recordings", explained=most)
-    best = _chosen([t for t in tried if t.left[0] < before[0]] or tried, base)
-    left, search, one, effect, fit = best
+    left, search, one, effect, fit = _chosen([t for t in tried if t.left[0] < before[0]] or tried, base)
     freely = resized(fit)
     after = left if freely is None else errors(freely.model)
     if freely is not None and after[0] <= left[0] and after[1] <= left[1]:
         left, fit = after, freely
     closed = 1.0 - left[1] / max(before[1], 1e-300)
-    explained = explained_there(search, one)
     if closed < A_GOOD_PART or left[0] > before[0]:
         change = f"takes {100 * closed:.0f} % off" if closed > -0.005 else f"adds {-100 * closed:.0f} % to"
         why = (
             f"no map was added: the best one, over {_named(one)}, {change} the simulated error of recordings "
             f"that it was not drawn from; {_ELSE}"
         )
-        return MeasuredMap(why, None, None, explained, closed, _told(one))
+        return MeasuredMap(why, None, None, shares[one], closed, _told(one))
     why = (
         f"augmented_model.yaml has a {MEASURED.name} at {effect.location} over {_named(one)}, which takes "
         f"{100 * closed:.0f} % off the simulated error of recordings that it was not drawn from"
     )
     say("looking for a law of that torque")
     law, share = law_of(search, one, effect), search.explained((one,))
-    return MeasuredMap(why, effect, fit, explained, closed, _told(one), law, share)
+    return MeasuredMap(why, effect, fit, shares[one], closed, _told(one), law, share)
 
 
 def _fitted(base: Fit, effect: Effect, given: Model, records: Sequence[Record]) -> Fit | None:
