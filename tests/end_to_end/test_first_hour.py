@@ -56,6 +56,11 @@ def test_the_page_states_what_comes_out(folder):
     found = json.loads((folder[0] / "diagnosis" / "diagnosis.json").read_text())
     value, std = map(float, re.search(r"width ([\d.]+) ± ([\d.e-]+) rad", page).groups())
     assert found["findings"][0]["parameters"]["width"]["value"] == pytest.approx(value, abs=0.3 * std)
+    shown = re.search(r"\((\d+) %\): width", page)[1]
+    told = re.search(r"confidence is (\d+) %, just too little", page)[1]
+    assert shown == told == f"{100.0 * found['findings'][0]['confidence']:.0f}"
+    assert int(told) < 70
+    assert found["adequacy"]["free_run"] == pytest.approx(0.9, abs=0.02)
     stated = re.search(r"velocity is (\d+), (\d+) and (\d+) %", " ".join(page.split())).groups()
     fits = [found["fit"][m]["validation"]["stage2_arm.velocity"] for m in ("given", "baseline", "augmented")]
     assert fits == pytest.approx([float(s) for s in stated], abs=1.5)
