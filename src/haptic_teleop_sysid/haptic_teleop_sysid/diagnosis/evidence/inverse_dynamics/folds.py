@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from haptic_teleop_sim.model import Model
 
+from .kept import Kept
 from .motion import BandedMotion
 from .regression import Equations
 from .term import Term
@@ -27,7 +28,7 @@ class Fold:
 
     parts: tuple[Equations, ...]
     odd: bool
-    _known: dict[Term, FloatArray] = field(default_factory=dict, compare=False)
+    _known: Kept = field(default_factory=Kept, compare=False)
 
     @property
     def model(self) -> Model:
@@ -55,15 +56,13 @@ class Fold:
 
     def torque(self, term: Term) -> FloatArray:
         """See `Equations.torque`."""
-        if term not in self._known:
-            self._known[term] = self._rows(lambda part: part.torque(term))
-        return self._known[term]
+        return self._known.of(term, lambda: self._rows(lambda part: part.torque(term)))
 
     def forget(self, terms: Iterable[Term]) -> None:
         """See `Equations.forget`."""
         gone = [*terms]
         for term in gone:
-            self._known.pop(term, None)
+            self._known.drop(term)
         for part in self.parts:
             part.forget(gone)
 

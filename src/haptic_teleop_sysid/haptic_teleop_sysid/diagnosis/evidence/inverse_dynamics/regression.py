@@ -27,6 +27,7 @@ from haptic_teleop_sysid.simulation.covariance import deviations, sandwich, scor
 
 from ...inputs.scales import within_reach
 from .band import long_enough
+from .kept import Kept
 from .motion import BandedMotion, banded
 from .term import Term
 from .terms import Hypothesis, follows_from_motion
@@ -48,7 +49,7 @@ class Equations:
     names: tuple[str, ...]
     target: FloatArray
     base: FloatArray
-    _known: dict[Term, FloatArray] = field(default_factory=dict, compare=False)
+    _known: Kept = field(default_factory=Kept, compare=False)
 
     def bounds(self) -> tuple[FloatArray, FloatArray]:
         """Lowest and highest value of the structure's parameters, (p,) each."""
@@ -77,14 +78,14 @@ class Equations:
 
     def torque(self, term: Term) -> FloatArray:
         """Torques (n, columns) of an effect or of one without a form, by unit size."""
-        if term not in self._known:
-            self._known[term] = np.concatenate([term.columns(m, self.model) for m in self.motions])
-        return self._known[term]
+        return self._known.of(
+            term, lambda: np.concatenate([term.columns(m, self.model) for m in self.motions])
+        )
 
     def forget(self, terms: Iterable[Term]) -> None:
         """Free the torques of terms that are not asked for again."""
         for term in terms:
-            self._known.pop(term, None)
+            self._known.drop(term)
 
     def seen(self, term: Hypothesis) -> float:
         """Share of an effect's torque (mean square) that lies in the band, of the column of which least does;
@@ -96,7 +97,7 @@ class Equations:
             return 1.0
         found = [term.whole_and_columns(m, self.model) for m in self.motions]
         whole, columns = (np.concatenate([pair[i] for pair in found]) for i in (0, 1))
-        self._known[term] = columns  # whoever asks what is seen of a torque asks for the torque next
+        self._known.put(term, columns)  # whoever asks what is seen of a torque asks for the torque next
         inside, whole = (np.einsum("ij,ij->j", side, side) for side in (columns, whole))
         return float(np.min(inside / np.maximum(whole, 1e-300)))
 
