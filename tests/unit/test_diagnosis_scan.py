@@ -16,12 +16,13 @@ from haptic_teleop_sysid.diagnosis.decision.verdict import condition_of, decide_
 from haptic_teleop_sysid.diagnosis.decision.words import called
 from haptic_teleop_sysid.diagnosis.evidence.current import shown_by_current
 from haptic_teleop_sysid.diagnosis.evidence.residual import shares
+from haptic_teleop_sysid.diagnosis.hypotheses.candidates import candidates
 from haptic_teleop_sysid.diagnosis.inputs.scales import recording_scales
 from haptic_teleop_sysid.diagnosis.starts import shortlist
 from haptic_teleop_sysid.diagnosis.starts.answers import Answers
 from haptic_teleop_sysid.diagnosis.starts.scan import both, scan
 from haptic_teleop_sysid.diagnosis.starts.screen import screen
-from haptic_teleop_sysid.estimation.whole_fit import fit_from_scratch
+from haptic_teleop_sysid.estimation.whole_fit import fit_from_scratch, fit_whole
 from haptic_teleop_sysid.recordings.dataset import DataSet
 
 
@@ -127,12 +128,18 @@ def limited(current, h):
     return np.clip(current, -0.4, 0.4)
 
 
+def hardly_dead(current, h):
+    return np.sign(current) * np.maximum(np.abs(current) - 0.0012, 0.0)
+
+
 @pytest.mark.parametrize(
     ("respond", "effect", "parameter", "value"),
     [
         (lagging, "actuator_lag", "time_constant", 0.003),
         (late, "input_delay", "delay", 0.0013),
         (limited, "torque_saturation", "limit", 0.4 * MODEL.parameters["torque_constant"]),
+        # Below the smallest start.
+        (hardly_dead, "dead_zone", "width", 0.0012 * MODEL.parameters["torque_constant"]),
     ],
 )
 def test_the_currents_tell_what_the_amplifier_does(respond, effect, parameter, value):
@@ -250,9 +257,7 @@ def test_the_verdict_is_unknown_and_says_what_it_looks_like():
     found = explanation("steep_drag", 300.0, 300.0, place="arm", coefficient=0.1)
     choice = choose([found], 0.0, False)
     result = SearchResult(fit, fit, (), (found,), recording_scales(MODEL, records[:1]), choice)
-    result, doubt, stand = doubted(
-        result, records[:1], records[1:], lambda model: (90.0,), lambda *_: True
-    )
+    result, doubt, stand = doubted(result, records[:1], records[1:], lambda model: (90.0,), lambda *_: True)
     verdict = decide_verdict(result, records[:1], records[1:], doubt, stand.spread)
     assert verdict.kind == "unknown"
     assert verdict.findings == []
@@ -278,6 +283,18 @@ def test_an_uncertainty_is_a_number_that_grows_with_the_departure_from_none(effe
     assert told["parameters"][name]["std"] == pytest.approx(0.03 * departure)
 
 
+def test_nobody_is_surer_of_a_rival_than_of_what_is_named_before_it():
+    found = explanation("coulomb_friction", 300.0, 300.0, torque=0.05)
+    rival = explanation("coulomb_friction", 299.0, 299.0, place="arm", torque=0.05)
+    choice = choose([found, rival], 0.0, False)
+    assert choice.others
+    unsure = {f"{found.effect.location}.coulomb_friction.torque": 0.2}
+    told = finding(choice, found.fit, unsure)
+    assert told["confidence"] < 0.3
+    assert told["alternatives"][0]["confidence"] == told["confidence"]
+    assert f"({100 * told['confidence']:.0f} %)" in told["because"]
+
+
 def test_what_a_value_promises_is_what_least_squares_gain_beside_the_structure():
     record = joint_record(3, motor_torque=lambda q: 0.02 * np.sin(57.0 * q + 0.4))
     fit = fit_from_scratch(MODEL, [record])
@@ -292,6 +309,36 @@ def test_what_a_value_promises_is_what_least_squares_gain_beside_the_structure()
         left = answers.left - together @ np.linalg.lstsq(together, answers.left, rcond=None)[0]
         gained = 0.5 * (answers.left @ answers.left - left @ left)
         assert found[k] == pytest.approx(gained, rel=1e-6)
+
+
+class Dahl:
+    """A contact whose torque builds up over a displacement (Dahl, 1968), as a function of the angle."""
+
+    def __init__(self, torque, gives):
+        self.torque, self.gives, self.angle, self.borne = torque, gives, 0.0, 0.0
+
+    def __call__(self, angle):
+        moved = angle - self.angle
+        self.borne += (np.sign(moved) * self.torque - self.borne) * abs(moved) / self.gives
+        self.angle = angle
+        return -self.borne
+
+
+def test_a_weak_contact_that_gives_far_is_screened_at_how_far_it_gives():
+    """At the stiffness of a stronger contact a weak one is a shape of its own: one that gave over 0.06 rad
+    promised 1.6 of 23 nats."""
+    record = joint_record(3, motor_torque=Dahl(0.003, 0.06))
+    fit = fit_from_scratch(MODEL, [record])
+    scales = recording_scales(MODEL, [record])
+    starts = [e for e in candidates(MODEL, [record], scales) if e.effect == "presliding_friction"]
+    best = screen(fit, [record], [e for e in starts if e.location == "stage1_motor"])[0]
+    given, found = best.start.parameters, best.effect.parameters
+    assert found["torque"] / found["stiffness"] == pytest.approx(given["torque"] / given["stiffness"])
+    assert found["torque"] == pytest.approx(0.003, rel=0.5)
+    whole = fit_whole(MODEL.with_effects(best.effect), fit.noise, [record])
+    assert best.gain > 20.0
+    assert whole.log_likelihood - fit.log_likelihood > 50.0
+    assert whole.model.effects[-1].parameters["torque"] == pytest.approx(0.003, rel=0.2)
 
 
 def test_a_model_whose_parameters_are_all_believed_is_screened_as_well():

@@ -41,7 +41,11 @@ def result_of(*choices, last_round=()):
     ("here", "elsewhere", "believed"),
     [
         (12.5, 1.6, True),
-        (11.5, 50.0, False),  # hardly more than clean recordings give
+        (11.5, 1.9, False),  # hardly more than clean recordings give
+        (11.5, 2.1, True),  # the other recordings make up for what is missing
+        (6.1, 7.3, False),
+        (6.1, 7.5, True),
+        (5.9, 500.0, False),
         (12.1, 1.3, False),  # the other recordings do not bear it out
         (21.0, -0.15, True),  # the more it gains, the less is asked of them
         (21.0, -0.35, False),
@@ -52,6 +56,12 @@ def result_of(*choices, last_round=()):
 )
 def test_what_an_effect_must_gain(here, elsewhere, believed):
     found = choose([explanation("coulomb_friction", here, elsewhere)], 0.0, False)
+    assert (found is not None) == believed
+
+
+@pytest.mark.parametrize(("here", "believed"), [(11.9, False), (12.1, True)])
+def test_a_further_effect_must_gain_it_where_it_is_fitted(here, believed):
+    found = choose([explanation("coulomb_friction", here, 500.0)], 100.0, False)
     assert (found is not None) == believed
 
 

@@ -16,7 +16,9 @@ LEAST_GAIN = 12.0
 """Log-likelihood (nats) that an effect must gain on the estimation recordings. Sets the rate of false alarms
 before the other recordings are asked: of 321 pairs of clean recordings, simulated nulls through the whole
 pipeline on two seeds, five had an explanation that gained it (13.7 at most). A first effect beside a second
-one must be worth it, too. Lower: more weak effects are found, and more alarms. Set on those nulls."""
+one must be worth it, too. Lower: more weak effects are found, and more alarms. Set on those nulls. Down to
+half of it the validation recordings may make up for what is missing: they may be the ones that say more. Of
+330 clean pairs of four sealed draws none has an effect that gains more than 11.4 in all."""
 
 LEAST_HELD_OUT = 1.5
 """The same on the validation recordings, parameters reconciled. Of those five, four lost 1.0 or more there

@@ -13,13 +13,10 @@ from haptic_teleop_sysid.estimation.gauss_newton import Fit
 
 from ..evidence.certainty import covariance
 from ..hypotheses.candidates import family
+from ..hypotheses.enough import gains_enough
 from ..hypotheses.explanation import Explanation
 from ..policy import (
-    CLEAR_GAIN,
     CLEARLY_LESS,
-    LEAST_AGAINST,
-    LEAST_GAIN,
-    LEAST_HELD_OUT,
     LEAST_SHARE,
     LEAST_SHARE_ALIKE,
     LEAST_SHARE_EXOGENOUS,
@@ -84,7 +81,7 @@ def choose(
         e
         for e in found
         if e.material
-        and _gains_enough(e)
+        and gains_enough(e.gain, e.elsewhere, alone=best_so_far <= 0.0)
         and (e.by_current > 0.0 or e.score >= _least_share(e) * best_so_far)
         and significant(e)
     ]
@@ -151,11 +148,6 @@ def _forms_of_one_thing(choice: Choice) -> bool:
     """Whether only the form is in doubt (a spring or gravity over a small angle), not what and where."""
     chosen, forms = choice.chosen.effect, family(choice.chosen.effect.effect)
     return all(e.effect.location == chosen.location and e.effect.effect in forms for e, _ in choice.others)
-
-
-def _gains_enough(explanation: Explanation) -> bool:
-    asked = np.interp(explanation.gain, (LEAST_GAIN, CLEAR_GAIN), (LEAST_HELD_OUT, -LEAST_AGAINST))
-    return explanation.gain >= LEAST_GAIN and explanation.elsewhere >= float(asked)
 
 
 def _least_share(explanation: Explanation) -> float:

@@ -15,7 +15,7 @@ from ..policy import BY_CHANCE, CANNOT_TELL
 AS_GOOD = 0.01
 #: Margins of chance by which a richer form must be ahead of the plainer one to be told first, and by how much
 #: that one is otherwise put above it.
-BEYOND_CHANCE, PLAINER = 2.0, 0.01
+BEYOND_CHANCE, PLAINER = 1.0, 0.01
 
 
 def margin(best: Explanation, other: Explanation) -> float:

@@ -112,16 +112,17 @@ def finding(choice: Choice, final: Fit, spread: dict[str, float], surest: float 
     if choice.unsure:
         surest = min(surest, NOT_SURE)
     sure = min(choice.confidence, size_known(fitted, parameters), surest)
+    told = min(sure, steady)
     return {
         "effect": effect.effect,
         "location": effect.location,
         "parameters": parameters,
-        "confidence": round(min(sure, steady), 4),
+        "confidence": round(told, 4),
         "alternatives": [
-            {"effect": e.effect.effect, "location": e.effect.location, "confidence": round(p, 4)}
+            {"effect": e.effect.effect, "location": e.effect.location, "confidence": round(min(p, told), 4)}
             for e, p in choice.others
         ],
-        "because": because(choice, fitted, steadily=steady >= sure),
+        "because": because(choice, fitted, steadily=steady >= sure, surest=told),
     }
 
 

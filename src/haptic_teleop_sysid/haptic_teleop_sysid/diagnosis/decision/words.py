@@ -23,9 +23,10 @@ def placed(effect: Effect) -> str:
     return f"{called(effect)} at {effect.location}"
 
 
-def because(choice: Choice, fitted: Effect, steadily: bool = True) -> str:
+def because(choice: Choice, fitted: Effect, steadily: bool = True, surest: float = 1.0) -> str:
     """One sentence a lab engineer understands; ``fitted``: the effect with the numbers of the final model;
-    ``steadily``: whether the recordings speak for it all the time."""
+    ``steadily``: whether the recordings speak for it all the time; ``surest``: the most that a rival's
+    confidence may be."""
     e = choice.chosen
     sentence = fitted.entry.sentence
     numbers = ", ".join(
@@ -36,8 +37,8 @@ def because(choice: Choice, fitted: Effect, steadily: bool = True) -> str:
     text = f"{sentence[0].upper()}{sentence[1:]} ({numbers}): " + (
         e.witnessed
         or f"with it the log-likelihood of the recording rises by {e.gain:.0f}, and that of the other "
-        f"recordings, which also choose, by {e.elsewhere:.0f} ({LEAST_GAIN:g} and {LEAST_HELD_OUT:g} are "
-        "asked for)"
+        f"recordings, which also choose, by {e.elsewhere:.0f} (at least {LEAST_GAIN + LEAST_HELD_OUT:g} in "
+        "all is asked for)"
     )
     if e.by_current > 0.0:
         text += f"; {e.by_current:.0f} of that come from the measured current"
@@ -52,7 +53,8 @@ def because(choice: Choice, fitted: Effect, steadily: bool = True) -> str:
         text += f"; {choice.unsure}"
     if choice.others:
         rival, p = choice.others[0]
-        text += f"; {rival.effect.effect} at {rival.effect.location} is the runner-up ({100 * p:.0f} %)"
+        share = 100 * min(p, surest)
+        text += f"; {rival.effect.effect} at {rival.effect.location} is the runner-up ({share:.0f} %)"
     return text + "."
 
 

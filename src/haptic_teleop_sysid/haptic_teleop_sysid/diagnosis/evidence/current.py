@@ -23,14 +23,12 @@ from haptic_teleop_sim.kernel import acting_torque, pack
 from haptic_teleop_sim.model import Effect, Model
 from haptic_teleop_sysid.recordings.dataset import DataSet
 
+from ..hypotheses.enough import gains_enough
+
 FloatArray = NDArray[np.float64]
 
 #: Effects that a current behind them shows, and their parameter.
 SHOWN = {e.name: p.name for e in EFFECTS.values() for p in e.parameters if p.in_current}
-#: Nats on the estimation and on the validation recordings from which the currents say anything; from the
-#: clear gain on it suffices that the validation recordings, which may not reach a limit, do not object.
-_LEAST, _LEAST_HELD_OUT = 12.0, 3.0
-_CLEAR, _LEAST_AGAINST = 25.0, 2.0
 #: Standard deviation of the sense that is granted at least, relative to the rms command.
 _EXACT = 1e-4
 #: Samples that speak most for an effect and do not count.
@@ -76,13 +74,7 @@ def shown_by_current(
         if best is not None:
             found.append(best)
     found.sort(key=lambda s: -(s.gain + s.held_out))
-    return found if any(_says(s) for s in found) else []
-
-
-def _says(shown: Shown) -> bool:
-    if shown.gain > _CLEAR:
-        return shown.held_out > -_LEAST_AGAINST
-    return shown.gain > _LEAST and shown.held_out > _LEAST_HELD_OUT
+    return found if any(gains_enough(s.gain, s.held_out) for s in found) else []
 
 
 def _fitted(
@@ -103,9 +95,10 @@ def _fitted(
     starts = _starts(name, model, [c.data for c in estimation])
     values = [nats(v, estimation) for v in starts]
     best = int(np.argmax(values))
-    edges = starts[max(best - 1, 0)], starts[min(best + 1, len(starts) - 1)]
-    if edges[0] == edges[1]:
-        return None
+    # Beyond the first and the last start lies an effect that is too small to matter, or none.
+    ends = sorted((*starts, _none(name, parameter, model, estimation)))
+    at = ends.index(starts[best])
+    edges = ends[max(at - 1, 0)], ends[min(at + 1, len(ends) - 1)]
     ended: Any = scipy.optimize.minimize_scalar(
         lambda v: -nats(float(v), estimation),
         bounds=edges,
@@ -119,6 +112,13 @@ def _fitted(
     bend = (nats(value + step, estimation) + nats(value - step, estimation) - 2.0 * top) / step**2
     std = float(np.sqrt(-1.0 / bend)) if bend < 0.0 else abs(value)
     return Shown(effect(value), std, top, nats(value, validation), lambda v: nats(v, estimation))
+
+
+def _none(name: str, parameter: str, model: Model, currents: Sequence[_Currents]) -> float:
+    """The parameter of an effect of which no current shows anything: a limit at the largest command."""
+    if EFFECTS[name].parameter(parameter).in_current != "peak":
+        return 0.0
+    return model.parameters["torque_constant"] * max(float(np.max(np.abs(c.command))) for c in currents)
 
 
 def _starts(name: str, model: Model, data: Sequence[DataSet]) -> list[float]:

@@ -20,6 +20,8 @@ Scanned = dict[tuple[str, str], list[float]]
 SMALL = (0.002, 0.05)
 #: ... and the one from which a fit starts that knows nothing.
 _PLAIN = 0.1
+#: Share of the rms torque that a contact bears at which its grid of stiffnesses means displacements.
+BORNE = 0.01
 #: Share of the travel to either end at which a stop is looked for that nothing is known of.
 _WITHIN = 0.6
 
@@ -65,7 +67,17 @@ def starts(
         ]
         own = _own_contact(entry, scales, place)
         for combination in itertools.product(*options):
-            yield {n: _allowed(entry.parameter(n), v) for n, v in combination} | own
+            yield _over_the_same(entry, scales, {**dict(combination), **own})
+
+
+def _over_the_same(entry: EffectEntry, scales: Scales, start: dict[str, float]) -> dict[str, float]:
+    """The start, of a contact that builds up over a displacement with the stiffness at which its torque does
+    so over that of the grid: a smaller torque at the same stiffness is another shape."""
+    if entry.memory == "ratio":
+        torque, stiffness = (p.name for p in entry.parameters[:2])
+        factor = start[torque] / (BORNE * scales.size["torque"])
+        start = {**start, stiffness: start[stiffness] * factor}
+    return {n: _allowed(entry.parameter(n), v) for n, v in start.items()}
 
 
 def _own_contact(entry: EffectEntry, scales: Scales, place: str) -> dict[str, float]:
@@ -97,10 +109,7 @@ def plain_start(entry: EffectEntry, scales: Scales, place: str) -> list[dict[str
         elif _wanted(p):
             values = _values(entry, p, scales, place, 1.0 if stops else _PLAIN, None)
             options.append([(p.name, values[len(values) // 2])])
-    return [
-        {n: _allowed(entry.parameter(n), v) for n, v in combination}
-        for combination in itertools.product(*options)
-    ]
+    return [_over_the_same(entry, scales, dict(combination)) for combination in itertools.product(*options)]
 
 
 def _allowed(parameter: EffectParameter, value: float) -> float:

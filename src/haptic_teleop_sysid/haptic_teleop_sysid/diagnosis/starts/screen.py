@@ -146,7 +146,16 @@ def _score(
             if name in _sizes(effect) and edge == 0.0:
                 return None
             new[name] = float(np.clip(new[name], a, b))
-    return Screened(Effect(effect.effect, effect.location, new), gain, effect)
+    return Screened(Effect(effect.effect, effect.location, _alike_in_shape(effect, new)), gain, effect)
+
+
+def _alike_in_shape(start: Effect, new: dict[str, float]) -> dict[str, float]:
+    """New parameters of an effect; a contact that builds up over a displacement does so over the same one."""
+    if start.entry.memory != "ratio":
+        return new
+    torque, stiffness = start.entry.parameters[:2]
+    stiffer = start.parameters[stiffness.name] * new[torque.name] / start.parameters[torque.name]
+    return {**new, stiffness.name: min(max(stiffer, stiffness.minimum), stiffness.maximum)}
 
 
 def _by_differences(

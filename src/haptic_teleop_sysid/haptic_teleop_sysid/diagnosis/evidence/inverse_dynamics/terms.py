@@ -25,7 +25,7 @@ from haptic_teleop_sim.model import Effect, Model
 from haptic_teleop_sysid.estimation.records import Record
 
 from ...hypotheses.along_motion import inertia_torque
-from ...hypotheses.candidates import family
+from ...hypotheses.candidates import BORNE, family
 from ...inputs.scales import Scales
 from ...starts.scan import scanned_values
 from .motion import BandedMotion
@@ -35,8 +35,6 @@ FloatArray = NDArray[np.float64]
 
 #: Share of the top speed within which the sign of a velocity is smoothed.
 SMOOTHED = 0.02
-#: Size, as a share of the rms torque, that says how far a contact gives whose stiffness a grid has.
-_SMALL = 0.01
 #: Relative standard error of a parameter that a grid has.
 _STEP_OF_GRID = 0.1
 #: Factor by which a size may be off at which an equation was evaluated that is not linear in it.
@@ -273,7 +271,7 @@ def _shapes(entry: EffectEntry, location: str, place: str, scales: Scales) -> It
             name = entry.parameters[1].name
             gives = dict(shape)[name]
             if entry.memory == "ratio":
-                gives = _SMALL * scales.size["torque"] / gives
+                gives = BORNE * scales.size["torque"] / gives
                 shape = tuple((n, v) for n, v in shape if n != name)
         yield Hypothesis(entry, location, place, shape, sizes, angle, gives)
 
