@@ -9,8 +9,10 @@ from hypothesis import strategies as st
 from identification_plants import STAGE, stage_recording
 from test_diagnosis_parts import fit_of
 
+from haptic_teleop_sim.kernel import pack
 from haptic_teleop_sysid.diagnosis.evidence.certainty import known_beside
-from haptic_teleop_sysid.diagnosis.evidence.held_out import reconciled
+from haptic_teleop_sysid.diagnosis.evidence.held_out import all_reconciled, reconciled
+from haptic_teleop_sysid.estimation.likelihood import likelihood_of
 from haptic_teleop_sysid.estimation.records import record_from
 from haptic_teleop_sysid.estimation.whole_fit import fit_from_scratch, fit_whole
 from haptic_teleop_sysid.recordings.dataset import load_dataset
@@ -41,9 +43,26 @@ def test_what_both_gain_is_what_a_fit_to_both_gains(fits):
     together = free_here.log_likelihood + free_there.log_likelihood
     apart = here.log_likelihood + there.log_likelihood
     assert together > apart + 2.0
-    assert reconciled(here, there, [long]) == pytest.approx(
-        together - apart, abs=0.5 + 0.2 * (together - apart)
+    gained = reconciled(here, there, [long]).log_likelihood - there.log_likelihood
+    assert gained == pytest.approx(together - apart, abs=0.5 + 0.2 * (together - apart))
+
+
+def test_noise_levels_in_a_hollow_are_not_held_against_a_fit(fits):
+    """Of gravity and a spring that pull alike one gained 11 nats less: the search for its noise levels had
+    stopped elsewhere."""
+    _, long, here, there, _ = fits
+    own = there.noise
+    slow = replace(
+        own,
+        motor_torque=0.01 * own.motor_torque,
+        motor_time=30.0 * own.motor_time,
+        arm_torque=30.0 * own.arm_torque,
+        arm_time=30.0 * own.arm_time,
     )
+    hollow = replace(there, noise=slow, log_likelihood=likelihood_of(pack(there.model), slow, [long]))
+    assert reconciled(here, hollow, [long]).log_likelihood < reconciled(here, there, [long]).log_likelihood - 1
+    well, ill = all_reconciled([(here, there), (here, hollow)], [long])
+    assert ill + hollow.log_likelihood == pytest.approx(well + there.log_likelihood, abs=0.5)
 
 
 def test_another_machine_is_not_granted_what_it_wants(fits):
@@ -56,7 +75,8 @@ def test_another_machine_is_not_granted_what_it_wants(fits):
     elsewhere = fit_whole(here.model, there.noise, [record], free=(), iterations=20)
     again = fit_whole(here.model, elsewhere.noise, [record], iterations=30)
     wanted = again.log_likelihood - elsewhere.log_likelihood
-    assert 0.0 <= reconciled(here, elsewhere, [record]) < 0.5 * wanted
+    gained = reconciled(here, elsewhere, [record]).log_likelihood - elsewhere.log_likelihood
+    assert 0.0 <= gained < 0.5 * wanted
 
 
 def test_information_of_other_recordings_counts_like_them(fits):

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 
@@ -35,6 +36,8 @@ _FEWER = 0.5
 _BY_THE_STRUCTURE = 0.05
 #: Nats that an effect changes on recordings that it does not reach, but for rounding.
 _NOTHING = 0.01
+#: Nats by which the noise levels of another model must be better.
+_A_HOLLOW = 1.0
 
 
 def judged(
@@ -57,7 +60,7 @@ def judged(
         before = max(before, held_out_fit(fit, validation, [best.noise]), key=lambda f: f.log_likelihood)
     index = len(fit.model.effects)
     both = [(fit, before), *zip(fits, after, strict=True)]
-    between = side_by_side(lambda pair: reconciled(pair[0], pair[1], validation), both)
+    between = all_reconciled(both, validation)
     blocks = side_by_side(lambda pair: by_blocks([(pair[0], estimation), (pair[1], validation)]), both)
     alone = between[0]
     found = []
@@ -93,21 +96,41 @@ def _unreached(there: Fit, index: int, records: Sequence[Record]) -> bool:
     return abs(without - there.log_likelihood) < _NOTHING
 
 
-def reconciled(fit: Fit, there: Fit, records: Sequence[Record]) -> float:
-    """Nats that both kinds of recordings gain when the parameters may lie between what either wants: how far
-    the likelihood of these rises when what the fit knows of its parameters counts beside it.
+def all_reconciled(both: Sequence[tuple[Fit, Fit]], records: Sequence[Record]) -> list[float]:
+    """`reconciled` of fits and what they are on other recordings, each with the noise levels of the best one
+    where it is better with these: a search for levels may end in a hollow, which is none of the physics."""
+    first = side_by_side(lambda pair: reconciled(*pair, records), both)
+    levels = max(first, key=lambda one: one.log_likelihood).noise
 
-    A parameter that the estimation recordings hardly determine (the angle at which a weak spring rests, a
+    def again(one: tuple[tuple[Fit, Fit], Fit]) -> float:
+        (fit, there), found = one
+        with_these = likelihood_of(pack(found.model), levels, records)
+        if with_these > found.log_likelihood + _A_HOLLOW:
+            found = max(found, reconciled(fit, replace(found, noise=levels), records), key=_likelihood)
+        return max(found.log_likelihood - there.log_likelihood, 0.0)
+
+    return side_by_side(again, zip(both, first, strict=True))
+
+
+def _likelihood(fit: Fit) -> float:
+    return fit.log_likelihood
+
+
+def reconciled(fit: Fit, there: Fit, records: Sequence[Record]) -> Fit:
+    """The fit to these recordings from where ``there`` is, when what ``fit`` knows of its parameters counts
+    beside them; ``there`` itself where it knows nothing.
+
+    What it gains both kinds of recordings gain when the parameters may lie between what either wants. A
+    parameter that the estimation recordings hardly determine (the angle at which a weak spring rests, a
     motor's inertia under a slow chirp) would otherwise count for or against an effect by the chance of where
     it ended. A fit and no single step, because such parameters go far.
     """
     kept = [i for i, n in enumerate(fit.free) if n not in fit.at_bound and fit.information[i, i] > 0.0]
     known = fit.information[np.ix_(kept, kept)]
     if not np.all(np.isfinite(known)) or not np.isfinite(there.log_likelihood):
-        return 0.0
+        return there
     free = tuple(fit.free[i] for i in kept)
-    between = fit_whole(fit.model, there.noise, records, free=free, known=known, iterations=_STEPS)
-    return max(between.log_likelihood - there.log_likelihood, 0.0)
+    return fit_whole(fit.model, there.noise, records, free=free, known=known, iterations=_STEPS)
 
 
 def held_out_fit(fit: Fit, records: Sequence[Record], levels: Sequence[NoiseModel]) -> Fit:
