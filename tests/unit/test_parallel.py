@@ -14,7 +14,13 @@ from haptic_teleop_sysid.diagnosis.decision.explore import explore
 from haptic_teleop_sysid.diagnosis.hypotheses.candidates import candidates
 from haptic_teleop_sysid.diagnosis.inputs.scales import recording_scales
 from haptic_teleop_sysid.diagnosis.starts.screen import screen
-from haptic_teleop_sysid.estimation.parallel import VARIABLE, by_itself, side_by_side, thread_count
+from haptic_teleop_sysid.estimation.parallel import (
+    VARIABLE,
+    by_itself,
+    side_by_side,
+    thread_count,
+    within_memory,
+)
 from haptic_teleop_sysid.estimation.records import Record
 from haptic_teleop_sysid.estimation.tuning import initial_noise
 from haptic_teleop_sysid.estimation.whole_fit import fit_from_scratch, fit_whole
@@ -61,6 +67,23 @@ def test_as_many_threads_work_at_once_as_are_allowed_and_theirs_begin_no_more(mo
     assert len(set.union(*threads)) == 3
     here = by_itself(side_by_side, lambda _: threading.get_ident(), range(4))
     assert set(here) == {threading.get_ident()}
+
+
+def test_long_recordings_are_fitted_on_no_more_threads_than_memory_has_room_for(monkeypatch):
+    monkeypatch.setenv(VARIABLE, "3")
+
+    def here():
+        """Whether items are worked on one after another, on this thread."""
+        return {threading.get_ident()} == {*side_by_side(lambda _: threading.get_ident(), range(3))}
+
+    with within_memory(500_000):
+        assert here()
+        with within_memory(60_000):
+            assert not here()
+        assert here()
+    assert not here()
+    with within_memory(10**9):
+        assert here()
 
 
 def test_an_error_of_one_is_raised_and_nothing_more_is_begun(monkeypatch):

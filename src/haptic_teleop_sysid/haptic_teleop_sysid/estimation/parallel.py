@@ -8,8 +8,9 @@ from __future__ import annotations
 
 import os
 import threading
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Iterator
 from concurrent.futures import ThreadPoolExecutor
+from contextlib import contextmanager
 from typing import TypeVar
 
 from haptic_teleop_control.errors import ConfigurationError
@@ -19,6 +20,9 @@ VARIABLE = "HAPTIC_TELEOP_THREADS"
 _Given = TypeVar("_Given")
 _Found = TypeVar("_Found")
 _state = threading.local()
+
+#: Bytes that fits may take at once, and that one takes per sample of a recording (measured).
+_ROOM, _PER_SAMPLE = 1_000_000_000, 1500
 
 
 def thread_count() -> int:
@@ -31,11 +35,23 @@ def thread_count() -> int:
     return int(chosen)
 
 
+@contextmanager
+def within_memory(samples: int) -> Iterator[None]:
+    """Begin no more threads at once than there is room for, one at least, where the longest recording has that
+    many ``samples``; holds for the calling thread."""
+    before = getattr(_state, "most", None)
+    _state.most = max(1, _ROOM // (_PER_SAMPLE * max(samples, 1)))
+    try:
+        yield
+    finally:
+        _state.most = before
+
+
 def side_by_side(work: Callable[[_Given], _Found], given: Iterable[_Given]) -> list[_Found]:
     """``work`` of every item, in their order; on `thread_count` threads, and on the calling one alone where
     that is one of these already. The first error, in the order of the items, is raised."""
     items = list(given)
-    count = min(thread_count(), len(items))
+    count = min(thread_count(), len(items), getattr(_state, "most", None) or len(items))
     if count < 2 or getattr(_state, "busy", False):
         return [work(item) for item in items]
     kernel()  # compiled or loaded before there are threads: it is kept in a folder of files

@@ -20,6 +20,7 @@ from haptic_teleop_sysid.diagnosis.report.page import diagnosis_page
 from haptic_teleop_sysid.diagnosis.report.page_steps import Origin
 from haptic_teleop_sysid.diagnosis.run import diagnose
 from haptic_teleop_sysid.diagnosis.usable import records_of
+from haptic_teleop_sysid.estimation.parallel import within_memory
 from haptic_teleop_sysid.logs.opened import open_recording
 from haptic_teleop_sysid.logs.story import reported
 from haptic_teleop_sysid.recordings.dataset import DataSet, load_dataset
@@ -100,7 +101,8 @@ def diagnose_into(
     the content of diagnosis.json and the page's path. ``began``: `time.perf_counter` when it began."""
     began = time.perf_counter() if began is None else began
     estimation, validation, test = recordings
-    with reported({d.name: d.problems for part in recordings for d in part}):
+    told = reported({d.name: d.problems for part in recordings for d in part})
+    with told, within_memory(max(len(d) for part in recordings for d in part)):
         result, verdict, proof, content = diagnose(model, estimation, validation, say, options.nulls, test)
     content = with_input_sign(content, [*estimation, *validation])
     say("writing the report")

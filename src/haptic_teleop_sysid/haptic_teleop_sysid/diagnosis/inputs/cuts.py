@@ -16,9 +16,8 @@ from haptic_teleop_sysid.recordings.dataset import DataSet
 #: Samples, of all recordings of one kind together, below which nothing can be said about six parameters and
 #: their noise (a log of 5 s at 100 Hz has less than 500); and in a row, of the shortest piece that counts.
 FEWEST_SAMPLES, SHORTEST_STRETCH = 400, 250
-#: Samples of all recordings together that a diagnosis keeps in memory with their derivatives (1.5 kB each at
-#: most, measured), so that it stays below 2 GiB.
-MOST_SAMPLES = 1_000_000
+#: Samples of all recordings together that a diagnosis keeps in memory, so that it stays below 2 GiB.
+MOST_SAMPLES = 800_000
 
 
 def with_cuts_told(dataset: DataSet) -> DataSet:
