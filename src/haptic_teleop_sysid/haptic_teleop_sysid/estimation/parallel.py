@@ -37,8 +37,8 @@ def thread_count() -> int:
 
 @contextmanager
 def within_memory(samples: int) -> Iterator[None]:
-    """Begin no more threads at once than there is room for, one at least, where the longest recording has that
-    many ``samples``; holds for the calling thread."""
+    """Begin no more threads at once than there is room for, one at least, where the longest recording has
+    that many ``samples``; holds for the calling thread."""
     before = getattr(_state, "most", None)
     _state.most = max(1, _ROOM // (_PER_SAMPLE * max(samples, 1)))
     try:
