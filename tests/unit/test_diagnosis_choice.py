@@ -221,7 +221,7 @@ def test_what_the_recordings_are_not_expected_to_tell_apart_is_one_set():
 def test_the_search_asks_on_all_recordings_how_far_two_explanations_are_apart(monkeypatch):
     fit, asked = fit_of(), []
 
-    def choosing(found, best_so_far, sense_follows, percent, apart):
+    def choosing(found, best_so_far, sense_follows, percent, apart, further):
         asked.append(apart(fit, fit))
 
     monkeypatch.setattr(search_module, "explore", lambda fit, *_: (fit, []))

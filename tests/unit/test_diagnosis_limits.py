@@ -54,7 +54,9 @@ def explained(records, effect, monkeypatch, objection):
     fit = fit_from_scratch(MODEL, [learn])
     wider = fit_whole(MODEL.with_effects(effect), fit.noise, [learn])
     monkeypatch.setattr(
-        held_out, "reconciled", lambda fit, *_: 0.0 if fit.model.effects else objection
+        held_out,
+        "all_reconciled",
+        lambda both, _: [(0.0 if f.model.effects else objection, there.noise) for f, there in both],
     )
     monkeypatch.setattr(held_out, "by_blocks", lambda pairs: None)
     return held_out.judged(fit, [wider], [learn], [judge], recording_scales(MODEL, [learn]))[0]

@@ -14,7 +14,8 @@ from haptic_teleop_sysid.diagnosis.decision.explore import explore
 from haptic_teleop_sysid.diagnosis.decision.search import SearchResult
 from haptic_teleop_sysid.diagnosis.decision.verdict import condition_of, decide_verdict, finding
 from haptic_teleop_sysid.diagnosis.decision.words import called
-from haptic_teleop_sysid.diagnosis.evidence.current import shown_by_current
+from haptic_teleop_sysid.diagnosis.evidence.actuator import joined
+from haptic_teleop_sysid.diagnosis.evidence.current import Shown, shown_by_current
 from haptic_teleop_sysid.diagnosis.evidence.residual import shares
 from haptic_teleop_sysid.diagnosis.hypotheses.candidates import candidates
 from haptic_teleop_sysid.diagnosis.inputs.scales import recording_scales
@@ -208,6 +209,28 @@ def test_a_single_reading_far_off_is_no_stamp_that_is_wrong(sample):
     command = np.array(same[0].commanded_input)
     command[sample] += 3.0
     assert shown_by_current(MODEL, [replace(same[0], commanded_input=command)], same[1:]) == []
+
+
+@pytest.mark.parametrize("step", [1e-3, 2e-4])
+def test_a_sense_that_is_cut_off_towards_zero_is_no_dead_band(step):
+    same = [current_data(seed, lambda current, h: current, noise=0.0) for seed in (1, 2)]
+    cut = [replace(d, input=np.trunc(np.asarray(d.input) / step) * step) for d in same]
+    shown = shown_by_current(MODEL, cut[:1], cut[1:])
+    assert "dead_zone" not in {s.effect.effect for s in shown}
+
+
+def test_a_lag_that_does_not_matter_is_not_material_however_exact_the_currents_are():
+    """4 us at a sample of 2 ms are seen by a sense without noise."""
+
+    records = [coupled(joint_record(seed)) for seed in (1, 2)]
+    fit = fit_from_scratch(MODEL, records[:1])
+    scales = recording_scales(MODEL, records[:1])
+    quick = [Effect("input_delay", "stage1_actuator", {"delay": 4e-6})]
+    quick.append(Effect("channel_skew", "stage1_actuator", {"delay": 4e-6}))
+    shown = [Shown(effect, 1e-7, 600.0, 600.0, lambda value: 600.0) for effect in quick]
+    found = joined(fit, MODEL, [], shown, records[:1], records[1:], scales, {})
+    assert {e.effect.effect for e in found} == {"input_delay", "channel_skew"}
+    assert not any(e.material for e in found)
 
 
 def test_without_a_measured_current_nothing_is_said():

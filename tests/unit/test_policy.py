@@ -61,7 +61,7 @@ def test_what_an_effect_must_gain(here, elsewhere, believed):
 
 @pytest.mark.parametrize(("here", "believed"), [(11.9, False), (12.1, True)])
 def test_a_further_effect_must_gain_it_where_it_is_fitted(here, believed):
-    found = choose([explanation("coulomb_friction", here, 500.0)], 100.0, False)
+    found = choose([explanation("coulomb_friction", here, 500.0)], 0.0, False, further=True)
     assert (found is not None) == believed
 
 

@@ -51,19 +51,22 @@ def test_noise_levels_in_a_hollow_are_not_held_against_a_fit(fits):
     """Of gravity and a spring that pull alike one gained 11 nats less: the search for its noise levels had
     stopped elsewhere."""
     _, long, here, there, _ = fits
-    own = there.noise
-    slow = replace(
-        own,
-        motor_torque=0.01 * own.motor_torque,
-        motor_time=30.0 * own.motor_time,
-        arm_torque=30.0 * own.arm_torque,
-        arm_time=30.0 * own.arm_time,
-    )
+    slow = replace(there.noise, arm_time=1000.0 * there.noise.arm_time)
     hollow = replace(there, noise=slow, log_likelihood=likelihood_of(pack(there.model), slow, [long]))
     low, high = (reconciled(here, one, [long]).log_likelihood for one in (hollow, there))
     assert low < high - 1.0
-    well, ill = all_reconciled([(here, there), (here, hollow)], [long])
+    (well, _), (ill, noise) = all_reconciled([(here, there), (here, hollow)], [long])
+    assert noise != hollow.noise
     assert ill + hollow.log_likelihood == pytest.approx(well + there.log_likelihood, abs=0.5)
+
+
+def test_a_fit_that_predicts_nothing_there_gains_nothing(fits):
+    _, long, here, there, _ = fits
+    nothing = replace(there, log_likelihood=-np.inf)
+    for pairs in ([(here, there), (here, nothing)], [(here, nothing), (here, there)]):
+        gains = [gain for gain, _ in all_reconciled(pairs, [long])]
+        assert np.all(np.isfinite(gains))
+        assert gains[[there for _, there in pairs].index(nothing)] == 0.0
 
 
 def test_another_machine_is_not_granted_what_it_wants(fits):

@@ -36,9 +36,9 @@ one recording alone pass; zero: chance in recordings that say nothing of the eff
 
 WORTH_ALL_SAMPLES = 6.0
 """Log-likelihood that an effect must gain on thinned recordings to be fitted on all samples: half of
-LEAST_GAIN, because what is quick shows less there. Higher: weak effects of long recordings are missed; lower:
-time. By hand; 22 pairs of recordings at 1 kHz with weak effects, five of which stay hidden, give the same
-answers without it."""
+LEAST_GAIN, because what is quick shows less there, and the least that a first effect must gain on all of
+them. Higher: weak effects of long recordings are missed; lower: time. By hand; 22 pairs of recordings at 1
+kHz with weak effects, five of which stay hidden, give the same answers without it."""
 
 SIGNIFICANT = 3.0
 """Standard errors by which the sizes of an effect must differ from none, together (Wald test); and by which

@@ -35,6 +35,11 @@ def thread_count() -> int:
     return int(chosen)
 
 
+def at_most() -> int:
+    """Fits that may run at once: `thread_count`, or as many as there is memory for (see `within_memory`)."""
+    return min(thread_count(), getattr(_state, "most", None) or thread_count())
+
+
 @contextmanager
 def within_memory(samples: int) -> Iterator[None]:
     """Begin no more threads at once than there is room for, one at least, where the longest recording has
@@ -48,10 +53,10 @@ def within_memory(samples: int) -> Iterator[None]:
 
 
 def side_by_side(work: Callable[[_Given], _Found], given: Iterable[_Given]) -> list[_Found]:
-    """``work`` of every item, in their order; on `thread_count` threads, and on the calling one alone where
+    """``work`` of every item, in their order; on `at_most` threads, and on the calling one alone where
     that is one of these already. The first error, in the order of the items, is raised."""
     items = list(given)
-    count = min(thread_count(), len(items), getattr(_state, "most", None) or len(items))
+    count = min(at_most(), len(items))
     if count < 2 or getattr(_state, "busy", False):
         return [work(item) for item in items]
     kernel()  # compiled or loaded before there are threads: it is kept in a folder of files

@@ -68,6 +68,7 @@ def choose(
     sense_follows: bool,
     percent: Callable[[Model], float] | None = None,
     apart: Callable[[Fit, Fit], float] | None = None,
+    further: bool = False,
 ) -> Choice | None:
     """The best explanation that is material and gains enough on both kinds of recordings; None if there is
     none.
@@ -76,12 +77,13 @@ def choose(
     the measured current follows the command without extra delay, so that a command stamped early is unlikely.
     ``percent``: simulated fit of a model, which tells rivals apart that predict the next sample alike.
     ``apart``: nats at which the recordings tell one fit from another (see `isolable.nats_apart`).
+    ``further``: others were found before.
     """
     good = [
         e
         for e in found
         if e.material
-        and gains_enough(e.gain, e.elsewhere, alone=best_so_far <= 0.0)
+        and gains_enough(e.gain, e.elsewhere, alone=not further)
         and (e.by_current > 0.0 or e.score >= _least_share(e) * best_so_far)
         and significant(e)
     ]

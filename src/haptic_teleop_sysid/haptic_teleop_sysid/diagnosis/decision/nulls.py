@@ -16,7 +16,7 @@ import numpy as np
 from haptic_teleop_sim.model import Model
 from haptic_teleop_sysid.estimation.gauss_newton import Fit
 from haptic_teleop_sysid.estimation.noise import NoiseModel
-from haptic_teleop_sysid.estimation.parallel import by_itself
+from haptic_teleop_sysid.estimation.parallel import at_most, by_itself
 from haptic_teleop_sysid.recordings.dataset import DataSet
 
 from ..evidence.null_records import levels_of, null_dataset
@@ -51,7 +51,7 @@ def nulls(
 ) -> list[Null]:
     """A ``diagnosis`` of ``count`` simulated sets of recordings without any effect beyond the model's own;
     the model is believed as it was given, so that its re-estimation is part of the chance.  ``jobs``:
-    processes, -1 for all cores."""
+    processes, -1 for all cores that there is memory for."""
     if progress is not None:
         progress(f"the same search on {count} simulated sets of recordings with nothing hidden")
     fit = result.baseline
@@ -60,7 +60,7 @@ def nulls(
 
     one = delayed(by_itself)
     tasks = (one(_null, diagnosis, model, fit, *parts, [seed, number]) for number in range(count))
-    found: Any = Parallel(n_jobs=jobs)(tasks)
+    found: Any = Parallel(n_jobs=at_most() if jobs < 0 else jobs)(tasks)
     return list(found)
 
 

@@ -101,7 +101,7 @@ def search(
                 fit, model, found, shown, estimation, validation, scales, within_reach(lab, scales)
             )
         found = with_twins(found)
-        choice = pick(found, strongest)
+        choice = pick(found, strongest, further=bool(choices))
         if choice is None:
             break
         if choice.unnamed:

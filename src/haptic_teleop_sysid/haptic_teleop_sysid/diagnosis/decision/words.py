@@ -7,7 +7,6 @@ from typing import Any
 from haptic_teleop_sim.effects import EffectParameter
 from haptic_teleop_sim.model import Effect
 
-from ..policy import LEAST_GAIN, LEAST_HELD_OUT
 from .decide import Choice
 
 
@@ -37,8 +36,7 @@ def because(choice: Choice, fitted: Effect, steadily: bool = True, surest: float
     text = f"{sentence[0].upper()}{sentence[1:]} ({numbers}): " + (
         e.witnessed
         or f"with it the log-likelihood of the recording rises by {e.gain:.0f}, and that of the other "
-        f"recordings, which also choose, by {e.elsewhere:.0f} (at least {LEAST_GAIN + LEAST_HELD_OUT:g} in "
-        "all is asked for)"
+        f"recordings, which also choose, by {e.elsewhere:.0f}"
     )
     if e.by_current > 0.0:
         text += f"; {e.by_current:.0f} of that come from the measured current"

@@ -11,6 +11,7 @@ from haptic_teleop_sysid.estimation.records import Record
 from haptic_teleop_sysid.estimation.whole_fit import fit_whole
 
 from ..hypotheses.explanation import Explanation
+from ..hypotheses.material import material
 from ..inputs.scales import Scales
 from .certainty import standard_errors
 from .current import SHOWN, Shown
@@ -54,7 +55,7 @@ def joined(
                     fit,
                     s.gain,
                     s.held_out,
-                    True,
+                    material(s.effect, scales.driven(fit.model)),
                     len(fit.model.effects),
                     by_current=s.gain + s.held_out,
                     std={f"{location}.{name}.{SHOWN[name]}": s.std},
@@ -78,7 +79,6 @@ def joined(
                     e,
                     gain=e.gain + here,
                     held_out=e.held_out + s.held_out,
-                    material=True,
                     by_current=max(both, 1e-9),
                     std=std,
                 )

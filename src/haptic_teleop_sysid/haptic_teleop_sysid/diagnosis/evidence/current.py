@@ -33,8 +33,12 @@ SHOWN = {e.name: p.name for e in EFFECTS.values() for p in e.parameters if p.in_
 _EXACT = 1e-4
 #: Samples that speak most for an effect and do not count.
 _SPIKES = 3
+#: Differences of readings, relative to the largest, that are rounding.
+_ROUNDING = 1e-9
 #: Error of a value that is found, relative: its standard error is far larger.
 _NEAR = 1e-6
+#: Steps of the sense that a dead band has at least: one that is cut off towards zero has half a step.
+_STEPS = 2.0
 #: Samples at the start that may still answer what was commanded before the recording.
 _UNSEEN = 64
 #: Starts: times in samples (a loop's command is so lively that a delay shows only within one of its own),
@@ -95,10 +99,12 @@ def _fitted(
     starts = _starts(name, model, [c.data for c in estimation])
     values = [nats(v, estimation) for v in starts]
     best = int(np.argmax(values))
-    # Beyond the first and the last start lies an effect that is too small to matter, or none.
+    # Beyond the smallest start lie smaller effects, down to none.
     ends = sorted((*starts, _none(name, parameter, model, estimation)))
     at = ends.index(starts[best])
     edges = ends[max(at - 1, 0)], ends[min(at + 1, len(ends) - 1)]
+    if edges[0] == edges[1]:
+        return None
     ended: Any = scipy.optimize.minimize_scalar(
         lambda v: -nats(float(v), estimation),
         bounds=edges,
@@ -108,6 +114,9 @@ def _fitted(
     value, top = float(ended.x), -float(ended.fun)
     if values[best] > top:
         value, top = starts[best], values[best]
+    steps = _STEPS * max(c.step for c in estimation) * model.parameters["torque_constant"]
+    if EFFECTS[name].parameter(parameter).in_current == "rms" and value < steps:
+        return None
     step = 0.02 * abs(value) if value else 1e-6
     bend = (nats(value + step, estimation) + nats(value - step, estimation) - 2.0 * top) / step**2
     std = float(np.sqrt(-1.0 / bend)) if bend < 0.0 else abs(value)
@@ -115,7 +124,7 @@ def _fitted(
 
 
 def _none(name: str, parameter: str, model: Model, currents: Sequence[_Currents]) -> float:
-    """The parameter of an effect of which no current shows anything: a limit at the largest command."""
+    """The parameter of an effect that shows nothing: zero, or a limit at the largest command."""
     if EFFECTS[name].parameter(parameter).in_current != "peak":
         return 0.0
     return model.parameters["torque_constant"] * max(float(np.max(np.abs(c.command))) for c in currents)
@@ -141,7 +150,7 @@ def _starts(name: str, model: Model, data: Sequence[DataSet]) -> list[float]:
 class _Currents:
     """Both currents of a recording: ``command`` (n,), zero where it is not known; ``good`` (n,): the samples
     that are judged; ``sent``, ``sensed``: command and measured current there; ``floor``: mean square, A^2,
-    that is granted the sense."""
+    that is granted the sense; ``step``: least difference of its readings, A, but for rounding."""
 
     data: DataSet
     command: FloatArray
@@ -149,6 +158,7 @@ class _Currents:
     sent: FloatArray
     sensed: FloatArray
     floor: float
+    step: float
 
     @classmethod
     def of(cls, data: DataSet) -> _Currents:
@@ -158,7 +168,9 @@ class _Currents:
         # Not judged, but commanded all the same: the first judged samples answer them.
         good[: min(_UNSEEN, len(good) // 10)] = False
         floor = (_EXACT * float(np.std(command[good]))) ** 2
-        return cls(data, command, good, command[good], sensed[good], floor)
+        apart = np.diff(np.unique(sensed[good]))
+        apart = apart[apart > _ROUNDING * np.max(np.abs(sensed[good]))]
+        return cls(data, command, good, command[good], sensed[good], floor, float(min(apart, default=0.0)))
 
 
 def _nats(model: Model, effect: Effect, currents: _Currents) -> float:

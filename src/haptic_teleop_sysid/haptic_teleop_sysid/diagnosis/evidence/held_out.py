@@ -61,10 +61,11 @@ def judged(
     index = len(fit.model.effects)
     both = [(fit, before), *zip(fits, after, strict=True)]
     between = all_reconciled(both, validation)
-    blocks = side_by_side(lambda pair: by_blocks([(pair[0], estimation), (pair[1], validation)]), both)
-    alone = between[0]
+    levelled = [(f, replace(t, noise=noise)) for (f, t), (_, noise) in zip(both, between, strict=True)]
+    blocks = side_by_side(lambda one: by_blocks([(one[0], estimation), (one[1], validation)]), levelled)
+    alone = between[0][0]
     found = []
-    for f, there, beside, own in zip(fits, after, between[1:], blocks[1:], strict=True):
+    for f, there, (beside, _), own in zip(fits, after, between[1:], blocks[1:], strict=True):
         gain = f.log_likelihood - fit.log_likelihood
         held_out, reconciled_more = there.log_likelihood - before.log_likelihood, beside - alone
         loss = -(held_out + reconciled_more)
@@ -96,18 +97,24 @@ def _unreached(there: Fit, index: int, records: Sequence[Record]) -> bool:
     return abs(without - there.log_likelihood) < _NOTHING
 
 
-def all_reconciled(both: Sequence[tuple[Fit, Fit]], records: Sequence[Record]) -> list[float]:
-    """`reconciled` of fits and what they are on other recordings, each with the noise levels of the best one
-    where it is better with these: a search for levels may end in a hollow, which is none of the physics."""
+def all_reconciled(
+    both: Sequence[tuple[Fit, Fit]], records: Sequence[Record]
+) -> list[tuple[float, NoiseModel]]:
+    """What fits gain on other recordings where they are `reconciled` with what they are there, nats, and the
+    noise levels that they have there: those of the best one where they are better with these, because a
+    search for levels may end in a hollow, which is none of the physics."""
     first = side_by_side(lambda pair: reconciled(*pair, records), both)
-    levels = max(first, key=lambda one: one.log_likelihood).noise
+    levels = max(first, key=_likelihood).noise
 
-    def again(one: tuple[tuple[Fit, Fit], Fit]) -> float:
+    def again(one: tuple[tuple[Fit, Fit], Fit]) -> tuple[float, NoiseModel]:
         (fit, there), found = one
-        with_these = likelihood_of(pack(found.model), levels, records)
-        if with_these > found.log_likelihood + _A_HOLLOW:
-            found = max(found, reconciled(fit, replace(found, noise=levels), records), key=_likelihood)
-        return max(found.log_likelihood - there.log_likelihood, 0.0)
+        if not np.isfinite(there.log_likelihood):
+            return 0.0, there.noise
+        own, with_these = (likelihood_of(pack(found.model), n, records) for n in (found.noise, levels))
+        if not with_these > own + _A_HOLLOW:
+            return max(found.log_likelihood - there.log_likelihood, 0.0), there.noise
+        better = max(found, reconciled(fit, replace(found, noise=levels), records), key=_likelihood)
+        return max(better.log_likelihood - there.log_likelihood, 0.0), levels
 
     return side_by_side(again, zip(both, first, strict=True))
 

@@ -43,7 +43,7 @@ def next_experiment(result: SearchResult, verdict: Verdict, records: Sequence[Re
     open, then what makes a size surer."""
     unsure = next((c for c in result.choices if c.ambiguous), None)
     if unsure is not None:
-        return _separating(unsure, result, records)
+        return _separating(unsure, result, verdict, records)
     tried = [e for e in result.last_round if e.material]
     if verdict.kind in ("no_mismatch", "unknown") and tried:
         names = (placed(tried[0].effect), "the structure found so far")
@@ -69,7 +69,7 @@ def next_experiment(result: SearchResult, verdict: Verdict, records: Sequence[Re
         (c for c in result.choices if c.others), key=lambda c: c.others[0][1], default=None
     )  # not ambiguous, and yet not alone
     if second is not None:
-        return _separating(second, result, records)
+        return _separating(second, result, verdict, records)
     best = verdict.remaining[0] if verdict.remaining else None
     short = verdict.adequacy is not None and verdict.adequacy.least < NEARLY_ALL
     if short and best is not None and best.explained > STILL_RANDOM:
@@ -87,9 +87,14 @@ def varied(condition: str) -> str:
     return next((words for name, words in _VARIED.items() if name in condition), otherwise)
 
 
-def _separating(choice: Choice, result: SearchResult, records: Sequence[Record]) -> dict[str, Any]:
+def _separating(
+    choice: Choice, result: SearchResult, verdict: Verdict, records: Sequence[Record]
+) -> dict[str, Any]:
     """What tells a finding from its runner-up."""
     rival, share = choice.others[0]
+    own = choice.chosen.effect
+    told = [f for f in verdict.findings if (f["effect"], f["location"]) == (own.effect, own.location)]
+    share = min([share, *(f["confidence"] for f in told)])
     names = (placed(choice.chosen.effect), placed(rival.effect))
     found = suggest(choice.chosen.fit, rival.fit, names, records[0], result.scales)
     text = separating([choice.chosen.effect, rival.effect])

@@ -94,7 +94,7 @@ def parameter_text(p: dict[str, Any]) -> str:
 
 
 def _unsure(f: dict[str, Any]) -> bool:
-    return sum(a["confidence"] for a in f["alternatives"]) > 1.0 - SURE
+    return bool(f["alternatives"]) and f["confidence"] < SURE
 
 
 def _rivals(verdict: Verdict) -> str:
