@@ -238,6 +238,12 @@ def test_what_is_sure_beside_what_cannot_be_told_apart_comes_first():
     assert rest.startswith("gravity at") and "spring_to_ground at" in rest and "coulomb" not in rest
 
 
+def test_names_of_which_nobody_is_sure_are_told_as_not_told_apart_however_unsure():
+    other = {"effect": "spring_to_ground", "location": "stage1_motor", "confidence": 0.1}
+    _, happened, _ = first_line("ambiguous", [finding(0.1, [other])]).conclusion
+    assert "cannot tell coulomb_friction at stage1_motor or spring_to_ground at stage1_motor apart" in happened
+
+
 def test_where_no_physics_is_missing_the_first_line_says_which_numbers_are_off():
     off = {"parameter": "motor_inertia", "given": 0.05, "value": 0.0634, "std": 0.0012, "unit": "kg*m^2"}
     held = {"holds": "baseline", "what": "your structure, re-estimated"}
