@@ -94,7 +94,8 @@ def parameter_text(p: dict[str, Any]) -> str:
 
 
 def _unsure(f: dict[str, Any]) -> bool:
-    return bool(f["alternatives"]) and f["confidence"] < SURE
+    rivals = sum(a["confidence"] for a in f["alternatives"])
+    return rivals > (1.0 - SURE) * (rivals + f["confidence"])
 
 
 def _rivals(verdict: Verdict) -> str:
