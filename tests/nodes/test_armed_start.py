@@ -9,6 +9,7 @@ import subprocess
 import sys
 import threading
 import time
+import weakref
 from collections.abc import Iterator
 from contextlib import contextmanager
 from functools import cache
@@ -284,6 +285,23 @@ def test_a_signal_ends_a_process_that_compiles_at_once():
             time.sleep(20.0)
         assert stop.is_set()
     assert time.monotonic() - begun < 5.0
+
+
+def test_a_signal_in_a_callback_that_drops_exceptions_ends_the_process_too_and_prints_nothing(capsys):
+    """Met in the import of a module, which forgets its lock by such a callback."""
+
+    class Lock:
+        pass
+
+    begun = time.monotonic()
+    with stop_requests() as stop, pytest.raises(StopRequests.Interrupt), stop.interruptible():
+        lock = Lock()
+        forgets = weakref.ref(lock, lambda _: signal.raise_signal(signal.SIGINT))
+        del lock
+        assert forgets() is None and stop.is_set()
+        time.sleep(20.0)
+    assert time.monotonic() - begun < 5.0
+    assert capsys.readouterr().err == ""
 
 
 def test_a_signal_inside_the_handler_of_another_does_not_hold_the_process():

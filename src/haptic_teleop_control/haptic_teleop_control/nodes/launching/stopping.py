@@ -2,11 +2,16 @@
 
 from __future__ import annotations
 
+import os
 import signal
+import sys
+import threading
 from collections.abc import Iterator
 from contextlib import contextmanager
 
 STOP_SIGNALS = (signal.SIGINT, signal.SIGTERM)
+#: Time after which a signal is told again where the first telling was lost, s.
+AGAIN = 0.01
 
 
 class StopRequests:
@@ -34,14 +39,32 @@ class StopRequests:
     @contextmanager
     def interruptible(self) -> Iterator[None]:
         """Within this block a signal also ends what is under way, such as a compilation of ten seconds;
-        nothing moves yet. One that was there before ends it at once."""
+        nothing moves yet. One that was there before ends it at once.
+
+        Python drops what is raised in a callback of a weak reference or in `__del__`, and prints it: there
+        the signal is told again when that is over.
+        """
         if self.is_set():
             raise self.Interrupt
+        others = sys.unraisablehook
+        again: list[threading.Timer] = []
+
+        def dropped(what: sys.UnraisableHookArgs) -> None:
+            if what.exc_type is self.Interrupt:
+                again.append(threading.Timer(AGAIN, os.kill, (os.getpid(), signal.SIGINT)))
+                again[-1].start()
+            else:
+                others(what)
+
+        sys.unraisablehook = dropped
         self._interrupts = True
         try:
             yield
         finally:
             self._interrupts = False
+            for telling in again:
+                telling.cancel()
+            sys.unraisablehook = others
 
 
 @contextmanager
