@@ -40,9 +40,7 @@ def test_without_room_the_inverse_dynamics_say_the_same(monkeypatch, share):
     scales = recording_scales(RIGID, learn)
     whole = witness(RIGID, learn, judge, scales)
     sides = [side.side for side in whole.folds.sides]
-    most = int(share * max(part._known._size for part in sides[0].parts))
-    for name in ("ROOM", "ROOM_FOR_ROWS"):
-        monkeypatch.setattr(kept, name, most)
+    monkeypatch.setattr(kept, "ROOM", int(share * max(part._known._size for part in sides[0].parts)))
     tight = witness(RIGID, learn, judge, scales)
     for one, other in zip(whole.levels, tight.levels, strict=True):
         assert [g.effects for g in one] == [g.effects for g in other]

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
@@ -11,7 +11,6 @@ from numpy.typing import NDArray
 
 from haptic_teleop_sim.model import Model
 
-from .kept import Kept
 from .motion import BandedMotion
 from .regression import Equations
 from .term import Term
@@ -28,7 +27,6 @@ class Fold:
 
     parts: tuple[Equations, ...]
     odd: bool
-    _known: Kept = field(default_factory=Kept, compare=False)
 
     @property
     def model(self) -> Model:
@@ -55,14 +53,12 @@ class Fold:
         return np.moveaxis(self._rows(lambda part: np.moveaxis(part.base, 1, 0)), 0, 1)
 
     def torque(self, term: Term) -> FloatArray:
-        """See `Equations.torque`."""
-        return self._known.of(term, lambda: self._rows(lambda part: part.torque(term)))
+        """See `Equations.torque`; the parts keep it, and rows of it are quickly taken."""
+        return self._rows(lambda part: part.torque(term))
 
     def forget(self, terms: Iterable[Term]) -> None:
         """See `Equations.forget`."""
         gone = [*terms]
-        for term in gone:
-            self._known.drop(term)
         for part in self.parts:
             part.forget(gone)
 

@@ -12,16 +12,15 @@ from .term import Term
 
 FloatArray = NDArray[np.float64]
 
-#: Bytes of the columns that a fold keeps, and that the equations keep from which folds take their rows.
-ROOM, ROOM_FOR_ROWS = 100_000_000, 25_000_000
+#: Bytes of the columns that the equations of one kind of recordings keep.
+ROOM = 100_000_000
 
 
 class Kept:
     """Columns (n, p) by term; those that were not asked for the longest make room, and are computed anew if
-    they are asked for again. ``shared``: others keep the rows that they take from these."""
+    they are asked for again."""
 
-    def __init__(self, shared: bool = False) -> None:
-        self._shared = shared
+    def __init__(self) -> None:
         self._columns: OrderedDict[Term, FloatArray] = OrderedDict()
         self._size = 0
 
@@ -37,8 +36,7 @@ class Kept:
         self.drop(term)
         self._columns[term] = columns
         self._size += columns.nbytes
-        most = ROOM_FOR_ROWS if self._shared else ROOM
-        while self._size > most and len(self._columns) > 1:
+        while self._size > ROOM and len(self._columns) > 1:
             self.drop(next(iter(self._columns)))
 
     def drop(self, term: Term) -> None:

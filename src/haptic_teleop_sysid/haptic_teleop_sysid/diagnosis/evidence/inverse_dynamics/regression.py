@@ -49,7 +49,7 @@ class Equations:
     names: tuple[str, ...]
     target: FloatArray
     base: FloatArray
-    _known: Kept = field(default_factory=lambda: Kept(shared=True), compare=False)
+    _known: Kept = field(default_factory=Kept, compare=False)
 
     def bounds(self) -> tuple[FloatArray, FloatArray]:
         """Lowest and highest value of the structure's parameters, (p,) each."""
