@@ -13,10 +13,11 @@ from haptic_teleop_control.errors import MismatchError, RecordingError
 from haptic_teleop_control.recording import Recording, bag_problems
 from haptic_teleop_control.robots import SFJ_STAGES, VELOCITY_FILTER_CUTOFF_HZ, VELOCITY_FILTER_DAMPING
 from haptic_teleop_sim.model import Model, other_signals
+from haptic_teleop_sysid.recordings.banded_derivative import banded_derivative
 from haptic_teleop_sysid.recordings.channels import Channels, channels_for
 from haptic_teleop_sysid.recordings.damage import encoder_step, refuse_holes
 from haptic_teleop_sysid.recordings.encoder_zeros import arm_zero, told
-from haptic_teleop_sysid.recordings.motion import Damage, derivative, finite, leave_out_stills, motion
+from haptic_teleop_sysid.recordings.motion import Damage, finite, leave_out_stills, motion
 from haptic_teleop_sysid.recordings.recorded_parameters import recorded_units, recorded_value
 from haptic_teleop_sysid.recordings.slips import Slip
 from haptic_teleop_sysid.recordings.time_grid import GAP_PERIODS, NS, TimeGrid
@@ -238,7 +239,7 @@ def _of_other_arm(channels: Channels, grid: TimeGrid, model: Model) -> Array | N
         return None
     position = finite(grid.sampled(channels.other_arm.values("position")), None)
     order = {"other_angle": 0, "other_velocity": 1}.get(next(iter(other_signals(model)), ""), 2)
-    return derivative(position, round(0.06 / grid.dt), order, grid.dt)
+    return banded_derivative(position, order, grid.dt)
 
 
 def _torque_constant(recording: Recording, model: Model) -> float:

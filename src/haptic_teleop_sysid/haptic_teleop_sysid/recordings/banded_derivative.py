@@ -1,0 +1,47 @@
+"""Derivatives of an angle in the band in which it moves.
+
+A polynomial through neighbours takes a part of what it differentiates: of an acceleration at 5 Hz a cubic
+over 60 ms loses 5 %, and a coupling found with it is as much too large. A low pass loses nothing below its
+cut-off, and that is put where the angle's spectrum sinks into the scatter of its readings.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+import scipy
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+
+#: Samples of the stretches whose spectra are averaged.
+SEGMENT = 2048
+#: Factor over the scatter of the readings from which a line is motion, the cut-off relative to the highest
+#: such line, and the order of the low pass, which runs forward and backward.
+MOVES, ABOVE, ORDER = 10.0, 1.5, 8
+#: Highest cut-off as a share of the sampling rate.
+MOST = 0.45
+
+
+def banded_derivative(values: Array, order: int, dt: float) -> Array:
+    """The ``order``-th derivative (0 to 2) of an angle (n,) sampled every ``dt`` s, without delay, (n,), in
+    the angle's unit per s^order. Of fewer samples than the low pass needs, plain differences."""
+    cutoff = moving_band(values, dt)
+    found = np.array(values, dtype=np.float64)
+    padding = round(3.0 / (cutoff * dt))
+    if padding < len(values) - 1:
+        low_pass = scipy.signal.butter(ORDER, cutoff, fs=1.0 / dt, output="sos")
+        found = np.asarray(scipy.signal.sosfiltfilt(low_pass, found, padlen=padding), dtype=np.float64)
+    for _ in range(order):
+        found = np.gradient(found, dt)
+    return found
+
+
+def moving_band(values: Array, dt: float) -> float:
+    """Cut-off, Hz, below which all lies by which an angle (n,) moves: the scatter of its readings is the
+    median of the upper half of its spectrum."""
+    length = min(SEGMENT, len(values))
+    frequency, power = scipy.signal.welch(values - np.mean(values), 1.0 / dt, nperseg=length)
+    scatter = float(np.median(power[len(power) // 2 :]))
+    moving = np.flatnonzero(power > MOVES * scatter)
+    edge = float(frequency[moving[-1]]) if len(moving) else MOST / dt
+    return min(max(ABOVE * edge, ABOVE / (length * dt)), MOST / dt)
