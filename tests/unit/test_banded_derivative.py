@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from haptic_teleop_sysid.recordings.banded_derivative import banded_derivative, moving_band
+from haptic_teleop_sysid.recordings.banded_derivative import banded_derivative, moving_band, to_the_next
 
 DT = 0.002
 STEP = 2 * np.pi / 4096
@@ -46,6 +46,21 @@ def test_an_acceleration_is_neither_weakened_nor_delayed_at_any_frequency(freque
     size, delay = np.linalg.lstsq(columns, found[inside], rcond=None)[0]
     assert size == pytest.approx(1.0, abs=0.02)
     assert abs(delay) < 0.02 * DT * 10
+
+
+def test_what_acts_over_a_sample_is_the_change_of_the_velocity_in_it():
+    parts = (0.7, 2.3, 5.1), (0.3, 0.1, 0.06)
+    speed = motion(*parts, order=1)
+    true = np.append(np.diff(speed), 0.0) / DT
+    inside = slice(500, -500)
+    late = np.gradient(true, DT)[inside]
+    for found, delay in (
+        (to_the_next(banded_derivative(rounded(motion(*parts)), 2, DT)), 0.0),
+        (banded_derivative(rounded(motion(*parts)), 2, DT), -0.5 * DT),
+    ):
+        columns = np.stack([true[inside], late], axis=1)
+        size, shift = np.linalg.lstsq(columns, found[inside], rcond=None)[0]
+        assert size == pytest.approx(1.0, abs=0.005) and shift == pytest.approx(delay, abs=0.02 * DT)
 
 
 def test_the_band_ends_where_the_motion_does():

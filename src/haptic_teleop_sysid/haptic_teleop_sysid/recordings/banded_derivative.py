@@ -36,6 +36,12 @@ def banded_derivative(values: Array, order: int, dt: float) -> Array:
     return found
 
 
+def to_the_next(values: Array) -> Array:
+    """Means (n,) of what is read at samples (n,) from each to the next: what acts as long as a sample is held
+    would else be half of one late."""
+    return 0.5 * (values + np.append(values[1:], values[-1:]))
+
+
 def moving_band(values: Array, dt: float) -> float:
     """Cut-off, Hz, below which all lies by which an angle (n,) moves: the scatter of its readings is the
     median of the upper half of its spectrum."""

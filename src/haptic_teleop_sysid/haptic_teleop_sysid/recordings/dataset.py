@@ -13,7 +13,7 @@ from haptic_teleop_control.errors import MismatchError, RecordingError
 from haptic_teleop_control.recording import Recording, bag_problems
 from haptic_teleop_control.robots import SFJ_STAGES, VELOCITY_FILTER_CUTOFF_HZ, VELOCITY_FILTER_DAMPING
 from haptic_teleop_sim.model import Model, other_signals
-from haptic_teleop_sysid.recordings.banded_derivative import banded_derivative
+from haptic_teleop_sysid.recordings.banded_derivative import banded_derivative, to_the_next
 from haptic_teleop_sysid.recordings.channels import Channels, channels_for
 from haptic_teleop_sysid.recordings.damage import encoder_step, refuse_holes
 from haptic_teleop_sysid.recordings.encoder_zeros import arm_zero, told
@@ -38,7 +38,7 @@ class DataSet:
     motor_position, motor_velocity, arm_position, arm_velocity
                      rad, rad/s (m, m/s for a linear axis: `position_unit`); arm None when the model has none
     exogenous        acceleration of the robot's other arm, rad/s², for inertial coupling (its angle or
-                     velocity for a map that follows it); None without it
+                     velocity for a map that follows it), the mean from a sample to the next; None without it
     valid            False inside holes longer than GAP_PERIODS periods and where nothing usable was read
     velocity_filter  (cut-off in Hz, damping) of the filter that made the velocities; None: taken as true
     problems         sentences about the recording, empty when all is well
@@ -239,7 +239,7 @@ def _of_other_arm(channels: Channels, grid: TimeGrid, model: Model) -> Array | N
         return None
     position = finite(grid.sampled(channels.other_arm.values("position")), None)
     order = {"other_angle": 0, "other_velocity": 1}.get(next(iter(other_signals(model)), ""), 2)
-    return banded_derivative(position, order, grid.dt)
+    return to_the_next(banded_derivative(position, order, grid.dt))
 
 
 def _torque_constant(recording: Recording, model: Model) -> float:

@@ -41,10 +41,11 @@ class BandedMotion:
     """One stretch of motion. All (n,), or (n, 2) for motor and arm (equal where the joint is rigid).
 
     ``angle`` rad, ``velocity`` rad/s, ``acceleration`` rad/s^2, filtered once; ``input``: A or N·m, filtered
-    once, as it was at the times of the readings; ``exogenous`` rad/s^2; ``time`` s; ``dt``: s, of all these,
-    thinned to a rate at which a sign of the velocity is still a step; ``cutoff``: Hz; ``kept``: samples that
-    count, every second one of the blocks of ``block`` samples, or all where ``block`` is 1; ``record``: as it
-    came; ``thin``: its samples that remain; ``known``: for what follows from it and is asked for often.
+    once, as it was at the times of the readings; so ``exogenous``, rad/s^2; ``time`` s; ``dt``: s, of all
+    these, thinned to a rate at which a sign of the velocity is still a step; ``cutoff``: Hz; ``kept``:
+    samples that count, every second one of the blocks of ``block`` samples, or all where ``block`` is 1;
+    ``record``: as it came; ``thin``: its samples that remain; ``known``: for what follows from it and is
+    asked for often.
     """
 
     angle: FloatArray
@@ -142,7 +143,7 @@ def banded(record: Record, rigid: bool, cutoff: float) -> BandedMotion:
         velocity[thin],
         np.gradient(velocity, record.dt, axis=0)[thin],
         held_in_band(record.input, record.dt, cutoff)[thin],
-        low_passed(record.exogenous, record.dt, cutoff)[thin],
+        held_in_band(record.exogenous, record.dt, cutoff)[thin],
         time,
         dt,
         cutoff,
