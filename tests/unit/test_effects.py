@@ -1,6 +1,7 @@
 """Each effect against what it must do by closed form, in the whole simulation and not only as a formula."""
 
 import math
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -487,3 +488,13 @@ def test_an_effect_left_out_and_one_at_its_neutral_value_are_the_same():
         a, b = simulate(model, current, DT), simulate(with_it, current, DT)
         np.testing.assert_allclose(b.arm_position, a.arm_position, atol=1e-6, err_msg=name)
         np.testing.assert_allclose(b.motor_position, a.motor_position, atol=1e-6, err_msg=name)
+
+
+def test_a_load_is_attached_over_as_much_time_as_its_entry_says():
+    entry = effect_entry("payload_change")
+    time = np.linspace(-1.0, 1.0, 200_001)
+    on = SimpleNamespace(time=time, tanh=np.tanh)
+    attached = entry.equation(on, SimpleNamespace(time=0.0, inertia=1.0))
+    rate = np.gradient(attached, time)
+    width = math.sqrt(np.sum(time**2 * rate) / np.sum(rate))
+    assert entry.parameter("time").smeared == pytest.approx(width, rel=1e-3)

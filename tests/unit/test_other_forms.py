@@ -76,3 +76,35 @@ def test_a_regression_that_fails_ends_no_diagnosis(monkeypatch):
     model = RIGID.with_effects(Effect("stribeck_friction", "j_motor", sizes))
     one = record(drive(0, 2.0), np.zeros((10_000, 1)))
     assert other_forms.spread_by_form(model, [one], 4.0) == {}
+
+
+@njit
+def against_a_wall(torque, wall, stiffness, damping):
+    """Angles (n,) of a body that runs into a spring with a dashpot, which pushes and never pulls."""
+    q, v, h = 0.0, 0.0, DT / FINE
+    found = np.empty(len(torque))
+    for k in range(len(torque)):
+        found[k] = q
+        for _ in range(FINE):
+            push = max(stiffness * (q - wall) + damping * v, 0.0) if q > wall else 0.0
+            v += h * (torque[k] - 0.5 * v - 2.0 * q - push) / 0.05
+            q += h * v
+    return found
+
+
+@pytest.mark.parametrize("damping", [0.5, 1.5])
+def test_where_a_stop_begins_is_as_sure_as_the_law_of_its_contact(damping):
+    torque = drive(3, 2.0)
+    one = record(torque, against_a_wall(torque, 0.6, 100.0, damping)[:, None], 1e-4)
+    found = {"angle": 0.58, "stiffness": 60.0, "dissipation": 1.0}
+    model = RIGID.with_effects(
+        Effect("hard_stop", "j_motor", found),
+        Effect("spring_to_ground", "j_motor", {"stiffness": 2.0, "rest": 0.0}),
+    )
+    fit = fit_from_scratch(model, [one])
+    alone, head = standard_errors(fit), "j_motor.hard_stop."
+    spread = spread_by_form(fit.model, [one], motion_band([one]))
+    off = abs(fit.model.parameter_values()[head + "angle"] - 0.6)
+    assert off > 3.0 * alone[head + "angle"], "the one form alone is far too sure"
+    assert off < 2.0 * together(alone, spread)[head + "angle"] < 0.03, "of a way of 0.08 rad beyond it"
+    assert head + "stiffness" not in spread, "another law has its stiffness in another unit"

@@ -165,6 +165,10 @@ INERTIAL_COUPLING = EffectEntry(
     large=True,
 )
 
+#: Half of the time, s, within which a load is attached: a step would have no derivative by its time. The rate
+#: of this hyperbolic tangent is a logistic density, whose standard deviation is pi / sqrt(12) of it.
+_ATTACHING = 0.025
+
 PAYLOAD_CHANGE = EffectEntry(
     name="payload_change",
     kind="inertia",
@@ -181,14 +185,14 @@ PAYLOAD_CHANGE = EffectEntry(
             scale="duration",
             grid=tuple(k / 20 for k in range(1, 20)),
             neutral=None,
+            smeared=_ATTACHING * math.pi / math.sqrt(12),
         ),
         EffectParameter(
             "inertia", "kg*m^2", "added inertia (negative: removed)", typical=0.3, scale="inertia"
         ),
     ),
     sentence="the load changes in the course of the recording",
-    # Attached within some 50 ms: a step in time would have no derivative by its time.
-    equation=lambda s, p: p.inertia * (1 + s.tanh((s.time - p.time) / 0.025)) / 2,
+    equation=lambda s, p: p.inertia * (1 + s.tanh((s.time - p.time) / _ATTACHING)) / 2,
     condition="time",
     follows="time",
     separated=(("friction_drift", "record again with and without the load"),),

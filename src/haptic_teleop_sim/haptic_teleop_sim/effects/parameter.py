@@ -33,7 +33,8 @@ class EffectParameter:
     report speaks of it. ``in_current``: a measured current behind the effect shows it; says where to begin:
     at shares of the ``peak`` or of the ``rms`` of the command, or at a ``time`` in samples. While another
     parameter is scanned it is held at ``held`` of the travel; what is ``steady`` is the same at every value
-    of that, and says nothing of it.
+    of that, and says nothing of it. ``smeared``: over how much of it, as a standard deviation in its unit,
+    the equation smears what a machine may do at once: nobody knows the value better.
     """
 
     name: str
@@ -72,6 +73,7 @@ class EffectParameter:
     in_current: Literal["", "peak", "rms", "time"] = ""
     held: float = 0.0
     steady: bool = False
+    smeared: float = 0.0
 
     def reported(self, value: float) -> bool:
         """Whether a report speaks of the parameter at this value."""

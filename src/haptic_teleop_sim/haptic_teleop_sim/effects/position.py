@@ -195,6 +195,18 @@ TORQUE_RIPPLE = EffectEntry(
     practical=_ripples,
 )
 
+
+def by_sphere(s, p):
+    """The same contact with the force of a sphere on a plane, which goes with the penetration to the 3/2
+    (Hertz; Hunt and Crossley, J. Applied Mechanics 42, 1975)."""
+
+    def push(side):
+        depth = s.positive_part(side * s.position - s.abs(p.angle))
+        return depth**1.5 * side * s.positive_part(1 + p.dissipation * side * s.velocity)
+
+    return -p.stiffness * (push(s.side(p.angle)) + p.both_sides * push(-s.side(p.angle)))
+
+
 HARD_STOP = EffectEntry(
     name="hard_stop",
     kind="torque",
@@ -248,6 +260,7 @@ HARD_STOP = EffectEntry(
             * s.positive_part(1 - p.dissipation * s.side(p.angle) * s.velocity)
         )
     ),
+    other_forms=(by_sphere,),
     # Penetration of 0.02 rad: 2 rad/s against 20 N*m/rad with 2 g*m^2; stiffer stops give way less.
     rate=lambda p, ks: (abs(p["stiffness"]), 0.02 * abs(p["stiffness"]) * p["dissipation"]),
     condition="{q} at the stop",

@@ -200,10 +200,11 @@ def chance_within(distance: float, std: float) -> float:
 
 
 def _uncertainty(parameter: EffectParameter, value: float, std: float, spread: float) -> float:
-    """Standard error with the spread between recordings and, for a size, what the effect's form is off by."""
+    """Standard error with the spread between recordings, what the equation smears and, for a size, what the
+    effect's form is off by."""
     none = parameter.neutral
     size = 0.0 if none is None else abs(value - none) if np.isfinite(none) else abs(value)
-    return float(np.sqrt(std**2 + spread**2 + (_FORM * size) ** 2))
+    return float(np.sqrt(std**2 + spread**2 + parameter.smeared**2 + (_FORM * size) ** 2))
 
 
 def _where(

@@ -4,7 +4,8 @@ Friction that falls with speed is written as a hyperbolic secant, as a Gauss cur
 the speed. Along one motion all of them follow each other closely, with other sizes: what friction is at the
 speeds that were reached is known, what it would be far above them is not, and what a standard error says of
 the one form says nothing of the others. So the torque that was found is written in each other form along the
-recorded motion, the structure's own torques beside it, and the sizes that this takes are compared.
+recorded motion, the structure's own torques beside it, and the sizes that this takes are compared. Of a stop
+it is the place that is compared: how stiff another law is has another unit.
 """
 
 from __future__ import annotations
@@ -16,7 +17,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from haptic_teleop_sim.effects import EffectEntry
+from haptic_teleop_sim.effects import EffectEntry, EffectParameter
 from haptic_teleop_sim.model import Effect, Model
 from haptic_teleop_sysid.estimation.likelihood import FAILURES
 from haptic_teleop_sysid.estimation.records import Record
@@ -30,8 +31,10 @@ FloatArray = NDArray[np.float64]
 
 #: Times the band of the motion in which the forms are compared: near a reversal they differ most.
 WIDER = 4.0
-#: Factors by which a shape (a velocity) may differ between forms.
+#: Factors by which a shape (a velocity) may differ between forms, and how far a place may, as a share of the
+#: way that the motion goes beyond it.
 _SHAPES = np.geomspace(0.25, 4.0, 25)
+_PLACES = np.linspace(-0.5, 0.5, 51)
 
 
 def spread_by_form(model: Model, records: Sequence[Record], cutoff: float) -> dict[str, float]:
@@ -81,23 +84,43 @@ def _apart(side: Equations, effect: Effect, entry: EffectEntry) -> dict[str, flo
 
     given = rows(side.torque(Hypothesis.of(effect, place)))[:, 0]
     base = np.concatenate([*side.base])
-    best, least = np.zeros(0), np.inf
+    best, least, nearest = np.zeros(0), np.inf, dict[str, float]()
     sizes = tuple(p.name for p in entry.parameters if p.default is None and p.neutral == 0.0)
-    for shape in _shapes(effect, entry):
-        other = Hypothesis(entry, effect.location, place, shape, sizes, None)
+    kept = tuple((n, v) for n, v in effect.values.items() if entry.parameter(n).default is not None)
+    for shape in _shapes(effect, entry, side, place):
+        other = Hypothesis(entry, effect.location, place, (*shape, *kept), sizes, None)
         columns = np.column_stack([base, rows(side.torque(other))])
         low = np.concatenate([np.full(base.shape[1], -np.inf), other.bounds()[0]])
         values = solved(columns.T @ columns, columns.T @ given, low, np.full(len(low), np.inf))
         left = float(np.sum((given - columns @ values) ** 2))
         if left < least:
-            best, least = values, left
-    names = (*side.names, *(f"{effect.location}.{effect.effect}.{n}" for n in sizes))
-    before = [*np.zeros(len(side.names)), *(effect.values[n] for n in sizes)]
-    return {name: abs(float(v) - b) for name, v, b in zip(names, best, before, strict=True)}
+            best, least, nearest = values, left, dict(shape)
+    head = f"{effect.location}.{effect.effect}."
+    apart = {n: abs(float(v)) for n, v in zip(side.names, best, strict=False)}
+    places = [p.name for p in entry.parameters if _is_place(p)]
+    if places:
+        return apart | {head + n: abs(nearest[n] - effect.values[n]) for n in places}
+    own = best[len(side.names) :]
+    return apart | {head + n: abs(float(v) - effect.values[n]) for n, v in zip(sizes, own, strict=True)}
 
 
-def _shapes(effect: Effect, entry: EffectEntry) -> Iterator[tuple[tuple[str, float], ...]]:
+def _is_place(parameter: EffectParameter) -> bool:
+    return parameter.scan == "furthest"
+
+
+def _shapes(
+    effect: Effect, entry: EffectEntry, side: Equations, place: str
+) -> Iterator[tuple[tuple[str, float], ...]]:
     """The effect's shape parameters at which a form is tried."""
     shaped = [p for p in entry.parameters if p.default is None and p.neutral is None]
-    for factors in itertools.product(_SHAPES, repeat=len(shaped)):
-        yield tuple((p.name, f * effect.values[p.name]) for p, f in zip(shaped, factors, strict=True))
+
+    def tried(p: EffectParameter) -> FloatArray:
+        value = effect.values[p.name]
+        if not _is_place(p):
+            return _SHAPES * value
+        column = 1 if place == "arm" else 0
+        furthest = max(float(np.max(np.sign(value) * m.angle[:, column])) for m in side.motions)
+        return value + _PLACES * max(furthest - abs(value), 0.0)
+
+    for values in itertools.product(*(tried(p) for p in shaped)):
+        yield tuple((p.name, float(v)) for p, v in zip(shaped, values, strict=True))
