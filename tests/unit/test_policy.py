@@ -198,13 +198,16 @@ def test_the_second_opinion_errs_clearly_less(errs, coloured, believed):
 
 
 @pytest.mark.parametrize(("explains", "kept"), [(0.53, True), (0.47, False)])
-def test_a_name_explains_half(explains, kept):
+@pytest.mark.parametrize(("worse", "judges"), [(1.0, True), (1.4, True), (1.5, False)])
+def test_a_name_explains_half(explains, kept, worse, judges):
     choice = Choice(explanation("coulomb_friction", 100.0, 100.0), 1.0)
     result, doubt = short_of(result_of(choice), Adequacy(explains, 0.9))
     assert bool(result.choices) == kept and (doubt is None) == kept
     folds = SimpleNamespace(adequacies=lambda group: [explains for _ in group])
-    heard = SimpleNamespace(witness=SimpleNamespace(folds=folds))
-    assert (overruled_module.inadequate(result_of(choice), heard) is None) == kept
+    heard = SimpleNamespace(witness=SimpleNamespace(folds=folds, with_names=lambda group: None))
+    errors = lambda model: (0.1, 0.1) if model is not None else (0.1 * worse, 0.1 * worse)  # noqa: E731
+    doubt = overruled_module.inadequate(result_of(choice), heard, errors)
+    assert (doubt is None) == (kept or not judges), "who simulates the name far worse does not judge it"
 
 
 @pytest.mark.parametrize(("explains", "place"), [(0.53, "stage1_motor"), (0.47, "stage1_arm")])

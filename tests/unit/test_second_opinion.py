@@ -213,9 +213,12 @@ def test_a_name_that_explains_little_of_what_its_quantities_do_is_given_up():
         iterations=3,
     )
     choice = Choice(Explanation(named, 50.0, 20.0, True, 1), 1.0)
-    doubt = inadequate(SearchResult(baseline, named, (choice,), (), scales), opinion)
+    result = SearchResult(baseline, named, (choice,), (), scales)
+    doubt = inadequate(result, opinion, lambda m: (0.5, 0.5))
     assert doubt is not None and doubt.choice is choice
     assert "coulomb_friction explains" in doubt.why
+    # A witness that simulates far worse with the same names knows the structure too badly to judge them.
+    assert inadequate(result, opinion, lambda m: (0.1, 0.1) if m is named.model else (0.5, 0.5)) is None
 
 
 def test_a_name_that_needs_another_machine_is_given_up(rubbing):

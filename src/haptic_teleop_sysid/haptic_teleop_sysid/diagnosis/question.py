@@ -73,7 +73,8 @@ def questioned(
     left = (
         bool(result.choices) and doubt is None and not left_is_random(result.final, found.learn, found.judge)
     )
-    if opinion is not None and left and (short := inadequate(result, opinion)) is not None:
+    short = inadequate(result, opinion, found.horizons.errors) if opinion is not None and left else None
+    if short is not None:
         result = _before(result, short.choice, short.why)
         doubt = None if result.choices else short
     if doubt is None and (far := beyond_reach(result, found.given)) is not None:

@@ -14,7 +14,7 @@ from haptic_teleop_sysid.estimation.records import Record
 from ..evidence.horizons import PERFECT
 from ..evidence.inverse_dynamics.terms import Hypothesis, follows_from_motion
 from ..evidence.inverse_dynamics.witness import A_PARAMETER, Group
-from ..evidence.second_opinion import NO_WORSE, Errors, Heard, Opinion, named_by, plainer
+from ..evidence.second_opinion import NO_WORSE, Errors, Opinion, named_by, plainer
 from ..hypotheses.explanation import Explanation
 from ..hypotheses.twins import twin
 from ..policy import ERRS_FAR_LESS, ERRS_LESS, LEAST_EXPLAINED, LEAST_GAIN
@@ -39,7 +39,7 @@ def believed_instead(
     does not hold, which takes a fit and is asked only where it decides."""
     if opinion.chosen is None:
         return False
-    ratios = _ratios(opinion.chosen, first)
+    ratios = _ratios(opinion.chosen.errors, first)
     # The validation recordings decide: a model errs less where it was fitted, whatever it is worth.
     if ratios[1] >= NO_WORSE or math.prod(ratios) >= ERRS_LESS**2:
         return False
@@ -79,7 +79,7 @@ def stands_next(opinion: Opinion, first: tuple[float, float]) -> bool:
     """Whether the second opinion's names stand where the first one gave up what it had found: they explain
     most of what can be explained, and their free runs err no more than ``first``."""
     chosen = opinion.chosen
-    return chosen is not None and opinion.explains_most and max(_ratios(chosen, first)) < NO_WORSE
+    return chosen is not None and opinion.explains_most and max(_ratios(chosen.errors, first)) < NO_WORSE
 
 
 def more_plainly(opinion: Opinion, result: SearchResult, first: tuple[float, float]) -> bool:
@@ -95,9 +95,9 @@ def more_plainly(opinion: Opinion, result: SearchResult, first: tuple[float, flo
     return opinion.explains_most and worse < 1.0 / ERRS_LESS
 
 
-def _ratios(chosen: Heard, first: tuple[float, float]) -> list[float]:
-    """Errors of the free runs relative to the ``first`` opinion's, of either kind of recordings."""
-    return [max(own, PERFECT) / max(other, PERFECT) for own, other in zip(chosen.errors, first, strict=True)]
+def _ratios(one: tuple[float, float], other: tuple[float, float]) -> list[float]:
+    """Errors of free runs relative to another model's, of either kind of recordings."""
+    return [max(own, PERFECT) / max(there, PERFECT) for own, there in zip(one, other, strict=True)]
 
 
 def as_result(
@@ -144,9 +144,16 @@ def as_result(
     return replace(named, last_round=(), nameless=None), None
 
 
-def inadequate(result: SearchResult, opinion: Opinion) -> Doubt | None:
-    """The doubt about a name whose torque is far from what the same quantities explain without a form."""
+def inadequate(result: SearchResult, opinion: Opinion, errors: Errors) -> Doubt | None:
+    """The doubt about a name whose torque is far from what the same quantities explain without a form.
+
+    Not where the inverse dynamics know the structure far less well than the search that named it: in a force
+    loop their regression is biased by what the encoders round, and with the same names their free run
+    errs more by ERRS_FAR_LESS."""
     told, group = _along_motion(result)
+    theirs = errors(opinion.witness.with_names(group)) if told else None
+    if theirs is not None and math.prod(_ratios(errors(result.final.model), theirs)) < ERRS_FAR_LESS**2:
+        return None
     for choice, adequacy in zip(told, opinion.witness.folds.adequacies(group), strict=True):
         if adequacy < LEAST_EXPLAINED:
             name = choice.chosen.effect.effect

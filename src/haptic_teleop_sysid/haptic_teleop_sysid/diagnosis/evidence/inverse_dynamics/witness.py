@@ -91,6 +91,10 @@ class Witness:
         groups = (group for level in self.levels for group in level)
         return max(groups, key=lambda group: group.gain, default=None)
 
+    def with_names(self, chosen: Chosen) -> Model:
+        """The structure as the inverse dynamics have it beside these effects, and the effects."""
+        return _group(self.folds, chosen, 0.0).model
+
     def beside(self, group: Group) -> tuple[Latent, float] | None:
         """The torque without a form that explains most of what a group leaves, and the share of that."""
         more = self.folds.shapeless(group.hypotheses, 1)
