@@ -23,7 +23,7 @@ from ..policy import (
     SIGNIFICANT,
     SURE,
 )
-from .rivals import PLAINER, alike, hardly_richer, margin, needlessly_rich
+from .rivals import alike, margin, needlessly_rich
 
 #: Share of the best name's score by which every name must fall behind physics that has none, beside
 #: CLEARLY_LESS.
@@ -115,9 +115,6 @@ def choose(
     if apart is not None:
         raised = np.array([alike(e, best, apart) for e in close]) & (weights < ALIKE)
         weights[raised] = ALIKE
-    plainer = [*hardly_richer(close)]
-    for i, j in plainer:
-        weights[j] = max(weights[j], weights[i])
     names = [(e.effect.effect, e.effect.location) for e in close]
     weights = weights * [
         1.0 if e.beside is not None else prior(*name, sense_follows)
@@ -126,9 +123,6 @@ def choose(
     if percent is not None and len(close) > 1:
         fits = np.array([percent(e.fit.model) for e in close])
         weights = weights * np.exp((fits - fits.max()) / SIMULATED_MARGIN)
-        plainer = [(i, j) for i, j in plainer if fits[i] - fits[j] < SIMULATED_MARGIN]
-    for i, j in plainer:
-        weights[j] = max(weights[j], (1.0 + PLAINER) * weights[i])
     weights = weights / weights.sum()
     order = np.argsort(-weights, kind="stable")
     ranked = [(close[i], float(weights[i])) for i in order]

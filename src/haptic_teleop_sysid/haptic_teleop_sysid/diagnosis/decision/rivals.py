@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Sequence
 
 from haptic_teleop_sysid.estimation.gauss_newton import Fit
 
@@ -13,9 +13,6 @@ from ..policy import BY_CHANCE, CANNOT_TELL
 #: Explanations whose score together is within this share of the best one's are as good: forms of friction
 #: differ by more, while the noise of real recordings is not white to within a few percent.
 AS_GOOD = 0.01
-#: Margins of chance by which a richer form must be ahead of the plainer one to be told first, and by how much
-#: that one is otherwise put above it.
-BEYOND_CHANCE, PLAINER = 1.0, 0.01
 
 
 def margin(best: Explanation, other: Explanation) -> float:
@@ -42,15 +39,6 @@ def needlessly_rich(explanation: Explanation, others: Sequence[Explanation]) -> 
     """Whether it is a richer form of another explanation that scores no less: it contains that one, so it
     fits as well whatever is there, and the shape that it adds is where the recordings say nothing."""
     return any(_is_form(explanation, e) and e.score >= explanation.score for e in others)
-
-
-def hardly_richer(close: Sequence[Explanation]) -> Iterator[tuple[int, int]]:
-    """Places of a richer form of an explanation and of that, which is behind by no more than chance: what
-    the shape adds may be what is wrong with the structure, and the plainer form is told first."""
-    for i, rich in enumerate(close):
-        for j, plain in enumerate(close):
-            if _is_form(rich, plain) and rich.score - plain.score < BEYOND_CHANCE * margin(rich, plain):
-                yield i, j
 
 
 def _is_form(rich: Explanation, plain: Explanation) -> bool:
