@@ -238,6 +238,8 @@ def test_larger_starts_leave_alone_what_is_linear(scales):
         ("stribeck_friction", "motor", {"coulomb": 0.2, "breakaway": 0.3, "velocity": 1e-6}, False),
         ("asymmetric_friction", "motor", {"positive": 0.1, "negative": 0.3}, True),
         ("asymmetric_friction", "motor", {"positive": 0.2, "negative": 0.21}, False),
+        ("asymmetric_friction", "motor", {"positive": 0.25, "negative": 0.2}, True),
+        ("asymmetric_friction", "motor", {"positive": 0.2, "negative": 0.23}, False),
         ("presliding_friction", "motor", {"torque": 0.2, "stiffness": 10.0}, True),
         ("presliding_friction", "motor", {"torque": 0.2, "stiffness": 1000.0}, False),
         ("torque_ripple", "motor", {"amplitude": 0.2, "order": 10.0}, True),

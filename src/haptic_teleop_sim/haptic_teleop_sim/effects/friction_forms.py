@@ -77,10 +77,10 @@ def by_exponential(s: Any, p: Any) -> Any:
 
 
 def differs(p: Numbers, on: Recorded) -> bool:
-    """The two directions well apart, in a friction that is one, of a joint that moves in both."""
-    total = p["positive"] + p["negative"]
-    apart = abs(p["positive"] - p["negative"]) > DISTINCT * total
-    return apart and total > 2 * SMALL_TORQUE * on.size["torque"] and on.both_ways > BOTH_WAYS
+    """One direction well above the other, in a friction that is one, of a joint that moves in both."""
+    less, more = sorted((p["positive"], p["negative"]))
+    large = less + more > 2 * SMALL_TORQUE * on.size["torque"]
+    return more > (1 + DISTINCT) * less and large and on.both_ways > BOTH_WAYS
 
 
 def gives(p: Numbers, on: Recorded) -> bool:
