@@ -42,15 +42,18 @@ class Equivalent:
     """Another effect that looks the same: ``effect``, for an effect at one of the places ``at``.
 
     ``numbers(p)``: its parameters where the effect has ``p``; {} where it has no such equivalent at these;
-    None: the same numbers. ``across``: it sits on the other side of the joint. ``condition``: under which
-    recordings do not tell the two apart, in words; empty where none of these channels ever does.
+    None: the same numbers. ``across``: it sits on the other side of the joint; ``place``: at this place of
+    it, where that is another one. ``condition``: under which recordings do not tell the two apart, in words;
+    empty where none of these channels ever does, or none of a joint that is ``rigid``.
     """
 
     effect: str
     at: tuple[str, ...]
     numbers: Callable[[Numbers], dict[str, float]] | None = None
     across: bool = False
+    place: str = ""
     condition: str = ""
+    rigid: bool = False
 
 
 @dataclass(frozen=True)

@@ -35,6 +35,11 @@ def _if_early(p: Numbers) -> dict[str, float]:
     return {"delay": -p["delay"]} if p["delay"] < 0.0 else {}
 
 
+def _as_other_stamp(p: Numbers) -> dict[str, float]:
+    """One of two channels late is the other one early."""
+    return {"delay": -p["delay"]} if p["delay"] != 0.0 else {}
+
+
 def _as_stamp(p: Numbers) -> dict[str, float]:
     """A delay as a stamp that is as late."""
     return {"delay": p["delay"]} if p["delay"] != 0.0 else {}
@@ -117,6 +122,13 @@ SENSOR_DELAY = EffectEntry(
     condition="velocity",
     practical=late("delay"),
     families=(LATE_READING,),
+    separated=(
+        (
+            "input_delay",
+            "no recording of these channels can tell them apart in a rigid joint: put one and the same "
+            "signal (a tap on the joint with a time-stamped contact) on both channels",
+        ),
+    ),
     equivalents=(Equivalent("channel_skew", ("motor_encoder", "arm_encoder"), _as_stamp),),
 )
 CHANNEL_SKEW = EffectEntry(
@@ -155,6 +167,9 @@ CHANNEL_SKEW = EffectEntry(
     equivalents=(
         Equivalent("input_delay", ("actuator",), _if_early),
         Equivalent("sensor_delay", ("motor_encoder", "arm_encoder"), _if_late),
+        # Input and angle are all that a rigid joint has: their order in time is one number.
+        Equivalent("channel_skew", ("motor_encoder",), _as_other_stamp, place="actuator", rigid=True),
+        Equivalent("channel_skew", ("actuator",), _as_other_stamp, place="motor_encoder", rigid=True),
     ),
     prior=_stamped_wrong,
 )

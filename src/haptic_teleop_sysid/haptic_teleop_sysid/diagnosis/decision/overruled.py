@@ -16,7 +16,7 @@ from ..evidence.inverse_dynamics.terms import Hypothesis, follows_from_motion
 from ..evidence.inverse_dynamics.witness import A_PARAMETER, Group
 from ..evidence.second_opinion import NO_WORSE, Errors, Opinion, named_by, plainer
 from ..hypotheses.explanation import Explanation
-from ..hypotheses.twins import twin
+from ..hypotheses.twins import twins
 from ..policy import ERRS_FAR_LESS, ERRS_LESS, LEAST_EXPLAINED, LEAST_GAIN
 from .adequacy import SLIGHT_ERROR
 from .corroborated import adds_torque
@@ -232,12 +232,12 @@ def _choice(opinion: Opinion, final: Fit, index: int) -> Choice:
             if (e.effect, e.location) not in known:
                 before = others.get((e.effect, e.location), (e, 0.0))[1]
                 others[e.effect, e.location] = (e, before + weight)
-    other = twin(effect)
-    if other is not None and (other.effect, other.location) not in others:
-        # One and the same to these recordings.
-        likely = prior(other.effect, other.location, False)
-        others[other.effect, other.location] = (other, own * likely / (1.0 + likely))
-        own /= 1.0 + likely
+    # One and the same to these recordings.
+    same = [e for e in twins(effect, final.model.rigid) if (e.effect, e.location) not in others]
+    likely = [prior(e.effect, e.location, False) for e in same]
+    own /= 1.0 + sum(likely)
+    for e, share in zip(same, likely, strict=True):
+        others[e.effect, e.location] = (e, own * share)
     told = (
         f"of the torque that the motion asks for and the structure does not have, it explains "
         f"{100 * chosen.group.explained:.0f} % on recordings that were not fitted"

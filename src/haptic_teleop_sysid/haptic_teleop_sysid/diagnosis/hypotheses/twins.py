@@ -1,7 +1,8 @@
 """Effects that are one and the same thing to any recording of these channels.
 
 A reading that is late and a reading that is stamped late cannot be told apart, nor a torque that is late from
-a command that is stamped early.  The search may come upon one of the two only; both are put up for choice.
+a command that is stamped early, nor in a rigid joint any of these from the others.  The search may come upon
+one of them only; all are put up for choice.
 """
 
 from __future__ import annotations
@@ -15,24 +16,36 @@ from haptic_teleop_sysid.estimation.gauss_newton import Fit
 from .explanation import Explanation
 
 
-def twin(effect: Effect) -> Effect | None:
-    """The other name of the same thing, or None."""
+def twins(effect: Effect, rigid: bool) -> list[Effect]:
+    """The other names of the same thing, in a joint that is ``rigid`` or not."""
+    found = [effect]
+    for one in found:  # which grows: a twin may have another one
+        known = {(e.effect, e.location) for e in found}
+        found += [e for e in _next(one, rigid) if (e.effect, e.location) not in known]
+    return found[1:]
+
+
+def _next(effect: Effect, rigid: bool) -> list[Effect]:
+    found = []
     for other in effect.entry.equivalents:
-        if not other.condition and other.numbers and effect.location.endswith(other.at):
-            numbers = other.numbers(effect.parameters)
-            if numbers:
-                return Effect(other.effect, effect.location, numbers)
-    return None
+        part = next((at for at in other.at if effect.location.endswith(at)), None)
+        if part is None or other.condition or other.numbers is None or (other.rigid and not rigid):
+            continue
+        if numbers := other.numbers(effect.parameters):
+            location = effect.location.removesuffix(part) + (other.place or part)
+            found.append(Effect(other.effect, location, numbers))
+    return found
 
 
 def with_twins(found: Sequence[Explanation]) -> list[Explanation]:
-    """The explanations, and the twin of each that has one and is not among them."""
+    """The explanations, and the twins of each that are not among them."""
     known = {(e.effect.effect, e.effect.location) for e in found}
     result = list(found)
     for e in found:
-        other = None if e.beside is not None else twin(e.effect)
-        if other is not None and (other.effect, other.location) not in known:
-            result.append(replace(e, fit=_renamed(e.fit, e.effect_index, other)))
+        for other in [] if e.beside is not None else twins(e.effect, e.fit.model.rigid):
+            if (other.effect, other.location) not in known:
+                known.add((other.effect, other.location))
+                result.append(replace(e, fit=_renamed(e.fit, e.effect_index, other)))
     return result
 
 
