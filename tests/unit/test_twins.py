@@ -2,14 +2,21 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
-from stepped_machines import DT, RIGID, drive, record
+from stepped_machines import DT, ELASTIC, RIGID, drive, record
 
 from haptic_teleop_sim.kernel import pack
 from haptic_teleop_sim.model import Effect
-from haptic_teleop_sysid.diagnosis.hypotheses.twins import twins
+from haptic_teleop_sysid.diagnosis.hypotheses.candidates import candidates
+from haptic_teleop_sysid.diagnosis.hypotheses.explanation import Explanation
+from haptic_teleop_sysid.diagnosis.hypotheses.twins import twins, with_twins
+from haptic_teleop_sysid.diagnosis.inputs.scales import recording_scales
+from haptic_teleop_sysid.estimation.gauss_newton import Fit
 from haptic_teleop_sysid.estimation.likelihood import likelihood_of
+from haptic_teleop_sysid.estimation.noise import NoiseModel
 from haptic_teleop_sysid.estimation.whole_fit import noise_starts
 
 FINE = 50
@@ -51,6 +58,33 @@ def test_behind_a_spring_a_late_torque_is_no_late_reading():
     assert told("input_delay", "actuator", 0.01) == {("channel_skew", "j_actuator", -0.01)}
     assert told("sensor_delay", "arm_encoder", 0.01) == {("channel_skew", "j_arm_encoder", 0.01)}
     assert told("channel_skew", "motor_encoder", -0.01) == set(), "nothing is early but a stamp"
+
+
+def test_no_name_is_put_up_that_the_model_has_already():
+    late, skewed = (Effect(n, "j_actuator", {"delay": 0.01}) for n in ("input_delay", "channel_skew"))
+    model = RIGID.with_effects(skewed, late)
+    none = np.zeros((0, 0))
+    fit = Fit(model, NoiseModel(1e-4, 1e-4, 1e-4, 1e-4), (), 0.0, none, np.zeros(0), True, 1, "")
+    found = with_twins([Explanation(fit, 50.0, 20.0, True, 1)])
+    assert [(e.effect.effect, e.effect.location) for e in found] == [
+        ("input_delay", "j_actuator"),
+        ("channel_skew", "j_motor_encoder"),
+        ("sensor_delay", "j_motor_encoder"),
+    ]
+
+
+def test_what_is_late_already_is_not_looked_for_under_another_name():
+    one = late_pendulum(0.004)
+    both = replace(one, measured=np.repeat(one.measured[:, :1], 2, axis=1))
+
+    def offered(model, seen):
+        model = model.with_effects(Effect("input_delay", "j_actuator", {"delay": 0.01}))
+        found = {(e.effect, e.location) for e in candidates(model, [seen], recording_scales(model, [seen]))}
+        return {f for f in found if f[0] in ("input_delay", "sensor_delay", "channel_skew")}
+
+    assert offered(RIGID, one) == set()
+    encoders = {(n, f"j_{p}_encoder") for n in ("sensor_delay", "channel_skew") for p in ("motor", "arm")}
+    assert offered(ELASTIC, both) == encoders
 
 
 @pytest.mark.parametrize("late", [0.0131, 0.004])

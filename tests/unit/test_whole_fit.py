@@ -1,19 +1,22 @@
 """Parameters and noise levels fitted at once: they arrive at the same top from anywhere, and no lower than
 the truth lies."""
 
+import itertools
 from dataclasses import replace
 
 import numpy as np
 import pytest
 from identification_plants import STAGE, off
+from stepped_machines import ELASTIC, RIGID, drive
+from stepped_machines import record as recorded
 
 from haptic_teleop_sim.kernel import pack
 from haptic_teleop_sim.model import Effect, Model
 from haptic_teleop_sysid.estimation.gauss_newton import fit_parameters, whiten
 from haptic_teleop_sysid.estimation.likelihood import innovations, log_likelihood
-from haptic_teleop_sysid.estimation.noise import NoiseModel
+from haptic_teleop_sysid.estimation.noise import NoiseModel, observer_gain
 from haptic_teleop_sysid.estimation.records import Record
-from haptic_teleop_sysid.estimation.tuning import initial_noise
+from haptic_teleop_sysid.estimation.tuning import initial_noise, level_bounds
 from haptic_teleop_sysid.estimation.uncertainty import uncertainty
 from haptic_teleop_sysid.estimation.whole_fit import fit_from_scratch, fit_whole
 
@@ -131,3 +134,20 @@ def test_decorrelated_slopes_are_those_of_the_decorrelated_innovations(record):
     lone = replace(record, measured=np.column_stack([record.measured[:, 0], np.full(n, np.nan)]))
     single = whiten(packed, lone, innovation, slope)[1]
     assert single == pytest.approx(slope[:, 0] / np.sqrt(np.mean(innovation[:, 0] ** 2)))
+
+
+@pytest.mark.parametrize("resolution", [1e-2, 1e-5, 1e-13])
+def test_the_observer_has_a_gain_at_every_bound_of_the_levels(resolution):
+    """An angle integrated from a speed has steps of 1e-13 rad: a disturbance of 1e11 of them had none."""
+    for model in (RIGID, ELASTIC):
+        one = recorded(drive(0, 2.0, 4.0), np.zeros((2000, 1 if model is RIGID else 2)))
+        one = replace(one, resolution=(resolution, resolution), dt=0.0103)
+        packed = pack(model)
+        bounds = level_bounds(packed, [one])
+        for ends in itertools.product((0, 1), repeat=4):
+            times = dict(zip(("motor_time", "arm_time"), ends[:2], strict=True))
+            torques = dict(zip(("motor_torque", "arm_torque"), ends[2:], strict=True))
+            levels = {n: bounds[n][end] for n, end in (times | torques).items()}
+            noise = replace(initial_noise(packed, [one]), **levels)
+            gain = observer_gain(packed, noise, one.dt)
+            assert np.all(np.isfinite(gain)) and 0.0 <= gain[0, 0] < 1.001

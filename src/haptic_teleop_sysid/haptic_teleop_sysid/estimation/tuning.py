@@ -16,6 +16,9 @@ LEVELS = ("motor_torque", "arm_torque", "motor_angle", "arm_angle", "motor_time"
 #: Least disturbance relative to the rms input torque. Below, the observer would all but stop correcting its
 #: model.
 _LEAST_TORQUE = 2e-4
+#: Angle by which a disturbance moves a body within a sample, in units of the encoder's noise, from which the
+#: observer believes the encoder alone: more says nothing, and the Riccati equation loses its digits.
+_MOST_MOVED = 1e6
 #: Largest noise of the arm's encoder in steps of it, and as a share of the rms angle.
 _MOST_STEPS, _MOST_OF_MOTION = 30.0, 0.1
 #: A disturbance that is remembered for longer is a constant to a recording of half a minute, and takes for
@@ -35,14 +38,18 @@ def initial_noise(packed: Packed, records: Sequence[Record]) -> NoiseModel:
 def level_bounds(packed: Packed, records: Sequence[Record]) -> dict[str, tuple[float, float]]:
     """Lowest and highest value of every level."""
     torque = packed.torque_constant * float(np.sqrt(np.mean([np.mean(r.input**2) for r in records])))
-    torques, angles = (_LEAST_TORQUE * torque, np.inf), (1e-12, np.inf)
+    least, angles = _LEAST_TORQUE * torque, (1e-12, np.inf)
+    step = float(np.mean([r.resolution[0] for r in records])) / np.sqrt(12.0)
+    held = min(r.dt for r in records) ** 2 / 2.0
+    inertias = packed.linear[1], packed.linear[1 if packed.rigid else 3]
+    most_motor, most_arm = (_MOST_MOVED * step * inertia / held for inertia in inertias)
     # Without an upper end a fit may end at an arm whose encoder is not believed at all.
     arms = [r.measured[np.isfinite(r.measured[:, 1]), 1] for r in records]
     moved = max((float(np.std(q)) for q in arms if len(q)), default=0.0)
     most = max(_MOST_STEPS * float(np.mean([r.resolution[1] for r in records])), _MOST_OF_MOTION * moved)
     return {
-        "motor_torque": torques,
-        "arm_torque": torques,
+        "motor_torque": (min(least, 0.1 * most_motor), most_motor),
+        "arm_torque": (min(least, 0.1 * most_arm), most_arm),
         "motor_angle": angles,
         "arm_angle": (1e-12, max(most, 1e-9)),
         **_BOUNDS,

@@ -233,7 +233,8 @@ def _choice(opinion: Opinion, final: Fit, index: int) -> Choice:
                 before = others.get((e.effect, e.location), (e, 0.0))[1]
                 others[e.effect, e.location] = (e, before + weight)
     # One and the same to these recordings.
-    same = [e for e in twins(effect, final.model.rigid) if (e.effect, e.location) not in others]
+    there = {(e.effect, e.location) for e in final.model.effects}
+    same = [e for e in twins(effect, final.model.rigid) if (e.effect, e.location) not in {*others, *there}]
     likely = [prior(e.effect, e.location, False) for e in same]
     own /= 1.0 + sum(likely)
     for e, share in zip(same, likely, strict=True):

@@ -12,6 +12,7 @@ from haptic_teleop_sim.model import Effect, Model
 from haptic_teleop_sysid.estimation.records import Record
 
 from ..inputs.scales import Scales
+from .twins import twins
 
 #: Starts by effect and place: values of a parameter that was scanned, best first.
 Scanned = dict[tuple[str, str], list[float]]
@@ -36,9 +37,11 @@ def family(name: str) -> set[str]:
 def candidates(
     model: Model, records: Sequence[Record], scales: Scales, scanned: Scanned | None = None
 ) -> Iterator[Effect]:
-    """Every effect at every place it may sit, where the model has none of its family yet, at every start;
-    ``scanned``: the starts of parameters that were scanned, instead of their grids."""
-    present = {(n, e.location) for e in model.effects for n in family(e.effect)}
+    """Every effect at every place it may sit, where the model has none of its family yet, nor another name of
+    the same thing, at every start; ``scanned``: the starts of parameters that were scanned, instead of their
+    grids."""
+    same = [one for e in model.effects for one in (e, *twins(e, model.rigid))]
+    present = {(n, e.location) for e in same for n in family(e.effect)}
     for name, entry in EFFECTS.items():
         if entry.nuisance or entry.tabulated:
             continue

@@ -38,12 +38,14 @@ def _next(effect: Effect, rigid: bool) -> list[Effect]:
 
 
 def with_twins(found: Sequence[Explanation]) -> list[Explanation]:
-    """The explanations, and the twins of each that are not among them."""
+    """The explanations, and the twins of each that are not among them, nor in the model already."""
     known = {(e.effect.effect, e.effect.location) for e in found}
     result = list(found)
     for e in found:
-        for other in [] if e.beside is not None else twins(e.effect, e.fit.model.rigid):
-            if (other.effect, other.location) not in known:
+        model = e.fit.model
+        there = {(one.effect, one.location) for one in model.effects}
+        for other in [] if e.beside is not None else twins(e.effect, model.rigid):
+            if (other.effect, other.location) not in known | there:
                 known.add((other.effect, other.location))
                 result.append(replace(e, fit=_renamed(e.fit, e.effect_index, other)))
     return result
