@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from typing import Any
 
@@ -16,16 +16,17 @@ from .decision.beside_unknown import with_names
 from .decision.decide import Choice
 from .decision.measured_input import of_measured_input
 from .decision.nulls import Null, beyond_chance, nulls
+from .decision.outdone import outdone
 from .decision.own_quantity import follows_still
 from .decision.search import SearchResult
 from .decision.stand_in import stand_in
 from .decision.unconfirmed import unconfirmed
 from .decision.verdict import Verdict, decide_verdict
-from .evidence.measured_map import measured_map
+from .evidence.measured_map import A_GOOD_TORQUE, MeasuredMap, measured_map
 from .evidence.other_forms import spread_by_form, together
 from .evidence.proof import Proof, prove
 from .evidence.steadiness import spread_by_stretch
-from .explain import explained
+from .explain import Explained, explained
 from .inputs.between_samples import as_read
 from .inputs.uses import three_uses
 from .question import questioned, steady, weighed
@@ -40,6 +41,14 @@ def alarm(model: Model, estimation: list[DataSet], validation: list[DataSet]) ->
     found, _ = explained(model, estimation, validation, lambda text: None)
     result, doubt, _ = questioned(found, found.result, found.kept, [*estimation, *validation])
     return found.result, bool(result.choices) or doubt is not None
+
+
+def drawn_beside(
+    found: Explained, result: SearchResult, say: Callable[[str], None], least: float = A_GOOD_TORQUE
+) -> MeasuredMap:
+    """The map of what a result leaves; ``least``: see `measured_map`."""
+    base, given, parts = result.final, found.given, (found.learn, found.judge)
+    return measured_map(base, given, *parts, found.errors, say, found.cutoff, found.resized, least)
 
 
 def diagnose(
@@ -79,7 +88,8 @@ def diagnose(
     if adequate is not None:
         result, short = short_of(result, adequate)
         result, bent = follows_still(result, found.learn, found.judge)
-        doubt = doubt or short or bent
+        result, curved = outdone(result, lambda one, least: drawn_beside(found, one, say, least))
+        doubt = doubt or short or bent or curved
     say("deciding")
     forms = together(
         spread_by_form(result.final.model, found.learn, found.cutoff),
@@ -89,16 +99,7 @@ def diagnose(
     turning = where_torque_jumps(result.baseline, found.learn, found.judge)
     mapped = instead = None
     if verdict.kind == "unknown":
-        mapped = measured_map(
-            result.final,
-            found.given,
-            found.learn,
-            found.judge,
-            found.errors,
-            say,
-            found.cutoff,
-            found.resized,
-        )
+        mapped = drawn_beside(found, result, say)
         if mapped.fit is None:
             instead = stand_in(result.final, found.given, doubt, found.errors)
         verdict = with_names(

@@ -104,10 +104,12 @@ def measured_map(
     say: Callable[[str], None] = lambda text: None,
     cutoff: float | None = None,
     resized: Callable[[Fit], Fit | None] = lambda fit: None,
+    least: float = A_GOOD_TORQUE,
 ) -> MeasuredMap:
     """The map that explains most of what ``base``, fitted from ``given``, lacks; ``cutoff``: Hz, of the band
     of the motion, by default that of these recordings; ``resized``: a fit with the parameters that free runs
-    want, which is taken where it errs no more on both kinds of recordings; see the module."""
+    want, which is taken where it errs no more on both kinds of recordings; ``least``: share of the torque
+    that is missing which it must explain to be tried in free simulation; see the module."""
     if any(e.entry.tabulated for e in base.model.effects):
         return MeasuredMap(f"the given model has a {MEASURED.name} already")
     cutoff = motion_band([*estimation, *validation]) if cutoff is None else cutoff
@@ -127,7 +129,7 @@ def measured_map(
     if other is not None and told > max(_RATHER * share, 0.0):
         why = f"no map was added: what is missing follows the {_named(other)}, which is no map's to follow"
         return MeasuredMap(why, explained=most)
-    if most < A_GOOD_TORQUE:
+    if most < least:
         why = (
             f"no map was added: the best one, over {_named(nearest)}, explains {100 * max(most, 0.0):.0f} % "
             f"of the torque that is missing there where it was not drawn from; {_ELSE}"
@@ -135,7 +137,7 @@ def measured_map(
         return MeasuredMap(why, explained=most, quantities=_told(nearest))
     before, tried = errors(base.model), list[_Tried]()
     for search, one in (pair for place in places for pair in place.best(MOST_TRIED)):
-        if shares[one] < A_GOOD_TORQUE:
+        if shares[one] < least:
             continue
         say(f"drawing a torque over {_named(one)}")
         effect = drawn(search, one)
