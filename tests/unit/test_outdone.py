@@ -18,6 +18,7 @@ from haptic_teleop_sysid.diagnosis.hypotheses.explanation import Explanation
 from haptic_teleop_sysid.diagnosis.inputs.scales import recording_scales, within_reach
 from haptic_teleop_sysid.estimation.whole_fit import fit_from_scratch
 
+ERRS = lambda model: (0.1, 0.1)  # noqa: E731
 MAP = SimpleNamespace(effect="torque_map", location="stage1_arm")
 
 
@@ -28,8 +29,10 @@ MAP = SimpleNamespace(effect="torque_map", location="stage1_arm")
 def test_a_curve_takes_the_place_of_names_where_it_explains_and_simulates_more(explained, closed, kept):
     choice = Choice(explanation("gravity", 100.0, 100.0), 1.0)
     found = MeasuredMap("", None if closed is None else MAP, None, explained, closed, ("arm angle",))
-    result, doubt = outdone(result_of(choice), lambda result, least: found)
+    result, doubt = outdone(result_of(choice), ERRS, lambda result, least: found)
     assert bool(result.choices) == kept and (doubt is None) == kept
+    close = outdone(result_of(choice), lambda model: (0.5, 0.02), lambda result, least: found)
+    assert close[0].choices, "what simulates well needs no curve"
     if doubt is not None:
         assert doubt.choice is choice and doubt.short
         assert "a torque over arm angle at stage1_arm explains 63 %" in doubt.why
@@ -39,14 +42,14 @@ def test_a_curve_takes_the_place_of_names_where_it_explains_and_simulates_more(e
 def test_what_currents_show_is_no_torque_of_the_motion():
     shown = explanation("input_delay", 100.0, 100.0, "actuator", delay=0.01)
     result = result_of(Choice(replace(shown, by_current=80.0), 1.0))
-    assert outdone(result, lambda result, least: pytest.fail("nothing to outdo")) == (result, None)
+    assert outdone(result, ERRS, lambda result, least: pytest.fail("nothing to outdo")) == (result, None)
 
 
 @pytest.mark.parametrize(
     ("law", "numbers", "name", "place", "start", "kept"),
     [
         (5, (1.2, 0.3), "spring_to_ground", "arm", {"stiffness": 0.5, "rest": 0.3}, False),
-        (4, (0.25,), "quadratic_drag", "motor", {"coefficient": 0.2}, False),
+        (3, (0.3, 0.25, 0.2), "gravity", "arm", {"torque": 0.2, "phase": 0.0}, False),
         (1, (0.3, 2.0, 0.6), "angle_dependent_inertia", "arm",
          {"amplitude": 0.25, "order": 2.0, "phase": 0.6}, True),
     ],
@@ -60,5 +63,5 @@ def test_of_physics_with_a_name_and_without(law, numbers, name, place, start, ke
     def drawn(one, least):
         return measured_map(named, LAB, learn, judge, errors_of(learn, judge), least=least)
 
-    left, doubt = outdone(result, drawn)
+    left, doubt = outdone(result, errors_of(learn, judge), drawn)
     assert bool(left.choices) == kept, doubt

@@ -88,7 +88,8 @@ def diagnose(
     if adequate is not None:
         result, short = short_of(result, adequate)
         result, bent = follows_still(result, found.learn, found.judge)
-        result, curved = outdone(result, lambda one, least: drawn_beside(found, one, say, least))
+        drawn = lambda one, least: drawn_beside(found, one, say, least)  # noqa: E731
+        result, curved = outdone(result, found.errors, drawn)
         doubt = doubt or short or bent or curved
     say("deciding")
     forms = together(

@@ -11,20 +11,25 @@ from collections.abc import Callable
 from dataclasses import replace
 
 from ..evidence.measured_map import MeasuredMap
+from ..evidence.second_opinion import Errors
 from ..policy import OUTDONE_ERROR, OUTDONE_TORQUE
 from .reasons import Doubt
 from .search import SearchResult
 
+#: Error of free runs on validation recordings, as a share of the motion, up to which no curve is drawn: names
+#: that simulate that well do not need one, and drawing takes a tenth of a diagnosis' time.
+CLOSE = 0.03
+
 
 def outdone(
-    result: SearchResult, drawn: Callable[[SearchResult, float], MeasuredMap]
+    result: SearchResult, errors: Errors, drawn: Callable[[SearchResult, float], MeasuredMap]
 ) -> tuple[SearchResult, Doubt | None]:
     """The result without its names, and the doubt that says why, where a map beside them explains
     OUTDONE_TORQUE of the torque that they leave and takes OUTDONE_ERROR off the error of free runs, both
-    where it was not drawn from; what is seen in the currents alone stays. ``drawn``: the map beside a result,
-    tried in free runs where it explains that share at least."""
+    where it was not drawn from; what is seen in the currents alone stays. ``errors``: of free runs;
+    ``drawn``: the map beside a result, tried in free runs where it explains that share at least."""
     moving = [c for c in result.choices if c.chosen.by_current <= 0.0]
-    if not moving:
+    if not moving or errors(result.final.model)[1] < CLOSE:
         return result, None
     found = drawn(result, OUTDONE_TORQUE)
     if found.effect is None or found.explained is None or found.closed is None:
