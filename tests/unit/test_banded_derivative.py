@@ -37,7 +37,7 @@ def test_a_rounded_motion_of_several_hertz_keeps_its_size(order):
 @settings(max_examples=20, deadline=None)
 @given(st.floats(0.5, 12.0))
 def test_an_acceleration_is_neither_weakened_nor_delayed_at_any_frequency(frequency):
-    amplitude = 20.0 * STEP * max(1.0, 5.0 / frequency)
+    amplitude = 100.0 * STEP * max(1.0, 5.0 / frequency)
     true = motion((frequency,), (amplitude,), order=2)
     found = banded_derivative(rounded(motion((frequency,), (amplitude,))), 2, DT)
     inside = slice(1000, -1000)
@@ -45,7 +45,7 @@ def test_an_acceleration_is_neither_weakened_nor_delayed_at_any_frequency(freque
     columns = np.stack([true[inside], ahead], axis=1)
     size, delay = np.linalg.lstsq(columns, found[inside], rcond=None)[0]
     assert size == pytest.approx(1.0, abs=0.02)
-    assert abs(delay) < 0.02 * DT * 10
+    assert abs(delay) < 0.1 * DT
 
 
 def test_what_acts_over_a_sample_is_the_change_of_the_velocity_in_it():
@@ -67,8 +67,17 @@ def test_the_band_ends_where_the_motion_does():
     assert 5.1 < moving_band(rounded(motion((0.7, 2.3, 5.1), (0.3, 0.1, 0.06))), DT) < 10.0
 
 
+@pytest.mark.parametrize("samples", [600, 1000, 2000])
+@pytest.mark.parametrize("seed", range(4))
+def test_a_short_recording_of_a_slow_motion_has_a_narrow_band(samples, seed):
+    """Of one stretch alone some line of the noise stands out, and the acceleration is noise up to there."""
+    t = 0.01 * np.arange(samples)
+    noise = 1e-3 * np.random.default_rng(seed).normal(size=samples)
+    assert moving_band(rounded(0.5 * np.sin(2 * np.pi * 0.6 * t + seed) + noise), 0.01) < 6.0
+
+
 def test_few_samples_and_a_joint_that_stands_give_numbers():
-    for values in (np.zeros(400), np.zeros(3), np.arange(5.0)):
+    for values in (np.zeros(400), np.zeros(3), np.arange(5.0), np.ones(1)):
         for order in (0, 1, 2):
             assert np.all(np.isfinite(banded_derivative(values, order, DT)))
     assert banded_derivative(np.arange(6.0) * DT, 1, DT) == pytest.approx(np.ones(6))

@@ -20,7 +20,7 @@ from haptic_teleop_sysid.estimation.whole_fit import fit_from_scratch, fit_whole
 FRICTION = Effect("coulomb_friction", "stage1_motor", {"torque": 0.05})
 DRAG = Effect("quadratic_drag", "stage1_motor", {"coefficient": 0.05})
 #: No observer belongs to such levels.
-IMPOSSIBLE = replace(NOISE, motor_torque=1e200)
+IMPOSSIBLE = replace(NOISE, motor_angle=1e-200)
 
 
 @pytest.fixture(scope="module")

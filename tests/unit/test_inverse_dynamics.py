@@ -146,12 +146,12 @@ def test_a_late_input_is_found_beside_what_acts_as_well_and_hides_it():
 
 
 def test_a_friction_that_is_hardly_asymmetric_does_not_bar_what_it_is_and_the_delay_beside_it():
-    """A sixth of asymmetry is too little for the name. Two numbers say it, those of a plain friction and of a
-    constant torque as well; with them the delay has to be found all the same."""
+    """A sixth more in one direction is too little for the name. Two numbers say it, those of a plain friction
+    and of a constant torque as well; with them the delay has to be found all the same."""
     late = 10
 
     def made(seed: int) -> Record:
-        one = pendulum(seed, coulomb=0.4, offset=0.06)
+        one = pendulum(seed, coulomb=0.4, offset=0.03)
         return replace(one, input=np.append(one.input[late:], np.full(late, one.input[-1])))
 
     found = asked(RIGID, made(0), made(1))

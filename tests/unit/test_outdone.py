@@ -40,8 +40,8 @@ def test_a_curve_takes_the_place_of_names_where_it_explains_and_simulates_more(e
 
 
 def test_what_currents_show_is_no_torque_of_the_motion():
-    shown = explanation("input_delay", 100.0, 100.0, "actuator", delay=0.01)
-    result = result_of(Choice(replace(shown, by_current=80.0), 1.0))
+    shown = replace(explanation("input_delay", 100.0, 100.0, "actuator", delay=0.01), by_current=80.0)
+    result = result_of(*(Choice(one, 1.0) for one in (shown, explanation("gravity", 100.0, 100.0))))
     assert outdone(result, ERRS, lambda result, least: pytest.fail("nothing to outdo")) == (result, None)
 
 

@@ -90,7 +90,7 @@ def diagnose(
         result, bent = follows_still(result, found.learn, found.judge)
         drawn = lambda one, least: drawn_beside(found, one, say, least)  # noqa: E731
         result, curved = outdone(result, found.errors, drawn)
-        doubt = doubt or short or bent or curved
+        doubt = curved or doubt or short or bent
     say("deciding")
     forms = together(
         spread_by_form(result.final.model, found.learn, found.cutoff),

@@ -39,10 +39,10 @@ def level_bounds(packed: Packed, records: Sequence[Record]) -> dict[str, tuple[f
     """Lowest and highest value of every level."""
     torque = packed.torque_constant * float(np.sqrt(np.mean([np.mean(r.input**2) for r in records])))
     least, angles = _LEAST_TORQUE * torque, (1e-12, np.inf)
-    step = float(np.mean([r.resolution[0] for r in records])) / np.sqrt(12.0)
+    steps = [float(np.mean([r.resolution[i] for r in records])) / np.sqrt(12.0) for i in (0, 1)]
     held = min(r.dt for r in records) ** 2 / 2.0
-    inertias = packed.linear[1], packed.linear[1 if packed.rigid else 3]
-    most_motor, most_arm = (_MOST_MOVED * step * inertia / held for inertia in inertias)
+    most_motor = _MOST_MOVED * steps[0] * packed.linear[1] / held
+    most_arm = most_motor if packed.rigid else _MOST_MOVED * max(steps) * packed.linear[3] / held
     # Without an upper end a fit may end at an arm whose encoder is not believed at all.
     arms = [r.measured[np.isfinite(r.measured[:, 1]), 1] for r in records]
     moved = max((float(np.std(q)) for q in arms if len(q)), default=0.0)

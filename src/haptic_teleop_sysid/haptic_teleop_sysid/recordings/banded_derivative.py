@@ -13,8 +13,9 @@ from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
 
-#: Samples of the stretches whose spectra are averaged.
-SEGMENT = 2048
+#: Most samples of the stretches whose spectra are averaged, and how many of them a recording has at least: of
+#: one stretch alone a line of noise may stand out.
+SEGMENT, STRETCHES = 2048, 4
 #: Factor over the scatter of the readings from which a line is motion, the cut-off relative to the highest
 #: such line, and the order of the low pass, which runs forward and backward.
 MOVES, ABOVE, ORDER = 10.0, 1.5, 8
@@ -24,7 +25,9 @@ MOST = 0.45
 
 def banded_derivative(values: Array, order: int, dt: float) -> Array:
     """The ``order``-th derivative (0 to 2) of an angle (n,) sampled every ``dt`` s, without delay, (n,), in
-    the angle's unit per s^order. Of fewer samples than the low pass needs, plain differences."""
+    the angle's unit per s^order. Of fewer samples than the low pass needs, plain differences; of one, 0."""
+    if len(values) < 2:
+        return np.array(values, dtype=np.float64) if order == 0 else np.zeros(len(values))
     cutoff = moving_band(values, dt)
     found = np.array(values, dtype=np.float64)
     padding = round(3.0 / (cutoff * dt))
@@ -45,7 +48,7 @@ def to_the_next(values: Array) -> Array:
 def moving_band(values: Array, dt: float) -> float:
     """Cut-off, Hz, below which all lies by which an angle (n,) moves: the scatter of its readings is the
     median of the upper half of its spectrum."""
-    length = min(SEGMENT, len(values))
+    length = min(SEGMENT, max(len(values) // STRETCHES, min(len(values), 16)))
     frequency, power = scipy.signal.welch(values - np.mean(values), 1.0 / dt, nperseg=length)
     scatter = float(np.median(power[len(power) // 2 :]))
     moving = np.flatnonzero(power > MOVES * scatter)

@@ -2,10 +2,8 @@
 
 from __future__ import annotations
 
-import os
 import signal
 import sys
-import threading
 from collections.abc import Iterator
 from contextlib import contextmanager
 
@@ -46,25 +44,23 @@ class StopRequests:
         """
         if self.is_set():
             raise self.Interrupt
-        others = sys.unraisablehook
-        again: list[threading.Timer] = []
+        others, alarm = sys.unraisablehook, signal.signal(signal.SIGALRM, self.take)
 
         def dropped(what: sys.UnraisableHookArgs) -> None:
             if what.exc_type is self.Interrupt:
-                again.append(threading.Timer(AGAIN, os.kill, (os.getpid(), signal.SIGINT)))
-                again[-1].start()
+                signal.setitimer(signal.ITIMER_REAL, AGAIN)
             else:
                 others(what)
 
-        sys.unraisablehook = dropped
-        self._interrupts = True
         try:
+            sys.unraisablehook = dropped
+            self._interrupts = True
             yield
         finally:
             self._interrupts = False
-            for telling in again:
-                telling.cancel()
+            signal.setitimer(signal.ITIMER_REAL, 0.0)
             sys.unraisablehook = others
+            signal.signal(signal.SIGALRM, alarm)
 
 
 @contextmanager

@@ -26,10 +26,12 @@ def outdone(
 ) -> tuple[SearchResult, Doubt | None]:
     """The result without its names, and the doubt that says why, where a map beside them explains
     OUTDONE_TORQUE of the torque that they leave and takes OUTDONE_ERROR off the error of free runs, both
-    where it was not drawn from; what is seen in the currents alone stays. ``errors``: of free runs;
-    ``drawn``: the map beside a result, tried in free runs where it explains that share at least."""
-    moving = [c for c in result.choices if c.chosen.by_current <= 0.0]
-    if not moving or errors(result.final.model)[1] < CLOSE:
+    where it was not drawn from; the result as it is where one of them is seen in the currents alone.
+    ``errors``: of free runs; ``drawn``: the map beside a result, tried in free runs where it explains that
+    share at least."""
+    moving = [*result.choices]
+    shown = any(c.chosen.by_current > 0.0 for c in moving)
+    if not moving or shown or errors(result.final.model)[1] < CLOSE:
         return result, None
     found = drawn(result, OUTDONE_TORQUE)
     if found.effect is None or found.explained is None or found.closed is None:

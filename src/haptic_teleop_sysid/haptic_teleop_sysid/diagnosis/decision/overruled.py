@@ -151,8 +151,12 @@ def inadequate(result: SearchResult, opinion: Opinion, errors: Errors) -> Doubt 
     loop their regression is biased by what the encoders round, and with the same names their free run
     errs more by ERRS_FAR_LESS."""
     told, group = _along_motion(result)
-    theirs = errors(opinion.witness.with_names(group)) if told else None
-    if theirs is not None and math.prod(_ratios(errors(result.final.model), theirs)) < ERRS_FAR_LESS**2:
+    if not told:
+        return None
+    others = [c.chosen.effect for c in result.choices if c not in told]
+    theirs = opinion.witness.with_names(group)
+    there = errors(theirs.with_effects(*others) if others else theirs)
+    if math.prod(_ratios(errors(result.final.model), there)) < ERRS_FAR_LESS**2:
         return None
     for choice, adequacy in zip(told, opinion.witness.folds.adequacies(group), strict=True):
         if adequacy < LEAST_EXPLAINED:

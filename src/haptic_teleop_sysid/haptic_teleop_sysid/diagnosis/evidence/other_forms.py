@@ -95,6 +95,8 @@ def _apart(side: Equations, effect: Effect, entry: EffectEntry) -> dict[str, flo
         left = float(np.sum((given - columns @ values) ** 2))
         if left < least:
             best, least, nearest = values, left, dict(shape)
+    if not np.isfinite(least):
+        return {}
     head = f"{effect.location}.{effect.effect}."
     apart = {n: abs(float(v)) for n, v in zip(side.names, best, strict=False)}
     places = [p.name for p in entry.parameters if _is_place(p)]

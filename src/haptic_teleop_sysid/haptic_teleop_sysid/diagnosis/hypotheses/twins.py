@@ -38,13 +38,15 @@ def _next(effect: Effect, rigid: bool) -> list[Effect]:
 
 
 def with_twins(found: Sequence[Explanation]) -> list[Explanation]:
-    """The explanations, and the twins of each that are not among them, nor in the model already."""
+    """The explanations, and the twins of each that are not among them, nor in the model already. What a
+    measured current shows lies before the joint, be that rigid or not."""
     known = {(e.effect.effect, e.effect.location) for e in found}
     result = list(found)
     for e in found:
         model = e.fit.model
         there = {(one.effect, one.location) for one in model.effects}
-        for other in [] if e.beside is not None else twins(e.effect, model.rigid):
+        rigid = model.rigid and e.by_current <= 0.0
+        for other in [] if e.beside is not None else twins(e.effect, rigid):
             if (other.effect, other.location) not in known | there:
                 known.add((other.effect, other.location))
                 result.append(replace(e, fit=_renamed(e.fit, e.effect_index, other)))
