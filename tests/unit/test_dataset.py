@@ -209,3 +209,26 @@ def test_a_stage_that_was_not_recorded_is_named():
     )
     with pytest.raises(MismatchError, match=r"stage1.yaml.*mybag.*stage1_motor.*stage2_motor, stage2_arm"):
         load_dataset(recording, MODEL, "mybag")
+
+
+def beside(position):
+    """The recording with the other arm at ``position`` (n,)."""
+    recording = made()
+    states = recording.topics["/sfj/joint_states"]
+    positions = states.position.copy()
+    positions[:, states.names.index("stage2_arm")] = position
+    return with_states(recording, position=positions)
+
+
+def test_the_other_arm_counts_where_it_was_read_and_without_readings_that_cannot_be_true():
+    time = DT * np.arange(len(CURRENT))
+    swing = np.round(0.4 * np.sin(2 * np.pi * 1.5 * time) / 1e-4) * 1e-4
+    clean = load_dataset(beside(swing), MODEL).exogenous
+    assert np.std(clean) == pytest.approx(0.4 * (3 * np.pi) ** 2 / np.sqrt(2), rel=0.05)
+    wild = swing.copy()
+    wild[1000] = 1e200
+    found = load_dataset(beside(wild), MODEL)
+    assert np.allclose(found.exogenous[200:-200], clean[200:-200], atol=0.02 * np.std(clean))
+    assert any("stage2_arm.position leaps away and back at 1 sample" in told for told in found.problems)
+    assert found.slips == () and found.valid.all()
+    assert load_dataset(beside(np.full(len(swing), np.nan)), MODEL).exogenous is None

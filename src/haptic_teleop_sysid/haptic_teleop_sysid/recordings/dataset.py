@@ -17,7 +17,13 @@ from haptic_teleop_sysid.recordings.banded_derivative import banded_derivative, 
 from haptic_teleop_sysid.recordings.channels import Channels, channels_for
 from haptic_teleop_sysid.recordings.damage import encoder_step, refuse_holes
 from haptic_teleop_sysid.recordings.encoder_zeros import arm_zero, told
-from haptic_teleop_sysid.recordings.motion import Damage, finite, leave_out_stills, motion
+from haptic_teleop_sysid.recordings.motion import (
+    Damage,
+    finite,
+    leave_out_stills,
+    motion,
+    without_wrong_readings,
+)
 from haptic_teleop_sysid.recordings.recorded_parameters import recorded_units, recorded_value
 from haptic_teleop_sysid.recordings.slips import Slip
 from haptic_teleop_sysid.recordings.time_grid import GAP_PERIODS, NS, TimeGrid
@@ -184,6 +190,7 @@ def load_dataset(recording: Recording, model: Model, name: str = "", allow_gaps:
     units = recorded_units(recording.experiment, channels.motor.joint)
     zero = 0.0 if arm is None else arm_zero(motor, arm, input_, valid, grid.dt, model)
     zeros = (told(zero, units["position"]),) if zero else ()
+    other = _of_other_arm(channels, grid, model, damage)
     encoders = {channels.motor.joint: model.location("motor_encoder")}
     if channels.arm is not None:
         encoders[channels.arm.joint] = model.location("arm_encoder")
@@ -200,7 +207,7 @@ def load_dataset(recording: Recording, model: Model, name: str = "", allow_gaps:
         arm_position=None if arm is None else arm - zero,
         arm_velocity=arm_rate,
         commanded_input=None if commanded is None else finite(commanded, None),
-        exogenous=_of_other_arm(channels, grid, model),
+        exogenous=other,
         valid=valid,
         velocity_filter=None
         if model.robot == "generic"
@@ -233,11 +240,18 @@ def _inputs(channels: Channels, grid: TimeGrid, scale: float) -> tuple[Array | N
     return measured, commanded
 
 
-def _of_other_arm(channels: Channels, grid: TimeGrid, model: Model) -> Array | None:
-    """What the model's effects follow of the robot's other arm: its acceleration, unless a map says other."""
-    if channels.other_arm is None:
+def _of_other_arm(channels: Channels, grid: TimeGrid, model: Model, damage: Damage) -> Array | None:
+    """What the model's effects follow of the robot's other arm: its acceleration, unless a map says other;
+    None where nothing of it was read. What is wrong with its readings is told with the `damage`."""
+    other = channels.other_arm
+    if other is None:
         return None
-    position = finite(grid.sampled(channels.other_arm.values("position")), None)
+    own = Damage()
+    read = without_wrong_readings(other.values("position"), other.joint, grid, own)
+    damage.told += own.told
+    position = finite(grid.sampled(read), None)
+    if not np.any(np.isfinite(position)):
+        return None
     order = {"other_angle": 0, "other_velocity": 1}.get(next(iter(other_signals(model)), ""), 2)
     return to_the_next(banded_derivative(position, order, grid.dt))
 

@@ -34,7 +34,7 @@ def motion(
     """Position and velocity (n,) of a channel on the grid. Samples that were not read are bridged and marked
     as not `valid` (n,), what slipped is put back; `damage` is told."""
     read = channel.values("position")
-    mended = _mended(read, channel.joint, grid, damage)
+    mended = without_wrong_readings(read, channel.joint, grid, damage)
     position = finite(grid.sampled(mended), valid)
     recorded = channel.values_or_none("velocity")
     # The driver made its velocity of wrong readings, too.
@@ -45,7 +45,7 @@ def motion(
     return position, velocity_series(position, grid.dt, VELOCITY_FILTER_CUTOFF_HZ, VELOCITY_FILTER_DAMPING)
 
 
-def _mended(read: Array, joint: str, grid: TimeGrid, damage: Damage) -> Array:
+def without_wrong_readings(read: Array, joint: str, grid: TimeGrid, damage: Damage) -> Array:
     """The positions of all messages (m,) without what cannot be true; `read` itself where all of it can."""
     kept = np.where(np.isfinite(read[grid.keep]), read[grid.keep], np.nan)
     unread = leaps(kept)
