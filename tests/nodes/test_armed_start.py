@@ -293,14 +293,12 @@ def test_a_signal_in_a_callback_that_drops_exceptions_ends_the_process_too_and_p
     class Lock:
         pass
 
-    begun = time.monotonic()
     with stop_requests() as stop, pytest.raises(StopRequests.Interrupt), stop.interruptible():
         lock = Lock()
         forgets = weakref.ref(lock, lambda _: signal.raise_signal(signal.SIGINT))
         del lock
         assert forgets() is None and stop.is_set()
-        time.sleep(20.0)
-    assert time.monotonic() - begun < 5.0
+        time.sleep(20.0)  # the signal ends this; if it does not, the block ends without and the test fails
     assert capsys.readouterr().err == ""
 
 

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -178,6 +178,4 @@ def short_of(result: SearchResult, found: Adequacy) -> tuple[SearchResult, Doubt
         f"the most similar effect, {names}, explains {100 * found.torque:.0f} % of the torque that the "
         "structure alone lacks to follow the recordings"
     )
-    result = result.giving_up(moving, why)
-    bare = replace(result, final=result.baseline, choices=(), last_round=(), nameless=None)
-    return bare, Doubt(moving[0], why, short=True)
+    return result.without_names(moving, why), Doubt(moving[0], why, short=True)

@@ -8,7 +8,6 @@ drawn on the estimation recordings takes little off the error of free runs of th
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import replace
 
 from ..evidence.measured_map import MeasuredMap
 from ..evidence.second_opinion import Errors
@@ -29,7 +28,7 @@ def outdone(
     where it was not drawn from; the result as it is where one of them is seen in the currents alone.
     ``errors``: of free runs; ``drawn``: the map beside a result, tried in free runs where it explains that
     share at least."""
-    moving = [*result.choices]
+    moving = result.choices
     shown = any(c.chosen.by_current > 0.0 for c in moving)
     if not moving or shown or errors(result.final.model)[1] < CLOSE:
         return result, None
@@ -45,6 +44,4 @@ def outdone(
         f"{100 * found.closed:.0f} % off the error of free-run simulations, on recordings that it was not "
         "drawn from"
     )
-    result = result.giving_up(moving, why)
-    bare = replace(result, final=result.baseline, choices=(), last_round=(), nameless=None)
-    return bare, Doubt(moving[0], why, short=True)
+    return result.without_names(moving, why), Doubt(moving[0], why, short=True)

@@ -7,7 +7,6 @@ names do, and leaves a torque that follows the angle.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
 
 from haptic_teleop_sysid.estimation.records import Record
 
@@ -37,7 +36,5 @@ def follows_still(
                 f"the most similar effect, {effect.effect} at {effect.location}, leaves a torque of which "
                 f"the {still.name} explains {100 * still.explained:.0f} % on recordings that were not fitted"
             )
-            result = result.giving_up([choice], why)
-            bare = replace(result, final=result.baseline, choices=(), last_round=(), nameless=None)
-            return bare, Doubt(choice, why)
+            return result.without_names([choice], why), Doubt(choice, why)
     return result, None

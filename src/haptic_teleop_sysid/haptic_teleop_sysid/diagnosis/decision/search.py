@@ -60,6 +60,11 @@ class SearchResult:
         """The result, in which some of its choices are told as given up."""
         return replace(self, given_up=(*self.given_up, *(GivenUp(c.chosen, why) for c in choices)))
 
+    def without_names(self, choices: Sequence[Choice], why: str) -> SearchResult:
+        """The structure alone, with some of the choices told as given up."""
+        told = self.giving_up(choices, why)
+        return replace(told, final=self.baseline, choices=(), last_round=(), nameless=None)
+
 
 #: Simulated fit (percent) of the re-estimated baseline below which the search by simulation is tried.
 POOR_FIT = 75.0
