@@ -15,7 +15,7 @@ from typing import Any
 from haptic_teleop_control.compiled import njit
 
 from .entry import EffectEntry
-from .hypothesis import Equivalent, Numbers, Recorded, drifts, late, noticeable
+from .hypothesis import Equivalent, Numbers, Recorded, as_early, drifts, late, noticeable
 from .parameter import EffectParameter
 
 #: Samples of memory of a delay: 256 at 500 Hz are half a second.
@@ -92,11 +92,6 @@ def _duration(
         hills=hills,
         in_current="time",
     )
-
-
-def _as_early_stamp(p: Numbers) -> dict[str, float]:
-    """A torque that is late has a command that is stamped early."""
-    return {"delay": -p["delay"]} if p["delay"] != 0.0 else {}
 
 
 def _limits_at_speed(p: Numbers, on: Recorded) -> bool:
@@ -289,7 +284,7 @@ INPUT_DELAY = EffectEntry(
     separated=(("actuator_lag", "excite up to frequencies above 1 / (2 delay)"),),
     practical=late("delay"),
     families=("late torque",),
-    equivalents=(Equivalent("channel_skew", ("actuator",), _as_early_stamp),),
+    equivalents=(Equivalent("channel_skew", ("actuator",), as_early),),
     large=True,
 )
 

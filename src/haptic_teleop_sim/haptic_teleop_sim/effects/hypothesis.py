@@ -56,6 +56,12 @@ class Equivalent:
     rigid: bool = False
 
 
+def as_early(p: Numbers) -> dict[str, float]:
+    """A delay as another channel that is stamped as early: of two channels one is late where the other one is
+    early."""
+    return {"delay": -p["delay"]} if p["delay"] != 0.0 else {}
+
+
 @dataclass(frozen=True)
 class Refinement:
     """The effect as a richer form of a plainer one, ``of``. ``starts(p, on, scanned)``: parameters to fit it

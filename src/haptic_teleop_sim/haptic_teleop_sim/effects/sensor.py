@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from .entry import EffectEntry
-from .hypothesis import Equivalent, Numbers, Recorded, late
+from .hypothesis import Equivalent, Numbers, Recorded, as_early, late
 from .parameter import EffectParameter
 
 #: Least error of an encoder in its steps, which average out over many readings, and how much of its sine must
@@ -33,11 +33,6 @@ def _if_late(p: Numbers) -> dict[str, float]:
 def _if_early(p: Numbers) -> dict[str, float]:
     """A command that is stamped early is answered late."""
     return {"delay": -p["delay"]} if p["delay"] < 0.0 else {}
-
-
-def _as_other_stamp(p: Numbers) -> dict[str, float]:
-    """One of two channels late is the other one early."""
-    return {"delay": -p["delay"]} if p["delay"] != 0.0 else {}
 
 
 def _as_stamp(p: Numbers) -> dict[str, float]:
@@ -168,8 +163,8 @@ CHANNEL_SKEW = EffectEntry(
         Equivalent("input_delay", ("actuator",), _if_early),
         Equivalent("sensor_delay", ("motor_encoder", "arm_encoder"), _if_late),
         # Input and angle are all that a rigid joint has: their order in time is one number.
-        Equivalent("channel_skew", ("motor_encoder",), _as_other_stamp, place="actuator", rigid=True),
-        Equivalent("channel_skew", ("actuator",), _as_other_stamp, place="motor_encoder", rigid=True),
+        Equivalent("channel_skew", ("motor_encoder",), as_early, place="actuator", rigid=True),
+        Equivalent("channel_skew", ("actuator",), as_early, place="motor_encoder", rigid=True),
     ),
     prior=_stamped_wrong,
 )

@@ -11,14 +11,9 @@ from collections.abc import Callable
 
 from ..evidence.measured_map import MeasuredMap
 from ..evidence.second_opinion import Errors
-from ..policy import OUTDONE_ERROR, OUTDONE_TORQUE
+from ..policy import OUTDONE_ERROR, OUTDONE_FROM, OUTDONE_TORQUE
 from .reasons import Doubt
 from .search import SearchResult
-
-#: Error of free runs on validation recordings, as a share of the motion, up to which no curve is drawn: names
-#: that simulate that well do not need one, and drawing takes a tenth of a diagnosis' time.
-CLOSE = 0.03
-
 
 def outdone(
     result: SearchResult, errors: Errors, drawn: Callable[[SearchResult, float], MeasuredMap]
@@ -30,7 +25,7 @@ def outdone(
     share at least."""
     moving = result.choices
     shown = any(c.chosen.by_current > 0.0 for c in moving)
-    if not moving or shown or errors(result.final.model)[1] < CLOSE:
+    if not moving or shown or errors(result.final.model)[1] < OUTDONE_FROM:
         return result, None
     found = drawn(result, OUTDONE_TORQUE)
     if found.effect is None or found.explained is None or found.closed is None:
