@@ -15,6 +15,7 @@ from ..policy import OUTDONE_ERROR, OUTDONE_FROM, OUTDONE_TORQUE
 from .reasons import Doubt
 from .search import SearchResult
 
+
 def outdone(
     result: SearchResult, errors: Errors, drawn: Callable[[SearchResult, float], MeasuredMap]
 ) -> tuple[SearchResult, Doubt | None]:
