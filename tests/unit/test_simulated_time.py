@@ -35,8 +35,10 @@ from haptic_teleop_control.simulated_time.stamps import ORIGIN, sample_stamp
 
 
 def joined(coordinator, *members, wall=0.0, sender="", run=""):
+    """The coordinator to which `members` have shown that they hear its ticks."""
     for member in members:
         coordinator.hear(Report(member.name, "join", member=member, sender=sender, run=run), wall)
+        coordinator.hear(Report(member.name, "done", sender=sender, run=run), wall)
     return coordinator
 
 
@@ -73,6 +75,39 @@ def test_time_begins_when_all_have_joined_and_says_whom_it_waits_for():
     assert status.state == "waiting" and "recorder" in status.reason and "use_sim_time" in status.reason
     joined(coordinator, Member("/recorder", RECORDER, topics=("/sfj/joint_states",)))
     assert [tick.stamp for tick in ticks(coordinator.poll(0.01))] == [ORIGIN]
+
+
+def test_time_does_not_begin_before_everybody_hears_its_ticks_however_long_that_takes():
+    # The middleware finds each topic by itself: one had heard every status, and none of the ticks for 5 s.
+    coordinator = Coordinator(["sfj_sim"], 0.0)
+    sent = []
+    participant = listening([], say=sent.append)
+    for turn in range(1000):
+        wall = 0.01 * turn
+        said = [*coordinator.poll(wall)]
+        participant.poll(wall)
+        for message in said:
+            if isinstance(message, Status):
+                participant.hear(message)
+        while sent:
+            coordinator.hear(sent.pop(0), wall)
+    assert participant.joined and coordinator.state == WAITING and not coordinator.ticks
+    assert participant.waits_for == "/sfj/sfj_sim to hear ticks"
+    while not coordinator.ticks:
+        wall += 0.01
+        assert wall < 11.0
+        for message in coordinator.poll(wall):
+            participant.hear(message)
+        while sent:
+            coordinator.hear(sent.pop(0), wall)
+    assert coordinator.state == RUNNING and participant.tick.stamp == ORIGIN
+
+
+def test_a_recorder_hears_no_ticks_and_is_not_waited_for():
+    recorder = Report("/recorder", "join", member=Member("/recorder", RECORDER, topics=("/sfj/joint_states",)))
+    coordinator = open_loop()
+    coordinator.hear(recorder, 0.0)
+    assert ticks(coordinator.poll(0.0))
 
 
 def test_two_who_misunderstand_each_other_do_not_wait_for_ever():
@@ -176,7 +211,7 @@ def test_whoever_joined_a_coordinator_that_gives_way_turns_to_the_other_one():
     participant = listening(faults, refusals, said.append)
     participant.poll(0.0)
     stray.hear(said.pop(), 0.0)
-    (status,) = stray.poll(0.0)
+    status = stray.poll(0.0)[0]
     participant.hear(status)
     assert participant.joined and stray.yields_to(scenarios.status())
     participant.hear(stray.give_way())

@@ -89,6 +89,7 @@ class Coordinator:
         self._duration, self._liveness = duration, liveness
         self._schedule = Schedule([])
         self._tick: Tick | None = None
+        self._hearing: set[str] = set()  # names that have answered the tick that asks nothing
         self._owing: set[str] = set()  # names that have not done what the tick asked
         self._sent: dict[str, int] = {}  # way -> newest stamp sent into the link, taken out of it
         self._taken: dict[str, int] = {}
@@ -192,7 +193,11 @@ class Coordinator:
                     self._schedule.under_way(way, stamp, report.arrivals)
         elif report.act == "left":
             self._leave(member, report.what)
-        elif self._tick is not None and report.number == self._tick.number:
+        elif self._tick is None:
+            if report.act == "done" and name not in self._hearing:
+                self._hearing.add(name)
+                self._news = True
+        elif report.number == self._tick.number:
             if report.act == "waiting":
                 self._waits_for[name] = report.what
             elif report.act == "done":
@@ -207,6 +212,9 @@ class Coordinator:
         before = self.state
         out = self._progress(wall)
         if self.state != before or self._news or self._lived - self._told >= HEARTBEAT:
+            if self.state == WAITING and self._deaf():
+                # Ticks travel on a topic of their own, which the middleware may find seconds after the others.
+                out.append(Tick(self.session, 0, ORIGIN, ()))
             out.insert(0, self.status())  # whoever has just joined knows that before the tick that asks him
             self._news, self._told = False, self._lived
         return out
@@ -405,6 +413,7 @@ class Coordinator:
 
     def _leave(self, member: Member, why: str) -> None:
         del self.members[member.name], self._senders[member.name]
+        self._hearing.discard(member.name)
         if self.state in BEGUN and member.kind != RECORDER:
             self._halt(f"{member.name} {why or 'has ended'}")
         self._owing.discard(member.name)
@@ -415,6 +424,12 @@ class Coordinator:
             return ""
         there = [*self.members, *(name.rsplit("/", 1)[-1] for name in self.members)]
         missing = [name for name in self.participants if name not in there]
-        if not missing:
-            return "" if self.armed else "waiting for the start"
-        return f"waiting for {', '.join(missing)} to take part (each with use_sim_time: true)"
+        if missing:
+            return f"waiting for {', '.join(missing)} to take part (each with use_sim_time: true)"
+        if deaf := self._deaf():
+            return f"waiting for {', '.join(deaf)} to hear ticks"
+        return "" if self.armed else "waiting for the start"
+
+    def _deaf(self) -> list[str]:
+        """Who has joined, and has not yet shown that ticks reach it; a recorder hears none."""
+        return [m.name for m in self.members.values() if m.kind != RECORDER and m.name not in self._hearing]

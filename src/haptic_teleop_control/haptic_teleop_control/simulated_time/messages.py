@@ -68,7 +68,8 @@ class Member:
 
 @dataclass(frozen=True)
 class Tick:
-    """One grant. number: counts up by one; a repeat bears the same number. stamp: ns of simulated time.
+    """One grant. number: counts up by one from 1; a repeat bears the same number; 0 asks nothing but that it
+    is answered, before time begins. stamp: ns of simulated time.
     due: names of the plants and sources that publish now. states: topics among theirs that somebody answers.
     newest: source's topic -> stamp that must have been taken before answering. deliveries: what the link
     hands over before the answer, in this order. session: the coordinator's id.

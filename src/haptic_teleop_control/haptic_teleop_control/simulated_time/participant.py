@@ -80,6 +80,9 @@ class Participant:
             return
         if not self.joined or self._faulty:
             return
+        if message.number == 0:
+            self._say("done")
+            return
         last = 0 if self.tick is None else self.tick.number
         if message.number < last:
             return  # overtaken on its way
