@@ -104,9 +104,9 @@ def test_time_does_not_begin_before_everybody_hears_its_ticks_however_long_that_
 
 
 def test_a_recorder_hears_no_ticks_and_is_not_waited_for():
-    recorder = Report("/recorder", "join", member=Member("/recorder", RECORDER, topics=("/sfj/joint_states",)))
+    recorder = Member("/recorder", RECORDER, topics=("/sfj/joint_states",))
     coordinator = open_loop()
-    coordinator.hear(recorder, 0.0)
+    coordinator.hear(Report("/recorder", "join", member=recorder), 0.0)
     assert ticks(coordinator.poll(0.0))
 
 

@@ -213,7 +213,7 @@ class Coordinator:
         out = self._progress(wall)
         if self.state != before or self._news or self._lived - self._told >= HEARTBEAT:
             if self.state == WAITING and self._deaf():
-                # Ticks travel on a topic of their own, which the middleware may find seconds after the others.
+                # Ticks have a topic of their own, which the middleware may find seconds after the others.
                 out.append(Tick(self.session, 0, ORIGIN, ()))
             out.insert(0, self.status())  # whoever has just joined knows that before the tick that asks him
             self._news, self._told = False, self._lived
