@@ -435,3 +435,32 @@ def test_innovations_of_many_encoder_steps_are_not_coloured_by_rounding(monkeypa
     for steps, by_steps in ((0.5, True), (5.0, False)):
         monkeypatch.setattr(coloured, "in_steps", lambda *_, s=steps: s)
         assert coloured.by_steps((600.0, 700.0), both) == by_steps
+
+
+@pytest.mark.parametrize(
+    ("noise_model_fails", "stands"), [(False, "quadratic_drag"), (True, "spring_to_ground")]
+)
+def test_white_innovations_are_believed_against_a_free_run_that_errs_a_fifth_less(
+    monkeypatch, noise_model_fails, stands
+):
+    """A dead zone of 11000 nats gave way to a friction that simulated better by chance."""
+    data = [
+        load_dataset(stage_recording(STAGE, seed=seed, seconds=4.0, band=(0.2, 4.0)), STAGE)
+        for seed in (1, 2)
+    ]
+    learn = records_of(data[:1])
+    spring = Effect("spring_to_ground", "stage1_motor", {"stiffness": 0.01, "rest": 0.0})
+    predicted, free = found(DRAG, learn), found(spring, learn)
+
+    def errors(horizons, model):
+        return (0.025, 0.156 if model is free.final.model else 0.196)
+
+    monkeypatch.setattr(explaining, "POOR_FIT", 101.0)
+    monkeypatch.setattr(explaining, "search", lambda *_, **__: predicted)
+    monkeypatch.setattr(explaining, "search_by_simulation", lambda *_, **__: free)
+    monkeypatch.setattr(explaining, "unharmful", lambda result, percent: result)
+    monkeypatch.setattr(explaining.Horizons, "errors", errors)
+    monkeypatch.setattr(explaining, "coloured", lambda *_: noise_model_fails)
+    told = explaining.explain(STAGE, data[:1], data[1:], lambda text: None)
+    assert [c.chosen.effect.effect for c in told.kept.choices] == [stands]
+    assert told.freely == noise_model_fails

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
 
@@ -19,9 +19,11 @@ from haptic_teleop_sysid.recordings.dataset import DataSet
 from haptic_teleop_sysid.simulation.parameter_fit import ParameterFit
 from haptic_teleop_sysid.simulation.parameter_fit import fit_parameters as fit_to_free_runs
 
+from .decision.coloured import coloured
 from .decision.decide import Choice
 from .decision.free_run_sizes import freely_sized, turning_limits
-from .decision.search import LEAST_PERCENT, POOR_FIT, SearchResult, search, search_by_simulation
+from .decision.overruled import errs_enough_less
+from .decision.search import POOR_FIT, SearchResult, search, search_by_simulation
 from .evidence.current import shown_by_current
 from .evidence.horizons import Horizons, free_errors
 from .evidence.inverse_dynamics.band import motion_band
@@ -167,8 +169,7 @@ def explain(
     if poor and result.nameless is None:
         say("searching by free simulation")
         free = search_by_simulation(model, result.baseline, learn, judge, percent=percent, progress=say)
-        gained = sum(percent(free.final.model)) - sum(percent(kept.final.model))
-        if free.choices and (not kept.choices or gained > LEAST_PERCENT):
+        if free.choices and (not kept.choices or _errs_less(free.final, kept.final, horizons, learn, judge)):
             better = "what a search by free simulation finds simulates all recordings better"
             kept = replace(free, given_up=kept.giving_up(kept.choices, better).given_up)
             freely = True
@@ -178,6 +179,14 @@ def explain(
         with suppress(*FAILURES):
             opinion = second_opinion(said, result.scales, horizons.errors, min(map(horizons.errors, alone)))
     return Explained(model, learn, judge, course, horizons, result, kept, freely, opinion, cutoff)
+
+
+def _errs_less(
+    free: Fit, kept: Fit, horizons: Horizons, learn: Sequence[Record], judge: Sequence[Record]
+) -> bool:
+    """Whether what free runs say is missing takes the place of what predictions say (`errs_enough_less`)."""
+    errors = (horizons.errors(fit.model) for fit in (free, kept))
+    return errs_enough_less(*errors, lambda: coloured(kept, learn, judge))
 
 
 def unharmful(result: SearchResult, percent: Callable[[Model], tuple[float, float]]) -> SearchResult:

@@ -39,14 +39,23 @@ def believed_instead(
     does not hold, which takes a fit and is asked only where it decides."""
     if opinion.chosen is None:
         return False
-    ratios = _ratios(opinion.chosen.errors, first)
+    return errs_enough_less(
+        opinion.chosen.errors, first, lambda: _torques_agree(opinion, named) or coloured()
+    )
+
+
+def errs_enough_less(
+    one: tuple[float, float], first: tuple[float, float], excused: Callable[[], bool]
+) -> bool:
+    """Whether free runs with other names err so much less (``one``) than those of what was found first that
+    they take its place: by ERRS_FAR_LESS, or by ERRS_LESS where ``excused`` says that the first one's
+    likelihoods are not to be taken at their word, or that other evidence speaks against them."""
+    ratios = _ratios(one, first)
     # The validation recordings decide: a model errs less where it was fitted, whatever it is worth.
     if ratios[1] >= NO_WORSE or math.prod(ratios) >= ERRS_LESS**2:
         return False
     # What errs far less where neither was fitted is not made worse by a first one that fits the rest closely.
-    if min(math.prod(ratios), ratios[1]) < ERRS_FAR_LESS**2:
-        return True
-    return _torques_agree(opinion, named) or coloured()
+    return min(math.prod(ratios), ratios[1]) < ERRS_FAR_LESS**2 or excused()
 
 
 def _torques_agree(opinion: Opinion, named: Sequence[Effect]) -> bool:
