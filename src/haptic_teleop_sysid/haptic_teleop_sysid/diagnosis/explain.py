@@ -185,8 +185,8 @@ def _errs_less(
     free: Fit, kept: Fit, horizons: Horizons, learn: Sequence[Record], judge: Sequence[Record]
 ) -> bool:
     """Whether what free runs say is missing takes the place of what predictions say (`errs_enough_less`)."""
-    errors = (horizons.errors(fit.model) for fit in (free, kept))
-    return errs_enough_less(*errors, lambda: coloured(kept, learn, judge))
+    one, first = horizons.errors(free.model), horizons.errors(kept.model)
+    return errs_enough_less(one, first, lambda: coloured(kept, learn, judge))
 
 
 def unharmful(result: SearchResult, percent: Callable[[Model], tuple[float, float]]) -> SearchResult:

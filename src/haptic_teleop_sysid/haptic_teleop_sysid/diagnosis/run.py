@@ -15,6 +15,7 @@ from .decision.at_reversals import where_torque_jumps, with_friction
 from .decision.beside_unknown import with_names
 from .decision.decide import Choice
 from .decision.measured_input import of_measured_input
+from .decision.misplaced import misplaced, relocated
 from .decision.nulls import Null, beyond_chance, nulls
 from .decision.outdone import outdone
 from .decision.own_quantity import follows_still
@@ -22,6 +23,7 @@ from .decision.search import SearchResult
 from .decision.stand_in import stand_in
 from .decision.unconfirmed import unconfirmed
 from .decision.verdict import Verdict, decide_verdict
+from .evidence.acting_place import ActingPlace
 from .evidence.measured_map import A_GOOD_TORQUE, MeasuredMap, measured_map
 from .evidence.other_forms import spread_by_form, together
 from .evidence.proof import Proof, prove
@@ -81,10 +83,17 @@ def diagnose(
     say("checking what was found")
     result, doubt, stand = questioned(found, believed, kept, [*estimation, *validation])
     result = of_measured_input(unconfirmed(result, found.nearby), read, estimation)
+    acting = None
+    if not model.rigid:
+        acting = ActingPlace(result.baseline.model, [*found.learn, *found.judge], found.cutoff)
+        result, away = misplaced(result, acting, found.learn)
+        doubt = away or doubt
     adequate = None
     if any(c.chosen.by_current <= 0.0 for c in result.choices):
         result, adequate, varying = weighed(found, result, stand)
         doubt = doubt or varying
+    if adequate is not None and acting is not None:
+        adequate = replace(adequate, parity=acting.explained([c.chosen.effect for c in result.choices]))
     if adequate is not None:
         result, short = short_of(result, adequate)
         result, bent = follows_still(result, found.learn, found.judge)
@@ -116,6 +125,7 @@ def diagnose(
         nameless = mapped.fit if instead is None else instead.fit
         result = replace(result, final=nameless or result.final)
     verdict = with_friction(verdict, turning, result, found.learn)
+    verdict = verdict if acting is None else relocated(verdict, acting)
     say("simulating all three models on all recordings")
     proof = prove(model, result.baseline.model, result.final.model, found.course, uses)
     columns = three_columns(model, result, verdict, found.judge, forms)

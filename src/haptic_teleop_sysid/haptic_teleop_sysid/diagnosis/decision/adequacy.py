@@ -40,18 +40,20 @@ NEARLY_ALL = 0.9
 class Adequacy:
     """``torque``: share of the mean square of the torque that the observer adds to the structure alone which
     it does not add to the final model; ``free_run``: share of the mean square error of the structure's free
-    run that the final model's does not have; 0 to 1 each, 1 where nothing worth a word is left.
+    run that the final model's does not have; ``parity``: the same of what parity equations leave, see
+    `ActingPlace.explained`; 0 to 1 each, 1 where nothing worth a word is left.
     ``random_left``: what is left is random as far as these recordings show, however large its share: nothing
     more could be explained."""
 
     torque: float
     free_run: float
     random_left: bool = False
+    parity: float = 1.0
 
     @property
     def least(self) -> float:
-        """The smaller one of both shares."""
-        return min(self.torque, self.free_run)
+        """The smallest of the shares."""
+        return min(self.torque, self.free_run, self.parity)
 
     @property
     def surest(self) -> float:
@@ -66,16 +68,18 @@ class Adequacy:
     def much_is_left(self) -> bool:
         """Whether so much more than chance is left that the findings are not what is missing, but beside
         it."""
-        return not self.random_left and self.least < LEAST_EXPLAINED
+        return self.parity < LEAST_EXPLAINED or (not self.random_left and self.least < LEAST_EXPLAINED)
 
     def content(self) -> dict[str, Any]:
         """What diagnosis.json says."""
         return {
-            "what": "share of the mean square of the torque that the structure alone lacks, and of the error "
-            "of its free runs, that is explained; no confidence is above the share of the size, 1 - sqrt(1 - "
-            f"the smaller one), nor, where that is less than {SURE:g}, above {NOT_SURE:g}",
+            "what": "share of the mean square of the torque that the structure alone lacks, of the error of "
+            "its free runs, and of what parity equations leave, that is explained; no confidence is above "
+            f"the share of the size, 1 - sqrt(1 - the smallest one), nor, where that is less than {SURE:g}, "
+            f"above {NOT_SURE:g}",
             "torque": round(self.torque, 3),
             "free_run": round(self.free_run, 3),
+            "parity": round(self.parity, 3),
             "left_is_random": self.random_left,
         }
 

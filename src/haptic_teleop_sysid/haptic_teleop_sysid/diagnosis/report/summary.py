@@ -83,9 +83,12 @@ def map_sentences(content: dict[str, Any]) -> list[str]:
 def explains_sentence(content: dict[str, Any]) -> str:
     """How much of what is missing the findings explain; empty where that is nearly all or none is named."""
     found = content["adequacy"]
-    if found is None or not content["findings"] or min(found["torque"], found["free_run"]) >= NEARLY_ALL:
+    if found is None or not content["findings"]:
         return ""
-    if found.get("left_is_random"):
+    parity = found.get("parity", 1.0)  # none in results of earlier versions
+    if min(found["torque"], found["free_run"], parity) >= NEARLY_ALL:
+        return ""
+    if found.get("left_is_random") and parity >= NEARLY_ALL:
         return (
             f"What is named is {100 * found['torque']:.0f} % of the torque that the structure lacks; the "
             "rest is random, as far as these recordings show."
@@ -94,6 +97,8 @@ def explains_sentence(content: dict[str, Any]) -> str:
         f"What is named explains {100 * found['torque']:.0f} % of the torque that the structure lacks and "
         f"{100 * found['free_run']:.0f} % of the error of its free runs"
     )
+    if parity < NEARLY_ALL:
+        text += f", and {100 * parity:.0f} % of what the equations of the places leave at which nothing acts"
     left = content["left_over"]
     if left is not None:
         text += f"; {100 * left['explained']:.0f} % of the torque that is left at {left['equation']} follows "

@@ -1,0 +1,34 @@
+"""How the arm of a flexible joint follows its motor."""
+
+from __future__ import annotations
+
+import cmath
+
+import numpy as np
+import scipy
+from numpy.typing import NDArray
+
+FloatArray = NDArray[np.float64]
+
+
+class ArmResponse:
+    """q_a = H q_m with H = f / (s^2 + d s + f), where ``stiffness`` f (1/s^2) and ``damping`` d (1/s) are
+    over the arm's inertia; exact for a signal that is straight between samples of ``dt`` s."""
+
+    def __init__(self, stiffness: float, damping: float, dt: float) -> None:
+        self.stiffness, self.damping, self._dt = stiffness, damping, dt
+        system = ([stiffness], [1.0, damping, stiffness])
+        numerator, denominator, _ = scipy.signal.cont2discrete(system, dt, "foh")
+        self._filter = np.ravel(numerator), np.ravel(denominator)
+
+    def __call__(self, values: FloatArray) -> FloatArray:
+        """The signal (n,) as the arm follows it, from rest at its first value."""
+        return values[0] + np.asarray(scipy.signal.lfilter(*self._filter, values - values[0]))
+
+    def by_itself(self, n: int) -> FloatArray:
+        """How the arm swings where nothing moves the motor, (n, 2): from any angle and velocity it is a sum
+        of both columns."""
+        root = cmath.sqrt(0.25 * self.damping**2 - self.stiffness) or 1e-9
+        time = self._dt * np.arange(n)
+        one, other = (np.exp((-0.5 * self.damping + sign * root) * time) for sign in (1.0, -1.0))
+        return np.column_stack([np.real(one + other), np.real((one - other) / root)])

@@ -1,0 +1,233 @@
+"""Where in a flexible joint does something act? Parity equations (Chow and Willsky, IEEE TAC 29, 1984).
+
+    motor:  K u = J_m a_m + b_m v_m + k (q_m - q_a)      arm:  k (q_m - q_a) = J_a a_a + b_a v_a
+
+One unknown signal enters them by its place alone. What eliminates it is one equation, which holds whatever
+the signal is: the arm's for a torque at the motor, the motor's for one at the arm, the sum of both for one in
+the joint, and for the error of an encoder what is left without that encoder. Only the equation of the right
+place holds. No name, and no model of noise, is asked for; with unknown signals at two places none holds.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from types import SimpleNamespace
+
+import numpy as np
+import scipy
+from numpy.typing import NDArray
+
+from haptic_teleop_sim.effects import EffectEntry
+from haptic_teleop_sim.effects.on_arrays import NUMERIC
+from haptic_teleop_sim.model import Effect, Model
+from haptic_teleop_sysid.estimation.records import Record
+
+from .arm_response import ArmResponse
+from .band import long_enough
+from .motion import BandedMotion, banded
+from .regression import STIFFNESS
+from .terms import Hypothesis, follows_from_input, follows_from_motion
+
+FloatArray = NDArray[np.float64]
+
+MOTOR, ARM, JOINT, ARM_ENCODER, MOTOR_ENCODER = "motor", "arm", "joint", "arm_encoder", "motor_encoder"
+#: Factor by which the arm's response may differ from the model's, and a stiffness that is fixed.
+_REACH, _FIXED = 4.0, 1.1
+
+
+@dataclass(frozen=True)
+class Rows:
+    """One equation of one recording: what it has to equal, (n,); columns (n, p) of inertias, dampings and a
+    stiffness, with their ``bounds``; and columns of what may have any sign."""
+
+    target: FloatArray
+    structure: FloatArray
+    bounds: tuple[tuple[float, float], ...]
+    free: FloatArray
+
+    def seen(self, arm: ArmResponse) -> Rows:
+        """Both sides as the arm follows them."""
+        structure, free = (np.column_stack([arm(c) for c in side.T]) for side in (self.structure, self.free))
+        by_itself = arm.by_itself(len(self.target))
+        return Rows(arm(self.target), structure, self.bounds, np.column_stack([free, by_itself]))
+
+
+@dataclass(frozen=True)
+class _Signals:
+    """One recording in the band, (n,) or (n, motor and arm): torque of the input, motion, and ``known``
+    torques (n, columns) by place; ``stiffness``: lowest and highest; ``kept``: samples that count; ``dt``:
+    s."""
+
+    torque: FloatArray
+    angle: FloatArray
+    velocity: FloatArray
+    acceleration: FloatArray
+    known: dict[str, FloatArray]
+    stiffness: tuple[float, float]
+    kept: NDArray[np.intp]
+    dt: float
+
+    def rows(self, target: FloatArray, inertial: Sequence[int], *free: FloatArray) -> Rows:
+        """An equation with inertias and dampings of some equations; an encoder's offset adds a constant."""
+        columns = [a[:, i] for i in inertial for a in (self.acceleration, self.velocity)]
+        constant = np.ones(len(target))
+        positive = ((0.0, np.inf),) * len(columns)
+        return Rows(target, np.column_stack(columns), positive, np.column_stack([constant, *free]))
+
+    def with_spring(self, rows: Rows, deflection: FloatArray) -> Rows:
+        """The equation with the torque of a spring on its right side."""
+        columns = np.column_stack([rows.structure, deflection])
+        return replace(rows, structure=columns, bounds=(*rows.bounds, self.stiffness))
+
+    def without_motor(self, stiffness: float) -> Rows:
+        """The arm's equation."""
+        spring = stiffness * (self.angle[:, 0] - self.angle[:, 1])
+        return self.rows(spring, [1], self.known[ARM], self.known[JOINT])
+
+    def without_arm(self) -> Rows:
+        """The motor's equation."""
+        rows = self.rows(self.torque, [0], self.known[MOTOR], self.known[JOINT])
+        return self.with_spring(rows, self.angle[:, 0] - self.angle[:, 1])
+
+    def without_joint(self) -> Rows:
+        """The sum of both, in which no spring is."""
+        return self.rows(self.torque, [0, 1], self.known[MOTOR], self.known[ARM])
+
+    def without_arm_encoder(self, arm: ArmResponse) -> Rows:
+        """The motor's equation with the arm where its own equation has it: K u = J_m a_m + b_m v_m + k (q_m -
+        H q_m)."""
+        rows = self.rows(self.torque, [0], self.known[MOTOR], arm.by_itself(len(self.torque)))
+        return self.with_spring(rows, self.angle[:, 0] - arm(self.angle[:, 0]))
+
+    def without_motor_encoder(self, arm: ArmResponse) -> Rows:
+        """The same with the motor where the arm's equation has it, q_a = H q_m, both sides as the arm
+        follows them, so that nothing is differentiated more often: H K u = J_m a_a + b_m v_a + J_a H (a_a +
+        d v_a)."""
+        known = [arm(column)[:, None] for column in self.known[MOTOR].T]
+        rows = self.rows(arm(self.torque), [1], *known, arm.by_itself(len(self.torque)))
+        reaction = arm(self.acceleration[:, 1] + arm.damping * self.velocity[:, 1])
+        columns = np.column_stack([rows.structure, reaction])
+        return replace(rows, structure=columns, bounds=(*rows.bounds, (0.0, np.inf)))
+
+
+def parity_residuals(
+    model: Model, records: Sequence[Record], cutoff: float, known: Sequence[Effect] = ()
+) -> dict[str, float]:
+    """What each place's parity equation leaves, rms, as a share of the input's torque: by place (motor, arm,
+    joint, arm_encoder, motor_encoder), of a flexible joint. The equation without the motor's encoder is one
+    of signals as the arm follows them, which are smoother: it has the share of the best of the others, times
+    what it leaves relative to that one as smooth.
+
+    ``cutoff``: Hz, of the motion's band; ``known``: effects whose torques are allowed for, whatever their
+    size, as far as they are `told`. An encoder has no entry where one of them acts at the arm or in the
+    joint."""
+    known = [effect for effect in known if told(effect.entry)]
+    parts = [_signals(model, r, cutoff, known) for r in long_enough(records, cutoff)]
+    equations = {
+        MOTOR: [p.without_motor(model.parameters["stiffness"]) for p in parts],
+        ARM: [p.without_arm() for p in parts],
+        JOINT: [p.without_joint() for p in parts],
+    }
+    encoders = not any(p.known[place].size for p in parts for place in (ARM, JOINT))
+    if encoders:
+        arms = _best(model, parts, _Signals.without_arm_encoder)
+        equations[ARM_ENCODER] = [p.without_arm_encoder(arm) for p, arm in zip(parts, arms, strict=True)]
+    driven = _rms([p.torque[p.kept] for p in parts])
+    found = {place: _left(parts, rows) / driven for place, rows in equations.items()}
+    if encoders:
+        arms = _best(model, parts, _Signals.without_motor_encoder)
+        smooth = {
+            place: _left(parts, [one.seen(arm) for one, arm in zip(rows, arms, strict=True)])
+            for place, rows in equations.items()
+        }
+        own = _left(parts, [p.without_motor_encoder(arm) for p, arm in zip(parts, arms, strict=True)])
+        best = {min(measure, key=lambda place: measure[place]) for measure in (found, smooth)}
+        found[MOTOR_ENCODER] = max(own / max(smooth[place], 1e-300) * found[place] for place in best)
+    return found
+
+
+def _signals(model: Model, record: Record, cutoff: float, known: Sequence[Effect]) -> _Signals:
+    counting = banded(record, False, cutoff)
+    every = np.arange(len(counting.time))
+    motion = replace(counting, kept=every, block=1, known={})
+    torques: dict[str, list[FloatArray]] = {MOTOR: [], ARM: [], JOINT: []}
+    for effect in known:
+        place = model.place(effect.location)
+        torques[MOTOR if place == "actuator" else place].append(_columns(effect, place, motion, model))
+    within = _FIXED if "stiffness" in model.fixed else STIFFNESS
+    stiffness = model.parameters["stiffness"]
+    return _Signals(
+        model.parameters["torque_constant"] * motion.filtered(motion.input),
+        motion.filtered(motion.angle),
+        motion.filtered(motion.velocity),
+        motion.filtered(motion.acceleration),
+        {place: np.hstack([np.zeros((len(every), 0)), *found]) for place, found in torques.items()},
+        (stiffness / within, stiffness * within),
+        counting.kept,
+        motion.dt,
+    )
+
+
+def told(entry: EffectEntry) -> bool:
+    """Whether parity equations can allow for an effect: a torque along the motion, a change of a friction, or
+    what an actuator makes of its input, but a gain, which all inertias, dampings and stiffnesses share."""
+    return follows_from_motion(entry) or follows_from_input(entry) or entry.kind == "friction_factor"
+
+
+def _columns(effect: Effect, place: str, motion: BandedMotion, model: Model) -> FloatArray:
+    """Torques (n, columns) of an effect that is `told`, by size, filtered like the input."""
+    if effect.entry.kind != "friction_factor":
+        return Hypothesis.resized(effect, place).columns(motion, model)
+    equation = effect.entry.equation
+    assert equation is not None
+    at = SimpleNamespace(time=motion.time, **NUMERIC)
+    factor = np.asarray(equation(at, SimpleNamespace(**effect.values)), dtype=float)
+    velocity = motion.velocity[:, int(place == "arm")]
+    return motion.filtered((factor - 1.0) * velocity)[:, None]
+
+
+def _best(
+    model: Model, parts: Sequence[_Signals], rows: Callable[[_Signals, ArmResponse], Rows]
+) -> list[ArmResponse]:
+    """The arm's response with which the equation without an encoder leaves least, at the samples of each
+    recording."""
+    p = model.parameters
+    given = np.log([p["stiffness"] / p["arm_inertia"], max(p["arm_damping"] / p["arm_inertia"], 1e-3)])
+
+    def arms(logarithms: FloatArray) -> list[ArmResponse]:
+        stiffness, damping = np.exp(logarithms).tolist()
+        return [ArmResponse(stiffness, damping, part.dt) for part in parts]
+
+    def share(logarithms: FloatArray) -> float:
+        equations = [rows(part, arm) for part, arm in zip(parts, arms(logarithms), strict=True)]
+        whole = _rms([one.target[part.kept] for part, one in zip(parts, equations, strict=True)])
+        return _left(parts, equations) / whole
+
+    reach = np.log(_REACH)
+    bounds = [(given[0] - reach, given[0] + reach), (given[1] - 2.0 * reach, given[1] + 2.0 * reach)]
+    return arms(scipy.optimize.minimize(share, given, method="Nelder-Mead", bounds=bounds, tol=1e-3).x)
+
+
+def _left(parts: Sequence[_Signals], equations: Sequence[Rows]) -> float:
+    """Rms that the equations of all recordings leave with common parameters, by least squares; what may have
+    any sign is each recording's own."""
+    pairs = [*zip(parts, equations, strict=True)]
+    target = np.concatenate([one.target[part.kept] for part, one in pairs])
+    structure = np.concatenate([one.structure[part.kept] for part, one in pairs])
+    columns = np.hstack([structure, scipy.linalg.block_diag(*(one.free[part.kept] for part, one in pairs))])
+    low, high = (np.full(columns.shape[1], side) for side in (-np.inf, np.inf))
+    low[: structure.shape[1]], high[: structure.shape[1]] = np.transpose(equations[0].bounds)
+    scale = np.linalg.norm(columns, axis=0)
+    shown = scale > 0.0
+    columns, low, high = columns[:, shown] / scale[shown], (low * scale)[shown], (high * scale)[shown]
+    # Least squares on the triangle is the same, and much quicker.
+    q, r = np.linalg.qr(columns)
+    inside = q.T @ target
+    beyond = float(target @ target - inside @ inside)
+    found = scipy.optimize.lsq_linear(r, inside, (low, high), method="bvls")
+    return float(np.sqrt(max(2.0 * found.cost + beyond, 0.0) / len(target)))
+
+
+def _rms(parts: Sequence[FloatArray]) -> float:
+    return max(float(np.sqrt(np.mean(np.concatenate(parts) ** 2))), 1e-300)

@@ -1,0 +1,163 @@
+"""Where in a flexible joint something acts, without its name: by the one equation that does not contain it.
+
+The machine is stepped here; what acts has no form that the project knows."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from numba import njit
+from stepped_machines import DT, ELASTIC, FINE, drive, record
+
+from haptic_teleop_sim.model import Effect
+from haptic_teleop_sysid.diagnosis.decision.adequacy import Adequacy
+from haptic_teleop_sysid.diagnosis.decision.decide import Choice
+from haptic_teleop_sysid.diagnosis.decision.misplaced import misplaced, relocated
+from haptic_teleop_sysid.diagnosis.decision.search import SearchResult
+from haptic_teleop_sysid.diagnosis.decision.verdict import Verdict
+from haptic_teleop_sysid.diagnosis.evidence.acting_place import ActingPlace
+from haptic_teleop_sysid.diagnosis.evidence.inverse_dynamics.arm_response import ArmResponse
+from haptic_teleop_sysid.diagnosis.evidence.inverse_dynamics.parity import parity_residuals
+from haptic_teleop_sysid.diagnosis.hypotheses.explanation import Explanation
+from haptic_teleop_sysid.diagnosis.inputs.scales import recording_scales
+from haptic_teleop_sysid.estimation.whole_fit import fit_whole, noise_starts
+
+STIFFNESS, MOTOR, ARM = 20.0, (0.06, 0.3), (0.1, 0.1)
+CUTOFF = 8.0
+"""Hz, some times the frequencies of the drive."""
+
+
+@njit
+def stepped(torque, motor, arm, joint, coulomb):
+    """Angles (n, 2) of two masses on a spring with torques at three places, at FINE steps a sample."""
+    q, h, found = np.zeros(4), DT / FINE, np.empty((len(torque), 2))
+    for k in range(len(torque)):
+        found[k, 0], found[k, 1] = q[0], q[1]
+        for i in range(k * FINE, (k + 1) * FINE):
+            spring = STIFFNESS * (q[0] - q[1]) + joint[i]
+            rub = coulomb * np.tanh(q[2] / 1e-3)
+            q[2] += h * (torque[k] - MOTOR[1] * q[2] - spring - rub + motor[i]) / MOTOR[0]
+            q[3] += h * (spring - ARM[1] * q[3] + arm[i]) / ARM[0]
+            q[0] += h * q[2]
+            q[1] += h * q[3]
+    return found
+
+
+def machine(seed, place=None, coulomb=0.0, size=0.5):
+    """A record of that machine; an unknown signal, 0.5 N·m or 0.02 rad, acts at ``place``."""
+    torque, luck = drive(seed, 2.0), np.random.default_rng(100 + seed)
+    time = DT / FINE * np.arange(len(torque) * FINE)
+    waves = [np.sin(2 * np.pi * (f * time + luck.uniform())) for f in (0.31, 0.83, 1.9)]
+    signal = size * np.sum(waves, axis=0) / np.sqrt(1.5)
+    acting = [signal if name == place else np.zeros(len(time)) for name in ("motor", "arm", "joint")]
+    found = stepped(torque, *acting, coulomb)
+    for column, encoder in enumerate(("motor_encoder", "arm_encoder")):
+        if encoder == place:
+            found[:, column] += 0.04 * signal[::FINE]
+    return record(torque, found, 1e-5)
+
+
+@pytest.fixture(scope="module")
+def machines():
+    known = {}
+
+    def of(*key, **more):
+        name = (key, *more.items())
+        if name not in known:
+            known[name] = [machine(seed, *key, **more) for seed in (0, 1)]
+        return known[name]
+
+    return of
+
+
+@pytest.mark.parametrize("place", ["motor", "arm", "joint", "arm_encoder", "motor_encoder"])
+def test_the_equation_without_the_unknown_signal_holds_and_no_other(machines, place):
+    left = parity_residuals(ELASTIC, machines(place), CUTOFF)
+    others = [value for name, value in left.items() if name != place]
+    assert 5.0 * left[place] < min(others), left
+
+
+def test_beside_a_friction_at_the_motor_it_holds_once_that_is_allowed_for(machines):
+    records = machines("arm_encoder", coulomb=0.3)  # which is smoothed, and sticks less than dry friction
+    alone = parity_residuals(ELASTIC, records, CUTOFF)
+    beside = parity_residuals(ELASTIC, records, CUTOFF, [friction("motor")])
+    assert beside["arm_encoder"] < 0.5 * alone["arm_encoder"]
+    assert min(beside, key=lambda place: beside[place]) == "arm_encoder", beside
+
+
+def test_an_encoder_is_not_asked_beside_a_torque_behind_the_spring(machines):
+    left = parity_residuals(ELASTIC, machines("arm"), CUTOFF, [friction("arm")])
+    assert left.keys() == {"motor", "arm", "joint"}
+
+
+def test_two_unknown_signals_at_two_places_are_at_none(machines):
+    acting = ActingPlace(ELASTIC, machines("arm", coulomb=0.5), CUTOFF)
+    assert acting.alone is None and not acting.elsewhere(friction("joint"))
+
+
+def test_what_acts_at_the_motor_alone_says_nothing_of_names_elsewhere(machines):
+    """Some random torque acts there on every machine."""
+    assert ActingPlace(ELASTIC, machines("motor"), CUTOFF).alone is None
+
+
+def friction(place):
+    return Effect("coulomb_friction", f"j_{place}", {"torque": 0.1})
+
+
+def spring(place):
+    name = {"joint": "hardening_spring"}.get(place, "spring_to_ground")
+    sizes = {"joint": {"cubic": 3.0}}.get(place, {"stiffness": 0.3, "rest": 0.0})
+    return Effect(name, f"j_{place}", sizes)
+
+
+def found(records, *effects):
+    baseline = fit_whole(ELASTIC, noise_starts(ELASTIC, records)[1], records, iterations=3)
+    fits = [replace(baseline, model=ELASTIC.with_effects(*effects[: i + 1])) for i in range(len(effects))]
+    choices = tuple(Choice(Explanation(fit, 90.0, 50.0, True, i), 0.9) for i, fit in enumerate(fits))
+    return SearchResult(baseline, fits[-1], choices, (), recording_scales(ELASTIC, records))
+
+
+def test_a_name_where_nothing_acts_is_given_up_and_one_at_the_place_stays(machines):
+    records = machines("arm")
+    acting = ActingPlace(ELASTIC, records, CUTOFF)
+    assert acting.alone == "arm"
+    result, doubt = misplaced(found(records, spring("arm"), spring("joint")), acting, records)
+    assert [c.chosen.effect.location for c in result.choices] == ["j_arm"] and doubt is None
+    assert "all that is missing acts at j_arm" in result.given_up[0].why
+    assert [e.location for e in result.final.model.effects] == ["j_arm"]
+    result, doubt = misplaced(found(records, spring("joint")), acting, records)
+    assert not result.choices and "hardening_spring at j_joint" in doubt.why
+
+
+def test_a_friction_that_is_there_stays_beside_it_and_explains_little(machines):
+    records = machines("arm", coulomb=0.05)
+    acting = ActingPlace(ELASTIC, records, CUTOFF)
+    result, doubt = misplaced(found(records, friction("motor")), acting, records)
+    assert acting.alone == "arm" and len(result.choices) == 1 and doubt is None
+    share = acting.explained([friction("motor")])
+    assert share < 0.3 and Adequacy(0.9, 0.9, True, share).much_is_left
+    assert not Adequacy(0.9, 0.9, True).much_is_left
+
+
+def test_an_unknown_is_told_at_the_place_whose_equation_holds(machines):
+    acting = ActingPlace(ELASTIC, machines("arm_encoder"), CUTOFF)
+
+    def told(place, kind="unknown"):
+        where = [{"equation": f"j_{place}", "share": 0.9, "condition": "time", "intervals": []}]
+        return relocated(Verdict(kind, where, [], [], []), acting).where[0]["equation"]
+
+    assert told("joint") == told("motor") == told("actuator") == "j_arm_encoder"
+    assert told("joint", "identified") == "j_joint"
+
+
+def test_the_arm_follows_as_its_equation_says():
+    arm, dt = ArmResponse(200.0, 1.0, 1e-3), 1e-3
+    time = dt * np.arange(20_000)
+    wave = np.sin(2 * np.pi * 1.3 * time)
+    s = 2j * np.pi * 1.3
+    steady = np.imag(200.0 / (s * s + s + 200.0) * np.exp(s * time))
+    assert arm(wave)[15_000:] == pytest.approx(steady[15_000:], abs=2e-3)
+    own = arm.by_itself(2000)
+    swing = np.exp(-0.5 * time[:2000]) * np.cos(np.sqrt(200.0 - 0.25) * time[:2000])
+    assert own @ np.linalg.lstsq(own[:200], swing[:200], rcond=None)[0] == pytest.approx(swing, abs=1e-6)
+
