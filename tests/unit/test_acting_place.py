@@ -161,3 +161,10 @@ def test_the_arm_follows_as_its_equation_says():
     swing = np.exp(-0.5 * time[:2000]) * np.cos(np.sqrt(200.0 - 0.25) * time[:2000])
     assert own @ np.linalg.lstsq(own[:200], swing[:200], rcond=None)[0] == pytest.approx(swing, abs=1e-6)
 
+
+
+def test_a_gain_that_no_equation_asks_for_is_given_up_where_all_acts_at_the_arm(machines):
+    acting = ActingPlace(ELASTIC, machines("arm"), CUTOFF)
+    gain = Effect("gain_error", "j_actuator", {"gain": 0.8})
+    assert acting.elsewhere(gain)
+    assert acting.explained([gain]) < 0.1

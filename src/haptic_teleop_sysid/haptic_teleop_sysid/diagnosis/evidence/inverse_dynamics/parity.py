@@ -27,13 +27,15 @@ from .arm_response import ArmResponse
 from .band import long_enough
 from .motion import BandedMotion, banded
 from .regression import STIFFNESS
-from .terms import Hypothesis, follows_from_input, follows_from_motion
+from .terms import Hypothesis, follows_from_motion
 
 FloatArray = NDArray[np.float64]
 
 MOTOR, ARM, JOINT, ARM_ENCODER, MOTOR_ENCODER = "motor", "arm", "joint", "arm_encoder", "motor_encoder"
 #: Factor by which the arm's response may differ from the model's, and a stiffness that is fixed.
 _REACH, _FIXED = 4.0, 1.1
+#: Correlation with the input from which what an actuator makes of it is a gain.
+_GAIN = 0.999
 
 
 @dataclass(frozen=True)
@@ -171,12 +173,18 @@ def _signals(model: Model, record: Record, cutoff: float, known: Sequence[Effect
 
 def told(entry: EffectEntry) -> bool:
     """Whether parity equations can allow for an effect: a torque along the motion, a change of a friction, or
-    what an actuator makes of its input, but a gain, which all inertias, dampings and stiffnesses share."""
-    return follows_from_motion(entry) or follows_from_input(entry) or entry.kind == "friction_factor"
+    what an actuator makes of its input."""
+    return follows_from_motion(entry) or entry.kind in ("input", "friction_factor")
 
 
 def _columns(effect: Effect, place: str, motion: BandedMotion, model: Model) -> FloatArray:
-    """Torques (n, columns) of an effect that is `told`, by size, filtered like the input."""
+    """Torques (n, columns) of an effect that is `told`, by size, filtered like the input. None of a gain: all
+    inertias, dampings and stiffnesses share it, and no equation holds the better for it."""
+    if effect.entry.kind == "input":
+        columns = Hypothesis.of(effect, place).columns(motion, model)
+        given = motion.filtered(motion.input)
+        product = np.linalg.norm(columns) * np.linalg.norm(given)
+        return columns[:, : int(abs(float(columns[:, 0] @ given)) < _GAIN * product)]
     if effect.entry.kind != "friction_factor":
         return Hypothesis.resized(effect, place).columns(motion, model)
     equation = effect.entry.equation
