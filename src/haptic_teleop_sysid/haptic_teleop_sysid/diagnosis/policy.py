@@ -243,6 +243,6 @@ goes. Higher: names that predict a little better stay; lower: small true effects
 those joints that were wrong none lowers it to less than 0.98, of frictions that were there each to 0.33 or
 less."""
 
-MISFIT = 0.02
+MISFIT = 0.01
 """Least share of the input's torque that the other equations must leave for that, because they all leave
 noise. By hand."""
