@@ -12,12 +12,13 @@ from stepped_machines import DT, ELASTIC, FINE, drive, record
 from haptic_teleop_sim.model import Effect
 from haptic_teleop_sysid.diagnosis.decision.adequacy import Adequacy
 from haptic_teleop_sysid.diagnosis.decision.decide import Choice
-from haptic_teleop_sysid.diagnosis.decision.misplaced import misplaced, relocated
+from haptic_teleop_sysid.diagnosis.decision.misplaced import at_its_place, misplaced
 from haptic_teleop_sysid.diagnosis.decision.search import SearchResult
 from haptic_teleop_sysid.diagnosis.decision.verdict import Verdict
 from haptic_teleop_sysid.diagnosis.evidence.acting_place import ActingPlace
 from haptic_teleop_sysid.diagnosis.evidence.inverse_dynamics.arm_response import ArmResponse
 from haptic_teleop_sysid.diagnosis.evidence.inverse_dynamics.parity import parity_residuals
+from haptic_teleop_sysid.diagnosis.evidence.measured_map import no_torque
 from haptic_teleop_sysid.diagnosis.hypotheses.explanation import Explanation
 from haptic_teleop_sysid.diagnosis.inputs.scales import recording_scales
 from haptic_teleop_sysid.estimation.whole_fit import fit_whole, noise_starts
@@ -144,10 +145,13 @@ def test_an_unknown_is_told_at_the_place_whose_equation_holds(machines):
 
     def told(place, kind="unknown"):
         where = [{"equation": f"j_{place}", "share": 0.9, "condition": "time", "intervals": []}]
-        return relocated(Verdict(kind, where, [], [], []), acting).where[0]["equation"]
+        verdict, misread = at_its_place(Verdict(kind, where, [], [], []), acting)
+        return verdict.where[0]["equation"], misread
 
-    assert told("joint") == told("motor") == told("actuator") == "j_arm_encoder"
-    assert told("joint", "identified") == "j_joint"
+    assert told("joint") == told("motor") == told("actuator") == ("j_arm_encoder", "j_arm_encoder")
+    assert told("arm_encoder") == ("j_arm_encoder", None)
+    assert told("joint", "identified") == ("j_joint", None)
+    assert "error of j_arm_encoder" in no_torque("j_arm_encoder").why
 
 
 def test_the_arm_follows_as_its_equation_says():

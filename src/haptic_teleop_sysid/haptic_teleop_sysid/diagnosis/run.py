@@ -15,7 +15,7 @@ from .decision.at_reversals import where_torque_jumps, with_friction
 from .decision.beside_unknown import with_names
 from .decision.decide import Choice
 from .decision.measured_input import of_measured_input
-from .decision.misplaced import misplaced, relocated
+from .decision.misplaced import at_its_place, left_beside, misplaced
 from .decision.nulls import Null, beyond_chance, nulls
 from .decision.outdone import outdone
 from .decision.own_quantity import follows_still
@@ -24,7 +24,7 @@ from .decision.stand_in import stand_in
 from .decision.unconfirmed import unconfirmed
 from .decision.verdict import Verdict, decide_verdict
 from .evidence.acting_place import ActingPlace
-from .evidence.measured_map import A_GOOD_TORQUE, MeasuredMap, measured_map
+from .evidence.measured_map import A_GOOD_TORQUE, MeasuredMap, measured_map, no_torque
 from .evidence.other_forms import spread_by_form, together
 from .evidence.proof import Proof, prove
 from .evidence.steadiness import spread_by_stretch
@@ -107,10 +107,13 @@ def diagnose(
     )
     verdict = decide_verdict(result, found.learn, found.judge, doubt, together(stand.spread, forms), adequate)
     turning = where_torque_jumps(result.baseline, found.learn, found.judge)
+    misread = None
+    if acting is not None and verdict.kind == "unknown":
+        verdict, misread = at_its_place(verdict, acting)
     mapped = instead = None
     if verdict.kind == "unknown":
-        mapped = drawn_beside(found, result, say)
-        if mapped.fit is None:
+        mapped = drawn_beside(found, result, say) if misread is None else no_torque(misread)
+        if mapped.fit is None and misread is None:
             instead = stand_in(result.final, found.given, doubt, found.errors)
         verdict = with_names(
             verdict,
@@ -125,7 +128,10 @@ def diagnose(
         nameless = mapped.fit if instead is None else instead.fit
         result = replace(result, final=nameless or result.final)
     verdict = with_friction(verdict, turning, result, found.learn)
-    verdict = verdict if acting is None else relocated(verdict, acting)
+    parity = None
+    if acting is not None and verdict.kind != "no_mismatch":
+        parity = left_beside(verdict, acting)
+        verdict, _ = at_its_place(verdict, acting, parity)
     say("simulating all three models on all recordings")
     proof = prove(model, result.baseline.model, result.final.model, found.course, uses)
     columns = three_columns(model, result, verdict, found.judge, forms)
@@ -151,6 +157,7 @@ def diagnose(
     believed = [c.chosen for c in (*result.choices, *([doubt.choice] if doubt and doubt.choice else []))]
     from_here = any(e.witnessed is not None for e in believed)
     content[MEASURED.name] = None if mapped is None else mapped.content()
+    content["parity"] = parity and {model.location(place): round(left, 5) for place, left in parity.items()}
     content["stand_in"] = None if instead is None else instead.content()
     content["reversals"] = [one.content() for one in turning.jumps]
     content["inverse_dynamics"] = testimony(found.opinion, verdict, from_here) if found.opinion else None

@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
 from haptic_teleop_sim.model import Effect
 from haptic_teleop_sysid.estimation.records import Record
 
 from ..evidence.acting_place import ActingPlace
-from ..evidence.inverse_dynamics.parity import MOTOR
+from ..evidence.inverse_dynamics.parity import ENCODERS, MOTOR
 from ..evidence.inverse_dynamics.terms import follows_from_motion
 from ..policy import HOLDS_BETTER
 from .beside_the_others import left_out, without
@@ -41,21 +41,30 @@ def misplaced(
     return result, None
 
 
-def relocated(verdict: Verdict, acting: ActingPlace) -> Verdict:
+def at_its_place(
+    verdict: Verdict, acting: ActingPlace, left: Mapping[str, float] | None = None
+) -> tuple[Verdict, str | None]:
     """An `unknown` at the place whose parity equation holds, where it leaves less by HOLDS_BETTER than that
-    of the place which was told, beside the names that were found."""
+    of the place which was told; and that place where it is an encoder, else None. ``left``: by place, see
+    `left_beside`."""
     if verdict.kind != "unknown" or not verdict.where:
-        return verdict
+        return verdict, None
+    left = left_beside(verdict, acting) if left is None else left
     told, *others = verdict.where
-    left = acting.left([e for e in map(_effect, verdict.findings) if follows_from_motion(e.entry)])
     place = acting.model.place(told["equation"])
     place = MOTOR if place == "actuator" else place
     best = min(left, key=lambda one: left[one])
     if place not in left or left[place] <= HOLDS_BETTER * left[best]:
-        return verdict
-    return replace(verdict, where=[{**told, "equation": acting.model.location(best)}, *others])
+        return verdict, None
+    where, share = acting.model.location(best), round(1.0 - (left[best] / left[place]) ** 2, 3)
+    moved = replace(verdict, where=[{**told, "equation": where, "share": share}, *others])
+    return moved, where if best in ENCODERS else None
 
 
-def _effect(finding: dict) -> Effect:
-    values = {name: one["value"] for name, one in finding["parameters"].items()}
-    return Effect(finding["effect"], finding["location"], values)
+def left_beside(verdict: Verdict, acting: ActingPlace) -> dict[str, float]:
+    """What the parity equations leave beside the findings that are torques along the motion."""
+    found = [
+        Effect(f["effect"], f["location"], {name: one["value"] for name, one in f["parameters"].items()})
+        for f in verdict.findings
+    ]
+    return acting.left([effect for effect in found if follows_from_motion(effect.entry)])

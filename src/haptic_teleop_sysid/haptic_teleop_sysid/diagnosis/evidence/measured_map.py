@@ -95,6 +95,14 @@ class MeasuredMap:
         return found
 
 
+def no_torque(encoder: str) -> MeasuredMap:
+    """None is drawn, because what is missing is in the readings of an encoder."""
+    return MeasuredMap(
+        f"no map was added: what is missing is an error of {encoder}, and no torque; see what it follows, "
+        "and check how the sensor is mounted, read and stamped"
+    )
+
+
 def measured_map(
     base: Fit,
     given: Model,

@@ -30,9 +30,10 @@ def summary(content: dict[str, Any]) -> str:
     lines.append(f"verdict: {content['verdict']}")
     if "doubt" in content:
         lines.append(f"  because {content['doubt']}")
-    if content["verdict"] == "unknown" and content["findings"]:
+    if content["verdict"] == "unknown" and content["where"]:
         places = ", ".join(f"{w['equation']}, where it depends on {w['condition']}" for w in content["where"])
-        lines.append(f"  something without a name at {places}; beside it:")
+        beside = "; beside it:" if content["findings"] else ""
+        lines.append(f"  something without a name at {places}{beside}")
     for f in content["findings"]:
         numbers = ", ".join(finding_number(n, p) for n, p in f["parameters"].items())
         lines.append(f"  {f['effect']} at {f['location']} ({100 * f['confidence']:.0f} %): {numbers}")

@@ -32,6 +32,7 @@ from .terms import Hypothesis, follows_from_motion
 FloatArray = NDArray[np.float64]
 
 MOTOR, ARM, JOINT, ARM_ENCODER, MOTOR_ENCODER = "motor", "arm", "joint", "arm_encoder", "motor_encoder"
+ENCODERS = (MOTOR_ENCODER, ARM_ENCODER)
 #: Factor by which the arm's response may differ from the model's, and a stiffness that is fixed.
 _REACH, _FIXED = 4.0, 1.1
 #: Correlation with the input from which what an actuator makes of it is a gain.
