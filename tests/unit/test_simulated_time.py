@@ -38,7 +38,8 @@ def joined(coordinator, *members, wall=0.0, sender="", run=""):
     """The coordinator to which `members` have shown that they hear its ticks."""
     for member in members:
         coordinator.hear(Report(member.name, "join", member=member, sender=sender, run=run), wall)
-        coordinator.hear(Report(member.name, "done", sender=sender, run=run), wall)
+        heard = Report(member.name, "done", what=coordinator.session, sender=sender, run=run)
+        coordinator.hear(heard, wall)
     return coordinator
 
 
@@ -101,6 +102,24 @@ def test_time_does_not_begin_before_everybody_hears_its_ticks_however_long_that_
         while sent:
             coordinator.hear(sent.pop(0), wall)
     assert coordinator.state == RUNNING and participant.tick.stamp == ORIGIN
+
+
+def test_who_hears_another_coordinators_ticks_has_not_heard_this_ones():
+    coordinator = Coordinator(["sfj_sim"], 0.0)
+    coordinator.hear(Report(PLANT_MEMBER.name, "join", member=PLANT_MEMBER), 0.0)
+    coordinator.hear(Report(PLANT_MEMBER.name, "done", what="another"), 0.0)
+    assert not coordinator.poll(0.1)[-1].number and coordinator.state == WAITING
+
+
+def test_a_node_that_died_before_it_heard_a_tick_may_be_started_again():
+    coordinator = Coordinator(["sfj_sim"], 0.0, liveness=1.0)
+    coordinator.hear(Report(PLANT_MEMBER.name, "join", member=PLANT_MEMBER, sender="dead"), 0.0)
+    joined(coordinator, PLANT_MEMBER, wall=0.1, sender="again")
+    assert "another node of this name" in coordinator.status().refused["again"]
+    for turn in range(2, 15):
+        coordinator.poll(0.1 * turn)
+    joined(coordinator, PLANT_MEMBER, wall=1.5, sender="again")
+    assert ticks(coordinator.poll(1.6))[-1].number == 1 and coordinator.state == RUNNING
 
 
 def test_a_recorder_hears_no_ticks_and_is_not_waited_for():

@@ -194,7 +194,7 @@ class Coordinator:
         elif report.act == "left":
             self._leave(member, report.what)
         elif self._tick is None:
-            if report.act == "done" and name not in self._hearing:
+            if report.act == "done" and report.what == self.session and name not in self._hearing:
                 self._hearing.add(name)
                 self._news = True
         elif report.number == self._tick.number:
@@ -391,6 +391,8 @@ class Coordinator:
             self._refused[sender] = refusal
             return
         self._refused.pop(sender, None)
+        if self._senders.get(member.name) != sender:
+            self._hearing.discard(member.name)
         self.members[member.name], self._senders[member.name] = member, sender
         self._kept_by_all = 0
         self._heard[member.name] = self._lived
@@ -398,6 +400,8 @@ class Coordinator:
     def _refusal(self, member: Member, sender: str, run: str) -> str:
         """Why it may not take part; else empty."""
         known = self._senders.get(member.name)
+        if member.name in self._deaf() and self._lived - self._heard[member.name] > self._liveness:
+            known = None  # it has not been heard of since it joined: whoever comes now takes its place
         if (known is not None and known != sender) or (run != self._run and self._expects(member.name)):
             return "another node of this name takes part; stop one of them, or give it another name"
         if known is None and self.state != WAITING and member.kind != RECORDER:

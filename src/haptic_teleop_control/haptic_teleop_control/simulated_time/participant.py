@@ -81,7 +81,7 @@ class Participant:
         if not self.joined or self._faulty:
             return
         if message.number == 0:
-            self._say("done")
+            self._say("done", what=message.session)
             return
         last = 0 if self.tick is None else self.tick.number
         if message.number < last:
