@@ -7,20 +7,22 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from numba import njit
-from stepped_machines import DT, ELASTIC, FINE, drive, record
+from stepped_machines import DT, ELASTIC, FINE, RIGID, drive, record
 
 from haptic_teleop_sim.model import Effect
 from haptic_teleop_sysid.diagnosis.decision.adequacy import Adequacy
 from haptic_teleop_sysid.diagnosis.decision.decide import Choice
-from haptic_teleop_sysid.diagnosis.decision.misplaced import at_its_place, misplaced
+from haptic_teleop_sysid.diagnosis.decision.misplaced import at_its_place, left_beside, misplaced
 from haptic_teleop_sysid.diagnosis.decision.search import SearchResult
 from haptic_teleop_sysid.diagnosis.decision.verdict import Verdict
 from haptic_teleop_sysid.diagnosis.evidence.acting_place import ActingPlace
 from haptic_teleop_sysid.diagnosis.evidence.inverse_dynamics.arm_response import ArmResponse
 from haptic_teleop_sysid.diagnosis.evidence.inverse_dynamics.parity import parity_residuals
 from haptic_teleop_sysid.diagnosis.evidence.measured_map import no_torque
+from haptic_teleop_sysid.diagnosis.evidence.residual import Condition
 from haptic_teleop_sysid.diagnosis.hypotheses.explanation import Explanation
 from haptic_teleop_sysid.diagnosis.inputs.scales import recording_scales
+from haptic_teleop_sysid.diagnosis.policy import NOT_LOWERED
 from haptic_teleop_sysid.estimation.whole_fit import fit_whole, noise_starts
 
 STIFFNESS, MOTOR, ARM = 20.0, (0.06, 0.3), (0.1, 0.1)
@@ -86,9 +88,53 @@ def test_beside_a_friction_at_the_motor_it_holds_once_that_is_allowed_for(machin
     assert min(beside, key=lambda place: beside[place]) == "arm_encoder", beside
 
 
-def test_an_encoder_is_not_asked_beside_a_torque_behind_the_spring(machines):
-    left = parity_residuals(ELASTIC, machines("arm"), CUTOFF, [friction("arm")])
-    assert left.keys() == {"motor", "arm", "joint"}
+@pytest.mark.parametrize("place", ["arm", "joint"])
+@pytest.mark.parametrize("encoder", ["arm_encoder", "motor_encoder"])
+def test_a_torque_behind_the_motor_is_no_error_of_an_encoder(machines, encoder, place):
+    acting = ActingPlace(ELASTIC, machines(encoder), CUTOFF)
+    assert acting.alone == encoder
+    alone, beside = (acting.left(known)[encoder] for known in ((), [spring(place)]))
+    assert beside < 2.0 * alone
+    assert acting.elsewhere(spring(place)) == (beside > NOT_LOWERED * alone)
+
+
+@pytest.mark.parametrize("place", ["motor", "arm", "joint"])
+def test_a_known_torque_behind_the_motor_is_allowed_for_in_every_equation(machines, place):
+    """What is known to act behind the spring stands in the equations without an encoder, too."""
+    torque = drive(0, 2.0)
+    angles = stepped(torque, *[np.zeros(len(torque) * FINE)] * 3, 0.0)
+    wave = 0.02 * np.sin(2 * np.pi * 0.7 * DT * np.arange(len(torque)))
+    records = [record(torque, angles + np.column_stack([0.0 * wave, wave]), 1e-5)]
+    bare, known = (parity_residuals(ELASTIC, records, CUTOFF, k) for k in ((), [spring(place)]))
+    assert known["arm_encoder"] <= 1.1 * bare["arm_encoder"]
+    assert min(known, key=lambda one: known[one]) == "arm_encoder"
+
+
+def test_where_the_arm_was_hardly_read_nothing_is_said(machines):
+    (one, _) = machines("arm")
+    unread = replace(one, measured=np.column_stack([one.measured[:, 0], np.full(len(one), np.nan)]))
+    assert ActingPlace.of(ELASTIC, [unread], CUTOFF) is None
+    assert ActingPlace.of(ELASTIC, [unread, one], CUTOFF).alone == "arm"
+    assert ActingPlace.of(RIGID, [one], CUTOFF) is None
+    scale = Effect("encoder_scale", "j_arm_encoder", {"scale": 1.1})
+    assert ActingPlace.of(ELASTIC.with_effects(scale), [one], CUTOFF) is None, "it cannot be allowed for"
+    for still in (replace(one, input=0.0 * one.input), replace(one, input=np.nan * one.input)):
+        acting = ActingPlace(ELASTIC, [still], CUTOFF)
+        assert acting.left() == {} and acting.alone is None and not acting.elsewhere(friction("motor"))
+        assert acting.explained([friction("motor")]) == 1.0
+
+
+@pytest.mark.parametrize("place", ["joint", "arm_encoder", "motor_encoder"])
+def test_holes_of_an_encoder_are_no_error_of_it(machines, place):
+    records = []
+    for one in machines(place):
+        measured = one.measured.copy()
+        for start in range(1000, len(one), 3000):
+            measured[start : start + 150, 1] = np.nan
+        records.append(replace(one, measured=measured))
+    left = parity_residuals(ELASTIC, records, CUTOFF)
+    assert min(left, key=lambda one: left[one]) == place
+    assert ActingPlace(ELASTIC, records, CUTOFF).alone == place
 
 
 def test_two_unknown_signals_at_two_places_are_at_none(machines):
@@ -99,6 +145,9 @@ def test_two_unknown_signals_at_two_places_are_at_none(machines):
 def test_what_acts_at_the_motor_alone_says_nothing_of_names_elsewhere(machines):
     """Some random torque acts there on every machine."""
     assert ActingPlace(ELASTIC, machines("motor"), CUTOFF).alone is None
+
+
+FOLLOWED = (("deflection", 0.9), ("arm angle", 0.5), ("motor velocity", 0.6))
 
 
 def friction(place):
@@ -145,12 +194,15 @@ def test_an_unknown_is_told_at_the_place_whose_equation_holds(machines):
 
     def told(place, kind="unknown"):
         where = [{"equation": f"j_{place}", "share": 0.9, "condition": "time", "intervals": []}]
-        verdict, misread = at_its_place(Verdict(kind, where, [], [], []), acting)
-        return verdict.where[0]["equation"], misread
+        remaining = [Condition("j_motor", n, "", share, np.zeros(1), np.zeros(1)) for n, share in FOLLOWED]
+        verdict = Verdict(kind, where, [], remaining, [])
+        found, misread = at_its_place(verdict, left_beside(verdict, acting), ELASTIC)
+        return found.where[0]["equation"], found.where[0]["condition"], misread
 
-    assert told("joint") == told("motor") == told("actuator") == ("j_arm_encoder", "j_arm_encoder")
-    assert told("arm_encoder") == ("j_arm_encoder", None)
-    assert told("joint", "identified") == ("j_joint", None)
+    here = ("j_arm_encoder", "arm angle", "j_arm_encoder")
+    assert told("joint") == told("motor") == told("actuator") == here
+    assert told("arm_encoder") == ("j_arm_encoder", "time", None)
+    assert told("joint", "identified") == ("j_joint", "time", None)
     assert "error of j_arm_encoder" in no_torque("j_arm_encoder").why
 
 
@@ -164,7 +216,6 @@ def test_the_arm_follows_as_its_equation_says():
     own = arm.by_itself(2000)
     swing = np.exp(-0.5 * time[:2000]) * np.cos(np.sqrt(200.0 - 0.25) * time[:2000])
     assert own @ np.linalg.lstsq(own[:200], swing[:200], rcond=None)[0] == pytest.approx(swing, abs=1e-6)
-
 
 
 def test_a_gain_that_no_equation_asks_for_is_given_up_where_all_acts_at_the_arm(machines):

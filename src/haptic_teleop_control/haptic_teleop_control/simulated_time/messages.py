@@ -107,10 +107,11 @@ class Status:
 @dataclass(frozen=True)
 class Report:
     """What a participant says. act: join, done (with tick `number`; with 0 `what` is the coordinator's
-    session), waiting (for `what`), recorded, taken, left. stamps: recorded: topic -> newest stamp kept; done of a linked answerer: way -> newest stamp sent;
-    taken: way -> stamp of the packet taken last, whose copies arrive at `arrivals` (ns). silent: done of a
-    plant: its next sample is not published, because its device calibrates or is lost. sender: id of the
-    participant. run: of the `scenario` that has started it, else empty.
+    session), waiting (for `what`), recorded, taken, left. stamps: recorded: topic -> newest stamp kept; done
+    of a linked answerer: way -> newest stamp sent; taken: way -> stamp of the packet taken last, whose copies
+    arrive at `arrivals` (ns). silent: done of a plant: its next sample is not published, because its device
+    calibrates or is lost. sender: id of the participant. run: of the `scenario` that has started it, else
+    empty.
     """
 
     name: str

@@ -83,9 +83,8 @@ def diagnose(
     say("checking what was found")
     result, doubt, stand = questioned(found, believed, kept, [*estimation, *validation])
     result = of_measured_input(unconfirmed(result, found.nearby), read, estimation)
-    acting = None
-    if not model.rigid:
-        acting = ActingPlace(result.baseline.model, [*found.learn, *found.judge], found.cutoff)
+    acting = ActingPlace.of(result.baseline.model, [*found.learn, *found.judge], found.cutoff)
+    if acting is not None:
         result, away = misplaced(result, acting, found.learn)
         doubt = away or doubt
     adequate = None
@@ -107,13 +106,11 @@ def diagnose(
     )
     verdict = decide_verdict(result, found.learn, found.judge, doubt, together(stand.spread, forms), adequate)
     turning = where_torque_jumps(result.baseline, found.learn, found.judge)
-    misread = None
-    if acting is not None and verdict.kind == "unknown":
-        verdict, misread = at_its_place(verdict, acting)
-    mapped = instead = None
+    mapped = instead = parity = None
+    named = result.final
     if verdict.kind == "unknown":
-        mapped = drawn_beside(found, result, say) if misread is None else no_torque(misread)
-        if mapped.fit is None and misread is None:
+        mapped = drawn_beside(found, result, say)
+        if mapped.fit is None:
             instead = stand_in(result.final, found.given, doubt, found.errors)
         verdict = with_names(
             verdict,
@@ -128,10 +125,11 @@ def diagnose(
         nameless = mapped.fit if instead is None else instead.fit
         result = replace(result, final=nameless or result.final)
     verdict = with_friction(verdict, turning, result, found.learn)
-    parity = None
     if acting is not None and verdict.kind != "no_mismatch":
         parity = left_beside(verdict, acting)
-        verdict, _ = at_its_place(verdict, acting, parity)
+        verdict, misread = at_its_place(verdict, parity, acting.model)
+        if misread is not None:
+            mapped, instead, result = no_torque(misread), None, replace(result, final=named)
     say("simulating all three models on all recordings")
     proof = prove(model, result.baseline.model, result.final.model, found.course, uses)
     columns = three_columns(model, result, verdict, found.judge, forms)

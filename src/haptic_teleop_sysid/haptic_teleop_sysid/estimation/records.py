@@ -148,10 +148,11 @@ def records_from(data: DataSet, at_rest: bool = False, commanded: bool = False) 
     ends = np.flatnonzero(np.diff(seen) > LONGEST_HOLE)
     spans = list(zip(seen[np.r_[0, ends + 1]], seen[np.r_[ends, len(seen) - 1]] + 1, strict=True))
     kept = [s for s in spans if s[1] - s[0] >= SHORTEST_PIECE] or [max(spans, key=lambda s: s[1] - s[0])]
-    return [_piece(whole, a, b, at_rest and a == 0) for a, b in kept]
+    return [piece(whole, a, b, at_rest and a == 0) for a, b in kept]
 
 
-def _piece(whole: Record, first: int, stop: int, at_rest: bool) -> Record:
+def piece(whole: Record, first: int, stop: int, at_rest: bool = False) -> Record:
+    """The samples ``first`` to ``stop`` of a record."""
     measured = whole.measured[first:stop]
     return replace(
         whole,

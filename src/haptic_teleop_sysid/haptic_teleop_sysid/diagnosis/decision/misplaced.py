@@ -4,18 +4,21 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
+from typing import Any
 
-from haptic_teleop_sim.model import Effect
+from haptic_teleop_sim.effects import effect_entry
+from haptic_teleop_sim.model import Effect, Model
 from haptic_teleop_sysid.estimation.records import Record
 
 from ..evidence.acting_place import ActingPlace
-from ..evidence.inverse_dynamics.parity import ENCODERS, MOTOR
+from ..evidence.inverse_dynamics.parity import ENCODERS, JOINT, MOTOR
 from ..evidence.inverse_dynamics.terms import follows_from_motion
+from ..evidence.residual import Condition
 from ..policy import HOLDS_BETTER
 from .beside_the_others import left_out, without
 from .reasons import Doubt
 from .search import SearchResult
-from .verdict import Verdict
+from .verdict import FOLLOWS, Verdict
 
 
 def misplaced(
@@ -23,8 +26,13 @@ def misplaced(
 ) -> tuple[SearchResult, Doubt | None]:
     """The result without names at places where nothing acts, because what is missing acts at another one;
     ``records``: those of the estimation. The doubt that says so, where no name is left."""
+    named = [c.chosen.effect for c in result.choices]
     gone = [
-        c for c in result.choices if c.chosen.by_current <= 0.0 and acting.elsewhere(c.chosen.effect)
+        c
+        for c in result.choices
+        if c.chosen.by_current <= 0.0
+        and not _changes_another(c.chosen.effect, named)
+        and acting.elsewhere(c.chosen.effect)
     ]
     if not gone:
         return result, None
@@ -41,30 +49,56 @@ def misplaced(
     return result, None
 
 
-def at_its_place(
-    verdict: Verdict, acting: ActingPlace, left: Mapping[str, float] | None = None
-) -> tuple[Verdict, str | None]:
+def _changes_another(effect: Effect, named: Sequence[Effect]) -> bool:
+    """Whether an effect is the change of a friction that is named beside it: equations do not follow that."""
+    frictions = [e.location for e in named if e.entry.kind == "friction"]
+    return effect.entry.kind == "friction_factor" and effect.location in frictions
+
+
+def at_its_place(verdict: Verdict, left: Mapping[str, float], model: Model) -> tuple[Verdict, str | None]:
     """An `unknown` at the place whose parity equation holds, where it leaves less by HOLDS_BETTER than that
-    of the place which was told; and that place where it is an encoder, else None. ``left``: by place, see
-    `left_beside`."""
-    if verdict.kind != "unknown" or not verdict.where:
+    of the place which was told, with the share (mean square) of this that it does not leave; and that place
+    where it is an encoder, else None. ``left``: by place, see `left_beside`."""
+    if verdict.kind != "unknown" or not verdict.where or not left:
         return verdict, None
-    left = left_beside(verdict, acting) if left is None else left
     told, *others = verdict.where
-    place = acting.model.place(told["equation"])
+    place = model.place(told["equation"])
     place = MOTOR if place == "actuator" else place
     best = min(left, key=lambda one: left[one])
     if place not in left or left[place] <= HOLDS_BETTER * left[best]:
         return verdict, None
-    where, share = acting.model.location(best), round(1.0 - (left[best] / left[place]) ** 2, 3)
-    moved = replace(verdict, where=[{**told, "equation": where, "share": share}, *others])
-    return moved, where if best in ENCODERS else None
+    share = round(1.0 - (left[best] / left[place]) ** 2, 3)
+    where = {
+        **told,
+        "equation": model.location(best),
+        "share": share,
+        "condition": _followed(verdict.remaining, best, model),
+    }
+    return replace(verdict, where=[where, *others]), model.location(best) if best in ENCODERS else None
+
+
+def _followed(remaining: Sequence[Condition], place: str, model: Model) -> str:
+    """What a left-over torque follows most, of what can matter at a place; what follows nothing comes and
+    goes with time."""
+    body = place.split("_")[0]
+    here = [
+        c
+        for c in remaining
+        if (body in c.name if place in ENCODERS else place == JOINT or c.equation == model.location(place))
+    ]
+    best = max(here, key=lambda c: c.explained, default=None)
+    return best.name if best is not None and best.explained > FOLLOWS else "time"
 
 
 def left_beside(verdict: Verdict, acting: ActingPlace) -> dict[str, float]:
     """What the parity equations leave beside the findings that are torques along the motion."""
-    found = [
-        Effect(f["effect"], f["location"], {name: one["value"] for name, one in f["parameters"].items()})
-        for f in verdict.findings
-    ]
-    return acting.left([effect for effect in found if follows_from_motion(effect.entry)])
+    found = [e for e in map(_effect, verdict.findings) if follows_from_motion(e.entry)]
+    return acting.left(found)
+
+
+def _effect(finding: Mapping[str, Any]) -> Effect:
+    """The effect of a finding; what was not told of it is as it is by default."""
+    entry, told = effect_entry(finding["effect"]), finding["parameters"]
+    values = {p.name: 0.0 if p.default is None else p.default for p in entry.parameters}
+    values |= {name: one["value"] for name, one in told.items()}
+    return Effect(finding["effect"], finding["location"], values)

@@ -6,11 +6,14 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
+import numpy as np
+
 from haptic_teleop_sim.model import Effect, Model
+from haptic_teleop_sysid.estimation.likelihood import FAILURES
 from haptic_teleop_sysid.estimation.records import Record
 
 from ..policy import HOLDS_ALONE, MISFIT, NOT_LOWERED
-from .inverse_dynamics.parity import ARM, JOINT, MOTOR, parity_residuals, told
+from .inverse_dynamics.parity import ARM, ENCODERS, JOINT, MOTOR, parity_residuals, told
 
 
 @dataclass(frozen=True)
@@ -22,15 +25,32 @@ class ActingPlace:
     records: Sequence[Record]
     cutoff: float
 
-    def left(self, known: Sequence[Effect] = ()) -> dict[str, float]:
-        """What each place's equation leaves beside some effects (see `parity_residuals`)."""
-        return parity_residuals(self.model, self.records, self.cutoff, [*self.model.effects, *known])
+    @staticmethod
+    def of(model: Model, records: Sequence[Record], cutoff: float) -> ActingPlace | None:
+        """None where equations say nothing: of a rigid joint, one whose arm nobody read, or a model with an
+        effect that they cannot allow for."""
+        read = [r for r in records if np.any(np.isfinite(r.measured[:, 1]))]
+        if model.rigid or not read or not all(told(e.entry) for e in model.effects):
+            return None
+        return ActingPlace(model, read, cutoff)
+
+    def left(self, known: Sequence[Effect] = (), encoders: bool = True) -> dict[str, float]:
+        """What each place's equation leaves beside some effects (see `parity_residuals`); empty where the
+        arithmetic fails."""
+        try:
+            every = [*self.model.effects, *known]
+            return parity_residuals(self.model, self.records, self.cutoff, every, encoders)
+        except FAILURES:
+            return {}
 
     @cached_property
     def alone(self) -> str | None:
         """The place whose equation holds while no other does; None where there is none, and at the motor,
         where some random torque acts on every machine."""
-        (best, least), (_, next_best), *_ = sorted(self._left.items(), key=lambda one: one[1])
+        ordered = sorted(self._left.items(), key=lambda one: one[1])
+        if not ordered:
+            return None
+        (best, least), (_, next_best), *_ = ordered
         clear = next_best > max(HOLDS_ALONE * least, MISFIT)
         return best if clear and best != MOTOR else None
 
@@ -39,17 +59,18 @@ class ActingPlace:
         not lower what the equation of that place leaves. One that acts at moments is not asked."""
         if self.alone is None or self.place(effect) == self.alone or not _asked(effect):
             return False
-        return self.left([effect])[self.alone] > NOT_LOWERED * self._left[self.alone]
+        left = self.left([effect], self.alone in ENCODERS)
+        return bool(left) and left[self.alone] > NOT_LOWERED * self._left[self.alone]
 
     def explained(self, names: Sequence[Effect]) -> float:
         """Share (mean square) of what the equations of other places leave that they do not leave with names,
-        where everything acts at one place; 1 where that is not so, or a name there cannot be asked."""
-        if self.alone is None or any(self.place(e) == self.alone and not _asked(e) for e in names):
+        where everything acts at one place; 1 where that is not so, or a name cannot be asked."""
+        if self.alone is None or not all(map(_asked, names)):
             return 1.0
-        before, after = (
-            min(left[place] for place in (MOTOR, ARM, JOINT) if place != self.alone)
-            for left in (self._left, self.left(names))
-        )
+        left = self.left(names, encoders=False)
+        others = [place for place in left if place in (MOTOR, ARM, JOINT) and place != self.alone]
+        after = min((left[place] for place in others), default=0.0)
+        before = min((self._left[place] for place in others), default=1.0)
         return 1.0 if after < MISFIT else 1.0 - min(after / before, 1.0) ** 2
 
     def place(self, effect: Effect) -> str:

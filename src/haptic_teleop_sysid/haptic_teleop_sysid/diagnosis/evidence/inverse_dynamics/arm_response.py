@@ -25,6 +25,11 @@ class ArmResponse:
         """The signal (n,) as the arm follows it, from rest at its first value."""
         return values[0] + np.asarray(scipy.signal.lfilter(*self._filter, values - values[0]))
 
+    def each(self, columns: FloatArray) -> FloatArray:
+        """Columns (n, p) as the arm follows them."""
+        found = [self(column)[:, None] for column in columns.T]
+        return np.hstack([np.zeros((len(columns), 0)), *found])
+
     def by_itself(self, n: int) -> FloatArray:
         """How the arm swings where nothing moves the motor, (n, 2): from any angle and velocity it is a sum
         of both columns."""

@@ -10,6 +10,7 @@ place holds. No name, and no model of noise, is asked for; with unknown signals 
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from types import SimpleNamespace
@@ -21,11 +22,11 @@ from numpy.typing import NDArray
 from haptic_teleop_sim.effects import EffectEntry
 from haptic_teleop_sim.effects.on_arrays import NUMERIC
 from haptic_teleop_sim.model import Effect, Model
-from haptic_teleop_sysid.estimation.records import Record
+from haptic_teleop_sysid.estimation.records import Record, piece
 
 from .arm_response import ArmResponse
 from .band import long_enough
-from .motion import BandedMotion, banded
+from .motion import BRIDGED, BandedMotion, banded, in_long_runs
 from .regression import STIFFNESS
 from .terms import Hypothesis, follows_from_motion
 
@@ -35,6 +36,11 @@ MOTOR, ARM, JOINT, ARM_ENCODER, MOTOR_ENCODER = "motor", "arm", "joint", "arm_en
 ENCODERS = (MOTOR_ENCODER, ARM_ENCODER)
 #: Factor by which the arm's response may differ from the model's, and a stiffness that is fixed.
 _REACH, _FIXED = 4.0, 1.1
+#: Damping of the arm's response where that is looked for, and where the search begins, as a share of its
+#: undamped frequency.
+_DAMPED, _BEGINS = (1e-3, 4.0), (0.02, 1.0)
+#: Share of a torque that is none, and samples that an equation needs for each of its columns.
+_NOTHING, _SAMPLES = 1e-6, 10
 #: Correlation with the input from which what an actuator makes of it is a gain.
 _GAIN = 0.999
 
@@ -51,9 +57,8 @@ class Rows:
 
     def seen(self, arm: ArmResponse) -> Rows:
         """Both sides as the arm follows them."""
-        structure, free = (np.column_stack([arm(c) for c in side.T]) for side in (self.structure, self.free))
-        by_itself = arm.by_itself(len(self.target))
-        return Rows(arm(self.target), structure, self.bounds, np.column_stack([free, by_itself]))
+        free = np.column_stack([arm.each(self.free), arm.by_itself(len(self.target))])
+        return Rows(arm(self.target), arm.each(self.structure), self.bounds, free)
 
 
 @dataclass(frozen=True)
@@ -98,16 +103,20 @@ class _Signals:
         return self.rows(self.torque, [0, 1], self.known[MOTOR], self.known[ARM])
 
     def without_arm_encoder(self, arm: ArmResponse) -> Rows:
-        """The motor's equation with the arm where its own equation has it: K u = J_m a_m + b_m v_m + k (q_m -
-        H q_m)."""
-        rows = self.rows(self.torque, [0], self.known[MOTOR], arm.by_itself(len(self.torque)))
+        """The motor's equation with the arm where its own equation has it, q_a = H (q_m + T / k) with T a
+        known torque at the arm: K u = J_m a_m + b_m v_m + k (q_m - H q_m) - H T."""
+        known = [arm.each(self.known[ARM]), self.known[JOINT] - arm.each(self.known[JOINT])]
+        own = arm.by_itself(len(self.torque))
+        rows = self.rows(self.torque, [0], self.known[MOTOR], *known, own)
         return self.with_spring(rows, self.angle[:, 0] - arm(self.angle[:, 0]))
 
     def without_motor_encoder(self, arm: ArmResponse) -> Rows:
         """The same with the motor where the arm's equation has it, q_a = H q_m, both sides as the arm
         follows them, so that nothing is differentiated more often: H K u = J_m a_a + b_m v_a + J_a H (a_a +
-        d v_a)."""
-        known = [arm(column)[:, None] for column in self.known[MOTOR].T]
+        d v_a). A known torque behind the motor is there as the arm follows it, and with its derivatives."""
+        behind = arm.each(np.hstack([self.known[ARM], self.known[JOINT]]))
+        rates = np.gradient(behind, self.dt, axis=0)
+        known = [arm.each(self.known[MOTOR]), behind, rates, np.gradient(rates, self.dt, axis=0)]
         rows = self.rows(arm(self.torque), [1], *known, arm.by_itself(len(self.torque)))
         reaction = arm(self.acceleration[:, 1] + arm.damping * self.velocity[:, 1])
         columns = np.column_stack([rows.structure, reaction])
@@ -115,24 +124,30 @@ class _Signals:
 
 
 def parity_residuals(
-    model: Model, records: Sequence[Record], cutoff: float, known: Sequence[Effect] = ()
+    model: Model,
+    records: Sequence[Record],
+    cutoff: float,
+    known: Sequence[Effect] = (),
+    encoders: bool = True,
 ) -> dict[str, float]:
     """What each place's parity equation leaves, rms, as a share of the input's torque: by place (motor, arm,
-    joint, arm_encoder, motor_encoder), of a flexible joint. The equation without the motor's encoder is one
-    of signals as the arm follows them, which are smoother: it has the share of the best of the others, times
-    what it leaves relative to that one as smooth.
+    joint, and with ``encoders`` arm_encoder and motor_encoder), of a flexible joint. What the motor's leaves
+    is in units of the model's stiffness. The equation without the motor's encoder is one of signals as the
+    arm follows them, which are smoother: it has the share of the best of the others, times what it leaves
+    relative to that one as smooth. Empty where both encoders were read too seldom to say, or nothing drives.
 
     ``cutoff``: Hz, of the motion's band; ``known``: effects whose torques are allowed for, whatever their
-    size, as far as they are `told`. An encoder has no entry where one of them acts at the arm or in the
-    joint."""
+    size, as far as they are `told`."""
     known = [effect for effect in known if told(effect.entry)]
-    parts = [_signals(model, r, cutoff, known) for r in long_enough(records, cutoff)]
+    stretches = [stretch for record in records for stretch in _both_read(record, cutoff)]
+    parts = [p for r in long_enough(stretches, cutoff) if len((p := _signals(model, r, cutoff, known)).kept)]
+    if not parts or _rms([p.torque[p.kept] for p in parts]) <= _NOTHING:
+        return {}
     equations = {
         MOTOR: [p.without_motor(model.parameters["stiffness"]) for p in parts],
         ARM: [p.without_arm() for p in parts],
         JOINT: [p.without_joint() for p in parts],
     }
-    encoders = not any(p.known[place].size for p in parts for place in (ARM, JOINT))
     if encoders:
         arms = _best(model, parts, _Signals.without_arm_encoder)
         equations[ARM_ENCODER] = [p.without_arm_encoder(arm) for p, arm in zip(parts, arms, strict=True)]
@@ -146,8 +161,17 @@ def parity_residuals(
         }
         own = _left(parts, [p.without_motor_encoder(arm) for p, arm in zip(parts, arms, strict=True)])
         best = {min(measure, key=lambda place: measure[place]) for measure in (found, smooth)}
-        found[MOTOR_ENCODER] = max(own / max(smooth[place], 1e-300) * found[place] for place in best)
-    return found
+        least = _NOTHING * driven
+        found[MOTOR_ENCODER] = max(own / max(smooth[place], least) * found[place] for place in best)
+    return found if all(map(math.isfinite, found.values())) else {}
+
+
+def _both_read(record: Record, cutoff: float) -> list[Record]:
+    """The stretches of a record without a long hole of either encoder: a response does not go on over one."""
+    missing = ~np.all(np.isfinite(record.measured), axis=1)
+    holes = in_long_runs(missing, BRIDGED / (cutoff * record.dt))
+    edges = np.flatnonzero(np.diff(np.concatenate([[1], holes.astype(np.int8), [1]])))
+    return [piece(record, first, stop) for first, stop in edges.reshape(-1, 2).tolist()]
 
 
 def _signals(model: Model, record: Record, cutoff: float, known: Sequence[Effect]) -> _Signals:
@@ -202,7 +226,9 @@ def _best(
     """The arm's response with which the equation without an encoder leaves least, at the samples of each
     recording."""
     p = model.parameters
-    given = np.log([p["stiffness"] / p["arm_inertia"], max(p["arm_damping"] / p["arm_inertia"], 1e-3)])
+    frequency = math.sqrt(p["stiffness"] / p["arm_inertia"])
+    damped = float(np.clip(p["arm_damping"] / p["arm_inertia"] / frequency, *_BEGINS))
+    given = np.log([frequency**2, damped * frequency])
 
     def arms(logarithms: FloatArray) -> list[ArmResponse]:
         stiffness, damping = np.exp(logarithms).tolist()
@@ -213,20 +239,22 @@ def _best(
         whole = _rms([one.target[part.kept] for part, one in zip(parts, equations, strict=True)])
         return _left(parts, equations) / whole
 
-    reach = np.log(_REACH)
-    bounds = [(given[0] - reach, given[0] + reach), (given[1] - 2.0 * reach, given[1] + 2.0 * reach)]
+    reach = (frequency**2 / _REACH, frequency**2 * _REACH), tuple(share * frequency for share in _DAMPED)
+    bounds = np.log(reach).tolist()
     return arms(scipy.optimize.minimize(share, given, method="Nelder-Mead", bounds=bounds, tol=1e-3).x)
 
 
 def _left(parts: Sequence[_Signals], equations: Sequence[Rows]) -> float:
     """Rms that the equations of all recordings leave with common parameters, by least squares; what may have
-    any sign is each recording's own."""
+    any sign is each recording's own. Infinite with too few samples."""
     pairs = [*zip(parts, equations, strict=True)]
     target = np.concatenate([one.target[part.kept] for part, one in pairs])
     structure = np.concatenate([one.structure[part.kept] for part, one in pairs])
     columns = np.hstack([structure, scipy.linalg.block_diag(*(one.free[part.kept] for part, one in pairs))])
     low, high = (np.full(columns.shape[1], side) for side in (-np.inf, np.inf))
     low[: structure.shape[1]], high[: structure.shape[1]] = np.transpose(equations[0].bounds)
+    if len(target) < _SAMPLES * columns.shape[1]:
+        return math.inf
     scale = np.linalg.norm(columns, axis=0)
     shown = scale > 0.0
     columns, low, high = columns[:, shown] / scale[shown], (low * scale)[shown], (high * scale)[shown]
@@ -235,7 +263,7 @@ def _left(parts: Sequence[_Signals], equations: Sequence[Rows]) -> float:
     inside = q.T @ target
     beyond = float(target @ target - inside @ inside)
     found = scipy.optimize.lsq_linear(r, inside, (low, high), method="bvls")
-    return float(np.sqrt(max(2.0 * found.cost + beyond, 0.0) / len(target)))
+    return float(np.sqrt(max(2.0 * found.cost + beyond, 0.0) / (len(target) - len(low))))
 
 
 def _rms(parts: Sequence[FloatArray]) -> float:
