@@ -83,7 +83,8 @@ def diagnose(
     say("checking what was found")
     result, doubt, stand = questioned(found, believed, kept, [*estimation, *validation])
     result = of_measured_input(unconfirmed(result, found.nearby), read, estimation)
-    acting = ActingPlace.of(result.baseline.model, [*found.learn, *found.judge], found.cutoff)
+    # The given model: a re-estimated one has made up for what is missing.
+    acting = ActingPlace.of(model, [*found.learn, *found.judge], found.cutoff)
     if acting is not None:
         result, away = misplaced(result, acting, found.learn)
         doubt = away or doubt
