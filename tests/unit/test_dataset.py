@@ -167,6 +167,21 @@ def test_velocity_is_derived_where_it_was_not_recorded():
     assert np.allclose(filtered.motor_velocity, recorded.motor_velocity, atol=1e-9)
 
 
+def test_an_arm_of_which_no_reading_is_a_number_is_one_that_nobody_read():
+    """Where the velocity is not recorded, either, it ended in an error of arithmetic."""
+    stamps, wave = START + 2_000_000 * np.arange(2000), np.sin(0.01 * np.arange(2000))
+    positions = np.column_stack([wave, np.full(2000, np.nan)])
+    series = JointStateSeries(stamps, stamps, ("j", "k"), positions, None, np.column_stack([wave, wave]))
+    model = replace(
+        RIGID,
+        structure="flexible_joint",
+        parameters=TRUTH,
+        io={**IO, "arm": {"topic": "/plant", "joint": "k"}},
+    )
+    dataset = load_dataset(Recording(Path("plant"), {"/plant": series}), model)
+    assert dataset.arm_position is None and dataset.arm_velocity is None and np.all(dataset.valid)
+
+
 def test_a_generic_input_is_not_shifted():
     t = 0.002 * np.arange(500)
     dataset = load_dataset(plant(START + np.rint(1e9 * t).astype(np.int64), np.sin(t), np.cos(t)), RIGID)

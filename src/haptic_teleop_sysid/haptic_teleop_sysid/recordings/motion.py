@@ -36,6 +36,8 @@ def motion(
     read = channel.values("position")
     mended = without_wrong_readings(read, channel.joint, grid, damage)
     position = finite(grid.sampled(mended), valid)
+    if not np.any(np.isfinite(position)):
+        return position, position  # nobody read it: the caller says what follows
     recorded = channel.values_or_none("velocity")
     # The driver made its velocity of wrong readings, too.
     if mended is read and recorded is not None and np.mean(np.isfinite(recorded)) > 0.5:
