@@ -99,7 +99,7 @@ def test_a_torque_behind_the_motor_is_no_error_of_an_encoder(machines, encoder, 
 
 
 @pytest.mark.parametrize("place", ["motor", "arm", "joint"])
-def test_a_known_torque_behind_the_motor_is_allowed_for_in_every_equation(machines, place):
+def test_a_known_torque_takes_no_error_of_the_arms_encoder_for_itself(place):
     """What is known to act behind the spring stands in the equations without an encoder, too."""
     torque = drive(0, 2.0)
     angles = stepped(torque, *[np.zeros(len(torque) * FINE)] * 3, 0.0)

@@ -11,14 +11,14 @@ from haptic_teleop_sim.model import Effect, Model
 from haptic_teleop_sysid.estimation.records import Record
 
 from ..evidence.acting_place import ActingPlace
-from ..evidence.inverse_dynamics.parity import ENCODERS, JOINT, MOTOR
+from ..evidence.inverse_dynamics.parity import ENCODERS, JOINT, acts_at
 from ..evidence.inverse_dynamics.terms import follows_from_motion
 from ..evidence.residual import Condition
 from ..policy import HOLDS_BETTER
 from .beside_the_others import left_out, without
 from .reasons import Doubt
 from .search import SearchResult
-from .verdict import FOLLOWS, Verdict
+from .verdict import Verdict, followed
 
 
 def misplaced(
@@ -62,8 +62,7 @@ def at_its_place(verdict: Verdict, left: Mapping[str, float], model: Model) -> t
     if verdict.kind != "unknown" or not verdict.where or not left:
         return verdict, None
     told, *others = verdict.where
-    place = model.place(told["equation"])
-    place = MOTOR if place == "actuator" else place
+    place = acts_at(model, told["equation"])
     best = min(left, key=lambda one: left[one])
     if place not in left or left[place] <= HOLDS_BETTER * left[best]:
         return verdict, None
@@ -72,28 +71,24 @@ def at_its_place(verdict: Verdict, left: Mapping[str, float], model: Model) -> t
         **told,
         "equation": model.location(best),
         "share": share,
-        "condition": _followed(verdict.remaining, best, model),
+        "condition": followed(_that_matter(verdict.remaining, best, model)),
     }
     return replace(verdict, where=[where, *others]), model.location(best) if best in ENCODERS else None
 
 
-def _followed(remaining: Sequence[Condition], place: str, model: Model) -> str:
-    """What a left-over torque follows most, of what can matter at a place; what follows nothing comes and
-    goes with time."""
+def _that_matter(remaining: Sequence[Condition], place: str, model: Model) -> list[Condition]:
+    """Of what a left-over torque follows, what can matter at a place: an encoder's own motion, anything in
+    the joint, and what the torque of that equation follows elsewhere."""
     body = place.split("_")[0]
-    here = [
-        c
-        for c in remaining
-        if (body in c.name if place in ENCODERS else place == JOINT or c.equation == model.location(place))
-    ]
-    best = max(here, key=lambda c: c.explained, default=None)
-    return best.name if best is not None and best.explained > FOLLOWS else "time"
+    if place in ENCODERS:
+        return [c for c in remaining if body in c.name]
+    return [c for c in remaining if place == JOINT or c.equation == model.location(place)]
 
 
 def left_beside(verdict: Verdict, acting: ActingPlace) -> dict[str, float]:
     """What the parity equations leave beside the findings that are torques along the motion."""
     found = [e for e in map(_effect, verdict.findings) if follows_from_motion(e.entry)]
-    return acting.left(found)
+    return acting.left(found) if found else acting.bare
 
 
 def _effect(finding: Mapping[str, Any]) -> Effect:

@@ -238,10 +238,10 @@ def where_left(
 ) -> dict[str, Any]:
     """Where most of the torque acts that the final model lacks, and what it follows."""
     place, share = _largest(result.final, estimation)
-    return {"equation": place, "share": round(share, 3), "condition": _followed(remaining), "intervals": []}
+    return {"equation": place, "share": round(share, 3), "condition": followed(remaining), "intervals": []}
 
 
-def _followed(left: Sequence[Condition]) -> str:
+def followed(left: Sequence[Condition]) -> str:
     """What a left-over torque follows, the strongest first; what follows nothing else comes and goes with
     time."""
     return left[0].name if left and left[0].explained > FOLLOWS else "time"
@@ -254,7 +254,7 @@ def _doubtful_place(
     that explains most of what is missing; else where most of the torque acts that the observer adds."""
     model = result.baseline.model
     place, share = _largest(result.baseline, estimation)
-    condition = _followed(before)
+    condition = followed(before)
     if doubt.place is not None:
         place, condition = doubt.place, "time"
     elif doubt.choice is not None:

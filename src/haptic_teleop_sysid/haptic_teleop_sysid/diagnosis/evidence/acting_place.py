@@ -13,7 +13,15 @@ from haptic_teleop_sysid.estimation.likelihood import FAILURES
 from haptic_teleop_sysid.estimation.records import Record
 
 from ..policy import HOLDS_ALONE, MISFIT, NOT_LOWERED
-from .inverse_dynamics.parity import ARM, ENCODERS, JOINT, MOTOR, parity_residuals, told
+from .inverse_dynamics.parity import (
+    ARM,
+    ENCODERS,
+    JOINT,
+    MOTOR,
+    acts_at,
+    can_allow_for,
+    parity_residuals,
+)
 
 
 @dataclass(frozen=True)
@@ -30,7 +38,7 @@ class ActingPlace:
         """None where equations say nothing: of a rigid joint, one whose arm nobody read, or a model with an
         effect that they cannot allow for."""
         read = [r for r in records if np.any(np.isfinite(r.measured[:, 1]))]
-        if model.rigid or not read or not all(told(e.entry) for e in model.effects):
+        if model.rigid or not read or not all(can_allow_for(e.entry) for e in model.effects):
             return None
         return ActingPlace(model, read, cutoff)
 
@@ -47,7 +55,7 @@ class ActingPlace:
     def alone(self) -> str | None:
         """The place whose equation holds while no other does; None where there is none, and at the motor,
         where some random torque acts on every machine."""
-        ordered = sorted(self._left.items(), key=lambda one: one[1])
+        ordered = sorted(self.bare.items(), key=lambda one: one[1])
         if not ordered:
             return None
         (best, least), (_, next_best), *_ = ordered
@@ -57,10 +65,10 @@ class ActingPlace:
     def elsewhere(self, effect: Effect) -> bool:
         """Whether everything acts at one place, and an effect is a torque that acts at another one: it does
         not lower what the equation of that place leaves. One that acts at moments is not asked."""
-        if self.alone is None or self.place(effect) == self.alone or not _asked(effect):
+        if self.alone is None or acts_at(self.model, effect.location) == self.alone or not _asked(effect):
             return False
         left = self.left([effect], self.alone in ENCODERS)
-        return bool(left) and left[self.alone] > NOT_LOWERED * self._left[self.alone]
+        return bool(left) and left[self.alone] > NOT_LOWERED * self.bare[self.alone]
 
     def explained(self, names: Sequence[Effect]) -> float:
         """Share (mean square) of what the equations of other places leave that they do not leave with names,
@@ -70,19 +78,14 @@ class ActingPlace:
         left = self.left(names, encoders=False)
         others = [place for place in left if place in (MOTOR, ARM, JOINT) and place != self.alone]
         after = min((left[place] for place in others), default=0.0)
-        before = min((self._left[place] for place in others), default=1.0)
+        before = min((self.bare[place] for place in others), default=1.0)
         return 1.0 if after < MISFIT else 1.0 - min(after / before, 1.0) ** 2
 
-    def place(self, effect: Effect) -> str:
-        """Where an effect enters the equations: what an actuator makes of its input is a torque at the
-        motor."""
-        place = self.model.place(effect.location)
-        return MOTOR if place == "actuator" else place
-
     @cached_property
-    def _left(self) -> dict[str, float]:
+    def bare(self) -> dict[str, float]:
+        """`left` beside no effect but the model's own."""
         return self.left()
 
 
 def _asked(effect: Effect) -> bool:
-    return told(effect.entry) and not effect.entry.momentary
+    return can_allow_for(effect.entry) and not effect.entry.momentary

@@ -99,7 +99,7 @@ def explains_sentence(content: dict[str, Any]) -> str:
         f"{100 * found['free_run']:.0f} % of the error of its free runs"
     )
     if parity < NEARLY_ALL:
-        text += f", and {100 * parity:.0f} % of what the equations of the places leave at which nothing acts"
+        text += f", and {100 * parity:.0f} % of what the parity equations of other places leave"
     left = content["left_over"]
     if left is not None:
         text += f"; {100 * left['explained']:.0f} % of the torque that is left at {left['equation']} follows "

@@ -39,7 +39,7 @@ _REACH, _FIXED = 4.0, 1.1
 #: Damping of the arm's response where that is looked for, and where the search begins, as a share of its
 #: undamped frequency.
 _DAMPED, _BEGINS = (1e-3, 4.0), (0.02, 1.0)
-#: Share of a torque that is none, and samples that an equation needs for each of its columns.
+#: Share of the input's torque that is none, and samples that an equation needs for each of its columns.
 _NOTHING, _SAMPLES = 1e-6, 10
 #: Correlation with the input from which what an actuator makes of it is a gain.
 _GAIN = 0.999
@@ -137,11 +137,11 @@ def parity_residuals(
     relative to that one as smooth. Empty where both encoders were read too seldom to say, or nothing drives.
 
     ``cutoff``: Hz, of the motion's band; ``known``: effects whose torques are allowed for, whatever their
-    size, as far as they are `told`."""
-    known = [effect for effect in known if told(effect.entry)]
+    size, as far as `can_allow_for` says so."""
+    known = [effect for effect in known if can_allow_for(effect.entry)]
     stretches = [stretch for record in records for stretch in _both_read(record, cutoff)]
     parts = [p for r in long_enough(stretches, cutoff) if len((p := _signals(model, r, cutoff, known)).kept)]
-    if not parts or _rms([p.torque[p.kept] for p in parts]) <= _NOTHING:
+    if not any(np.any(p.torque[p.kept]) for p in parts):
         return {}
     equations = {
         MOTOR: [p.without_motor(model.parameters["stiffness"]) for p in parts],
@@ -180,8 +180,8 @@ def _signals(model: Model, record: Record, cutoff: float, known: Sequence[Effect
     motion = replace(counting, kept=every, block=1, known={})
     torques: dict[str, list[FloatArray]] = {MOTOR: [], ARM: [], JOINT: []}
     for effect in known:
-        place = model.place(effect.location)
-        torques[MOTOR if place == "actuator" else place].append(_columns(effect, place, motion, model))
+        place = acts_at(model, effect.location)
+        torques[place].append(_columns(effect, place, motion, model))
     within = _FIXED if "stiffness" in model.fixed else STIFFNESS
     stiffness = model.parameters["stiffness"]
     return _Signals(
@@ -196,14 +196,21 @@ def _signals(model: Model, record: Record, cutoff: float, known: Sequence[Effect
     )
 
 
-def told(entry: EffectEntry) -> bool:
+def acts_at(model: Model, location: str) -> str:
+    """The place at which what sits at a location enters the equations: what an actuator makes of its input is
+    a torque at the motor."""
+    place = model.place(location)
+    return MOTOR if place == "actuator" else place
+
+
+def can_allow_for(entry: EffectEntry) -> bool:
     """Whether parity equations can allow for an effect: a torque along the motion, a change of a friction, or
     what an actuator makes of its input."""
     return follows_from_motion(entry) or entry.kind in ("input", "friction_factor")
 
 
 def _columns(effect: Effect, place: str, motion: BandedMotion, model: Model) -> FloatArray:
-    """Torques (n, columns) of an effect that is `told`, by size, filtered like the input. None of a gain: all
+    """Torques (n, columns) of such an effect, by size, filtered like the input. None of a gain: all
     inertias, dampings and stiffnesses share it, and no equation holds the better for it."""
     if effect.entry.kind == "input":
         columns = Hypothesis.of(effect, place).columns(motion, model)
