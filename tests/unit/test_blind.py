@@ -332,6 +332,12 @@ def test_each_of_three_effects_shows_beside_the_two_others() -> None:
     assert min(t["detectability"] for t in told) >= 8.0 and case.label["isolable"]
 
 
+def test_an_effect_that_lets_nothing_move_is_made_smaller() -> None:
+    # This draw begins with a dead zone wider than the command.
+    case = draw_case(20281128, "triple", 3, "case0001")
+    assert len(case.planted) == 3 and all(one.detectability > 1.0 for one in case.planted)
+
+
 def test_a_command_that_failed_or_wrote_rubbish_is_no_success(tmp_path: Path) -> None:
     crashed = scored(tmp_path, label_of(), None, status="1", message="boom")
     rubbish = scored(tmp_path, label_of(), {"verdict": "perhaps"})

@@ -225,14 +225,14 @@ def fitted_to(
 ) -> Planted | None:
     """Return the effect at the size at which d' is `level` within 10 %, or the nearest reached.
 
-    None when every size tried made the robot run away. d' grows like a power of the size: a secant in
-    logarithms.
+    None when with every size tried the robot runs away or stands still (a dead zone wider than the command).
+    d' grows like a power of the size: a secant in logarithms.
     """
     size, best, history = 1.0, None, []
     for _ in range(ATTEMPTS):
         sized = Planted(kind, part, kind.sized(parameters, size, scene), sees)
         quiet = run(setting, [sized], scene)
-        if not quiet.settled:
+        if not quiet.settled or np.ptp(quiet.out[:, 0]) == 0.0:
             size *= 0.3
             continue
         found = detectability(
