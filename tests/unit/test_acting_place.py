@@ -12,7 +12,7 @@ from stepped_machines import DT, ELASTIC, FINE, RIGID, drive, record
 from haptic_teleop_sim.model import Effect
 from haptic_teleop_sysid.diagnosis.decision.adequacy import Adequacy
 from haptic_teleop_sysid.diagnosis.decision.decide import Choice
-from haptic_teleop_sysid.diagnosis.decision.misplaced import at_its_place, left_beside, misplaced
+from haptic_teleop_sysid.diagnosis.decision.misplaced import at_its_place, beside_findings, misplaced
 from haptic_teleop_sysid.diagnosis.decision.search import SearchResult
 from haptic_teleop_sysid.diagnosis.decision.verdict import Verdict
 from haptic_teleop_sysid.diagnosis.evidence.acting_place import ActingPlace
@@ -196,7 +196,7 @@ def test_an_unknown_is_told_at_the_place_whose_equation_holds(machines):
         where = [{"equation": f"j_{place}", "share": 0.9, "condition": "time", "intervals": []}]
         remaining = [Condition("j_motor", n, "", share, np.zeros(1), np.zeros(1)) for n, share in FOLLOWED]
         verdict = Verdict(kind, where, [], remaining, [])
-        found, misread = at_its_place(verdict, left_beside(verdict, acting), ELASTIC)
+        found, misread = at_its_place(verdict, beside_findings(verdict, acting).bare, ELASTIC)
         return found.where[0]["equation"], found.where[0]["condition"], misread
 
     here = ("j_arm_encoder", "arm angle", "j_arm_encoder")
@@ -223,3 +223,34 @@ def test_a_gain_that_no_equation_asks_for_is_given_up_where_all_acts_at_the_arm(
     gain = Effect("gain_error", "j_actuator", {"gain": 0.8})
     assert acting.elsewhere(gain)
     assert acting.explained([gain]) < 0.1
+
+
+@pytest.mark.parametrize("named", [True, False])
+def test_beside_friction_of_the_drive_a_name_where_nothing_acts_is_given_up(machines, named):
+    """Friction is in all equations but the arm's: none holds before it is allowed for."""
+    records = machines("arm", coulomb=0.5)
+    acting = ActingPlace(ELASTIC, records, CUTOFF)
+    assert acting.alone is None
+    gain = Effect("gain_error", "j_actuator", {"gain": 0.8})
+    names = [friction("motor"), gain] if named else [gain]
+    result, doubt = misplaced(found(records, *names), acting, records)
+    assert [c.chosen.effect.effect for c in result.choices] == ["coulomb_friction"] * named
+    assert (doubt is None) == named
+    assert acting.explained([gain]) < 0.1
+    shares = [acting.explained([friction("motor"), *more]) for more in ((), (spring("arm"),))]
+    assert all(0.0 < share < 0.5 for share in shares), "much acts at the arm that has no name"
+
+
+def test_friction_alone_is_no_place_of_something_unknown(machines):
+    acting = ActingPlace(ELASTIC, machines(coulomb=0.5), CUTOFF)
+    assert acting.clear_beside([]).alone is None
+    assert acting.explained([friction("motor")]) == 1.0
+
+
+def test_an_unknown_beside_friction_without_a_name_is_told_at_its_place(machines):
+    acting = ActingPlace(ELASTIC, machines("arm_encoder", coulomb=0.3), CUTOFF)
+    where = [{"equation": "j_motor", "share": 0.9, "condition": "time", "intervals": []}]
+    verdict = Verdict("unknown", where, [], [], [])
+    beside = beside_findings(verdict, acting)
+    assert beside.content()["beside"] == ["coulomb_friction at j_motor"]
+    assert at_its_place(verdict, beside.bare, ELASTIC)[1] == "j_arm_encoder"

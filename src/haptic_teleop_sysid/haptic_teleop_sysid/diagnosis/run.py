@@ -15,7 +15,7 @@ from .decision.at_reversals import where_torque_jumps, with_friction
 from .decision.beside_unknown import with_names
 from .decision.decide import Choice
 from .decision.measured_input import of_measured_input
-from .decision.misplaced import at_its_place, left_beside, misplaced
+from .decision.misplaced import at_its_place, beside_findings, misplaced
 from .decision.nulls import Null, beyond_chance, nulls
 from .decision.outdone import outdone
 from .decision.own_quantity import follows_still
@@ -107,7 +107,7 @@ def diagnose(
     )
     verdict = decide_verdict(result, found.learn, found.judge, doubt, together(stand.spread, forms), adequate)
     turning = where_torque_jumps(result.baseline, found.learn, found.judge)
-    mapped = instead = parity = None
+    mapped = instead = None
     named = result.final
     if verdict.kind == "unknown":
         mapped = drawn_beside(found, result, say)
@@ -127,8 +127,8 @@ def diagnose(
         result = replace(result, final=nameless or result.final)
     verdict = with_friction(verdict, turning, result, found.learn)
     if acting is not None and verdict.kind != "no_mismatch":
-        parity = left_beside(verdict, acting)
-        verdict, misread = at_its_place(verdict, parity, acting.model)
+        acting = beside_findings(verdict, acting)
+        verdict, misread = at_its_place(verdict, acting.bare, acting.model)
         if misread is not None:
             mapped, instead, result = no_torque(misread), None, replace(result, final=named)
     say("simulating all three models on all recordings")
@@ -156,7 +156,7 @@ def diagnose(
     believed = [c.chosen for c in (*result.choices, *([doubt.choice] if doubt and doubt.choice else []))]
     from_here = any(e.witnessed is not None for e in believed)
     content[MEASURED.name] = None if mapped is None else mapped.content()
-    content["parity"] = parity and {model.location(place): round(left, 5) for place, left in parity.items()}
+    content["parity"] = None if acting is None or verdict.kind == "no_mismatch" else acting.content()
     content["stand_in"] = None if instead is None else instead.content()
     content["reversals"] = [one.content() for one in turning.jumps]
     content["inverse_dynamics"] = testimony(found.opinion, verdict, from_here) if found.opinion else None

@@ -27,6 +27,7 @@ def misplaced(
     """The result without names at places where nothing acts, because what is missing acts at another one;
     ``records``: those of the estimation. The doubt that says so, where no name is left."""
     named = [c.chosen.effect for c in result.choices]
+    acting = acting.clear_beside(named)
     gone = [
         c
         for c in result.choices
@@ -37,8 +38,10 @@ def misplaced(
     if not gone:
         return result, None
     where = result.baseline.model.location(acting.alone or "")
+    beside = "".join(f" beside {e.effect} at {e.location}" for e in acting.beside[:1])
+    beside += "".join(f" and {e.effect} at {e.location}" for e in acting.beside[1:])
     whys = [
-        f"all that is missing acts at {where}, as the equations of the other places do not hold and its own "
+        f"all that is missing{beside} acts at {where}, as the equations of the other places do not hold and its own "
         f"does, and {c.chosen.effect.effect} at {c.chosen.effect.location} does not make that hold better"
         for c in gone
     ]
@@ -58,7 +61,7 @@ def _changes_another(effect: Effect, named: Sequence[Effect]) -> bool:
 def at_its_place(verdict: Verdict, left: Mapping[str, float], model: Model) -> tuple[Verdict, str | None]:
     """An `unknown` at the place whose parity equation holds, where it leaves less by HOLDS_BETTER than that
     of the place which was told, with the share (mean square) of this that it does not leave; and that place
-    where it is an encoder, else None. ``left``: by place, see `left_beside`."""
+    where it is an encoder, else None. ``left``: by place, see `beside_findings`."""
     if verdict.kind != "unknown" or not verdict.where or not left:
         return verdict, None
     told, *others = verdict.where
@@ -85,10 +88,24 @@ def _that_matter(remaining: Sequence[Condition], place: str, model: Model) -> li
     return [c for c in remaining if place == JOINT or c.equation == model.location(place)]
 
 
-def left_beside(verdict: Verdict, acting: ActingPlace) -> dict[str, float]:
-    """What the parity equations leave beside the findings that are torques along the motion."""
+def beside_findings(verdict: Verdict, acting: ActingPlace) -> ActingPlace:
+    """The equations beside the findings that are torques along the motion; and beside dry friction at the
+    motor where nothing is said of friction there, and only so one of them holds better than all others."""
     found = [e for e in map(_effect, verdict.findings) if follows_from_motion(e.entry)]
-    return acting.left(found) if found else acting.bare
+    acting = replace(acting, beside=(*acting.beside, *found))
+    motor = acting.dry_friction.location
+    if any(e.entry.kind == "friction" and e.location == motor for e in found) or _best(acting) is not None:
+        return acting
+    rubbed = replace(acting, beside=(*acting.beside, acting.dry_friction))
+    return acting if _best(rubbed) is None else rubbed
+
+
+def _best(acting: ActingPlace) -> str | None:
+    """The place whose equation leaves less by HOLDS_BETTER than all others."""
+    ordered = sorted(acting.bare, key=lambda place: acting.bare[place])
+    if len(ordered) < 2 or acting.bare[ordered[1]] <= HOLDS_BETTER * acting.bare[ordered[0]]:
+        return None
+    return ordered[0]
 
 
 def _effect(finding: Mapping[str, Any]) -> Effect:

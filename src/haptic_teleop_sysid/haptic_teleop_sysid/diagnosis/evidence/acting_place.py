@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
+from itertools import combinations
+from typing import Any
 
 import numpy as np
 
@@ -27,11 +29,12 @@ from .inverse_dynamics.parity import (
 @dataclass(frozen=True)
 class ActingPlace:
     """Asks the parity equations of all ``records`` of a flexible joint; ``cutoff``: Hz, of the motion's
-    band. The effects of ``model`` are allowed for."""
+    band. The effects of ``model`` and ``beside`` are allowed for."""
 
     model: Model
     records: Sequence[Record]
     cutoff: float
+    beside: tuple[Effect, ...] = ()
 
     @staticmethod
     def of(model: Model, records: Sequence[Record], cutoff: float) -> ActingPlace | None:
@@ -46,10 +49,26 @@ class ActingPlace:
         """What each place's equation leaves beside some effects (see `parity_residuals`); empty where the
         arithmetic fails."""
         try:
-            every = [*self.model.effects, *known]
+            every = [*self.model.effects, *self.beside, *known]
             return parity_residuals(self.model, self.records, self.cutoff, every, encoders)
         except FAILURES:
             return {}
+
+    def clear_beside(self, names: Sequence[Effect]) -> ActingPlace:
+        """The same beside the fewest of ``names``, or else beside dry friction at the motor, where one
+        equation then holds alone; unchanged where that is so of none. Every drive has friction, and it is in
+        all equations but the arm's."""
+        asked = [*filter(_asked, names)]
+        sets = [beside for n in range(len(asked) + 1) for beside in combinations(asked, n)]
+        if not any(e.entry.kind == "friction" and e.location == self.model.location(MOTOR) for e in names):
+            sets.append((self.dry_friction,))
+        tried = (replace(self, beside=(*self.beside, *beside)) for beside in sets)
+        return next((one for one in tried if one.alone is not None), self)
+
+    @property
+    def dry_friction(self) -> Effect:
+        """At the motor, of a size that says nothing."""
+        return Effect("coulomb_friction", self.model.location(MOTOR), {"torque": 1.0})
 
     @cached_property
     def alone(self) -> str | None:
@@ -65,6 +84,8 @@ class ActingPlace:
     def elsewhere(self, effect: Effect) -> bool:
         """Whether everything acts at one place, and an effect is a torque that acts at another one: it does
         not lower what the equation of that place leaves. One that acts at moments is not asked."""
+        if effect in self.beside:
+            return False
         if self.alone is None or acts_at(self.model, effect.location) == self.alone or not _asked(effect):
             return False
         left = self.left([effect], self.alone in ENCODERS)
@@ -72,11 +93,13 @@ class ActingPlace:
 
     def explained(self, names: Sequence[Effect]) -> float:
         """Share (mean square) of what the equations of other places leave that they do not leave with names,
-        where everything acts at one place; 1 where that is not so, or a name cannot be asked."""
-        if self.alone is None or not all(map(_asked, names)):
+        where everything, but for some of these (`clear_beside`), acts at one place; 1 where that is not so,
+        or a name cannot be asked."""
+        place_of_all = self.clear_beside(names).alone
+        if place_of_all is None or not all(map(_asked, names)):
             return 1.0
         left = self.left(names, encoders=False)
-        others = [place for place in left if place in (MOTOR, ARM, JOINT) and place != self.alone]
+        others = [place for place in left if place in (MOTOR, ARM, JOINT) and place != place_of_all]
         after = min((left[place] for place in others), default=0.0)
         before = min((self.bare[place] for place in others), default=1.0)
         return 1.0 if after < MISFIT else 1.0 - min(after / before, 1.0) ** 2
@@ -85,6 +108,14 @@ class ActingPlace:
     def bare(self) -> dict[str, float]:
         """`left` beside no effect but the model's own."""
         return self.left()
+
+
+    def content(self) -> dict[str, Any]:
+        """What diagnosis.json says: what is allowed for, and what each place's equation leaves."""
+        return {
+            "beside": [f"{e.effect} at {e.location}" for e in self.beside],
+            "left": {self.model.location(place): round(left, 5) for place, left in self.bare.items()},
+        }
 
 
 def _asked(effect: Effect) -> bool:

@@ -70,9 +70,10 @@ def _where(section: Section, content: dict[str, Any], curves: Sequence[LawCurve]
         caption = "Where and when it shows; times are those of the first recording that was fitted to"
         share = _LEFT if content["verdict"] == "unknown" else _GAINED
         section.table(("place", share, "depends on", "strongest at"), rows, caption)
-    if content.get("parity"):  # none in results of earlier versions, and of rigid joints
-        left = sorted(content["parity"].items(), key=lambda one: one[1])
-        beside = "; the torques of the findings are allowed for" if content["findings"] else ""
+    parity = content.get("parity")  # none in results of earlier versions, and of rigid joints
+    if parity and parity["left"]:
+        left = sorted(parity["left"].items(), key=lambda one: one[1])
+        beside = f"; allowed for: {', '.join(parity['beside'])}" if parity["beside"] else ""
         section.table(
             ("place", "its equation leaves, of the input's torque"),
             [(place, f"{100 * share:.2g} %") for place, share in left],

@@ -41,6 +41,9 @@ _REACH, _FIXED = 4.0, 1.1
 _DAMPED, _BEGINS = (1e-3, 4.0), (0.02, 1.0)
 #: Share of the input's torque that is none, and samples that an equation needs for each of its columns.
 _NOTHING, _SAMPLES = 1e-6, 10
+#: Mean direction of the motion within the filter's reach from which a dry friction slides, and share of the
+#: rms velocity below which it may stick: then it is any torque up to its size.
+_SLIDES, _STICKS = 0.97, 0.1
 #: Correlation with the input from which what an actuator makes of it is a gain.
 _GAIN = 0.999
 
@@ -134,7 +137,8 @@ def parity_residuals(
     joint, and with ``encoders`` arm_encoder and motor_encoder), of a flexible joint. What the motor's leaves
     is in units of the model's stiffness. The equation without the motor's encoder is one of signals as the
     arm follows them, which are smoother: it has the share of the best of the others, times what it leaves
-    relative to that one as smooth. Empty where both encoders were read too seldom to say, or nothing drives.
+    relative to that one as smooth. Beside a dry friction only samples count at which it slides, and an encoder
+    may be left out. Empty where both encoders were read too seldom to say, or nothing drives.
 
     ``cutoff``: Hz, of the motion's band; ``known``: effects whose torques are allowed for, whatever their
     size, as far as `can_allow_for` says so."""
@@ -163,7 +167,17 @@ def parity_residuals(
         best = {min(measure, key=lambda place: measure[place]) for measure in (found, smooth)}
         least = _NOTHING * driven
         found[MOTOR_ENCODER] = max(own / max(smooth[place], least) * found[place] for place in best)
+        for encoder in _blurred(model, known):
+            if found[encoder] > min(found.values()):
+                del found[encoder]
     return found if all(map(math.isfinite, found.values())) else {}
+
+
+def _blurred(model: Model, known: Sequence[Effect]) -> tuple[str, ...]:
+    """The encoders whose equation contains a dry friction as the arm follows it, and with that what it is off
+    by while it sticks, at all samples: they say nothing unless they leave the least."""
+    rubs = {acts_at(model, effect.location) for effect in known if effect.entry.jumps}
+    return ENCODERS if ARM in rubs else (MOTOR_ENCODER,) if MOTOR in rubs else ()
 
 
 def _both_read(record: Record, cutoff: float) -> list[Record]:
@@ -179,9 +193,14 @@ def _signals(model: Model, record: Record, cutoff: float, known: Sequence[Effect
     every = np.arange(len(counting.time))
     motion = replace(counting, kept=every, block=1, known={})
     torques: dict[str, list[FloatArray]] = {MOTOR: [], ARM: [], JOINT: []}
+    slides = np.ones(len(every), dtype=bool)
     for effect in known:
         place = acts_at(model, effect.location)
         torques[place].append(_columns(effect, place, motion, model))
+        if effect.entry.jumps and place != JOINT:
+            velocity = motion.velocity[:, int(place == ARM)]
+            moves = np.clip(velocity / (_STICKS * _rms([velocity])), -1.0, 1.0)
+            slides &= np.abs(motion.filtered(moves, 2)) > _SLIDES
     within = _FIXED if "stiffness" in model.fixed else STIFFNESS
     stiffness = model.parameters["stiffness"]
     return _Signals(
@@ -191,7 +210,7 @@ def _signals(model: Model, record: Record, cutoff: float, known: Sequence[Effect
         motion.filtered(motion.acceleration),
         {place: np.hstack([np.zeros((len(every), 0)), *found]) for place, found in torques.items()},
         (stiffness / within, stiffness * within),
-        counting.kept,
+        counting.kept[slides[counting.kept]],
         motion.dt,
     )
 
