@@ -11,7 +11,7 @@ from haptic_teleop_sysid.diagnosis.decision.adequacy import NOT_SURE
 from haptic_teleop_sysid.diagnosis.decision.at_reversals import AtReversals, Turning
 from haptic_teleop_sysid.diagnosis.decision.beside_unknown import leading, most_or_seen, with_names
 from haptic_teleop_sysid.diagnosis.decision.decide import Choice
-from haptic_teleop_sysid.diagnosis.decision.in_part import found_in_part
+from haptic_teleop_sysid.diagnosis.decision.in_part import found_in_part, where_the_rest_is
 from haptic_teleop_sysid.diagnosis.decision.reasons import Doubt
 from haptic_teleop_sysid.diagnosis.decision.stand_in import StandIn
 from haptic_teleop_sysid.diagnosis.decision.verdict import Verdict
@@ -108,6 +108,15 @@ def test_the_verdict_stays_unknown_and_no_name_in_it_is_sure(notched):
     assert 0.5 <= finding["confidence"] <= NOT_SURE
     assert "has no name" in finding["because"]
     assert [(w["equation"], w["condition"]) for w in verdict.where] == [("j_motor", "motor angle")]
+
+
+@pytest.mark.parametrize("more", [-0.007, 0.4])
+def test_the_place_of_the_rest_is_that_of_a_torque_which_predicts_something(more):
+    where = [{"equation": "j_arm", "share": 0.8, "condition": "time", "intervals": []}]
+    rest = SimpleNamespace(location="j_motor", quantities=("motor angle",))
+    found = where_the_rest_is(Verdict("unknown", where, [], [], []), [SimpleNamespace(rest=rest, more=more)])
+    assert found.where[0]["equation"] == ("j_motor" if more > 0.0 else "j_arm")
+    assert 0.0 <= found.where[0]["share"] <= 1.0
 
 
 def test_whatever_made_it_unknown_what_explains_most_torque_is_asked_whether_it_stands(notched):

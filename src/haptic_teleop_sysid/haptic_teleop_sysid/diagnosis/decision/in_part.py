@@ -170,8 +170,9 @@ def with_found(
 
 
 def where_the_rest_is(verdict: Verdict, found: Sequence[InPart]) -> Verdict:
-    """The verdict with where the torque is beside which the names stand, and what it follows."""
-    if not found:
+    """The verdict with where the torque is beside which the names stand, and what it follows, where it says
+    anything of that: unchanged where it predicts nothing."""
+    if not found or found[0].more <= 0.0:
         return verdict
     rest = found[0].rest
     where: dict[str, Any] = {

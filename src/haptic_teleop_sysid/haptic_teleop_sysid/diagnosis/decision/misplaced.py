@@ -11,7 +11,8 @@ from haptic_teleop_sim.model import Effect, Model
 from haptic_teleop_sysid.estimation.records import Record
 
 from ..evidence.acting_place import ActingPlace
-from ..evidence.inverse_dynamics.parity import ENCODERS, JOINT, acts_at
+from ..evidence.inverse_dynamics.parity import acts_at
+from ..evidence.inverse_dynamics.parity_equations import ENCODERS, JOINT
 from ..evidence.inverse_dynamics.terms import follows_from_motion
 from ..evidence.residual import Condition
 from ..policy import HOLDS_BETTER
@@ -38,11 +39,11 @@ def misplaced(
     if not gone:
         return result, None
     where = result.baseline.model.location(acting.alone or "")
-    beside = "".join(f" beside {e.effect} at {e.location}" for e in acting.beside[:1])
-    beside += "".join(f" and {e.effect} at {e.location}" for e in acting.beside[1:])
+    allowed = " and ".join(f"{e.effect} at {e.location}" for e in acting.beside)
+    missing = f"all that is missing beside {allowed}" if allowed else "all that is missing"
     whys = [
-        f"all that is missing{beside} acts at {where}, as the equations of the other places do not hold and its own "
-        f"does, and {c.chosen.effect.effect} at {c.chosen.effect.location} does not make that hold better"
+        f"{missing} acts at {where}, as the equations of the other places do not hold and its own does, and "
+        f"{c.chosen.effect.effect} at {c.chosen.effect.location} does not make that hold better"
         for c in gone
     ]
     if len(gone) == len(result.choices):

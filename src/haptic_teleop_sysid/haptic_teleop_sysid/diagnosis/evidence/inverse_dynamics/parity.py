@@ -12,7 +12,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from types import SimpleNamespace
 
 import numpy as np
@@ -27,13 +27,12 @@ from haptic_teleop_sysid.estimation.records import Record, piece
 from .arm_response import ArmResponse
 from .band import long_enough
 from .motion import BRIDGED, BandedMotion, banded, in_long_runs
+from .parity_equations import ARM, ARM_ENCODER, ENCODERS, JOINT, MOTOR, MOTOR_ENCODER, Rows, Signals
 from .regression import STIFFNESS
 from .terms import Hypothesis, follows_from_motion
 
 FloatArray = NDArray[np.float64]
 
-MOTOR, ARM, JOINT, ARM_ENCODER, MOTOR_ENCODER = "motor", "arm", "joint", "arm_encoder", "motor_encoder"
-ENCODERS = (MOTOR_ENCODER, ARM_ENCODER)
 #: Factor by which the arm's response may differ from the model's, and a stiffness that is fixed.
 _REACH, _FIXED = 4.0, 1.1
 #: Damping of the arm's response where that is looked for, and where the search begins, as a share of its
@@ -48,84 +47,6 @@ _SLIDES, _STICKS = 0.97, 0.1
 _GAIN = 0.999
 
 
-@dataclass(frozen=True)
-class Rows:
-    """One equation of one recording: what it has to equal, (n,); columns (n, p) of inertias, dampings and a
-    stiffness, with their ``bounds``; and columns of what may have any sign."""
-
-    target: FloatArray
-    structure: FloatArray
-    bounds: tuple[tuple[float, float], ...]
-    free: FloatArray
-
-    def seen(self, arm: ArmResponse) -> Rows:
-        """Both sides as the arm follows them."""
-        free = np.column_stack([arm.each(self.free), arm.by_itself(len(self.target))])
-        return Rows(arm(self.target), arm.each(self.structure), self.bounds, free)
-
-
-@dataclass(frozen=True)
-class _Signals:
-    """One recording in the band, (n,) or (n, motor and arm): torque of the input, motion, and ``known``
-    torques (n, columns) by place; ``stiffness``: lowest and highest; ``kept``: samples that count; ``dt``:
-    s."""
-
-    torque: FloatArray
-    angle: FloatArray
-    velocity: FloatArray
-    acceleration: FloatArray
-    known: dict[str, FloatArray]
-    stiffness: tuple[float, float]
-    kept: NDArray[np.intp]
-    dt: float
-
-    def rows(self, target: FloatArray, inertial: Sequence[int], *free: FloatArray) -> Rows:
-        """An equation with inertias and dampings of some equations; an encoder's offset adds a constant."""
-        columns = [a[:, i] for i in inertial for a in (self.acceleration, self.velocity)]
-        constant = np.ones(len(target))
-        positive = ((0.0, np.inf),) * len(columns)
-        return Rows(target, np.column_stack(columns), positive, np.column_stack([constant, *free]))
-
-    def with_spring(self, rows: Rows, deflection: FloatArray) -> Rows:
-        """The equation with the torque of a spring on its right side."""
-        columns = np.column_stack([rows.structure, deflection])
-        return replace(rows, structure=columns, bounds=(*rows.bounds, self.stiffness))
-
-    def without_motor(self, stiffness: float) -> Rows:
-        """The arm's equation."""
-        spring = stiffness * (self.angle[:, 0] - self.angle[:, 1])
-        return self.rows(spring, [1], self.known[ARM], self.known[JOINT])
-
-    def without_arm(self) -> Rows:
-        """The motor's equation."""
-        rows = self.rows(self.torque, [0], self.known[MOTOR], self.known[JOINT])
-        return self.with_spring(rows, self.angle[:, 0] - self.angle[:, 1])
-
-    def without_joint(self) -> Rows:
-        """The sum of both, in which no spring is."""
-        return self.rows(self.torque, [0, 1], self.known[MOTOR], self.known[ARM])
-
-    def without_arm_encoder(self, arm: ArmResponse) -> Rows:
-        """The motor's equation with the arm where its own equation has it, q_a = H (q_m + T / k) with T a
-        known torque at the arm: K u = J_m a_m + b_m v_m + k (q_m - H q_m) - H T."""
-        known = [arm.each(self.known[ARM]), self.known[JOINT] - arm.each(self.known[JOINT])]
-        own = arm.by_itself(len(self.torque))
-        rows = self.rows(self.torque, [0], self.known[MOTOR], *known, own)
-        return self.with_spring(rows, self.angle[:, 0] - arm(self.angle[:, 0]))
-
-    def without_motor_encoder(self, arm: ArmResponse) -> Rows:
-        """The same with the motor where the arm's equation has it, q_a = H q_m, both sides as the arm
-        follows them, so that nothing is differentiated more often: H K u = J_m a_a + b_m v_a + J_a H (a_a +
-        d v_a). A known torque behind the motor is there as the arm follows it, and with its derivatives."""
-        behind = arm.each(np.hstack([self.known[ARM], self.known[JOINT]]))
-        rates = np.gradient(behind, self.dt, axis=0)
-        known = [arm.each(self.known[MOTOR]), behind, rates, np.gradient(rates, self.dt, axis=0)]
-        rows = self.rows(arm(self.torque), [1], *known, arm.by_itself(len(self.torque)))
-        reaction = arm(self.acceleration[:, 1] + arm.damping * self.velocity[:, 1])
-        columns = np.column_stack([rows.structure, reaction])
-        return replace(rows, structure=columns, bounds=(*rows.bounds, (0.0, np.inf)))
-
-
 def parity_residuals(
     model: Model,
     records: Sequence[Record],
@@ -137,8 +58,8 @@ def parity_residuals(
     joint, and with ``encoders`` arm_encoder and motor_encoder), of a flexible joint. What the motor's leaves
     is in units of the model's stiffness. The equation without the motor's encoder is one of signals as the
     arm follows them, which are smoother: it has the share of the best of the others, times what it leaves
-    relative to that one as smooth. Beside a dry friction only samples count at which it slides, and an encoder
-    may be left out. Empty where both encoders were read too seldom to say, or nothing drives.
+    relative to that one as smooth. Beside a dry friction only samples count at which it slides, and an
+    encoder may be left out. Empty where both encoders were read too seldom to say, or nothing drives.
 
     ``cutoff``: Hz, of the motion's band; ``known``: effects whose torques are allowed for, whatever their
     size, as far as `can_allow_for` says so."""
@@ -153,12 +74,12 @@ def parity_residuals(
         JOINT: [p.without_joint() for p in parts],
     }
     if encoders:
-        arms = _best(model, parts, _Signals.without_arm_encoder)
+        arms = _best(model, parts, Signals.without_arm_encoder)
         equations[ARM_ENCODER] = [p.without_arm_encoder(arm) for p, arm in zip(parts, arms, strict=True)]
     driven = _rms([p.torque[p.kept] for p in parts])
     found = {place: _left(parts, rows) / driven for place, rows in equations.items()}
     if encoders:
-        arms = _best(model, parts, _Signals.without_motor_encoder)
+        arms = _best(model, parts, Signals.without_motor_encoder)
         smooth = {
             place: _left(parts, [one.seen(arm) for one, arm in zip(rows, arms, strict=True)])
             for place, rows in equations.items()
@@ -188,7 +109,7 @@ def _both_read(record: Record, cutoff: float) -> list[Record]:
     return [piece(record, first, stop) for first, stop in edges.reshape(-1, 2).tolist()]
 
 
-def _signals(model: Model, record: Record, cutoff: float, known: Sequence[Effect]) -> _Signals:
+def _signals(model: Model, record: Record, cutoff: float, known: Sequence[Effect]) -> Signals:
     counting = banded(record, False, cutoff)
     every = np.arange(len(counting.time))
     motion = replace(counting, kept=every, block=1, known={})
@@ -203,7 +124,7 @@ def _signals(model: Model, record: Record, cutoff: float, known: Sequence[Effect
             slides &= np.abs(motion.filtered(moves, 2)) > _SLIDES
     within = _FIXED if "stiffness" in model.fixed else STIFFNESS
     stiffness = model.parameters["stiffness"]
-    return _Signals(
+    return Signals(
         model.parameters["torque_constant"] * motion.filtered(motion.input),
         motion.filtered(motion.angle),
         motion.filtered(motion.velocity),
@@ -247,7 +168,7 @@ def _columns(effect: Effect, place: str, motion: BandedMotion, model: Model) -> 
 
 
 def _best(
-    model: Model, parts: Sequence[_Signals], rows: Callable[[_Signals, ArmResponse], Rows]
+    model: Model, parts: Sequence[Signals], rows: Callable[[Signals, ArmResponse], Rows]
 ) -> list[ArmResponse]:
     """The arm's response with which the equation without an encoder leaves least, at the samples of each
     recording."""
@@ -270,7 +191,7 @@ def _best(
     return arms(scipy.optimize.minimize(share, given, method="Nelder-Mead", bounds=bounds, tol=1e-3).x)
 
 
-def _left(parts: Sequence[_Signals], equations: Sequence[Rows]) -> float:
+def _left(parts: Sequence[Signals], equations: Sequence[Rows]) -> float:
     """Rms that the equations of all recordings leave with common parameters, by least squares; what may have
     any sign is each recording's own. Infinite with too few samples."""
     pairs = [*zip(parts, equations, strict=True)]
