@@ -129,6 +129,12 @@ def test_a_stretch_of_another_recording_is_one_that_repeats_it(first, last):
     # Rest is alike in all recordings, and no copy.
     still = replace(whole, motor_position=np.zeros(len(whole)))
     refuse_copies([still, replace(still, input=still.input + 1.0)])
+    # So is one speed, to which the speed of a log is rounded before the motion begins.
+    after = 1e-3 * np.cumsum(np.cumsum(np.arange(len(whole)) > 3000))
+    begin = [replace(still, motor_position=np.cumsum(np.full(len(whole), 0.1)) + k * after) for k in (1.0, -2.0)]
+    refuse_copies(begin)
+    with pytest.raises(RecordingError, match="once more"):
+        refuse_copies([begin[0], replace(begin[0], input=np.append(begin[0].input[:-1], 1.0))])
 
 
 @pytest.fixture

@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
+from numpy.typing import NDArray
 
 from haptic_teleop_control.errors import MismatchError, RecordingError
 from haptic_teleop_control.recording import Recording
@@ -30,6 +31,8 @@ _ALL_OF_IT = 0.9999
 #: Samples of one recording that are sought in another, how often, and different angles in them from which the
 #: joint moves: readings at rest are alike in any two recordings.
 _PROBE, _PROBES, _MOVES = 200, 20, 20
+#: Change of their slope, as a share of their travel, below which angles are a straight line.
+_STRAIGHT = 1e-6
 
 
 def refuse_implausible(model: Model, recording: Recording, dataset: DataSet) -> None:
@@ -104,7 +107,7 @@ def _shared(one: DataSet, other: DataSet) -> bool:
     for start in np.linspace(0, len(short) - _PROBE, _PROBES).astype(int).tolist():
         probe = slice(start, start + _PROBE)
         angle = np.ascontiguousarray(short.motor_position[probe])
-        if start < 0 or len(np.unique(angle)) < _MOVES:
+        if start < 0 or not _tells(angle):
             continue
         at = whole.find(angle.tobytes())
         while at >= 0:
@@ -113,6 +116,13 @@ def _shared(one: DataSet, other: DataSet) -> bool:
                 return True
             at = whole.find(angle.tobytes(), at + 1)
     return False
+
+
+def _tells(angle: NDArray[np.float64]) -> bool:
+    """Whether angles are a recording's own: they change, and not at one speed, as those of a log do that has
+    the speed alone, in steps."""
+    bent = float(np.ptp(np.diff(angle, 2))) > _STRAIGHT * float(np.ptp(angle))
+    return bent and len(np.unique(angle)) >= _MOVES
 
 
 def with_contradictions(dataset: DataSet) -> DataSet:
