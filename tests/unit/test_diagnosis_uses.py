@@ -130,7 +130,7 @@ def test_a_stretch_of_another_recording_is_one_that_repeats_it(first, last):
     still = replace(whole, motor_position=np.zeros(len(whole)))
     refuse_copies([still, replace(still, input=still.input + 1.0)])
     # So is one speed, to which the speed of a log is rounded before the motion begins.
-    after = 1e-3 * np.cumsum(np.cumsum(np.arange(len(whole)) > 3000))
+    after = np.sin(0.01 * np.maximum(np.arange(len(whole)) - 3000, 0))
     begin = [replace(still, motor_position=np.cumsum(np.full(len(whole), 0.1)) + k * after) for k in (1.0, -2.0)]
     refuse_copies(begin)
     with pytest.raises(RecordingError, match="once more"):

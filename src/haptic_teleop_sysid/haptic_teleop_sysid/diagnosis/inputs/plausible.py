@@ -121,7 +121,7 @@ def _shared(one: DataSet, other: DataSet) -> bool:
 def _tells(angle: NDArray[np.float64]) -> bool:
     """Whether angles are a recording's own: they change, and not at one speed, as those of a log do that has
     the speed alone, in steps."""
-    bent = float(np.ptp(np.diff(angle, 2))) > _STRAIGHT * float(np.ptp(angle))
+    bent = float(np.max(np.abs(np.diff(angle, 2)))) > _STRAIGHT * float(np.ptp(angle))
     return bent and len(np.unique(angle)) >= _MOVES
 
 
