@@ -120,6 +120,14 @@ def result_with(records, torque):
     return SearchResult(baseline, final, (choice,), (), recording_scales(RIGID, records))
 
 
+def test_a_model_that_does_not_follow_the_motion_explains_little_however_much_worse_it_was_before():
+    records = [pendulum(0, coulomb=0.4)]
+    before, after = fitted_to(TRUE, records), fitted_to(TRUE.with_effects(rubbing(0.4)), records)
+    shares = [adequacy(before, after, records, (1.3, 1.3), (e, e)).free_run for e in (0.2, 0.84)]
+    assert shares[0] == pytest.approx(1.0 - 0.2**2, abs=0.02) and shares[1] == pytest.approx(0.29, abs=0.02)
+    assert Adequacy(0.9, shares[1]).much_is_left
+
+
 def test_a_name_that_explains_less_than_half_becomes_the_nearest_one():
     records = [pendulum(0, coulomb=0.4)]
     result = result_with(records, 0.4)

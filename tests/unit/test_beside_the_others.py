@@ -9,15 +9,17 @@ from stepped_machines import RIGID, pendulum
 from haptic_teleop_sim.kernel import pack
 from haptic_teleop_sim.model import Effect
 from haptic_teleop_sysid.diagnosis.decision.adequacy import Adequacy
-from haptic_teleop_sysid.diagnosis.decision.beside_the_others import earned
+from haptic_teleop_sysid.diagnosis.decision.beside_the_others import earned, without
 from haptic_teleop_sysid.diagnosis.decision.corroborated import Corroboration
 from haptic_teleop_sysid.diagnosis.decision.decide import Choice
 from haptic_teleop_sysid.diagnosis.decision.search import SearchResult
+from haptic_teleop_sysid.diagnosis.evidence.inverse_dynamics.witness import witness
 from haptic_teleop_sysid.diagnosis.hypotheses.explanation import Explanation
 from haptic_teleop_sysid.diagnosis.inputs.scales import recording_scales
 from haptic_teleop_sysid.estimation.tuning import initial_noise
 from haptic_teleop_sysid.estimation.whole_fit import fit_whole
 
+RUB = Effect("coulomb_friction", "j_motor", {"torque": 0.1})
 WEIGHT = Effect("gravity", "j_motor", {"torque": 1.5, "phase": 0.0})
 STOP = Effect("spring_to_ground", "j_motor", {"stiffness": 0.5, "rest": 0.0})
 SKEW = Effect("channel_skew", "j_motor_encoder", {"delay": 0.002})
@@ -135,3 +137,15 @@ def test_of_a_name_that_spoils_the_other_recordings_nobody_is_sure(kept):
     assert "do not bear out the channel skew" in found.choices[1].unsure
     assert not found.choices[0].unsure
     assert not any(c.unsure for c in kept(here, WEIGHT, SKEW, adequate=LITTLE)[1].choices)
+
+
+def test_what_the_inverse_dynamics_name_they_fit_again_without_one_of_it():
+    records = [pendulum(seed, coulomb=0.4, weight=2.0) for seed in (0, 1)]
+    scales = recording_scales(RIGID, records[:1])
+    like = fit_whole(RIGID, initial_noise(pack(RIGID), records[:1]), records[:1], iterations=1)
+    final = replace(like, model=RIGID.with_effects(WEIGHT, RUB, STOP))
+    choices = tuple(Choice(Explanation(final, 50.0, 20.0, True, i), 0.9) for i in range(3))
+    said = witness(RIGID, records[:1], records[1:], scales)
+    result = SearchResult(like, final, choices, (), scales, witness=said)
+    found = {e.effect: e.values["torque"] for e in without(result, STOP, records[:1]).model.effects}
+    assert found == {"gravity": pytest.approx(2.0, rel=0.03), "coulomb_friction": pytest.approx(0.4, rel=0.1)}

@@ -10,7 +10,7 @@ from haptic_teleop_control.errors import RecordingError
 from haptic_teleop_sysid.diagnosis import explain as explaining
 from haptic_teleop_sysid.diagnosis import run as diagnosis
 from haptic_teleop_sysid.diagnosis.decision.search import SearchResult
-from haptic_teleop_sysid.diagnosis.inputs.plausible import refuse_copies
+from haptic_teleop_sysid.diagnosis.inputs.plausible import refuse_constant_input, refuse_copies
 from haptic_teleop_sysid.diagnosis.inputs.scales import recording_scales
 from haptic_teleop_sysid.diagnosis.inputs.uses import shared_band, three_uses
 from haptic_teleop_sysid.recordings.dataset import DataSet, load_dataset
@@ -131,10 +131,21 @@ def test_a_stretch_of_another_recording_is_one_that_repeats_it(first, last):
     refuse_copies([still, replace(still, input=still.input + 1.0)])
     # So is one speed, to which the speed of a log is rounded before the motion begins.
     after = np.sin(0.01 * np.maximum(np.arange(len(whole)) - 3000, 0))
-    begin = [replace(still, motor_position=np.cumsum(np.full(len(whole), 0.1)) + k * after) for k in (1.0, -2.0)]
+    ramp = np.cumsum(np.full(len(whole), 0.1))
+    begin = [replace(still, motor_position=ramp + k * after) for k in (1.0, -2.0)]
     refuse_copies(begin)
     with pytest.raises(RecordingError, match="once more"):
         refuse_copies([begin[0], replace(begin[0], input=np.append(begin[0].input[:-1], 1.0))])
+
+
+def test_an_input_of_one_value_is_refused_and_steps_of_several_are_not():
+    one = recording("one", 20.0, 1)
+    first, second = (replace(one, input=np.append(0.0, np.full(len(one) - 1, size))) for size in (2.4, 1.2))
+    rippled = replace(first, input=2.4 + 1e-3 * np.sin(np.arange(len(one))))
+    with pytest.raises(RecordingError, match=r"hardly varies \(2.399 to 2.401 .*input that changes"):
+        refuse_constant_input([rippled])
+    refuse_constant_input([first, second])
+    refuse_constant_input([one])
 
 
 @pytest.fixture

@@ -5,13 +5,13 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from stepped_machines import DT, RIGID, bent_spring, drive, pendulum, record, two_masses
+from stepped_machines import DT, RIGID, bent_spring, drive, pendulum, record, swing, two_masses
 
 from haptic_teleop_sim.effects import EFFECTS
 from haptic_teleop_sim.model import Effect, Model
 from haptic_teleop_sysid.diagnosis.evidence.inverse_dynamics.band import motion_band
 from haptic_teleop_sysid.diagnosis.evidence.inverse_dynamics.groups import Search
-from haptic_teleop_sysid.diagnosis.evidence.inverse_dynamics.motion import banded
+from haptic_teleop_sysid.diagnosis.evidence.inverse_dynamics.motion import banded, standing
 from haptic_teleop_sysid.diagnosis.evidence.inverse_dynamics.regression import equations
 from haptic_teleop_sysid.diagnosis.evidence.inverse_dynamics.terms import Hypothesis, turning
 from haptic_teleop_sysid.diagnosis.evidence.inverse_dynamics.witness import witness
@@ -107,6 +107,37 @@ def test_a_joint_that_stands_still_says_nothing_of_its_friction():
     plain = next(g for g in found.levels[0] if "coulomb_friction" in named(g))
     assert named(plain)["coulomb_friction"].parameters["torque"] == pytest.approx(0.4, rel=0.1)
     assert plain.explained > 0.9
+
+
+def test_a_rest_that_is_short_beside_the_cut_off_says_nothing_either_and_a_slow_turn_does():
+    period = 100.0
+    time = np.arange(2000) / period
+    turning = np.sin(2.0 * np.pi * time / 80.0)  # slow for 0.5 periods at its turn
+    resting = np.where((time > 8.0) & (time < 9.5), 1e-4, 1.0)
+    both = [np.column_stack([one, one]) for one in (turning, resting)]
+    assert not standing(both[0], period).any()
+    assert standing(both[1], period).sum() == round(1.5 * period) - 1
+    assert not standing(both[1], 2.0 * period).any()
+
+
+def test_what_the_others_of_a_group_say_as_well_is_no_effect_beside_them():
+    """One way, friction, a constant torque and damping at one speed are one and the same."""
+
+    def made(seed: int) -> Record:
+        torque = 3.0 + 0.002 * drive(seed, 1.0)
+        return record(torque, swing(torque, 0.14, 0.35, 0.4, 0.0, 0.0, 0.0, 0.0)[:, None], 1e-5)
+
+    def told_apart(records: list[Record], *names: str) -> bool:
+        sizes = {"coulomb_friction": 0.4, "constant_torque": 0.1}
+        effects = [Effect(name, "j_motor", {"torque": sizes[name]}) for name in names]
+        group = tuple(Hypothesis.resized(effect, "motor") for effect in effects)
+        return asked(RIGID, *records).folds.told_apart(group)
+
+    both = [pendulum(s, coulomb=0.4, offset=0.1) for s in (0, 1)]
+    assert told_apart(both, "coulomb_friction", "constant_torque")
+    one_way = [made(0), made(1)]
+    assert not told_apart(one_way, "coulomb_friction")
+    assert not told_apart(one_way, "coulomb_friction", "constant_torque")
 
 
 def test_a_torque_that_no_effect_describes_is_recoverable_and_not_explained():

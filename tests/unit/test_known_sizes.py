@@ -70,7 +70,7 @@ def test_a_form_that_is_not_known_is_told_plainly():
     weight = Effect("constant_torque", "stage1_motor", {"torque": 0.5})
     plain, strange = (
         group_of(weight, FRICTION),
-        group_of(weight, Effect("gravity", "stage1_motor", {"torque": 9.0})),
+        replace(group_of(weight, Effect("gravity", "stage1_motor", {"torque": 9.0})), gain=1.0),
     )
     before = opinion(weight, rippled, std={"constant_torque": 0.02})
     head = "stage1_motor.position_dependent_friction."
@@ -81,6 +81,18 @@ def test_a_form_that_is_not_known_is_told_plainly():
     assert kept(replace(before, witness=SimpleNamespace(levels=((strange,),), folds=WITNESS.folds)))[0] == [
         "constant_torque"
     ]
+
+
+@pytest.mark.parametrize(
+    ("gain", "names"), [(8.0, ["coulomb_friction", "constant_torque"]), (1.0, ["coulomb_friction"])]
+)
+def test_what_is_known_of_a_spring_that_hardly_pulls_more_is_told_as_a_constant_torque(gain, names):
+    spring = Effect("spring_to_ground", "stage1_motor", {"stiffness": 3e-6, "rest": -296.0})
+    before = opinion(FRICTION, spring, std={"coulomb_friction": 0.1})
+    before.chosen.group.std["stage1_motor.spring_to_ground.stiffness"] = 3e-6
+    other = opinion(FRICTION, CONSTANT, std={"coulomb_friction": 0.1, "constant_torque": 0.001}).chosen.group
+    known = SimpleNamespace(levels=((replace(other, gain=gain),),), folds=WITNESS.folds)
+    assert kept(replace(before, witness=known))[0] == names
 
 
 def test_sizes_that_free_runs_do_not_know_stay_those_of_the_torques():

@@ -12,7 +12,13 @@ from haptic_teleop_sysid.recordings.dataset import DataSet
 
 from .evidence.consistency import refuse_other_units, refuse_unrelated
 from .inputs.cuts import FEWEST_SAMPLES, SHORTEST_STRETCH
-from .inputs.plausible import refuse_copies, refuse_idle, refuse_kinematic, refuse_motionless
+from .inputs.plausible import (
+    refuse_constant_input,
+    refuse_copies,
+    refuse_idle,
+    refuse_kinematic,
+    refuse_motionless,
+)
 
 #: Difference (A or N·m, relative to the rms command) up to which the measured current counts as following.
 _FOLLOWS = 0.1
@@ -60,6 +66,7 @@ def refuse_unusable(*kinds: Sequence[DataSet]) -> None:
     recordings = [dataset for kind in kinds for dataset in kind]
     refuse_copies(recordings)
     refuse_idle(recordings)
+    refuse_constant_input(kinds[0])
     records = [record for kind in kinds for record in records_of([*kind])]
     for dataset in recordings:
         refuse_kinematic(dataset)

@@ -40,8 +40,9 @@ NEARLY_ALL = 0.9
 class Adequacy:
     """``torque``: share of the mean square of the torque that the observer adds to the structure alone which
     it does not add to the final model; ``free_run``: share of the mean square error of the structure's free
-    run that the final model's does not have; ``parity``: the same of what parity equations leave, see
-    `ActingPlace.explained`; 0 to 1 each, 1 where nothing worth a word is left.
+    run that the final model's does not have, or of the motion that this follows, where that is less;
+    ``parity``: the same of what parity equations leave, see `ActingPlace.explained`; 0 to 1 each, 1 where
+    nothing worth a word is left.
     ``random_left``: what is left is random as far as these recordings show, however large its share: nothing
     more could be explained."""
 
@@ -107,11 +108,10 @@ def adequacy(
         explained = max(_share(was, one, SLIGHT_TORQUE) for one in left)
     else:
         explained = min(max(by_motion(), 0.0), 1.0)
-    return Adequacy(
-        max(explained, min(in_band, 1.0)),
-        _share(np.array(errors_before), np.array(errors_after), SLIGHT_ERROR),
-        random_left,
-    )
+    closed = _share(np.array(errors_before), np.array(errors_after), SLIGHT_ERROR)
+    # A model that does not follow the motion is none, however much worse another one is.
+    follows = _share(np.ones(2), np.array(errors_after), SLIGHT_ERROR)
+    return Adequacy(max(explained, min(in_band, 1.0)), min(closed, follows), random_left)
 
 
 def explained_torque(before: Fit, after: Fit, records: Sequence[Record]) -> float:

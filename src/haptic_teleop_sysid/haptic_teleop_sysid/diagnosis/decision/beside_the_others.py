@@ -14,11 +14,13 @@ from haptic_teleop_sysid.estimation.gauss_newton import Fit
 from haptic_teleop_sysid.estimation.records import Record
 from haptic_teleop_sysid.estimation.whole_fit import fit_whole
 
+from ..evidence.inverse_dynamics.terms import Hypothesis
 from ..evidence.second_opinion import NO_WORSE
 from ..policy import ERRS_LESS, FITS_WORSE, SURE
 from .adequacy import Adequacy
 from .corroborated import Corroboration
 from .decide import Choice
+from .overruled import fit_of
 from .search import SearchResult
 from .verdict import size_unknown
 
@@ -45,7 +47,7 @@ def earned(
         unknown = size_unknown(choice, result.final, spread)
         if not unknown and corroborated.by_torques(result.final.model, effect):
             continue
-        others = without(result.final, effect, records)
+        others = without(result, effect, records)
         if unknown:
             why = f"beside the others the size of {effect.effect} is not known"
         else:
@@ -62,12 +64,11 @@ def left_out(
     result: SearchResult, choice: Choice, why: str, final: Fit, records: Sequence[Record]
 ) -> SearchResult:
     """The result without one of several names, which is given up; ``final``: the fit `without` it."""
-    effect = choice.chosen.effect
     return replace(
         result.giving_up([choice], why),
         choices=tuple(c for c in result.choices if c is not choice),
         final=final,
-        by_torque=None if result.by_torque is None else without(result.by_torque, effect, records),
+        by_torque=None,
         last_round=(),
     )
 
@@ -104,8 +105,14 @@ def _against(
     )
 
 
-def without(fit: Fit, effect: Effect, records: Sequence[Record]) -> Fit:
-    """A fit without one of its effects, the others fitted again."""
+def without(result: SearchResult, effect: Effect, records: Sequence[Record]) -> Fit:
+    """The fit of a result without one of its effects, the others fitted again: by whoever named them."""
+    fit = result.final
+    if result.witness is not None:
+        model, named = result.witness.structure.model, (c.chosen.effect for c in result.choices)
+        kept = (e for e in named if (e.effect, e.location) != (effect.effect, effect.location))
+        rest = tuple(Hypothesis.resized(e, model.place(e.location)) for e in kept)
+        return fit_of(result.witness.group_of(rest), fit, records)
     head = f"{effect.location}.{effect.effect}."
     free = tuple(name for name in fit.free if not name.startswith(head))
     return fit_whole(fit.model.without(effect.effect, effect.location), fit.noise, records, free=free)

@@ -9,7 +9,7 @@ from haptic_teleop_sim.model import Effect
 
 from ..evidence.inverse_dynamics.witness import Group
 from ..evidence.second_opinion import Errors, Heard, Opinion, named_by, plainer
-from ..policy import LEAST_KNOWN
+from ..policy import CLEARLY_LESS, LEAST_KNOWN
 from .verdict import size_known
 
 
@@ -30,7 +30,8 @@ def with_known_sizes(opinion: Opinion, sized: Callable[[Heard], Heard], errors: 
         known, least = _least_known(heard.group)
         if known >= LEAST_KNOWN:
             break
-        group = _plainer(opinion, heard.group, least) or _without(heard.group, least)
+        own = heard.group
+        group = _plainer(opinion, own, least) or _instead(opinion, own, least) or _without(own, least)
         group = replace(group, explained=opinion.witness.folds.explained(group.hypotheses))
         heard = known_sizes(Heard(group, heard.gain, errors(group.model)))
     return replace(opinion, chosen=heard)
@@ -45,6 +46,24 @@ def _plainer(opinion: Opinion, group: Group, index: int) -> Group | None:
         g for g in asked if plainer(named_by(g), names) and (own.entry.name, own.location) not in named_by(g)
     )
     return next(found, None)
+
+
+def _instead(opinion: Opinion, group: Group, index: int) -> Group | None:
+    """The witness's group with another effect of known size in place of one, beside the same others, that
+    gains most, and hardly less: of a spring whose pull hardly changes the slope is not known, and a constant
+    torque is. None where there is none."""
+    gone = group.effects[index]
+    others = named_by(group) - {(gone.effect, gone.location)}
+    found = (
+        g
+        for level in opinion.witness.levels
+        for g in level
+        if len(g.effects) == len(group.effects)
+        and others < named_by(g) != named_by(group)
+        and g.gain > group.gain - CLEARLY_LESS
+        and _least_known(g)[0] >= LEAST_KNOWN
+    )
+    return max(found, key=lambda g: g.gain, default=None)
 
 
 def _least_known(group: Group) -> tuple[float, int]:

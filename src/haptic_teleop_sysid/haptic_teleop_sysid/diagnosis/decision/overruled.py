@@ -150,7 +150,7 @@ def as_result(
         bare = replace(predicted, baseline=baseline, final=baseline, choices=(), last_round=(), nameless=None)
         return bare, Doubt(choices[0], why, " and ".join(sorted(shapes)) or None, short=True)
     named = replace(predicted, baseline=baseline, final=final, choices=choices, by_torque=other)
-    return replace(named, last_round=(), nameless=None), None
+    return replace(named, last_round=(), nameless=None, witness=opinion.witness), None
 
 
 def inadequate(result: SearchResult, opinion: Opinion, errors: Errors) -> Doubt | None:

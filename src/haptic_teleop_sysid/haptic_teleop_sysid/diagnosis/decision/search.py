@@ -14,6 +14,7 @@ from haptic_teleop_sysid.estimation.whole_fit import fit_whole
 from ..evidence.actuator import joined
 from ..evidence.current import Shown
 from ..evidence.held_out import judged
+from ..evidence.inverse_dynamics.witness import Witness
 from ..evidence.isolable import nats_apart
 from ..evidence.simulated import explore_simulated, simulation_noise
 from ..hypotheses.candidates import family
@@ -44,7 +45,8 @@ class SearchResult:
     per effect found; ``last_round``: what was tried after the last choice and did not stand up; ``nameless``:
     what explains the recordings (or what the choices leave) better than anything that has a name;
     ``given_up``: what was found and is not believed; ``by_torque``: ``final`` with the sizes that the torques
-    want, where its own are those that free runs want.
+    want, where its own are those that free runs want; ``witness``: whose names these are, None where they are
+    the search's own.
     """
 
     baseline: Fit
@@ -55,6 +57,7 @@ class SearchResult:
     nameless: Choice | None = None
     given_up: tuple[GivenUp, ...] = ()
     by_torque: Fit | None = None
+    witness: Witness | None = None
 
     def giving_up(self, choices: Sequence[Choice], why: str) -> SearchResult:
         """The result, in which some of its choices are told as given up."""

@@ -24,6 +24,8 @@ _GIVES = 10.0
 _ANOTHER_UNIT = 20.0
 #: Shares of the most driven and the most moved recording below which a joint is held, not driven.
 _HARDLY_DRIVEN, _HARDLY_MOVES = 0.05, 0.01
+#: Standard deviation of an input, relative to its rms, below which it is one value.
+_HARDLY_VARIES = 0.005
 #: Factor over the scatter of its readings from which a joint moves.
 _SCATTER = 1.5
 #: Share of the input that its angle or velocity explains, from which it is no force.
@@ -76,6 +78,21 @@ def refuse_idle(datasets: Sequence[DataSet]) -> None:
                 f"{100 * drive / max(drives):.2g} % and moves by {100 * travel / max(travels):.2g} %: "
                 "that says nothing of it. Record while this joint is driven, or leave the recording out."
             )
+
+
+def refuse_constant_input(datasets: Sequence[DataSet]) -> None:
+    """Raise RecordingError where one value drives the joint in all recordings: damping then takes up any
+    other torque that acts while it moves."""
+    every = np.concatenate([d.input for d in datasets])
+    every = every[np.isfinite(every)]
+    size = float(np.sqrt(np.mean(every**2))) if len(every) else 0.0
+    if 0.0 < float(np.std(every)) < _HARDLY_VARIES * size:
+        unit = datasets[0].input_unit
+        raise RecordingError(
+            f"{', '.join(d.name for d in datasets)}: the input hardly varies ({every.min():.4g} to "
+            f"{every.max():.4g} {unit}), so that nothing tells friction or a load from damping: record with "
+            "an input that changes, or several steps of different sizes."
+        )
 
 
 def refuse_copies(datasets: Sequence[DataSet]) -> None:

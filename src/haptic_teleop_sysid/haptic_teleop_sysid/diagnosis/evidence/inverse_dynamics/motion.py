@@ -34,6 +34,9 @@ ENDS = 1.0
 #: Share of the top speed below which a joint stands still, and for how many periods of the cut-off: a motion
 #: that turns is slow for less. Share of all samples that must be left for this to count.
 STILL, STANDS, LEAST_MOVING = 0.02, 2.0, 0.05
+#: The same for a shorter time, where its mean speed is a smaller share of that one: of a motion that turns it
+#: is half.
+HARDLY, BRIEFLY = 0.1, 1.0
 
 
 @dataclass(frozen=True)
@@ -135,7 +138,7 @@ def banded(record: Record, rigid: bool, cutoff: float) -> BandedMotion:
     thin = slice(None, None, max(1, int(1.0 / (FINE_PER_PERIOD * cutoff * record.dt))))
     dt = record.dt * (thin.step or 1)
     missing = in_long_runs(~np.isfinite(measured[:, 0]) | ~np.isfinite(arm), BRIDGED / (cutoff * record.dt))
-    missing |= standing(velocity, STANDS / (cutoff * record.dt))
+    missing |= standing(velocity, 1.0 / (cutoff * record.dt))
     block, kept = _counting(missing, thin, dt, cutoff)
     time = record.start + record.dt * np.arange(len(record), dtype=np.float64)[thin]
     return BandedMotion(
@@ -162,18 +165,28 @@ def held_in_band(values: FloatArray, dt: float, cutoff: float) -> FloatArray:
 
 def in_long_runs(marked: NDArray[np.bool_], most: float) -> NDArray[np.bool_]:
     """Which of the samples (n,) that are ``marked`` lie in a row of more than ``most`` of them."""
-    edges = np.flatnonzero(np.diff(np.concatenate([[0], marked.astype(np.int8), [0]])))
     found = np.zeros(len(marked), dtype=np.bool_)
-    for start, stop in edges.reshape(-1, 2).tolist():
+    for start, stop in _runs(marked):
         found[start:stop] = stop - start > most
     return found
 
 
-def standing(velocity: FloatArray, least: float) -> NDArray[np.bool_]:
-    """Which of the samples of a ``velocity`` (n, 2) lie where the joint stands still for more than ``least``
-    samples: dry friction then holds whatever torque there is, up to its own, and no balance tells it."""
+def _runs(marked: NDArray[np.bool_]) -> list[list[int]]:
+    """First and one past the last of each row of samples (n,) that are ``marked``."""
+    edges = np.flatnonzero(np.diff(np.concatenate([[0], marked.astype(np.int8), [0]])))
+    return edges.reshape(-1, 2).tolist()
+
+
+def standing(velocity: FloatArray, period: float) -> NDArray[np.bool_]:
+    """Which of the samples of a ``velocity`` (n, 2) lie where the joint stands still, for STANDS times
+    ``period`` samples, or BRIEFLY where it hardly moves at all: dry friction then holds whatever torque there
+    is, up to its own, and no balance tells it."""
     speed = np.max(np.abs(velocity), axis=1)
-    found = in_long_runs(speed < STILL * np.max(speed, initial=0.0), least)
+    slow = STILL * np.max(speed, initial=0.0)
+    found = np.zeros(len(speed), dtype=np.bool_)
+    for start, stop in _runs(speed < slow):
+        hardly = float(np.mean(speed[start:stop])) < HARDLY * slow
+        found[start:stop] = stop - start > (BRIEFLY if hardly else STANDS) * period
     return found if np.mean(found) <= 1.0 - LEAST_MOVING else np.zeros(len(found), dtype=np.bool_)
 
 

@@ -109,6 +109,23 @@ class Products:
         along = vectors.T @ (mixed / scale[:, None])
         return 1.0 - float(np.sum(along**2 / (values + RIDGE)[:, None])) / max(whole, 1e-300)
 
+    def own_shares(self, terms: Terms, values: FloatArray) -> list[float]:
+        """Of each term's torque, with the factors ``values`` of all columns, the share (mean square) that no
+        columns of the structure and of the other terms give."""
+        products, found = self._group(terms)[0], []
+        place = len(self.side.names)
+        for term in terms:
+            own = slice(place, place := place + self._width(term))
+            others = np.delete(np.arange(len(products)), own)
+            whole = float(values[own] @ products[own, own] @ values[own])
+            mixed = products[others, own] @ values[own]
+            scale = scale_of(products[np.ix_(others, others)])
+            eigenvalues, vectors = np.linalg.eigh(products[np.ix_(others, others)] / np.outer(scale, scale))
+            along = vectors.T @ (mixed / scale)
+            given = float(np.sum(along**2 / (np.maximum(eigenvalues, 0.0) + RIDGE)))
+            found.append(1.0 - given / max(whole, 1e-300))
+        return found
+
     def _group(self, terms: Terms) -> Multiplied:
         """Products (p, p) of all columns, those with the target (p,), and its own."""
         if self._last is None or self._last[0] != terms:

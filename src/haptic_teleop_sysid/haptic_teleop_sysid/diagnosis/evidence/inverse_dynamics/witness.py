@@ -91,9 +91,13 @@ class Witness:
         groups = (group for level in self.levels for group in level)
         return max(groups, key=lambda group: group.gain, default=None)
 
+    def group_of(self, chosen: Chosen) -> Group:
+        """These effects, and the structure beside them, fitted; what they gain is not asked."""
+        return _group(self.folds, chosen, 0.0)
+
     def with_names(self, chosen: Chosen) -> Model:
         """The structure as the inverse dynamics have it beside these effects, and the effects."""
-        return _group(self.folds, chosen, 0.0).model
+        return self.group_of(chosen).model
 
     def beside(self, group: Group) -> tuple[Latent, float] | None:
         """The torque without a form that explains most of what a group leaves, and the share of that."""
@@ -137,7 +141,8 @@ def witness(
     def named(chosen: Chosen) -> bool:
         pairs = own_columns(here.names, chosen)
         values = search.fitted(0, chosen)
-        return apt(chosen) and not any(h.ends_at_bound(values[own]) for h, own in pairs)
+        ends = any(h.ends_at_bound(values[own]) for h, own in pairs)
+        return apt(chosen) and not ends and search.told_apart(chosen)
 
     # Two that hide each other: neither need be the best by itself, or be seen by itself at all.
     pairs = [pair for pair in itertools.combinations([h for (h,) in singles], 2) if different(*pair)]
