@@ -10,8 +10,9 @@ from numba import njit
 from stepped_machines import DT, ELASTIC, FINE, RIGID, drive, record
 
 from haptic_teleop_sim.model import Effect
-from haptic_teleop_sysid.diagnosis.decision.adequacy import Adequacy
+from haptic_teleop_sysid.diagnosis.decision.adequacy import NOT_SURE, Adequacy
 from haptic_teleop_sysid.diagnosis.decision.decide import Choice
+from haptic_teleop_sysid.diagnosis.decision.drive_friction import with_drive_friction
 from haptic_teleop_sysid.diagnosis.decision.misplaced import at_its_place, beside_findings, misplaced
 from haptic_teleop_sysid.diagnosis.decision.search import SearchResult
 from haptic_teleop_sysid.diagnosis.decision.verdict import Verdict
@@ -204,6 +205,31 @@ def test_an_unknown_is_told_at_the_place_whose_equation_holds(machines):
     assert told("arm_encoder") == ("j_arm_encoder", "time", None)
     assert told("joint", "identified") == ("j_joint", "time", None)
     assert "error of j_arm_encoder" in no_torque("j_arm_encoder").why
+
+
+@pytest.mark.parametrize(("size", "moves"), [(0.5, True), (0.1, False)])
+def test_random_torque_at_the_motor_takes_nothing_from_the_arm(machines, size, moves):
+    acting = ActingPlace(ELASTIC, machines("motor", size=size), CUTOFF)
+    where = [{"equation": "j_arm", "share": 0.9, "condition": "time", "intervals": []}]
+    found, _ = at_its_place(Verdict("unknown", where, [], [], []), acting.bare, ELASTIC)
+    assert found.where[0]["equation"] == ("j_motor" if moves else "j_arm")
+
+
+@pytest.mark.parametrize("place", ["arm", "joint", "arm_encoder"])
+@pytest.mark.parametrize("coulomb", [0.3, 0.0])
+def test_friction_of_the_drive_is_told_with_its_size_whatever_acts_behind_it(machines, place, coulomb):
+    kinds = [[one] for one in machines(place, coulomb=coulomb)]
+    acting = ActingPlace(ELASTIC, [*kinds[0], *kinds[1]], CUTOFF)
+    fit = found(kinds[0], friction("motor")).baseline
+    where = [{"equation": f"j_{place}", "share": 0.9, "condition": "time", "intervals": []}]
+    verdict = Verdict("unknown", where, [], [], [])
+    told = with_drive_friction(verdict, acting, kinds, fit).findings
+    assert [(f["effect"], f["location"]) for f in told] == [("coulomb_friction", "j_motor")] * (coulomb > 0)
+    for one in told:
+        assert one["parameters"]["torque"]["value"] == pytest.approx(coulomb, rel=0.02)
+        assert one["confidence"] == NOT_SURE and f"does not contain j_{place}" in one["because"]
+        again = replace(verdict, findings=told)
+        assert with_drive_friction(again, acting, kinds, fit) is again
 
 
 def test_the_arm_follows_as_its_equation_says():

@@ -14,6 +14,7 @@ from .decision.adequacy import short_of
 from .decision.at_reversals import where_torque_jumps, with_friction
 from .decision.beside_unknown import with_names
 from .decision.decide import Choice
+from .decision.drive_friction import with_drive_friction
 from .decision.measured_input import of_measured_input
 from .decision.misplaced import at_its_place, beside_findings, misplaced
 from .decision.nulls import Null, beyond_chance, nulls
@@ -125,6 +126,8 @@ def diagnose(
         )
         nameless = mapped.fit if instead is None else instead.fit
         result = replace(result, final=nameless or result.final)
+    if acting is not None and verdict.kind != "no_mismatch":
+        verdict = with_drive_friction(verdict, acting, (found.learn, found.judge), result.baseline)
     verdict = with_friction(verdict, turning, result, found.learn)
     if acting is not None and verdict.kind != "no_mismatch":
         acting = beside_findings(verdict, acting)

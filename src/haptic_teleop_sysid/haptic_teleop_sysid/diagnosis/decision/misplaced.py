@@ -12,10 +12,10 @@ from haptic_teleop_sysid.estimation.records import Record
 
 from ..evidence.acting_place import ActingPlace
 from ..evidence.inverse_dynamics.parity import acts_at
-from ..evidence.inverse_dynamics.parity_equations import ENCODERS, JOINT
+from ..evidence.inverse_dynamics.parity_equations import ENCODERS, JOINT, MOTOR
 from ..evidence.inverse_dynamics.terms import follows_from_motion
 from ..evidence.residual import Condition
-from ..policy import HOLDS_BETTER
+from ..policy import HOLDS_BETTER, MOST_UNNAMED
 from .beside_the_others import left_out, without
 from .reasons import Doubt
 from .search import SearchResult
@@ -61,14 +61,17 @@ def _changes_another(effect: Effect, named: Sequence[Effect]) -> bool:
 
 def at_its_place(verdict: Verdict, left: Mapping[str, float], model: Model) -> tuple[Verdict, str | None]:
     """An `unknown` at the place whose parity equation holds, where it leaves less by HOLDS_BETTER than that
-    of the place which was told, with the share (mean square) of this that it does not leave; and that place
-    where it is an encoder, else None. ``left``: by place, see `beside_findings`."""
+    of the place which was told (at the motor, where that is more than what passes for random), with the share
+    (mean square) of this that it does not leave; and that place where it is an encoder, else None. ``left``: by place, see `beside_findings`."""
     if verdict.kind != "unknown" or not verdict.where or not left:
         return verdict, None
     told, *others = verdict.where
     place = acts_at(model, told["equation"])
     best = min(left, key=lambda one: left[one])
     if place not in left or left[place] <= HOLDS_BETTER * left[best]:
+        return verdict, None
+    # Random torque at the motor spoils the other equations on every machine.
+    if best == MOTOR and left[place] <= MOST_UNNAMED:
         return verdict, None
     share = round(1.0 - (left[best] / left[place]) ** 2, 3)
     where = {
@@ -94,14 +97,13 @@ def beside_findings(verdict: Verdict, acting: ActingPlace) -> ActingPlace:
     motor where nothing is said of friction there, and only so one of them holds better than all others."""
     found = [e for e in map(_effect, verdict.findings) if follows_from_motion(e.entry)]
     acting = replace(acting, beside=(*acting.beside, *found))
-    motor = acting.dry_friction.location
-    if any(e.entry.kind == "friction" and e.location == motor for e in found) or _best(acting) is not None:
+    if acting.rubs(found) or holds_better(acting) is not None:
         return acting
     rubbed = replace(acting, beside=(*acting.beside, acting.dry_friction))
-    return acting if _best(rubbed) is None else rubbed
+    return acting if holds_better(rubbed) is None else rubbed
 
 
-def _best(acting: ActingPlace) -> str | None:
+def holds_better(acting: ActingPlace) -> str | None:
     """The place whose equation leaves less by HOLDS_BETTER than all others."""
     ordered = sorted(acting.bare, key=lambda place: acting.bare[place])
     if len(ordered) < 2 or acting.bare[ordered[1]] <= HOLDS_BETTER * acting.bare[ordered[0]]:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import combinations
@@ -33,10 +33,19 @@ class ActingPlace:
     def of(model: Model, records: Sequence[Record], cutoff: float) -> ActingPlace | None:
         """None where equations say nothing: of a rigid joint, one whose arm nobody read, or a model with an
         effect that they cannot allow for."""
-        read = [r for r in records if np.any(np.isfinite(r.measured[:, 1]))]
+        read = ActingPlace.read(records)
         if model.rigid or not read or not all(can_allow_for(e.entry) for e in model.effects):
             return None
         return ActingPlace(model, read, cutoff)
+
+    @staticmethod
+    def read(records: Sequence[Record]) -> list[Record]:
+        """The records on which somebody read the arm."""
+        return [r for r in records if np.any(np.isfinite(r.measured[:, 1]))]
+
+    def rubs(self, effects: Iterable[Effect]) -> bool:
+        """Whether one of some effects is a friction at the motor."""
+        return any(e.entry.kind == "friction" and e.location == self.model.location(MOTOR) for e in effects)
 
     def left(self, known: Sequence[Effect] = (), encoders: bool = True) -> dict[str, float]:
         """What each place's equation leaves beside some effects (see `parity_residuals`); empty where the
@@ -53,7 +62,7 @@ class ActingPlace:
         all equations but the arm's."""
         asked = [*filter(_asked, names)]
         sets = [beside for n in range(len(asked) + 1) for beside in combinations(asked, n)]
-        if not any(e.entry.kind == "friction" and e.location == self.model.location(MOTOR) for e in names):
+        if not self.rubs(names):
             sets.append((self.dry_friction,))
         tried = (replace(self, beside=(*self.beside, *beside)) for beside in sets)
         return next((one for one in tried if one.alone is not None), self)

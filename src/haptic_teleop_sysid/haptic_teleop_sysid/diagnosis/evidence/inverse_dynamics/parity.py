@@ -94,6 +94,40 @@ def parity_residuals(
     return found if all(map(math.isfinite, found.values())) else {}
 
 
+def torque_at_the_motor(
+    model: Model, records: Sequence[Record], cutoff: float, effect: Effect, place: str
+) -> tuple[float, float, float] | None:
+    """The size of an effect of one size at the motor that the equation of another place wants, whatever acts
+    at that place; and what this equation leaves with and without it, rms, as a share of the input's torque.
+    None where the encoders were read too seldom to say. ``place``: arm, joint or arm_encoder; the other
+    arguments: see `parity_residuals`."""
+    stretches = [stretch for record in records for stretch in _both_read(record, cutoff)]
+    every = [_signals(model, r, cutoff, [effect, *model.effects]) for r in long_enough(stretches, cutoff)]
+    parts = [p for p in every if len(p.kept)]
+    if place == ARM_ENCODER:
+        arms = _best(model, parts, Signals.without_arm_encoder)
+        equations = [p.without_arm_encoder(arm) for p, arm in zip(parts, arms, strict=True)]
+    else:
+        equations = [p.without_arm() if place == ARM else p.without_joint() for p in parts]
+    if not equations:
+        return None
+    # A constant comes first, then what is known to act at the motor, with its sign on this side.
+    bare = [replace(one, free=np.delete(one.free, 1, axis=1)) for one in equations]
+    wider = [
+        replace(
+            one,
+            structure=np.column_stack([one.structure, -full.free[:, 1]]),
+            bounds=(*one.bounds, (-np.inf, np.inf)),
+        )
+        for one, full in zip(bare, equations, strict=True)
+    ]
+    (left, factors), (without, _) = _solved(parts, wider), _solved(parts, bare)
+    driven = _rms([p.torque[p.kept] for p in parts])
+    if not math.isfinite(left) or not math.isfinite(without):
+        return None
+    return float(factors[wider[0].structure.shape[1] - 1]), left / driven, without / driven
+
+
 def _blurred(model: Model, known: Sequence[Effect]) -> tuple[str, ...]:
     """The encoders whose equation contains a dry friction as the arm follows it, and with that what it is off
     by while it sticks, at all samples: they say nothing unless they leave the least."""
@@ -192,8 +226,14 @@ def _best(
 
 
 def _left(parts: Sequence[Signals], equations: Sequence[Rows]) -> float:
-    """Rms that the equations of all recordings leave with common parameters, by least squares; what may have
-    any sign is each recording's own. Infinite with too few samples."""
+    """Rms that the equations of all recordings leave (see `_solved`)."""
+    return _solved(parts, equations)[0]
+
+
+def _solved(parts: Sequence[Signals], equations: Sequence[Rows]) -> tuple[float, FloatArray]:
+    """Rms that the equations of all recordings leave with common parameters, by least squares, infinite with
+    too few samples; and all parameters, the common ones first; what may have any sign is each recording's
+    own."""
     pairs = [*zip(parts, equations, strict=True)]
     target = np.concatenate([one.target[part.kept] for part, one in pairs])
     structure = np.concatenate([one.structure[part.kept] for part, one in pairs])
@@ -201,7 +241,7 @@ def _left(parts: Sequence[Signals], equations: Sequence[Rows]) -> float:
     low, high = (np.full(columns.shape[1], side) for side in (-np.inf, np.inf))
     low[: structure.shape[1]], high[: structure.shape[1]] = np.transpose(equations[0].bounds)
     if len(target) < _SAMPLES * columns.shape[1]:
-        return math.inf
+        return math.inf, np.zeros(0)
     scale = np.linalg.norm(columns, axis=0)
     shown = scale > 0.0
     columns, low, high = columns[:, shown] / scale[shown], (low * scale)[shown], (high * scale)[shown]
@@ -210,7 +250,10 @@ def _left(parts: Sequence[Signals], equations: Sequence[Rows]) -> float:
     inside = q.T @ target
     beyond = float(target @ target - inside @ inside)
     found = scipy.optimize.lsq_linear(r, inside, (low, high), method="bvls")
-    return float(np.sqrt(max(2.0 * found.cost + beyond, 0.0) / (len(target) - len(low))))
+    factors = np.zeros(len(shown))
+    factors[shown] = found.x / scale[shown]
+    left = float(np.sqrt(max(2.0 * found.cost + beyond, 0.0) / (len(target) - len(low))))
+    return left, factors
 
 
 def _rms(parts: Sequence[FloatArray]) -> float:

@@ -1,0 +1,73 @@
+"""Friction of the drive beside something behind it that has no name.
+
+What acts at the arm, in the joint or in the arm's encoder is in no term of that place's parity equation
+(`inverse_dynamics.parity`), and friction of the drive is: that equation tells its size, whatever else acts.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+from haptic_teleop_sysid.estimation.gauss_newton import Fit
+from haptic_teleop_sysid.estimation.likelihood import FAILURES
+from haptic_teleop_sysid.estimation.records import Record
+
+from ..evidence.acting_place import ActingPlace
+from ..evidence.inverse_dynamics.parity import torque_at_the_motor
+from ..evidence.inverse_dynamics.parity_equations import ARM, ARM_ENCODER, JOINT
+from ..hypotheses.explanation import Explanation
+from ..policy import LEAST_EXPLAINED, NOTICEABLE
+from .adequacy import NOT_SURE
+from .decide import Choice
+from .misplaced import beside_findings, holds_better
+from .objections import OTHER_SIZE
+from .verdict import Verdict, finding
+
+
+def with_drive_friction(
+    verdict: Verdict, acting: ActingPlace, kinds: tuple[Sequence[Record], Sequence[Record]], baseline: Fit
+) -> Verdict:
+    """The verdict with dry friction at the motor, where nothing is said of friction there, one place's
+    equation holds beside it, and that wants it: on the recordings of both ``kinds``, by sizes that do not
+    differ by more than OTHER_SIZE, of NOTICEABLE of the input's torque, and so that it explains
+    LEAST_EXPLAINED of what the equation leaves without it."""
+    acting = beside_findings(verdict, acting)
+    dry = acting.dry_friction
+    if acting.rubs(e for e in acting.beside if e != dry):
+        return verdict
+    if dry not in acting.beside:
+        acting = replace(acting, beside=(*acting.beside, dry))
+    place = holds_better(acting)
+    if place not in (ARM, JOINT, ARM_ENCODER):
+        return verdict
+    known = tuple(e for e in acting.beside if e != dry)
+    model = acting.model.with_effects(*known)
+    try:
+        found = [torque_at_the_motor(model, acting.read(kind), acting.cutoff, dry, place) for kind in kinds]
+    except FAILURES:
+        return verdict
+    told = [one for one in found if one is not None]
+    if len(told) < len(kinds):
+        return verdict
+    sizes = [size for size, _, _ in told]
+    explained = min(1.0 - (left / max(without, 1e-300)) ** 2 for _, left, without in told)
+    driven = max(without for _, _, without in told)
+    steady = min(sizes) > 0.0 and max(sizes) - min(sizes) <= OTHER_SIZE * max(sizes)
+    if not steady or explained < LEAST_EXPLAINED or driven < NOTICEABLE:
+        return verdict
+    effect = replace(dry, parameters={"torque": sum(sizes) / len(sizes)})
+    where = acting.model.location(place)
+    _, left, without = told[-1]
+    words = (
+        f"with it the equation of motion that does not contain {where}, whatever acts there, leaves "
+        f"{100 * left:.2g} instead of {100 * without:.2g} % of the input's torque on the validation "
+        f"recordings; it wants {sizes[0]:.3g} and {sizes[1]:.3g} N*m on the recordings of either kind; the "
+        "augmented model is without it"
+    )
+    augmented = replace(baseline, model=baseline.model.with_effects(effect))
+    std = {f"{effect.location}.{effect.effect}.torque": abs(sizes[0] - sizes[1]) / 2.0}
+    index = len(baseline.model.effects)
+    explanation = Explanation(augmented, 0.0, 0.0, True, index, std=std, witnessed=words)
+    named = finding(Choice(explanation, NOT_SURE), augmented, {}, NOT_SURE)
+    return replace(verdict, findings=[*verdict.findings, named])
