@@ -61,8 +61,9 @@ def _changes_another(effect: Effect, named: Sequence[Effect]) -> bool:
 
 def at_its_place(verdict: Verdict, left: Mapping[str, float], model: Model) -> tuple[Verdict, str | None]:
     """An `unknown` at the place whose parity equation holds, where it leaves less by HOLDS_BETTER than that
-    of the place which was told (at the motor, where that is more than what passes for random), with the share
-    (mean square) of this that it does not leave; and that place where it is an encoder, else None. ``left``: by place, see `beside_findings`."""
+    of the place which was told, with the share (mean square) of this that it does not leave; and that place
+    where it is an encoder, else None. At the motor only where the other equation leaves more than passes for
+    random. ``left``: by place, see `beside_findings`."""
     if verdict.kind != "unknown" or not verdict.where or not left:
         return verdict, None
     told, *others = verdict.where
