@@ -11,6 +11,7 @@ from stepped_machines import DT, ELASTIC, FINE, RIGID, drive, record
 
 from haptic_teleop_sim.model import Effect
 from haptic_teleop_sysid.diagnosis.decision.adequacy import NOT_SURE, Adequacy
+from haptic_teleop_sysid.diagnosis.decision.at_reversals import Turning
 from haptic_teleop_sysid.diagnosis.decision.decide import Choice
 from haptic_teleop_sysid.diagnosis.decision.drive_friction import with_drive_friction
 from haptic_teleop_sysid.diagnosis.decision.misplaced import at_its_place, beside_findings, misplaced
@@ -223,13 +224,15 @@ def test_friction_of_the_drive_is_told_with_its_size_whatever_acts_behind_it(mac
     fit = found(kinds[0], friction("motor")).baseline
     where = [{"equation": f"j_{place}", "share": 0.9, "condition": "time", "intervals": []}]
     verdict = Verdict("unknown", where, [], [], [])
-    told = with_drive_friction(verdict, acting, kinds, fit).findings
+    told = with_drive_friction(verdict, acting, kinds, fit, Turning()).findings
     assert [(f["effect"], f["location"]) for f in told] == [("coulomb_friction", "j_motor")] * (coulomb > 0)
     for one in told:
         assert one["parameters"]["torque"]["value"] == pytest.approx(coulomb, rel=0.02)
         assert one["confidence"] == NOT_SURE and f"does not contain j_{place}" in one["because"]
         again = replace(verdict, findings=told)
-        assert with_drive_friction(again, acting, kinds, fit) is again
+        assert with_drive_friction(again, acting, kinds, fit, Turning()) is again
+        excluded = Turning(smooth=frozenset({("coulomb_friction", "j_motor")}))
+        assert with_drive_friction(verdict, acting, kinds, fit, excluded) is verdict
 
 
 def test_the_arm_follows_as_its_equation_says():

@@ -140,12 +140,18 @@ def test_a_stretch_of_another_recording_is_one_that_repeats_it(first, last):
 
 def test_an_input_of_one_value_is_refused_and_steps_of_several_are_not():
     one = recording("one", 20.0, 1)
-    first, second = (replace(one, input=np.append(0.0, np.full(len(one) - 1, size))) for size in (2.4, 1.2))
-    rippled = replace(first, input=2.4 + 1e-3 * np.sin(np.arange(len(one))))
-    with pytest.raises(RecordingError, match=r"hardly varies \(2.399 to 2.401 .*input that changes"):
-        refuse_constant_input([rippled])
+    rises = np.maximum(np.arange(len(one)) - 1000.0, 0.0)  # it rests before the step
+    first, second = (
+        replace(one, input=size * (rises > 0.0), motor_position=rises, motor_velocity=1.0 * (rises > 0.0))
+        for size in (2.4, 1.2)
+    )
+    rippled = replace(first, input=first.input + 1e-3 * np.sin(np.arange(len(one))))
+    for steps in ([first], [rippled, first]):
+        with pytest.raises(RecordingError, match=r"hardly varies \(2.* to 2.*input that changes"):
+            refuse_constant_input(steps)
     refuse_constant_input([first, second])
     refuse_constant_input([one])
+    refuse_constant_input([replace(one, input=20.0 + 0.01 * one.input)])  # a load is held; it turns
 
 
 @pytest.fixture

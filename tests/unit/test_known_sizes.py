@@ -90,9 +90,12 @@ def test_what_is_known_of_a_spring_that_hardly_pulls_more_is_told_as_a_constant_
     spring = Effect("spring_to_ground", "stage1_motor", {"stiffness": 3e-6, "rest": -296.0})
     before = opinion(FRICTION, spring, std={"coulomb_friction": 0.1})
     before.chosen.group.std["stage1_motor.spring_to_ground.stiffness"] = 3e-6
-    other = opinion(FRICTION, CONSTANT, std={"coulomb_friction": 0.1, "constant_torque": 0.001}).chosen.group
-    known = SimpleNamespace(levels=((replace(other, gain=gain),),), folds=WITNESS.folds)
-    assert kept(replace(before, witness=known))[0] == names
+    other = opinion(FRICTION, CONSTANT, std={"coulomb_friction": 0.1, "constant_torque": 0.001}).chosen
+    other = replace(other, group=replace(other.group, gain=gain))
+    found = replace(before, rivals=((before.chosen, 0.6), (other, 0.4)))
+    assert kept(found)[0] == names
+    after = with_known_sizes(found, lambda heard: heard, lambda model: (0.4, 0.5))
+    assert [weight for _, weight in after.rivals] == ([1.0] if gain > 2.0 else [0.6, 0.4])
 
 
 def test_sizes_that_free_runs_do_not_know_stay_those_of_the_torques():

@@ -127,7 +127,7 @@ def diagnose(
         nameless = mapped.fit if instead is None else instead.fit
         result = replace(result, final=nameless or result.final)
     if acting is not None and verdict.kind != "no_mismatch":
-        verdict = with_drive_friction(verdict, acting, (found.learn, found.judge), result.baseline)
+        verdict = with_drive_friction(verdict, acting, (found.learn, found.judge), result.baseline, turning)
     verdict = with_friction(verdict, turning, result, found.learn)
     if acting is not None and verdict.kind != "no_mismatch":
         acting = beside_findings(verdict, acting)

@@ -56,13 +56,11 @@ def earned(
             if not choice.unsure and corroborated.elsewhere(result.final, others) > NO_WORSE:
                 result = _nobody_sure(result, choice)
             continue
-        result = left_out(result, choice, why, others, records)
+        result = left_out(result, choice, why, others)
     return result
 
 
-def left_out(
-    result: SearchResult, choice: Choice, why: str, final: Fit, records: Sequence[Record]
-) -> SearchResult:
+def left_out(result: SearchResult, choice: Choice, why: str, final: Fit) -> SearchResult:
     """The result without one of several names, which is given up; ``final``: the fit `without` it."""
     return replace(
         result.giving_up([choice], why),

@@ -1,4 +1,4 @@
-"""Friction of the drive beside something behind it that has no name.
+"""Friction of the drive beside something behind it, whatever that is.
 
 What acts at the arm, in the joint or in the arm's encoder is in no term of that place's parity equation
 (`inverse_dynamics.parity`), and friction of the drive is: that equation tells its size, whatever else acts.
@@ -6,6 +6,7 @@ What acts at the arm, in the joint or in the arm's encoder is in no term of that
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import replace
 
@@ -19,6 +20,7 @@ from ..evidence.inverse_dynamics.parity_equations import ARM, ARM_ENCODER, JOINT
 from ..hypotheses.explanation import Explanation
 from ..policy import LEAST_EXPLAINED, NOTICEABLE
 from .adequacy import NOT_SURE
+from .at_reversals import Turning
 from .decide import Choice
 from .misplaced import beside_findings, holds_better
 from .objections import OTHER_SIZE
@@ -26,15 +28,19 @@ from .verdict import Verdict, finding
 
 
 def with_drive_friction(
-    verdict: Verdict, acting: ActingPlace, kinds: tuple[Sequence[Record], Sequence[Record]], baseline: Fit
+    verdict: Verdict,
+    acting: ActingPlace,
+    kinds: Sequence[Sequence[Record]],
+    baseline: Fit,
+    turning: Turning,
 ) -> Verdict:
-    """The verdict with dry friction at the motor, where nothing is said of friction there, one place's
-    equation holds beside it, and that wants it: on the recordings of both ``kinds``, by sizes that do not
-    differ by more than OTHER_SIZE, of NOTICEABLE of the input's torque, and so that it explains
-    LEAST_EXPLAINED of what the equation leaves without it."""
+    """The verdict with dry friction at the motor, where nothing is said of friction there, reversals do not
+    exclude it, and one place's equation holds beside it and wants it: on the recordings of both ``kinds``, by
+    sizes that do not differ by more than OTHER_SIZE, NOTICEABLE beside the input's torque, and so that it
+    explains LEAST_EXPLAINED of what the equation leaves without it."""
     acting = beside_findings(verdict, acting)
     dry = acting.dry_friction
-    if acting.rubs(e for e in acting.beside if e != dry):
+    if turning.not_seen(dry.effect, dry.location) or acting.rubs(e for e in acting.beside if e != dry):
         return verdict
     if dry not in acting.beside:
         acting = replace(acting, beside=(*acting.beside, dry))
@@ -52,9 +58,9 @@ def with_drive_friction(
         return verdict
     sizes = [size for size, _, _ in told]
     explained = min(1.0 - (left / max(without, 1e-300)) ** 2 for _, left, without in told)
-    driven = max(without for _, _, without in told)
+    taken = min(math.sqrt(max(without**2 - left**2, 0.0)) for _, left, without in told)
     steady = min(sizes) > 0.0 and max(sizes) - min(sizes) <= OTHER_SIZE * max(sizes)
-    if not steady or explained < LEAST_EXPLAINED or driven < NOTICEABLE:
+    if not steady or explained < LEAST_EXPLAINED or taken < NOTICEABLE:
         return verdict
     effect = replace(dry, parameters={"torque": sum(sizes) / len(sizes)})
     where = acting.model.location(place)

@@ -45,7 +45,7 @@ _LEAST_ERROR = 1e-100
 #: error is as rough as without, and what is smooth far above is no dry friction.
 _OTHERWISE = 5.0
 #: Factor up to which the sizes that torques and free runs want are those of one effect.
-_SAME = 1.5
+_SAME = 2.0
 
 
 def sized_freely(heard: Heard, simulated: Simulated, errors: Errors, fastest: float) -> Heard:

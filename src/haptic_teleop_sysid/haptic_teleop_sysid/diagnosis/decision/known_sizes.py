@@ -23,7 +23,7 @@ def with_known_sizes(opinion: Opinion, sized: Callable[[Heard], Heard], errors: 
     def known_sizes(before: Heard) -> Heard:
         after = sized(before)
         first, then = (_least_known(heard.group)[0] for heard in (before, after))
-        return before if then < LEAST_KNOWN <= first else after
+        return before if not then >= LEAST_KNOWN <= first else after
 
     heard = known_sizes(opinion.chosen)
     while len(heard.group.effects) > 1:
@@ -31,7 +31,10 @@ def with_known_sizes(opinion: Opinion, sized: Callable[[Heard], Heard], errors: 
         if known >= LEAST_KNOWN:
             break
         own = heard.group
-        group = _plainer(opinion, own, least) or _instead(opinion, own, least) or _without(own, least)
+        plain, other = _plainer(opinion, own, least), _instead(opinion, own, least)
+        if plain is None and other is not None:
+            opinion = _in_its_place(opinion, own, other)
+        group = plain or other or _without(own, least)
         group = replace(group, explained=opinion.witness.folds.explained(group.hypotheses))
         heard = known_sizes(Heard(group, heard.gain, errors(group.model)))
     return replace(opinion, chosen=heard)
@@ -49,21 +52,28 @@ def _plainer(opinion: Opinion, group: Group, index: int) -> Group | None:
 
 
 def _instead(opinion: Opinion, group: Group, index: int) -> Group | None:
-    """The witness's group with another effect of known size in place of one, beside the same others, that
-    gains most, and hardly less: of a spring whose pull hardly changes the slope is not known, and a constant
-    torque is. None where there is none."""
+    """The rival with another effect of known size in place of one, beside the same others, that gains most,
+    and hardly less: of a spring whose pull hardly changes the slope is not known, and a constant torque is.
+    None where there is none."""
     gone = group.effects[index]
     others = named_by(group) - {(gone.effect, gone.location)}
     found = (
-        g
-        for level in opinion.witness.levels
-        for g in level
-        if len(g.effects) == len(group.effects)
-        and others < named_by(g) != named_by(group)
-        and g.gain > group.gain - CLEARLY_LESS
-        and _least_known(g)[0] >= LEAST_KNOWN
+        heard.group
+        for heard, _ in opinion.rivals
+        if len(heard.group.effects) == len(group.effects)
+        and others < named_by(heard.group) != named_by(group)
+        and heard.group.gain > group.gain - CLEARLY_LESS
+        and _least_known(heard.group)[0] >= LEAST_KNOWN
     )
     return max(found, key=lambda g: g.gain, default=None)
+
+
+def _in_its_place(opinion: Opinion, gone: Group, group: Group) -> Opinion:
+    """The opinion in which a group has the weight of one that says the same, too, and the other has none."""
+    lost = sum(weight for heard, weight in opinion.rivals if heard.group is gone)
+    kept = ((heard, weight) for heard, weight in opinion.rivals if heard.group is not gone)
+    rivals = [(h, weight + lost * (h.group is group)) for h, weight in kept]
+    return replace(opinion, rivals=tuple(sorted(rivals, key=lambda one: -one[1])))
 
 
 def _least_known(group: Group) -> tuple[float, int]:

@@ -49,7 +49,7 @@ def misplaced(
     if len(gone) == len(result.choices):
         return result.without_names(gone, whys[0]), Doubt(gone[0], whys[0])
     for choice, why in zip(gone, whys, strict=True):
-        result = left_out(result, choice, why, without(result, choice.chosen.effect, records), records)
+        result = left_out(result, choice, why, without(result, choice.chosen.effect, records))
     return result, None
 
 

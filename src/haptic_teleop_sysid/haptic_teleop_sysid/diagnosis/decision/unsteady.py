@@ -39,7 +39,7 @@ def constant_sizes(
         if len(result.choices) == 1:
             bare = replace(result.giving_up([choice], why), final=result.baseline, choices=())
             return replace(bare, last_round=(), nameless=None), Doubt(choice, why)
-        result = left_out(result, choice, why, without(result, effect, records), records)
+        result = left_out(result, choice, why, without(result, effect, records))
     return result, None
 
 

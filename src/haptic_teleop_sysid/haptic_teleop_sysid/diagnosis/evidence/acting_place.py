@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from itertools import combinations
 from typing import Any
@@ -28,6 +28,7 @@ class ActingPlace:
     records: Sequence[Record]
     cutoff: float
     beside: tuple[Effect, ...] = ()
+    _known: dict[Any, dict[str, float]] = field(default_factory=dict, compare=False, repr=False)
 
     @staticmethod
     def of(model: Model, records: Sequence[Record], cutoff: float) -> ActingPlace | None:
@@ -44,17 +45,24 @@ class ActingPlace:
         return [r for r in records if np.any(np.isfinite(r.measured[:, 1]))]
 
     def rubs(self, effects: Iterable[Effect]) -> bool:
-        """Whether one of some effects is a friction at the motor."""
-        return any(e.entry.kind == "friction" and e.location == self.model.location(MOTOR) for e in effects)
+        """Whether one of some effects, or of the model's own, is a friction at the motor."""
+        every = (*self.model.effects, *effects)
+        return any(e.entry.kind == "friction" and e.location == self.model.location(MOTOR) for e in every)
 
-    def left(self, known: Sequence[Effect] = (), encoders: bool = True) -> dict[str, float]:
+    def left(
+        self, known: Sequence[Effect] = (), encoders: bool = True, sliding: Sequence[Effect] = ()
+    ) -> dict[str, float]:
         """What each place's equation leaves beside some effects (see `parity_residuals`); empty where the
         arithmetic fails."""
-        try:
-            every = [*self.model.effects, *self.beside, *known]
-            return parity_residuals(self.model, self.records, self.cutoff, every, encoders)
-        except FAILURES:
-            return {}
+        every = (*self.model.effects, *self.beside, *known)
+        asked = (*map(_key, every),), encoders, (*map(_key, sliding),)
+        if asked not in self._known:
+            try:
+                found = parity_residuals(self.model, self.records, self.cutoff, every, encoders, sliding)
+            except FAILURES:
+                found = {}
+            self._known[asked] = found
+        return self._known[asked]
 
     def clear_beside(self, names: Sequence[Effect]) -> ActingPlace:
         """The same beside the fewest of ``names``, or else beside dry friction at the motor, where one
@@ -90,8 +98,10 @@ class ActingPlace:
             return False
         if self.alone is None or acts_at(self.model, effect.location) == self.alone or not _asked(effect):
             return False
-        left = self.left([effect], self.alone in ENCODERS)
-        return bool(left) and left[self.alone] > NOT_LOWERED * self.bare[self.alone]
+        left, before = (
+            self.left(known, self.alone in ENCODERS, [effect]).get(self.alone) for known in ([effect], [])
+        )
+        return left is not None and before is not None and left > NOT_LOWERED * before
 
     def explained(self, names: Sequence[Effect]) -> float:
         """Share (mean square) of what the equations of other places leave that they do not leave with names,
@@ -100,17 +110,16 @@ class ActingPlace:
         place_of_all = self.clear_beside(names).alone
         if place_of_all is None or not all(map(_asked, names)):
             return 1.0
-        left = self.left(names, encoders=False)
-        others = [place for place in left if place in (MOTOR, ARM, JOINT) and place != place_of_all]
-        after = min((left[place] for place in others), default=0.0)
-        before = min((self.bare[place] for place in others), default=1.0)
+        others = [place for place in (MOTOR, ARM, JOINT) if place != place_of_all]
+        left, bare = (self.left(known, False, names) for known in (names, ()))
+        after = min((left[place] for place in others if place in left), default=0.0)
+        before = min((bare[place] for place in others if place in bare), default=1.0)
         return 1.0 if after < MISFIT else 1.0 - min(after / before, 1.0) ** 2
 
     @cached_property
     def bare(self) -> dict[str, float]:
-        """`left` beside no effect but the model's own."""
+        """`left` beside no other effect."""
         return self.left()
-
 
     def content(self) -> dict[str, Any]:
         """What diagnosis.json says: what is allowed for, and what each place's equation leaves."""
@@ -118,6 +127,10 @@ class ActingPlace:
             "beside": [f"{e.effect} at {e.location}" for e in self.beside],
             "left": {self.model.location(place): round(left, 5) for place, left in self.bare.items()},
         }
+
+
+def _key(effect: Effect) -> tuple[Any, ...]:
+    return effect.effect, effect.location, *sorted(effect.parameters.items())
 
 
 def _asked(effect: Effect) -> bool:

@@ -12,7 +12,7 @@ from haptic_teleop_control.errors import MismatchError, RecordingError
 from haptic_teleop_control.recording import Recording
 from haptic_teleop_control.robots import SFJ_STAGES
 from haptic_teleop_sim.model import Model
-from haptic_teleop_sysid.estimation.records import Record
+from haptic_teleop_sysid.estimation.records import Record, with_trusted_input
 from haptic_teleop_sysid.recordings.channels import channels_for
 from haptic_teleop_sysid.recordings.dataset import DataSet
 
@@ -24,8 +24,9 @@ _GIVES = 10.0
 _ANOTHER_UNIT = 20.0
 #: Shares of the most driven and the most moved recording below which a joint is held, not driven.
 _HARDLY_DRIVEN, _HARDLY_MOVES = 0.05, 0.01
-#: Standard deviation of an input, relative to its rms, below which it is one value.
-_HARDLY_VARIES = 0.005
+#: Standard deviation of an input, relative to its rms, below which it is one value; share of the top speed
+#: from which the motor moves; and mean sign of its velocity from which that is one way.
+_HARDLY_VARIES, _SLOW, _ONE_WAY = 0.005, 0.05, 0.9
 #: Factor over the scatter of its readings from which a joint moves.
 _SCATTER = 1.5
 #: Share of the input that its angle or velocity explains, from which it is no force.
@@ -81,18 +82,28 @@ def refuse_idle(datasets: Sequence[DataSet]) -> None:
 
 
 def refuse_constant_input(datasets: Sequence[DataSet]) -> None:
-    """Raise RecordingError where one value drives the joint in all recordings: damping then takes up any
-    other torque that acts while it moves."""
-    every = np.concatenate([d.input for d in datasets])
-    every = every[np.isfinite(every)]
+    """Raise RecordingError where one value drives the joint one way in all these recordings, as long as it
+    moves: damping then takes up any other torque."""
+    moving = [_while_moving(with_trusted_input(d, commanded=True)) for d in datasets]
+    every, speed = (np.concatenate(columns) for columns in zip(*moving, strict=True))
     size = float(np.sqrt(np.mean(every**2))) if len(every) else 0.0
-    if 0.0 < float(np.std(every)) < _HARDLY_VARIES * size:
+    one_way = len(speed) > 0 and abs(float(np.mean(np.sign(speed)))) > _ONE_WAY
+    if one_way and float(np.std(every)) < _HARDLY_VARIES * size:
         unit = datasets[0].input_unit
         raise RecordingError(
             f"{', '.join(d.name for d in datasets)}: the input hardly varies ({every.min():.4g} to "
             f"{every.max():.4g} {unit}), so that nothing tells friction or a load from damping: record with "
             "an input that changes, or several steps of different sizes."
         )
+
+
+def _while_moving(data: DataSet) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Input and velocity, (n,) each, of the samples at which the motor moves."""
+    speed = data.motor_velocity
+    speed = np.gradient(data.motor_position, data.dt) if speed is None else speed
+    moves = np.abs(speed) > _SLOW * float(np.nanmax(np.abs(speed), initial=0.0))
+    moves &= np.isfinite(data.input)
+    return data.input[moves], speed[moves]
 
 
 def refuse_copies(datasets: Sequence[DataSet]) -> None:

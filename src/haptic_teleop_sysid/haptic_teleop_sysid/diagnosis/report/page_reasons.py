@@ -70,7 +70,7 @@ def _where(section: Section, content: dict[str, Any], curves: Sequence[LawCurve]
         caption = "Where and when it shows; times are those of the first recording that was fitted to"
         share = _LEFT if content["verdict"] == "unknown" else _GAINED
         section.table(("place", share, "depends on", "strongest at"), rows, caption)
-    parity = content.get("parity")  # none in results of earlier versions, and of rigid joints
+    parity = content.get("parity")  # none of rigid joints
     if parity and parity["left"]:
         left = sorted(parity["left"].items(), key=lambda one: one[1])
         beside = f"; allowed for: {', '.join(parity['beside'])}" if parity["beside"] else ""

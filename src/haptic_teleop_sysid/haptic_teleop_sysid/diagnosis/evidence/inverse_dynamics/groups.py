@@ -109,9 +109,10 @@ class Search:
 
     def told_apart(self, chosen: Chosen) -> bool:
         """Whether no effect's torque is one that the structure and the other effects of a group give, too, on
-        the first side (see `Products.own_shares`): a constant torque beside an input that does not change, or
-        beside a friction of two sizes while the joint moves."""
-        return min(self.sides[0].own_shares(chosen, self.fitted(0, chosen)), default=1.0) > LEAST_OWN
+        one side at least (see `Products.own_shares`): a constant torque beside an input that does not change,
+        or beside a friction of two sizes while the joint moves."""
+        shares = (side.own_shares(chosen, self.fitted(k, chosen)) for k, side in enumerate(self.sides))
+        return any(min(own, default=1.0) > LEAST_OWN for own in shares)
 
     def adequacies(self, chosen: Chosen) -> list[float]:
         """For each effect of a group, how much of what a torque without a form explains in the same

@@ -53,6 +53,7 @@ def parity_residuals(
     cutoff: float,
     known: Sequence[Effect] = (),
     encoders: bool = True,
+    sliding: Sequence[Effect] = (),
 ) -> dict[str, float]:
     """What each place's parity equation leaves, rms, as a share of the input's torque: by place (motor, arm,
     joint, and with ``encoders`` arm_encoder and motor_encoder), of a flexible joint. What the motor's leaves
@@ -62,10 +63,12 @@ def parity_residuals(
     encoder may be left out. Empty where both encoders were read too seldom to say, or nothing drives.
 
     ``cutoff``: Hz, of the motion's band; ``known``: effects whose torques are allowed for, whatever their
-    size, as far as `can_allow_for` says so."""
+    size, as far as `can_allow_for` says so; ``sliding``: frictions that are not, beside which only the same
+    samples count: what is left beside them, too, is compared with that."""
     known = [effect for effect in known if can_allow_for(effect.entry)]
     stretches = [stretch for record in records for stretch in _both_read(record, cutoff)]
-    parts = [p for r in long_enough(stretches, cutoff) if len((p := _signals(model, r, cutoff, known)).kept)]
+    every = (_signals(model, r, cutoff, known, sliding) for r in long_enough(stretches, cutoff))
+    parts = [p for p in every if len(p.kept)]
     if not any(np.any(p.torque[p.kept]) for p in parts):
         return {}
     equations = {
@@ -88,7 +91,7 @@ def parity_residuals(
         best = {min(measure, key=lambda place: measure[place]) for measure in (found, smooth)}
         least = _NOTHING * driven
         found[MOTOR_ENCODER] = max(own / max(smooth[place], least) * found[place] for place in best)
-        for encoder in _blurred(model, known):
+        for encoder in _blurred(model, [*known, *sliding]):
             if found[encoder] > min(found.values()):
                 del found[encoder]
     return found if all(map(math.isfinite, found.values())) else {}
@@ -109,7 +112,7 @@ def torque_at_the_motor(
         equations = [p.without_arm_encoder(arm) for p, arm in zip(parts, arms, strict=True)]
     else:
         equations = [p.without_arm() if place == ARM else p.without_joint() for p in parts]
-    if not equations:
+    if not equations or parts[0].known[MOTOR].shape[1] == 0:
         return None
     # A constant comes first, then what is known to act at the motor, with its sign on this side.
     bare = [replace(one, free=np.delete(one.free, 1, axis=1)) for one in equations]
@@ -131,7 +134,7 @@ def torque_at_the_motor(
 def _blurred(model: Model, known: Sequence[Effect]) -> tuple[str, ...]:
     """The encoders whose equation contains a dry friction as the arm follows it, and with that what it is off
     by while it sticks, at all samples: they say nothing unless they leave the least."""
-    rubs = {acts_at(model, effect.location) for effect in known if effect.entry.jumps}
+    rubs = {acts_at(model, effect.location) for effect in known if _sticks(effect)}
     return ENCODERS if ARM in rubs else (MOTOR_ENCODER,) if MOTOR in rubs else ()
 
 
@@ -143,7 +146,14 @@ def _both_read(record: Record, cutoff: float) -> list[Record]:
     return [piece(record, first, stop) for first, stop in edges.reshape(-1, 2).tolist()]
 
 
-def _signals(model: Model, record: Record, cutoff: float, known: Sequence[Effect]) -> Signals:
+def _sticks(effect: Effect) -> bool:
+    """Whether an effect is a friction that holds a joint at rest."""
+    return effect.entry.memory == "direction"
+
+
+def _signals(
+    model: Model, record: Record, cutoff: float, known: Sequence[Effect], sliding: Sequence[Effect] = ()
+) -> Signals:
     counting = banded(record, False, cutoff)
     every = np.arange(len(counting.time))
     motion = replace(counting, kept=every, block=1, known={})
@@ -152,10 +162,10 @@ def _signals(model: Model, record: Record, cutoff: float, known: Sequence[Effect
     for effect in known:
         place = acts_at(model, effect.location)
         torques[place].append(_columns(effect, place, motion, model))
-        if effect.entry.jumps and place != JOINT:
-            velocity = motion.velocity[:, int(place == ARM)]
-            moves = np.clip(velocity / (_STICKS * _rms([velocity])), -1.0, 1.0)
-            slides &= np.abs(motion.filtered(moves, 2)) > _SLIDES
+    for place in {acts_at(model, effect.location) for effect in (*known, *sliding) if _sticks(effect)}:
+        velocity = motion.velocity[:, int(place == ARM)]
+        moves = np.clip(velocity / (_STICKS * _rms([velocity])), -1.0, 1.0)
+        slides &= np.abs(motion.filtered(moves, 2)) > _SLIDES
     within = _FIXED if "stiffness" in model.fixed else STIFFNESS
     stiffness = model.parameters["stiffness"]
     return Signals(

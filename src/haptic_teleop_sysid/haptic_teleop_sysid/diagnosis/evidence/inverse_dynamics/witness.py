@@ -74,9 +74,9 @@ class Witness:
 
     ``recoverable``: share of what the structure alone leaves of the torques (mean square, stretches of all
     recordings that were not fitted, because these torques say nothing of where they were not) that torques
-    without a form explain, at most MOST_SHAPELESS of them, or the best group:
-    what any explanation could reach; ``shapeless``: these torques; ``folds``
-    answers further questions on such stretches."""
+    without a form explain, at most MOST_SHAPELESS of them, or the best group: what any explanation could
+    reach; ``shapeless``: these torques; ``folds`` answers further questions on such stretches, and ``kinds``
+    on either kind of recordings."""
 
     structure: Group
     levels: tuple[tuple[Group, ...], ...]
@@ -84,6 +84,7 @@ class Witness:
     recoverable: float
     shapeless: tuple[Latent, ...]
     folds: Search
+    kinds: Search
 
     @property
     def most_likely(self) -> Group | None:
@@ -92,12 +93,13 @@ class Witness:
         return max(groups, key=lambda group: group.gain, default=None)
 
     def group_of(self, chosen: Chosen) -> Group:
-        """These effects, and the structure beside them, fitted; what they gain is not asked."""
-        return _group(self.folds, chosen, 0.0)
+        """These effects, and the structure beside them, fitted to the estimation recordings; what they gain
+        is not asked."""
+        return _group(self.kinds, chosen, 0.0)
 
     def with_names(self, chosen: Chosen) -> Model:
         """The structure as the inverse dynamics have it beside these effects, and the effects."""
-        return self.group_of(chosen).model
+        return _group(self.folds, chosen, 0.0).model
 
     def beside(self, group: Group) -> tuple[Latent, float] | None:
         """The torque without a form that explains most of what a group leaves, and the share of that."""
@@ -204,7 +206,7 @@ def _weighed(
     shapeless = folds.shapeless(())
     best = [level[0].hypotheses for level in found]
     most = max(folds.explained(terms) for terms in (shapeless, *best))
-    return Witness(_group(search, (), 0.0), found, cutoff, most, shapeless, folds)
+    return Witness(_group(search, (), 0.0), found, cutoff, most, shapeless, folds, search)
 
 
 def fitted_effects(search: Search, chosen: Chosen) -> list[Effect]:
