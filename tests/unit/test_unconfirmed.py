@@ -58,3 +58,19 @@ def test_what_shows_in_the_currents_is_not_asked(result):
     seen = replace(stop, chosen=replace(stop.chosen, by_current=20.0))
     (kept,) = unconfirmed(replace(result, choices=(seen,)), responses(4.0)).choices
     assert kept.unsure == ""
+
+
+@pytest.mark.parametrize(("order", "sure"), [(0.8, False), (7.0, True)])
+def test_of_a_ripple_that_does_not_repeat_within_the_travel_nobody_is_sure(result, order, sure):
+    ripple = Effect("torque_ripple", "j_motor", {"amplitude": 2.0, "order": order, "phase": 0.0})
+    turns = result.scales.span(0) / (2.0 * np.pi)
+    assert (order * turns > 1.5) == sure
+    fit = replace(result.baseline, model=RIGID.with_effects(ripple))
+    told = replace(result, final=fit, choices=(Choice(Explanation(fit, 50.0, 50.0, True, 0), 0.99),))
+
+    def simulated(model):
+        return [{"j_motor.position": np.arange(9.0) * (2.0 if model.effects else 1.0)}]
+
+    (kept,) = unconfirmed(told, simulated).choices
+    assert ("of its cycles lie in the travel" in kept.unsure) == (not sure)
+    assert (finding(kept, fit, {})["confidence"] < 0.7) == (not sure)

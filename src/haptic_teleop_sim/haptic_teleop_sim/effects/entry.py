@@ -13,7 +13,7 @@ from collections.abc import Callable
 from dataclasses import dataclass, field
 from typing import Any, Literal
 
-from .hypothesis import Equivalent, Practical, Refinement
+from .hypothesis import Doubtful, Equivalent, Practical, Refinement
 from .parameter import CONTACT, EffectParameter
 
 Kind = Literal[
@@ -67,6 +67,7 @@ class EffectEntry:
       and words); ``mistaken``: the parameter of the structure that, held at a wrong value, would look the
       same, and the words of that warning;
     - ``practical(p, on)``: whether it deserves its name at these parameters on such recordings (`Recorded`);
+      ``doubtful(p, on)``: why nobody is sure of it there although it does, "" for nothing;
     - ``families``: only one of those that share one is tried at a place, they are forms of one thing;
       ``form_of``: the effect that it is a richer form of; ``refinement``: how it is fitted from a plainer
       one; ``other_forms``: equations in which others publish the same law with the same parameters, by which
@@ -112,6 +113,7 @@ class EffectEntry:
     separated: tuple[tuple[str, str], ...] = ()
     mistaken: tuple[str, str] | None = None
     practical: Practical | None = None
+    doubtful: Doubtful | None = None
     families: tuple[str, ...] = ()
     form_of: str = ""
     refinement: Refinement | None = None

@@ -74,6 +74,8 @@ class Refinement:
 
 #: Whether an effect with these parameters deserves its name on such recordings.
 Practical = Callable[[dict[str, float], Recorded], bool]
+#: Why nobody is sure of an effect with these parameters on such recordings, in words; "" for nothing.
+Doubtful = Callable[[dict[str, float], Recorded], str]
 
 #: Least size of a torque, as a share of the rms input torque. A fit always finds some; by hand.
 SMALL_TORQUE = 0.0001

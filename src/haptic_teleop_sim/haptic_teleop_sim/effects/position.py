@@ -14,6 +14,8 @@ _YIELDS = 0.3
 #: Cycles per revolution about one that are those of gravity: they say the same, but for a shape hardly
 #: seen; by hand.
 _ONCE_A_TURN = 0.15
+#: Cycles from which a sine repeats: the third half-wave is the first that confirms the others.
+_REPEATED = 1.5
 #: A pull towards an angle: gravity or a spring.
 _PULL = ("pull towards an angle",)
 _SMALL_ANGLES = "over a small angle"
@@ -43,6 +45,17 @@ def _ripples(p: Numbers, on: Recorded) -> bool:
     """A noticeable amplitude, of a sine of which enough was seen; once a turn it is gravity."""
     noticed = p["amplitude"] > SMALL_TORQUE * on.size["torque"] and repeats(p, on)
     return noticed and abs(p["order"] - 1.0) > _ONCE_A_TURN
+
+
+def _seen_once(p: Numbers, on: Recorded) -> str:
+    """Nobody knows that a curve repeats of which no third half-wave was seen."""
+    cycles = p["order"] * on.span / (2.0 * math.pi)
+    if cycles >= _REPEATED:
+        return ""
+    return (
+        f"{cycles:.2g} of its cycles lie in the travel: any curve over that angle may look like that, so "
+        "record over more of it"
+    )
 
 
 def _stops(p: Numbers, on: Recorded) -> bool:
@@ -193,6 +206,7 @@ TORQUE_RIPPLE = EffectEntry(
     condition="{q}, periodically",
     follows="angle",
     practical=_ripples,
+    doubtful=_seen_once,
 )
 
 

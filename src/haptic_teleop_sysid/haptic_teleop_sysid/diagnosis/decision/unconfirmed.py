@@ -27,14 +27,18 @@ Responses = Callable[[Model], Sequence[Mapping[str, NDArray[np.float64]]]]
 
 def unconfirmed(result: SearchResult, responses: Responses) -> SearchResult:
     """The result, in which nobody is sure of a finding that changes nothing in the simulated validation
-    recordings; what shows in the currents is not asked."""
+    recordings, or that its entry calls doubtful on such recordings; what shows in the currents is not asked.
+    """
     final = result.final.model
     choices = []
     for choice in result.choices:
         effect = choice.chosen.effect
         without = final.without(effect.effect, effect.location)
         asked = not (choice.unsure or choice.chosen.by_current > 0.0)
-        if asked and _same(responses(final), responses(without)):
+        doubtful = effect.entry.doubtful
+        if asked and doubtful and (why := doubtful(effect.values, result.scales.at(effect.location))):
+            choice = replace(choice, unsure=why)
+        elif asked and _same(responses(final), responses(without)):
             name = effect.effect.replace("_", " ")
             unsure = (
                 f"the validation recordings say nothing of it: they are simulated alike with the {name} and "
