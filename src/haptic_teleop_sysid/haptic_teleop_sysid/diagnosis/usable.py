@@ -66,8 +66,8 @@ def refuse_unusable(*kinds: Sequence[DataSet]) -> None:
     recordings = [dataset for kind in kinds for dataset in kind]
     refuse_copies(recordings)
     refuse_idle(recordings)
-    refuse_constant_input(kinds[0])
     records = [record for kind in kinds for record in records_of([*kind])]
+    refuse_constant_input(kinds[0])
     for dataset in recordings:
         refuse_kinematic(dataset)
     refuse_other_units(records)
