@@ -62,7 +62,8 @@ def with_drive_friction(
     steady = min(sizes) > 0.0 and max(sizes) - min(sizes) <= OTHER_SIZE * max(sizes)
     if not steady or explained < LEAST_EXPLAINED or taken < NOTICEABLE:
         return verdict
-    effect = replace(dry, parameters={"torque": sum(sizes) / len(sizes)})
+    size = dry.entry.jumps
+    effect = replace(dry, parameters={size: sum(sizes) / len(sizes)})
     where = acting.model.location(place)
     _, left, without = told[-1]
     words = (
@@ -72,7 +73,7 @@ def with_drive_friction(
         "augmented model is without it"
     )
     augmented = replace(baseline, model=baseline.model.with_effects(effect))
-    std = {f"{effect.location}.{effect.effect}.torque": abs(sizes[0] - sizes[1]) / 2.0}
+    std = {f"{effect.location}.{effect.effect}.{size}": abs(sizes[0] - sizes[1]) / 2.0}
     index = len(baseline.model.effects)
     explanation = Explanation(augmented, 0.0, 0.0, True, index, std=std, witnessed=words)
     named = finding(Choice(explanation, NOT_SURE), augmented, {}, NOT_SURE)

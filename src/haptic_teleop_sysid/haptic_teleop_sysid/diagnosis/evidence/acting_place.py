@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 
+from haptic_teleop_sim.effects import EFFECTS
 from haptic_teleop_sim.model import Effect, Model
 from haptic_teleop_sysid.estimation.likelihood import FAILURES
 from haptic_teleop_sysid.estimation.records import Record
@@ -77,8 +78,9 @@ class ActingPlace:
 
     @property
     def dry_friction(self) -> Effect:
-        """At the motor, of a size that says nothing."""
-        return Effect("coulomb_friction", self.model.location(MOTOR), {"torque": 1.0})
+        """In its plainest form at the motor, of a size that says nothing."""
+        plainest = next(entry for entry in EFFECTS.values() if entry.jumps)
+        return Effect(plainest.name, self.model.location(MOTOR), {plainest.jumps: 1.0})
 
     @cached_property
     def alone(self) -> str | None:
