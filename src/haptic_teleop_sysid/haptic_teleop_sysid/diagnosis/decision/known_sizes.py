@@ -70,9 +70,9 @@ def _instead(opinion: Opinion, group: Group, index: int) -> Group | None:
 
 def _in_its_place(opinion: Opinion, gone: Group, group: Group) -> Opinion:
     """The opinion in which a group has the weight of one that says the same, too, and the other has none."""
-    lost = sum(weight for heard, weight in opinion.rivals if heard.group is gone)
-    kept = ((heard, weight) for heard, weight in opinion.rivals if heard.group is not gone)
-    rivals = [(h, weight + lost * (h.group is group)) for h, weight in kept]
+    names, others = named_by(group), [one for one in opinion.rivals if named_by(one[0].group) != named_by(gone)]
+    lost = sum(weight for _, weight in opinion.rivals) - sum(weight for _, weight in others)
+    rivals = [(h, weight + lost * (named_by(h.group) == names)) for h, weight in others]
     return replace(opinion, rivals=tuple(sorted(rivals, key=lambda one: -one[1])))
 
 
