@@ -111,3 +111,14 @@ def test_sizes_that_free_runs_do_not_know_stay_those_of_the_torques():
         names, found = kept(before, lambda heard, e=error: sized(heard, e))
         assert names == ["coulomb_friction", "constant_torque"]
         assert found.group.effects[0].values["torque"] == torque
+
+
+def test_a_size_that_only_free_runs_know_is_theirs():
+    before = opinion(FRICTION, std={"coulomb_friction": 5.0})
+
+    def sized(heard):
+        larger = heard.group.model.with_values({"stage1_motor.coulomb_friction.torque": 2.0})
+        std = {**heard.group.std, "stage1_motor.coulomb_friction.torque": 0.1}
+        return replace(heard, group=replace(heard.group, model=larger, std=std))
+
+    assert kept(before, sized)[1].group.effects[0].values["torque"] == 2.0

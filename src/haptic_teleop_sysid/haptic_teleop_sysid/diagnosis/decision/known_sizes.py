@@ -23,7 +23,8 @@ def with_known_sizes(opinion: Opinion, sized: Callable[[Heard], Heard], errors: 
     def known_sizes(before: Heard) -> Heard:
         after = sized(before)
         first, then = (_least_known(heard.group)[0] for heard in (before, after))
-        return before if not then >= LEAST_KNOWN <= first else after
+        spoilt = not then >= LEAST_KNOWN  # also where an error is no number
+        return before if spoilt and first >= LEAST_KNOWN else after
 
     heard = known_sizes(opinion.chosen)
     while len(heard.group.effects) > 1:
@@ -70,7 +71,8 @@ def _instead(opinion: Opinion, group: Group, index: int) -> Group | None:
 
 def _in_its_place(opinion: Opinion, gone: Group, group: Group) -> Opinion:
     """The opinion in which a group has the weight of one that says the same, too, and the other has none."""
-    names, others = named_by(group), [one for one in opinion.rivals if named_by(one[0].group) != named_by(gone)]
+    names, gone_names = named_by(group), named_by(gone)
+    others = [(heard, weight) for heard, weight in opinion.rivals if named_by(heard.group) != gone_names]
     lost = sum(weight for _, weight in opinion.rivals) - sum(weight for _, weight in others)
     rivals = [(h, weight + lost * (named_by(h.group) == names)) for h, weight in others]
     return replace(opinion, rivals=tuple(sorted(rivals, key=lambda one: -one[1])))
