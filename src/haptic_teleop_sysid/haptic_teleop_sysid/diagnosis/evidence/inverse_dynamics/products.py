@@ -102,12 +102,8 @@ class Products:
 
     def unlike(self, term: Term, other: Term) -> float:
         """Share (mean square) of the torque of a term that no columns of another at the same place give."""
-        among, whole = self._pair(other, other), float(np.trace(self._pair(term, term)))
-        mixed = self._pair(other, term)
-        scale = scale_of(among)
-        values, vectors = np.linalg.eigh(among / np.outer(scale, scale))
-        along = vectors.T @ (mixed / scale[:, None])
-        return 1.0 - float(np.sum(along**2 / (values + RIDGE)[:, None])) / max(whole, 1e-300)
+        whole = float(np.trace(self._pair(term, term)))
+        return _beyond(self._pair(other, other), self._pair(other, term), whole)
 
     def own_shares(self, terms: Terms, values: FloatArray) -> list[float]:
         """Of each term's torque, with the factors ``values`` of all columns, the share (mean square) that no
@@ -119,11 +115,7 @@ class Products:
             others = np.delete(np.arange(len(products)), own)
             whole = float(values[own] @ products[own, own] @ values[own])
             mixed = products[others, own] @ values[own]
-            scale = scale_of(products[np.ix_(others, others)])
-            eigenvalues, vectors = np.linalg.eigh(products[np.ix_(others, others)] / np.outer(scale, scale))
-            along = vectors.T @ (mixed / scale)
-            given = float(np.sum(along**2 / (np.maximum(eigenvalues, 0.0) + RIDGE)))
-            found.append(1.0 - given / max(whole, 1e-300))
+            found.append(_beyond(products[np.ix_(others, others)], mixed[:, None], whole))
         return found
 
     def _group(self, terms: Terms) -> Multiplied:
@@ -192,6 +184,16 @@ class Products:
             )
             self._pairs[one, other], self._pairs[other, one] = found, found.T
         return self._pairs[one, other]
+
+
+def _beyond(among: FloatArray, mixed: FloatArray, whole: float) -> float:
+    """Share (mean square) of some columns that no columns of others give; ``among``: products of the others
+    (p, p), ``mixed``: those with the columns (p, columns), ``whole``: sum of the columns' own."""
+    scale = scale_of(among)
+    values, vectors = np.linalg.eigh(among / np.outer(scale, scale))
+    along = vectors.T @ (mixed / scale[:, None])
+    given = float(np.sum(along**2 / (np.maximum(values, 0.0) + RIDGE)[:, None]))
+    return 1.0 - given / max(whole, 1e-300)
 
 
 def solved(products: FloatArray, mixed: FloatArray, low: FloatArray, high: FloatArray) -> FloatArray:
