@@ -171,10 +171,15 @@ def _both(
 
 def _finding(found: AtReversals, baseline: Fit) -> dict[str, Any]:
     """The finding, with the size that the jump has."""
+    effect = Effect(found.effect, found.location, {EFFECTS[found.effect].jumps: found.size})
+    return seen_apart(effect, found.std, found.told(), baseline)
+
+
+def seen_apart(friction: Effect, std: float, told: str, baseline: Fit) -> dict[str, Any]:
+    """The finding of a plain friction that is seen elsewhere than in a model, so that nobody is sure of it;
+    ``std``: of its size, ``told``: what speaks for it, ``baseline``: the re-estimated structure."""
     model = baseline.model
-    size = EFFECTS[found.effect].jumps
-    effect = Effect(found.effect, found.location, {size: found.size})
-    fit = replace(baseline, model=replace(model, effects=(*model.effects, effect)))
-    std = {f"{found.location}.{found.effect}.{size}": found.std}
-    explanation = Explanation(fit, 0.0, 0.0, True, len(model.effects), std=std, witnessed=found.told())
+    fit = replace(baseline, model=model.with_effects(friction))
+    errors = {f"{friction.location}.{friction.effect}.{friction.entry.jumps}": std}
+    explanation = Explanation(fit, 0.0, 0.0, True, len(model.effects), std=errors, witnessed=told)
     return finding(Choice(explanation, NOT_SURE), fit, {}, NOT_SURE)

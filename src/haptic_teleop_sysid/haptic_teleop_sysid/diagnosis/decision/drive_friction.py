@@ -17,14 +17,11 @@ from haptic_teleop_sysid.estimation.records import Record
 from ..evidence.acting_place import ActingPlace
 from ..evidence.inverse_dynamics.parity import torque_at_the_motor
 from ..evidence.inverse_dynamics.parity_equations import ARM, ARM_ENCODER, JOINT
-from ..hypotheses.explanation import Explanation
 from ..policy import LEAST_EXPLAINED, NOTICEABLE
-from .adequacy import NOT_SURE
-from .at_reversals import Turning
-from .decide import Choice
+from .at_reversals import Turning, seen_apart
 from .misplaced import beside_findings, holds_better
 from .objections import OTHER_SIZE
-from .verdict import Verdict, finding
+from .verdict import Verdict
 
 
 def with_drive_friction(
@@ -62,8 +59,7 @@ def with_drive_friction(
     steady = min(sizes) > 0.0 and max(sizes) - min(sizes) <= OTHER_SIZE * max(sizes)
     if not steady or explained < LEAST_EXPLAINED or taken < NOTICEABLE:
         return verdict
-    size = dry.entry.jumps
-    effect = replace(dry, parameters={size: sum(sizes) / len(sizes)})
+    effect = replace(dry, parameters={dry.entry.jumps: sum(sizes) / len(sizes)})
     where = acting.model.location(place)
     _, left, without = told[-1]
     words = (
@@ -72,9 +68,5 @@ def with_drive_friction(
         f"recordings; it wants {sizes[0]:.3g} and {sizes[1]:.3g} N*m on the recordings of either kind; the "
         "augmented model is without it"
     )
-    augmented = replace(baseline, model=baseline.model.with_effects(effect))
-    std = {f"{effect.location}.{effect.effect}.{size}": abs(sizes[0] - sizes[1]) / 2.0}
-    index = len(baseline.model.effects)
-    explanation = Explanation(augmented, 0.0, 0.0, True, index, std=std, witnessed=words)
-    named = finding(Choice(explanation, NOT_SURE), augmented, {}, NOT_SURE)
+    named = seen_apart(effect, abs(sizes[0] - sizes[1]) / 2.0, words, baseline)
     return replace(verdict, findings=[*verdict.findings, named])
