@@ -100,7 +100,6 @@ def refuse_constant_input(datasets: Sequence[DataSet]) -> None:
 def _while_moving(data: DataSet) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Input and velocity, (n,) each, of the samples at which the motor moves."""
     speed = data.motor_velocity
-    speed = np.gradient(data.motor_position, data.dt) if speed is None else speed
     moves = np.abs(speed) > _SLOW * float(np.nanmax(np.abs(speed), initial=0.0))
     moves &= np.isfinite(data.input)
     return data.input[moves], speed[moves]
