@@ -17,6 +17,7 @@ from haptic_teleop_sysid.diagnosis.decision.adequacy import (
 )
 from haptic_teleop_sysid.diagnosis.decision.coloured import left_is_random
 from haptic_teleop_sysid.diagnosis.decision.decide import Choice
+from haptic_teleop_sysid.diagnosis.decision.own_quantity import one_curve
 from haptic_teleop_sysid.diagnosis.decision.reasons import Doubt, more_than_chance
 from haptic_teleop_sysid.diagnosis.decision.search import SearchResult
 from haptic_teleop_sysid.diagnosis.decision.verdict import decide_verdict
@@ -24,6 +25,7 @@ from haptic_teleop_sysid.diagnosis.evidence.residual import _condition as condit
 from haptic_teleop_sysid.diagnosis.evidence.residual import shares
 from haptic_teleop_sysid.diagnosis.hypotheses.explanation import Explanation
 from haptic_teleop_sysid.diagnosis.inputs.scales import recording_scales
+from haptic_teleop_sysid.diagnosis.policy import MOST_UNNAMED
 from haptic_teleop_sysid.diagnosis.report.page_lead import _headline as headline
 from haptic_teleop_sysid.diagnosis.report.summary import explains_sentence, summary
 from haptic_teleop_sysid.estimation.whole_fit import fit_whole, noise_starts
@@ -190,6 +192,65 @@ def test_a_name_beside_which_much_is_left_is_part_of_what_is_missing_and_the_ver
     # Where what is left is chance the name stays, unsurely.
     by_chance = decide_verdict(result, records, records, adequate=Adequacy(0.8, 0.45, random_left=True))
     assert (by_chance.kind, by_chance.findings[0]["confidence"]) == ("identified", 0.69)
+
+
+def test_a_name_that_leaves_what_follows_a_quantity_stands_beside_an_unknown():
+    """Not of a benchmark: the push of an amplifier that is stronger than its pull, taken for a constant."""
+    records = [pendulum(0, coulomb=0.4)]
+    left = Adequacy(0.97, 0.99, follows=True)
+    verdict = decide_verdict(result_with(records, 0.4), records, records, adequate=left)
+    assert verdict.kind == "unknown" and [row["equation"] for row in verdict.where] == ["j_motor"]
+    assert [(f["effect"], f["confidence"]) for f in verdict.findings] == [("coulomb_friction", 0.69)]
+    bare = fitted_to(TRUE, records)
+    found = adequacy(bare, bare, records, (0.5, 0.5), (0.1, 0.1), follows=True)
+    assert found.follows and found.much_is_left
+    # A curve through chance follows nothing.
+    assert not adequacy(bare, bare, [pendulum(0)], (0.5, 0.5), (0.1, 0.1), True, follows=True).follows
+
+
+def test_a_name_with_which_your_own_model_is_better_shows_nothing():
+    records = [pendulum(0, coulomb=0.4)]
+    verdict = decide_verdict(
+        result_with(records, 0.4), records, records, adequate=Adequacy(1.0, 1.0, random_left=True, worse=True)
+    )
+    assert verdict.kind == "unknown"
+    assert [(f["effect"], f["confidence"]) for f in verdict.findings] == [("coulomb_friction", 0.69)]
+    assert verdict.where[0]["equation"] == "j_motor" and verdict.where[0]["condition"] != "time"
+
+
+@pytest.mark.parametrize(("coulomb", "random"), [(0.4, False), (0.1, True)])
+def test_a_torque_larger_than_chance_is_not_random_beside_a_name_that_explains_less(coulomb, random):
+    records = [pendulum(0, coulomb=coulomb)]
+    bare = fitted_to(TRUE, records)
+    little = fitted_to(TRUE.with_effects(rubbing(0.1 * coulomb)), records)
+    assert (left_size(little, records) <= MOST_UNNAMED) == random
+    found = adequacy(bare, little, records, (0.5, 0.5), (0.1, 0.1), random_left=True)
+    assert found.torque < 0.5 and found.random_left == random
+    most = fitted_to(TRUE.with_effects(rubbing(0.9 * coulomb)), records)
+    assert adequacy(bare, most, records, (0.5, 0.5), (0.1, 0.1), random_left=True).random_left
+
+
+@pytest.mark.parametrize(
+    ("order", "beside", "falls"),
+    [
+        (2.0, "spring_to_ground", True),
+        (2.0, "coulomb_friction", False),  # not over the angle
+        (40.0, "spring_to_ground", False),  # many cycles are seen
+    ],
+)
+def test_a_ripple_of_one_cycle_and_a_spring_are_one_curve_without_a_name(order, beside, falls):
+    records = [pendulum(0, coulomb=0.4)]
+    scales = recording_scales(RIGID, records)
+    cycles = 2.0 * np.pi / scales.at("j_motor").span
+    ripple = Effect("torque_ripple", "j_motor", {"amplitude": 0.3, "order": 0.5 * order * cycles})
+    other = rubbing(0.4) if beside == "coulomb_friction" else Effect(beside, "j_motor", {"stiffness": 2.0})
+    fits = [fitted(TRUE.with_effects(*some), records, ()) for some in ((), (ripple,), (ripple, other))]
+    choices = tuple(Choice(Explanation(f, 90.0, 90.0, True, k), 0.95) for k, f in enumerate(fits[1:]))
+    result = SearchResult(fits[0], fits[2], choices, (), scales)
+    bare, doubt = one_curve(result)
+    assert (bare.choices == ()) == falls == (doubt is not None)
+    if falls:
+        assert "come near to any curve over that angle" in doubt.why and len(bare.given_up) == 2
 
 
 @pytest.mark.parametrize("effect", ["coulomb_friction", "sensor_delay"])

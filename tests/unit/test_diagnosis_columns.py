@@ -2,16 +2,18 @@
 user's."""
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 from identification_plants import STAGE, stage_recording
 
 from haptic_teleop_sim.model import Effect
-from haptic_teleop_sysid.diagnosis.evidence.proof import Proof
+from haptic_teleop_sysid.diagnosis.evidence.proof import MODELS, PARTS, Proof
 from haptic_teleop_sysid.diagnosis.inputs.scales import REACH, within_reach
+from haptic_teleop_sysid.diagnosis.policy import WORSE
+from haptic_teleop_sysid.diagnosis.report.belonging import apart
 from haptic_teleop_sysid.diagnosis.report.beside_given import (
-    WORSE,
     beside_given,
     handed_on,
     settled,
@@ -156,6 +158,35 @@ def test_what_is_written_is_no_worse_than_the_user_s_own_model(fits, held, worse
     told = beside_given(one)
     assert told["augmented_model"]["holds"] == held
     assert (told["worse_than_given"] is None) == (not worse)
+
+
+def followed(**percents):
+    """A proof whose every model fits one velocity by ``percents``: one recording of each part."""
+    windows = Windows(((0, 10),), None, "")
+    data = {part: (SimpleNamespace(name=part),) if part in percents else () for part in PARTS}
+
+    def fits(part):
+        one = {"j_motor.velocity": percents.get(part), "j_motor.position": -500.0}
+        return tuple(SimulatedFit(one, {}, {}, windows, np.zeros((1, 4))) for _ in data[part])
+
+    return Proof({}, data, {model: {part: fits(part) for part in PARTS} for model in MODELS})  # type: ignore[arg-type]
+
+
+@pytest.mark.parametrize(
+    ("fits", "names"),
+    [
+        ({"estimation": 80.0, "validation": 20.0}, None),  # poor, and the same machine
+        ({"estimation": 80.0, "validation": -900.0}, ["validation"]),
+        ({"estimation": 80.0, "validation": 60.0, "test": np.nan}, ["test"]),
+        ({"estimation": 40.0, "validation": -900.0}, None),  # no model follows anything: physics is missing
+    ],
+)
+def test_recordings_that_no_model_follows_beside_others_that_one_does_are_told(fits, names):
+    found = apart(followed(**fits))
+    assert (None if found is None else found["recordings"]) == names
+    if found is not None:
+        assert "see whether they have the units" in found["remedy"]
+        assert "are followed with 80 %" in found["what"]
 
 
 def test_a_test_shows_what_is_worse_and_has_no_say_in_what_is_written():

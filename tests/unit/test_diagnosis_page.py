@@ -220,6 +220,19 @@ def test_a_name_of_which_nobody_is_sure_is_said_to_be_probable():
     assert status == "fair" and happened.startswith("The missing physics probably has a name")
 
 
+def test_a_name_below_70_percent_is_not_relied_on_and_one_above_is_simulated_with():
+    unsure, sure = (first_line("identified", [finding(c)]).conclusion[2] for c in (0.69, 0.7))
+    assert unsure.startswith("do not rely on the name yet") and "separates A from B" in unsure
+    assert sure.startswith("simulate with it")
+
+
+def test_recordings_that_no_model_follows_come_before_any_name():
+    odd = {"recordings": ["two"], "what": "no model follows two", "remedy": "see whether it has the units"}
+    status, happened, todo = first_line("identified", [finding()], recordings_apart=odd).conclusion
+    assert status == "bad" and happened.startswith("No model follows two. The missing physics")
+    assert todo.startswith("see whether it has the units. Then: simulate with it")
+
+
 def test_what_cannot_be_told_apart_and_what_has_no_name_send_for_the_next_experiment():
     other = {"effect": "stribeck_friction", "location": "stage1_motor", "confidence": 0.45}
     status, happened, todo = first_line("ambiguous", [finding(0.55, [other])]).conclusion
@@ -290,7 +303,7 @@ def test_a_confidence_that_is_held_down_by_what_is_left_says_so(confidence, told
     page = Page("t")
     answer = verdict("identified", [finding(confidence)], adequacy=Adequacy(torque=0.83, free_run=0.9))
     reasons(page, answer, content(), [])
-    sentence = "limited to 69 %: coulomb_friction explains 83 % (mean square) of what is missing."
+    sentence = "limited to 69 %: coulomb_friction explains 83.0 % (mean square) of what is missing."
     assert (sentence in page.render()) == told
 
 

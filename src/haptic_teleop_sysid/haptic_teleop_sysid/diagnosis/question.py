@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from dataclasses import replace
 
+import numpy as np
+
 from haptic_teleop_sysid.estimation.gauss_newton import Fit
 from haptic_teleop_sysid.recordings.dataset import DataSet
 
@@ -29,12 +31,14 @@ from .decision.reasons import Doubt, more_than_chance, off_the_mark, runs_away, 
 from .decision.search import SearchResult
 from .decision.stand import Stand
 from .decision.unsteady import constant_sizes
-from .decision.verdict import shape_unknown, size_unknown
+from .decision.verdict import shape_unknown, size_unknown, structured
 from .evidence.inverse_dynamics.terms import follows_from_motion
 from .evidence.proof import mean_percent
+from .evidence.residual import conditions
 from .evidence.second_opinion import Errors, Opinion
 from .evidence.steadiness import Steadiness, steadiness
 from .explain import Explained
+from .policy import WORSE
 
 
 def questioned(
@@ -129,6 +133,9 @@ def steady(found: Explained, result: SearchResult) -> dict[tuple[str, str], Stea
 
 
 def _adequacy(found: Explained, result: SearchResult) -> Adequacy:
+    left = conditions(result.final, found.learn, found.judge, found.given.joint)
+    models = found.given, result.final.model
+    own, with_names = (float(np.mean(found.course.percent(model)[found.count :])) for model in models)
     return adequacy(
         result.baseline,
         result.final,
@@ -138,6 +145,8 @@ def _adequacy(found: Explained, result: SearchResult) -> Adequacy:
         by_torque=result.by_torque,
         by_motion=lambda: 0.0 if found.opinion is None else explained_along(result, found.opinion),
         in_band=0.0 if found.opinion is None else explained_in_band(result, found.opinion),
+        follows=structured(result.final, left, found.learn, result) is not None,
+        worse=own - with_names > WORSE,
     )
 
 

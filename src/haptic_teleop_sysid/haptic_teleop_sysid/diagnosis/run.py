@@ -19,8 +19,9 @@ from .decision.measured_input import of_measured_input
 from .decision.misplaced import at_its_place, beside_findings, misplaced
 from .decision.nulls import Null, beyond_chance, nulls
 from .decision.outdone import outdone
-from .decision.own_quantity import follows_still
+from .decision.own_quantity import follows_still, one_curve
 from .decision.search import SearchResult
+from .decision.stand import colours
 from .decision.stand_in import stand_in
 from .decision.unconfirmed import unconfirmed
 from .decision.verdict import Verdict, decide_verdict
@@ -89,6 +90,8 @@ def diagnose(
     if acting is not None:
         result, away = misplaced(result, acting, found.learn)
         doubt = away or doubt
+    result, bent = one_curve(result)
+    doubt = bent or doubt
     adequate = None
     if any(c.chosen.by_current <= 0.0 for c in result.choices):
         result, adequate, varying = weighed(found, result, stand)
@@ -154,6 +157,7 @@ def diagnose(
             if result.choices
             else "a measured torque in place of a name"
         )
+    stand = replace(stand, after=colours(result.final, found.learn, found.judge))
     told = (chance, dropped), uses, found.learn, added
     content = contents(result, verdict, proof, columns, stand, doubt, *told)
     believed = [c.chosen for c in (*result.choices, *([doubt.choice] if doubt and doubt.choice else []))]

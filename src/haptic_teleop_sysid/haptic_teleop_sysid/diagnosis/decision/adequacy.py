@@ -20,7 +20,7 @@ from haptic_teleop_sysid.estimation.likelihood import FAILURES, settled
 from haptic_teleop_sysid.estimation.records import Record
 
 from ..evidence.residual import left_over
-from ..policy import LEAST_EXPLAINED, SURE, SUREST
+from ..policy import LEAST_EXPLAINED, MOST_UNNAMED, SURE, SUREST
 from .reasons import Doubt
 from .search import SearchResult
 
@@ -44,12 +44,15 @@ class Adequacy:
     ``parity``: the same of what parity equations leave, see `ActingPlace.explained`; 0 to 1 each, 1 where
     nothing worth a word is left.
     ``random_left``: what is left is random as far as these recordings show, however large its share: nothing
-    more could be explained."""
+    more could be explained; ``follows``: what is left is not, and most of it follows a measured quantity;
+    ``worse``: the user's own model simulates the validation recordings better."""
 
     torque: float
     free_run: float
     random_left: bool = False
     parity: float = 1.0
+    follows: bool = False
+    worse: bool = False
 
     @property
     def least(self) -> float:
@@ -62,14 +65,16 @@ class Adequacy:
         explained, 1 - sqrt(1 - least), SUREST at most. Below SURE it is the share of the mean square, and
         NOT_SURE at most: a name may be right that explains little, but none is sure. So it is where only
         chance is left: what passes for it could hide there, too."""
-        size = min(1.0 - math.sqrt(1.0 - self.least), SUREST)
+        size = min(1.0 - math.sqrt(1.0 - self.least), NOT_SURE if self.follows or self.worse else SUREST)
         return size if size >= SURE else NOT_SURE if self.random_left else min(self.least, NOT_SURE)
 
     @property
     def much_is_left(self) -> bool:
         """Whether so much more than chance is left that the findings are not what is missing, but beside
         it."""
-        return self.parity < LEAST_EXPLAINED or (not self.random_left and self.least < LEAST_EXPLAINED)
+        if self.parity < LEAST_EXPLAINED:
+            return True
+        return not self.random_left and (self.follows or self.least < LEAST_EXPLAINED)
 
     def content(self) -> dict[str, Any]:
         """What diagnosis.json says."""
@@ -82,6 +87,8 @@ class Adequacy:
             "free_run": round(self.free_run, 3),
             "parity": round(self.parity, 3),
             "left_is_random": self.random_left,
+            "left_follows": self.follows,
+            "worse_than_given": self.worse,
         }
 
 
@@ -95,13 +102,17 @@ def adequacy(
     by_torque: Fit | None = None,
     by_motion: Callable[[], float] = lambda: 0.0,
     in_band: float = 0.0,
+    follows: bool = False,
+    worse: bool = False,
 ) -> Adequacy:
     """Adequacy of what ``after`` has and ``before`` has not, on ``records`` of both kinds; errors: those of
-    their free runs on either kind (see `second_opinion.Errors`); ``random_left``: as there. ``by_torque``:
-    ``after`` with the sizes that the torques want (`SearchResult.by_torque`): where free runs and torques do
-    not agree about sizes, either measure says how much the names explain with its own. ``by_motion``: the
-    share of the torque that the inverse dynamics say is explained, asked where an observer overflows;
-    ``in_band``: the least that is explained, see `explained_in_band`."""
+    their free runs on either kind (see `second_opinion.Errors`); ``random_left``, ``follows``, ``worse``: as
+    there, but what is left is not random where names explain less than half and it is more than chance is
+    where nothing is named. ``by_torque``: ``after`` with the sizes that the torques want
+    (`SearchResult.by_torque`): where free runs and torques do not agree about sizes, either measure says how
+    much the names explain with its own. ``by_motion``: the share of the torque that the inverse dynamics say
+    is explained, asked where an observer overflows; ``in_band``: the least that is explained, see
+    `explained_in_band`."""
     fits = [before, *(fit for fit in (after, by_torque) if fit is not None)]
     was, *left = added = [added_torque(fit, records) for fit in fits]
     if all(map(_has_a_size, added)):
@@ -110,8 +121,11 @@ def adequacy(
         explained = min(max(by_motion(), 0.0), 1.0)
     closed = _share(np.array(errors_before), np.array(errors_after), SLIGHT_ERROR)
     # A model that does not follow the motion is none, however much worse another one is.
-    follows = _share(np.ones(2), np.array(errors_after), SLIGHT_ERROR)
-    return Adequacy(max(explained, min(in_band, 1.0)), min(closed, follows), random_left)
+    followed = _share(np.ones(2), np.array(errors_after), SLIGHT_ERROR)
+    torque = max(explained, min(in_band, 1.0))
+    if torque < LEAST_EXPLAINED and left_size(after, records) > MOST_UNNAMED:
+        random_left = False
+    return Adequacy(torque, min(closed, followed), random_left, 1.0, follows and not random_left, worse)
 
 
 def explained_torque(before: Fit, after: Fit, records: Sequence[Record]) -> float:

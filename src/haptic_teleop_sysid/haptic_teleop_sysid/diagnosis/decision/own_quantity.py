@@ -1,7 +1,8 @@
-"""A name whose own quantity still explains most of what it leaves is not the answer.
+"""Names that bend to any curve over their quantity are not the answer.
 
 An inertia that varies with the angle, fitted to a spring that is not straight, comes nearer to it than other
-names do, and leaves a torque that follows the angle.
+names do, and leaves a torque that follows the angle.  A ripple of which hardly one cycle shows and a spring
+beside it are two terms of a series: together they come near to any torque over the angle.
 """
 
 from __future__ import annotations
@@ -11,6 +12,7 @@ from collections.abc import Sequence
 from haptic_teleop_sysid.estimation.records import Record
 
 from ..evidence.residual import conditions
+from .decide import Choice
 from .reasons import Doubt
 from .search import SearchResult
 from .verdict import condition_of, structured
@@ -38,3 +40,26 @@ def follows_still(
             )
             return result.without_names([choice], why), Doubt(choice, why)
     return result, None
+
+
+def one_curve(result: SearchResult) -> tuple[SearchResult, Doubt | None]:
+    """The result without its names, and the doubt that says why, where one of them is a torque over the angle
+    that its entry calls doubtful on such recordings, and another one a torque over the same angle."""
+    curves = [c for c in result.choices if _over_the_angle(c)]
+    for choice in curves:
+        effect = choice.chosen.effect
+        doubtful = effect.entry.doubtful
+        beside = [c for c in curves if c is not choice and c.chosen.effect.location == effect.location]
+        if beside and doubtful and doubtful(effect.values, result.scales.at(effect.location)):
+            names = " and ".join(c.chosen.effect.effect for c in (choice, *beside))
+            why = (
+                f"{names} at {effect.location} are two torques over one angle, of which the first is not seen "
+                "over more than one cycle: together they come near to any curve over that angle"
+            )
+            return result.without_names(result.choices, why), Doubt(choice, why, short=True)
+    return result, None
+
+
+def _over_the_angle(choice: Choice) -> bool:
+    entry = choice.chosen.effect.entry
+    return entry.kind == "torque" and entry.follows == "angle" and not entry.momentary

@@ -44,11 +44,20 @@ def stand_of(
 ) -> Stand:
     fit = result.final
     there = held_out_fit(fit, validation, [fit.noise])
-    after = colour(fit, estimation), colour(there, validation)
+    after = colours(fit, estimation, validation, there)
     own = tuple(name for name in fit.free if "." in name)
     if not own:
         return Stand(before, after, {})
     return Stand(before, after, _spread(fit, there, validation, own))
+
+
+def colours(
+    fit: Fit, estimation: Sequence[Record], validation: Sequence[Record], there: Fit | None = None
+) -> tuple[float, float]:
+    """Colour of a fit's innovations on either kind of recordings; ``there``: the fit with the noise levels of
+    the validation recordings, computed where it is not given."""
+    there = held_out_fit(fit, validation, [fit.noise]) if there is None else there
+    return colour(fit, estimation), colour(there, validation)
 
 
 def _spread(

@@ -30,7 +30,7 @@ from .words import because
 FOLLOWS = 0.2
 #: Share of its size by which an effect is off because its form is never quite that of a machine's, as
 #: measured on development recordings whose generator has another form for everything.
-_FORM = 0.03
+FORM = 0.03
 #: Relative error within which a size counts as known, and an order: half a cycle more or less in two is
 #: another shape.
 KNOWN, KNOWN_ORDER = 0.5, 0.25
@@ -67,16 +67,16 @@ def decide_verdict(
     surest = SUREST if adequate is None else adequate.surest
     findings = [finding(c, result.final, spread or {}, surest) for c in result.choices]
     unexplained = structured(result.final, remaining, estimation, result)
-    if result.choices and adequate is not None and adequate.much_is_left:
+    if result.choices and adequate is not None and (adequate.much_is_left or adequate.worse):
         # Beside something unknown an error of an encoder has to show in free runs; a torque has the torques.
         beside = [
             f
             for c, f in zip(result.choices, findings, strict=True)
             if f["confidence"] > 0.0 or adds_torque(c.chosen.effect)
         ]
-        return Verdict(
-            "unknown", [where_left(result, remaining, estimation)], beside, remaining, before, adequate
-        )
+        left = [where_left(result, remaining, estimation)]
+        where = left if adequate.much_is_left else _where(result, before, estimation, None)
+        return Verdict("unknown", where, beside, remaining, before, adequate)
     if result.choices:
         kind = "ambiguous" if any(c.ambiguous for c in result.choices) else "identified"
     else:
@@ -204,7 +204,7 @@ def _uncertainty(parameter: EffectParameter, value: float, std: float, spread: f
     effect's form is off by."""
     none = parameter.neutral
     size = 0.0 if none is None else abs(value - none) if np.isfinite(none) else abs(value)
-    return float(np.sqrt(std**2 + spread**2 + parameter.smeared**2 + (_FORM * size) ** 2))
+    return float(np.sqrt(std**2 + spread**2 + parameter.smeared**2 + (FORM * size) ** 2))
 
 
 def _where(

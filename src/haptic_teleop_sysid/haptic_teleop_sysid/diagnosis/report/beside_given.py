@@ -9,9 +9,10 @@ from typing import Any
 from haptic_teleop_sim.model import Model
 
 from ..evidence.proof import LOWEST, Proof, mean_percent
+from ..policy import WORSE
 
-#: Percent of the mean fit over all signals, and of one signal's alone, from which a simulation is worse.
-WORSE, WORSE_IN_ONE = 0.5, 2.0
+#: Percent of one signal's fit from which a simulation is worse in it.
+WORSE_IN_ONE = 2.0
 _CALLED = {"augmented": "the augmented model", "baseline": "your structure, re-estimated"}
 _HELD = {
     "augmented": "your structure, re-estimated, with {found}",

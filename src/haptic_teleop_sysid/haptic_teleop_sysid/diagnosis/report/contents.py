@@ -23,6 +23,7 @@ from ..evidence.residual import left_over
 from ..evidence.whiteness import LAGS
 from ..hypotheses.explanation import Explanation
 from ..inputs.uses import Uses
+from .belonging import apart
 from .beside_given import beside_given
 from .columns import Number, moved
 from .next_experiment import next_experiment
@@ -66,6 +67,7 @@ def contents(
         "adequacy": None if verdict.adequacy is None else verdict.adequacy.content(),
         "uses": {part: [d.name for d in proof.parts[part]] for part in PARTS} | {"what": uses.told},
         "recordings": uses.problems,
+        "recordings_apart": apart(proof),
         "next_experiment": next_experiment(result, verdict, records),
         "baseline_parameters": result.baseline.model.parameter_values(),
         "innovations": {
@@ -126,9 +128,9 @@ def contents(
     if result.nameless is not None and result.choices:
         entry = result.nameless.chosen.effect.entry
         beside.append(f"it looks as if {entry.sentence}, for which there is no name")
-    apart = slipped([*uses.fit, *uses.choose])
-    if apart is not None and (result.choices or (doubt is not None and doubt.why != apart.why)):
-        beside.append(apart.why)
+    slip = slipped([*uses.fit, *uses.choose])
+    if slip is not None and (result.choices or (doubt is not None and doubt.why != slip.why)):
+        beside.append(slip.why)
     if overflow is not None:
         beside.append(overflow)
     if beside:

@@ -20,6 +20,7 @@ from haptic_teleop_sim.position_loop import in_position_loop
 from haptic_teleop_sysid.estimation.gauss_newton import Fit, fit_parameters, normal_equations
 from haptic_teleop_sysid.estimation.records import Record
 
+from ..decision.verdict import FORM
 from ..evidence.certainty import standard_errors
 from ..inputs.scales import Scales
 
@@ -188,5 +189,6 @@ def sharpen(fit: Fit, parameter: str, size: float, record: Record, scales: Scale
     if not found or not size > 0.0:
         return None
     error, option = min(found, key=lambda one: one[0])
-    why = f"{SECONDS:.0f} s of it are expected to give it to ± {100.0 * error / size:.2g} %"
+    share = 100.0 * max(error / size, FORM)
+    why = f"{SECONDS:.0f} s of it are expected to give it to ± {share:.2g} %"
     return Suggestion(why, option, probability(0.5 * (size / error) ** 2))

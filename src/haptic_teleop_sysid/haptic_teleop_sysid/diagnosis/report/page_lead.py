@@ -28,6 +28,9 @@ def lead(
     if (backwards := content.get("input_sign")) is not None:
         status, todo = "bad", f"{backwards['remedy']}."
         happened = f"{_capital(backwards['what'])}. {happened}"
+    if (apart := content.get("recordings_apart")) is not None:
+        status, todo = "bad", f"{apart['remedy']}. Then: {todo}"
+        happened = f"{_capital(apart['what'])}. {happened}"
     page.conclude(status, happened, todo)
     for f in verdict.findings:
         page.key_figure(f"{100 * f['confidence']:.0f} %", f"{f['effect']} at {f['location']}", "confidence")
@@ -111,6 +114,8 @@ def _todo(verdict: Verdict, content: dict[str, Any]) -> str:
     if held == "given":
         return f"keep your model ({model}), and record the next experiment: {why}."
     if verdict.kind == "identified":
+        if any(f["confidence"] < SURE for f in verdict.findings):
+            return f"do not rely on the name yet ({model}). Record the next experiment: {why}."
         return f"simulate with it: {model}. Then compare it on another recording; the commands are below."
     if content["parameters_moved"]:
         return f"take the new numbers over: {model}."

@@ -104,10 +104,12 @@ def _ceiling(verdict: Verdict, surest: float) -> str:
             "that is random."
         )
     named = " and ".join(dict.fromkeys(f["effect"] for f in verdict.findings)) or "what is named"
-    return (
-        f"Confidence is limited to {100 * surest:.0f} %: {named} explains {100 * found.least:.0f} % (mean "
-        "square) of what is missing."
-    )
+    limited = f"Confidence is limited to {100 * surest:.0f} %:"
+    if found.worse:
+        return f"{limited} with {named} recordings are simulated worse than by your own model."
+    if found.follows:
+        return f"{limited} most of the torque that {named} leaves follows a measured quantity."
+    return f"{limited} {named} explains {100 * found.least:.1f} % (mean square) of what is missing."
 
 
 def curves_table(page: Page, verdict: Verdict) -> None:

@@ -24,6 +24,8 @@ LIMIT = {"lowest": "the lowest value allowed", "highest": "the highest value all
 def summary(content: dict[str, Any]) -> str:
     """The verdict in a few lines; said first is that what is handed on is worse than the user's own model."""
     lines = []
+    if (apart := content.get("recordings_apart")) is not None:  # none in results of earlier versions
+        lines.append(f"{apart['what']}: {apart['remedy']}.")
     worse = content["worse_than_given"]
     if worse is not None and not found_is_better(content):
         lines.append(f"{worse['sentence']}.")

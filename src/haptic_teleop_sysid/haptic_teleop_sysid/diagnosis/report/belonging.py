@@ -1,0 +1,44 @@
+"""Do the recordings belong together? Another unit, sign or machine in one of them is no missing physics."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+from haptic_teleop_sysid.simulation.fit import SimulatedFit
+
+from ..evidence.proof import MODELS, Proof
+
+#: Least simulated fit (percent) of every velocity of the recordings fitted to from which a model follows
+#: them.
+FOLLOWED = 50.0
+
+
+def apart(proof: Proof) -> dict[str, Any] | None:
+    """For the result file: recordings of which no model follows all velocities any better than their means,
+    although one follows those that it was fitted to; None where there are none."""
+    followed = max(_worst(proof.fits[model]["estimation"]) for model in MODELS)
+    if not followed >= FOLLOWED:
+        return None
+    found: list[str] = []
+    best = -float("inf")
+    for part in ("validation", "test"):
+        for number, dataset in enumerate(proof.parts[part]):
+            here = max(_worst([proof.fits[model][part][number]]) for model in MODELS)
+            if here < 0.0:
+                found.append(dataset.name)
+                best = max(best, here)
+    if not found:
+        return None
+    what = (
+        f"no model follows {', '.join(found)} (fit of a velocity {max(best, -1000.0):.0f} % at best), while "
+        f"the recordings fitted to are followed with {followed:.0f} %"
+    )
+    remedy = "see whether they have the units, the signs, the input, the joint and the load of the others"
+    return {"recordings": found, "what": what, "remedy": remedy}
+
+
+def _worst(fits: Sequence[SimulatedFit]) -> float:
+    """The smallest fit of a velocity, percent; one that is no number is the smallest of all."""
+    found = [p for fit in fits for name, p in fit.percent.items() if name.endswith(".velocity")]
+    return min((p if p == p else -float("inf") for p in found), default=-float("inf"))
