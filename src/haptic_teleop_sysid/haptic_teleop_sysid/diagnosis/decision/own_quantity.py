@@ -53,8 +53,8 @@ def one_curve(result: SearchResult) -> tuple[SearchResult, Doubt | None]:
         if beside and doubtful and doubtful(effect.values, result.scales.at(effect.location)):
             names = " and ".join(c.chosen.effect.effect for c in (choice, *beside))
             why = (
-                f"{names} at {effect.location} are two torques over one angle, of which the first is not seen "
-                "over more than one cycle: together they come near to any curve over that angle"
+                f"{names} at {effect.location} are two torques over one angle, of which the first is not "
+                "seen over more than one cycle: together they come near to any curve over that angle"
             )
             return result.without_names(result.choices, why), Doubt(choice, why, short=True)
     return result, None
