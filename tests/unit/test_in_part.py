@@ -180,3 +180,11 @@ def test_a_parameter_at_a_bound_of_the_regression_says_so(notched):
     low = RIGID.with_values({"motor_inertia": 0.1})
     fit = replace(fit, model=low, free=("motor_inertia",), at_bound=("motor_inertia",))
     assert column(low, RIGID, fit)["motor_inertia"].bound == "lowest"
+
+def test_a_stand_in_that_is_named_too_is_told_with_its_other_size():
+    model = RIGID.with_effects(Effect("coulomb_friction", "j_motor", {"torque": 1.4}))
+    one = StandIn(SimpleNamespace(model=model), model.effects, 0.6)
+    other = one.content([])["what"]
+    assert "stand-in" in other and "is not believed to be all that is missing" in other
+    named = one.content([{"effect": "coulomb_friction", "location": "j_motor"}])["what"]
+    assert "stand-in" not in named and "with the size that simulates best" in named and "60 % less" in named

@@ -150,7 +150,8 @@ def diagnose(
     say("choosing the next experiment")
     added = "what was found"
     if instead is not None:
-        added = "a stand-in that is not believed"
+        named_too = instead.named(verdict.findings)
+        added = "what is named, as it simulates best" if named_too else "a stand-in that is not believed"
     elif mapped is not None and mapped.fit is not None:
         added = (
             "what was found, and a measured torque for the rest"
@@ -164,7 +165,7 @@ def diagnose(
     from_here = any(e.witnessed is not None for e in believed)
     content[MEASURED.name] = None if mapped is None else mapped.content()
     content["parity"] = None if acting is None or verdict.kind == "no_mismatch" else acting.content()
-    content["stand_in"] = None if instead is None else instead.content()
+    content["stand_in"] = None if instead is None else instead.content(verdict.findings)
     content["reversals"] = [one.content() for one in turning.jumps]
     content["inverse_dynamics"] = testimony(found.opinion, verdict, from_here) if found.opinion else None
     return result, verdict, proof, content

@@ -8,6 +8,7 @@ stands in, said to be nothing more, where it takes as much off the error of othe
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -28,10 +29,20 @@ class StandIn:
     effects: tuple[Effect, ...]
     closed: float
 
-    @property
-    def why(self) -> str:
-        """In words."""
+    def named(self, findings: Sequence[Mapping[str, Any]]) -> bool:
+        """Whether each of its effects is one of the findings."""
+        told = {(f["effect"], f["location"]) for f in findings}
+        return all((e.effect, e.location) in told for e in self.effects)
+
+    def why(self, findings: Sequence[Mapping[str, Any]]) -> str:
+        """In words, beside the findings of the verdict."""
         names = " and ".join(f"{e.effect} at {e.location}" for e in self.effects)
+        if self.named(findings):
+            return (
+                f"augmented_model.yaml has {names} with the size that simulates best, which takes on a part "
+                f"of what has no name, too: {100 * self.closed:.0f} % less error on the validation recordings "
+                "(than the better of your model and its re-estimate)"
+            )
         return (
             f"augmented_model.yaml has the most similar effect{'s' if len(self.effects) > 1 else ''}, "
             f"{names}, as a stand-in that simulates better: it takes {100 * self.closed:.0f} % off the error "
@@ -39,12 +50,12 @@ class StandIn:
             "believed to be all that is missing"
         )
 
-    def content(self) -> dict[str, Any]:
-        """For the result file."""
+    def content(self, findings: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
+        """For the result file, beside the findings of the verdict."""
         effects = [
             {"effect": e.effect, "location": e.location, "parameters": dict(e.values)} for e in self.effects
         ]
-        return {"what": self.why, "closed": round(self.closed, 3), "effects": effects}
+        return {"what": self.why(findings), "closed": round(self.closed, 3), "effects": effects}
 
 
 def stand_in(base: Fit, given: Model, doubt: Doubt | None, errors: Errors) -> StandIn | None:

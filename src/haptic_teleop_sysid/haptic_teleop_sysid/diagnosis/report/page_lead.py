@@ -44,7 +44,7 @@ def lead(
     if "doubt" in content:
         page.verdict("fair", f"Why no name is given: {content['doubt']}.")
     if (instead := content.get("stand_in")) is not None:
-        page.verdict("fair", f"To simulate with, not to believe: {instead['what']}.")
+        page.verdict("fair", f"To simulate with: {instead['what']}.")
     if "beside" in content:
         page.verdict("fair", f"Beside what is named, {content['beside']}.")
 

@@ -11,7 +11,7 @@ from haptic_teleop_sysid.report import Page, Section
 from ..decision.search import SearchResult
 from ..decision.verdict import Verdict
 from ..decision.words import chance_sentence
-from ..policy import SUREST
+from ..policy import HOLDS_BETTER, SUREST
 from .contents import not_believed
 from .law_torque import TIME
 from .page_law import LawCurve, explained_after
@@ -77,7 +77,8 @@ def _where(section: Section, content: dict[str, Any], curves: Sequence[LawCurve]
         section.table(
             ("place", "its equation leaves, of the input's torque"),
             [(place, f"{100 * share:.2g} %") for place, share in left],
-            f"The equation of motion without what acts at a place holds if that is the right place{beside}",
+            "The equation of motion without what acts at a place holds if that is the right place; one that "
+            f"leaves less by a factor of {HOLDS_BETTER:g} decides{beside}",
         )
 
 
@@ -114,18 +115,15 @@ def _ceiling(verdict: Verdict, surest: float) -> str:
 
 def curves_table(page: Page, verdict: Verdict) -> None:
     """What the left-over torque follows, before and after."""
-    rows = [
-        (
-            c.equation,
-            c.name,
-            f"{100 * max(c.explained, 0):.0f} %",
-            f"{100 * explained_after(c, verdict):.0f} %",
-        )
-        for c in verdict.before[:6]
-    ]
+    # Where no name is believed there is no after.
+    after = verdict.remaining is not verdict.before
+    rows = []
+    for c in verdict.before[:6]:
+        shares = (max(c.explained, 0.0), *([explained_after(c, verdict)] if after else []))
+        rows.append((c.equation, c.name, *(f"{100 * share:.0f} %" for share in shares)))
     if rows:
         page.section("What the left-over torque follows", folded=True).table(
-            ("equation", "depends on", "explained before", "explained after"),
+            ("equation", "depends on", *(["explained before", "explained after"] if after else ["explained"])),
             rows,
             "share of the left-over torque that a curve explains on recordings it was not drawn from",
         )

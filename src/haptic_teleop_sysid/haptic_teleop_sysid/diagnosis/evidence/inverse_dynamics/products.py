@@ -42,7 +42,9 @@ class Products:
         self.base = base * self.weights[:, None, None]
         self.samples = side.samples
         flat = np.concatenate([*self.base])
-        self._whole = flat.T @ flat, flat.T @ self.target.ravel(), float(np.sum(self.target**2))
+        # Of a few samples the structure may leave nothing, and weights overflow: nothing is fitted.
+        with np.errstate(over="ignore", invalid="ignore"):
+            self._whole = flat.T @ flat, flat.T @ self.target.ravel(), float(np.sum(self.target**2))
         # What columns of a term at each place are multiplied with: structure and target.
         self._partners: dict[str, FloatArray] = {}
         self._factors: dict[tuple[str, str], float] = {}
@@ -68,7 +70,8 @@ class Products:
     def square_left(self, terms: Terms, values: FloatArray) -> float:
         """Sum of the squares of `left`."""
         products, mixed, whole = self._group(terms)
-        return max(whole - 2.0 * float(values @ mixed) + float(values @ products @ values), 0.0)
+        with np.errstate(over="ignore", invalid="ignore"):
+            return max(whole - 2.0 * float(values @ mixed) + float(values @ products @ values), 0.0)
 
     def fitted(self, terms: Terms) -> FloatArray:
         """Least squares (p,) within the bounds of structure and terms."""
@@ -206,7 +209,9 @@ def solved(products: FloatArray, mixed: FloatArray, low: FloatArray, high: Float
         return found
     # From the root of the products, which a rounding below zero does not stop.
     scale = scale_of(products)
-    values, vectors = np.linalg.eigh(products / np.outer(scale, scale))
+    with np.errstate(over="ignore", invalid="ignore"):
+        scaled = products / np.outer(scale, scale)
+    values, vectors = np.linalg.eigh(scaled)
     root = np.sqrt(np.maximum(values, 0.0) + RIDGE)
     rows, right = root[:, None] * vectors.T, vectors.T @ (mixed / scale) / root
     bounds = (low * scale, high * scale)
