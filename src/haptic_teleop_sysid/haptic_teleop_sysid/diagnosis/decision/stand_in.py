@@ -40,8 +40,8 @@ class StandIn:
         if self.named(findings):
             return (
                 f"augmented_model.yaml has {names} with the size that simulates best, which takes on a part "
-                f"of what has no name, too: {100 * self.closed:.0f} % less error on the validation recordings "
-                "(than the better of your model and its re-estimate)"
+                f"of what has no name, too: {100 * self.closed:.0f} % less error on the validation "
+                "recordings (than the better of your model and its re-estimate)"
             )
         return (
             f"augmented_model.yaml has the most similar effect{'s' if len(self.effects) > 1 else ''}, "

@@ -121,9 +121,10 @@ def curves_table(page: Page, verdict: Verdict) -> None:
     for c in verdict.before[:6]:
         shares = (max(c.explained, 0.0), *([explained_after(c, verdict)] if after else []))
         rows.append((c.equation, c.name, *(f"{100 * share:.0f} %" for share in shares)))
+    heads = ("explained before", "explained after") if after else ("explained",)
     if rows:
         page.section("What the left-over torque follows", folded=True).table(
-            ("equation", "depends on", *(["explained before", "explained after"] if after else ["explained"])),
+            ("equation", "depends on", *heads),
             rows,
             "share of the left-over torque that a curve explains on recordings it was not drawn from",
         )
