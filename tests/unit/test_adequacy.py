@@ -197,15 +197,16 @@ def test_a_name_beside_which_much_is_left_is_part_of_what_is_missing_and_the_ver
 def test_a_name_that_leaves_what_follows_a_quantity_stands_beside_an_unknown():
     """Not of a benchmark: the push of an amplifier that is stronger than its pull, taken for a constant."""
     records = [pendulum(0, coulomb=0.4)]
-    left = Adequacy(0.97, 0.99, follows=True)
+    left = Adequacy(0.97, 0.99, follows="input torque")
     verdict = decide_verdict(result_with(records, 0.4), records, records, adequate=left)
     assert verdict.kind == "unknown" and [row["equation"] for row in verdict.where] == ["j_motor"]
     assert [(f["effect"], f["confidence"]) for f in verdict.findings] == [("coulomb_friction", 0.69)]
     bare = fitted_to(TRUE, records)
-    found = adequacy(bare, bare, records, (0.5, 0.5), (0.1, 0.1), follows=True)
-    assert found.follows and found.much_is_left
+    found = adequacy(bare, bare, records, (0.5, 0.5), (0.1, 0.1), follows="input torque")
+    assert found.follows == "input torque" and found.much_is_left
     # A curve through chance follows nothing.
-    assert not adequacy(bare, bare, [pendulum(0)], (0.5, 0.5), (0.1, 0.1), True, follows=True).follows
+    by_chance = adequacy(bare, bare, [pendulum(0)], (0.5, 0.5), (0.1, 0.1), True, follows="input torque")
+    assert by_chance.follows == ""
 
 
 def test_a_name_with_which_your_own_model_is_better_shows_nothing():

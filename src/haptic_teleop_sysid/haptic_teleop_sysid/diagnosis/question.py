@@ -11,7 +11,7 @@ from haptic_teleop_sysid.recordings.dataset import DataSet
 
 from .decision.adequacy import Adequacy, adequacy, left_size
 from .decision.beside_the_others import earned
-from .decision.coloured import coloured, left_is_random
+from .decision.coloured import coloured, left_is_random, with_a_memory
 from .decision.constancy import inconstant
 from .decision.corroborated import Corroboration
 from .decision.decide import Choice
@@ -133,7 +133,6 @@ def steady(found: Explained, result: SearchResult) -> dict[tuple[str, str], Stea
 
 
 def _adequacy(found: Explained, result: SearchResult) -> Adequacy:
-    left = conditions(result.final, found.learn, found.judge, found.given.joint)
     models = found.given, result.final.model
     own, with_names = (float(np.mean(found.course.percent(model)[found.count :])) for model in models)
     return adequacy(
@@ -145,9 +144,18 @@ def _adequacy(found: Explained, result: SearchResult) -> Adequacy:
         by_torque=result.by_torque,
         by_motion=lambda: 0.0 if found.opinion is None else explained_along(result, found.opinion),
         in_band=0.0 if found.opinion is None else explained_in_band(result, found.opinion),
-        follows=structured(result.final, left, found.learn, result) is not None,
+        follows=followed_by_most(found, result),
         worse=own - with_names > WORSE,
     )
+
+
+def followed_by_most(found: Explained, result: SearchResult) -> str:
+    """What most of the left-over torque follows, in words; "" for nothing to speak of."""
+    left = conditions(result.final, found.learn, found.judge, found.given.joint)
+    if (curve := structured(result.final, left, found.learn, result)) is not None:
+        return curve.name
+    past = with_a_memory(result.final, found.learn, found.judge)
+    return "" if past is None else f"{past.name}, with a memory"
 
 
 def _gives_way(result: SearchResult, stand: Stand, opinion: Opinion, errors: Errors) -> bool:

@@ -44,14 +44,14 @@ class Adequacy:
     ``parity``: the same of what parity equations leave, see `ActingPlace.explained`; 0 to 1 each, 1 where
     nothing worth a word is left.
     ``random_left``: what is left is random as far as these recordings show, however large its share: nothing
-    more could be explained; ``follows``: what is left is not, and most of it follows a measured quantity;
+    more could be explained; ``follows``: what most of it follows where it is not, "" for nothing;
     ``worse``: the user's own model simulates the validation recordings better."""
 
     torque: float
     free_run: float
     random_left: bool = False
     parity: float = 1.0
-    follows: bool = False
+    follows: str = ""
     worse: bool = False
 
     @property
@@ -74,7 +74,7 @@ class Adequacy:
         it."""
         if self.parity < LEAST_EXPLAINED:
             return True
-        return not self.random_left and (self.follows or self.least < LEAST_EXPLAINED)
+        return not self.random_left and (bool(self.follows) or self.least < LEAST_EXPLAINED)
 
     def content(self) -> dict[str, Any]:
         """What diagnosis.json says."""
@@ -102,7 +102,7 @@ def adequacy(
     by_torque: Fit | None = None,
     by_motion: Callable[[], float] = lambda: 0.0,
     in_band: float = 0.0,
-    follows: bool = False,
+    follows: str = "",
     worse: bool = False,
 ) -> Adequacy:
     """Adequacy of what ``after`` has and ``before`` has not, on ``records`` of both kinds; errors: those of
@@ -125,7 +125,7 @@ def adequacy(
     torque = max(explained, min(in_band, 1.0))
     if torque < LEAST_EXPLAINED and left_size(after, records) > MOST_UNNAMED:
         random_left = False
-    return Adequacy(torque, min(closed, followed), random_left, 1.0, follows and not random_left, worse)
+    return Adequacy(torque, min(closed, followed), random_left, 1.0, "" if random_left else follows, worse)
 
 
 def explained_torque(before: Fit, after: Fit, records: Sequence[Record]) -> float:

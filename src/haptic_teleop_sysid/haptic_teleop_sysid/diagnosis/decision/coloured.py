@@ -11,10 +11,11 @@ from haptic_teleop_sysid.estimation.gauss_newton import Fit
 from haptic_teleop_sysid.estimation.records import Record
 
 from ..evidence.held_out import held_out_fit
+from ..evidence.memory import Remembered, remembered
 from ..evidence.null_records import expected_colour
 from ..evidence.residual import Condition, conditions
 from ..evidence.whiteness import colour, in_steps
-from ..policy import COLOURED, MOST_RANDOM, NOTICEABLE, STILL_RANDOM
+from ..policy import COLOURED, MOST_RANDOM, MOST_UNNAMED, NOTICEABLE, STILL_RANDOM, STRUCTURED
 from .adequacy import left_size
 
 #: Factor over the colour of simulated recordings of the same fit, beyond which it is not the encoders'.
@@ -46,14 +47,30 @@ def coloured(fit: Fit, estimation: Sequence[Record], validation: Sequence[Record
 def left_is_random(fit: Fit, estimation: Sequence[Record], validation: Sequence[Record]) -> bool:
     """Whether what a fit leaves is random as far as these recordings show: its innovations are white, and the
     left-over torque is no larger than chance is on a machine and follows nothing that was measured to speak
-    of."""
+    of, with a memory or without."""
     if not left_size(fit, [*estimation, *validation]) <= MOST_RANDOM or coloured(fit, estimation, validation):
         return False
     found = conditions(fit, estimation, validation, fit.model.joint)
-    return all(c.explained <= STILL_RANDOM or _slight(c, fit, estimation) for c in found)
+    if not all(c.explained <= STILL_RANDOM or _slight(c, fit, estimation) for c in found):
+        return False
+    return with_a_memory(fit, estimation, validation) is None
+
+
+def with_a_memory(fit: Fit, estimation: Sequence[Record], validation: Sequence[Record]) -> Remembered | None:
+    """What most of the left-over torque follows with a memory, if that part is more than chance is on a
+    machine."""
+    found = remembered(fit, estimation, validation, fit.model.joint)
+    if found is None or found.explained < STRUCTURED:
+        return None
+    return found if found.size > 0.5 * MOST_UNNAMED * _driven(fit, estimation) else None
 
 
 def _slight(left: Condition, fit: Fit, estimation: Sequence[Record]) -> bool:
     """Whether what follows a quantity is too small a torque to be worth a word."""
-    input_ = np.sqrt(np.mean([np.mean(r.input**2) for r in estimation]))
-    return bool(left.size <= NOTICEABLE * abs(pack(fit.model).torque_constant) * input_)
+    return left.size <= NOTICEABLE * _driven(fit, estimation)
+
+
+def _driven(fit: Fit, records: Sequence[Record]) -> float:
+    """Rms torque of the input, N·m."""
+    input_ = np.sqrt(np.mean([np.mean(r.input**2) for r in records]))
+    return float(abs(pack(fit.model).torque_constant) * input_)

@@ -15,7 +15,7 @@ from haptic_teleop_sim.model import Effect
 from haptic_teleop_sysid.simulation.covariance import scaled_inverse
 
 from .inverse_dynamics.groups import CLEARLY, Search
-from .inverse_dynamics.latent import IN_A_TURN, Latent
+from .inverse_dynamics.latent import IN_A_TURN, INPUT, Latent
 
 FloatArray = NDArray[np.float64]
 
@@ -29,6 +29,7 @@ VARIABLES = {
     "arm velocity": "velocity",
     "deflection": "deflection",
     "rate of deflection": "deflection_rate",
+    INPUT: "input",
 }
 
 

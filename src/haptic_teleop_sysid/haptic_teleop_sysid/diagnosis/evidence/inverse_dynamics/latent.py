@@ -28,8 +28,8 @@ SLIGHT = 0.05
 #: Share of the travel within which the memory of a direction turns.
 TURNS = 0.02
 
-#: What a torque at a place may depend on, in words of the report. The input itself is not among it: the
-#: equations say what the input is, and any function of it would explain all of it.
+#: What a torque at a place may depend on, in words of the report. The input itself is not among it: what its
+#: actuator makes of it is no torque along the motion, and other effects than torques say so.
 CURVES = {
     "motor": ("motor angle", "motor velocity", "displacement since the last reversal", "time"),
     "arm": ("arm angle", "arm velocity", "displacement since the last reversal", "time"),
@@ -40,12 +40,15 @@ SURFACES = {
     "arm": (("arm angle", "arm velocity"), ("arm velocity", "displacement since the last reversal")),
     "joint": (("deflection", "rate of deflection"),),
 }
+#: The torque of the input, of which a map may have all but what is proportional to it: the equations say what
+#: the input is, and a part in proportion would explain all of it.
+INPUT = "input torque"
 #: An angle that starts anew with every turn.
 IN_A_TURN = " in a turn"
 #: What else a measured torque may follow: at the joint what a gear's teeth, a wobbling coupling or a
 #: centrifugal part make of a spring; and what comes again with every turn.
 MEASURED_OVER: dict[str, tuple[tuple[str, ...], ...]] = {
-    "motor": (("motor angle in a turn",), ("motor angle in a turn", "motor velocity")),
+    "motor": (("motor angle in a turn",), ("motor angle in a turn", "motor velocity"), (INPUT,)),
     "arm": (("arm angle in a turn",), ("arm angle in a turn", "arm velocity")),
     "joint": (
         ("motor angle",),
@@ -63,25 +66,29 @@ MOST_TURNS = 50
 _PARTS = 40
 #: Knots of a turn in a surface, and weight that ties its end to its beginning.
 KNOTS_OF_TURN, TIE = 13, 10.0
+#: Levels of an input that say how often it has which value, and weight that keeps a function of it
+#: from a part in proportion.
+_LEVELS, _NO_GAIN = 201, 1000.0
 
 
 @dataclass(frozen=True, eq=False)
 class Latent:
     """A torque at ``place`` as piecewise linear function of ``quantities`` (one or two), with its ``knots``
-    for each."""
+    for each; ``levels``: values that the input has equally often, N·m, of a function of that."""
 
     location: str
     place: str
     quantities: tuple[str, ...]
     knots: tuple[tuple[float, ...], ...]
     turns: float
+    levels: tuple[float, ...] = ()
 
     def columns(self, motion: BandedMotion, model: Model) -> FloatArray:
         """Torque (N·m) of each knot's function at the samples that count, (n, columns)."""
         places, values = np.zeros((len(motion.time), 1), dtype=np.intp), np.ones((len(motion.time), 1))
         number = 1
         for name, knots in zip(self.quantities, self.knots, strict=True):
-            left, share = _between(quantity(motion, self.place, name, self.turns), np.array(knots))
+            left, share = _between(_along(motion, model, self.place, name, self.turns), np.array(knots))
             at, hat = np.column_stack([left, left + 1]), np.column_stack([1.0 - share, share])
             places = (len(knots) * places[:, :, None] + at[:, None, :]).reshape(len(at), -1)
             values = (values[:, :, None] * hat[:, None, :]).reshape(len(at), -1)
@@ -90,8 +97,9 @@ class Latent:
         return motion.of_blocks(means, times=2)
 
     def bends(self) -> FloatArray:
-        """(rows, columns): second differences of the function along each quantity, all zero for a plane; and
-        every knot a little, so that a slope that the structure has stays the structure's."""
+        """(rows, columns): second differences of the function along each quantity, all zero for a plane;
+        every knot a little, so that a slope that the structure has stays the structure's; and of the input
+        what is in proportion to it."""
         sizes = [len(k) for k in self.knots]
         rows = [SLIGHT * np.eye(int(np.prod(sizes)))]
         for axis in range(len(sizes)):
@@ -100,6 +108,13 @@ class Latent:
             if self.quantities[axis].endswith(IN_A_TURN):
                 second = np.concatenate([second, _tied(sizes[axis])])
             rows.append(np.asarray(np.kron(np.kron(np.eye(before), second), np.eye(after)), dtype=np.float64))
+        if self.levels:
+            input_, knots = np.array(self.levels), np.array(self.knots[0])
+            left, share = _between(input_, knots)
+            row: FloatArray = np.zeros((1, len(knots)))
+            np.add.at(row[0], left, (1.0 - share) * input_)
+            np.add.at(row[0], left + 1, share * input_)
+            rows.append(_NO_GAIN * row / max(float(np.linalg.norm(row)), 1e-300))
         return np.concatenate(rows)
 
     @property
@@ -135,9 +150,24 @@ def _over(
     turns = TURNS * max(float(np.ptp(np.concatenate([_position(m, place) for m in motions]))), 1e-12)
     for names in quantities:
         number = KNOTS if len(names) == 1 else KNOTS_OF_SURFACE
-        knots = [_knots([quantity(m, place, n, turns)[m.kept] for m in motions], number, n) for n in names]
+        seen = [[_along(m, model, place, n, turns)[m.kept] for m in motions] for n in names]
+        knots = [_knots(values, number, n) for values, n in zip(seen, names, strict=True)]
         if all(len(k) > 2 for k in knots):
-            yield Latent(model.location(place), place, names, tuple(knots), turns)
+            often = np.quantile(np.concatenate(seen[0]), np.linspace(0.0, 1.0, _LEVELS))
+            levels = tuple(often.tolist()) if names == (INPUT,) else ()
+            yield Latent(model.location(place), place, names, tuple(knots), turns, levels)
+
+
+def _along(motion: BandedMotion, model: Model, place: str, name: str, turns: float) -> FloatArray:
+    """A quantity by its name, (n,): of the motion, or of the input."""
+    return input_torque(motion, model) if name == INPUT else quantity(motion, place, name, turns)
+
+
+def input_torque(motion: BandedMotion, model: Model) -> FloatArray:
+    """Torque of the input, N·m, (n,), not filtered: held from each sample to the next, so that at the sample
+    itself it is the mean of before and after."""
+    raw = model.parameters["torque_constant"] * motion.record.input
+    return (0.5 * (raw + np.append(raw[:1], raw[:-1])))[motion.thin]
 
 
 def quantity(motion: BandedMotion, place: str, name: str, turns: float) -> FloatArray:

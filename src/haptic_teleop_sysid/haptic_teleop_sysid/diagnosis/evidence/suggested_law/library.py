@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from haptic_teleop_sim.model import Model
 
+from ..inverse_dynamics.latent import input_torque
 from ..inverse_dynamics.motion import BandedMotion
 from ..inverse_dynamics.terms import SMOOTHED
 
@@ -75,7 +76,7 @@ class Product:
 
 def _quantity(motion: BandedMotion, place: str, name: str, model: Model) -> FloatArray:
     if name == "input":
-        return model.parameters["torque_constant"] * motion.input
+        return input_torque(motion, model)
     if name == "deflection" or (place == "joint" and name == "position"):
         return motion.angle[:, 0] - motion.angle[:, 1]
     if place == "joint":
@@ -97,6 +98,9 @@ def library(model: Model, location: str, place: str, quantities: tuple[str, ...]
     ]
     pushed = [Function("input", "s.abs(s.input)", np.abs, "N*m")] if place != "arm" else []
     by_velocity = bool({"velocity", "deflection_rate"} & set(quantities))
+    if "input" in quantities:
+        yield from (Product(location, place, (one,)) for one in input_functions())
+        return
     singles: list[Function] = [*angles, *(speeds if by_velocity or not angles else [])]
     for one in singles:
         if not (one.of_structure and (one.of == "velocity" or place == "joint")):
@@ -108,6 +112,15 @@ def library(model: Model, location: str, place: str, quantities: tuple[str, ...]
     plain = [one for one in speeds if not one.shape]
     for pair in itertools.chain(itertools.product(few, plain), itertools.product(mixed, plain)):
         yield Product(location, place, pair)
+
+
+def input_functions() -> Iterator[Function]:
+    """Functions of the torque of the input, N·m, but for what is in proportion to it."""
+    yield Function("input", "1", np.ones_like)
+    yield Function("input", "s.abs(s.input)", np.abs, "N*m")
+    yield Function("input", "s.input**2", np.square, "N^2*m^2")
+    yield Function("input", "s.input * s.abs(s.input)", lambda u: u * np.abs(u), "N^2*m^2")
+    yield Function("input", "s.input**3", lambda u: u**3, "N^3*m^3")
 
 
 def velocity_functions(fastest: float) -> Iterator[Function]:
