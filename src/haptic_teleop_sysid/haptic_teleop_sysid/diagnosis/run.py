@@ -25,6 +25,7 @@ from .decision.stand import colours
 from .decision.stand_in import stand_in
 from .decision.unconfirmed import unconfirmed
 from .decision.verdict import Verdict, decide_verdict
+from .decision.with_the_named import not_in, with_the_named
 from .evidence.acting_place import ActingPlace
 from .evidence.measured_map import A_GOOD_TORQUE, MeasuredMap, measured_map, no_torque
 from .evidence.other_forms import spread_by_form, together
@@ -111,7 +112,7 @@ def diagnose(
     )
     verdict = decide_verdict(result, found.learn, found.judge, doubt, together(stand.spread, forms), adequate)
     turning = where_torque_jumps(result.baseline, found.learn, found.judge)
-    mapped = instead = None
+    mapped = instead = misread = None
     named = result.final
     if verdict.kind == "unknown":
         mapped = drawn_beside(found, result, say)
@@ -137,10 +138,18 @@ def diagnose(
         verdict, misread = at_its_place(verdict, acting.bare, acting.model)
         if misread is not None:
             mapped, instead, result = no_torque(misread), None, replace(result, final=named)
+    beside = None
+    if verdict.kind == "unknown":
+        no_map = mapped if misread is not None else None
+        draw = lambda fit: no_map or drawn_beside(found, replace(result, final=fit), say)  # noqa: E731
+        parts = found.given, found.learn, found.errors
+        beside = with_the_named(verdict, named, result.final, *parts, draw)
+        if beside is not None:
+            mapped, instead, result = beside.mapped, None, replace(result, final=beside.fit)
     say("simulating all three models on all recordings")
     proof = prove(model, result.baseline.model, result.final.model, found.course, uses)
     columns = three_columns(model, result, verdict, found.judge, forms)
-    if instead is not None or (mapped is not None and mapped.fit is not None):
+    if result.final is not named:
         errors = together(
             errors_of(result.final, found.judge),
             spread_by_form(result.final.model, found.learn, found.cutoff),
@@ -153,11 +162,12 @@ def diagnose(
         named_too = instead.named(verdict.findings)
         added = "what is named, as it simulates best" if named_too else "a stand-in that is not believed"
     elif mapped is not None and mapped.fit is not None:
-        added = (
-            "what was found, and a measured torque for the rest"
-            if result.choices
-            else "a measured torque in place of a name"
-        )
+        added = "a measured torque in place of a name"
+        if beside is not None or result.choices:
+            added = "what was found, and a measured torque for the rest"
+    missing = not_in(verdict, result.final.model)
+    if missing:
+        added += f", but without {' and '.join(f'{e.effect} at {e.location}' for e in missing)}"
     stand = replace(stand, after=colours(result.final, found.learn, found.judge))
     told = (chance, dropped), uses, found.learn, added
     content = contents(result, verdict, proof, columns, stand, doubt, *told)

@@ -86,7 +86,7 @@ class AtReversals:
         count = " and ".join(str(j.reversals) for j in self.jumps)
         return (
             f"where the motion turns ({count} times), the torque jumps by twice {numbers} on the recordings "
-            "of either kind, whatever else acts there; the augmented model is without it"
+            "of either kind, whatever else acts there"
         )
 
 

@@ -65,8 +65,7 @@ def with_drive_friction(
     words = (
         f"with it the equation of motion that does not contain {where}, whatever acts there, leaves "
         f"{100 * left:.2g} instead of {100 * without:.2g} % of the input's torque on the validation "
-        f"recordings; it wants {sizes[0]:.3g} and {sizes[1]:.3g} N*m on the recordings of either kind; the "
-        "augmented model is without it"
+        f"recordings; it wants {sizes[0]:.3g} and {sizes[1]:.3g} N*m on the recordings of either kind"
     )
     named = seen_apart(effect, abs(sizes[0] - sizes[1]) / 2.0, words, baseline)
     return replace(verdict, findings=[*verdict.findings, named])

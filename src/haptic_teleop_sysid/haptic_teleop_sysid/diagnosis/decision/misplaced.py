@@ -96,7 +96,7 @@ def _that_matter(remaining: Sequence[Condition], place: str, model: Model) -> li
 def beside_findings(verdict: Verdict, acting: ActingPlace) -> ActingPlace:
     """The equations beside the findings that are torques along the motion; and beside dry friction at the
     motor where nothing is said of friction there, and only so one of them holds better than all others."""
-    found = [e for e in map(_effect, verdict.findings) if follows_from_motion(e.entry)]
+    found = [e for e in map(effect_of, verdict.findings) if follows_from_motion(e.entry)]
     acting = replace(acting, beside=(*acting.beside, *found))
     if acting.rubs(found) or holds_better(acting) is not None:
         return acting
@@ -112,7 +112,7 @@ def holds_better(acting: ActingPlace) -> str | None:
     return ordered[0]
 
 
-def _effect(finding: Mapping[str, Any]) -> Effect:
+def effect_of(finding: Mapping[str, Any]) -> Effect:
     """The effect of a finding; what was not told of it is as it is by default."""
     entry, told = effect_entry(finding["effect"]), finding["parameters"]
     values = {p.name: 0.0 if p.default is None else p.default for p in entry.parameters}
