@@ -38,16 +38,23 @@ def parser() -> argparse.ArgumentParser:
         "--cases",
         default="single=300,clean=300,pair=40,outside=40,tied=30",
         help="how many of each kind: single, clean, pair, triple (effects together), outside (the table), "
-        "tied (cannot be told apart)",
+        "tied (cannot be told apart); default: %(default)s",
     )
     found.add_argument("--output", type=Path, required=True, help="directory of cases, results and report")
-    found.add_argument("--levels", default=",".join(f"{v:g}" for v in LEVELS), help="sizes of singles, as d'")
+    found.add_argument(
+        "--levels",
+        default=",".join(f"{v:g}" for v in LEVELS),
+        help="sizes of singles, as d' (default: %(default)s)",
+    )
     found.add_argument(
         "--jobs", type=int, default=-1, metavar="N", help="processes at once (default: all cores)"
     )
     found.add_argument("--dask", metavar="ADDRESS", help="scheduler of a Dask cluster, or `local`")
     found.add_argument(
-        "--timeout", type=float, default=300.0, help="seconds after which a diagnosis has failed"
+        "--timeout",
+        type=float,
+        default=300.0,
+        help="seconds after which a diagnosis has failed (default: %(default)g)",
     )
     found.add_argument("--only", choices=("generate", "score"), help="one part: the cases, or the score")
     found.add_argument(
