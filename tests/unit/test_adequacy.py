@@ -10,6 +10,7 @@ from haptic_teleop_sim.model import Effect
 from haptic_teleop_sysid.diagnosis.decision import adequacy as adequacies
 from haptic_teleop_sysid.diagnosis.decision.adequacy import (
     Adequacy,
+    Followed,
     adequacy,
     explained_torque,
     left_size,
@@ -197,16 +198,17 @@ def test_a_name_beside_which_much_is_left_is_part_of_what_is_missing_and_the_ver
 def test_a_name_that_leaves_what_follows_a_quantity_stands_beside_an_unknown():
     """Not of a benchmark: the push of an amplifier that is stronger than its pull, taken for a constant."""
     records = [pendulum(0, coulomb=0.4)]
-    left = Adequacy(0.97, 0.99, follows="input torque")
+    left = Adequacy(0.97, 0.99, follows=Followed("j_motor", "input torque"))
     verdict = decide_verdict(result_with(records, 0.4), records, records, adequate=left)
     assert verdict.kind == "unknown" and [row["equation"] for row in verdict.where] == ["j_motor"]
     assert [(f["effect"], f["confidence"]) for f in verdict.findings] == [("coulomb_friction", 0.69)]
     bare = fitted_to(TRUE, records)
-    found = adequacy(bare, bare, records, (0.5, 0.5), (0.1, 0.1), follows="input torque")
-    assert found.follows == "input torque" and found.much_is_left
+    found = adequacy(bare, bare, records, (0.5, 0.5), (0.1, 0.1), follows=Followed("j_motor", "input torque"))
+    assert found.follows.quantity == "input torque" and found.much_is_left
     # A curve through chance follows nothing.
-    by_chance = adequacy(bare, bare, [pendulum(0)], (0.5, 0.5), (0.1, 0.1), True, follows="input torque")
-    assert by_chance.follows == ""
+    nothing = Followed("j_motor", "input torque")
+    by_chance = adequacy(bare, bare, [pendulum(0)], (0.5, 0.5), (0.1, 0.1), True, follows=nothing)
+    assert by_chance.follows is None
 
 
 def test_a_name_with_which_your_own_model_is_better_shows_nothing():
@@ -251,7 +253,7 @@ def test_a_ripple_of_one_cycle_and_a_spring_are_one_curve_without_a_name(order, 
     bare, doubt = one_curve(result)
     assert (bare.choices == ()) == falls == (doubt is not None)
     if falls:
-        assert "come near to any curve over that angle" in doubt.why and len(bare.given_up) == 2
+        assert "come near to any curve over it" in doubt.why and len(bare.given_up) == 2
 
 
 @pytest.mark.parametrize("effect", ["coulomb_friction", "sensor_delay"])

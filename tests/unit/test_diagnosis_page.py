@@ -226,6 +226,18 @@ def test_a_name_below_70_percent_is_not_relied_on_and_one_above_is_simulated_wit
     assert sure.startswith("simulate with it")
 
 
+def test_a_name_with_which_your_own_model_is_better_is_said_to_show_nothing():
+    page, found = Page("t"), Adequacy(1.0, 1.0, random_left=True, worse=True)
+    told = content(verdict="unknown", findings=[finding(0.69)])
+    lead(page, verdict("unknown", [finding(0.69)], told["where"], found), told)
+    happened = page.conclusion[1]
+    assert happened.startswith("What is missing resembles coulomb_friction at stage1_motor")
+    assert "worse than by your own model" in happened
+    # Where much is left beside it, that is said instead.
+    lead(page, verdict("unknown", [finding(0.4)], told["where"], Adequacy(0.4, 0.4, worse=True)), told)
+    assert page.conclusion[1].startswith("Part of what is missing is probably")
+
+
 def test_recordings_that_no_model_follows_come_before_any_name():
     odd = {"recordings": ["two"], "what": "no model follows two", "remedy": "see whether it has the units"}
     status, happened, todo = first_line("identified", [finding()], recordings_apart=odd).conclusion

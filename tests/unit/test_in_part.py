@@ -71,7 +71,7 @@ def test_the_size_is_that_of_the_torque_and_what_free_runs_want_is_told(notched)
     (found,) = found_in_part(stand_in_of(learn, other), RIGID, opinion)
     assert found.effect.values["torque"] == pytest.approx(0.4, rel=0.05)
     assert found.std["torque"] == pytest.approx(0.1 / 2**0.5, rel=0.3)
-    assert "free runs of the stand-in want torque 0.5" in found.told()
+    assert "free runs with the names alone want torque 0.5" in found.told()
 
 
 @pytest.mark.parametrize(("share", "stands"), [(0.95, True), (0.7, False)])

@@ -9,7 +9,7 @@ import numpy as np
 from haptic_teleop_sysid.estimation.gauss_newton import Fit
 from haptic_teleop_sysid.recordings.dataset import DataSet
 
-from .decision.adequacy import Adequacy, adequacy, left_size
+from .decision.adequacy import Adequacy, Followed, adequacy, left_size
 from .decision.beside_the_others import earned
 from .decision.coloured import coloured, left_is_random, with_a_memory
 from .decision.constancy import inconstant
@@ -149,13 +149,13 @@ def _adequacy(found: Explained, result: SearchResult) -> Adequacy:
     )
 
 
-def followed_by_most(found: Explained, result: SearchResult) -> str:
-    """What most of the left-over torque follows, in words; "" for nothing to speak of."""
+def followed_by_most(found: Explained, result: SearchResult) -> Followed | None:
+    """What most of the left-over torque follows, None for nothing to speak of."""
     left = conditions(result.final, found.learn, found.judge, found.given.joint)
     if (curve := structured(result.final, left, found.learn, result)) is not None:
-        return curve.name
+        return Followed(curve.equation, curve.name)
     past = with_a_memory(result.final, found.learn, found.judge)
-    return "" if past is None else f"{past.name}, with a memory"
+    return None if past is None else Followed(past.equation, f"{past.name}, with a memory")
 
 
 def _gives_way(result: SearchResult, stand: Stand, opinion: Opinion, errors: Errors) -> bool:

@@ -10,7 +10,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -36,6 +36,13 @@ NOT_SURE = SURE - 0.01
 NEARLY_ALL = 0.9
 
 
+class Followed(NamedTuple):
+    """The quantity that most of a left-over torque follows, and the ``equation`` that lacks it."""
+
+    equation: str
+    quantity: str
+
+
 @dataclass(frozen=True)
 class Adequacy:
     """``torque``: share of the mean square of the torque that the observer adds to the structure alone which
@@ -44,14 +51,14 @@ class Adequacy:
     ``parity``: the same of what parity equations leave, see `ActingPlace.explained`; 0 to 1 each, 1 where
     nothing worth a word is left.
     ``random_left``: what is left is random as far as these recordings show, however large its share: nothing
-    more could be explained; ``follows``: what most of it follows where it is not, "" for nothing;
+    more could be explained; ``follows``: what most of it follows where it is not, None for nothing;
     ``worse``: the user's own model simulates the validation recordings better."""
 
     torque: float
     free_run: float
     random_left: bool = False
     parity: float = 1.0
-    follows: str = ""
+    follows: Followed | None = None
     worse: bool = False
 
     @property
@@ -65,8 +72,15 @@ class Adequacy:
         explained, 1 - sqrt(1 - least), SUREST at most. Below SURE it is the share of the mean square, and
         NOT_SURE at most: a name may be right that explains little, but none is sure. So it is where only
         chance is left: what passes for it could hide there, too."""
-        size = min(1.0 - math.sqrt(1.0 - self.least), NOT_SURE if self.follows or self.worse else SUREST)
-        return size if size >= SURE else NOT_SURE if self.random_left else min(self.least, NOT_SURE)
+        if self.explains_nearly_all:
+            size = min(1.0 - math.sqrt(1.0 - self.least), SUREST)
+            return NOT_SURE if self.follows or self.worse else size
+        return NOT_SURE if self.random_left else min(self.least, NOT_SURE)
+
+    @property
+    def explains_nearly_all(self) -> bool:
+        """Whether the share of the size that is explained is enough to be sure of a name."""
+        return 1.0 - math.sqrt(1.0 - self.least) >= SURE
 
     @property
     def much_is_left(self) -> bool:
@@ -74,7 +88,7 @@ class Adequacy:
         it."""
         if self.parity < LEAST_EXPLAINED:
             return True
-        return not self.random_left and (bool(self.follows) or self.least < LEAST_EXPLAINED)
+        return not self.random_left and (self.follows is not None or self.least < LEAST_EXPLAINED)
 
     def content(self) -> dict[str, Any]:
         """What diagnosis.json says."""
@@ -87,9 +101,15 @@ class Adequacy:
             "free_run": round(self.free_run, 3),
             "parity": round(self.parity, 3),
             "left_is_random": self.random_left,
-            "left_follows": self.follows,
+            "left_follows": None if self.follows is None else self.follows._asdict(),
             "worse_than_given": self.worse,
+            "only_worse": nothing_shown(self),
         }
+
+
+def nothing_shown(found: Adequacy | None) -> bool:
+    """Whether all that speaks against the names is that the user's own model simulates better."""
+    return found is not None and found.worse and not found.much_is_left
 
 
 def adequacy(
@@ -102,7 +122,7 @@ def adequacy(
     by_torque: Fit | None = None,
     by_motion: Callable[[], float] = lambda: 0.0,
     in_band: float = 0.0,
-    follows: str = "",
+    follows: Followed | None = None,
     worse: bool = False,
 ) -> Adequacy:
     """Adequacy of what ``after`` has and ``before`` has not, on ``records`` of both kinds; errors: those of
@@ -125,7 +145,7 @@ def adequacy(
     torque = max(explained, min(in_band, 1.0))
     if torque < LEAST_EXPLAINED and left_size(after, records) > MOST_UNNAMED:
         random_left = False
-    return Adequacy(torque, min(closed, followed), random_left, 1.0, "" if random_left else follows, worse)
+    return Adequacy(torque, min(closed, followed), random_left, 1.0, None if random_left else follows, worse)
 
 
 def explained_torque(before: Fit, after: Fit, records: Sequence[Record]) -> float:

@@ -16,7 +16,7 @@ from haptic_teleop_sysid.estimation.whole_fit import fit_whole
 
 from ..evidence.inverse_dynamics.terms import Hypothesis
 from ..evidence.second_opinion import NO_WORSE
-from ..policy import ERRS_LESS, FITS_WORSE, SURE
+from ..policy import ERRS_LESS, FITS_WORSE
 from .adequacy import Adequacy
 from .corroborated import Corroboration
 from .decide import Choice
@@ -91,7 +91,7 @@ def _against(
     explain nearly all, or what they leave is random, free runs need not speak for it: it may be small."""
     if left(fit) > FITS_WORSE * left(without):
         return f"beside the others, more torque is missing with {effect.effect} than without"
-    if adequate.surest >= SURE:
+    if adequate.explains_nearly_all:
         return None
     factor = NO_WORSE if adequate.random_left else ERRS_LESS
     ratios = corroborated.by_free_runs(fit, without, effect), corroborated.elsewhere(fit, without)

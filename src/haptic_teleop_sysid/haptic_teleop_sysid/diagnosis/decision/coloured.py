@@ -59,10 +59,10 @@ def left_is_random(fit: Fit, estimation: Sequence[Record], validation: Sequence[
 def with_a_memory(fit: Fit, estimation: Sequence[Record], validation: Sequence[Record]) -> Remembered | None:
     """What most of the left-over torque follows with a memory, if that part is more than chance is on a
     machine."""
+    least = 0.5 * MOST_UNNAMED * _driven(fit, estimation)
     found = remembered(fit, estimation, validation, fit.model.joint)
-    if found is None or found.explained < STRUCTURED:
-        return None
-    return found if found.size > 0.5 * MOST_UNNAMED * _driven(fit, estimation) else None
+    enough = [one for one in found if one.explained >= STRUCTURED and one.size > least]
+    return max(enough, key=lambda one: one.size, default=None)
 
 
 def _slight(left: Condition, fit: Fit, estimation: Sequence[Record]) -> bool:

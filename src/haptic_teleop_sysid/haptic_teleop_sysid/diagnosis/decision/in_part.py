@@ -32,7 +32,7 @@ from .verdict import Verdict, finding
 #: Relative difference between the sizes of torques and of free runs that is told.
 _TOLD = 0.1
 #: Where a size comes from that is another one.
-FREELY, ALONE = "free runs of the stand-in want", "fitted without that torque it would be"
+FREELY, ALONE = "free runs with the names alone want", "fitted without that torque it would be"
 
 
 @dataclass(frozen=True)

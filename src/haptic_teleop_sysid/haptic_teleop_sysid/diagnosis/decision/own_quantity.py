@@ -54,9 +54,11 @@ def one_curve(result: SearchResult) -> tuple[SearchResult, Doubt | None]:
             names = " and ".join(c.chosen.effect.effect for c in (choice, *beside))
             why = (
                 f"{names} at {effect.location} are two torques over one angle, of which the first is not "
-                "seen over more than one cycle: together they come near to any curve over that angle"
+                "seen over more than one and a half cycles: together they come near to any curve over it"
             )
-            return result.without_names(result.choices, why), Doubt(choice, why, short=True)
+            others = [c for c in result.choices if c is not choice and c not in beside]
+            result = result.giving_up(others, f"it was found beside {names}, which may be any curve")
+            return result.without_names([choice, *beside], why), Doubt(choice, why, short=True)
     return result, None
 
 

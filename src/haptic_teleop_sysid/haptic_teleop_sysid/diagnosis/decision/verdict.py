@@ -75,8 +75,8 @@ def decide_verdict(
             if f["confidence"] > 0.0 or adds_torque(c.chosen.effect)
         ]
         left = [where_left(result, remaining, estimation)]
-        if adequate.follows:
-            left[0]["condition"] = adequate.follows
+        if adequate.follows is not None:
+            left[0] |= {"equation": adequate.follows.equation, "condition": adequate.follows.quantity}
         where = left if adequate.much_is_left else _where(result, before, estimation, None)
         return Verdict("unknown", where, beside, remaining, before, adequate)
     if result.choices:

@@ -9,7 +9,7 @@ random torque is small on a machine, and so is its part of the input.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -33,8 +33,8 @@ _TURNS, _RIDGE = 0.05, 1e-3
 @dataclass(frozen=True)
 class Remembered:
     """What a left-over torque follows with a memory: ``equation``, ``name`` of the quantity, share
-    ``explained`` on recordings to which the filters were not fitted (the smaller of either kind), and the
-    ``size`` of that part, N·m (rms)."""
+    ``explained`` on recordings to which the filters were not fitted (the smaller of either kind) beyond what
+    the quantity explains as it is, and the ``size`` of that part, N·m (rms)."""
 
     equation: str
     name: str
@@ -44,26 +44,29 @@ class Remembered:
 
 def remembered(
     fit: Fit, estimation: Sequence[Record], validation: Sequence[Record], joint: str
-) -> Remembered | None:
-    """The quantity that explains most of a left-over torque with a memory; None where none explains any."""
+) -> list[Remembered]:
+    """The quantities that explain anything of a left-over torque with a memory."""
     sides = [[(r, left_over(fit, r)) for r in records] for records in (estimation, validation)]
     shortest = min(len(r) * r.dt for side in sides for r, _ in side)
     slowest = max(r.dt for side in sides for r, _ in side)
-    times = np.geomspace(_SHORTEST * slowest, _LONGEST * shortest, _FILTERS)
+    times = np.geomspace(_SHORTEST * slowest, _LONGEST * shortest, _FILTERS).tolist()
     places = ("motor",) if fit.model.rigid else ("motor", "arm")
     found = []
     for channel, place in enumerate(places):
         for name in ("input torque", f"{place} velocity"):
             both = [_side(side, channel, name, times) for side in sides]
-            share = min(_explained(both[0], both[1]), _explained(both[1], both[0]))
+            now = [_side(side, channel, name, ()) for side in sides]
+            share = min(
+                _explained(both[k], both[1 - k]) - max(_explained(now[k], now[1 - k]), 0.0) for k in (0, 1)
+            )
             if share > 0.0:
                 whole = min(float(np.mean(torque**2)) for _, torque in both)
                 found.append(Remembered(f"{joint}_{place}", name, share, float(np.sqrt(share * whole))))
-    return max(found, key=lambda one: one.size, default=None)
+    return found
 
 
 def _side(
-    side: Sequence[tuple[Record, LeftOver]], channel: int, name: str, times: FloatArray
+    side: Sequence[tuple[Record, LeftOver]], channel: int, name: str, times: Iterable[float]
 ) -> tuple[FloatArray, FloatArray]:
     """Columns (n, p) and torque (n,) of the recordings of one kind, where all encoders were read."""
     values = [np.nan_to_num(left.quantities[name]) for _, left in side]

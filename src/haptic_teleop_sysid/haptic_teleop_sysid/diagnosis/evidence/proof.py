@@ -114,9 +114,9 @@ class Course:
 
     def percent(self, model: Model, ending: str = "") -> tuple[float, ...]:
         """Mean simulated fit (percent, each signal at least -100) of each recording, over signals whose names
-        end so."""
+        end so and that are not constant."""
         return tuple(
-            float(np.mean([max(p, LOWEST) for n, p in f.percent.items() if n.endswith(ending)]))
+            float(np.mean([max(p, LOWEST) for n, p in f.percent.items() if n.endswith(ending) and p == p]))
             for f in self.simulate(model)
         )
 

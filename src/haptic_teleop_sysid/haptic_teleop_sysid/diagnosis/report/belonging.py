@@ -17,7 +17,7 @@ FOLLOWED = 50.0
 def apart(proof: Proof) -> dict[str, Any] | None:
     """For the result file: recordings of which no model follows all velocities any better than their means,
     although one follows those that it was fitted to; None where there are none."""
-    followed = max(_worst(proof.fits[model]["estimation"]) for model in MODELS)
+    followed = max(_worst(proof.fits[model]["estimation"]) for model in MODELS)  # NaN where none moves
     if not followed >= FOLLOWED:
         return None
     found: list[str] = []
@@ -39,6 +39,6 @@ def apart(proof: Proof) -> dict[str, Any] | None:
 
 
 def _worst(fits: Sequence[SimulatedFit]) -> float:
-    """The smallest fit of a velocity, percent; one that is no number is the smallest of all."""
+    """The smallest fit of a velocity that is not constant, percent."""
     found = [p for fit in fits for name, p in fit.percent.items() if name.endswith(".velocity")]
-    return min((p if p == p else -float("inf") for p in found), default=-float("inf"))
+    return min((p for p in found if p == p), default=float("nan"))

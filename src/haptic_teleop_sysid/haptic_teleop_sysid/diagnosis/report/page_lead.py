@@ -8,6 +8,7 @@ from typing import Any
 from haptic_teleop_sysid.recordings.small_motion import judged
 from haptic_teleop_sysid.report import Page, Status, with_error
 
+from ..decision.adequacy import nothing_shown
 from ..decision.verdict import Verdict
 from ..policy import SURE
 from .summary import LIMIT, PART_LABELS, explains_sentence, found_is_better, moved_sentence, percent
@@ -66,6 +67,11 @@ def _headline(verdict: Verdict, content: dict[str, Any]) -> tuple[Status, str]:
         return "fair", f"{named} recordings cannot tell {_rivals(verdict)} apart."
     if verdict.kind == "unknown":
         sure = " and ".join(_named(f) for f in verdict.findings)
+        if sure and nothing_shown(verdict.adequacy):
+            return "fair", (
+                f"What is missing resembles {sure}. But with it recordings are simulated worse than by your "
+                "own model, so nothing is shown."
+            )
         if sure and verdict.adequacy is not None:
             return "fair", (
                 f"Part of what is missing is probably {sure}. The rest no known effect explains; it sits at "

@@ -8,6 +8,7 @@ from typing import Any
 
 from haptic_teleop_sysid.report import Page, Section
 
+from ..decision.adequacy import nothing_shown
 from ..decision.search import SearchResult
 from ..decision.verdict import Verdict
 from ..decision.words import chance_sentence
@@ -50,7 +51,7 @@ def reasons(page: Page, verdict: Verdict, content: dict[str, Any], curves: list[
             f"The dots against {_named(c)} are means, in which what is random cancels: with {c.name} "
             f"{100 * c.explained:.0f} % of their mean square is gone."
         )
-    _where(section, content, curves)
+    _where(section, verdict, content, curves)
     if "nulls" in content:
         section.text(f"By chance alone: {chance_sentence(content['nulls'])}.")
 
@@ -60,7 +61,7 @@ def _named(curve: LawCurve) -> str:
     return curve.quantity if curve.quantity == TIME else f"the {curve.quantity}"
 
 
-def _where(section: Section, content: dict[str, Any], curves: Sequence[LawCurve]) -> None:
+def _where(section: Section, verdict: Verdict, content: dict[str, Any], curves: Sequence[LawCurve]) -> None:
     """Where it sits, when it shows, and at which times of the first recording."""
     rows = [
         (w["equation"], f"{100 * w['share']:.0f} %", w["condition"], _when(w, curves))
@@ -68,7 +69,8 @@ def _where(section: Section, content: dict[str, Any], curves: Sequence[LawCurve]
     ]
     if rows:
         caption = "Where and when it shows; times are those of the first recording that was fitted to"
-        share = _LEFT if content["verdict"] == "unknown" else _GAINED
+        named = content["verdict"] != "unknown" or nothing_shown(verdict.adequacy)
+        share = _GAINED if named else _LEFT
         section.table(("place", share, "depends on", "strongest at"), rows, caption)
     parity = content.get("parity")  # none of rigid joints
     if parity and parity["left"]:
@@ -106,10 +108,10 @@ def _ceiling(verdict: Verdict, surest: float) -> str:
         )
     named = " and ".join(dict.fromkeys(f["effect"] for f in verdict.findings)) or "what is named"
     limited = f"Confidence is limited to {100 * surest:.0f} %:"
-    if found.worse:
+    if found.explains_nearly_all and found.worse:
         return f"{limited} with {named} recordings are simulated worse than by your own model."
-    if found.follows:
-        return f"{limited} most of the torque that {named} leaves follows a measured quantity."
+    if found.explains_nearly_all and found.follows is not None:
+        return f"{limited} most of the torque that {named} leaves follows the {found.follows.quantity}."
     return f"{limited} {named} explains {100 * found.least:.1f} % (mean square) of what is missing."
 
 

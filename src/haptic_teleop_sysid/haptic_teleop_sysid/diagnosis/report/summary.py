@@ -35,6 +35,8 @@ def summary(content: dict[str, Any]) -> str:
     if content["verdict"] == "unknown" and content["where"]:
         places = ", ".join(f"{w['equation']}, where it depends on {w['condition']}" for w in content["where"])
         beside = "; beside it:" if content["findings"] else ""
+        if (content["adequacy"] or {}).get("only_worse"):
+            beside = "; it resembles, and your own model simulates better:"
         lines.append(f"  something without a name at {places}{beside}")
     for f in content["findings"]:
         numbers = ", ".join(finding_number(n, p) for n, p in f["parameters"].items())

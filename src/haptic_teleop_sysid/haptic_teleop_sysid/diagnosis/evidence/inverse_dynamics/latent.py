@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from haptic_teleop_sim.model import Model
+from haptic_teleop_sysid.estimation.records import Record
 
 from .block_means import sparse_block_means
 from .motion import BandedMotion
@@ -85,16 +86,27 @@ class Latent:
 
     def columns(self, motion: BandedMotion, model: Model) -> FloatArray:
         """Torque (N·m) of each knot's function at the samples that count, (n, columns)."""
+        if self.quantities == (INPUT,):
+            return self._of_input(motion, model)
         places, values = np.zeros((len(motion.time), 1), dtype=np.intp), np.ones((len(motion.time), 1))
         number = 1
         for name, knots in zip(self.quantities, self.knots, strict=True):
-            left, share = _between(_along(motion, model, self.place, name, self.turns), np.array(knots))
+            left, share = _between(quantity(motion, self.place, name, self.turns), np.array(knots))
             at, hat = np.column_stack([left, left + 1]), np.column_stack([1.0 - share, share])
             places = (len(knots) * places[:, :, None] + at[:, None, :]).reshape(len(at), -1)
             values = (values[:, :, None] * hat[:, None, :]).reshape(len(at), -1)
             number *= len(knots)
         means = sparse_block_means(places, values, number, motion.block, motion.first)
         return motion.of_blocks(means, times=2)
+
+    def _of_input(self, motion: BandedMotion, model: Model) -> FloatArray:
+        """The same of the input, which is no smooth motion: from all samples, column by column."""
+        left, share = _between(input_torque(motion.record, model), np.array(self.knots[0]))
+        columns = []
+        for knot in range(len(self.knots[0])):
+            hat = np.where(left == knot, 1.0 - share, 0.0) + np.where(left + 1 == knot, share, 0.0)
+            columns.append(motion.of_input(hat))
+        return motion.filtered(np.column_stack(columns))
 
     def bends(self) -> FloatArray:
         """(rows, columns): second differences of the function along each quantity, all zero for a plane;
@@ -141,7 +153,9 @@ def measured_over(model: Model, motions: Sequence[BandedMotion], place: str) -> 
     angle = np.concatenate([m.angle[:, int(place == "arm")] for m in motions])
     few = float(np.ptp(angle)) < MOST_TURNS * 2.0 * np.pi
     over = [names for names in MEASURED_OVER[place] if few or not names[0].endswith(IN_A_TURN)]
-    yield from _over(model, motions, place, over)
+    # A map's input is what an actuator gives, which is another one than the command beside its effects.
+    changed = any(e.entry.kind in ("input", "skew") for e in model.effects)
+    yield from _over(model, motions, place, [names for names in over if not (changed and INPUT in names)])
 
 
 def _over(
@@ -150,24 +164,26 @@ def _over(
     turns = TURNS * max(float(np.ptp(np.concatenate([_position(m, place) for m in motions]))), 1e-12)
     for names in quantities:
         number = KNOTS if len(names) == 1 else KNOTS_OF_SURFACE
-        seen = [[_along(m, model, place, n, turns)[m.kept] for m in motions] for n in names]
+        seen = [[_seen(m, model, place, n, turns) for m in motions] for n in names]
         knots = [_knots(values, number, n) for values, n in zip(seen, names, strict=True)]
         if all(len(k) > 2 for k in knots):
-            often = np.quantile(np.concatenate(seen[0]), np.linspace(0.0, 1.0, _LEVELS))
-            levels = tuple(often.tolist()) if names == (INPUT,) else ()
+            levels: tuple[float, ...] = ()
+            if names == (INPUT,):
+                often = np.quantile(np.concatenate(seen[0]), np.linspace(0.0, 1.0, _LEVELS))
+                levels = tuple(often.tolist())
             yield Latent(model.location(place), place, names, tuple(knots), turns, levels)
 
 
-def _along(motion: BandedMotion, model: Model, place: str, name: str, turns: float) -> FloatArray:
-    """A quantity by its name, (n,): of the motion, or of the input."""
-    return input_torque(motion, model) if name == INPUT else quantity(motion, place, name, turns)
+def _seen(motion: BandedMotion, model: Model, place: str, name: str, turns: float) -> FloatArray:
+    """Values of a quantity by its name: of the motion where it counts, or of the input."""
+    if name == INPUT:
+        return input_torque(motion.record, model)
+    return quantity(motion, place, name, turns)[motion.kept]
 
 
-def input_torque(motion: BandedMotion, model: Model) -> FloatArray:
-    """Torque of the input, N·m, (n,), not filtered: held from each sample to the next, so that at the sample
-    itself it is the mean of before and after."""
-    raw = model.parameters["torque_constant"] * motion.record.input
-    return (0.5 * (raw + np.append(raw[:1], raw[:-1])))[motion.thin]
+def input_torque(record: Record, model: Model) -> FloatArray:
+    """Torque of the input, N·m, at the samples of a record, (n,)."""
+    return np.asarray(model.parameters["torque_constant"] * record.input, dtype=np.float64)
 
 
 def quantity(motion: BandedMotion, place: str, name: str, turns: float) -> FloatArray:

@@ -64,6 +64,10 @@ class Product:
 
     def columns(self, motion: BandedMotion, model: Model) -> FloatArray:
         """Torque (n, 1) by unit coefficient at the samples that count, filtered like the input."""
+        if all(factor.of == "input" for factor in self.factors):
+            given = input_torque(motion.record, model)
+            whole = np.prod([factor.values(given) for factor in self.factors], axis=0)
+            return motion.filtered(motion.of_input(whole)[:, None])
         found = np.ones(len(motion.time))
         for factor in self.factors:
             found = found * factor.values(_quantity(motion, self.place, factor.of, model))
@@ -76,7 +80,7 @@ class Product:
 
 def _quantity(motion: BandedMotion, place: str, name: str, model: Model) -> FloatArray:
     if name == "input":
-        return input_torque(motion, model)
+        return model.parameters["torque_constant"] * motion.input
     if name == "deflection" or (place == "joint" and name == "position"):
         return motion.angle[:, 0] - motion.angle[:, 1]
     if place == "joint":
@@ -89,7 +93,8 @@ def library(model: Model, location: str, place: str, quantities: tuple[str, ...]
             fastest: float) -> Iterator[Product]:  # fmt: skip
     """All products of at most two functions, of different quantities, for a torque at ``place`` that was seen
     to depend on ``quantities`` (variables of a `TorqueMap`); ``low``, ``high``: travel, rad; ``fastest``:
-    rad/s. What the structure has itself (damping, and a joint's spring) is none of them."""
+    rad/s. What the structure has itself (damping, and a joint's spring) is none of them, and
+    of the input, of which there are odd and even powers, what is in proportion to it."""
     angles = list(angle_functions(low, high)) if {"angle", "deflection"} & set(quantities) else []
     speeds = list(velocity_functions(fastest))
     others = [
