@@ -24,6 +24,7 @@ from haptic_teleop_sysid.diagnosis.decision.decide import Choice, choose, signif
 from haptic_teleop_sysid.diagnosis.decision.reasons import Doubt, more_than_chance
 from haptic_teleop_sysid.diagnosis.decision.search import SearchResult
 from haptic_teleop_sysid.diagnosis.decision.verdict import structured
+from haptic_teleop_sysid.diagnosis.evidence.memory import Remembered
 from haptic_teleop_sysid.diagnosis.evidence.residual import Condition
 from haptic_teleop_sysid.diagnosis.explain import unharmful
 from haptic_teleop_sysid.diagnosis.report.columns import Number, moved
@@ -272,10 +273,30 @@ def test_what_is_left_is_random_where_it_is_white_small_and_follows_nothing_to_s
     curve = np.full(8, size * driven)
     left = Condition("stage1_motor", "motor angle", "rad", explained, np.zeros(8), curve)
     answers = {"colour": colour, "more_coloured": True, "held_out_fit": fit_of(), "conditions": [left]}
-    answers["left_size"] = added
+    answers |= {"left_size": added, "remembered": []}
     for name, answer in answers.items():
         monkeypatch.setattr(coloured, name, lambda *_, answer=answer: answer)
     assert coloured.left_is_random(fit_of(), [record], []) == random
+
+
+@pytest.mark.parametrize(
+    ("followed", "taken"),
+    [
+        ([(0.49, 0.08)], None),  # less than half of it
+        ([(0.51, 0.055)], None),  # as small as chance on a machine
+        ([(0.51, 0.065)], 0),
+        # The larger of those that count, and not of all.
+        ([(0.45, 0.09), (0.6, 0.07), (0.9, 0.065)], 1),
+    ],
+)
+def test_what_is_left_follows_the_past_of_a_quantity_where_that_is_most_of_it_and_no_chance(
+    monkeypatch, followed, taken
+):
+    record = SimpleNamespace(input=np.ones(10))
+    driven = fit_of().model.parameters["torque_constant"]
+    found = [Remembered("stage1_motor", "input torque", share, size * driven) for share, size in followed]
+    monkeypatch.setattr(coloured, "remembered", lambda *_: found)
+    assert coloured.with_a_memory(fit_of(), [record], []) is (None if taken is None else found[taken])
 
 
 @pytest.mark.parametrize(("added", "said"), [(0.12, ""), (0.13, "13 %"), (np.inf, "")])

@@ -45,7 +45,7 @@ def test_what_halves_the_error_stands_in_and_is_not_said_to_be_what_is_missing()
     assert found.fit.model.effects == (FRICTION,)
     # Beside the better of the two models without it on these recordings, which is the given one.
     assert found.closed == pytest.approx(1.0 - 0.18 / 0.37)
-    told = found.content()
+    told = found.content([])
     assert [e["effect"] for e in told["effects"]] == ["coulomb_friction"]
     assert told["effects"][0]["parameters"]["torque"] == 0.9
     sentence = map_sentences({"torque_map": {"what": "no map was added"}, "stand_in": told})[-1]
@@ -53,7 +53,7 @@ def test_what_halves_the_error_stands_in_and_is_not_said_to_be_what_is_missing()
 
 
 def test_the_model_that_is_handed_on_says_what_it_is(tmp_path):
-    told = asked((0.13, 0.18)).content()
+    told = asked((0.13, 0.18)).content([])
     held = {"holds": "augmented", "what": "your structure, with a stand-in that is not believed"}
     content = {"verdict": "unknown", "augmented_model": held, "stand_in": told}
     place = tmp_path / "augmented_model.yaml"
