@@ -1,12 +1,18 @@
 """A torque over the input: what an amplifier makes of a command that is no torque along the motion."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from stepped_machines import RIGID, drive, record, swing
 
+from haptic_teleop_sim.effects import EFFECTS
 from haptic_teleop_sysid.diagnosis.evidence.drawn_map import drawn, explained_there
 from haptic_teleop_sysid.diagnosis.evidence.inverse_dynamics.band import motion_band
 from haptic_teleop_sysid.diagnosis.evidence.inverse_dynamics.latent import INPUT
+from haptic_teleop_sysid.diagnosis.evidence.inverse_dynamics.motion import banded
+from haptic_teleop_sysid.diagnosis.evidence.inverse_dynamics.sampled import linear
+from haptic_teleop_sysid.diagnosis.evidence.inverse_dynamics.terms import Hypothesis, follows_from_motion
 from haptic_teleop_sysid.diagnosis.evidence.places_of_maps import places_of
 from haptic_teleop_sysid.diagnosis.evidence.suggested_law.of_map import law_of
 from haptic_teleop_sysid.estimation.whole_fit import fit_whole, noise_starts
@@ -14,14 +20,15 @@ from haptic_teleop_sysid.estimation.whole_fit import fit_whole, noise_starts
 TRUE = RIGID.with_values({"motor_inertia": 0.14, "motor_damping": 0.35})
 
 
+def made_of(acts, seed, coulomb=0.0):
+    """A recording of a joint on which ``acts``(command) acts."""
+    torque = drive(seed, 2.0)
+    return [record(torque, swing(acts(torque), 0.14, 0.35, coulomb, 0.0, 0.0, 0.0, 0.0)[:, None], 1e-5)]
+
+
 def drawn_over_input(acts, coulomb=0.0):
-    """The search and the maps of a joint on which ``acts``(command) acts, best first."""
-
-    def made(seed):
-        torque = drive(seed, 2.0)
-        return [record(torque, swing(acts(torque), 0.14, 0.35, coulomb, 0.0, 0.0, 0.0, 0.0)[:, None], 1e-5)]
-
-    learn, judge = made(0), made(1)
+    """The search and the maps of such a joint, best first."""
+    learn, judge = (made_of(acts, seed, coulomb) for seed in (0, 1))
     fit = fit_whole(TRUE, noise_starts(TRUE, learn)[1], learn, iterations=8)
     (place,) = places_of(fit, TRUE, learn, judge, motion_band([*learn, *judge]))
     return place
@@ -57,3 +64,21 @@ def test_nothing_follows_the_input_where_all_of_it_acts(acts, coulomb):
     place = drawn_over_input(acts, coulomb)
     (over_input,) = (one for one in place.maps if one.quantities == (INPUT,))
     assert explained_there(place.search, over_input) < 0.0
+
+
+@pytest.mark.parametrize("name", ["input", "deflection_rate"])
+def test_an_entry_of_one_s_own_may_follow_all_that_an_equation_is_written_in(monkeypatch, name):
+    """A law that a map suggested: the diagnosis that is to look for it ended in an error."""
+    learn = made_of(pushes_better, 0)
+    (motion,) = (banded(r, True, 5.0) for r in learn)
+    like = EFFECTS["constant_torque"]
+    entry = replace(like, name=f"own_{name}", equation=lambda s, p: p.torque * s.abs(getattr(s, name)))
+    monkeypatch.setitem(EFFECTS, entry.name, entry)
+    assert linear(entry, "torque") and follows_from_motion(entry)
+    own = Hypothesis(entry, "j_motor", "motor", (), ("torque",), None)
+    column = own.columns(motion, TRUE)[:, 0]
+    if name == "input":
+        expected = np.abs(motion.input[motion.kept]) * TRUE.parameters["torque_constant"]
+        assert np.corrcoef(column, expected)[0, 1] > 0.95
+    else:
+        assert np.all(column == 0.0)  # a rigid body has none

@@ -25,7 +25,15 @@ def _sampled(entry: EffectEntry, values: dict[str, float]) -> FloatArray:
     """An effect's torques at three points of a motion."""
     x = np.array([-0.7, 0.3, 0.9])
     s = SimpleNamespace(
-        position=x, velocity=-x, deflection=x, stiffness=1.0, time=x, direction=np.sign(x), **NUMERIC
+        position=x,
+        velocity=-x,
+        deflection=x,
+        deflection_rate=-x,
+        input=x,
+        stiffness=1.0,
+        time=x,
+        direction=np.sign(x),
+        **NUMERIC,
     )
     assert entry.equation is not None
     torque = np.asarray(entry.equation(s, SimpleNamespace(**values)), dtype=float)

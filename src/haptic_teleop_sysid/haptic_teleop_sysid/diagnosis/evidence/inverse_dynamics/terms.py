@@ -74,6 +74,7 @@ class Hypothesis:
         (n, columns) at the samples that count."""
         variables = _variables(motion, self.place, self.gives)
         variables.stiffness = model.parameters.get("stiffness", 0.0)
+        variables.input = model.parameters["torque_constant"] * motion.input
         variables.inertia = model.parameters["arm_inertia" if self.place == "arm" else "motor_inertia"]
         shared = [] if self.held or self.gives > 0.0 else apart_from_shape(self.entry.name)
         pairs = [self._shared(motion, variables, size) for size in self.sizes if size in shared]
@@ -337,6 +338,7 @@ def _variables_of(motion: BandedMotion, place: str, gives: float) -> SimpleNames
         velocity=velocity,
         acceleration=acceleration,
         deflection=deflection,
+        deflection_rate=motion.velocity[:, 0] - motion.velocity[:, 1],
         time=motion.time,
         exogenous=motion.exogenous,
         direction=direction,
