@@ -133,6 +133,7 @@ def steady(found: Explained, result: SearchResult) -> dict[tuple[str, str], Stea
 
 
 def _adequacy(found: Explained, result: SearchResult) -> Adequacy:
+    random = left_is_random(result.final, found.learn, found.judge)
     models = found.given, result.final.model
     own, with_names = (float(np.mean(found.course.percent(model)[found.count :])) for model in models)
     return adequacy(
@@ -140,11 +141,11 @@ def _adequacy(found: Explained, result: SearchResult) -> Adequacy:
         result.final,
         [*found.learn, *found.judge],
         *(found.errors(fit.model) for fit in (result.baseline, result.final)),
-        random_left=left_is_random(result.final, found.learn, found.judge),
+        random_left=random,
         by_torque=result.by_torque,
         by_motion=lambda: 0.0 if found.opinion is None else explained_along(result, found.opinion),
         in_band=0.0 if found.opinion is None else explained_in_band(result, found.opinion),
-        follows=followed_by_most(found, result),
+        follows=None if random else followed_by_most(found, result),
         worse=own - with_names > WORSE,
     )
 
