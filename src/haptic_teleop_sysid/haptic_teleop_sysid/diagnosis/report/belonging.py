@@ -8,6 +8,7 @@ from typing import Any
 from haptic_teleop_sysid.simulation.fit import SimulatedFit
 
 from ..evidence.proof import MODELS, Proof
+from .summary import percent
 
 #: Least simulated fit (percent) of every velocity of the recordings fitted to from which a model follows
 #: them.
@@ -31,7 +32,7 @@ def apart(proof: Proof) -> dict[str, Any] | None:
     if not found:
         return None
     what = (
-        f"no model follows {', '.join(found)} (fit of a velocity {max(best, -1000.0):.0f} % at best), while "
+        f"no model follows {', '.join(found)} (fit of a velocity {percent(best)} % at best), while "
         f"the recordings fitted to are followed with {followed:.0f} %"
     )
     remedy = "see whether they have the units, the signs, the input, the joint and the load of the others"
