@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from itertools import combinations
@@ -86,12 +86,18 @@ class ActingPlace:
     def alone(self) -> str | None:
         """The place whose equation holds while no other does; None where there is none, and at the motor,
         where some random torque acts on every machine."""
-        ordered = sorted(self.bare.items(), key=lambda one: one[1])
-        if not ordered:
+        # Those without an encoder take ten times as long to ask, and are not where two others hold already.
+        if not self._two_are_off(self.left(encoders=False)) or not self._two_are_off(self.bare):
             return None
+        ordered = sorted(self.bare.items(), key=lambda one: one[1])
         (best, least), (_, next_best), *_ = ordered
         clear = next_best > max(HOLDS_ALONE * least, MISFIT)
         return best if clear and best != MOTOR else None
+
+    @staticmethod
+    def _two_are_off(left: Mapping[str, float]) -> bool:
+        """Whether there are equations, and of all but one more is left than noise."""
+        return bool(left) and sorted(left.values())[1] > MISFIT
 
     def elsewhere(self, effect: Effect) -> bool:
         """Whether everything acts at one place, and an effect is a torque that acts at another one: it does

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-import cmath
+from functools import lru_cache
 
 import numpy as np
 import scipy
@@ -17,9 +17,7 @@ class ArmResponse:
 
     def __init__(self, stiffness: float, damping: float, dt: float) -> None:
         self.stiffness, self.damping, self._dt = stiffness, damping, dt
-        system = ([stiffness], [1.0, damping, stiffness])
-        numerator, denominator, _ = scipy.signal.cont2discrete(system, dt, "foh")
-        self._filter = np.ravel(numerator), np.ravel(denominator)
+        self._filter = _discrete(stiffness, damping, dt)
 
     def __call__(self, values: FloatArray) -> FloatArray:
         """The signal (n,) as the arm follows it, from rest at its first value."""
@@ -33,7 +31,18 @@ class ArmResponse:
     def by_itself(self, n: int) -> FloatArray:
         """How the arm swings where nothing moves the motor, (n, 2): from any angle and velocity it is a sum
         of both columns."""
-        root = cmath.sqrt(0.25 * self.damping**2 - self.stiffness) or 1e-9
-        time = self._dt * np.arange(n)
-        one, other = (np.exp((-0.5 * self.damping + sign * root) * time) for sign in (1.0, -1.0))
-        return np.column_stack([np.real(one + other), np.real((one - other) / root)])
+        _, denominator = self._filter
+        nothing = np.zeros(n)
+        # Memories of the filter with which it says 1, 1 and 0, 1 first.
+        begins = ([1.0, 1.0 + denominator[1]], [0.0, 1.0])
+        return np.column_stack(
+            [scipy.signal.lfilter([1.0], denominator, nothing, zi=memory)[0] for memory in begins]
+        )
+
+
+@lru_cache(maxsize=8)
+def _discrete(stiffness: float, damping: float, dt: float) -> tuple[FloatArray, FloatArray]:
+    """Numerator and denominator; recordings of one joint are mostly of one rate."""
+    system = ([stiffness], [1.0, damping, stiffness])
+    numerator, denominator, _ = scipy.signal.cont2discrete(system, dt, "foh")
+    return np.ravel(numerator), np.ravel(denominator)

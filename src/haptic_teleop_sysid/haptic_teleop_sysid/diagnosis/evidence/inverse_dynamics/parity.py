@@ -80,14 +80,14 @@ def parity_residuals(
         arms = _best(model, parts, Signals.without_arm_encoder)
         equations[ARM_ENCODER] = [p.without_arm_encoder(arm) for p, arm in zip(parts, arms, strict=True)]
     driven = _rms([p.torque[p.kept] for p in parts])
-    found = {place: _left(parts, rows) / driven for place, rows in equations.items()}
+    found = {place: _left(_counted(parts, rows)) / driven for place, rows in equations.items()}
     if encoders:
         arms = _best(model, parts, Signals.without_motor_encoder)
         smooth = {
-            place: _left(parts, [one.seen(arm) for one, arm in zip(rows, arms, strict=True)])
+            place: _left(_counted(parts, [one.seen(arm) for one, arm in zip(rows, arms, strict=True)]))
             for place, rows in equations.items()
         }
-        own = _left(parts, [p.without_motor_encoder(arm) for p, arm in zip(parts, arms, strict=True)])
+        own = _left([p.without_motor_encoder(arm, p.kept) for p, arm in zip(parts, arms, strict=True)])
         best = {min(measure, key=lambda place: measure[place]) for measure in (found, smooth)}
         least = _NOTHING * driven
         found[MOTOR_ENCODER] = max(own / max(smooth[place], least) * found[place] for place in best)
@@ -105,13 +105,14 @@ def torque_at_the_motor(
     None where the encoders were read too seldom to say. ``place``: arm, joint or arm_encoder; the other
     arguments: see `parity_residuals`."""
     stretches = [stretch for record in records for stretch in _both_read(record, cutoff)]
-    every = [_signals(model, r, cutoff, [effect, *model.effects]) for r in long_enough(stretches, cutoff)]
-    parts = [p for p in every if len(p.kept)]
+    read = (_signals(model, r, cutoff, [effect, *model.effects]) for r in long_enough(stretches, cutoff))
+    parts = [p for p in read if len(p.kept)]
     if place == ARM_ENCODER:
         arms = _best(model, parts, Signals.without_arm_encoder)
-        equations = [p.without_arm_encoder(arm) for p, arm in zip(parts, arms, strict=True)]
+        equations = [p.without_arm_encoder(arm, p.kept) for p, arm in zip(parts, arms, strict=True)]
     else:
-        equations = [p.without_arm() if place == ARM else p.without_joint() for p in parts]
+        every = [p.without_arm() if place == ARM else p.without_joint() for p in parts]
+        equations = _counted(parts, every)
     if not equations or parts[0].known[MOTOR].shape[1] == 0:
         return None
     # A constant comes first, then what is known to act at the motor, with its sign on this side.
@@ -124,7 +125,7 @@ def torque_at_the_motor(
         )
         for one, full in zip(bare, equations, strict=True)
     ]
-    (left, factors), (without, _) = _solved(parts, wider), _solved(parts, bare)
+    (left, factors), (without, _) = _solved(wider), _solved(bare)
     driven = _rms([p.torque[p.kept] for p in parts])
     if not math.isfinite(left) or not math.isfinite(without):
         return None
@@ -212,7 +213,7 @@ def _columns(effect: Effect, place: str, motion: BandedMotion, model: Model) -> 
 
 
 def _best(
-    model: Model, parts: Sequence[Signals], rows: Callable[[Signals, ArmResponse], Rows]
+    model: Model, parts: Sequence[Signals], rows: Callable[[Signals, ArmResponse, NDArray[np.intp]], Rows]
 ) -> list[ArmResponse]:
     """The arm's response with which the equation without an encoder leaves least, at the samples of each
     recording."""
@@ -226,28 +227,31 @@ def _best(
         return [ArmResponse(stiffness, damping, part.dt) for part in parts]
 
     def share(logarithms: FloatArray) -> float:
-        equations = [rows(part, arm) for part, arm in zip(parts, arms(logarithms), strict=True)]
-        whole = _rms([one.target[part.kept] for part, one in zip(parts, equations, strict=True)])
-        return _left(parts, equations) / whole
+        equations = [rows(part, arm, part.kept) for part, arm in zip(parts, arms(logarithms), strict=True)]
+        return _left(equations) / _rms([one.target for one in equations])
 
     reach = (frequency**2 / _REACH, frequency**2 * _REACH), tuple(share * frequency for share in _DAMPED)
     bounds = np.log(reach).tolist()
     return arms(scipy.optimize.minimize(share, given, method="Nelder-Mead", bounds=bounds, tol=1e-3).x)
 
 
-def _left(parts: Sequence[Signals], equations: Sequence[Rows]) -> float:
+def _counted(parts: Sequence[Signals], equations: Sequence[Rows]) -> list[Rows]:
+    """The equations of all recordings at the samples that count."""
+    return [one.at(part.kept) for part, one in zip(parts, equations, strict=True)]
+
+
+def _left(equations: Sequence[Rows]) -> float:
     """Rms that the equations of all recordings leave (see `_solved`)."""
-    return _solved(parts, equations)[0]
+    return _solved(equations)[0]
 
 
-def _solved(parts: Sequence[Signals], equations: Sequence[Rows]) -> tuple[float, FloatArray]:
+def _solved(equations: Sequence[Rows]) -> tuple[float, FloatArray]:
     """Rms that the equations of all recordings leave with common parameters, by least squares, infinite with
     too few samples; and all parameters, the common ones first; what may have any sign is each recording's
     own."""
-    pairs = [*zip(parts, equations, strict=True)]
-    target = np.concatenate([one.target[part.kept] for part, one in pairs])
-    structure = np.concatenate([one.structure[part.kept] for part, one in pairs])
-    columns = np.hstack([structure, scipy.linalg.block_diag(*(one.free[part.kept] for part, one in pairs))])
+    target = np.concatenate([one.target for one in equations])
+    structure = np.concatenate([one.structure for one in equations])
+    columns = np.hstack([structure, scipy.linalg.block_diag(*(one.free for one in equations))])
     low, high = (np.full(columns.shape[1], side) for side in (-np.inf, np.inf))
     low[: structure.shape[1]], high[: structure.shape[1]] = np.transpose(equations[0].bounds)
     if len(target) < _SAMPLES * columns.shape[1]:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,6 +15,7 @@ FloatArray = NDArray[np.float64]
 
 MOTOR, ARM, JOINT, ARM_ENCODER, MOTOR_ENCODER = "motor", "arm", "joint", "arm_encoder", "motor_encoder"
 ENCODERS = (MOTOR_ENCODER, ARM_ENCODER)
+_ALL = slice(None)
 
 
 @dataclass(frozen=True)
@@ -25,6 +27,10 @@ class Rows:
     structure: FloatArray
     bounds: tuple[tuple[float, float], ...]
     free: FloatArray
+
+    def at(self, kept: NDArray[np.intp]) -> Rows:
+        """The same of some of its samples."""
+        return replace(self, target=self.target[kept], structure=self.structure[kept], free=self.free[kept])
 
     def seen(self, arm: ArmResponse) -> Rows:
         """Both sides as the arm follows them."""
@@ -47,9 +53,10 @@ class Signals:
     kept: NDArray[np.intp]
     dt: float
 
-    def rows(self, target: FloatArray, inertial: Sequence[int], *free: FloatArray) -> Rows:
-        """An equation with inertias and dampings of some equations; an encoder's offset adds a constant."""
-        columns = [a[:, i] for i in inertial for a in (self.acceleration, self.velocity)]
+    def rows(self, target: FloatArray, inertial: Sequence[int], *free: FloatArray, kept: Any = _ALL) -> Rows:
+        """An equation with inertias and dampings of some equations; an encoder's offset adds a constant.
+        ``target`` and ``free`` hold the samples that are ``kept``."""
+        columns = [a[kept, i] for i in inertial for a in (self.acceleration, self.velocity)]
         constant = np.ones(len(target))
         positive = ((0.0, np.inf),) * len(columns)
         return Rows(target, np.column_stack(columns), positive, np.column_stack([constant, *free]))
@@ -73,22 +80,24 @@ class Signals:
         """The sum of both, in which no spring is."""
         return self.rows(self.torque, [0, 1], self.known[MOTOR], self.known[ARM])
 
-    def without_arm_encoder(self, arm: ArmResponse) -> Rows:
-        """The motor's equation with the arm where its own equation has it, q_a = H (q_m + T / k) with T a
-        known torque at the arm: K u = J_m a_m + b_m v_m + k (q_m - H q_m) - H T."""
+    def without_arm_encoder(self, arm: ArmResponse, kept: Any = _ALL) -> Rows:
+        """At the samples ``kept``: the motor's equation with the arm where its own equation has it, q_a = H
+        (q_m + T / k) with T a known torque at the arm: K u = J_m a_m + b_m v_m + k (q_m - H q_m) - H T."""
         known = [arm.each(self.known[ARM]), self.known[JOINT] - arm.each(self.known[JOINT])]
-        own = arm.by_itself(len(self.torque))
-        rows = self.rows(self.torque, [0], self.known[MOTOR], *known, own)
-        return self.with_spring(rows, self.angle[:, 0] - arm(self.angle[:, 0]))
+        free = [self.known[MOTOR], *known, arm.by_itself(len(self.torque))]
+        rows = self.rows(self.torque[kept], [0], *(one[kept] for one in free), kept=kept)
+        return self.with_spring(rows, (self.angle[:, 0] - arm(self.angle[:, 0]))[kept])
 
-    def without_motor_encoder(self, arm: ArmResponse) -> Rows:
+    def without_motor_encoder(self, arm: ArmResponse, kept: Any = _ALL) -> Rows:
         """The same with the motor where the arm's equation has it, q_a = H q_m, both sides as the arm
         follows them, so that nothing is differentiated more often: H K u = J_m a_a + b_m v_a + J_a H (a_a +
         d v_a). A known torque behind the motor is there as the arm follows it, and with its derivatives."""
-        behind = arm.each(np.hstack([self.known[ARM], self.known[JOINT]]))
-        rates = np.gradient(behind, self.dt, axis=0)
-        known = [arm.each(self.known[MOTOR]), behind, rates, np.gradient(rates, self.dt, axis=0)]
-        rows = self.rows(arm(self.torque), [1], *known, arm.by_itself(len(self.torque)))
-        reaction = arm(self.acceleration[:, 1] + arm.damping * self.velocity[:, 1])
+        free = [arm.each(self.known[MOTOR]), arm.by_itself(len(self.torque))]
+        if self.known[ARM].shape[1] + self.known[JOINT].shape[1]:
+            behind = arm.each(np.hstack([self.known[ARM], self.known[JOINT]]))
+            rates = np.gradient(behind, self.dt, axis=0)
+            free += [behind, rates, np.gradient(rates, self.dt, axis=0)]
+        rows = self.rows(arm(self.torque)[kept], [1], *(one[kept] for one in free), kept=kept)
+        reaction = arm(self.acceleration[:, 1] + arm.damping * self.velocity[:, 1])[kept]
         columns = np.column_stack([rows.structure, reaction])
         return replace(rows, structure=columns, bounds=(*rows.bounds, (0.0, np.inf)))
