@@ -198,7 +198,7 @@ def test_an_unknown_is_told_at_the_place_whose_equation_holds(machines):
         where = [{"equation": f"j_{place}", "share": 0.9, "condition": "time", "intervals": []}]
         remaining = [Condition("j_motor", n, "", share, np.zeros(1), np.zeros(1)) for n, share in FOLLOWED]
         verdict = Verdict(kind, where, [], remaining, [])
-        found, misread = at_its_place(verdict, beside_findings(verdict, acting).bare, ELASTIC)
+        found, misread = at_its_place(verdict, beside_findings(verdict, acting))
         return found.where[0]["equation"], found.where[0]["condition"], misread
 
     here = ("j_arm_encoder", "arm angle", "j_arm_encoder")
@@ -212,7 +212,7 @@ def test_an_unknown_is_told_at_the_place_whose_equation_holds(machines):
 def test_random_torque_at_the_motor_takes_nothing_from_the_arm(machines, size, moves):
     acting = ActingPlace(ELASTIC, machines("motor", size=size), CUTOFF)
     where = [{"equation": "j_arm", "share": 0.9, "condition": "time", "intervals": []}]
-    found, _ = at_its_place(Verdict("unknown", where, [], [], []), acting.bare, ELASTIC)
+    found, _ = at_its_place(Verdict("unknown", where, [], [], []), acting)
     assert found.where[0]["equation"] == ("j_motor" if moves else "j_arm")
 
 
@@ -276,10 +276,18 @@ def test_friction_alone_is_no_place_of_something_unknown(machines):
     assert acting.explained([friction("motor")]) == 1.0
 
 
+def test_where_two_equations_hold_those_without_an_encoder_are_asked_for_the_whole_alone(machines):
+    acting = ActingPlace(ELASTIC, machines("motor", size=0.0), CUTOFF)
+    both = {"j_motor", "j_arm", "j_joint"}
+    assert acting.alone is None
+    assert set(acting.content(False)["left"]) == both < set(acting.content(True)["left"])
+
+
 def test_an_unknown_beside_friction_without_a_name_is_told_at_its_place(machines):
     acting = ActingPlace(ELASTIC, machines("arm_encoder", coulomb=0.3), CUTOFF)
     where = [{"equation": "j_motor", "share": 0.9, "condition": "time", "intervals": []}]
     verdict = Verdict("unknown", where, [], [], [])
     beside = beside_findings(verdict, acting)
-    assert beside.content()["beside"] == ["coulomb_friction at j_motor"]
-    assert at_its_place(verdict, beside.bare, ELASTIC)[1] == "j_arm_encoder"
+    assert beside.content(False)["beside"] == ["coulomb_friction at j_motor"]
+    assert set(beside.content(False)["left"]) >= {"j_arm_encoder", "j_motor", "j_arm", "j_joint"}
+    assert at_its_place(verdict, beside)[1] == "j_arm_encoder"

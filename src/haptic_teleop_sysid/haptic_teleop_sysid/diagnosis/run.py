@@ -135,7 +135,7 @@ def diagnose(
     verdict = with_friction(verdict, turning, result, found.learn)
     if acting is not None and verdict.kind != "no_mismatch":
         acting = beside_findings(verdict, acting)
-        verdict, misread = at_its_place(verdict, acting.bare, acting.model)
+        verdict, misread = at_its_place(verdict, acting)
         if misread is not None:
             mapped, instead, result = no_torque(misread), None, replace(result, final=named)
     beside = None
@@ -174,7 +174,8 @@ def diagnose(
     believed = [c.chosen for c in (*result.choices, *([doubt.choice] if doubt and doubt.choice else []))]
     from_here = any(e.witnessed is not None for e in believed)
     content[MEASURED.name] = None if mapped is None else mapped.content()
-    content["parity"] = None if acting is None or verdict.kind == "no_mismatch" else acting.content()
+    told = acting is not None and verdict.kind != "no_mismatch"
+    content["parity"] = acting.content(verdict.kind == "unknown") if acting and told else None
     content["stand_in"] = None if instead is None else instead.content(verdict.findings)
     content["reversals"] = [one.content() for one in turning.jumps]
     content["inverse_dynamics"] = testimony(found.opinion, verdict, from_here) if found.opinion else None

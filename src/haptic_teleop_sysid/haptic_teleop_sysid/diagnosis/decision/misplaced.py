@@ -28,14 +28,15 @@ def misplaced(
     """The result without names at places where nothing acts, because what is missing acts at another one;
     ``records``: those of the estimation. The doubt that says so, where no name is left."""
     named = [c.chosen.effect for c in result.choices]
-    acting = acting.clear_beside(named)
-    gone = [
+    asked = [
         c
         for c in result.choices
-        if c.chosen.by_current <= 0.0
-        and not _changes_another(c.chosen.effect, named)
-        and acting.elsewhere(c.chosen.effect)
+        if c.chosen.by_current <= 0.0 and not _changes_another(c.chosen.effect, named)
     ]
+    if not asked:
+        return result, None
+    acting = acting.clear_beside(named)
+    gone = [c for c in asked if acting.elsewhere(c.chosen.effect)]
     if not gone:
         return result, None
     where = result.baseline.model.location(acting.alone or "")
@@ -59,13 +60,14 @@ def _changes_another(effect: Effect, named: Sequence[Effect]) -> bool:
     return effect.entry.kind == "friction_factor" and effect.location in frictions
 
 
-def at_its_place(verdict: Verdict, left: Mapping[str, float], model: Model) -> tuple[Verdict, str | None]:
+def at_its_place(verdict: Verdict, acting: ActingPlace) -> tuple[Verdict, str | None]:
     """An `unknown` at the place whose parity equation holds, where it leaves less by HOLDS_BETTER than that
     of the place which was told, with the share (mean square) of this that it does not leave; and that place
     where it is an encoder, else None. At the motor only where the other equation leaves more than passes for
-    random. ``left``: by place, see `beside_findings`."""
-    if verdict.kind != "unknown" or not verdict.where or not left:
+    random. ``acting``: see `beside_findings`."""
+    if verdict.kind != "unknown" or not verdict.where or not acting.bare:
         return verdict, None
+    left, model = acting.bare, acting.model
     told, *others = verdict.where
     place = acts_at(model, told["equation"])
     best = min(left, key=lambda one: left[one])
