@@ -86,7 +86,7 @@ class ActingPlace:
     def alone(self) -> str | None:
         """The place whose equation holds while no other does; None where there is none, and at the motor,
         where some random torque acts on every machine."""
-        if not self._two_are_off(self.quick) or not self._two_are_off(self.bare):
+        if not self._may_be_alone(self.quick) or not self._may_be_alone(self.bare):
             return None
         ordered = sorted(self.bare.items(), key=lambda one: one[1])
         (best, least), (_, next_best), *_ = ordered
@@ -94,9 +94,13 @@ class ActingPlace:
         return best if clear and best != MOTOR else None
 
     @staticmethod
-    def _two_are_off(left: Mapping[str, float]) -> bool:
-        """Whether there are equations, and of all but one more is left than noise."""
-        return bool(left) and sorted(left.values())[1] > MISFIT
+    def _may_be_alone(left: Mapping[str, float]) -> bool:
+        """Whether equations, were there more of them, could show one place alone: of all but one more is left
+        than noise, and the motor's does not hold."""
+        if not left:
+            return False
+        first, second, *_ = sorted(left.values())
+        return second > MISFIT and (first > MISFIT or left[MOTOR] > first)
 
     def elsewhere(self, effect: Effect) -> bool:
         """Whether everything acts at one place, and an effect is a torque that acts at another one: it does
@@ -134,9 +138,9 @@ class ActingPlace:
         return self.left(encoders=False)
 
     def content(self, whole: bool) -> dict[str, Any]:
-        """What diagnosis.json says: what is allowed for, and what each place's equation leaves; those without
-        an encoder only where two others do not hold, or where the ``whole`` is asked for."""
-        told = self.bare if whole or self._two_are_off(self.quick) else self.quick
+        """What diagnosis.json says: what is allowed for, and what each place's equation leaves; with the
+        ``whole``, those without an encoder, too."""
+        told = self.bare if whole else self.quick
         return {
             "beside": [f"{e.effect} at {e.location}" for e in self.beside],
             "left": {self.model.location(place): round(left, 5) for place, left in told.items()},
