@@ -43,6 +43,8 @@ _NOTHING, _SAMPLES = 1e-6, 10
 #: Mean direction of the motion within the filter's reach from which a dry friction slides, and share of the
 #: rms velocity below which it may stick: then it is any torque up to its size.
 _SLIDES, _STICKS = 0.97, 0.1
+#: Added to the products of columns of length 1, so that those which are alike have a root.
+_RIDGE = 1e-13
 #: Correlation with the input from which what an actuator makes of it is a gain.
 _GAIN = 0.999
 
@@ -249,25 +251,34 @@ def _solved(equations: Sequence[Rows]) -> tuple[float, FloatArray]:
     """Rms that the equations of all recordings leave with common parameters, by least squares, infinite with
     too few samples; and all parameters, the common ones first; what may have any sign is each recording's
     own."""
-    target = np.concatenate([one.target for one in equations])
-    structure = np.concatenate([one.structure for one in equations])
-    columns = np.hstack([structure, scipy.linalg.block_diag(*(one.free for one in equations))])
-    low, high = (np.full(columns.shape[1], side) for side in (-np.inf, np.inf))
-    low[: structure.shape[1]], high[: structure.shape[1]] = np.transpose(equations[0].bounds)
-    if len(target) < _SAMPLES * columns.shape[1]:
+    common = equations[0].structure.shape[1]
+    size = common + sum(one.free.shape[1] for one in equations)
+    samples = sum(len(one.target) for one in equations)
+    if samples < _SAMPLES * size:
         return math.inf, np.zeros(0)
-    scale = np.linalg.norm(columns, axis=0)
+    # Products of the columns and the target: the few numbers that least squares are of.
+    products, mixed, whole, place = np.zeros((size, size)), np.zeros(size), 0.0, common
+    for one in equations:
+        own = np.r_[:common, place : (place := place + one.free.shape[1])]
+        columns = np.column_stack([one.structure, one.free, one.target])
+        among = columns.T @ columns
+        products[np.ix_(own, own)] += among[:-1, :-1]
+        mixed[own] += among[:-1, -1]
+        whole += float(among[-1, -1])
+    low, high = (np.full(size, side) for side in (-np.inf, np.inf))
+    low[:common], high[:common] = np.transpose(equations[0].bounds)
+    scale = np.sqrt(np.diag(products))
     shown = scale > 0.0
-    columns, low, high = columns[:, shown] / scale[shown], (low * scale)[shown], (high * scale)[shown]
-    # Least squares on the triangle is the same, and much quicker.
-    q, r = np.linalg.qr(columns)
-    inside = q.T @ target
-    beyond = float(target @ target - inside @ inside)
-    found = scipy.optimize.lsq_linear(r, inside, (low, high), method="bvls")
-    factors = np.zeros(len(shown))
-    factors[shown] = found.x / scale[shown]
-    left = float(np.sqrt(max(2.0 * found.cost + beyond, 0.0) / (len(target) - len(low))))
-    return left, factors
+    scaled = products[np.ix_(shown, shown)] / np.outer(scale[shown], scale[shown])
+    right = mixed[shown] / scale[shown]
+    root = scipy.linalg.cholesky(scaled + _RIDGE * np.eye(len(scaled)))
+    inside = scipy.linalg.solve_triangular(root, right, trans="T")
+    bounds = (low * scale)[shown], (high * scale)[shown]
+    found = scipy.optimize.lsq_linear(root, inside, bounds, method="bvls").x
+    square = whole - 2.0 * float(found @ right) + float(found @ scaled @ found)
+    factors = np.zeros(size)
+    factors[shown] = found / scale[shown]
+    return math.sqrt(max(square, 0.0) / (samples - len(found))), factors
 
 
 def _rms(parts: Sequence[FloatArray]) -> float:
