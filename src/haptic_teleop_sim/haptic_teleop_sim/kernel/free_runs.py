@@ -31,6 +31,9 @@ from haptic_teleop_control.filters import velocity_of
 
 #: A weighted error beyond this is just very wrong.
 HUGE = 1e6
+#: Where a response misses by more than the spread, the first part of it that is looked at, and how much longer
+#: each next one is; no part has fewer samples than SHORTEST.
+PARTS, GROWTH, SHORTEST = 64, 4, 50
 
 
 @inner
@@ -217,78 +220,94 @@ def nearest_starts(spans, states, angles, torque, exogenous, t0, mechanics, goal
     straight = codes.shape[0] == 0 and out_codes.shape[0] == 0
     known, known_read = -1, np.empty((longest, 2), dtype=np.bool_)
     for w in range(spans.shape[0]):
-        start, stop = spans[w, 0], spans[w, 1]
-        m, when = stop - start, t0 + dt * start
-        for i in range(m):
-            for channel in range(2):
-                read[i, channel] = not math.isnan(angles[start + i, channel])
-                source = i + moved[channel]
-                measured[i, channel] = angles[start + source, channel] if 0 <= source < m else np.nan
-        last_reading(read[:m], moved, held)
+        start, when = spans[w, 0], t0 + dt * spans[w, 0]
+        length = spans[w, 1] - start
         for j in range(4):
             state[j] = states[w, j]
-        rows, cost, damping, fresh, renew = 0, -1.0, 1e-9, True, True
-        for _ in range(most_trials):
-            if renew and known == m and read_alike(read, known_read, m):
-                begin(state, follows, x)
+        m, tries, begun, ended = length, most_trials, False, False
+        while not ended:
+            stop = start + m
+            for i in range(m):
+                for channel in range(2):
+                    read[i, channel] = not math.isnan(angles[start + i, channel])
+                    source = i + moved[channel]
+                    measured[i, channel] = angles[start + source, channel] if 0 <= source < m else np.nan
+            last_reading(read[:m], moved, held)
+            rows, cost, damping, fresh, renew = 0, -1.0, 1e-9, True, True
+            ran_away = False
+            for _ in range(tries):
+                if renew and known == m and read_alike(read, known_read, m):
+                    begin(state, follows, x)
+                    innovations_series(x, measured[:m], gain, decay, torque[start:stop], nothing[:m],
+                                       nothing[:m], exogenous[start:stop], when, dt, substeps, rigid, base,
+                                       codes, p, out_codes, lead, innovation[:m], visited[:m])
+                    rows = weigh(innovation[:m], sensitivity, 0, held, goal, dt, memory, missed)
+                    for i in range(rows):
+                        errors[i, 0] = missed[i, 0]
+                    cost = half_square(errors, rows) if cost < 0.0 else cost
+                elif renew:
+                    begin(state, follows, x)
+                    for j in range(nx):
+                        for c in range(s.shape[1]):
+                            s[j, c] = 0.0
+                        s[j, free - 1] = 0.0 if rigid else follows[j]
+                    for c in range(free):
+                        s[2 * c if rigid else c, c] = 1.0
+                    predict_series(x, s, measured[:m], gain, no_gains, decay, no_decays, torque[start:stop],
+                                   no_torques[:m], nothing[:m], no_moments, driven, nothing[:m],
+                                   exogenous[start:stop], when, dt, substeps, rigid, base, codes, p, base_col,
+                                   p_col, out_codes, skew_col, lead, innovation[:m], sensitivity[:m],
+                                   visited[:m], no_states)
+                    rows = weigh(innovation[:m], sensitivity, free, held, goal, dt, memory, errors)
+                    cost = half_square(errors, rows) if cost < 0.0 else cost
+                    if straight:
+                        known = m
+                        for i in range(m):
+                            known_read[i, 0], known_read[i, 1] = read[i, 0], read[i, 1]
+                if not begun and not straight and m > SHORTEST and not cost < 0.5 * rows:
+                    ran_away = True
+                    break
+                begun = True
+                expected = newton_step(errors, rows, free, damping, slopes, step)
+                # Derivatives of one step before that have kept their promise tell what is left to gain.
+                if not renew and not fresh and expected < enough * cost:
+                    break
+                for j in range(4):
+                    trial[j] = state[j]
+                for c in range(free):
+                    trial[2 * c if rigid else c] += step[c]
+                begin(trial, follows, x)
                 innovations_series(x, measured[:m], gain, decay, torque[start:stop], nothing[:m], nothing[:m],
                                    exogenous[start:stop], when, dt, substeps, rigid, base, codes, p,
                                    out_codes, lead, innovation[:m], visited[:m])
-                rows = weigh(innovation[:m], sensitivity, 0, held, goal, dt, memory, missed)
-                for i in range(rows):
-                    errors[i, 0] = missed[i, 0]
-                cost = half_square(errors, rows) if cost < 0.0 else cost
-            elif renew:
-                begin(state, follows, x)
-                for j in range(nx):
-                    for c in range(s.shape[1]):
-                        s[j, c] = 0.0
-                    s[j, free - 1] = 0.0 if rigid else follows[j]
-                for c in range(free):
-                    s[2 * c if rigid else c, c] = 1.0
-                predict_series(x, s, measured[:m], gain, no_gains, decay, no_decays, torque[start:stop],
-                               no_torques[:m], nothing[:m], no_moments, driven, nothing[:m],
-                               exogenous[start:stop], when, dt, substeps, rigid, base, codes, p, base_col,
-                               p_col, out_codes, skew_col, lead, innovation[:m], sensitivity[:m],
-                               visited[:m], no_states)
-                rows = weigh(innovation[:m], sensitivity, free, held, goal, dt, memory, errors)
-                cost = half_square(errors, rows) if cost < 0.0 else cost
-                if straight:
-                    known = m
-                    for i in range(m):
-                        known_read[i, 0], known_read[i, 1] = read[i, 0], read[i, 1]
-            expected = newton_step(errors, rows, free, damping, slopes, step)
-            # Derivatives of one step before that have kept their promise tell what is left to gain.
-            if not renew and not fresh and expected < enough * cost:
-                break
-            for j in range(4):
-                trial[j] = state[j]
-            for c in range(free):
-                trial[2 * c if rigid else c] += step[c]
-            begin(trial, follows, x)
-            innovations_series(x, measured[:m], gain, decay, torque[start:stop], nothing[:m], nothing[:m],
-                               exogenous[start:stop], when, dt, substeps, rigid, base, codes, p, out_codes,
-                               lead, innovation[:m], visited[:m])
-            weigh(innovation[:m], sensitivity, 0, held, goal, dt, memory, missed)
-            gained = cost - half_square(missed, rows)
-            if gained > 0.0:
-                cost -= gained
-                damping = max(damping / 30.0, 1e-9)
-                for j in range(4):
-                    state[j] = trial[j]
-                for i in range(rows):
-                    errors[i, 0] = missed[i, 0]
-            if fresh and (expected < enough * cost or 0.0 < gained < enough * cost):
-                break
-            # The derivatives hardly change on the way, and cost several responses: they are kept while they
-            # keep their promise.
-            renew = False
-            if gained > 0.5 * expected and gained > enough * cost:
-                fresh = straight
-            elif fresh and gained <= 0.0:
-                damping = max(30.0 * damping, 1e-4)
+                weigh(innovation[:m], sensitivity, 0, held, goal, dt, memory, missed)
+                gained = cost - half_square(missed, rows)
+                if gained > 0.0:
+                    cost -= gained
+                    damping = max(damping / 30.0, 1e-9)
+                    for j in range(4):
+                        state[j] = trial[j]
+                    for i in range(rows):
+                        errors[i, 0] = missed[i, 0]
+                if fresh and (expected < enough * cost or 0.0 < gained < enough * cost):
+                    break
+                # The derivatives hardly change on the way, and cost several responses: they are kept while
+                # they keep their promise.
+                renew = False
+                if gained > 0.5 * expected and gained > enough * cost:
+                    fresh = straight
+                elif fresh and gained <= 0.0:
+                    damping = max(30.0 * damping, 1e-4)
+                else:
+                    renew = fresh = True
+            if ran_away:
+                # From where it was measured to be the response runs away: what a short part of it says is
+                # where the next longer one begins. What runs away from there, too, hardly ever comes back.
+                m, tries, begun = max(length // PARTS, SHORTEST), max(most_trials // 3, 1), True
+            elif m < length:
+                m = min(GROWTH * m, length)
             else:
-                renew = fresh = True
+                ended = True
         for j in range(4):
             states[w, j] = state[j]
 
