@@ -31,8 +31,8 @@ from haptic_teleop_control.filters import velocity_of
 
 #: A weighted error beyond this is just very wrong.
 HUGE = 1e6
-#: Where a response misses by more than the spread, the first part of it that is looked at, and how much longer
-#: each next one is; no part has fewer samples than SHORTEST.
+#: Where a response misses by more than the spread, the first part of it that is looked at, and how much
+#: longer each next one is; no part has fewer samples than SHORTEST.
 PARTS, GROWTH, SHORTEST = 64, 4, 50
 
 

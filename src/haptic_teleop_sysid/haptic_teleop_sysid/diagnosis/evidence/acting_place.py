@@ -16,8 +16,9 @@ from haptic_teleop_sysid.estimation.likelihood import FAILURES
 from haptic_teleop_sysid.estimation.records import Record
 
 from ..policy import HOLDS_ALONE, MISFIT, NOT_LOWERED
-from .inverse_dynamics.parity import acts_at, can_allow_for, parity_residuals
+from .inverse_dynamics.parity import parity_residuals
 from .inverse_dynamics.parity_equations import ARM, ENCODERS, JOINT, MOTOR
+from .inverse_dynamics.parity_signals import acts_at, can_allow_for
 
 
 @dataclass(frozen=True)
