@@ -72,6 +72,35 @@ def test_a_response_that_runs_away_leaves_the_search_where_it_began():
     np.testing.assert_array_equal(found, begin)
 
 
+def test_a_pendulum_on_its_head_is_followed_although_it_falls_from_where_it_was_measured():
+    inertia, weight, seconds, dt = 0.2, 2.0, 3.0, 2e-3
+    packed = pack(rigid(("gravity", {"torque": weight, "phase": np.pi}), inertia=inertia, damping=0.1))
+    rng = np.random.default_rng(3)
+    wanted = 0.3 * np.sin(2 * np.pi * 0.7 * np.arange(0.0, seconds, dt))
+    # Held upright by a law of its own; the torque that it took is replayed without the law.
+    state, torque, motion = np.zeros(4), np.empty(len(wanted)), np.empty((len(wanted), 4))
+    for k, aim in enumerate(wanted):
+        motion[k] = state
+        torque[k] = 12.0 * (aim - state[0]) - 1.5 * state[2] - weight * np.sin(aim)
+        state = simulate(packed, np.full(2, torque[k]), dt, state).states[1, :4]
+    growth = np.exp(np.sqrt(weight / inertia) * seconds)
+    noise, spread = 0.01, np.std(motion[:, 0])
+    angles = np.full((len(wanted), 2), np.nan)
+    angles[:, 0] = motion[:, 0] + noise * rng.standard_normal(len(wanted))
+    begin = np.array([[angles[0, 0], angles[0, 0], motion[0, 2], motion[0, 2]]])
+    weights = np.array([1.0 / spread, 0.0])
+
+    def missed(states):
+        read = respond(packed, torque, dt, [(0, len(wanted))], states)
+        return np.sqrt(np.mean((read.motor_position - motion[:, 0]) ** 2))
+
+    assert growth * noise > 50.0 * spread and missed(begin) > 5.0 * spread
+    found = nearest_starts(
+        packed, torque, angles, dt, [(0, len(wanted))], begin, weights=weights, rate_weights=np.zeros(2)
+    )
+    assert missed(found) < noise
+
+
 @pytest.mark.parametrize("late", [0.003, 0.0085, -0.002])
 def test_a_late_encoder_shows_in_a_window_what_came_before_it_and_not_that_it_stood_still(late):
     packed = one_torque_constant(flexible(("sensor_delay", "arm_encoder", {"delay": abs(late)})))
