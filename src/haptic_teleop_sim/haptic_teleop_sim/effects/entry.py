@@ -77,9 +77,9 @@ class EffectEntry:
     - ``jumps``: the size by which its torque changes its sign where the motion turns, of the plainest form;
     - ``large``: it may be so large that structure and noise make up for it; ``versatile``: it bends to much
       that it is not, and is not believed where what it leaves follows its own quantity; ``at_rest(p)``: the
-      torque that it exerts at angle zero, N·m, for what loads a joint at rest, and ``companion``: the
-      nuisance that goes with that; ``prior(place, sense_follows)``: how likely it is before looking, where
-      that is not 1.
+      torque that it exerts at angle zero, N·m, for what loads a joint at rest; ``companion``: what may go
+      with it at the joint and is not named then (a preload with what loads it, damping with a gap);
+      ``prior(place, sense_follows)``: how likely it is before looking, where that is not 1.
     """
 
     name: str

@@ -8,6 +8,8 @@ from .entry import EffectEntry
 from .hypothesis import Numbers, Recorded, bends, noticeable
 from .parameter import EffectParameter
 
+#: Share of an encoder's step that a gap is wide at least: less is no gap but how readings are rounded.
+_OF_A_STEP = 0.25
 #: Cycles per sample up to which a mode is one: near the sampling rate it is but another inertia or a filter;
 #: by hand.
 _FASTEST = 0.2
@@ -52,8 +54,10 @@ BACKLASH = EffectEntry(
     condition="deflection near zero",
     follows="deflection",
     separated=(("hardening_spring", "sweep the deflection's amplitude, with and without a bias torque"),),
-    practical=lambda p, on: p["width"] > on.coarsest,
+    practical=lambda p, on: p["width"] > _OF_A_STEP * on.coarsest,
     large=True,
+    # The faces damp where they touch (Nordin, Galic and Gutman, Int. J. Adapt. Control 11, 1997).
+    companion="joint_damping",
 )
 
 HARDENING = EffectEntry(

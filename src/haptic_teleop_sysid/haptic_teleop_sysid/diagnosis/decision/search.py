@@ -126,11 +126,23 @@ def search(
     plainly = told_plainly(choices, estimation, within_reach(model, scales))
     if plainly != choices:
         choices, fit = plainly, plainly[-1].chosen.fit
+    choices = without_companions(choices)
     shown_too = any(c.chosen.by_current > 0.0 for c in choices)
     if nameless is not None and not shown_too and nameless.chosen.by_motion > strongest:
         # What came first was the nearest name of something else.
         choices, fit = [], baseline
     return SearchResult(baseline, fit, tuple(choices), tuple(found), scales, nameless)
+
+
+def without_companions(choices: Sequence[Choice]) -> list[Choice]:
+    """The choices without those that go with a later one, which was not seen before them: the damping of the
+    joint with a gap whose faces damp. The model keeps what they are."""
+
+    def goes_with(one: Choice, other: Choice) -> bool:
+        it = one.chosen.effect
+        return other.chosen.effect.entry.companion == it.effect and it.location.endswith("_joint")
+
+    return [c for c in choices if not any(goes_with(c, other) for other in choices)]
 
 
 def _alone(

@@ -17,6 +17,7 @@ from haptic_teleop_sysid.estimation.records import Record
 from ..evidence.by_blocks import seen_steadily
 from ..evidence.certainty import standard_errors
 from ..evidence.residual import Condition, conditions, intervals, shares
+from ..hypotheses.candidates import goes_with
 from ..policy import LEAST_EXPLAINED, LEAST_KNOWN, NOTICEABLE, STRUCTURED, SUREST
 from .adequacy import NOT_SURE, Adequacy, explained_torque
 from .corroborated import adds_torque
@@ -124,7 +125,13 @@ def finding(choice: Choice, final: Fit, spread: dict[str, float], surest: float 
             {"effect": e.effect.effect, "location": e.effect.location, "confidence": round(min(p, told), 4)}
             for e, p in choice.others
         ],
-        "because": because(choice, fitted, steadily=steady >= sure, surest=told),
+        "because": because(
+            choice,
+            fitted,
+            steadily=steady >= sure,
+            surest=told,
+            beside=goes_with(effect, final.model),
+        ),
     }
 
 

@@ -22,22 +22,26 @@ def placed(effect: Effect) -> str:
     return f"{called(effect)} at {effect.location}"
 
 
-def because(choice: Choice, fitted: Effect, steadily: bool = True, surest: float = 1.0) -> str:
+def because(
+    choice: Choice,
+    fitted: Effect,
+    steadily: bool = True,
+    surest: float = 1.0,
+    beside: Effect | None = None,
+) -> str:
     """One sentence a lab engineer understands; ``fitted``: the effect with the numbers of the final model;
+    ``beside``: what that has because of the effect and is not named (see `candidates.companion`);
     ``steadily``: whether the recordings speak for it all the time; ``surest``: the most that a rival's
     confidence may be."""
     e = choice.chosen
     sentence = fitted.entry.sentence
-    numbers = ", ".join(
-        told(p, v)
-        for p, v in ((fitted.entry.parameter(n), v) for n, v in fitted.parameters.items())
-        if p.reported(v)
-    )
-    text = f"{sentence[0].upper()}{sentence[1:]} ({numbers}): " + (
+    text = f"{sentence[0].upper()}{sentence[1:]} ({_numbers(fitted)}): " + (
         e.witnessed
         or f"with it the log-likelihood of the recording rises by {e.gain:.0f}, and that of the other "
         f"recordings, which also choose, by {e.elsewhere:.0f}"
     )
+    if beside is not None:
+        text += f"; {beside.effect} ({_numbers(beside)}) goes with it at {beside.location}"
     if e.by_current > 0.0:
         text += f"; {e.by_current:.0f} of that come from the measured current"
     if e.beside is not None:
@@ -54,6 +58,11 @@ def because(choice: Choice, fitted: Effect, steadily: bool = True, surest: float
         share = 100 * min(p, surest)
         text += f"; {rival.effect.effect} at {rival.effect.location} is the runner-up ({share:.0f} %)"
     return text + "."
+
+
+def _numbers(effect: Effect) -> str:
+    values = ((effect.entry.parameter(n), v) for n, v in effect.parameters.items())
+    return ", ".join(told(p, v) for p, v in values if p.reported(v))
 
 
 def told(parameter: EffectParameter, value: float) -> str:

@@ -121,17 +121,22 @@ def _allowed(parameter: EffectParameter, value: float) -> float:
 
 
 def companion(model: Model, effect: Effect) -> Effect | None:
-    """The nuisance that an effect may call for, of size none: what loads the joint at rest hides a preload of
-    the joint where encoders are zeroed there."""
+    """What an effect may call for at the joint, of size none: what loads that at rest hides a preload of it
+    where encoders are zeroed there, and the faces of a gap damp."""
     location = model.location("joint")
-    if (
-        model.rigid
-        or not effect.entry.companion
-        or any(e.location == location and e.entry.nuisance for e in model.effects)
-    ):
+    if model.rigid or not effect.entry.companion:
         return None
     nuisance = EFFECTS[effect.entry.companion]
+    if any(e.location == location and (e.entry.nuisance or e.effect == nuisance.name) for e in model.effects):
+        return None
     return Effect(nuisance.name, location, {p.name: 0.0 for p in nuisance.parameters})
+
+
+def goes_with(effect: Effect, model: Model) -> Effect | None:
+    """What the model has at the joint because of an effect, see `companion`; None where it has nothing."""
+    there = model.effects if effect.entry.companion and not model.rigid else ()
+    location = "" if model.rigid else model.location("joint")
+    return next((e for e in there if (e.effect, e.location) == (effect.entry.companion, location)), None)
 
 
 def larger_starts(effect: Effect, scales: Scales) -> list[Effect]:
