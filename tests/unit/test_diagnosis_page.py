@@ -238,6 +238,12 @@ def test_a_name_with_which_your_own_model_is_better_is_said_to_show_nothing():
     assert page.conclusion[1].startswith("Part of what is missing is probably")
 
 
+def test_a_law_that_recordings_suggest_is_read_before_more_is_recorded():
+    todo = first_line("unknown", [], torque_map={"law": {"file": "suggested_effect.py"}}).conclusion[2]
+    assert todo.startswith("read the law in suggested_effect.py") and "separates A from B" in todo
+    assert first_line("unknown", [], torque_map={"law": None}).conclusion[2].startswith("record the next")
+
+
 def test_recordings_that_no_model_follows_come_before_any_name():
     odd = {"recordings": ["two"], "what": "no model follows two", "remedy": "see whether it has the units"}
     status, happened, todo = first_line("identified", [finding()], recordings_apart=odd).conclusion

@@ -53,6 +53,13 @@ def test_no_unit_of_a_parameter_is_forgotten():
         assert Units().restated(unit) == unit
 
 
+def test_a_suggested_law_has_the_units_of_the_machine():
+    said = "it may be torque = -0.18 * velocity (N*m, rad, rad/s), which explains 98 %"
+    assert "(A, rad, rad/s)" in Units("rad", "A").restated_all(said)
+    assert "(N, m, m/s)" in Units("m", "N").restated_all(said) and Units().restated_all(said) == said
+    assert Units("rad", "A").restated("N*m/(rad/s)") == "A/(rad/s)"
+
+
 def test_the_units_of_a_diagnosis_are_those_of_the_axis():
     content = {
         "findings": [{"parameters": {"torque": {"value": 20.4, "unit": "N*m"}}, "because": "it is 20.4 N*m"}],

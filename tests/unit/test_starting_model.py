@@ -182,10 +182,14 @@ def test_what_gives_no_model_is_refused_in_one_sentence(tmp_path, capsys):
     t, torque, angle, _ = machine()
     wrong = table(tmp_path / "wrong.csv", HEADER, (t, -torque, angle))
     good = plain_table(tmp_path / "good.csv")
+    slow = table(tmp_path / "slow.csv", HEADER, (1e3 * t, torque, angle))
+    quick = table(tmp_path / "quick.csv", HEADER, (1e-3 * t, torque, angle))
     (tmp_path / "there.yaml").write_text("mine")
     new = str(tmp_path / "new.yaml")
     for argv, said in (
         (["--from", str(wrong), "--output", new], "check sign"),
+        (["--from", str(slow), "--output", new], "is the time in another unit"),
+        (["--from", str(quick), "--output", new], "is the time in another unit"),
         (["--from", str(good), "--output", new, "--structure", "flexible_joint"], "no recorded arm"),
         (["--from", str(good), "--output", new, "--joint", "knee"], "no joint 'knee'"),
         (["--from", str(good), "--output", str(tmp_path / "there.yaml")], "--overwrite"),

@@ -45,6 +45,8 @@ _EXPLAINS = 50.0
 _LEAVES, _NEARLY_ALL = 2.0, 90.0
 #: Share of the sampling rate at which the motion's band ends where noise, not motion, fills it.
 _NOISY, _QUIET = 0.0999, 0.25
+#: s, between samples, beyond which nobody records a joint.
+_QUICKEST, _SLOWEST = 5e-6, 0.5
 
 
 @dataclass(frozen=True)
@@ -125,6 +127,7 @@ def starting_model(
     data = [load_dataset(r, _unit_model(joint, kind, io), n, allow_gaps=True) for n, r in recordings.items()]
     for dataset in data:
         refuse_idle(dataset)
+        _refuse_another_time(dataset)
         told += [f"note: {dataset.name}: {problem}" for problem in dataset.problems]
     if structure is None and kind == "flexible_joint" and not any(_gives(d) for d in data):
         kind = "rigid_body"
@@ -165,6 +168,15 @@ def starting_model(
     sizes = richer.values[len(richer.values) - len(richer.beside) :]
     beside = dict(zip(richer.beside, (float(v) for v in sizes), strict=True))
     return StartingModel(model, std, plain.percent, beside, richer.percent, cutoff, tuple(told))
+
+
+def _refuse_another_time(dataset: DataSet) -> None:
+    """Raise RecordingError where samples lie so far apart, or so near, that no joint was recorded so."""
+    if not _QUICKEST < dataset.dt < _SLOWEST:
+        raise RecordingError(
+            f"{dataset.name}: samples are {dataset.dt:.3g} s apart: is the time in another unit (ms, us)? "
+            "`haptic-teleop import LOG --suggest` proposes a mapping that says so."
+        )
 
 
 def _band(records: Sequence[Record]) -> float:

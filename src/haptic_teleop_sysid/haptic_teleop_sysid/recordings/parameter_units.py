@@ -14,6 +14,8 @@ _WRITTEN = (
     *("N*m*s^3/rad^3", "N*m*s^2/rad^2", "N*m*s/rad", "N*m/rad^3", "N*m/rad", "N*m"),
     *("kg*m^2", "rad/s", "s/rad", "rad"),
 )
+#: Behind a suggested law: units of its torque, angles and rates.
+_OF_A_LAW = "(N*m, rad, rad/s)"
 _BEHIND_A_NUMBER = re.compile(rf"(?<=\d )({'|'.join(map(re.escape, _WRITTEN))})(?![\w*/^])")
 
 
@@ -47,7 +49,7 @@ class Units:
 
     def restated(self, unit: str) -> str:
         """A unit of a turning joint driven by N·m as that of this machine: kg*m^2 -> kg."""
-        if self == Units() or unit not in _WRITTEN:
+        if self == Units() or (unit not in _WRITTEN and not unit.startswith("N*m/(")):
             return unit
         if unit == "kg*m^2":
             natural = {"rad": "N*m", "m": "N"}[self.position]
@@ -65,4 +67,5 @@ class Units:
             return content
         if key == "unit":
             return self.restated(content)
+        content = content.replace(_OF_A_LAW, f"({self.force}, {self.position}, {self.position}/s)")
         return _BEHIND_A_NUMBER.sub(lambda m: self.restated(m[1]), content)

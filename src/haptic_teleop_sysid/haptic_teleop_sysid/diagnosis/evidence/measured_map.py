@@ -44,7 +44,10 @@ A_GOOD_PART = 0.25
 #: Share of the torque that is missing at its place (mean square, the noise of its equation included) that a
 #: map must explain where it was not drawn from: a joint that creeps leaves 80 % of it to any map.
 A_GOOD_TORQUE = 0.4
-_ELSE = "what is missing has memory, acts at moments, or follows something that was not recorded"
+_ELSE = (
+    "what is missing has memory, acts at moments, or follows something else: quantities that no map has "
+    "together (an input and a velocity), or what was not recorded"
+)
 #: Factor over what a map explains from which a torque with memory, or over time, is what it is instead.
 _RATHER = 1.5
 #: Share of the log-likelihood that the best map gains, and of the torque that it explains where it was not

@@ -115,6 +115,12 @@ def _rivals(verdict: Verdict) -> str:
 def _todo(verdict: Verdict, content: dict[str, Any]) -> str:
     held, why = content["augmented_model"]["holds"], content["next_experiment"]["why"]
     model = f"augmented_model.yaml holds {content['augmented_model']['what']}"
+    law = (content.get("torque_map") or {}).get("law")
+    if verdict.kind == "unknown" and law is not None:
+        return (
+            f"read the law in {law['file']}; if it means something to you, add it and diagnose again. Then "
+            f"record the next experiment: {why}."
+        )
     if verdict.kind in ("ambiguous", "unknown"):
         return f"record the next experiment: {why}."
     if held == "given":
