@@ -5,6 +5,7 @@ import html
 import json
 import shlex
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -16,9 +17,11 @@ from haptic_teleop_sysid.commands.diagnose import _parser as diagnose_arguments
 from haptic_teleop_sysid.commands.estimate import main
 from haptic_teleop_sysid.diagnosis.report.columns import column, moved
 from haptic_teleop_sysid.diagnosis.report.summary import moved_words
+from haptic_teleop_sysid.estimation.noise import NoiseModel
 from haptic_teleop_sysid.estimation.residuals import correlations, depends_on_input
 from haptic_teleop_sysid.recordings.relative_scale import relative_to
 from haptic_teleop_sysid.report import relative, with_error
+from haptic_teleop_sysid.runs.estimation_doubts import _shaken
 from haptic_teleop_sysid.runs.followed import of_mean, of_worst, worse
 from haptic_teleop_sysid.runs.told_roles import told_role
 from haptic_teleop_sysid.runs.undetermined import what_determines
@@ -62,6 +65,19 @@ def test_a_model_without_the_robots_friction_is_doubted_though_its_predictors_ag
             assert row["at_least"] and row["interval"] is None
     assert "at least 0.18" in told and "at least 0.18" in page
     assert "intervals of 95 %" not in page and "errors are larger than the standard errors" in page
+
+
+@pytest.mark.parametrize(("luck", "doubted"), [(0.2, True), (0.05, False)])
+def test_a_model_that_needs_much_random_torque_is_doubted(luck, doubted):
+    """Friction may pass for it although the fit is fair."""
+    rms, constant = 0.12, STAGE.parameters["torque_constant"]
+    noise = NoiseModel(luck * constant * rms, 1e-4, 1e-4, 1e-4)
+    found = SimpleNamespace(fit=SimpleNamespace(noise=noise), model=STAGE)
+    data = {"a": SimpleNamespace(input=rms * np.ones(10)), "b": SimpleNamespace(input=np.zeros(10))}
+    result = SimpleNamespace(estimate=found, data=data, validation=("b",))
+    said = [doubt.sentence for doubt in _shaken(result)]
+    assert bool(said) == doubted and all("20 % of the input's" in one for one in said)
+    assert list(_shaken(SimpleNamespace(estimate=SimpleNamespace(fit=None)))) == []
 
 
 def test_a_right_model_is_believed_and_what_the_stiffness_makes_is_said(tmp_path, capsys):

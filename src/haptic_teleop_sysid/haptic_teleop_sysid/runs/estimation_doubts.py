@@ -1,5 +1,5 @@
 """What says that a model leaves physics out although its own two predictors agree: responses that it follows
-poorly, one-step errors that are not white."""
+poorly, random torques that it needs, one-step errors that are not white."""
 
 from __future__ import annotations
 
@@ -8,6 +8,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from haptic_teleop_sysid.diagnosis.policy import MOST_UNNAMED
 from haptic_teleop_sysid.estimation.residuals import depends_on_input
 from haptic_teleop_sysid.recordings.scatter import beyond_scatter
 from haptic_teleop_sysid.recordings.small_motion import at_rest, hardly_moving, judged
@@ -33,7 +34,7 @@ class Doubt:
 
 def doubts(result: Result) -> list[Doubt]:
     """Reasons to think that the model leaves something out, the weightiest first; empty for a good one."""
-    return [*_followed(result), *_coloured(result)]
+    return [*_followed(result), *_shaken(result), *_coloured(result)]
 
 
 def _followed(result: Result) -> Iterator[Doubt]:
@@ -56,6 +57,24 @@ def _followed(result: Result) -> Iterator[Doubt]:
     where = f" on {bag}" if len(result.data) > 1 else ""
     which = f": {signal}{where} with {percent_text(percent)} %, which is {word}" if word else ""
     yield Doubt(status, f"The model does not follow the motion closely{which}; physics may be missing.")
+
+
+def _shaken(result: Result) -> Iterator[Doubt]:
+    """By the random torque with which alone the model follows the recordings, as in a diagnosis that names
+    nothing."""
+    found = result.estimate
+    if found.fit is None:
+        return
+    noise, constant = found.fit.noise, found.model.parameters["torque_constant"]
+    bags = [bag for bag in result.data if bag not in result.validation] or [*result.data]
+    given = constant * float(np.sqrt(np.mean(np.concatenate([result.data[b].input for b in bags]) ** 2)))
+    share = max(noise.motor_torque, noise.arm_torque) / max(given, 1e-300)
+    if share > MOST_UNNAMED and np.isfinite(share):
+        yield Doubt(
+            "fair",
+            f"The model needs a random torque of {100.0 * share:.0f} % of the input's (rms) to follow the "
+            "recordings, more than chance is on a machine; physics may be missing.",
+        )
 
 
 def _coloured(result: Result) -> Iterator[Doubt]:
