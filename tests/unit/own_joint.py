@@ -23,7 +23,7 @@ def _moved(current, push, p, law, a, b, c):
     limit, b slope), 3 a detent at the arm (a torque, b angle, c width), 4 cubic drag at the motor (a), 5 a
     cubic spring at the arm (a, b rest), 6 a joint that creeps (a stiffness, b time constant), 7 a coupling
     that stiffens with speed (doubled at a), 8 a spring that changes with the motor's angle (a relative
-    amplitude, b order)."""
+    amplitude, b order), 9 an eddy-current brake at the arm (a greatest torque, b the speed of that)."""
     kt, ks, jm, bm, ja, ba = p
     out = np.zeros((len(current), 4))
     qm = qa = vm = va = z = 0.0
@@ -55,6 +55,8 @@ def _moved(current, push, p, law, a, b, c):
                 tau *= 1.0 + (vm / a) ** 2
             elif law == 8:
                 tau *= 1.0 + a * math.sin(b * qm)
+            elif law == 9:
+                fa = -2.0 * a * b * va / (b * b + va * va)
             vm += h * (torque - bm * vm - tau + fm + push[i, 0]) / jm
             va += h * (tau - ba * va + fa + push[i, 1]) / mass
             qm += 0.5 * h * vm

@@ -96,8 +96,9 @@ def bump(q):
         (3, (0.3, 0.25, 0.2), "arm", "angle", bump, 0.6),
         (4, (0.25,), "motor", "velocity", lambda v: -0.25 * v**3, 0.85),
         (5, (1.2, 0.3), "arm", "angle", lambda q: -1.2 * (q - 0.3) ** 3, 0.8),
+        (9, (0.3, 0.2), "arm", "velocity", lambda v: -0.12 * v / (0.04 + v * v), 0.8),
     ],
-    ids=["detent", "cubic drag", "cubic spring"],
+    ids=["detent", "cubic drag", "cubic spring", "eddy-current brake"],
 )
 def test_physics_without_a_name_is_measured_and_its_law_suggested(
     law, numbers, place, variable, torque, closed

@@ -140,14 +140,12 @@ def velocity_functions(fastest: float) -> Iterator[Function]:
     root = "s.velocity * s.sqrt(s.abs(s.velocity))"
     yield Function("velocity", root, lambda v: v * np.sqrt(np.abs(v)), "rad^1.5/s^1.5")
     for share in (0.05, 0.1, 0.2, 0.4):
-        speed = share * fastest
-        yield Function(
-            "velocity",
-            "s.velocity * s.exp(-((s.velocity / p.speed) ** 2))",
-            lambda v, w: v * np.exp(-((v / w) ** 2)),
-            "rad/s",
-            (("speed", speed, "rad/s"),),
-        )
+        shape = (("speed", share * fastest, "rad/s"),)
+        text = "s.velocity * s.exp(-((s.velocity / p.speed) ** 2))"
+        yield Function("velocity", text, lambda v, w: v * np.exp(-((v / w) ** 2)), "rad/s", shape)
+        # An eddy-current brake (Smythe, Trans. AIEE 61, 1942).
+        text = "s.velocity / (1.0 + (s.velocity / p.speed) ** 2)"
+        yield Function("velocity", text, lambda v, w: v / (1.0 + (v / w) ** 2), "rad/s", shape)
 
 
 def _above(q: FloatArray, c: float) -> FloatArray:
