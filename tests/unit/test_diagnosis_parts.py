@@ -254,7 +254,7 @@ def test_larger_starts_leave_alone_what_is_linear(scales):
         ("channel_skew", "arm_encoder", {"delay": -0.004}, True),
         ("actuator_lag", "actuator", {"time_constant": 0.02}, True),
         ("backlash", "joint", {"width": 0.01}, True),
-        ("backlash", "joint", {"width": 1e-5}, False),
+        ("backlash", "joint", {"width": 2e-6}, False),
         ("encoder_scale", "arm_encoder", {"scale": 1.01}, True),
         ("encoder_scale", "arm_encoder", {"scale": 1.00001}, False),
         ("torque_saturation", "actuator", {"limit": 2.0}, True),

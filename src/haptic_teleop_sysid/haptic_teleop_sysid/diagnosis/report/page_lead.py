@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
+from haptic_teleop_sim.effects import MEASURED
 from haptic_teleop_sysid.recordings.small_motion import judged
 from haptic_teleop_sysid.report import Page, Status, with_error
 
@@ -115,7 +116,7 @@ def _rivals(verdict: Verdict) -> str:
 def _todo(verdict: Verdict, content: dict[str, Any]) -> str:
     held, why = content["augmented_model"]["holds"], content["next_experiment"]["why"]
     model = f"augmented_model.yaml holds {content['augmented_model']['what']}"
-    law = (content.get("torque_map") or {}).get("law")
+    law = (content.get(MEASURED.name) or {}).get("law")
     if verdict.kind == "unknown" and law is not None:
         return (
             f"read the law in {law['file']}; if it means something to you, add it and diagnose again. Then "
