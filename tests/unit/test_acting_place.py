@@ -21,7 +21,10 @@ from haptic_teleop_sysid.diagnosis.decision.search import SearchResult
 from haptic_teleop_sysid.diagnosis.decision.verdict import Verdict
 from haptic_teleop_sysid.diagnosis.evidence.acting_place import ActingPlace
 from haptic_teleop_sysid.diagnosis.evidence.inverse_dynamics.arm_response import ArmResponse
-from haptic_teleop_sysid.diagnosis.evidence.inverse_dynamics.parity import parity_residuals
+from haptic_teleop_sysid.diagnosis.evidence.inverse_dynamics.parity import (
+    parity_residuals,
+    torque_at_the_motor,
+)
 from haptic_teleop_sysid.diagnosis.evidence.measured_map import no_torque
 from haptic_teleop_sysid.diagnosis.evidence.residual import Condition
 from haptic_teleop_sysid.diagnosis.hypotheses.explanation import Explanation
@@ -289,6 +292,13 @@ def test_the_place_alone_is_the_same_whether_or_not_encoders_are_asked_last(left
     clear = whole[other] > 5.0 * whole[best] and whole[other] > 0.01 and best != "motor"
     assert acting.alone == (best if clear else None)
     assert len(acting.content(False)["left"]) == 3 and len(acting.content(True)["left"]) == 5
+
+
+@pytest.mark.parametrize("place", ["arm", "joint", "arm_encoder"])
+def test_recordings_on_which_nothing_slides_want_no_friction(machines, place):
+    dry = Effect("coulomb_friction", "j_motor", {"torque": 1.0})
+    still = [replace(r, measured=np.zeros_like(r.measured)) for r in machines("motor")]
+    assert torque_at_the_motor(ELASTIC, still, CUTOFF, dry, place) is None
 
 
 def test_an_unknown_beside_friction_without_a_name_is_told_at_its_place(machines):

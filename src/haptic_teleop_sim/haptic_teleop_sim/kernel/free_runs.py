@@ -225,6 +225,7 @@ def nearest_starts(spans, states, angles, torque, exogenous, t0, mechanics, goal
         for j in range(4):
             state[j] = states[w, j]
         m, tries, begun, ended = length, most_trials, False, False
+        cost, at_first = -1.0, -1.0
         while not ended:
             stop = start + m
             for i in range(m):
@@ -303,13 +304,15 @@ def nearest_starts(spans, states, angles, torque, exogenous, t0, mechanics, goal
             if ran_away:
                 # From where it was measured to be the response runs away: what a short part of it says is
                 # where the next longer one begins. What runs away from there, too, hardly ever comes back.
+                at_first = cost
                 m, tries, begun = max(length // PARTS, SHORTEST), max(most_trials // 3, 1), True
             elif m < length:
                 m = min(GROWTH * m, length)
             else:
                 ended = True
-        for j in range(4):
-            states[w, j] = state[j]
+        if at_first < 0.0 or cost < at_first:
+            for j in range(4):
+                states[w, j] = state[j]
 
 
 @njit

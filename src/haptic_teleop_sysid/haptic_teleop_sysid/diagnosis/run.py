@@ -106,6 +106,7 @@ def diagnose(
         result, curved = outdone(result, found.errors, drawn)
         doubt = curved or doubt or short or bent
     say("deciding")
+    result = result.without_companions()
     forms = together(
         spread_by_form(result.final.model, found.learn, found.cutoff),
         spread_by_stretch(steady(found, result), result.final.model),

@@ -68,8 +68,10 @@ def _shaken(result: Result) -> Iterator[Doubt]:
     noise, constant = found.fit.noise, found.model.parameters["torque_constant"]
     bags = [bag for bag in result.data if bag not in result.validation] or [*result.data]
     given = constant * float(np.sqrt(np.mean(np.concatenate([result.data[b].input for b in bags]) ** 2)))
-    share = max(noise.motor_torque, noise.arm_torque) / max(given, 1e-300)
-    if share > MOST_UNNAMED and np.isfinite(share):
+    if not given > 0.0:
+        return
+    share = max(noise.motor_torque, noise.arm_torque) / given
+    if share > MOST_UNNAMED:
         yield Doubt(
             "fair",
             f"The model needs a random torque of {100.0 * share:.0f} % of the input's (rms) to follow the "

@@ -16,6 +16,7 @@ from haptic_teleop_sysid.estimation.whole_fit import fit_whole
 
 from ..evidence.inverse_dynamics.terms import Hypothesis
 from ..evidence.second_opinion import NO_WORSE
+from ..hypotheses.candidates import goes_with
 from ..policy import ERRS_LESS, FITS_WORSE
 from .adequacy import Adequacy
 from .corroborated import Corroboration
@@ -111,6 +112,14 @@ def without(result: SearchResult, effect: Effect, records: Sequence[Record]) -> 
         kept = (e for e in named if (e.effect, e.location) != (effect.effect, effect.location))
         rest = tuple(Hypothesis.resized(e, model.place(e.location)) for e in kept)
         return fit_of(result.witness.group_of(rest), fit, records)
-    head = f"{effect.location}.{effect.effect}."
-    free = tuple(name for name in fit.free if not name.startswith(head))
-    return fit_whole(fit.model.without(effect.effect, effect.location), fit.noise, records, free=free)
+    gone = [effect]
+    beside = goes_with(effect, fit.model)
+    known = (*result.baseline.model.effects, *(c.chosen.effect for c in result.choices))
+    if beside is not None and all((e.effect, e.location) != (beside.effect, beside.location) for e in known):
+        gone.append(beside)  # it is there because of the effect alone
+    model, free = fit.model, fit.free
+    for one in gone:
+        model = model.without(one.effect, one.location)
+        head = f"{one.location}.{one.effect}."
+        free = tuple(name for name in free if not name.startswith(head))
+    return fit_whole(model, fit.noise, records, free=free)

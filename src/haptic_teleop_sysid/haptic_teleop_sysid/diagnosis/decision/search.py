@@ -63,6 +63,17 @@ class SearchResult:
         """The result, in which some of its choices are told as given up."""
         return replace(self, given_up=(*self.given_up, *(GivenUp(c.chosen, why) for c in choices)))
 
+    def without_companions(self) -> SearchResult:
+        """The result without names of what goes with another one's: the damping of the joint with a gap whose
+        faces damp. The model keeps it."""
+        with_them = {c.chosen.effect.entry.companion for c in self.choices}
+        kept = (
+            c
+            for c in self.choices
+            if not (c.chosen.effect.effect in with_them and c.chosen.effect.location.endswith("_joint"))
+        )
+        return replace(self, choices=tuple(kept))
+
     def without_names(self, choices: Sequence[Choice], why: str) -> SearchResult:
         """The structure alone, with some of the choices told as given up."""
         told = self.giving_up(choices, why)
@@ -126,23 +137,11 @@ def search(
     plainly = told_plainly(choices, estimation, within_reach(model, scales))
     if plainly != choices:
         choices, fit = plainly, plainly[-1].chosen.fit
-    choices = without_companions(choices)
     shown_too = any(c.chosen.by_current > 0.0 for c in choices)
     if nameless is not None and not shown_too and nameless.chosen.by_motion > strongest:
         # What came first was the nearest name of something else.
         choices, fit = [], baseline
     return SearchResult(baseline, fit, tuple(choices), tuple(found), scales, nameless)
-
-
-def without_companions(choices: Sequence[Choice]) -> list[Choice]:
-    """The choices without those that go with a later one, which was not seen before them: the damping of the
-    joint with a gap whose faces damp. The model keeps what they are."""
-
-    def goes_with(one: Choice, other: Choice) -> bool:
-        it = one.chosen.effect
-        return other.chosen.effect.entry.companion == it.effect and it.location.endswith("_joint")
-
-    return [c for c in choices if not any(goes_with(c, other) for other in choices)]
 
 
 def _alone(

@@ -88,6 +88,8 @@ def torque_at_the_motor(
     stretches = [stretch for record in records for stretch in both_read(record, cutoff)]
     read = (signals(model, r, cutoff, [effect, *model.effects]) for r in long_enough(stretches, cutoff))
     parts = [p for p in read if len(p.kept)]
+    if not parts:
+        return None
     if place == ARM_ENCODER:
         arms = best_arm_response(model, parts, Signals.without_arm_encoder)
         equations = [p.without_arm_encoder(arm, p.kept) for p, arm in zip(parts, arms, strict=True)]
