@@ -7,6 +7,7 @@ import pytest
 from numba import njit
 from stepped_machines import DT, ELASTIC, FINE, drive
 
+from haptic_teleop_sim.model import Effect
 from haptic_teleop_sysid.diagnosis.run import diagnose
 from haptic_teleop_sysid.recordings.dataset import DataSet
 
@@ -64,3 +65,12 @@ def test_the_damping_of_the_faces_goes_with_a_gap_and_is_a_finding_without_one(w
     # They damp only while they touch.
     assert 0.7 * damping < faces.parameters["coefficient"] < 1.15 * damping
     assert ("joint_damping" in finding["because"]) == (named == "backlash")
+
+
+@pytest.mark.long
+def test_damping_that_the_model_has_is_not_said_to_come_with_a_gap():
+    sets = [recorded(seed, 0.01, 0.02) for seed in (1, 2)]
+    damped = LAB.with_effects(Effect("joint_damping", "j_joint", {"coefficient": 0.02}))
+    _, verdict, _, _ = diagnose(damped, sets[:1], sets[1:])
+    (finding,) = verdict.findings
+    assert finding["effect"] == "backlash" and "goes with it" not in finding["because"]

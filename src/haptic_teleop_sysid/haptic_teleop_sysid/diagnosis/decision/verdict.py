@@ -66,7 +66,8 @@ def decide_verdict(
     before = conditions(result.baseline, estimation, validation, joint)
     remaining = conditions(result.final, estimation, validation, joint) if result.choices else before
     surest = SUREST if adequate is None else adequate.surest
-    findings = [finding(c, result.final, spread or {}, surest) for c in result.choices]
+    own = result.baseline.model
+    findings = [finding(c, result.final, spread or {}, surest, own) for c in result.choices]
     unexplained = structured(result.final, remaining, estimation, result)
     if result.choices and adequate is not None and (adequate.much_is_left or adequate.worse):
         # Beside something unknown an error of an encoder has to show in free runs; a torque has the torques.
@@ -100,11 +101,14 @@ def structured(
     return best if best.size > NOTICEABLE * result.scales.size["torque"] else None
 
 
-def finding(choice: Choice, final: Fit, spread: dict[str, float], surest: float = SUREST) -> dict[str, Any]:
+def finding(
+    choice: Choice, final: Fit, spread: dict[str, float], surest: float = SUREST, own: Model | None = None
+) -> dict[str, Any]:
     """One finding, with the numbers of the final model; its standard errors are those of the fit with the
     spread between recordings and forms.  ``surest``: the most that its confidence may be, as far as it is
-    seen in the motion."""
+    seen in the motion; ``own``: the user's model: what that has goes with no finding."""
     effect = choice.chosen.effect
+    beside = goes_with(effect, final.model) if own is None or goes_with(effect, own) is None else None
     fitted = _fitted(choice, final)
     parameters = _parameters(choice, final, spread)
     steady = 1.0
@@ -130,7 +134,7 @@ def finding(choice: Choice, final: Fit, spread: dict[str, float], surest: float 
             fitted,
             steadily=steady >= sure,
             surest=told,
-            beside=goes_with(effect, final.model),
+            beside=beside,
         ),
     }
 
