@@ -286,8 +286,8 @@ def test_the_place_alone_is_the_same_whether_or_not_encoders_are_asked_last(left
     places = ["motor", "arm", "joint", "motor_encoder", "arm_encoder"]
     whole = dict(zip(places, left, strict=True))
     acting = ActingPlace(ELASTIC, (), CUTOFF)
-    acting._known[(), True, ()] = whole
-    acting._known[(), False, ()] = {place: whole[place] for place in places[:3]}
+    for asked in (), ("arm_encoder",), ("motor_encoder", "arm_encoder"):
+        acting._known[(), asked, ()] = {place: whole[place] for place in [*places[:3], *asked]}
     best, other, *_ = sorted(places, key=lambda place: whole[place])
     clear = whole[other] > 5.0 * whole[best] and whole[other] > 0.01 and best != "motor"
     assert acting.alone == (best if clear else None)

@@ -17,7 +17,7 @@ from haptic_teleop_sysid.estimation.records import Record
 
 from ..policy import HOLDS_ALONE, MISFIT, NOT_LOWERED
 from .inverse_dynamics.parity import parity_residuals
-from .inverse_dynamics.parity_equations import ARM, ENCODERS, JOINT, MOTOR
+from .inverse_dynamics.parity_equations import ARM, ARM_ENCODER, ENCODERS, JOINT, MOTOR
 from .inverse_dynamics.parity_signals import acts_at, can_allow_for
 
 
@@ -52,7 +52,7 @@ class ActingPlace:
         return any(e.entry.kind == "friction" and e.location == self.model.location(MOTOR) for e in every)
 
     def left(
-        self, known: Sequence[Effect] = (), encoders: bool = True, sliding: Sequence[Effect] = ()
+        self, known: Sequence[Effect] = (), encoders: Sequence[str] = ENCODERS, sliding: Sequence[Effect] = ()
     ) -> dict[str, float]:
         """What each place's equation leaves beside some effects (see `parity_residuals`); empty where the
         arithmetic fails."""
@@ -87,7 +87,7 @@ class ActingPlace:
     def alone(self) -> str | None:
         """The place whose equation holds while no other does; None where there is none, and at the motor,
         where some random torque acts on every machine."""
-        if not self._may_be_alone(self.quick) or not self._may_be_alone(self.bare):
+        if not all(self._may_be_alone(self.left(encoders=asked)) for asked in ((), (ARM_ENCODER,), ENCODERS)):
             return None
         ordered = sorted(self.bare.items(), key=lambda one: one[1])
         (best, least), (_, next_best), *_ = ordered
@@ -110,8 +110,9 @@ class ActingPlace:
             return False
         if self.alone is None or acts_at(self.model, effect.location) == self.alone or not _asked(effect):
             return False
+        wanted = ENCODERS if self.alone in ENCODERS else ()
         left, before = (
-            self.left(known, self.alone in ENCODERS, [effect]).get(self.alone) for known in ([effect], [])
+            self.left(known, wanted, [effect]).get(self.alone) for known in ([effect], [])
         )
         return left is not None and before is not None and left > NOT_LOWERED * before
 
@@ -123,7 +124,7 @@ class ActingPlace:
         if place_of_all is None or not all(map(_asked, names)):
             return 1.0
         others = [place for place in (MOTOR, ARM, JOINT) if place != place_of_all]
-        left, bare = (self.left(known, False, names) for known in (names, ()))
+        left, bare = (self.left(known, (), names) for known in (names, ()))
         after = min((left[place] for place in others if place in left), default=0.0)
         before = min((bare[place] for place in others if place in bare), default=1.0)
         return 1.0 if after < MISFIT else 1.0 - min(after / before, 1.0) ** 2
@@ -135,8 +136,8 @@ class ActingPlace:
 
     @cached_property
     def quick(self) -> dict[str, float]:
-        """`bare` of the equations with both encoders: those without one take ten times as long to ask."""
-        return self.left(encoders=False)
+        """`bare` of the equations with both encoders: those without one take several times as long to ask."""
+        return self.left(encoders=())
 
     def content(self, whole: bool) -> dict[str, Any]:
         """What diagnosis.json says: what is allowed for, and what each place's equation leaves; with the

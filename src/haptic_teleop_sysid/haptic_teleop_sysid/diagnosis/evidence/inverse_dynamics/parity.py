@@ -33,11 +33,11 @@ def parity_residuals(
     records: Sequence[Record],
     cutoff: float,
     known: Sequence[Effect] = (),
-    encoders: bool = True,
+    encoders: Sequence[str] = ENCODERS,
     sliding: Sequence[Effect] = (),
 ) -> dict[str, float]:
     """What each place's parity equation leaves, rms, as a share of the input's torque: by place (motor, arm,
-    joint, and with ``encoders`` arm_encoder and motor_encoder), of a flexible joint. What the motor's leaves
+    joint, and those of ``encoders``), of a flexible joint. What the motor's leaves
     is in units of the model's stiffness. The equation without the motor's encoder is one of signals as the
     arm follows them, which are smoother: it has the share of the best of the others, times what it leaves
     relative to that one as smooth. Beside a dry friction only samples count at which it slides, and an
@@ -57,13 +57,13 @@ def parity_residuals(
         ARM: [p.without_arm() for p in parts],
         JOINT: [p.without_joint() for p in parts],
     }
-    if encoders:
-        arms = best_arm_response(model, parts, Signals.without_arm_encoder)
+    if ARM_ENCODER in encoders:
+        arms = best_arm_response(model, parts, Signals.without_arm_encoder, descends=True)
         equations[ARM_ENCODER] = [p.without_arm_encoder(arm) for p, arm in zip(parts, arms, strict=True)]
     driven = rms([p.torque[p.kept] for p in parts])
     found = {place: left_by(counted(parts, rows)) / driven for place, rows in equations.items()}
-    if encoders:
-        arms = best_arm_response(model, parts, Signals.without_motor_encoder)
+    if MOTOR_ENCODER in encoders:
+        arms = best_arm_response(model, parts, Signals.without_motor_encoder, descends=False)
         smooth = {
             place: left_by(counted(parts, [one.seen(arm) for one, arm in zip(rows, arms, strict=True)]))
             for place, rows in equations.items()
@@ -72,9 +72,9 @@ def parity_residuals(
         best = {min(measure, key=lambda place: measure[place]) for measure in (found, smooth)}
         least = _NOTHING * driven
         found[MOTOR_ENCODER] = max(own / max(smooth[place], least) * found[place] for place in best)
-        for encoder in _blurred(model, [*known, *sliding]):
-            if found[encoder] > min(found.values()):
-                del found[encoder]
+    for encoder in _blurred(model, [*known, *sliding]):
+        if encoder in found and found[encoder] > min(found.values()):
+            del found[encoder]
     return found if all(map(math.isfinite, found.values())) else {}
 
 
@@ -91,7 +91,7 @@ def torque_at_the_motor(
     if not parts:
         return None
     if place == ARM_ENCODER:
-        arms = best_arm_response(model, parts, Signals.without_arm_encoder)
+        arms = best_arm_response(model, parts, Signals.without_arm_encoder, descends=True)
         equations = [p.without_arm_encoder(arm, p.kept) for p, arm in zip(parts, arms, strict=True)]
     else:
         every = [p.without_arm() if place == ARM else p.without_joint() for p in parts]

@@ -21,6 +21,8 @@ _REACH = 4.0
 #: Damping of the arm's response where that is looked for, and where the search begins, as a share of its
 #: undamped frequency.
 _DAMPED, _BEGINS = (1e-3, 4.0), (0.02, 1.0)
+#: Step of the logarithms by which its derivatives are taken, and how near it is found.
+_STEP, _CLOSE = 1e-4, 1e-3
 #: Samples that an equation needs for each of its columns.
 _SAMPLES = 10
 #: Added to the products of columns of length 1, so that those which are alike have a root.
@@ -28,26 +30,43 @@ _RIDGE = 1e-13
 
 
 def best_arm_response(
-    model: Model, parts: Sequence[Signals], rows: Callable[[Signals, ArmResponse, NDArray[np.intp]], Rows]
+    model: Model,
+    parts: Sequence[Signals],
+    rows: Callable[[Signals, ArmResponse, NDArray[np.intp]], Rows],
+    descends: bool,
 ) -> list[ArmResponse]:
     """The arm's response with which the equation without an encoder leaves least, at the samples of each
-    recording."""
+    recording; ``descends``: what it leaves falls towards that from the model's, which takes a third of the
+    time. That of an equation whose both sides go through the response has further least values."""
     p = model.parameters
     frequency = math.sqrt(p["stiffness"] / p["arm_inertia"])
     damped = float(np.clip(p["arm_damping"] / p["arm_inertia"] / frequency, *_BEGINS))
     given = np.log([frequency**2, damped * frequency])
+    reach = (frequency**2 / _REACH, frequency**2 * _REACH), tuple(share * frequency for share in _DAMPED)
+    bounds = np.log(reach)
 
     def arms(logarithms: FloatArray) -> list[ArmResponse]:
         stiffness, damping = np.exp(logarithms).tolist()
         return [ArmResponse(stiffness, damping, part.dt) for part in parts]
 
-    def share(logarithms: FloatArray) -> float:
-        equations = [rows(part, arm, part.kept) for part, arm in zip(parts, arms(logarithms), strict=True)]
-        return left_by(equations) / rms([one.target for one in equations])
+    def equations(logarithms: FloatArray) -> tuple[list[Rows], float]:
+        found = [rows(part, arm, part.kept) for part, arm in zip(parts, arms(logarithms), strict=True)]
+        return found, rms([one.target for one in found])
 
-    reach = (frequency**2 / _REACH, frequency**2 * _REACH), tuple(share * frequency for share in _DAMPED)
-    bounds = np.log(reach).tolist()
-    return arms(scipy.optimize.minimize(share, given, method="Nelder-Mead", bounds=bounds, tol=1e-3).x)
+    def left(logarithms: FloatArray) -> FloatArray:
+        found, whole = equations(logarithms)
+        return np.concatenate(residuals(found)) / whole
+
+    def share(logarithms: FloatArray) -> float:
+        found, whole = equations(logarithms)
+        return left_by(found) / whole
+
+    if not len(left(given)):
+        return arms(given)
+    if descends:
+        close = {"xtol": _CLOSE, "ftol": _CLOSE**2}
+        return arms(scipy.optimize.least_squares(left, given, bounds=bounds.T, diff_step=_STEP, **close).x)
+    return arms(scipy.optimize.minimize(share, given, method="Nelder-Mead", bounds=bounds, tol=_CLOSE).x)
 
 
 def counted(parts: Sequence[Signals], equations: Sequence[Rows]) -> list[Rows]:
@@ -92,6 +111,19 @@ def solved(equations: Sequence[Rows]) -> tuple[float, FloatArray]:
     factors = np.zeros(size)
     factors[shown] = found / scale[shown]
     return math.sqrt(max(square, 0.0) / (samples - len(found))), factors
+
+
+def residuals(equations: Sequence[Rows]) -> list[FloatArray]:
+    """What `solved` leaves of each recording's equation; nothing with too few samples."""
+    _, factors = solved(equations)
+    if not len(factors):
+        return [np.zeros(0)]
+    place = common = equations[0].structure.shape[1]
+    found = []
+    for one in equations:
+        own = factors[place : (place := place + one.free.shape[1])]
+        found.append(one.target - one.structure @ factors[:common] - one.free @ own)
+    return found
 
 
 def rms(parts: Sequence[FloatArray]) -> float:
