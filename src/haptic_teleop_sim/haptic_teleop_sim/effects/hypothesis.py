@@ -92,6 +92,9 @@ CHANGES = 0.1
 #: begins does not drift; by hand.
 AT_ONCE = 0.02
 
+#: Cycles from which a sine repeats: the third half-wave is the first that confirms the others.
+REPEATED = 1.5
+
 
 def noticeable(name: str, times: float = 1.0) -> Practical:
     """The parameter of that name is a torque above the least one (``times`` as much)."""
@@ -116,3 +119,14 @@ def bends(p: Numbers, on: Recorded) -> bool:
 def repeats(p: Numbers, on: Recorded) -> bool:
     """Three quarters of a cycle of ``order`` were seen: less is one hill or valley, as gravity has it."""
     return p["order"] * on.span > 1.5 * math.pi
+
+
+def seen_once(p: Numbers, on: Recorded) -> str:
+    """Nobody knows that a curve over the angle repeats of which no third half-wave was seen."""
+    cycles = p["order"] * on.span / (2.0 * math.pi)
+    if cycles >= REPEATED:
+        return ""
+    return (
+        f"{cycles:.2g} of its cycles lie in the travel: any curve over that angle may look like that, so "
+        "record over more of it"
+    )

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 
 from .entry import EffectEntry
-from .hypothesis import CHANGES, SMALL_TORQUE, Equivalent, Numbers, Recorded, noticeable, repeats
+from .hypothesis import CHANGES, SMALL_TORQUE, Equivalent, Numbers, Recorded, noticeable, repeats, seen_once
 from .parameter import EffectParameter
 
 #: Share of the travel by which the recordings' torque, rms, pushes into a stop at most: what yields further
@@ -14,8 +14,6 @@ _YIELDS = 0.3
 #: Cycles per revolution about one that are those of gravity: they say the same, but for a shape hardly
 #: seen; by hand.
 _ONCE_A_TURN = 0.15
-#: Cycles from which a sine repeats: the third half-wave is the first that confirms the others.
-_REPEATED = 1.5
 #: A pull towards an angle: gravity or a spring.
 _PULL = ("pull towards an angle",)
 _SMALL_ANGLES = "over a small angle"
@@ -45,17 +43,6 @@ def _ripples(p: Numbers, on: Recorded) -> bool:
     """A noticeable amplitude, of a sine of which enough was seen; once a turn it is gravity."""
     noticed = p["amplitude"] > SMALL_TORQUE * on.size["torque"] and repeats(p, on)
     return noticed and abs(p["order"] - 1.0) > _ONCE_A_TURN
-
-
-def _seen_once(p: Numbers, on: Recorded) -> str:
-    """Nobody knows that a curve repeats of which no third half-wave was seen."""
-    cycles = p["order"] * on.span / (2.0 * math.pi)
-    if cycles >= _REPEATED:
-        return ""
-    return (
-        f"{cycles:.2g} of its cycles lie in the travel: any curve over that angle may look like that, so "
-        "record over more of it"
-    )
 
 
 def _stops(p: Numbers, on: Recorded) -> bool:
@@ -206,7 +193,7 @@ TORQUE_RIPPLE = EffectEntry(
     condition="{q}, periodically",
     follows="angle",
     practical=_ripples,
-    doubtful=_seen_once,
+    doubtful=seen_once,
 )
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from .entry import EffectEntry
-from .hypothesis import Equivalent, Numbers, Recorded, as_early, late
+from .hypothesis import Equivalent, Numbers, Recorded, as_early, late, seen_once
 from .parameter import EffectParameter
 
 #: Least error of an encoder in its steps, which average out over many readings, and how much of its sine must
@@ -97,6 +97,7 @@ ENCODER_ECCENTRICITY = EffectEntry(
     equation=lambda s, p: s.position + p.amplitude * (s.sin(p.order * s.position + p.phase) - s.sin(p.phase)),
     condition="{q}, periodically",
     practical=_errs,
+    doubtful=seen_once,
 )
 SENSOR_DELAY = EffectEntry(
     name="sensor_delay",

@@ -16,10 +16,10 @@ from haptic_teleop_sysid.estimation.records import Record
 
 from ..evidence.acting_place import ActingPlace
 from ..evidence.inverse_dynamics.parity import torque_at_the_motor
-from ..evidence.inverse_dynamics.parity_equations import ARM, ARM_ENCODER, JOINT
-from ..policy import LEAST_EXPLAINED, NOTICEABLE
+from ..evidence.inverse_dynamics.parity_equations import ARM, ARM_ENCODER, JOINT, MOTOR, MOTOR_ENCODER
+from ..policy import HOLDS_BETTER, LEAST_EXPLAINED, NOTICEABLE
 from .at_reversals import Turning, seen_apart
-from .misplaced import beside_findings, holds_better
+from .misplaced import beside_findings
 from .objections import OTHER_SIZE
 from .verdict import Verdict
 
@@ -32,17 +32,17 @@ def with_drive_friction(
     turning: Turning,
 ) -> Verdict:
     """The verdict with dry friction at the motor, where nothing is said of friction there, reversals do not
-    exclude it, and one place's equation holds beside it and wants it: on the recordings of both ``kinds``, by
-    sizes that do not differ by more than OTHER_SIZE, NOTICEABLE beside the input's torque, and so that it
-    explains LEAST_EXPLAINED of what the equation leaves without it."""
+    exclude it, and the equation of a place behind the motor holds beside it and wants it: on the recordings
+    of both ``kinds``, by sizes that do not differ by more than OTHER_SIZE, NOTICEABLE beside the input's
+    torque, and so that it explains LEAST_EXPLAINED of what the equation leaves without it."""
     acting = beside_findings(verdict, acting)
     dry = acting.dry_friction
     if turning.not_seen(dry.effect, dry.location) or acting.rubs(e for e in acting.beside if e != dry):
         return verdict
     if dry not in acting.beside:
         acting = replace(acting, beside=(*acting.beside, dry))
-    place = holds_better(acting)
-    if place not in (ARM, JOINT, ARM_ENCODER):
+    place = _behind_the_motor(acting)
+    if place is None:
         return verdict
     known = tuple(e for e in acting.beside if e != dry)
     model = acting.model.with_effects(*known)
@@ -69,3 +69,15 @@ def with_drive_friction(
     )
     named = seen_apart(effect, abs(sizes[0] - sizes[1]) / 2.0, words, baseline)
     return replace(verdict, findings=[*verdict.findings, named])
+
+
+def _behind_the_motor(acting: ActingPlace) -> str | None:
+    """The place behind the motor whose equation leaves least, and less by HOLDS_BETTER than those of the
+    motor and its encoder. Which one it is need not be clear: a beam is no arm, and its gauge no encoder."""
+    left = acting.bare
+    behind = [place for place in (ARM, JOINT, ARM_ENCODER) if place in left]
+    before = [left[place] for place in (MOTOR, MOTOR_ENCODER) if place in left]
+    best = min(behind, key=lambda place: left[place], default=None)
+    if best is None or not before or min(before) <= HOLDS_BETTER * left[best]:
+        return None
+    return best

@@ -17,6 +17,7 @@ from ..evidence.inverse_dynamics.terms import follows_from_motion
 from ..evidence.residual import Condition
 from ..policy import HOLDS_BETTER, MOST_UNNAMED
 from .beside_the_others import left_out, without
+from .decide import Choice
 from .reasons import Doubt
 from .search import SearchResult
 from .verdict import Verdict, followed
@@ -25,8 +26,38 @@ from .verdict import Verdict, followed
 def misplaced(
     result: SearchResult, acting: ActingPlace, records: Sequence[Record]
 ) -> tuple[SearchResult, Doubt | None]:
-    """The result without names at places where nothing acts, because what is missing acts at another one;
-    ``records``: those of the estimation. The doubt that says so, where no name is left."""
+    """The result without errors of encoders that are not in all equations of their angle, and without names
+    at places where nothing acts, because what is missing acts at another one; ``records``: those of the
+    estimation. The doubt that says so, where no name is left."""
+    for misfits in (_of_encoders, _elsewhere):
+        gone = misfits(result, acting)
+        if gone and len(gone) == len(result.choices):
+            (first, why), *_ = gone
+            return result.without_names([choice for choice, _ in gone], why), Doubt(first, why)
+        for choice, why in gone:
+            result = left_out(result, choice, why, without(result, choice.chosen.effect, records))
+    return result, None
+
+
+def _of_encoders(result: SearchResult, acting: ActingPlace) -> list[tuple[Choice, str]]:
+    """Names of encoders' errors that are none, and why."""
+    found = []
+    for choice in result.choices:
+        effect = choice.chosen.effect
+        others = [c.chosen.effect for c in result.choices if c is not choice]
+        place = acting.held_worse(effect, others)
+        if place is not None:
+            name, where = f"{effect.effect} at {effect.location}", result.baseline.model.location(place)
+            why = (
+                f"{name} is none: with readings that are corrected by it, the equation without what acts at "
+                f"{where} holds worse, and an error of an encoder is in that, too"
+            )
+            found.append((choice, why))
+    return found
+
+
+def _elsewhere(result: SearchResult, acting: ActingPlace) -> list[tuple[Choice, str]]:
+    """Names at places where nothing acts, and why."""
     named = [c.chosen.effect for c in result.choices]
     asked = [
         c
@@ -34,24 +65,22 @@ def misplaced(
         if c.chosen.by_current <= 0.0 and not _changes_another(c.chosen.effect, named)
     ]
     if not asked:
-        return result, None
+        return []
     acting = acting.clear_beside(named)
     gone = [c for c in asked if acting.elsewhere(c.chosen.effect)]
     if not gone:
-        return result, None
+        return []
     where = result.baseline.model.location(acting.alone or "")
     allowed = " and ".join(f"{e.effect} at {e.location}" for e in acting.beside)
     missing = f"all that is missing beside {allowed}" if allowed else "all that is missing"
-    whys = [
-        f"{missing} acts at {where}, as the equations of the other places do not hold and its own does, and "
-        f"{c.chosen.effect.effect} at {c.chosen.effect.location} does not make that hold better"
+    return [
+        (
+            c,
+            f"{missing} acts at {where}, as the equations of the other places do not hold and its own does, "
+            f"and {c.chosen.effect.effect} at {c.chosen.effect.location} does not make that hold better",
+        )
         for c in gone
     ]
-    if len(gone) == len(result.choices):
-        return result.without_names(gone, whys[0]), Doubt(gone[0], whys[0])
-    for choice, why in zip(gone, whys, strict=True):
-        result = left_out(result, choice, why, without(result, choice.chosen.effect, records))
-    return result, None
 
 
 def _changes_another(effect: Effect, named: Sequence[Effect]) -> bool:
