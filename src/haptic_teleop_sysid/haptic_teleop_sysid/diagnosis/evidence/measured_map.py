@@ -29,6 +29,7 @@ from .inverse_dynamics.band import motion_band
 from .inverse_dynamics.groups import Search
 from .inverse_dynamics.latent import IN_A_TURN, Latent
 from .places_of_maps import places_of
+from .reading_error import ReadingError
 from .second_opinion import Errors
 from .suggested_law.entry_file import law_content
 from .suggested_law.of_map import law_of
@@ -98,11 +99,17 @@ class MeasuredMap:
         return found
 
 
-def no_torque(encoder: str) -> MeasuredMap:
-    """None is drawn, because what is missing is in the readings of an encoder."""
+def no_torque(encoder: str, error: ReadingError | None = None) -> MeasuredMap:
+    """None is drawn, because what is missing is in the readings of an encoder; ``error``: these over the
+    angle, where that is known."""
+    if error is None:
+        return MeasuredMap(
+            f"no map was added: what is missing is an error of {encoder}, and no torque; see what it "
+            "follows, and check how the sensor is mounted, read and stamped"
+        )
     return MeasuredMap(
-        f"no map was added: what is missing is an error of {encoder}, and no torque; see what it follows, "
-        "and check how the sensor is mounted, read and stamped"
+        f"no map was added: what is missing is an error of {encoder}, and no torque; over the angle it is up "
+        f"to {error.largest:.2g} rad, so check how the sensor is mounted and read, or calibrate it"
     )
 
 

@@ -22,6 +22,7 @@ from . import page_columns
 from .page_law import LawCurve, condition_plot, law_curves, law_plot
 from .page_lead import lead
 from .page_map import map_section
+from .page_reading import reading_section
 from .page_reasons import curves_table, given_up, reasons, tried
 from .page_steps import Origin, steps
 from .summary import PART_LABELS, percent
@@ -56,6 +57,7 @@ def diagnosis_page(
     page_columns.fits(page, content, proof)
     _best(page, proof)
     page_columns.parameters(page, content)
+    reading_section(page, content, units)
     map_section(page, content, units)
     reasons(page, verdict, content, curves)
     steps(page, content, origin)

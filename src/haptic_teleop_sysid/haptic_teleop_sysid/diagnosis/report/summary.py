@@ -81,7 +81,8 @@ def map_sentences(content: dict[str, Any]) -> list[str]:
     found = content.get(MEASURED.name)  # none in results of earlier versions
     if found is None:
         return []
-    told = [found, found.get("law"), content.get("stand_in")]
+    reading = content.get("reading_error") or {}
+    told = [found, found.get("law"), reading.get("fit"), content.get("stand_in")]
     return [f"  {one['what']}" for one in told if one is not None]
 
 
