@@ -15,7 +15,7 @@ from haptic_teleop_sysid.diagnosis.decision.decide import Choice
 from haptic_teleop_sysid.diagnosis.decision.misplaced import misplaced
 from haptic_teleop_sysid.diagnosis.decision.search import SearchResult
 from haptic_teleop_sysid.diagnosis.evidence.acting_place import ActingPlace
-from haptic_teleop_sysid.diagnosis.evidence.encoder_error import without_error
+from haptic_teleop_sysid.diagnosis.evidence.inverse_dynamics.corrected import corrected
 from haptic_teleop_sysid.diagnosis.hypotheses.explanation import Explanation
 from haptic_teleop_sysid.diagnosis.inputs.scales import recording_scales
 from haptic_teleop_sysid.estimation.whole_fit import fit_whole, noise_starts
@@ -83,7 +83,7 @@ def test_an_error_that_is_there_makes_no_equation_worse(error, encoder):
 @pytest.mark.parametrize("encoder", [0, 1])
 def test_without_its_error_a_reading_is_the_angle(error, encoder):
     wrong, right = machine(0, error=error, encoder=encoder), machine(0)
-    read = without_error(wrong, named(error, encoder), encoder).measured
+    read = corrected(wrong, named(error, encoder), encoder).measured
     assert read[: len(read) - 5] == pytest.approx(right.measured[: len(read) - 5], abs=3e-5)
 
 
@@ -92,7 +92,7 @@ def test_a_missing_reading_stays_missing_and_nothing_is_made_of_it():
     holes = replace(whole, measured=whole.measured.copy())
     holes.measured[100:103, 0] = np.nan
     for effect in (named("sensor_delay", 0), named("encoder_eccentricity", 0)):
-        with_holes, without = (without_error(r, effect, 0).measured[:, 0] for r in (holes, whole))
+        with_holes, without = (corrected(r, effect, 0).measured[:, 0] for r in (holes, whole))
         assert np.array_equal(np.flatnonzero(np.isnan(with_holes)), [100, 101, 102])
         assert np.nanmax(np.abs(with_holes - without)) < 2e-3
 

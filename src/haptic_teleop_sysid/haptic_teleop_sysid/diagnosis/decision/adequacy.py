@@ -20,7 +20,7 @@ from haptic_teleop_sysid.estimation.likelihood import FAILURES, settled
 from haptic_teleop_sysid.estimation.records import Record
 
 from ..evidence.residual import left_over
-from ..policy import LEAST_EXPLAINED, MOST_UNNAMED, SURE, SUREST
+from ..policy import HOLDS_BETTER, LEAST_EXPLAINED, MOST_UNNAMED, SURE, SUREST
 from .reasons import Doubt
 from .search import SearchResult
 
@@ -85,8 +85,9 @@ class Adequacy:
     @property
     def much_is_left(self) -> bool:
         """Whether so much more than chance is left that the findings are not what is missing, but beside
-        it."""
-        if self.parity < LEAST_EXPLAINED:
+        it: of what the other places' equations leave, where everything acts at one place, names that are
+        right take as much (HOLDS_BETTER) as tells that place."""
+        if 1.0 - self.parity > 1.0 / HOLDS_BETTER**2:
             return True
         return not self.random_left and (self.follows is not None or self.least < LEAST_EXPLAINED)
 

@@ -9,7 +9,7 @@ from haptic_teleop_sim.model import Model
 from haptic_teleop_sysid.estimation.likelihood import FAILURES
 from haptic_teleop_sysid.estimation.records import Record
 
-from ..evidence.inverse_dynamics.corrected import corrected, torques_left
+from ..evidence.inverse_dynamics.corrected import can_correct, corrected, torques_left
 from ..evidence.inverse_dynamics.terms import follows_from_input, follows_from_motion
 from ..policy import FITS_BETTER, FITS_WORSE
 from .decide import Choice
@@ -29,7 +29,7 @@ def misread(
     group = [e for e in effects if follows_from_motion(e.entry) or follows_from_input(e.entry)]
     choices = [*result.choices]
     for number, error in enumerate(effects):
-        if error.entry.kind != "output" or error.entry.equation is None:
+        if error.entry.kind != "output" or not can_correct(error):
             continue
         try:
             raw = torques_left(given, learn, judge, group, cutoff)

@@ -15,8 +15,8 @@ from haptic_teleop_sim.model import Effect, Model
 from haptic_teleop_sysid.estimation.likelihood import FAILURES
 from haptic_teleop_sysid.estimation.records import Record
 
-from ..policy import HELD_WORSE, HOLDS_BETTER, MISFIT, NOT_LOWERED
-from .encoder_error import is_reading_error, without_error
+from ..policy import FITS_WORSE, HOLDS_BETTER, MISFIT, NOT_LOWERED
+from .inverse_dynamics.corrected import can_correct, corrected
 from .inverse_dynamics.parity import parity_residuals
 from .inverse_dynamics.parity_equations import ARM, ARM_ENCODER, ENCODERS, JOINT, MOTOR
 from .inverse_dynamics.parity_signals import acts_at, can_allow_for
@@ -123,11 +123,11 @@ class ActingPlace:
         angle, and none of them may get worse without. None where there is none. The spring may be any: beside
         a torque constant that is off, that of the model makes an equation hold best with readings that err.
         """
-        if self.model.place(error.location) not in ENCODERS or not is_reading_error(error.entry):
+        if self.model.place(error.location) not in ENCODERS or not can_correct(error):
             return None
         channel = int(self.model.place(error.location) == ARM_ENCODER)
         model = replace(self.model, fixed=tuple(n for n in self.model.fixed if n != "stiffness"))
-        true = [without_error(r, error, channel) for r in self.records]
+        true = [corrected(r, error, channel) for r in self.records]
         known = [*filter(_asked, beside)]
         before, after = (
             replace(self, model=model, records=read, _known={}).left(known, ())
@@ -135,7 +135,7 @@ class ActingPlace:
         )
         worse = {place: after[place] / max(before[place], 1e-300) for place in before if place in after}
         most = max(worse, key=lambda place: worse[place], default=None)
-        return most if most is not None and worse[most] > HELD_WORSE else None
+        return most if most is not None and worse[most] > FITS_WORSE else None
 
     def explained(self, names: Sequence[Effect]) -> float:
         """Share (mean square) of what the equations of other places leave that they do not leave with names,

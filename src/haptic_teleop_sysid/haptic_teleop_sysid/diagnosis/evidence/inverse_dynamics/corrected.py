@@ -12,6 +12,7 @@ from dataclasses import replace
 from types import SimpleNamespace
 
 import numpy as np
+from numpy.typing import NDArray
 
 from haptic_teleop_sim.effects.on_arrays import NUMERIC
 from haptic_teleop_sim.model import Effect, Model
@@ -20,6 +21,8 @@ from haptic_teleop_sysid.estimation.records import Record
 from .groups import Search
 from .regression import equations
 from .terms import Hypothesis
+
+FloatArray = NDArray[np.float64]
 
 #: Points of the curve from the true angle to the reading, over what was read and a tenth more at either end.
 _POINTS = 4096
@@ -40,16 +43,37 @@ def torques_left(
     return float(np.sqrt(sum(squares) / sum(side.samples for side in sides)))
 
 
-def corrected(record: Record, error: Effect) -> Record:
-    """The record with the error of its motor's encoder, which follows the angle, taken out of the angles."""
-    read = record.measured[:, 0]
+def can_correct(error: Effect) -> bool:
+    """Whether an effect is an error of what an encoder reads that follows the angle, or a reading that is
+    late."""
+    return error.entry.kind == "skew" or (error.entry.kind == "output" and error.entry.equation is not None)
+
+
+def corrected(record: Record, error: Effect, channel: int = 0) -> Record:
+    """The record with such an error of the encoder of motor (0) or arm (1) taken out of the angles; missing
+    where a reading is."""
+    read = record.measured[:, channel]
+    seen = np.isfinite(read)
+    if error.entry.kind == "skew":
+        true = _earlier(read, seen, sum(error.parameters.values()) / record.dt)
+    else:
+        true = _inverted(read, error)
+    measured = record.measured.copy()
+    measured[:, channel] = np.where(seen, true, np.nan)
+    return replace(record, measured=measured)
+
+
+def _earlier(read: FloatArray, seen: NDArray[np.bool_], samples: float) -> FloatArray:
+    """Readings (n,) that are so many ``samples`` late, at their time; beyond the ends as they are there."""
+    place = np.arange(len(read), dtype=float)
+    return np.asarray(np.interp(place + samples, place[seen], read[seen]))
+
+
+def _inverted(read: FloatArray, error: Effect) -> FloatArray:
     low, high = float(np.nanmin(read)), float(np.nanmax(read))
     beyond = 0.1 * (high - low)
     true = np.linspace(low - beyond, high + beyond, _POINTS)
     equation = error.entry.equation
     assert equation is not None
     shown = np.asarray(equation(SimpleNamespace(position=true, **NUMERIC), SimpleNamespace(**error.values)))
-    shown = np.maximum.accumulate(shown)
-    measured = record.measured.copy()
-    measured[:, 0] = np.where(np.isfinite(read), np.interp(read, shown, true), np.nan)
-    return replace(record, measured=measured)
+    return np.asarray(np.interp(read, np.maximum.accumulate(shown), true))
