@@ -128,8 +128,8 @@ def adequacy(
 ) -> Adequacy:
     """Adequacy of what ``after`` has and ``before`` has not, on ``records`` of both kinds; errors: those of
     their free runs on either kind (see `second_opinion.Errors`); ``random_left``, ``follows``, ``worse``: as
-    there, but what is left is not random where names explain less than half and it is more than chance is
-    where nothing is named. ``by_torque``: ``after`` with the sizes that the torques want
+    there, but what is left is not random where names explain less than half and it is more than chance has
+    ever left where nothing is named. ``by_torque``: ``after`` with the sizes that the torques want
     (`SearchResult.by_torque`): where free runs and torques do not agree about sizes, either measure says how
     much the names explain with its own. ``by_motion``: the share of the torque that the inverse dynamics say
     is explained, asked where an observer overflows; ``in_band``: the least that is explained, see
@@ -144,7 +144,7 @@ def adequacy(
     # A model that does not follow the motion is none, however much worse another one is.
     followed = _share(np.ones(2), np.array(errors_after), SLIGHT_ERROR)
     torque = max(explained, min(in_band, 1.0))
-    if torque < LEAST_EXPLAINED and left_size(after, records) > MOST_UNNAMED:
+    if torque < LEAST_EXPLAINED and left_size(after, records) > 0.5 * MOST_UNNAMED:
         random_left = False
     return Adequacy(torque, min(closed, followed), random_left, 1.0, None if random_left else follows, worse)
 
