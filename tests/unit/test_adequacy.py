@@ -221,7 +221,7 @@ def test_a_name_with_which_your_own_model_is_better_shows_nothing():
     assert verdict.where[0]["equation"] == "j_motor" and verdict.where[0]["condition"] != "time"
 
 
-@pytest.mark.parametrize(("coulomb", "random"), [(0.4, False), (0.05, True)])
+@pytest.mark.parametrize(("coulomb", "random"), [(0.1, False), (0.08, True)])
 def test_a_torque_larger_than_chance_is_not_random_beside_a_name_that_explains_less(coulomb, random):
     records = [pendulum(0, coulomb=coulomb)]
     bare = fitted_to(TRUE, records)
