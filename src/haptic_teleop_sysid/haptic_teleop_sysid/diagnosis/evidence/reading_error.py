@@ -96,7 +96,8 @@ def _drawn(
     if left > 1.0 - LEAST_EXPLAINED or by_torque < HOLDS_BETTER**2 * left:
         return None
     values = search.fitted(0, (*beside, best))
-    inertia = float(values[search.sides[0].side.names.index("motor_inertia")])
+    sizes = model.parameters | dict(zip(search.sides[0].side.names, values.tolist(), strict=False))
+    inertia = sizes["motor_inertia"]
     told = np.linspace(best.knots[0][0], best.knots[0][-1], _TOLD)
     own = values[-len(best.bounds()[0]) :]
     stretch = -(best.splines(told) @ own) / inertia

@@ -122,6 +122,11 @@ def _todo(verdict: Verdict, content: dict[str, Any]) -> str:
             f"read the law in {law['file']}; if it means something to you, add it and diagnose again. Then "
             f"record the next experiment: {why}."
         )
+    if content.get("reading_error") is not None:
+        return (
+            "calibrate the encoder, or take from its readings the error that the page shows (reading_error in "
+            "diagnosis.json), and diagnose again: what else is missing shows then."
+        )
     if verdict.kind in ("ambiguous", "unknown"):
         return f"record the next experiment: {why}."
     if held == "given":

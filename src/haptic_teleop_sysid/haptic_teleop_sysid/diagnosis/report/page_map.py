@@ -24,9 +24,10 @@ _ROLE = "augmented"
 
 
 def map_section(page: Page, content: dict[str, Any], units: Units) -> None:
-    """Add the section; nothing where the diagnosis found a name, or nothing at all."""
+    """Add the section; nothing where the diagnosis found a name, or nothing at all, or no torque is
+    missing."""
     found = content[MEASURED.name]
-    if found is None:
+    if found is None or content.get("reading_error") is not None:
         return
     section = page.section("A measured torque in place of a name")
     section.text(f"{found['what'][0].upper()}{found['what'][1:]}.")

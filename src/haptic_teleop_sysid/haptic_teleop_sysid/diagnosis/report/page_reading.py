@@ -12,7 +12,7 @@ from haptic_teleop_sysid.report import Page, Panel, Plot, Series, unit_text
 
 def reading_section(page: Page, content: dict[str, Any], units: Units) -> None:
     """Add the section; nothing where no error of the readings was drawn."""
-    found = content["reading_error"]
+    found = content.get("reading_error")  # none in results of earlier versions
     if found is None:
         return
     unit = unit_text(units.restated(found["unit"]))
