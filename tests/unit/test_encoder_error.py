@@ -118,3 +118,17 @@ def test_the_name_of_an_error_that_is_there_stays():
     acting = asks(error="encoder_eccentricity")
     result, doubt = misplaced(result_of(acting, named("encoder_eccentricity", 0)), acting, acting.records)
     assert len(result.choices) == 1 and doubt is None
+
+
+@pytest.mark.parametrize("error", ERRORS)
+def test_two_encoders_that_err_alike_keep_both_names(error):
+    records = []
+    for seed in (0, 1):
+        torque = drive(seed, 2.0)
+        found = geared(torque, 0.0, ORDER, 0.0)
+        records.append(record(torque, np.column_stack([ERRORS[error](q) for q in found.T]), 1e-5))
+    acting = ActingPlace(ELASTIC, records, CUTOFF)
+    both = [named(error, encoder) for encoder in (0, 1)]
+    assert [acting.held_worse(one, [other]) for one, other in (both, both[::-1])] == [None, None]
+    unread = [replace(r, measured=np.full_like(r.measured, np.nan)) for r in records]
+    assert ActingPlace(ELASTIC, unread, CUTOFF).held_worse(both[0], []) is None

@@ -16,7 +16,7 @@ from .decision.beside_unknown import with_names
 from .decision.decide import Choice
 from .decision.drive_friction import with_drive_friction
 from .decision.measured_input import of_measured_input
-from .decision.misplaced import at_its_place, beside_findings, effect_of, misplaced
+from .decision.misplaced import at_its_place, beside_findings, misplaced
 from .decision.nulls import Null, beyond_chance, nulls
 from .decision.outdone import outdone
 from .decision.own_quantity import follows_still, one_curve
@@ -31,15 +31,14 @@ from .evidence.acting_place import ActingPlace
 from .evidence.measured_map import A_GOOD_TORQUE, MeasuredMap, measured_map, no_torque
 from .evidence.other_forms import spread_by_form, together
 from .evidence.proof import Proof, prove
-from .evidence.reading_error import reading_error
 from .evidence.steadiness import spread_by_stretch
-from .evidence.true_readings import with_true_readings
 from .explain import Explained, explained
 from .inputs.between_samples import as_read
 from .inputs.uses import three_uses
 from .question import questioned, steady, weighed
 from .report.columns import column, errors_of, three_columns, with_bounds
 from .report.contents import contents
+from .report.next_experiment import once_calibrated
 from .report.testimony import testimony
 from .usable import refuse_unusable
 
@@ -140,12 +139,13 @@ def diagnose(
     if acting is not None and verdict.kind != "no_mismatch":
         acting = beside_findings(verdict, acting)
         verdict, misread = at_its_place(verdict, acting)
-    reading = None
-    if verdict.kind == "unknown":
-        reading = reading_error(result.baseline.model, found.learn, found.judge, found.cutoff)
-        verdict, misread = read_wrong(verdict, reading) if reading is not None else (verdict, misread)
+    kinds = found.learn, found.judge
+    verdict, wrong = read_wrong(verdict, result.baseline, kinds, found.cutoff, found.course, found.count)
+    if wrong is not None:
+        misread = wrong.error.location
     if misread is not None:
-        mapped, instead, result = no_torque(misread, reading), None, replace(result, final=named)
+        mapped, instead = no_torque(misread, wrong and wrong.error), None
+        result = replace(result, final=named)
     beside = None
     if verdict.kind == "unknown":
         no_map = mapped if misread is not None else None
@@ -185,12 +185,9 @@ def diagnose(
     told = acting is not None and verdict.kind != "no_mismatch"
     content["parity"] = acting.content(verdict.kind == "unknown") if acting and told else None
     content["reading_error"] = None
-    if reading is not None:
-        beside_it = [effect_of(f) for f in verdict.findings]
-        worth = with_true_readings(
-            reading, result.baseline, beside_it, found.learn, found.course, found.count
-        )
-        content["reading_error"] = reading.content(None if worth is None else worth.content())
+    if wrong is not None:
+        content["reading_error"] = wrong.content()
+        content["next_experiment"] = once_calibrated(wrong.error.location)
     content["stand_in"] = None if instead is None else instead.content(verdict.findings)
     content["reversals"] = [one.content() for one in turning.jumps]
     content["inverse_dynamics"] = testimony(found.opinion, verdict, from_here) if found.opinion else None

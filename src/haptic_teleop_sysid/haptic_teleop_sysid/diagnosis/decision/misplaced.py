@@ -29,31 +29,38 @@ def misplaced(
     """The result without errors of encoders that are not in all equations of their angle, and without names
     at places where nothing acts, because what is missing acts at another one; ``records``: those of the
     estimation. The doubt that says so, where no name is left."""
-    for misfits in (_of_encoders, _elsewhere):
-        gone = misfits(result, acting)
-        if gone and len(gone) == len(result.choices):
-            (first, why), *_ = gone
-            return result.without_names([choice for choice, _ in gone], why), Doubt(first, why)
-        for choice, why in gone:
-            result = left_out(result, choice, why, without(result, choice.chosen.effect, records))
+    while (of_encoder := _of_encoder(result, acting)) is not None:
+        result, doubt = _without(result, [of_encoder], records)
+        if doubt is not None:
+            return result, doubt
+    return _without(result, _elsewhere(result, acting), records)
+
+
+def _without(
+    result: SearchResult, gone: Sequence[tuple[Choice, str]], records: Sequence[Record]
+) -> tuple[SearchResult, Doubt | None]:
+    """The result without some names, each with why; the doubt that says so, where no name is left."""
+    if gone and len(gone) == len(result.choices):
+        (first, why), *_ = gone
+        return result.without_names([choice for choice, _ in gone], why), Doubt(first, why)
+    for choice, why in gone:
+        result = left_out(result, choice, why, without(result, choice.chosen.effect, records))
     return result, None
 
 
-def _of_encoders(result: SearchResult, acting: ActingPlace) -> list[tuple[Choice, str]]:
-    """Names of encoders' errors that are none, and why."""
-    found = []
+def _of_encoder(result: SearchResult, acting: ActingPlace) -> tuple[Choice, str] | None:
+    """The first name of an encoder's error that is none, and why; the others are asked again without it."""
     for choice in result.choices:
         effect = choice.chosen.effect
         others = [c.chosen.effect for c in result.choices if c is not choice]
         place = acting.held_worse(effect, others)
         if place is not None:
             name, where = f"{effect.effect} at {effect.location}", result.baseline.model.location(place)
-            why = (
+            return choice, (
                 f"{name} is none: with readings that are corrected by it, the equation without what acts at "
                 f"{where} holds worse, and an error of an encoder is in that, too"
             )
-            found.append((choice, why))
-    return found
+    return None
 
 
 def _elsewhere(result: SearchResult, acting: ActingPlace) -> list[tuple[Choice, str]]:

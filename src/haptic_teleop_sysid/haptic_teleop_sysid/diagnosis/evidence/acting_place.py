@@ -120,22 +120,30 @@ class ActingPlace:
     def held_worse(self, error: Effect, beside: Sequence[Effect]) -> str | None:
         """The place whose equation leaves clearly more once ``error`` of an encoder is taken from the
         readings than before, ``beside`` other effects: an encoder that errs does so in each equation with its
-        angle, and none of them may get worse without. None where there is none. The spring may be any: beside
-        a torque constant that is off, that of the model makes an equation hold best with readings that err.
-        """
-        if self.model.place(error.location) not in ENCODERS or not can_correct(error):
+        angle, and none of them may get worse without. None where there is none. Errors among the others are
+        taken out of both. The spring may be any: beside a torque constant that is off, that of the model
+        makes an equation hold best with readings that err."""
+        if not self._of_readings(error):
             return None
-        channel = int(self.model.place(error.location) == ARM_ENCODER)
         model = replace(self.model, fixed=tuple(n for n in self.model.fixed if n != "stiffness"))
-        true = [corrected(r, error, channel) for r in self.records]
+        others = [*self.records]
+        for one in filter(self._of_readings, beside):
+            others = [corrected(r, one, self._channel(one)) for r in others]
+        true = [corrected(r, error, self._channel(error)) for r in others]
         known = [*filter(_asked, beside)]
         before, after = (
-            replace(self, model=model, records=read, _known={}).left(known, ())
-            for read in (self.records, true)
+            replace(self, model=model, records=read, _known={}).left(known, ()) for read in (others, true)
         )
         worse = {place: after[place] / max(before[place], 1e-300) for place in before if place in after}
         most = max(worse, key=lambda place: worse[place], default=None)
         return most if most is not None and worse[most] > FITS_WORSE else None
+
+    def _of_readings(self, effect: Effect) -> bool:
+        """Whether an effect is an error of an encoder that can be taken out of its readings."""
+        return self.model.place(effect.location) in ENCODERS and can_correct(effect)
+
+    def _channel(self, error: Effect) -> int:
+        return int(self.model.place(error.location) == ARM_ENCODER)
 
     def explained(self, names: Sequence[Effect]) -> float:
         """Share (mean square) of what the equations of other places leave that they do not leave with names,

@@ -1,7 +1,8 @@
 """Does the encoder of a rigid joint read another angle at each place? Its curve, without a name.
 
 A loaded potentiometer, a magnet that is off its axis or a tape on a drum reads a smooth function of the
-angle. No torque looks like it, and it can be drawn from recordings that drive the joint over its travel.
+angle. It can be drawn from recordings that drive the joint over its travel, and no torque over measured
+quantities gives the same: the nearest is an inertia that varies with the angle, which is asked, too.
 """
 
 from __future__ import annotations
@@ -19,11 +20,14 @@ from haptic_teleop_sysid.estimation.likelihood import FAILURES
 from haptic_teleop_sysid.estimation.records import Record
 
 from ..policy import HOLDS_BETTER, LEAST_EXPLAINED
+from .inverse_dynamics.angle_curve import AngleCurve
 from .inverse_dynamics.groups import Search
 from .inverse_dynamics.latent import measured_over
-from .inverse_dynamics.reading_curve import ReadingCurve
-from .inverse_dynamics.regression import equations
-from .inverse_dynamics.terms import Hypothesis
+from .inverse_dynamics.regression import Equations, equations
+from .inverse_dynamics.term import Term
+from .inverse_dynamics.terms import Hypothesis, follows_from_motion
+
+FloatArray = NDArray[np.float64]
 
 #: Knots of the curves that are tried: a sensor that is not straight, and one that errs some times a turn.
 _KNOTS = (16, 40)
@@ -35,12 +39,13 @@ _TOLD = 101
 class ReadingError:
     """By what an encoder at ``location`` reads more than the angle: ``error`` (n,), rad, at ``angle`` (n,),
     as it reads; but for a scale and an offset, which nobody can tell from an inertia and a zero.
-    ``explained``: share (mean square) of the torque that structure and dry friction leave which it explains
-    on recordings to which it was not fitted; ``by_torque``: what the best torque without a form does."""
+    ``explained``: share (mean square) of the torque that structure, dry friction and what is named leave
+    which it explains on recordings to which it was not fitted; ``by_torque``: what the best torque does,
+    without a form or of an inertia that varies with the angle."""
 
     location: str
-    angle: NDArray[np.float64]
-    error: NDArray[np.float64]
+    angle: FloatArray
+    error: FloatArray
     explained: float
     by_torque: float
 
@@ -49,13 +54,22 @@ class ReadingError:
         """Largest error, rad."""
         return float(np.max(np.abs(self.error)))
 
+    def true(self, read: FloatArray) -> FloatArray:
+        """Angles (n,) of readings (n,); beyond the curve the error is what it is at its end."""
+        return np.asarray(read - np.interp(read, self.angle, self.error))
+
+    def slope(self, read: FloatArray) -> FloatArray:
+        """Change of that angle with the reading, (n,)."""
+        changes = np.gradient(self.error, self.angle)
+        return np.asarray(1.0 - np.interp(read, self.angle, changes, left=0.0, right=0.0))
+
     def content(self, worth: dict[str, Any] | None) -> dict[str, Any]:
         """What diagnosis.json says; ``worth``: what a correction by it is, see `true_readings`."""
         return {
             "what": "what the encoder reads more than the angle, but for a scale and an offset; and share "
             "(mean square) of what is missing that this explains, or the best torque over any quantity",
             "location": self.location,
-            "angle": self.angle.tolist(),
+            "reading": self.angle.tolist(),
             "error": self.error.tolist(),
             "unit": "rad",
             "explained": round(self.explained, 3),
@@ -65,43 +79,106 @@ class ReadingError:
 
 
 def reading_error(
-    model: Model, estimation: Sequence[Record], validation: Sequence[Record], cutoff: float
+    model: Model,
+    named: Sequence[Effect],
+    estimation: Sequence[Record],
+    validation: Sequence[Record],
+    cutoff: float,
 ) -> ReadingError | None:
-    """The error of a rigid joint's encoder, where it explains LEAST_EXPLAINED of what is missing, and leaves
-    less by HOLDS_BETTER than any torque without a form; None where it does not, and of a flexible joint,
-    whose place parity equations tell."""
+    """The error of a rigid joint's encoder beside what is ``named``, over the travel that both kinds of
+    recordings have; where it explains LEAST_EXPLAINED of what is missing, leaves less by HOLDS_BETTER than
+    any torque, and does not fold the angle. None where it does not, and of a flexible joint, whose place
+    parity equations tell."""
     if not model.rigid:
         return None
+    here, there = (equations(model, records, cutoff) for records in (estimation, validation))
+    knots = _travel(here, there)
+    if knots is None:
+        return None
     try:
-        return _drawn(model, estimation, validation, cutoff)
+        return _drawn(model, named, Search(model, here, there), knots)
     except FAILURES:
         return None
 
 
+def _travel(*sides: Equations) -> tuple[float, float] | None:
+    """Lowest and highest angle that both kinds reach; elsewhere nobody draws or judges a curve."""
+    seen = [np.concatenate([m.angle[m.kept, 0] for m in side.motions] or [np.zeros(0)]) for side in sides]
+    if not all(map(len, seen)):
+        return None
+    ends = [np.quantile(angle, [0.002, 0.998]) for angle in seen]
+    low, high = float(max(a for a, _ in ends)), float(min(b for _, b in ends))
+    return (low, high) if low < high else None
+
+
 def _drawn(
-    model: Model, estimation: Sequence[Record], validation: Sequence[Record], cutoff: float
+    model: Model, named: Sequence[Effect], search: Search, travel: tuple[float, float]
 ) -> ReadingError | None:
-    search = Search(model, *(equations(model, records, cutoff) for records in (estimation, validation)))
+    beside = tuple(_terms(model, named))
+    grids = [np.linspace(*travel, number) for number in _KNOTS]
+    rate = _damping_over_inertia(search, beside, model, 0.0, 0.0)
+    first = _best(search, beside, [AngleCurve.of_reading(model, knots, rate) for knots in grids])
+    less = _less_inertia(search, beside, first)
+    rate = _damping_over_inertia(search, (*beside, first), model, less, rate * less)
+    curve = _best(search, beside, [AngleCurve.of_reading(model, knots, rate) for knots in grids])
     motions = [m for side in search.sides for m in side.side.motions]
-    angle = np.concatenate([m.angle[m.kept, 0] for m in motions])
-    plainest = next(entry for entry in EFFECTS.values() if entry.jumps)
-    dry = Effect(plainest.name, model.location("motor"), {plainest.jumps: 1.0})
-    beside = (Hypothesis.resized(dry, "motor"),)
-    curves = [ReadingCurve.over(model, angle, number) for number in _KNOTS]
-    best = min(curves, key=lambda curve: search.left_over((*beside, curve)))
-    torques = [*search.latents, *measured_over(model, motions, "motor")]
+    rivals = [
+        *search.latents,
+        *measured_over(model, motions, "motor"),
+        *(AngleCurve.of_inertia(model, knots) for knots in grids),
+    ]
     without = 1.0 - search.explained(beside)
-    left = (1.0 - search.explained((*beside, best))) / without
-    by_torque = min([(1.0 - search.explained((*beside, t))) / without for t in torques], default=1.0)
+    left = (1.0 - search.explained((*beside, curve))) / without
+    by_torque = min((1.0 - search.explained((*beside, one))) / without for one in rivals)
     if left > 1.0 - LEAST_EXPLAINED or by_torque < HOLDS_BETTER**2 * left:
         return None
-    values = search.fitted(0, (*beside, best))
-    sizes = model.parameters | dict(zip(search.sides[0].side.names, values.tolist(), strict=False))
-    inertia = sizes["motor_inertia"]
-    told = np.linspace(best.knots[0][0], best.knots[0][-1], _TOLD)
-    own = values[-len(best.bounds()[0]) :]
-    stretch = -(best.splines(told) @ own) / inertia
-    # The true angle is the integral of 1 + stretch, the error what the reading has more.
-    more = -np.concatenate([[0.0], np.cumsum(0.5 * (stretch[1:] + stretch[:-1]) * np.diff(told))])
-    error = np.asarray(more - np.polyval(np.polyfit(told, more, 1), told), dtype=np.float64)
-    return ReadingError(model.location("motor_encoder"), told, error, 1.0 - left, 1.0 - by_torque)
+    told, error = _error(search, (*beside, curve), curve, model)
+    found = ReadingError(model.location("motor_encoder"), told, error, 1.0 - left, 1.0 - by_torque)
+    return found if np.all(found.slope(told) > 0.0) else None
+
+
+def _terms(model: Model, named: Sequence[Effect]) -> list[Term]:
+    """What is named and follows from the motion; and dry friction, where no friction is."""
+    told = [e for e in named if follows_from_motion(e.entry)]
+    if not any(e.entry.kind == "friction" for e in told):
+        plainest = next(entry for entry in EFFECTS.values() if entry.jumps)
+        told.append(Effect(plainest.name, model.location("motor"), {plainest.jumps: 1.0}))
+    return [Hypothesis.resized(e, "motor") for e in told]
+
+
+def _best(search: Search, beside: tuple[Term, ...], curves: Sequence[AngleCurve]) -> AngleCurve:
+    return min(curves, key=lambda curve: search.left_over((*beside, curve)))
+
+
+def _sizes(search: Search, terms: tuple[Term, ...], model: Model) -> tuple[FloatArray, dict[str, float]]:
+    """All factors of a group on the estimation's side, and the structure's parameters."""
+    values = search.fitted(0, terms)
+    return values, {**model.parameters} | dict(zip(search.sides[0].side.names, values.tolist(), strict=False))
+
+
+def _less_inertia(search: Search, beside: tuple[Term, ...], curve: AngleCurve) -> float:
+    """By how much less than the structure's the inertia of a curve is on average."""
+    values = search.fitted(0, (*beside, curve))
+    angle = np.linspace(curve.knots[0][0], curve.knots[0][-1], _TOLD)
+    return float(np.mean(curve.splines(angle) @ values[-len(curve.bounds()[0]) :]))
+
+
+def _damping_over_inertia(
+    search: Search, terms: tuple[Term, ...], model: Model, less_inertia: float, less_damping: float
+) -> float:
+    """The structure's, 1/s, with what a curve takes from either on average."""
+    _, sizes = _sizes(search, terms, model)
+    damping, inertia = sizes["motor_damping"] - less_damping, sizes["motor_inertia"] - less_inertia
+    return max(damping, 0.0) / inertia if inertia > 0.0 else 0.0
+
+
+def _error(
+    search: Search, terms: tuple[Term, ...], curve: AngleCurve, model: Model
+) -> tuple[FloatArray, FloatArray]:
+    """Readings and error: J g'(m) integrated, with the scale that makes its mean slope 1."""
+    values, sizes = _sizes(search, terms, model)
+    told = np.linspace(curve.knots[0][0], curve.knots[0][-1], _TOLD)
+    stretch = sizes["motor_inertia"] - curve.splines(told) @ values[-len(curve.bounds()[0]) :]
+    angle = np.concatenate([[0.0], np.cumsum(0.5 * (stretch[1:] + stretch[:-1]) * np.diff(told))])
+    slope, offset = np.polyfit(told, angle, 1)
+    return told, np.asarray(told - (angle - offset) / slope, dtype=np.float64)

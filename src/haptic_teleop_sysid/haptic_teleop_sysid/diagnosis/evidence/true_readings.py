@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections import deque
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -33,7 +34,7 @@ class Corrected:
     def content(self) -> dict[str, Any]:
         """What diagnosis.json says."""
         return {
-            "what": "estimated from readings that are corrected by it, the structure with what is named "
+            "what": "with readings that are corrected by that error, the structure with what is named "
             f"simulates the validation recordings at {self.corrected:.1f} instead of {self.as_read:.1f} %",
             "as_read": round(self.as_read, 2),
             "corrected": round(self.corrected, 2),
@@ -49,38 +50,30 @@ def with_true_readings(
     count: int,
 ) -> Corrected | None:
     """What the correction is worth; ``records``: of the estimation; ``course``: of all recordings, of which
-    ``count`` are the estimation's. None where a fit fails."""
+    ``count`` are the estimation's. None where a fit fails, or a simulation says nothing."""
     model = baseline.model.with_effects(*named)
     true = [replace(r, measured=_corrected(r.measured, error)) for r in records]
-    try:
-        fits = [fit_whole(model, baseline.noise, read) for read in (records, true)]
-    except FAILURES:
-        return None
     data = tuple(
         replace(
             one,
-            motor_position=true_angle(one.motor_position, error),
-            motor_velocity=one.motor_velocity * _slope(one.motor_position, error),
+            motor_position=error.true(one.motor_position),
+            motor_velocity=one.motor_velocity * error.slope(one.motor_position),
         )
         for one in course.data
     )
-    both = (course, replace(course, data=data, known=deque(maxlen=1)))
-    return Corrected(
-        *(float(np.mean(c.percent(fit.model)[count:])) for c, fit in zip(both, fits, strict=True))
-    )
-
-
-def true_angle(read: FloatArray, error: ReadingError) -> FloatArray:
-    """Angles (n,) of readings (n,); beyond the curve the error is what it is at its end."""
-    return np.asarray(read - np.interp(read, error.angle, error.error))
-
-
-def _slope(read: FloatArray, error: ReadingError) -> FloatArray:
-    return np.asarray(1.0 - np.interp(read, error.angle, np.gradient(error.error, error.angle)))
+    both = (records, course), (true, replace(course, data=data, known=deque(maxlen=1)))
+    found = []
+    try:
+        for read, simulated in both:
+            fit = fit_whole(model, baseline.noise, read)
+            found.append(float(np.mean(simulated.percent(fit.model)[count:])))
+    except FAILURES:
+        return None
+    return Corrected(*found) if all(map(math.isfinite, found)) else None
 
 
 def _corrected(measured: FloatArray, error: ReadingError) -> FloatArray:
     found = measured.copy()
     seen = np.isfinite(found[:, 0])
-    found[seen, 0] = true_angle(found[seen, 0], error)
+    found[seen, 0] = error.true(found[seen, 0])
     return found

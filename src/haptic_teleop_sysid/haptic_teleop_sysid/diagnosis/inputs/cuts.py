@@ -18,6 +18,8 @@ from haptic_teleop_sysid.recordings.dataset import DataSet
 FEWEST_SAMPLES, SHORTEST_STRETCH = 400, 250
 #: Samples of all recordings together that a diagnosis keeps in memory, so that it stays below 2 GiB.
 MOST_SAMPLES = 800_000
+#: What is said begins so of a recording of which most is not used.
+ONLY = "only "
 
 
 def with_cuts_told(dataset: DataSet) -> DataSet:
@@ -30,9 +32,11 @@ def with_cuts_told(dataset: DataSet) -> DataSet:
     times = ", ".join(f"{p.start:.3f} to {p.start + len(p) * p.dt:.3f} s" for p in used[:6])
     more = f" and {len(used) - 6} more" if len(used) > 6 else ""
     left = dataset.dt * (len(dataset) - sum(len(p) for p in used))
+    whole_s = dataset.dt * len(dataset)
+    little = f"{ONLY}{whole_s - left:.3g} of its {whole_s:.3g} s are used: " if left > 0.5 * whole_s else ""
     problem = (
-        f"it is cut apart at its holes and used from {times}{more}; {left:.3f} s are left out (holes, and "
-        f"pieces of fewer than {SHORTEST_STRETCH} samples)"
+        f"{little}it is cut apart at its holes and used from {times}{more}; {left:.3f} s are left out "
+        f"(holes, and pieces of fewer than {SHORTEST_STRETCH} samples)"
     )
     return replace(dataset, problems=(*dataset.problems, problem))
 

@@ -78,7 +78,19 @@ def next_experiment(result: SearchResult, verdict: Verdict, records: Sequence[Re
             f"left at {best.equation} follows the {best.name}: record {varied(best.name)}"
         )
         return _without(why, 0.5)
+    doubted = next((c for c in result.choices if c.unsure), None)
+    if doubted is not None:
+        return _without(f"nobody is sure of {placed(doubted.chosen.effect)}: {doubted.unsure}", 0.5)
     return _without("nothing is left to separate; a recording of another day shows whether it lasts", 1.0)
+
+
+def once_calibrated(encoder: str) -> dict[str, Any]:
+    """What to do about an encoder whose error over the angle is known."""
+    return _without(
+        f"calibrate {encoder}, or subtract the error of reading_error from its readings, and diagnose again: "
+        "what else is missing shows then",
+        0.5,
+    )
 
 
 def varied(condition: str) -> str:

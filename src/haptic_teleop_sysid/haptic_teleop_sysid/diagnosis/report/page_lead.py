@@ -11,6 +11,7 @@ from haptic_teleop_sysid.report import Page, Status, with_error
 
 from ..decision.adequacy import nothing_shown
 from ..decision.verdict import Verdict
+from ..inputs.cuts import ONLY
 from ..policy import SURE
 from .summary import LIMIT, PART_LABELS, explains_sentence, found_is_better, moved_sentence, percent
 
@@ -43,6 +44,9 @@ def lead(
     moved = moved_sentence(content)
     if moved:
         page.verdict("fair" if content["parameters_moved"] else "good", moved.replace("->", "→"))
+    for name, seen in content["recordings"].items():
+        for problem in (one for one in seen if one.startswith(ONLY)):
+            page.verdict("bad", f"{name}: {problem}. Record it again without holes.")
     if "doubt" in content:
         page.verdict("fair", f"Why no name is given: {content['doubt']}.")
     if (instead := content.get("stand_in")) is not None:
@@ -123,10 +127,7 @@ def _todo(verdict: Verdict, content: dict[str, Any]) -> str:
             f"record the next experiment: {why}."
         )
     if content.get("reading_error") is not None:
-        return (
-            "calibrate the encoder, or take from its readings the error that the page shows (reading_error in "
-            "diagnosis.json), and diagnose again: what else is missing shows then."
-        )
+        return f"{why}."
     if verdict.kind in ("ambiguous", "unknown"):
         return f"record the next experiment: {why}."
     if held == "given":

@@ -16,7 +16,7 @@ def reading_section(page: Page, content: dict[str, Any], units: Units) -> None:
     if found is None:
         return
     unit = unit_text(units.restated(found["unit"]))
-    line = Series("error", np.array(found["angle"]), np.array(found["error"]), "augmented")
+    line = Series("error", np.array(found["reading"]), np.array(found["error"]), "augmented")
     section = page.section("What the encoder reads wrong")
     section.plot(
         Plot([Panel(f"Error of {found['location']}", unit, [line], (0.0,), x_label=f"reading ({unit})")]),

@@ -24,8 +24,9 @@ from .terms import Hypothesis
 
 FloatArray = NDArray[np.float64]
 
-#: Points of the curve from the true angle to the reading, over what was read and a tenth more at either end.
-_POINTS = 4096
+#: Points of the curve from the true angle to the reading, over what was read and a tenth more at either end:
+#: at least, per rad (the finest encoder's error has 200 cycles a turn), and at most.
+_POINTS, _PER_RADIAN, _MOST_POINTS = 4096, 1000, 2_000_000
 
 
 def torques_left(
@@ -54,6 +55,8 @@ def corrected(record: Record, error: Effect, channel: int = 0) -> Record:
     where a reading is."""
     read = record.measured[:, channel]
     seen = np.isfinite(read)
+    if not seen.any():
+        return record
     if error.entry.kind == "skew":
         true = _earlier(read, seen, sum(error.parameters.values()) / record.dt)
     else:
@@ -72,7 +75,8 @@ def _earlier(read: FloatArray, seen: NDArray[np.bool_], samples: float) -> Float
 def _inverted(read: FloatArray, error: Effect) -> FloatArray:
     low, high = float(np.nanmin(read)), float(np.nanmax(read))
     beyond = 0.1 * (high - low)
-    true = np.linspace(low - beyond, high + beyond, _POINTS)
+    number = min(max(_POINTS, round(_PER_RADIAN * (high - low))), _MOST_POINTS)
+    true = np.linspace(low - beyond, high + beyond, number)
     equation = error.entry.equation
     assert equation is not None
     shown = np.asarray(equation(SimpleNamespace(position=true, **NUMERIC), SimpleNamespace(**error.values)))

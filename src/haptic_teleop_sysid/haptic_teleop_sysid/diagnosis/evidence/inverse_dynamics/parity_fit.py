@@ -64,8 +64,13 @@ def best_arm_response(
     if not len(left(given)):
         return arms(given)
     if descends:
-        close = {"xtol": _CLOSE, "ftol": _CLOSE**2}
-        return arms(scipy.optimize.least_squares(left, given, bounds=bounds.T, diff_step=_STEP, **close).x)
+        # Beside 1, because steps of derivatives are taken as shares.
+        begin = given - 1.0
+        close = {"diff_step": _STEP, "xtol": _CLOSE, "ftol": _CLOSE**2}
+        found = scipy.optimize.least_squares(
+            lambda one: left(one + begin), np.ones(2), bounds=bounds.T - begin, **close
+        )
+        return arms(found.x + begin)
     return arms(scipy.optimize.minimize(share, given, method="Nelder-Mead", bounds=bounds, tol=_CLOSE).x)
 
 

@@ -1,9 +1,10 @@
-"""An encoder that reads another angle at each place: any smooth curve over what it reads.
+"""Any smooth curve over the angle: of an encoder that reads another angle there, and of an inertia.
 
-    q = g(m):    K u = J g'(m) a + J g''(m) v² + b g'(m) v        of a rigid joint,
+    q = g(m):    K u = J g'(m) a + J g''(m) v² + b g'(m) v        of a rigid joint whose encoder reads m;
+    J(q):        K u = J(q) a + J'(q) v² / 2 + b v                 of one whose inertia varies,
 
-with angle m, velocity v and acceleration a as they are read. It resembles an inertia that varies with the
-angle, but for half of the term in v² and for the damping, which varies alike.
+with angle, velocity v and acceleration a as they are read. Half of the term in v², and the damping, which
+varies alike, tell them apart.
 """
 
 from __future__ import annotations
@@ -25,26 +26,33 @@ _DEGREE = 2
 
 
 @dataclass(frozen=True, eq=False)
-class ReadingCurve(Latent):
-    """What a curve of readings over the motor's angle looks like to the equation: a torque, with factors that
-    are those of an inertia (kg·m²) by which J g'(m) is less than J; quadratic splines over evenly spaced
-    ``knots``; ``rate``: damping over inertia, 1/s."""
+class AngleCurve(Latent):
+    """Either of them as a torque without a form, with factors that are those of an inertia (kg·m²) by which
+    the one at an angle is less than the structure's: quadratic splines over evenly spaced ``knots``;
+    ``rate``: damping that varies with it, 1/s; ``square``: of the term in v²."""
 
     rate: float = 0.0
+    square: float = 1.0
 
     @staticmethod
-    def over(model: Model, angle: FloatArray, number: int) -> ReadingCurve:
-        """The curve over nearly all of some angles (n,) with a ``number`` of knots."""
-        low, high = np.quantile(angle, [0.002, 0.998])
-        knots = tuple(np.linspace(low, high, number).tolist())
-        rate = model.parameters["motor_damping"] / model.parameters["motor_inertia"]
-        return ReadingCurve(model.location("motor"), "motor", ("motor angle",), (knots,), 0.0, (), rate)
+    def of_reading(model: Model, knots: FloatArray, rate: float) -> AngleCurve:
+        """The curve of an encoder; ``rate``: damping over inertia, 1/s."""
+        return AngleCurve(
+            model.location("motor"), "motor", ("motor angle",), (tuple(knots.tolist()),), 0.0, (), rate
+        )
+
+    @staticmethod
+    def of_inertia(model: Model, knots: FloatArray) -> AngleCurve:
+        """The curve of an inertia."""
+        return AngleCurve(
+            model.location("motor"), "motor", ("motor angle",), (tuple(knots.tolist()),), 0.0, (), 0.0, 0.5
+        )
 
     def columns(self, motion: BandedMotion, model: Model) -> FloatArray:
         """See `Term.columns`."""
         angle, v, a = (x[:, 0] for x in (motion.angle, motion.velocity, motion.acceleration))
-        stretch = a + self.rate * v
-        found = self.splines(angle) * stretch[:, None] + self.splines(angle, 1) * (v**2)[:, None]
+        found = self.splines(angle) * (a + self.rate * v)[:, None]
+        found += self.splines(angle, 1) * (self.square * v**2)[:, None]
         return motion.filtered(found, times=2)
 
     def splines(self, angle: FloatArray, derivative: int = 0) -> FloatArray:
