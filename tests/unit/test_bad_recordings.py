@@ -24,6 +24,7 @@ from haptic_teleop_sysid.diagnosis.evidence.consistency import (
 from haptic_teleop_sysid.diagnosis.inputs.cuts import (
     FEWEST_SAMPLES,
     MOST_SAMPLES,
+    ONLY,
     refuse_too_long,
     with_cuts_told,
 )
@@ -231,6 +232,10 @@ def test_a_short_hole_is_cut_out_and_said():
     told = dataset.problems[-1]
     assert "cut apart at its holes and used from 0.000 to 5.0" in told
     assert "0.5" in told.partition("; ")[2]  # the rest behind the second hole is too short
+    assert not told.startswith(ONLY)
+    torn = holed(recording, *((0.5 * k + 0.3, 0.5 * k + 0.5) for k in range(16)))
+    little = with_cuts_told(load_dataset(torn, STAGE, "bag", allow_gaps=True)).problems[-1]
+    assert little.startswith(f"{ONLY}")
     whole = load_dataset(stage_recording(seed=4, seconds=4.0), STAGE, "bag")
     assert with_cuts_told(whole) is whole
 

@@ -16,6 +16,7 @@ from haptic_teleop_sysid.commands import acquire, compare, diagnose, export, ver
 from haptic_teleop_sysid.diagnosis.decision.adequacy import Adequacy
 from haptic_teleop_sysid.diagnosis.evidence.inverse_dynamics.band import motion_band
 from haptic_teleop_sysid.diagnosis.evidence.inverse_dynamics.motion import banded
+from haptic_teleop_sysid.diagnosis.report.next_experiment import once_calibrated
 from haptic_teleop_sysid.diagnosis.report.page_law import law_curve, law_curves, law_plot
 from haptic_teleop_sysid.diagnosis.report.page_lead import lead
 from haptic_teleop_sysid.diagnosis.report.page_reasons import reasons
@@ -236,6 +237,19 @@ def test_a_name_with_which_your_own_model_is_better_is_said_to_show_nothing():
     # Where much is left beside it, that is said instead.
     lead(page, verdict("unknown", [finding(0.4)], told["where"], Adequacy(0.4, 0.4, worse=True)), told)
     assert page.conclusion[1].startswith("Part of what is missing is probably")
+
+
+def test_a_recording_that_is_mostly_holes_is_said_in_the_first_lines():
+    little = "only 3 of its 30 s are used: it is cut apart"
+    seen = {"good": ["it is cut apart at its holes"], "poor": [little]}
+    (told,) = [c for c in first_line("unknown", [], recordings=seen).verdicts if "cut apart" in c[1]]
+    assert told == ("bad", f"poor: {little}. Record it again without holes.")
+
+
+def test_an_encoder_whose_error_is_known_is_calibrated_before_more_is_recorded():
+    experiment = once_calibrated("stage1_motor_encoder")
+    todo = first_line("unknown", [], next_experiment=experiment, reading_error={}).conclusion[2]
+    assert todo.startswith("calibrate stage1_motor_encoder, or subtract")
 
 
 def test_a_law_that_recordings_suggest_is_read_before_more_is_recorded():

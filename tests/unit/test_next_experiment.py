@@ -199,6 +199,14 @@ def test_a_size_that_is_not_well_known_is_something_to_record_for(stage):
     assert found.signal_generator == told["signal_generator"]
 
 
+def test_a_name_that_nobody_is_sure_of_says_what_to_record(stage):
+    record, *_ = stage
+    result = result_of(stage)
+    doubted = replace(result, choices=(replace(result.choices[0], unsure="half a cycle was seen"),))
+    told = next_experiment(doubted, verdict_of(result), [record])["why"]
+    assert told == "nobody is sure of coulomb_friction at stage1_motor: half a cycle was seen"
+
+
 @pytest.mark.parametrize(("model", "table"), [(STAGE, SFJ_TABLE), (AXIS, OMNI_TABLE)])
 def test_the_file_for_acquire_says_that_it_drives_the_hardware(model, table):
     text = acquire_file(model, {"why": "w", "signal_generator": {"joint": model.joint}})

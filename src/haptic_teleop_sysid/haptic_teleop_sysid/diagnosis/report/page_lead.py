@@ -44,7 +44,7 @@ def lead(
     moved = moved_sentence(content)
     if moved:
         page.verdict("fair" if content["parameters_moved"] else "good", moved.replace("->", "→"))
-    for name, seen in content["recordings"].items():
+    for name, seen in content.get("recordings", {}).items():
         for problem in (one for one in seen if one.startswith(ONLY)):
             page.verdict("bad", f"{name}: {problem}. Record it again without holes.")
     if "doubt" in content:
