@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from itertools import combinations
+from itertools import combinations, pairwise
 from typing import Any
 
 import numpy as np
@@ -68,15 +68,15 @@ class ActingPlace:
         return self._known[asked]
 
     def clear_beside(self, names: Sequence[Effect]) -> ActingPlace:
-        """The same beside the fewest of ``names``, or else beside dry friction at the motor, where one
-        equation then holds alone; unchanged where that is so of none. Every drive has friction, and it is in
-        all equations but the arm's."""
+        """The same beside the fewest of ``names``, or else beside dry friction at the motor, where some
+        equations then hold and others do not; unchanged where that is so of none. Every drive has friction,
+        and it is in all equations but the arm's."""
         asked = [*filter(_asked, names)]
         sets = [beside for n in range(len(asked) + 1) for beside in combinations(asked, n)]
         if not self.rubs(names):
             sets.append((self.dry_friction,))
         tried = (replace(self, beside=(*self.beside, *beside)) for beside in sets)
-        return next((one for one in tried if one.alone is not None), self)
+        return next((one for one in tried if one.alone), self)
 
     @property
     def dry_friction(self) -> Effect:
@@ -85,36 +85,37 @@ class ActingPlace:
         return Effect(plainest.name, self.model.location(MOTOR), {plainest.jumps: 1.0})
 
     @cached_property
-    def alone(self) -> str | None:
-        """The place whose equation holds while no other does; None where there is none, and at the motor,
-        where some random torque acts on every machine."""
-        if not all(self._may_be_alone(self.left(encoders=asked)) for asked in ((), (ARM_ENCODER,), ENCODERS)):
-            return None
-        ordered = sorted(self.bare.items(), key=lambda one: one[1])
-        (best, least), (_, next_best), *_ = ordered
-        clear = next_best > max(HOLDS_BETTER * least, MISFIT)
-        return best if clear and best != MOTOR else None
+    def alone(self) -> tuple[str, ...]:
+        """The places of which one is that of all that is missing, best first: their equations hold, and those
+        of the others do not. Mostly it is one; a slow error of an encoder is one of the joint, too. Empty
+        where there are none, where the motor is among them, as some random torque acts on every machine, and
+        where the arm is not the only one: the arm's acceleration, noisy as it is, is in the equations of
+        motor and joint alone."""
+        if not all(self._may_be_elsewhere(self.left(encoders=asked)) for asked in ((), ENCODERS)):
+            return ()
+        ordered = sorted(self.bare, key=lambda place: self.bare[place])
+        for number, (worst, other) in enumerate(pairwise(ordered), 1):
+            if self.bare[other] > max(HOLDS_BETTER * self.bare[worst], MISFIT):
+                holding = ordered[:number]
+                open_to_noise = number > 1 and ARM in holding
+                return () if MOTOR in holding or open_to_noise else tuple(holding)
+        return ()
 
     @staticmethod
-    def _may_be_alone(left: Mapping[str, float]) -> bool:
-        """Whether equations, were there more of them, could show one place alone: of all but one more is left
-        than noise, and the motor's does not hold."""
-        if not left:
-            return False
-        first, second, *_ = sorted(left.values())
-        return second > MISFIT and (first > MISFIT or left[MOTOR] > first)
+    def _may_be_elsewhere(left: Mapping[str, float]) -> bool:
+        """Whether the motor's equation does not hold, so that more of them could show another place."""
+        return bool(left) and left[MOTOR] > MISFIT
 
     def elsewhere(self, effect: Effect) -> bool:
-        """Whether everything acts at one place, and an effect is a torque that acts at another one: it does
-        not lower what the equation of that place leaves. One that acts at moments is not asked."""
-        if effect in self.beside:
+        """Whether everything acts at one of some places, and an effect is a torque that acts at another one:
+        it does not lower what the best of their equations leaves. One that acts at moments is not asked."""
+        if effect in self.beside or not self.alone or not _asked(effect):
             return False
-        if self.alone is None or acts_at(self.model, effect.location) == self.alone or not _asked(effect):
+        if acts_at(self.model, effect.location) in self.alone:
             return False
-        wanted = ENCODERS if self.alone in ENCODERS else ()
-        left, before = (
-            self.left(known, wanted, [effect]).get(self.alone) for known in ([effect], [])
-        )
+        best = self.alone[0]
+        wanted = ENCODERS if best in ENCODERS else ()
+        left, before = (self.left(known, wanted, [effect]).get(best) for known in ([effect], []))
         return left is not None and before is not None and left > NOT_LOWERED * before
 
     def held_worse(self, error: Effect, beside: Sequence[Effect]) -> str | None:
@@ -147,12 +148,12 @@ class ActingPlace:
 
     def explained(self, names: Sequence[Effect]) -> float:
         """Share (mean square) of what the equations of other places leave that they do not leave with names,
-        where everything, but for some of these (`clear_beside`), acts at one place; 1 where that is not so,
-        or a name cannot be asked."""
-        place_of_all = self.clear_beside(names).alone
-        if place_of_all is None or not all(map(_asked, names)):
+        where everything, but for some of these (`clear_beside`), acts at one of some places; 1 where that is
+        not so, or a name cannot be asked."""
+        places = self.clear_beside(names).alone
+        if not places or not all(map(_asked, names)):
             return 1.0
-        others = [place for place in (MOTOR, ARM, JOINT) if place != place_of_all]
+        others = [place for place in (MOTOR, ARM, JOINT) if place not in places]
         left, bare = (self.left(known, (), names) for known in (names, ()))
         after = min((left[place] for place in others if place in left), default=0.0)
         before = min((bare[place] for place in others if place in bare), default=1.0)

@@ -21,7 +21,7 @@ from haptic_teleop_sysid.estimation.records import Record
 
 from ..policy import HOLDS_BETTER, LEAST_EXPLAINED
 from .inverse_dynamics.angle_curve import AngleCurve
-from .inverse_dynamics.groups import Search
+from .inverse_dynamics.groups import CLEARLY, Search, independent
 from .inverse_dynamics.latent import measured_over
 from .inverse_dynamics.regression import Equations, equations
 from .inverse_dynamics.term import Term
@@ -40,8 +40,8 @@ class ReadingError:
     """By what an encoder at ``location`` reads more than the angle: ``error`` (n,), rad, at ``angle`` (n,),
     as it reads; but for a scale and an offset, which nobody can tell from an inertia and a zero.
     ``explained``: share (mean square) of the torque that structure, dry friction and what is named leave
-    which it explains on recordings to which it was not fitted; ``by_torque``: what the best torque does,
-    without a form or of an inertia that varies with the angle."""
+    which it explains on recordings to which it was not fitted; ``by_torque``: what the best torque without a
+    form does."""
 
     location: str
     angle: FloatArray
@@ -85,54 +85,53 @@ def reading_error(
     validation: Sequence[Record],
     cutoff: float,
 ) -> ReadingError | None:
-    """The error of a rigid joint's encoder beside what is ``named``, over the travel that both kinds of
-    recordings have; where it explains LEAST_EXPLAINED of what is missing, leaves less by HOLDS_BETTER than
-    any torque, and does not fold the angle. None where it does not, and of a flexible joint, whose place
-    parity equations tell."""
+    """The error of a rigid joint's encoder beside what is ``named``, over the travel of the estimation's
+    recordings; where it explains LEAST_EXPLAINED of what is missing on those of the validation, leaves less
+    by HOLDS_BETTER than any torque without a form, is likelier by CLEARLY than any curve of the inertia, and
+    does not fold the angle. None where it does not, and of a flexible joint, whose place parity equations
+    tell."""
     if not model.rigid:
         return None
     here, there = (equations(model, records, cutoff) for records in (estimation, validation))
-    knots = _travel(here, there)
-    if knots is None:
+    travels = [_travel(side) for side in (here, there)]
+    if not all(map(len, travels)):
         return None
     try:
-        return _drawn(model, named, Search(model, here, there), knots)
+        return _drawn(model, named, Search(model, here, there), travels)
     except FAILURES:
         return None
 
 
-def _travel(*sides: Equations) -> tuple[float, float] | None:
-    """Lowest and highest angle that both kinds reach; elsewhere nobody draws or judges a curve."""
-    seen = [np.concatenate([m.angle[m.kept, 0] for m in side.motions] or [np.zeros(0)]) for side in sides]
-    if not all(map(len, seen)):
-        return None
-    ends = [np.quantile(angle, [0.002, 0.998]) for angle in seen]
-    low, high = float(max(a for a, _ in ends)), float(min(b for _, b in ends))
-    return (low, high) if low < high else None
+def _travel(side: Equations) -> FloatArray:
+    """Lowest and highest angle of some recordings, but for the last ones; none where nothing was read."""
+    seen = np.concatenate([np.zeros(0), *(m.angle[m.kept, 0] for m in side.motions)])
+    return np.quantile(seen, [0.002, 0.998]) if len(seen) else seen
 
 
 def _drawn(
-    model: Model, named: Sequence[Effect], search: Search, travel: tuple[float, float]
+    model: Model, named: Sequence[Effect], search: Search, travels: Sequence[FloatArray]
 ) -> ReadingError | None:
     beside = tuple(_terms(model, named))
-    grids = [np.linspace(*travel, number) for number in _KNOTS]
+    grids = [np.linspace(np.min(travels), np.max(travels), number) for number in _KNOTS]
     rate = _damping_over_inertia(search, beside, model, 0.0, 0.0)
     first = _best(search, beside, [AngleCurve.of_reading(model, knots, rate) for knots in grids])
     less = _less_inertia(search, beside, first)
     rate = _damping_over_inertia(search, (*beside, first), model, less, rate * less)
     curve = _best(search, beside, [AngleCurve.of_reading(model, knots, rate) for knots in grids])
     motions = [m for side in search.sides for m in side.side.motions]
-    rivals = [
-        *search.latents,
-        *measured_over(model, motions, "motor"),
-        *(AngleCurve.of_inertia(model, knots) for knots in grids),
-    ]
+    torques = [*search.latents, *measured_over(model, motions, "motor")]
     without = 1.0 - search.explained(beside)
     left = (1.0 - search.explained((*beside, curve))) / without
-    by_torque = min((1.0 - search.explained((*beside, one))) / without for one in rivals)
+    by_torque = min((1.0 - search.explained((*beside, one))) / without for one in torques)
     if left > 1.0 - LEAST_EXPLAINED or by_torque < HOLDS_BETTER**2 * left:
         return None
-    told, error = _error(search, (*beside, curve), curve, model)
+    whole = (*beside, curve)
+    rest = [s.left(whole, search.fitted(1 - k, whole))[: s.samples] for k, s in enumerate(search.sides)]
+    search.numbers = (independent(rest[0]), independent(rest[1]))
+    inertia = _best(search, beside, [AngleCurve.of_inertia(model, knots) for knots in grids])
+    if search.likelier(whole) < search.likelier((*beside, inertia)) + CLEARLY:
+        return None
+    told, error = _error(search, whole, curve, model, travels[0])
     found = ReadingError(model.location("motor_encoder"), told, error, 1.0 - left, 1.0 - by_torque)
     return found if np.all(found.slope(told) > 0.0) else None
 
@@ -173,11 +172,12 @@ def _damping_over_inertia(
 
 
 def _error(
-    search: Search, terms: tuple[Term, ...], curve: AngleCurve, model: Model
+    search: Search, terms: tuple[Term, ...], curve: AngleCurve, model: Model, travel: FloatArray
 ) -> tuple[FloatArray, FloatArray]:
-    """Readings and error: J g'(m) integrated, with the scale that makes its mean slope 1."""
+    """Readings over a travel and their error: J g'(m) integrated, with the scale that makes its mean slope
+    1."""
     values, sizes = _sizes(search, terms, model)
-    told = np.linspace(curve.knots[0][0], curve.knots[0][-1], _TOLD)
+    told = np.linspace(travel[0], travel[1], _TOLD)
     stretch = sizes["motor_inertia"] - curve.splines(told) @ values[-len(curve.bounds()[0]) :]
     angle = np.concatenate([[0.0], np.cumsum(0.5 * (stretch[1:] + stretch[:-1]) * np.diff(told))])
     slope, offset = np.polyfit(told, angle, 1)
