@@ -85,11 +85,11 @@ def reading_error(
     validation: Sequence[Record],
     cutoff: float,
 ) -> ReadingError | None:
-    """The error of a rigid joint's encoder beside what is ``named``, over the travel of the estimation's
-    recordings; where it explains LEAST_EXPLAINED of what is missing on those of the validation, leaves less
-    by HOLDS_BETTER than any torque without a form, is likelier by CLEARLY than any curve of the inertia, and
-    does not fold the angle. None where it does not, and of a flexible joint, whose place parity equations
-    tell."""
+    """The error of a rigid joint's encoder beside what is ``named``, over the travel of all recordings (where
+    those of the estimation do not go, it goes on as straight as it can, and is judged); where it explains
+    LEAST_EXPLAINED of what is missing on those of the validation, leaves less by HOLDS_BETTER than any torque
+    without a form, is likelier by CLEARLY than any curve of the inertia, and does not fold the angle. None
+    where it does not, and of a flexible joint, whose place parity equations tell."""
     if not model.rigid:
         return None
     here, there = (equations(model, records, cutoff) for records in (estimation, validation))
@@ -131,7 +131,7 @@ def _drawn(
     inertia = _best(search, beside, [AngleCurve.of_inertia(model, knots) for knots in grids])
     if search.likelier(whole) < search.likelier((*beside, inertia)) + CLEARLY:
         return None
-    told, error = _error(search, whole, curve, model, travels[0])
+    told, error = _error(search, whole, curve, model)
     found = ReadingError(model.location("motor_encoder"), told, error, 1.0 - left, 1.0 - by_torque)
     return found if np.all(found.slope(told) > 0.0) else None
 
@@ -172,12 +172,11 @@ def _damping_over_inertia(
 
 
 def _error(
-    search: Search, terms: tuple[Term, ...], curve: AngleCurve, model: Model, travel: FloatArray
+    search: Search, terms: tuple[Term, ...], curve: AngleCurve, model: Model
 ) -> tuple[FloatArray, FloatArray]:
-    """Readings over a travel and their error: J g'(m) integrated, with the scale that makes its mean slope
-    1."""
+    """Readings and error: J g'(m) integrated, with the scale that makes its mean slope 1."""
     values, sizes = _sizes(search, terms, model)
-    told = np.linspace(travel[0], travel[1], _TOLD)
+    told = np.linspace(curve.knots[0][0], curve.knots[0][-1], _TOLD)
     stretch = sizes["motor_inertia"] - curve.splines(told) @ values[-len(curve.bounds()[0]) :]
     angle = np.concatenate([[0.0], np.cumsum(0.5 * (stretch[1:] + stretch[:-1]) * np.diff(told))])
     slope, offset = np.polyfit(told, angle, 1)
