@@ -63,7 +63,9 @@ def _state(client: GraphClient, called: str, wait: float) -> str:
     client.node.create_subscription(String, f"{called}/state", lambda m: seen.append(m.data), LATCHED)
     if not client.until(lambda: bool(seen), wait, called):
         return ""
-    client.executor.spin_once(timeout_sec=SETTLE)  # the last of several kept for late comers
+    settled = time.monotonic() + SETTLE  # the last of several kept for late comers, whatever else comes
+    while (left := settled - time.monotonic()) > 0.0:
+        client.executor.spin_once(timeout_sec=left)
     if seen[-1] == State.ENGAGED.value:
         return seen[-1]
     told = _sentence(client, called)
