@@ -11,7 +11,7 @@ from haptic_teleop_sysid.estimation.likelihood import FAILURES
 from haptic_teleop_sysid.estimation.records import Record
 
 from .drawn_map import VARIABLES, finer
-from .inverse_dynamics.groups import Search, independent
+from .inverse_dynamics.groups import Search
 from .inverse_dynamics.latent import IN_A_TURN, Latent, measured_over
 from .inverse_dynamics.regression import equations
 
@@ -77,6 +77,5 @@ def _equations(
     search = Search(model, *(equations(model, records, cutoff) for records in (estimation, validation)))
     best = min(search.latents, key=lambda one: search.left_over((one,)), default=None)
     terms = () if best is None else (best,)
-    left = [s.left(terms, search.fitted(1 - k, terms))[: s.samples] for k, s in enumerate(search.sides)]
-    search.numbers = (independent(left[0]), independent(left[1]))
+    search.count(terms)
     return search

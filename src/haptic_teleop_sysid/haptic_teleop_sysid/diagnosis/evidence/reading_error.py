@@ -21,7 +21,7 @@ from haptic_teleop_sysid.estimation.records import Record
 
 from ..policy import HOLDS_BETTER, LEAST_EXPLAINED
 from .inverse_dynamics.angle_curve import AngleCurve
-from .inverse_dynamics.groups import CLEARLY, Search, independent
+from .inverse_dynamics.groups import CLEARLY, Search
 from .inverse_dynamics.latent import measured_over
 from .inverse_dynamics.regression import Equations, equations
 from .inverse_dynamics.term import Term
@@ -126,8 +126,7 @@ def _drawn(
     if left > 1.0 - LEAST_EXPLAINED or by_torque < HOLDS_BETTER**2 * left:
         return None
     whole = (*beside, curve)
-    rest = [s.left(whole, search.fitted(1 - k, whole))[: s.samples] for k, s in enumerate(search.sides)]
-    search.numbers = (independent(rest[0]), independent(rest[1]))
+    search.count(whole)
     inertia = _best(search, beside, [AngleCurve.of_inertia(model, knots) for knots in grids])
     if search.likelier(whole) < search.likelier((*beside, inertia)) + CLEARLY:
         return None

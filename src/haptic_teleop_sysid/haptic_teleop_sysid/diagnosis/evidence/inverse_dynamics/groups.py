@@ -90,6 +90,11 @@ class Search:
         """Log-likelihood gained where it was not fitted, at the number of independent samples."""
         return -0.5 * sum(n * r for n, r in zip(self.numbers, self.ratios(terms), strict=True))
 
+    def count(self, terms: Terms) -> None:
+        """Take as many samples of each side as say something of their own in what a group leaves there."""
+        left = [s.left(terms, self.fitted(1 - k, terms))[: s.samples] for k, s in enumerate(self.sides)]
+        self.numbers = (independent(left[0]), independent(left[1]))
+
     def best_of_each(self, every: Sequence[Hypothesis], beside: Chosen) -> list[Chosen]:
         """``beside`` and one further hypothesis: of each effect at each place the one that leaves least, the
         least first."""

@@ -16,7 +16,7 @@ from ...hypotheses.admissible import admissible
 from ...inputs.scales import Scales
 from .band import motion_band
 from .folds import Fold
-from .groups import Chosen, Search, different, independent
+from .groups import Chosen, Search, different
 from .latent import Latent
 from .regression import equations, own_columns, standard_errors
 from .terms import Hypothesis, hypotheses
@@ -191,8 +191,7 @@ def _weighed(
     # What the fullest explanation leaves comes nearest to noise: how long that remembers says how many
     # samples count, and for all groups the same number.
     fullest = search.leader([(), *(chosen for level in levels for chosen in level)])
-    left = [s.left(fullest, search.fitted(1 - k, fullest))[: s.samples] for k, s in enumerate(search.sides)]
-    search.numbers = (independent(left[0]), independent(left[1]))
+    search.count(fullest)
     half = 0.5 * sum(search.numbers)
     folds.numbers = (half, half)
 
