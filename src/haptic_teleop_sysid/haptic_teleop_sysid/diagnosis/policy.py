@@ -151,6 +151,10 @@ random beside names that explain less than LEAST_EXPLAINED: of 332 answers on an
 none leaves more than 0.05; nine on real joints and four draws of other physics, none of them all, leave 0.058
 to 0.13."""
 
+MOST_BY_CHANCE = MOST_UNNAMED / 2
+"""The most that chance leaves, see there: the past of a quantity is told from that part on, too, because in a
+closed loop the input answers to random torque."""
+
 ERRS_LESS, ERRS_FAR_LESS = 0.9, 0.7
 """Factor by which the free run of the second witness must err less than the first opinion's, in the mean of
 both kinds of recordings, to take its place: where the first one's innovations are coloured, and where they

@@ -20,7 +20,7 @@ from haptic_teleop_sysid.estimation.likelihood import FAILURES, settled
 from haptic_teleop_sysid.estimation.records import Record
 
 from ..evidence.residual import left_over
-from ..policy import HOLDS_BETTER, LEAST_EXPLAINED, MOST_UNNAMED, SURE, SUREST
+from ..policy import HOLDS_BETTER, LEAST_EXPLAINED, MOST_BY_CHANCE, SURE, SUREST
 from .reasons import Doubt
 from .search import SearchResult
 
@@ -144,7 +144,7 @@ def adequacy(
     # A model that does not follow the motion is none, however much worse another one is.
     followed = _share(np.ones(2), np.array(errors_after), SLIGHT_ERROR)
     torque = max(explained, min(in_band, 1.0))
-    if torque < LEAST_EXPLAINED and left_size(after, records) > 0.5 * MOST_UNNAMED:
+    if torque < LEAST_EXPLAINED and left_size(after, records) > MOST_BY_CHANCE:
         random_left = False
     return Adequacy(torque, min(closed, followed), random_left, 1.0, None if random_left else follows, worse)
 

@@ -15,7 +15,7 @@ from ..evidence.memory import Remembered, remembered
 from ..evidence.null_records import expected_colour
 from ..evidence.residual import Condition, conditions
 from ..evidence.whiteness import colour, in_steps
-from ..policy import COLOURED, MOST_RANDOM, MOST_UNNAMED, NOTICEABLE, STILL_RANDOM, STRUCTURED
+from ..policy import COLOURED, MOST_BY_CHANCE, MOST_RANDOM, NOTICEABLE, STILL_RANDOM, STRUCTURED
 from .adequacy import left_size
 
 #: Factor over the colour of simulated recordings of the same fit, beyond which it is not the encoders'.
@@ -59,7 +59,7 @@ def left_is_random(fit: Fit, estimation: Sequence[Record], validation: Sequence[
 def with_a_memory(fit: Fit, estimation: Sequence[Record], validation: Sequence[Record]) -> Remembered | None:
     """What most of the left-over torque follows with a memory, if that part is more than chance is on a
     machine."""
-    least = 0.5 * MOST_UNNAMED * _driven(fit, estimation)
+    least = MOST_BY_CHANCE * _driven(fit, estimation)
     found = remembered(fit, estimation, validation, fit.model.joint)
     enough = [one for one in found if one.explained >= STRUCTURED and one.size > least]
     return max(enough, key=lambda one: one.size, default=None)
