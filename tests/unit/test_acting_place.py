@@ -106,7 +106,7 @@ def test_beside_a_friction_at_the_motor_it_holds_once_that_is_allowed_for(machin
 @pytest.mark.parametrize("encoder", ["arm_encoder", "motor_encoder"])
 def test_a_torque_behind_the_motor_is_no_error_of_an_encoder(machines, encoder, place):
     acting = ActingPlace(ELASTIC, machines(encoder), CUTOFF)
-    assert acting.alone == (encoder,)
+    assert acting.places == (encoder,)
     alone, beside = (acting.left(known)[encoder] for known in ((), [spring(place)]))
     assert beside < 2.0 * alone
     assert acting.elsewhere(spring(place)) == (beside > NOT_LOWERED * alone)
@@ -128,13 +128,13 @@ def test_where_the_arm_was_hardly_read_nothing_is_said(machines):
     (one, _) = machines("arm")
     unread = replace(one, measured=np.column_stack([one.measured[:, 0], np.full(len(one), np.nan)]))
     assert ActingPlace.of(ELASTIC, [unread], CUTOFF) is None
-    assert ActingPlace.of(ELASTIC, [unread, one], CUTOFF).alone == ("arm",)
+    assert ActingPlace.of(ELASTIC, [unread, one], CUTOFF).places == ("arm",)
     assert ActingPlace.of(RIGID, [one], CUTOFF) is None
     scale = Effect("encoder_scale", "j_arm_encoder", {"scale": 1.1})
     assert ActingPlace.of(ELASTIC.with_effects(scale), [one], CUTOFF) is None, "it cannot be allowed for"
     for still in (replace(one, input=0.0 * one.input), replace(one, input=np.nan * one.input)):
         acting = ActingPlace(ELASTIC, [still], CUTOFF)
-        assert acting.left() == {} and not acting.alone and not acting.elsewhere(friction("motor"))
+        assert acting.left() == {} and not acting.places and not acting.elsewhere(friction("motor"))
         assert acting.explained([friction("motor")]) == 1.0
 
 
@@ -148,17 +148,17 @@ def test_holes_of_an_encoder_are_no_error_of_it(machines, place):
         records.append(replace(one, measured=measured))
     left = parity_residuals(ELASTIC, records, CUTOFF)
     assert min(left, key=lambda one: left[one]) == place
-    assert ActingPlace(ELASTIC, records, CUTOFF).alone == (place,)
+    assert ActingPlace(ELASTIC, records, CUTOFF).places == (place,)
 
 
 def test_two_unknown_signals_at_two_places_are_at_none(machines):
     acting = ActingPlace(ELASTIC, machines("arm", coulomb=0.5), CUTOFF)
-    assert not acting.alone and not acting.elsewhere(friction("joint"))
+    assert not acting.places and not acting.elsewhere(friction("joint"))
 
 
 def test_what_acts_at_the_motor_alone_says_nothing_of_names_elsewhere(machines):
     """Some random torque acts there on every machine."""
-    assert ActingPlace(ELASTIC, machines("motor"), CUTOFF).alone == ()
+    assert ActingPlace(ELASTIC, machines("motor"), CUTOFF).places == ()
 
 
 FOLLOWED = (("deflection", 0.9), ("arm angle", 0.5), ("motor velocity", 0.6))
@@ -184,7 +184,7 @@ def found(records, *effects):
 def test_a_name_where_nothing_acts_is_given_up_and_one_at_the_place_stays(machines):
     records = machines("arm")
     acting = ActingPlace(ELASTIC, records, CUTOFF)
-    assert acting.alone == ("arm",)
+    assert acting.places == ("arm",)
     result, doubt = misplaced(found(records, spring("arm"), spring("joint")), acting, records)
     assert [c.chosen.effect.location for c in result.choices] == ["j_arm"] and doubt is None
     assert "all that is missing acts at j_arm" in result.given_up[0].why
@@ -197,7 +197,7 @@ def test_a_friction_that_is_there_stays_beside_it_and_explains_little(machines):
     records = machines("arm", coulomb=0.05)
     acting = ActingPlace(ELASTIC, records, CUTOFF)
     result, doubt = misplaced(found(records, friction("motor")), acting, records)
-    assert acting.alone == ("arm",) and len(result.choices) == 1 and doubt is None
+    assert acting.places == ("arm",) and len(result.choices) == 1 and doubt is None
     share = acting.explained([friction("motor")])
     assert share < 0.3 and Adequacy(0.9, 0.9, True, share).much_is_left
     assert not Adequacy(0.9, 0.9, True).much_is_left
@@ -283,7 +283,7 @@ def test_beside_friction_of_the_drive_a_name_where_nothing_acts_is_given_up(mach
     """Friction is in all equations but the arm's: none holds before it is allowed for."""
     records = machines("arm", coulomb=0.5)
     acting = ActingPlace(ELASTIC, records, CUTOFF)
-    assert not acting.alone
+    assert not acting.places
     gain = Effect("gain_error", "j_actuator", {"gain": 0.8})
     names = [friction("motor"), gain] if named else [gain]
     result, doubt = misplaced(found(records, *names), acting, records)
@@ -296,7 +296,7 @@ def test_beside_friction_of_the_drive_a_name_where_nothing_acts_is_given_up(mach
 
 def test_friction_alone_is_no_place_of_something_unknown(machines):
     acting = ActingPlace(ELASTIC, machines(coulomb=0.5), CUTOFF)
-    assert not acting.clear_beside([]).alone
+    assert not acting.clear_beside([]).places
     assert acting.explained([friction("motor")]) == 1.0
 
 
@@ -312,8 +312,8 @@ def test_the_places_are_the_same_whether_or_not_encoders_are_asked_last(left):
     holding = {p for p in places if whole[p] < least[gaps[0]]} if gaps else set()
     if "motor" in holding or ("arm" in holding and len(holding) > 1):
         holding = set()
-    assert set(acting.alone) == holding
-    assert not holding or whole[acting.alone[0]] == least[0]
+    assert set(acting.places) == holding
+    assert not holding or whole[acting.places[0]] == least[0]
     assert len(acting.content(False)["left"]) == 3 and len(acting.content(True)["left"]) == 5
 
 

@@ -77,7 +77,7 @@ def _elsewhere(result: SearchResult, acting: ActingPlace) -> list[tuple[Choice, 
     gone = [c for c in asked if acting.elsewhere(c.chosen.effect)]
     if not gone:
         return []
-    where = " or ".join(map(result.baseline.model.location, acting.alone))
+    where = " or ".join(map(result.baseline.model.location, acting.places))
     allowed = " and ".join(f"{e.effect} at {e.location}" for e in acting.beside)
     missing = f"all that is missing beside {allowed}" if allowed else "all that is missing"
     return [

@@ -76,7 +76,7 @@ class ActingPlace:
         if not self.rubs(names):
             sets.append((self.dry_friction,))
         tried = (replace(self, beside=(*self.beside, *beside)) for beside in sets)
-        return next((one for one in tried if one.alone), self)
+        return next((one for one in tried if one.places), self)
 
     @property
     def dry_friction(self) -> Effect:
@@ -85,7 +85,7 @@ class ActingPlace:
         return Effect(plainest.name, self.model.location(MOTOR), {plainest.jumps: 1.0})
 
     @cached_property
-    def alone(self) -> tuple[str, ...]:
+    def places(self) -> tuple[str, ...]:
         """The places of which one is that of all that is missing, best first: their equations hold, and those
         of the others do not. Mostly it is one; a slow error of an encoder is one of the joint, too. Empty
         where there are none, where the motor is among them, as some random torque acts on every machine, and
@@ -109,11 +109,11 @@ class ActingPlace:
     def elsewhere(self, effect: Effect) -> bool:
         """Whether everything acts at one of some places, and an effect is a torque that acts at another one:
         it does not lower what the best of their equations leaves. One that acts at moments is not asked."""
-        if effect in self.beside or not self.alone or not _asked(effect):
+        if effect in self.beside or not self.places or not _asked(effect):
             return False
-        if acts_at(self.model, effect.location) in self.alone:
+        if acts_at(self.model, effect.location) in self.places:
             return False
-        best = self.alone[0]
+        best = self.places[0]
         wanted = ENCODERS if best in ENCODERS else ()
         left, before = (self.left(known, wanted, [effect]).get(best) for known in ([effect], []))
         return left is not None and before is not None and left > NOT_LOWERED * before
@@ -150,7 +150,7 @@ class ActingPlace:
         """Share (mean square) of what the equations of other places leave that they do not leave with names,
         where everything, but for some of these (`clear_beside`), acts at one of some places; 1 where that is
         not so, or a name cannot be asked."""
-        places = self.clear_beside(names).alone
+        places = self.clear_beside(names).places
         if not places or not all(map(_asked, names)):
             return 1.0
         others = [place for place in (MOTOR, ARM, JOINT) if place not in places]
