@@ -26,6 +26,7 @@ from haptic_teleop_sysid.diagnosis.evidence.residual import _condition as condit
 from haptic_teleop_sysid.diagnosis.evidence.residual import shares
 from haptic_teleop_sysid.diagnosis.hypotheses.explanation import Explanation
 from haptic_teleop_sysid.diagnosis.inputs.scales import recording_scales
+from haptic_teleop_sysid.diagnosis.policy import MOST_BY_CHANCE
 from haptic_teleop_sysid.diagnosis.report.page_lead import _headline as headline
 from haptic_teleop_sysid.diagnosis.report.summary import explains_sentence, summary
 from haptic_teleop_sysid.estimation.whole_fit import fit_whole, noise_starts

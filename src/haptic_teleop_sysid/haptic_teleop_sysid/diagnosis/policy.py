@@ -146,14 +146,14 @@ largest random torque of the benchmark's machines; three robots' joints with rig
 MOST_UNNAMED = 0.12
 """The same where nothing is named: above, something unknown is there. Higher: a load that shakes the joint by
 itself passes for noise; lower: noisy machines with nothing to find are `unknown`. By hand: twice what any of
-626 `no_mismatch` verdicts on four seeds of the benchmark left (0.064). Half of it is the most that passes for
-random beside names that explain less than LEAST_EXPLAINED: of 332 answers on another seed with such names
-none leaves more than 0.05; nine on real joints and four draws of other physics, none of them all, leave 0.058
-to 0.13."""
+626 `no_mismatch` verdicts on four seeds of the benchmark left (0.064)."""
 
 MOST_BY_CHANCE = MOST_UNNAMED / 2
-"""The most that chance leaves, see there: the past of a quantity is told from that part on, too, because in a
-closed loop the input answers to random torque."""
+"""The most that passes for random beside names that explain less than LEAST_EXPLAINED; and the least part of
+what is left that is told to follow the past of a quantity, because in a closed loop the input answers to
+random torque. Higher: weak names stay; lower: right ones beside noise are `unknown`. By hand: of 332 answers
+on a seed of the benchmark none with such names leaves more than 0.05; nine on real joints and four draws of
+other physics, none of them all, leave 0.058 to 0.13."""
 
 ERRS_LESS, ERRS_FAR_LESS = 0.9, 0.7
 """Factor by which the free run of the second witness must err less than the first opinion's, in the mean of
