@@ -10,11 +10,11 @@ from typing import Any
 
 import numpy as np
 
-from haptic_teleop_sim.effects import EFFECTS
 from haptic_teleop_sim.model import Effect, Model
 from haptic_teleop_sysid.estimation.likelihood import FAILURES
 from haptic_teleop_sysid.estimation.records import Record
 
+from ..hypotheses.candidates import dry_friction
 from ..policy import FITS_WORSE, HOLDS_BETTER, MISFIT, NOT_LOWERED
 from .inverse_dynamics.corrected import can_correct, corrected
 from .inverse_dynamics.parity import parity_residuals
@@ -80,9 +80,8 @@ class ActingPlace:
 
     @property
     def dry_friction(self) -> Effect:
-        """In its plainest form at the motor, of a size that says nothing."""
-        plainest = next(entry for entry in EFFECTS.values() if entry.jumps)
-        return Effect(plainest.name, self.model.location(MOTOR), {plainest.jumps: 1.0})
+        """At the motor, of a size that says nothing."""
+        return dry_friction(self.model)
 
     @cached_property
     def places(self) -> tuple[str, ...]:

@@ -14,11 +14,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from haptic_teleop_sim.effects import EFFECTS
 from haptic_teleop_sim.model import Effect, Model
 from haptic_teleop_sysid.estimation.likelihood import FAILURES
 from haptic_teleop_sysid.estimation.records import Record
 
+from ..hypotheses.candidates import dry_friction
 from ..policy import HOLDS_BETTER, LEAST_EXPLAINED
 from .inverse_dynamics.angle_curve import AngleCurve
 from .inverse_dynamics.groups import CLEARLY, Search
@@ -139,8 +139,7 @@ def _terms(model: Model, named: Sequence[Effect]) -> list[Term]:
     """What is named and follows from the motion; and dry friction, where no friction is."""
     told = [e for e in named if follows_from_motion(e.entry)]
     if not any(e.entry.kind == "friction" for e in told):
-        plainest = next(entry for entry in EFFECTS.values() if entry.jumps)
-        told.append(Effect(plainest.name, model.location("motor"), {plainest.jumps: 1.0}))
+        told.append(dry_friction(model))
     return [Hypothesis.resized(e, "motor") for e in told]
 
 

@@ -120,6 +120,12 @@ def _allowed(parameter: EffectParameter, value: float) -> float:
     return min(max(value, parameter.minimum), parameter.maximum)
 
 
+def dry_friction(model: Model) -> Effect:
+    """Dry friction at the motor in its plainest form, of a size that says nothing."""
+    plainest = next(entry for entry in EFFECTS.values() if entry.jumps)
+    return Effect(plainest.name, model.location("motor"), {plainest.jumps: 1.0})
+
+
 def companion(model: Model, effect: Effect) -> Effect | None:
     """What an effect may call for at the joint, of size none: what loads that at rest hides a preload of it
     where encoders are zeroed there, and the faces of a gap damp."""
