@@ -1,11 +1,18 @@
 """A torque that grows with something else does not keep its size, and the test says with what it grows."""
 
+from dataclasses import replace
+from pathlib import Path
+
 import numpy as np
 import pytest
-from identification_plants import STAGE, stage_recording
+from identification_plants import STAGE, multisine, stage_recording
 
+from haptic_teleop_control.recording import Recording
+from haptic_teleop_sim.experiments import run_open_loop
+from haptic_teleop_sim.hardware import SfjRobot
 from haptic_teleop_sim.model import Effect
-from haptic_teleop_sysid.diagnosis.decision import objections
+from haptic_teleop_sim.sfj_robot import SfjSettings, stage_hardware
+from haptic_teleop_sysid.diagnosis.decision import changing_size
 from haptic_teleop_sysid.diagnosis.evidence.modulation import (
     JUST_AFTER,
     LONGEST_REST,
@@ -28,14 +35,35 @@ UNEVEN = Effect(
 DRAG = Effect("quadratic_drag", "stage1_motor", {"coefficient": 2.0})
 
 
-def changing(truth, named):
-    """How the size of ``named`` changes, fitted to two recordings of a stage with ``truth``."""
+LAG = Effect("actuator_lag", "stage1_actuator", {"time_constant": 0.03})
+
+
+def recorded(truth, seed):
+    recording = stage_recording(
+        STAGE.with_effects(truth), seed=seed, seconds=20.0, rms=0.15, band=(0.2, 4.0)
+    )
+    return record_from(load_dataset(recording, STAGE), commanded=True)
+
+
+def recorded_with_a_lag(time_constant, seed):
+    """A stage whose current follows its command with a time constant, s, of the command's size, A."""
+    n, dt, now = 10_000, 0.002, 0.0
+    command = multisine(n, dt, 0.15, (0.2, 4.0), seed)
+    current = np.empty(n)
+    for i, wanted in enumerate(command):
+        now += (wanted - now) * -np.expm1(-dt / time_constant(abs(wanted)))
+        current[i] = now
+    robot = SfjRobot(SfjSettings(stage1=stage_hardware("stage1", STAGE, disturbance_rms=0.013)), dt, seed)
+    nominal = robot.torque_constants[0]
+    topics = run_open_loop(robot, np.column_stack([nominal * current, np.zeros(n)]))
+    record = record_from(load_dataset(Recording(Path("lag"), topics, {}), STAGE), commanded=True)
+    return replace(record, input=command)
+
+
+def changing(records, named):
+    """How the size of ``named`` changes, fitted to each of some recordings of a stage."""
     found = []
-    for seed in (1, 2):
-        recording = stage_recording(
-            STAGE.with_effects(truth), seed=seed, seconds=20.0, rms=0.15, band=(0.2, 4.0)
-        )
-        record = record_from(load_dataset(recording, STAGE), commanded=True)
+    for record in records:
         model = STAGE.with_effects(named)
         fits = [fit_whole(model, noise, [record], iterations=30) for noise in noise_starts(model, [record])]
         fit = max(fits, key=lambda f: f.log_likelihood)
@@ -45,16 +73,28 @@ def changing(truth, named):
 
 @pytest.mark.parametrize("effect", [FRICTION, DRAG])
 def test_what_it_is_keeps_its_size(effect):
-    here, elsewhere = changing(effect, effect)
+    here, elsewhere = changing([recorded(effect, seed) for seed in (1, 2)], effect)
     assert not changes_with(here, elsewhere, 0.1, 8.0)
 
 
 def test_friction_that_grows_with_the_angle_is_told_by_it():
-    here, elsewhere = changing(UNEVEN, FRICTION)
+    here, elsewhere = changing([recorded(UNEVEN, seed) for seed in (1, 2)], FRICTION)
     what, share = changes_with(here, elsewhere, 0.3, 30.0)[0]
     assert what == "motor angle"
     # The relative amplitude (7/8) times the spread of sin(6 q) over an angle of some tenths of a radian.
     assert 0.3 < share < 0.9
+
+
+def test_a_lag_of_a_constant_time_keeps_it():
+    here, elsewhere = changing([recorded_with_a_lag(lambda size: 0.03, seed) for seed in (1, 2)], LAG)
+    assert not changes_with(here, elsewhere, 0.1, 8.0)
+
+
+def test_a_lag_that_is_shorter_for_large_commands_is_told_by_their_size():
+    records = [recorded_with_a_lag(lambda size: 0.06 / (1.0 + size / 0.1), seed) for seed in (1, 2)]
+    here, elsewhere = changing(records, LAG)
+    what, share = changes_with(here, elsewhere, 0.1, 20.0)[0]
+    assert (what, share < 0.0) == ("size of the input", True)
 
 
 def test_both_kinds_of_recordings_have_to_agree():
@@ -64,17 +104,6 @@ def test_both_kinds_of_recordings_have_to_agree():
     assert not changes_with(grows, shrinks, 0.3, 30.0)
     assert not changes_with(grows, weak, 0.3, 30.0)
     assert not changes_with(grows, {}, 0.3, 30.0)
-
-
-def test_what_is_no_torque_has_no_size_that_could_change():
-    scale = Effect("encoder_scale", "stage1_arm_encoder", {"scale": 1.01})
-    record = record_from(
-        load_dataset(stage_recording(STAGE, seed=1, seconds=5.0, rms=0.15, band=(0.2, 4.0)), STAGE),
-        commanded=True,
-    )
-    fit = fit_whole(STAGE.with_effects(scale), fit_from_scratch(STAGE, [record]).noise, [record])
-    assert modulations(fit, fit.model.effects[0], [record]) == {}
-    assert np.isfinite(fit.log_likelihood)
 
 
 def test_rests_are_counted_before_the_motion_that_follows():
@@ -101,6 +130,6 @@ def test_what_happens_for_moments_needs_to_change_the_mean_but_little():
 def test_what_the_encoders_steps_make_of_a_constant_size_is_no_change_of_it(monkeypatch, by_rounding, told):
     real, made = object(), object()
     said = {real: {RESTED: Modulation(0.15, 40.0)}, made: {RESTED: Modulation(by_rounding, 3.0)}}
-    monkeypatch.setattr(objections, "null_records", lambda fit, records: made)
-    monkeypatch.setattr(objections, "modulations", lambda fit, effect, records: said[records])
-    assert objections.changing_with(None, None, FRICTION, real, real) == told
+    monkeypatch.setattr(changing_size, "null_records", lambda fit, records: made)
+    monkeypatch.setattr(changing_size, "modulations", lambda fit, effect, records: said[records])
+    assert changing_size.changing_with(None, None, FRICTION, real, real) == told

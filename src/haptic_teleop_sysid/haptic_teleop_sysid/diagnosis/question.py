@@ -11,6 +11,7 @@ from haptic_teleop_sysid.recordings.dataset import DataSet
 
 from .decision.adequacy import Adequacy, Followed, adequacy, left_size
 from .decision.beside_the_others import earned
+from .decision.changing_size import one_size_each
 from .decision.coloured import coloured, left_is_random, with_a_memory
 from .decision.constancy import inconstant
 from .decision.corroborated import Corroboration
@@ -122,6 +123,7 @@ def weighed(
     while result.choices and result is not before:
         before, adequate = result, _adequacy(found, result)
         kept = earned(result, adequate, found.learn, corroborated, size_left, stand.spread)
+        kept = one_size_each(kept, found.learn, found.judge)
         result, doubt = constant_sizes(kept, lambda one: steady(found, one), found.learn)
     return result, adequate if result.choices else None, doubt
 

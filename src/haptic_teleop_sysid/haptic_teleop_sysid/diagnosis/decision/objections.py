@@ -11,16 +11,14 @@ import numpy as np
 from haptic_teleop_sim.model import Effect, Model
 from haptic_teleop_sysid.estimation.gauss_newton import Fit
 from haptic_teleop_sysid.estimation.records import Record
-from haptic_teleop_sysid.estimation.whole_fit import fit_whole
 
-from ..evidence.certainty import known_beside, standard_errors
+from ..evidence.certainty import standard_errors
 from ..evidence.events import all_the_time
 from ..evidence.held_out import held_out_fit
-from ..evidence.modulation import changes_with, modulations
-from ..evidence.null_records import null_records
 from ..evidence.whiteness import colour, unsteadiness
 from ..policy import COLOURED, UNSTEADY, WHITE
-from .coloured import BY_ROUNDING, by_steps, more_coloured
+from .changing_size import changing_with, fitted_there, in_words
+from .coloured import by_steps, more_coloured
 from .corroborated import Corroborated
 from .decide import Choice
 from .reasons import momentary
@@ -32,10 +30,6 @@ AS_UNSTEADY = 0.7
 #: A size is another one on other recordings when it differs by this share and by this many standard errors.
 OTHER_SIZE = 0.4
 OTHER_SIZE_ERRORS = 5.0
-#: Relative change of a size, per standard deviation of what it changes with, and nats, from which on both
-#: kinds of recordings the effect is something else: of 173 torques that were named right on two seeds of the
-#: benchmark none changed by more than 9 % (a hysteresis of another form); what follows another axis, by 53 %.
-CHANGES, CHANGES_GAIN = 0.3, 30.0
 #: A finding that takes away this share of the simulation's error on validation recordings stays, whatever is
 #: left beside it.
 CLEARLY_BETTER = 0.4
@@ -70,10 +64,7 @@ class Objections:
     def _of_size(self, fit: Fit, there: Fit, effect: Effect) -> Objection:
         """It has another size on the other recordings, or its size changes with something."""
         head = f"{effect.location}.{effect.effect}."
-        # Other recordings may not determine all of the structure: it stays as well known as it was.
-        own = tuple(name for name in fit.free if name.startswith(head))
-        known = known_beside(fit, own)
-        again = fit_whole(fit.model, there.noise, self.validation, free=fit.free, known=known)
+        again = fitted_there(fit, there, effect, self.validation)
         here, elsewhere = fit.model.parameter_values(), again.model.parameter_values()
         std, std_there = standard_errors(fit), standard_errors(again)
         for parameter in effect.entry.parameters:
@@ -89,14 +80,7 @@ class Objections:
                 )
                 return why, None
         changing = changing_with(fit, again, effect, self.estimation, self.validation)
-        if changing is None:
-            return None
-        what, share = changing
-        why = (
-            f"the size of {effect.effect} would change with the {what}, by {100 * abs(share):.0f} % of its "
-            "mean per standard deviation of that"
-        )
-        return why, what
+        return None if changing is None else (in_words(effect, *changing), changing[0])
 
     def _of_innovations(self, fit: Fit, there: Fit, effect: Effect, so_far: Fit) -> Objection:
         """They stay coloured or unsteady with it, and nothing but them speaks for it."""
@@ -126,24 +110,3 @@ class Objections:
         if all_the_time(so_far, fit, self.estimation) and all_the_time(beside, there, self.validation):
             return None
         return f"something acts at some times and not at others, with {effect.effect} as without", "time"
-
-
-def changing_with(
-    fit: Fit, again: Fit, effect: Effect, estimation: Sequence[Record], validation: Sequence[Record]
-) -> tuple[str, float] | None:
-    """What the size of an effect changes with, and by how much; None where it keeps it. ``again``: the fit to
-    the validation recordings.
-
-    A coarse encoder tells late that a joint has turned or begins to move: what the size changes by on
-    simulated recordings of the same fit, where it is constant, is the encoder's."""
-    found = changes_with(
-        modulations(fit, effect, estimation), modulations(again, effect, validation), CHANGES, CHANGES_GAIN
-    )
-    if not found:
-        return None
-    made = modulations(fit, effect, null_records(fit, estimation))
-    for what, share in found:
-        by_rounding = made[what].share if what in made else 0.0
-        if abs(share) > BY_ROUNDING * abs(by_rounding):
-            return what, share
-    return None

@@ -7,7 +7,7 @@ z changes slowly against the observer, by c z(t) times what they answer to the w
     e = e0 + c z (de/ds),   s a common factor of all the effect's sizes,
 
 so that c is a score test (Rao 1948) away, all free parameters projected out. Of an effect under its right
-name both kinds of recordings agree on no c (`doubt.CHANGES`).
+name both kinds of recordings agree on no c (see `changing_size`).
 """
 
 from __future__ import annotations
@@ -46,10 +46,10 @@ class Modulation:
 
 
 def modulations(fit: Fit, effect: Effect, records: Sequence[Record]) -> dict[str, Modulation]:
-    """How the size of a torque that ``fit`` found would change, by what with (in words); {} where it has no
-    size, is no torque, or where the arithmetic fails."""
+    """How the size of an effect that ``fit`` found would change, by what with (in words); {} where it has no
+    size, or where the arithmetic fails."""
     sizes = _sizes(fit.model, effect, fit.free)
-    if effect.entry.kind not in ("torque", "friction") or not sizes or not np.isfinite(fit.log_likelihood):
+    if not sizes or not np.isfinite(fit.log_likelihood):
         return {}
     packed = pack(fit.model)
     sums: dict[str, FloatArray] = {}
@@ -129,7 +129,8 @@ def _quantities(
     model: Model, effect: Effect, record: Record, states: FloatArray
 ) -> Iterator[tuple[str, FloatArray]]:
     """What a size may change with (n,), by name; angles and velocities at the effect's own place."""
-    side, part = (1, "arm") if effect.location == model.location("arm") else (0, "motor")
+    part = "arm" if model.place(effect.location).startswith("arm") else "motor"
+    side = int(part == "arm")
     time: FloatArray = record.dt * np.arange(len(record), dtype=np.float64)
     velocity = states[:, 2 + side]
     yield "time", time
