@@ -23,7 +23,7 @@ from haptic_teleop_sysid.diagnosis.evidence.modulation import (
     rested,
 )
 from haptic_teleop_sysid.estimation.records import record_from
-from haptic_teleop_sysid.estimation.whole_fit import fit_from_scratch, fit_whole, noise_starts
+from haptic_teleop_sysid.estimation.whole_fit import fit_whole, noise_starts
 from haptic_teleop_sysid.recordings.dataset import load_dataset
 
 FRICTION = Effect("coulomb_friction", "stage1_motor", {"torque": 0.08, "contact_angle": 1e-4})
