@@ -13,6 +13,8 @@ from haptic_teleop_sim.hardware import SfjRobot
 from haptic_teleop_sim.model import Effect
 from haptic_teleop_sim.sfj_robot import SfjSettings, stage_hardware
 from haptic_teleop_sysid.diagnosis.decision import changing_size
+from haptic_teleop_sysid.diagnosis.decision.decide import Choice
+from haptic_teleop_sysid.diagnosis.decision.search import SearchResult
 from haptic_teleop_sysid.diagnosis.evidence.modulation import (
     JUST_AFTER,
     LONGEST_REST,
@@ -22,6 +24,8 @@ from haptic_teleop_sysid.diagnosis.evidence.modulation import (
     modulations,
     rested,
 )
+from haptic_teleop_sysid.diagnosis.hypotheses.explanation import Explanation
+from haptic_teleop_sysid.diagnosis.inputs.scales import recording_scales
 from haptic_teleop_sysid.estimation.records import record_from
 from haptic_teleop_sysid.estimation.whole_fit import fit_whole, noise_starts
 from haptic_teleop_sysid.recordings.dataset import load_dataset
@@ -95,6 +99,24 @@ def test_a_lag_that_is_shorter_for_large_commands_is_told_by_their_size():
     here, elsewhere = changing(records, LAG)
     what, share = changes_with(here, elsewhere, 0.1, 20.0)[0]
     assert (what, share < 0.0) == ("size of the input", True)
+
+
+@pytest.mark.parametrize(
+    ("time_constant", "left"),
+    [
+        (lambda size: 0.03, ["actuator_lag", "quadratic_drag"]),
+        (lambda size: 0.06 / (1.0 + size / 0.1), ["quadratic_drag"]),
+    ],
+)
+def test_beside_another_name_a_lag_stays_if_its_time_is_constant(time_constant, left):
+    records = [recorded_with_a_lag(time_constant, seed) for seed in (1, 2)]
+    bare = fit_whole(STAGE, noise_starts(STAGE, records[:1])[0], records[:1])
+    fit = fit_whole(STAGE.with_effects(LAG, DRAG), bare.noise, records[:1], iterations=30)
+    choices = tuple(Choice(Explanation(fit, 50.0, 20.0, True, index), 0.9) for index in (0, 1))
+    result = SearchResult(bare, fit, choices, (), recording_scales(STAGE, records))
+    found = changing_size.one_size_each(result, records[:1], records[1:])
+    assert [c.chosen.effect.effect for c in found.choices] == left
+    assert [e.effect for e in found.final.model.effects] == left
 
 
 def test_both_kinds_of_recordings_have_to_agree():
