@@ -13,7 +13,16 @@ from ..decision.adequacy import nothing_shown
 from ..decision.verdict import Verdict
 from ..inputs.cuts import ONLY
 from ..policy import SURE
-from .summary import LIMIT, PART_LABELS, explains_sentence, found_is_better, moved_sentence, percent
+from .summary import (
+    LIMIT,
+    ONE_EQUATION,
+    PART_LABELS,
+    explains_sentence,
+    found_is_better,
+    moved_sentence,
+    one_equation,
+    percent,
+)
 
 
 def lead(
@@ -61,6 +70,8 @@ def _capital(sentence: str) -> str:
 
 def _headline(verdict: Verdict, content: dict[str, Any]) -> tuple[Status, str]:
     places = ", ".join(f"{w['equation']} and depends on {w['condition']}" for w in verdict.where)
+    if one_equation(content):
+        places += f" ({ONE_EQUATION})"
     if verdict.kind == "identified":
         named = " and ".join(_named(f) for f in verdict.findings)
         if any(f["confidence"] < SURE for f in verdict.findings):

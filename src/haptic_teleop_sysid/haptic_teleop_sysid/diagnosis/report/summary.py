@@ -21,6 +21,10 @@ LIMIT = {"lowest": "the lowest value allowed", "highest": "the highest value all
 """What is said of a parameter at a bound."""
 
 
+ONE_EQUATION = "or at its actuator or encoder: a rigid joint has one equation for all three"
+"""What is said of the place of something without a name in a rigid joint."""
+
+
 def summary(content: dict[str, Any]) -> str:
     """The verdict in a few lines; said first is that what is handed on is worse than the user's own model."""
     lines = []
@@ -37,7 +41,8 @@ def summary(content: dict[str, Any]) -> str:
         beside = "; beside it:" if content["findings"] else ""
         if (content["adequacy"] or {}).get("only_worse"):
             beside = "; it resembles, and your own model simulates better:"
-        lines.append(f"  something without a name at {places}{beside}")
+        open_place = f" ({ONE_EQUATION})" if one_equation(content) else ""
+        lines.append(f"  something without a name at {places}{open_place}{beside}")
     for f in content["findings"]:
         numbers = ", ".join(finding_number(n, p) for n, p in f["parameters"].items())
         lines.append(f"  {f['effect']} at {f['location']} ({100 * f['confidence']:.0f} %): {numbers}")
@@ -68,6 +73,12 @@ def summary(content: dict[str, Any]) -> str:
             lines.append(f"  {part} ({label}):")
             lines += [f"    {n} {' -> '.join(percent(c[n]) for c in columns)} %" for n in columns[0]]
     return "\n".join(lines)
+
+
+def one_equation(content: dict[str, Any]) -> bool:
+    """Whether what has no name may sit at any of three places of a rigid joint."""
+    told = [w["equation"] for w in content.get("where", [])]
+    return content.get("structure") == "rigid_body" and any(one.endswith("_motor") for one in told)
 
 
 def found_is_better(content: dict[str, Any]) -> bool:
