@@ -3,15 +3,16 @@
 from dataclasses import replace
 from types import SimpleNamespace
 
+import numpy as np
 import pytest
-from stepped_machines import RIGID, pendulum
+from stepped_machines import DT, RIGID, pendulum, record, swing
 
 from haptic_teleop_sim.model import Effect
 from haptic_teleop_sysid.diagnosis.decision.adequacy import NOT_SURE
 from haptic_teleop_sysid.diagnosis.decision.at_reversals import AtReversals, Turning
 from haptic_teleop_sysid.diagnosis.decision.beside_unknown import leading, most_or_seen, with_names
 from haptic_teleop_sysid.diagnosis.decision.decide import Choice
-from haptic_teleop_sysid.diagnosis.decision.in_part import found_in_part, where_the_rest_is
+from haptic_teleop_sysid.diagnosis.decision.in_part import found_in_part, found_one_by_one, where_the_rest_is
 from haptic_teleop_sysid.diagnosis.decision.reasons import Doubt
 from haptic_teleop_sysid.diagnosis.decision.stand_in import StandIn
 from haptic_teleop_sysid.diagnosis.decision.verdict import Verdict
@@ -63,6 +64,21 @@ def test_friction_is_found_beside_a_torque_without_a_name(notched):
     assert found.effect.values["torque"] == pytest.approx(0.4, rel=0.05)
     assert found.rest.quantities == ("motor angle",)
     assert found.adequacy > 0.9
+
+
+def test_on_one_slow_sine_a_spring_is_judged_by_itself():
+    """Any torque over angle or velocity, with an inertia beside it, could be the spring's there."""
+    sides = []
+    for phase in (0.3, 2.0):
+        torque = 1.5 * np.sin(2.0 * np.pi * 0.2 * DT * np.arange(10_000) + phase)
+        sides.append([record(torque, swing(torque, 0.14, 0.35, 0.0, 20.0, 0.0, 0.0, 0.0)[:, None], 1e-4)])
+    opinion = Opinion(None, (), witness(RIGID, *sides, recording_scales(RIGID, sides[0])))
+    best = leading(opinion.witness)[0]
+    (found,) = found_one_by_one(best, opinion)
+    assert best.effects[0].effect in ("gravity", "spring_to_ground")
+    assert found.rest is None and found.told().startswith("it explains")
+    assert next(iter(found.effect.values.values())) == pytest.approx(20.0, rel=0.1)
+    assert where_the_rest_is(Verdict("unknown", [], [], [], []), [found]).where == []
 
 
 def test_the_size_is_that_of_the_torque_and_what_free_runs_want_is_told(notched):

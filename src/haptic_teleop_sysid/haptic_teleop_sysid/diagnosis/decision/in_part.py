@@ -41,7 +41,8 @@ class InPart:
     (what halves of the stretches, and the sizes found elsewhere, put them apart); ``index`` among the effects
     of which it is one; ``apart``: the sizes found elsewhere, and ``words`` for that; ``adequacy``: share that
     it explains of what any torque in its own quantities does; ``share``: of all that is missing; ``rest``:
-    the torque without a form beside which it was judged, which explains ``more`` of all that is missing."""
+    the torque without a form beside which it was judged, which explains ``more`` of all that is missing; None
+    where each such torque could be the name's, too."""
 
     effect: Effect
     std: dict[str, float]
@@ -50,7 +51,7 @@ class InPart:
     words: str
     adequacy: float
     share: float
-    rest: Latent
+    rest: Latent | None
     more: float
 
     def told(self) -> str:
@@ -59,12 +60,15 @@ class InPart:
         others = ", ".join(
             f"{n} {v:.3g}" for n, v in self.apart.items() if abs(v - values[n]) > _TOLD * abs(values[n])
         )
+        beside, rest = "", "what the rest is has no name"
+        if self.rest is not None:
+            follows = " and ".join(self.rest.quantities)
+            beside = f"beside a torque without a form that follows {follows} at {self.rest.location}, "
+            rest = "what that other torque is has no name"
         return (
-            f"beside a torque without a form that follows {' and '.join(self.rest.quantities)} at "
-            f"{self.rest.location}, "
-            f"it explains {100 * self.share:.0f} % of the torque that is missing on recordings that were not "
-            f"fitted, and {100 * self.adequacy:.0f} % of what any torque in its own quantities does; what "
-            "that other torque is has no name" + (f"; {self.words} {others}" if others else "")
+            f"{beside}it explains {100 * self.share:.0f} % of the torque that is missing on recordings that "
+            f"were not fitted, and {100 * self.adequacy:.0f} % of what any torque in its own quantities "
+            f"does; {rest}" + (f"; {self.words} {others}" if others else "")
         )
 
 
@@ -102,16 +106,18 @@ def _those_that_stand(
 def _judged(index: int, effect: Effect, own: Hypothesis, search: Search, words: str) -> InPart | None:
     alike = search.alike(own)
     others = [q for q in search.latents if q not in alike and "time" not in q.quantities]
-    if not alike or not others:
+    if not alike:
         return None
-    rest = min(others, key=lambda q: search.left_over((own, q)))
-    both = (own, rest)
-    if search.likelier(both) < search.likelier((rest,)) + CLEARLY:
+    # On a motion as plain as one sine each of them could be this torque: then the name is judged by itself.
+    rest = min(others, key=lambda q: search.left_over((own, q)), default=None)
+    beside = () if rest is None else (rest,)
+    both = (own, *beside)
+    if search.likelier(both) < search.likelier(beside) + CLEARLY:
         return None
-    adequacy = search.adequacy_beside(own, (rest,))
+    adequacy = search.adequacy_beside(own, beside)
     # Along one quantity a curve that explains clearly more has another form, unless the effect does nearly
     # all that it does: in a long recording the least difference is clear.
-    curves = [(q, rest) for q in alike if len(q.quantities) == 1]
+    curves = [(q, *beside) for q in alike if len(q.quantities) == 1]
     other_form = any(search.likelier(curve) > search.likelier(both) + CLEARLY for curve in curves)
     sizes = _sizes(own, both, search)
     if adequacy < (NEARLY_ALL if other_form else LEAST_EXPLAINED) or sizes is None:
@@ -123,13 +129,15 @@ def _judged(index: int, effect: Effect, own: Hypothesis, search: Search, words: 
         n: math.hypot(0.5 * (one - other), (mean[n] - apart[n]) / math.sqrt(2.0))
         for n, (one, other) in sizes.items()
     }
-    share, more = (search.explained(both) - max(search.explained((one,)), 0.0) for one in (rest, own))
+    share, more = (
+        search.explained(both) - max(search.explained(known), 0.0) for known in (beside, (own,))
+    )
     named = replace(effect, parameters={**effect.parameters, **mean})
     return InPart(named, std, index, apart, words, adequacy, share, rest, more)
 
 
 def _sizes(
-    own: Hypothesis, both: tuple[Hypothesis, Latent], search: Search
+    own: Hypothesis, both: tuple[Hypothesis | Latent, ...], search: Search
 ) -> dict[str, tuple[float, ...]] | None:
     """The effect's sizes that either half of the stretches wants, the rest taken on; None where they are not
     the same, or where one is at the bound of what was tried."""
@@ -172,9 +180,9 @@ def with_found(
 def where_the_rest_is(verdict: Verdict, found: Sequence[InPart]) -> Verdict:
     """The verdict with where the torque is beside which the names stand, and what it follows, where it says
     anything of that: unchanged where it predicts nothing."""
-    if not found or found[0].more <= 0.0:
+    rest = found[0].rest if found else None
+    if rest is None or found[0].more <= 0.0:
         return verdict
-    rest = found[0].rest
     where: dict[str, Any] = {
         "equation": rest.location,
         "share": round(found[0].more, 3),
