@@ -95,3 +95,15 @@ def test_the_currents_are_asked_for_no_delay_that_a_model_may_not_have(data):
     found = shown_by_current(STAGE, [slow], [slow])
     assert all(one.effect.parameters["delay"] <= 0.25 for one in found if one.effect.effect == "input_delay")
     assert max(_starts("input_delay", STAGE, [slow])) > 0.2
+
+
+def test_a_delay_of_a_long_recording_is_looked_for_where_the_command_changes_most():
+    long = load_dataset(stage_recording(seed=3, seconds=40.0), STAGE)
+    command = np.where(np.arange(len(long)) < 12_000, 1e-3, 1.0) * np.asarray(long.commanded_input)
+    noise = np.random.default_rng(1).normal(0.0, 1e-4, len(long))
+    late = replace(
+        long, commanded_input=command, input=np.roll(command, 17) + noise, input_source="measured effort"
+    )
+    best = shown_by_current(STAGE, [late], [late])[0]
+    assert best.effect.effect == "input_delay"
+    assert best.effect.parameters["delay"] == pytest.approx(17 * long.dt, abs=1e-4)

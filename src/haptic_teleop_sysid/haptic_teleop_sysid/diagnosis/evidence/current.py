@@ -10,7 +10,7 @@ does.
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -45,6 +45,9 @@ _UNSEEN = 64
 #: limits and dead bands relative to the largest and the rms command.
 _TIMES = (0.02, 0.1, 0.3, 0.6, *(float(n) for n in range(1, _UNSEEN + 1)))
 _LIMITS = (0.3, 0.5, 0.7, 0.8, 0.9, 0.95, 0.99)
+#: Starts of an effect that are asked of all samples: where there are more, the best on the liveliest samples
+#: of each recording, so many.
+_MOST_STARTS, _LIVELIEST = 8, 8192
 _WIDTHS = (0.005, 0.02, 0.05, 0.1, 0.2, 0.4)
 
 
@@ -97,7 +100,9 @@ def _fitted(
         return sum(_nats(model, effect(value), d) for d in data)
 
     starts = _starts(name, model, [c.data for c in estimation])
-    values = [nats(v, estimation) for v in starts]
+    values = np.full(len(starts), -np.inf)
+    for place in _promising(starts, [c.liveliest() for c in estimation], nats):
+        values[place] = nats(starts[place], estimation)
     best = int(np.argmax(values))
     # Beyond the smallest start lie smaller effects, down to none.
     ends = sorted((*starts, _none(name, parameter, model, estimation)))
@@ -121,6 +126,15 @@ def _fitted(
     bend = (nats(value + step, estimation) + nats(value - step, estimation) - 2.0 * top) / step**2
     std = float(np.sqrt(-1.0 / bend)) if bend < 0.0 else abs(value)
     return Shown(effect(value), std, top, nats(value, validation), lambda v: nats(v, estimation))
+
+
+def _promising(
+    starts: Sequence[float], parts: Sequence[_Currents], nats: Callable[[float, Sequence[_Currents]], float]
+) -> NDArray[np.intp]:
+    """Places of the starts that are best on some ``parts``, where they are many; else of all."""
+    if len(starts) <= _MOST_STARTS:
+        return np.arange(len(starts))
+    return np.argsort([-nats(v, parts) for v in starts], kind="stable")[:_MOST_STARTS]
 
 
 def _none(name: str, parameter: str, model: Model, currents: Sequence[_Currents]) -> float:
@@ -171,6 +185,24 @@ class _Currents:
         apart = np.diff(np.unique(sensed[good]))
         apart = apart[apart > _ROUNDING * np.max(np.abs(sensed[good]))]
         return cls(data, command, good, command[good], sensed[good], floor, float(min(apart, default=0.0)))
+
+    def liveliest(self) -> _Currents:
+        """The stretch of _LIVELIEST samples in which the command changes most; itself where it is shorter, or
+        half of that is not judged."""
+        n = len(self.command)
+        if n <= _LIVELIEST:
+            return self
+        changes = np.cumsum(np.append(0.0, np.diff(self.command) ** 2))
+        begins = np.arange(0, n - _LIVELIEST + 1, _LIVELIEST // 4)
+        first = int(begins[np.argmax(changes[begins + _LIVELIEST - 1] - changes[begins])])
+        stretch = slice(first, first + _LIVELIEST)
+        command, good = self.command[stretch], self.good[stretch].copy()
+        good[:_UNSEEN] = False
+        if np.mean(good) < 0.5:
+            return self
+        sensed = np.zeros(n)
+        sensed[self.good] = self.sensed
+        return replace(self, command=command, good=good, sent=command[good], sensed=sensed[stretch][good])
 
 
 def _nats(model: Model, effect: Effect, currents: _Currents) -> float:

@@ -21,8 +21,8 @@ _REACH = 4.0
 #: Damping of the arm's response where that is looked for, and where the search begins, as a share of its
 #: undamped frequency.
 _DAMPED, _BEGINS = (1e-3, 4.0), (0.02, 1.0)
-#: Step of the logarithms by which its derivatives are taken, and how near it is found.
-_STEP, _CLOSE = 1e-4, 1e-3
+#: Step of the logarithms by which its derivatives are taken, and how near it is found, or first looked for.
+_STEP, _CLOSE, _NEAR = 1e-4, 1e-3, 2e-2
 #: Samples that an equation needs for each of its columns.
 _SAMPLES = 10
 #: Added to the products of columns of length 1, so that those which are alike have a root.
@@ -33,11 +33,13 @@ def best_arm_response(
     model: Model,
     parts: Sequence[Signals],
     rows: Callable[[Signals, ArmResponse, NDArray[np.intp]], Rows],
-    descends: bool,
+    descends: bool = False,
+    near: ArmResponse | None = None,
 ) -> list[ArmResponse]:
     """The arm's response with which the equation without an encoder leaves least, at the samples of each
     recording; ``descends``: what it leaves falls towards that from the model's, which takes a third of the
-    time. That of an equation whose both sides go through the response has further least values."""
+    time. That of an equation whose both sides go through the response has further least values: it is found
+    to some percent, and closely from one that is ``near``."""
     p = model.parameters
     frequency = math.sqrt(p["stiffness"] / p["arm_inertia"])
     damped = float(np.clip(p["arm_damping"] / p["arm_inertia"] / frequency, *_BEGINS))
@@ -71,7 +73,9 @@ def best_arm_response(
             lambda one: left(one + begin), np.ones(2), bounds=bounds.T - begin, **close
         )
         return arms(found.x + begin)
-    return arms(scipy.optimize.minimize(share, given, method="Nelder-Mead", bounds=bounds, tol=_CLOSE).x)
+    begin = given if near is None else np.log([near.stiffness, near.damping])
+    close = _NEAR if near is None else _CLOSE
+    return arms(scipy.optimize.minimize(share, begin, method="Nelder-Mead", bounds=bounds, tol=close).x)
 
 
 def counted(parts: Sequence[Signals], equations: Sequence[Rows]) -> list[Rows]:
