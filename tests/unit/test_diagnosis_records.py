@@ -7,7 +7,7 @@ import pytest
 from identification_plants import STAGE, stage_recording
 
 from haptic_teleop_control.errors import RecordingError
-from haptic_teleop_sysid.diagnosis.evidence.current import _starts, shown_by_current
+from haptic_teleop_sysid.diagnosis.evidence.current import _Currents, _starts, shown_by_current
 from haptic_teleop_sysid.diagnosis.inputs.cuts import SHORTEST_STRETCH
 from haptic_teleop_sysid.diagnosis.inputs.plausible import refuse_copies, with_contradictions
 from haptic_teleop_sysid.diagnosis.usable import records_of, refuse_unusable
@@ -99,7 +99,8 @@ def test_the_currents_are_asked_for_no_delay_that_a_model_may_not_have(data):
 
 def test_a_delay_of_a_long_recording_is_looked_for_where_the_command_changes_most():
     long = load_dataset(stage_recording(seed=3, seconds=40.0), STAGE)
-    command = np.where(np.arange(len(long)) < 12_000, 1e-3, 1.0) * np.asarray(long.commanded_input)
+    moving = np.arange(len(long)) >= 12_000
+    command = np.where(moving, np.asarray(long.commanded_input), 0.0)
     noise = np.random.default_rng(1).normal(0.0, 1e-4, len(long))
     late = replace(
         long, commanded_input=command, input=np.roll(command, 17) + noise, input_source="measured effort"
@@ -107,3 +108,18 @@ def test_a_delay_of_a_long_recording_is_looked_for_where_the_command_changes_mos
     best = shown_by_current(STAGE, [late], [late])[0]
     assert best.effect.effect == "input_delay"
     assert best.effect.parameters["delay"] == pytest.approx(17 * long.dt, abs=1e-4)
+    currents = _Currents.of(late)
+    part = currents.liveliest()
+    assert len(part.command) == 8192 and part.good.sum() == 8192 - 64
+    # It begins at a quarter of its length, and in it the command moves all the time.
+    begins = np.arange(0, len(long) - 8192 + 1, 2048)
+    assert any(np.array_equal(part.command, command[b : b + 8192]) for b in begins if b >= 12_000 - 2048)
+
+
+def test_all_of_a_short_recording_or_of_one_with_many_holes_is_lively(data):
+    short = _Currents.of(replace(data, input_source="measured effort"))
+    assert short.liveliest() is short
+    long = load_dataset(stage_recording(seed=3, seconds=40.0), STAGE)
+    holed_current = np.where(np.arange(len(long)) % 3 > 0, np.nan, np.asarray(long.input))
+    rare = _Currents.of(replace(long, input=holed_current, input_source="measured effort"))
+    assert rare.liveliest() is rare

@@ -1,4 +1,4 @@
-"""A torque that grows with something else does not keep its size, and the test says with what it grows."""
+"""An effect that grows with something else does not keep its size, and the test says with what it grows."""
 
 from dataclasses import replace
 from pathlib import Path
@@ -117,6 +117,33 @@ def test_beside_another_name_a_lag_stays_if_its_time_is_constant(time_constant, 
     found = changing_size.one_size_each(result, records[:1], records[1:])
     assert [c.chosen.effect.effect for c in found.choices] == left
     assert [e.effect for e in found.final.model.effects] == left
+
+
+def test_beside_other_names_friction_is_not_asked_and_what_changes_most_goes_first(monkeypatch):
+    delay = Effect("input_delay", "stage1_actuator", {"delay": 0.01})
+    share = {"coulomb_friction": 0.9, "actuator_lag": 0.3, "input_delay": 0.5}
+    alone: list[str] = []
+
+    def changing(fit, again, effect, estimation, validation):
+        still = effect.effect == "actuator_lag" and len(fit.model.effects) < 3
+        return None if still else ("time", share[effect.effect])
+
+    def without(result, effect, records):
+        alone.append(effect.effect)
+        return replace(result.final, model=result.final.model.without(effect.effect, effect.location))
+
+    monkeypatch.setattr(changing_size, "changing_with", changing)
+    monkeypatch.setattr(changing_size, "without", without)
+    monkeypatch.setattr(changing_size, "held_out_fit", lambda fit, records, noises: fit)
+    monkeypatch.setattr(changing_size, "fitted_there", lambda fit, there, effect, validation: fit)
+    record = recorded(FRICTION, 1)
+    bare = fit_whole(STAGE, noise_starts(STAGE, [record])[0], [record], iterations=1)
+    fit = replace(bare, model=STAGE.with_effects(FRICTION, LAG, delay))
+    choices = tuple(Choice(Explanation(fit, 50.0, 20.0, True, index), 0.9) for index in range(3))
+    result = SearchResult(bare, fit, choices, (), recording_scales(STAGE, [record]))
+    found = changing_size.one_size_each(result, [record], [record])
+    assert alone == ["input_delay"]
+    assert [c.chosen.effect.effect for c in found.choices] == ["coulomb_friction", "actuator_lag"]
 
 
 def test_both_kinds_of_recordings_have_to_agree():

@@ -31,8 +31,9 @@ def one_size_each(
 ) -> SearchResult:
     """The result without those of several names that say what an actuator makes of its command and whose size
     changes; the one that changes most goes first, and the others are asked again. The last name has been
-    asked, whatever it is (see `Objections`). Friction beside other names is not asked: on real machines it
-    varies, and in a closed loop the input answers to that."""
+    asked, whatever it is (see `Objections`), unless the others that came after it have gone since. Friction
+    beside other names is not asked: on real machines it varies, and in a closed loop the input answers to
+    that."""
     while len(result.choices) > 1:
         fit = result.final
         there = held_out_fit(fit, validation, [fit.noise])

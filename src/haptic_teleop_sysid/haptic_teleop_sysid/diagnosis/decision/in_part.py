@@ -3,7 +3,8 @@
 A name explains little where much else is missing: friction of a drive whose link bends in a way that is no
 spring's. Judged together with the nearest name of the rest it falls with that. Here each name is judged
 beside a torque without a form, in quantities that are not its own, that takes on the rest whatever its law
-(a partly linear model: Robinson, Econometrica 56(4), 1988). The verdict stays `unknown`.
+(a partly linear model: Robinson, Econometrica 56(4), 1988); by itself where each of these could be its own,
+as on one slow sine. The verdict stays `unknown`.
 """
 
 from __future__ import annotations
@@ -180,12 +181,13 @@ def with_found(
 def where_the_rest_is(verdict: Verdict, found: Sequence[InPart]) -> Verdict:
     """The verdict with where the torque is beside which the names stand, and what it follows, where it says
     anything of that: unchanged where it predicts nothing."""
-    rest = found[0].rest if found else None
-    if rest is None or found[0].more <= 0.0:
+    one = next((one for one in found if one.rest is not None), None)
+    if one is None or one.rest is None or one.more <= 0.0:
         return verdict
+    rest = one.rest
     where: dict[str, Any] = {
         "equation": rest.location,
-        "share": round(found[0].more, 3),
+        "share": round(one.more, 3),
         "condition": " and ".join(rest.quantities),
         "intervals": [],
     }

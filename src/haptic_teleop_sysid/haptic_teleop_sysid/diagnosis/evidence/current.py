@@ -45,10 +45,10 @@ _UNSEEN = 64
 #: limits and dead bands relative to the largest and the rms command.
 _TIMES = (0.02, 0.1, 0.3, 0.6, *(float(n) for n in range(1, _UNSEEN + 1)))
 _LIMITS = (0.3, 0.5, 0.7, 0.8, 0.9, 0.95, 0.99)
-#: Starts of an effect that are asked of all samples: where there are more, the best on the liveliest samples
-#: of each recording, so many.
-_MOST_STARTS, _LIVELIEST = 8, 8192
 _WIDTHS = (0.005, 0.02, 0.05, 0.1, 0.2, 0.4)
+#: Most starts of an effect that are asked of all samples, the best on a lively stretch of each recording; and
+#: how long that is, in samples.
+_MOST_STARTS, _LIVELIEST = 8, 8192
 
 
 @dataclass(frozen=True)
@@ -131,7 +131,7 @@ def _fitted(
 def _promising(
     starts: Sequence[float], parts: Sequence[_Currents], nats: Callable[[float, Sequence[_Currents]], float]
 ) -> NDArray[np.intp]:
-    """Places of the starts that are best on some ``parts``, where they are many; else of all."""
+    """Places of the _MOST_STARTS starts that are best on ``parts``; of all where they are no more."""
     if len(starts) <= _MOST_STARTS:
         return np.arange(len(starts))
     return np.argsort([-nats(v, parts) for v in starts], kind="stable")[:_MOST_STARTS]

@@ -21,7 +21,7 @@ LIMIT = {"lowest": "the lowest value allowed", "highest": "the highest value all
 """What is said of a parameter at a bound."""
 
 
-ONE_EQUATION = "or at its actuator or encoder: a rigid joint has one equation for all three"
+ONE_EQUATION = "motor, actuator or encoder: a rigid joint has one equation for all three"
 """What is said of the place of something without a name in a rigid joint."""
 
 
@@ -78,7 +78,7 @@ def summary(content: dict[str, Any]) -> str:
 def one_equation(content: dict[str, Any]) -> bool:
     """Whether what has no name may sit at any of three places of a rigid joint."""
     told = [w["equation"] for w in content.get("where", [])]
-    return content.get("structure") == "rigid_body" and any(one.endswith("_motor") for one in told)
+    return content.get("structure") == "rigid_body" and bool(told) and not told[0].endswith("_encoder")
 
 
 def found_is_better(content: dict[str, Any]) -> bool:

@@ -28,7 +28,7 @@ class ArmResponse:
     def each(self, columns: FloatArray) -> FloatArray:
         """Columns (n, p) as the arm follows them."""
         begins = np.zeros((2, columns.shape[1]))
-        return columns[0] + _filtered(*self._filter, columns - columns[0], begins)
+        return columns[0] + _filtered(*self._filter, np.asfortranarray(columns - columns[0]), begins)
 
     def by_itself(self, n: int) -> FloatArray:
         """How the arm swings where nothing moves the motor, (n, 2): from any angle and velocity it is a sum
@@ -36,18 +36,18 @@ class ArmResponse:
         numerator, denominator = self._filter
         # Memories of the filter with which it says 1, 1 and 0, 1 first.
         begins = np.array([[1.0, 0.0], [1.0 + denominator[1], 1.0]])
-        return _filtered(numerator, denominator, np.zeros((n, 2)), begins)
+        return _filtered(numerator, denominator, np.zeros((n, 2), order="F"), begins)
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def _filtered(
     numerator: FloatArray, denominator: FloatArray, values: FloatArray, begins: FloatArray
 ) -> FloatArray:
-    """What scipy.signal.lfilter makes of columns (n, p) with a filter of second order whose memories begin at
-    (2, p), in a tenth of its time."""
+    """What scipy.signal.lfilter makes of columns (n, p), each in one piece of memory, with a filter of second
+    order whose memories begin at (2, p), in a third to two thirds of its time."""
     n, columns = values.shape
     b, a = numerator, denominator
-    found = np.empty((n, columns))
+    found = np.empty((columns, n)).T
     for c in range(columns):
         first, second = begins[0, c], begins[1, c]
         for k in range(n):

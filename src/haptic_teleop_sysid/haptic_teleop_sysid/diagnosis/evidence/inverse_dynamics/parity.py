@@ -11,7 +11,7 @@ place holds. No name, and no model of noise, is asked for; with unknown signals 
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -19,17 +19,13 @@ import numpy as np
 from haptic_teleop_sim.model import Effect, Model
 from haptic_teleop_sysid.estimation.records import Record
 
-from .arm_response import ArmResponse
 from .band import long_enough
-from .parity_equations import ARM, ARM_ENCODER, ENCODERS, JOINT, MOTOR, MOTOR_ENCODER, Rows, Signals
+from .parity_equations import ARM, ARM_ENCODER, ENCODERS, JOINT, MOTOR, MOTOR_ENCODER, Signals
 from .parity_fit import best_arm_response, counted, left_by, rms, solved
 from .parity_signals import acts_at, both_read, can_allow_for, signals, sticks
 
 #: Share of the input's torque that is none.
 _NOTHING = 1e-6
-#: Factor to the least that any equation leaves from which what the one without the motor's encoder leaves is
-#: known well enough with a response that is some percent off.
-_HOPELESS = 100.0
 
 
 def parity_residuals(
@@ -67,34 +63,19 @@ def parity_residuals(
     driven = rms([p.torque[p.kept] for p in parts])
     found = {place: left_by(counted(parts, rows)) / driven for place, rows in equations.items()}
     if MOTOR_ENCODER in encoders:
-        arms = best_arm_response(model, parts, Signals.without_motor_encoder)
-        left = _as_smooth(found, equations, parts, arms, driven)
-        if left < _HOPELESS * min(found.values()):
-            arms = best_arm_response(model, parts, Signals.without_motor_encoder, near=arms[0])
-            left = _as_smooth(found, equations, parts, arms, driven)
-        found[MOTOR_ENCODER] = left
+        arms = best_arm_response(model, parts, Signals.without_motor_encoder, descends=False)
+        smooth = {
+            place: left_by(counted(parts, [one.seen(arm) for one, arm in zip(rows, arms, strict=True)]))
+            for place, rows in equations.items()
+        }
+        own = left_by([p.without_motor_encoder(arm, p.kept) for p, arm in zip(parts, arms, strict=True)])
+        best = {min(measure, key=lambda place: measure[place]) for measure in (found, smooth)}
+        least = _NOTHING * driven
+        found[MOTOR_ENCODER] = max(own / max(smooth[place], least) * found[place] for place in best)
     for encoder in _blurred(model, [*known, *sliding]):
         if encoder in found and found[encoder] > min(found.values()):
             del found[encoder]
     return found if all(map(math.isfinite, found.values())) else {}
-
-
-def _as_smooth(
-    found: Mapping[str, float],
-    equations: Mapping[str, Sequence[Rows]],
-    parts: Sequence[Signals],
-    arms: Sequence[ArmResponse],
-    driven: float,
-) -> float:
-    """What the equation without the motor's encoder leaves, in units of the others (see `parity_residuals`);
-    ``found``: what these leave."""
-    smooth = {
-        place: left_by(counted(parts, [one.seen(arm) for one, arm in zip(rows, arms, strict=True)]))
-        for place, rows in equations.items()
-    }
-    own = left_by([p.without_motor_encoder(arm, p.kept) for p, arm in zip(parts, arms, strict=True)])
-    best = {min(measure, key=lambda place: measure[place]) for measure in (found, smooth)}
-    return max(own / max(smooth[place], _NOTHING * driven) * found[place] for place in best)
 
 
 def torque_at_the_motor(

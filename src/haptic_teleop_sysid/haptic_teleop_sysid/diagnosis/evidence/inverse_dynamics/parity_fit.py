@@ -21,8 +21,9 @@ _REACH = 4.0
 #: Damping of the arm's response where that is looked for, and where the search begins, as a share of its
 #: undamped frequency.
 _DAMPED, _BEGINS = (1e-3, 4.0), (0.02, 1.0)
-#: Step of the logarithms by which its derivatives are taken, and how near it is found, or first looked for.
-_STEP, _CLOSE, _NEAR = 1e-4, 1e-3, 2e-2
+#: Step of the logarithms by which its derivatives are taken, how near it is found, and the first steps where
+#: there are further least values.
+_STEP, _CLOSE, _WIDE = 1e-4, 1e-3, 0.3
 #: Samples that an equation needs for each of its columns.
 _SAMPLES = 10
 #: Added to the products of columns of length 1, so that those which are alike have a root.
@@ -33,13 +34,11 @@ def best_arm_response(
     model: Model,
     parts: Sequence[Signals],
     rows: Callable[[Signals, ArmResponse, NDArray[np.intp]], Rows],
-    descends: bool = False,
-    near: ArmResponse | None = None,
+    descends: bool,
 ) -> list[ArmResponse]:
     """The arm's response with which the equation without an encoder leaves least, at the samples of each
     recording; ``descends``: what it leaves falls towards that from the model's, which takes a third of the
-    time. That of an equation whose both sides go through the response has further least values: it is found
-    to some percent, and closely from one that is ``near``."""
+    time. That of an equation whose both sides go through the response has further least values."""
     p = model.parameters
     frequency = math.sqrt(p["stiffness"] / p["arm_inertia"])
     damped = float(np.clip(p["arm_damping"] / p["arm_inertia"] / frequency, *_BEGINS))
@@ -73,9 +72,10 @@ def best_arm_response(
             lambda one: left(one + begin), np.ones(2), bounds=bounds.T - begin, **close
         )
         return arms(found.x + begin)
-    begin = given if near is None else np.log([near.stiffness, near.damping])
-    close = _NEAR if near is None else _CLOSE
-    return arms(scipy.optimize.minimize(share, begin, method="Nelder-Mead", bounds=bounds, tol=close).x)
+    # Steps of its own would be shares of the logarithms, which may be none.
+    simplex = given + _WIDE * np.array([[0.0, 0.0], [1.0, 0.0], [0.0, 1.0]])
+    options = {"initial_simplex": simplex, "xatol": _CLOSE, "fatol": _CLOSE}
+    return arms(scipy.optimize.minimize(share, given, method="Nelder-Mead", bounds=bounds, options=options).x)
 
 
 def counted(parts: Sequence[Signals], equations: Sequence[Rows]) -> list[Rows]:
