@@ -27,6 +27,10 @@ SILENT = 1.5
 both for good (two locks taken in opposite order, Fast DDS 3.2)."""
 
 
+KEPT_LOOKS = 20
+"""Looks for further messages that are kept for late comers, of 10 ms each; counted, so that a machine that
+stands still meanwhile misses none that has arrived."""
+
 ASK_AGAIN = 0.5
 """s after which a question is asked anew."""
 
@@ -58,6 +62,11 @@ class GraphClient:
                 print(f"waiting for {what}, at most {wait:g} s ...", file=sys.stderr, flush=True)
                 told = True
         return happened()
+
+    def hear_kept(self) -> None:
+        """Runs callbacks until all messages that are kept for late comers have come, once the first has."""
+        for _ in range(KEPT_LOOKS):
+            self.executor.spin_once(timeout_sec=0.01)
 
     def ask(self, question: Callable[[], Future], until: float) -> Any:
         """The answer to a service call that may be made several times, made until it is answered; None at

@@ -14,7 +14,6 @@ from haptic_teleop_control.errors import ConfigurationError
 from haptic_teleop_control.nodes.graph_client import GraphClient, graph_client
 from haptic_teleop_control.teleoperation.machine import State
 
-SETTLE = 0.2
 REPORTED_WITHIN = 1.5
 """s: diagnostics come at 1 Hz."""
 LATCHED = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
@@ -63,9 +62,7 @@ def _state(client: GraphClient, called: str, wait: float) -> str:
     client.node.create_subscription(String, f"{called}/state", lambda m: seen.append(m.data), LATCHED)
     if not client.until(lambda: bool(seen), wait, called):
         return ""
-    settled = time.monotonic() + SETTLE  # the last of several kept for late comers, whatever else comes
-    while (left := settled - time.monotonic()) > 0.0:
-        client.executor.spin_once(timeout_sec=left)
+    client.hear_kept()  # the last of several counts
     if seen[-1] == State.ENGAGED.value:
         return seen[-1]
     told = _sentence(client, called)

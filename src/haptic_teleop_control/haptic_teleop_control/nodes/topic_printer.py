@@ -19,9 +19,6 @@ from haptic_teleop_control.strict_yaml import dump_yaml
 
 DEPTH = 100
 OF_EVERY_NODE = ("/parameter_events", "/rosout")
-SETTLE = 20
-"""Looks for further messages that are kept for late comers, of 10 ms each; counted, so that a machine that
-stands still meanwhile misses none that has arrived."""
 QUIET = 3.0
 """s without a message, from when a publisher was found, after which that is said."""
 POLL = 1.0
@@ -42,8 +39,7 @@ def print_messages(topic: str, count: int | None, wait: float, show: Callable[[s
         client.node.create_subscription(kind, full, lambda m: waiting.append(m), quality)
         if count == 1 and quality.durability == DurabilityPolicy.TRANSIENT_LOCAL:
             client.until(lambda: bool(waiting), wait)
-            for _ in range(SETTLE):
-                client.executor.spin_once(timeout_sec=0.01)
+            client.hear_kept()
             while len(waiting) > 1:
                 waiting.popleft()
         shown, began, told = 0, time.monotonic(), False
