@@ -386,7 +386,7 @@ def test_the_terminal_says_where_what_has_no_name_is_before_the_names_beside_it(
     assert nameless.strip() == said
     assert name.strip().startswith("coulomb_friction at j_motor (45 %)")
     rigid = summary({**content, "structure": "rigid_body"}).splitlines()[1]
-    assert "motor angle (motor, actuator or encoder: a rigid joint" in rigid
+    assert "at j_motor (motor, actuator or encoder: a rigid joint has one equation" in rigid
     at_encoder = {"equation": "j_motor_encoder", "condition": "motor angle"}
     told = summary({**content, "structure": "rigid_body", "where": [at_encoder]})
     assert "one equation" not in told

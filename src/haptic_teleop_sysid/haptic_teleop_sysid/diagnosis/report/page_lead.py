@@ -15,12 +15,11 @@ from ..inputs.cuts import ONLY
 from ..policy import SURE
 from .summary import (
     LIMIT,
-    ONE_EQUATION,
     PART_LABELS,
     explains_sentence,
     found_is_better,
     moved_sentence,
-    one_equation,
+    nameless_at,
     percent,
 )
 
@@ -69,9 +68,7 @@ def _capital(sentence: str) -> str:
 
 
 def _headline(verdict: Verdict, content: dict[str, Any]) -> tuple[Status, str]:
-    places = ", ".join(f"{w['equation']} and depends on {w['condition']}" for w in verdict.where)
-    if one_equation(content):
-        places += f" ({ONE_EQUATION})"
+    places = ", ".join(f"{nameless_at(w, content)} and depends on {w['condition']}" for w in verdict.where)
     if verdict.kind == "identified":
         named = " and ".join(_named(f) for f in verdict.findings)
         if any(f["confidence"] < SURE for f in verdict.findings):

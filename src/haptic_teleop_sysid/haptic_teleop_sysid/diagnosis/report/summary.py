@@ -21,10 +21,6 @@ LIMIT = {"lowest": "the lowest value allowed", "highest": "the highest value all
 """What is said of a parameter at a bound."""
 
 
-ONE_EQUATION = "motor, actuator or encoder: a rigid joint has one equation for all three"
-"""What is said of the place of something without a name in a rigid joint."""
-
-
 def summary(content: dict[str, Any]) -> str:
     """The verdict in a few lines; said first is that what is handed on is worse than the user's own model."""
     lines = []
@@ -37,12 +33,13 @@ def summary(content: dict[str, Any]) -> str:
     if "doubt" in content:
         lines.append(f"  because {content['doubt']}")
     if content["verdict"] == "unknown" and content["where"]:
-        places = ", ".join(f"{w['equation']}, where it depends on {w['condition']}" for w in content["where"])
+        places = ", ".join(
+            f"{nameless_at(w, content)}, where it depends on {w['condition']}" for w in content["where"]
+        )
         beside = "; beside it:" if content["findings"] else ""
         if (content["adequacy"] or {}).get("only_worse"):
             beside = "; it resembles, and your own model simulates better:"
-        open_place = f" ({ONE_EQUATION})" if one_equation(content) else ""
-        lines.append(f"  something without a name at {places}{open_place}{beside}")
+        lines.append(f"  something without a name at {places}{beside}")
     for f in content["findings"]:
         numbers = ", ".join(finding_number(n, p) for n, p in f["parameters"].items())
         lines.append(f"  {f['effect']} at {f['location']} ({100 * f['confidence']:.0f} %): {numbers}")
@@ -75,10 +72,12 @@ def summary(content: dict[str, Any]) -> str:
     return "\n".join(lines)
 
 
-def one_equation(content: dict[str, Any]) -> bool:
-    """Whether what has no name may sit at any of three places of a rigid joint."""
-    told = [w["equation"] for w in content.get("where", [])]
-    return content.get("structure") == "rigid_body" and bool(told) and not told[0].endswith("_encoder")
+def nameless_at(where: dict[str, Any], content: dict[str, Any]) -> str:
+    """One place of something without a name, which in a rigid joint may be another one."""
+    place = where["equation"]
+    if content.get("structure") != "rigid_body" or place.endswith("_encoder"):
+        return place
+    return f"{place} (motor, actuator or encoder: a rigid joint has one equation for all three)"
 
 
 def found_is_better(content: dict[str, Any]) -> bool:
