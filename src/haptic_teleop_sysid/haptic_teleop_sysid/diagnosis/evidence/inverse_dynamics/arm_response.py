@@ -8,8 +8,6 @@ import numpy as np
 import scipy
 from numpy.typing import NDArray
 
-from haptic_teleop_control.compiled import njit
-
 FloatArray = NDArray[np.float64]
 
 
@@ -27,36 +25,17 @@ class ArmResponse:
 
     def each(self, columns: FloatArray) -> FloatArray:
         """Columns (n, p) as the arm follows them."""
-        begins = np.zeros((2, columns.shape[1]))
-        return columns[0] + _filtered(*self._filter, np.asfortranarray(columns - columns[0]), begins)
+        if not columns.shape[1]:
+            return columns
+        return np.asarray(columns[0] + scipy.signal.lfilter(*self._filter, columns - columns[0], axis=0))
 
     def by_itself(self, n: int) -> FloatArray:
         """How the arm swings where nothing moves the motor, (n, 2): from any angle and velocity it is a sum
         of both columns."""
-        numerator, denominator = self._filter
+        _, denominator = self._filter
         # Memories of the filter with which it says 1, 1 and 0, 1 first.
         begins = np.array([[1.0, 0.0], [1.0 + denominator[1], 1.0]])
-        return _filtered(numerator, denominator, np.zeros((n, 2), order="F"), begins)
-
-
-@njit(cache=True, nogil=True, error_model="numpy")
-def _filtered(
-    numerator: FloatArray, denominator: FloatArray, values: FloatArray, begins: FloatArray
-) -> FloatArray:
-    """What scipy.signal.lfilter makes of columns (n, p), each in one piece of memory, with a filter of second
-    order whose memories begin at (2, p), in a third to two thirds of its time."""
-    n, columns = values.shape
-    b, a = numerator, denominator
-    found = np.empty((columns, n)).T
-    for c in range(columns):
-        first, second = begins[0, c], begins[1, c]
-        for k in range(n):
-            x = values[k, c]
-            y = b[0] * x + first
-            first = b[1] * x - a[1] * y + second
-            second = b[2] * x - a[2] * y
-            found[k, c] = y
-    return found
+        return np.asarray(scipy.signal.lfilter(*self._filter, np.zeros((n, 2)), axis=0, zi=begins)[0])
 
 
 @lru_cache(maxsize=8)
