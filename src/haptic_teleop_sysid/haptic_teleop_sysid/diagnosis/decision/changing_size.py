@@ -19,10 +19,9 @@ from .coloured import BY_ROUNDING
 from .search import SearchResult
 
 #: Relative change of a size, per standard deviation of what it changes with, and nats, from which on both
-#: kinds of recordings the effect is something else: of 173 torques and 79 names of any
-#: kind that were right on three seeds of the benchmark none changed by more than 10 % (hystereses of another
-#: form). What follows another axis, named friction, changes by 53 %, the lag of a coupling that slips by 23
-#: to 37 %.
+#: kinds of recordings the effect is something else: of 173 torques, and of 79 names of any kind on another
+#: seed of the benchmark, all right, none changed by more than 10 % (hystereses of another form). What follows
+#: another axis, named friction, changes by 53 %, the lag of a coupling that slips by 23 to 37 %.
 CHANGES, CHANGES_GAIN = 0.2, 20.0
 
 

@@ -11,6 +11,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -101,7 +102,7 @@ def _fitted(
 
     starts = _starts(name, model, [c.data for c in estimation])
     values = np.full(len(starts), -np.inf)
-    for place in _promising(starts, [c.liveliest() for c in estimation], nats):
+    for place in _promising(starts, [c.liveliest for c in estimation], nats):
         values[place] = nats(starts[place], estimation)
     best = int(np.argmax(values))
     # Beyond the smallest start lie smaller effects, down to none.
@@ -186,6 +187,7 @@ class _Currents:
         apart = apart[apart > _ROUNDING * np.max(np.abs(sensed[good]))]
         return cls(data, command, good, command[good], sensed[good], floor, float(min(apart, default=0.0)))
 
+    @cached_property
     def liveliest(self) -> _Currents:
         """The stretch of _LIVELIEST samples in which the command changes most; itself where it is shorter, or
         half of that is not judged."""
