@@ -39,6 +39,26 @@ def test_blocks_through_the_low_pass_are_the_samples_through_it_even_of_dry_fric
         assert np.max(np.abs(found - whole)[100:-100]) < worst
 
 
+@pytest.mark.parametrize("number", [100, 101, 1000, 4321])
+@pytest.mark.parametrize("start", [0, 1])
+def test_every_second_sample_of_the_low_pass_is_every_second_one_of_all(number, start):
+    """Of noise, too, whose upper half folds where samples are left out."""
+    values = np.random.default_rng(number).normal(size=(number, 3))
+    for cutoff in (0.05, 0.2):  # cycles per block
+        whole = low_passed(values, 1.0, cutoff, 1, 3)
+        found = low_passed(values, 1.0, cutoff, 1, 3, (start, 2))
+        assert found.shape == whole[start::2].shape
+        assert np.max(np.abs(found - whole[start::2])) < 1e-3 * np.max(np.abs(whole))
+
+
+def test_means_near_the_ends_go_on_as_the_ends_are():
+    values = np.random.default_rng(5).normal(size=(37, 2))
+    long = np.concatenate([np.repeat(values[:1], 30, axis=0), values, np.repeat(values[-1:], 30, axis=0)])
+    for block, first in ((1, 0), (2, 1), (5, 4)):
+        found = block_means(values, block, first)
+        np.testing.assert_allclose(found, block_means(long, block, first + 30)[: len(found)], atol=1e-15)
+
+
 def test_rows_that_are_mostly_zero_give_the_same_means():
     generator = np.random.default_rng(3)
     places = generator.integers(0, 6, (500, 2))

@@ -51,13 +51,21 @@ def sparse_block_means(
 @njit(cache=True, nogil=True, error_model="numpy")
 def _means(values: FloatArray, weight: FloatArray, block: int, first: int) -> FloatArray:
     n, columns = values.shape
-    reach = len(weight) // 2
+    width = len(weight)
     found = np.zeros(((n - first + block - 1) // block, columns))
     for m in range(len(found)):
-        for j in range(len(weight)):
-            k = min(max(first + m * block + j - reach, 0), n - 1)
+        start = first + m * block - width // 2
+        if start >= 0 and start + width <= n:  # apart from the ends: a fraction of the time
             for c in range(columns):
-                found[m, c] += weight[j] * values[k, c]
+                total = 0.0
+                for j in range(width):
+                    total += weight[j] * values[start + j, c]
+                found[m, c] = total
+        else:
+            for j in range(width):
+                k = min(max(start + j, 0), n - 1)
+                for c in range(columns):
+                    found[m, c] += weight[j] * values[k, c]
     return found
 
 

@@ -83,7 +83,7 @@ class Hypothesis:
             found.append(self._turned(variables))
         if found:
             along = np.column_stack(found)
-            pairs.append((along[motion.kept], motion.filtered(along, times=2)))
+            pairs.append((along.take(motion.kept, axis=0), motion.filtered(along, times=2)))
         if len(pairs) == 1:
             return pairs[0]
         return np.hstack([whole for whole, _ in pairs]), np.hstack([columns for _, columns in pairs])
