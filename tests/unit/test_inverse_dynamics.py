@@ -10,10 +10,11 @@ from stepped_machines import DT, RIGID, bent_spring, drive, pendulum, record, sw
 from haptic_teleop_sim.effects import EFFECTS
 from haptic_teleop_sim.model import Effect, Model
 from haptic_teleop_sysid.diagnosis.evidence.inverse_dynamics.band import motion_band
+from haptic_teleop_sysid.diagnosis.evidence.inverse_dynamics.effect_variables import turning
 from haptic_teleop_sysid.diagnosis.evidence.inverse_dynamics.groups import Search
 from haptic_teleop_sysid.diagnosis.evidence.inverse_dynamics.motion import banded, standing
 from haptic_teleop_sysid.diagnosis.evidence.inverse_dynamics.regression import equations
-from haptic_teleop_sysid.diagnosis.evidence.inverse_dynamics.terms import Hypothesis, turning
+from haptic_teleop_sysid.diagnosis.evidence.inverse_dynamics.terms import Hypothesis
 from haptic_teleop_sysid.diagnosis.evidence.inverse_dynamics.witness import witness
 from haptic_teleop_sysid.diagnosis.hypotheses.candidates import family
 from haptic_teleop_sysid.diagnosis.inputs.scales import recording_scales

@@ -12,9 +12,10 @@ from haptic_teleop_sysid.diagnosis.evidence.inverse_dynamics.band import motion_
 from haptic_teleop_sysid.diagnosis.evidence.inverse_dynamics.latent import INPUT
 from haptic_teleop_sysid.diagnosis.evidence.inverse_dynamics.motion import banded
 from haptic_teleop_sysid.diagnosis.evidence.inverse_dynamics.sampled import linear
-from haptic_teleop_sysid.diagnosis.evidence.inverse_dynamics.terms import Hypothesis, follows_from_motion
+from haptic_teleop_sysid.diagnosis.evidence.inverse_dynamics.terms import Hypothesis
 from haptic_teleop_sysid.diagnosis.evidence.places_of_maps import places_of
 from haptic_teleop_sysid.diagnosis.evidence.suggested_law.of_map import law_of
+from haptic_teleop_sysid.diagnosis.hypotheses.follows import follows_from_motion
 from haptic_teleop_sysid.estimation.whole_fit import fit_whole, noise_starts
 
 TRUE = RIGID.with_values({"motor_inertia": 0.14, "motor_damping": 0.35})

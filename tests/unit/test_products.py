@@ -8,10 +8,10 @@ from stepped_machines import DT, RIGID, drive, pendulum, record, two_masses
 from test_adequacy import ELASTIC
 
 from haptic_teleop_sysid.diagnosis.evidence.inverse_dynamics.folds import Fold
+from haptic_teleop_sysid.diagnosis.evidence.inverse_dynamics.grid import hypotheses
 from haptic_teleop_sysid.diagnosis.evidence.inverse_dynamics.motion import low_passed
 from haptic_teleop_sysid.diagnosis.evidence.inverse_dynamics.products import Products, solved
 from haptic_teleop_sysid.diagnosis.evidence.inverse_dynamics.regression import equations
-from haptic_teleop_sysid.diagnosis.evidence.inverse_dynamics.terms import hypotheses
 from haptic_teleop_sysid.diagnosis.inputs.scales import recording_scales
 
 

@@ -79,6 +79,10 @@ class EffectParameter:
         """Whether a report speaks of the parameter at this value."""
         return self.told == "always" or (self.told == "unless zero" and value != 0.0)
 
+    def within(self, value: float) -> float:
+        """The value, or the bound that it is beyond: an unusual recording has unusual scales."""
+        return min(max(value, self.minimum), self.maximum)
+
 
 #: What every dry friction may state beside its own parameters: how its contact gives, and a smoothed sign.
 CONTACT = (

@@ -33,12 +33,12 @@ from .decision.search import SearchResult
 from .decision.stand import Stand
 from .decision.unsteady import constant_sizes
 from .decision.verdict import shape_unknown, size_unknown, structured
-from .evidence.inverse_dynamics.terms import follows_from_motion
 from .evidence.proof import mean_percent
 from .evidence.residual import conditions
 from .evidence.second_opinion import Errors, Opinion
 from .evidence.steadiness import Steadiness, steadiness
 from .explain import Explained
+from .hypotheses.follows import follows_from_motion
 from .policy import WORSE
 
 

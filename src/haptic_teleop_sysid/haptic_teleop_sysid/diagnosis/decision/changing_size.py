@@ -11,9 +11,9 @@ from haptic_teleop_sysid.estimation.whole_fit import fit_whole
 
 from ..evidence.certainty import known_beside
 from ..evidence.held_out import held_out_fit
-from ..evidence.inverse_dynamics.terms import follows_from_input
 from ..evidence.modulation import changes_with, modulations
 from ..evidence.null_records import null_records
+from ..hypotheses.follows import follows_from_input
 from .beside_the_others import left_out, without
 from .coloured import BY_ROUNDING
 from .search import SearchResult

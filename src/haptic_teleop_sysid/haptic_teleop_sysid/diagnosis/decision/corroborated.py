@@ -17,8 +17,9 @@ from haptic_teleop_sysid.estimation.gauss_newton import Fit
 from haptic_teleop_sysid.estimation.likelihood import FAILURES
 
 from ..evidence.horizons import PERFECT
-from ..evidence.inverse_dynamics.terms import Hypothesis, follows_from_motion
+from ..evidence.inverse_dynamics.terms import Hypothesis
 from ..evidence.second_opinion import Errors, Opinion
+from ..hypotheses.follows import follows_from_motion
 from ..policy import ERRS_LESS, LEAST_GAIN
 
 

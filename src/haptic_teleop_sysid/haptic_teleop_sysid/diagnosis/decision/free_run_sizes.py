@@ -31,7 +31,7 @@ from haptic_teleop_sysid.simulation.parameter_fit import ParameterFit
 
 from ..evidence.certainty import standard_errors
 from ..evidence.horizons import PERFECT
-from ..evidence.inverse_dynamics.terms import SMOOTHED
+from ..evidence.inverse_dynamics.effect_variables import SMOOTHED
 from ..evidence.second_opinion import NO_WORSE, Errors, Heard
 from ..policy import ERRS_LESS
 

@@ -19,10 +19,11 @@ from haptic_teleop_sysid.estimation.gauss_newton import Fit
 
 from ..evidence.inverse_dynamics.groups import CLEARLY, Search
 from ..evidence.inverse_dynamics.latent import Latent
-from ..evidence.inverse_dynamics.terms import Hypothesis, follows_from_motion
+from ..evidence.inverse_dynamics.terms import Hypothesis
 from ..evidence.inverse_dynamics.witness import Group
 from ..evidence.second_opinion import Opinion
 from ..hypotheses.explanation import Explanation
+from ..hypotheses.follows import follows_from_motion
 from ..policy import LEAST_EXPLAINED, NEARLY_ALL
 from .adequacy import NOT_SURE
 from .decide import Choice

@@ -13,8 +13,8 @@ from haptic_teleop_sysid.estimation.records import Record
 from ..evidence.acting_place import ActingPlace
 from ..evidence.inverse_dynamics.parity_equations import ENCODERS, JOINT, MOTOR
 from ..evidence.inverse_dynamics.parity_signals import acts_at
-from ..evidence.inverse_dynamics.terms import follows_from_motion
 from ..evidence.residual import Condition
+from ..hypotheses.follows import follows_from_motion
 from ..policy import HOLDS_BETTER, MOST_UNNAMED
 from .beside_the_others import left_out, without
 from .decide import Choice

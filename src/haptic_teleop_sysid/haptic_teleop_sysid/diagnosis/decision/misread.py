@@ -10,7 +10,7 @@ from haptic_teleop_sysid.estimation.likelihood import FAILURES
 from haptic_teleop_sysid.estimation.records import Record
 
 from ..evidence.inverse_dynamics.corrected import can_correct, corrected, torques_left
-from ..evidence.inverse_dynamics.terms import follows_from_input, follows_from_motion
+from ..hypotheses.follows import follows_from_input, follows_from_motion
 from ..policy import FITS_BETTER, FITS_WORSE
 from .decide import Choice
 from .search import SearchResult

@@ -12,10 +12,11 @@ from haptic_teleop_sysid.estimation.likelihood import FAILURES
 from haptic_teleop_sysid.estimation.records import Record
 
 from ..evidence.horizons import PERFECT
-from ..evidence.inverse_dynamics.terms import Hypothesis, follows_from_motion
+from ..evidence.inverse_dynamics.terms import Hypothesis
 from ..evidence.inverse_dynamics.witness import A_PARAMETER, Group
 from ..evidence.second_opinion import NO_WORSE, Errors, Opinion, named_by, plainer
 from ..hypotheses.explanation import Explanation
+from ..hypotheses.follows import follows_from_motion
 from ..hypotheses.twins import twins
 from ..policy import ERRS_FAR_LESS, ERRS_LESS, LEAST_EXPLAINED, LEAST_GAIN
 from .adequacy import SLIGHT_ERROR

@@ -18,10 +18,10 @@ from haptic_teleop_sysid.estimation.likelihood import FAILURES
 from haptic_teleop_sysid.estimation.records import Record
 from haptic_teleop_sysid.estimation.whole_fit import fit_whole
 
-from ..evidence.inverse_dynamics.terms import follows_from_motion
 from ..evidence.measured_map import MeasuredMap
 from ..evidence.second_opinion import Errors
 from ..hypotheses.candidates import family
+from ..hypotheses.follows import follows_from_motion
 from ..inputs.scales import within_reach
 from .misplaced import effect_of
 from .verdict import Verdict

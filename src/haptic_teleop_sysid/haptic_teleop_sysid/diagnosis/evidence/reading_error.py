@@ -19,13 +19,14 @@ from haptic_teleop_sysid.estimation.likelihood import FAILURES
 from haptic_teleop_sysid.estimation.records import Record
 
 from ..hypotheses.candidates import dry_friction
+from ..hypotheses.follows import follows_from_motion
 from ..policy import HOLDS_BETTER, LEAST_EXPLAINED
 from .inverse_dynamics.angle_curve import AngleCurve
 from .inverse_dynamics.groups import CLEARLY, Search
 from .inverse_dynamics.latent import measured_over
 from .inverse_dynamics.regression import Equations, equations
 from .inverse_dynamics.term import Term
-from .inverse_dynamics.terms import Hypothesis, follows_from_motion
+from .inverse_dynamics.terms import Hypothesis
 
 FloatArray = NDArray[np.float64]
 

@@ -22,11 +22,12 @@ from haptic_teleop_sysid.estimation.likelihood import FAILURES
 from haptic_teleop_sysid.estimation.records import Record
 from haptic_teleop_sysid.simulation.covariance import deviations, sandwich, score_covariance
 
+from ..hypotheses.follows import follows_from_input, follows_from_motion
 from ..policy import SIGNIFICANT
 from .inverse_dynamics.groups import independent
 from .inverse_dynamics.products import Products
 from .inverse_dynamics.regression import Equations, equations, own_columns
-from .inverse_dynamics.terms import Hypothesis, follows_from_input, follows_from_motion
+from .inverse_dynamics.terms import Hypothesis
 
 FloatArray = NDArray[np.float64]
 

@@ -80,7 +80,7 @@ def _over_the_same(entry: EffectEntry, scales: Scales, start: dict[str, float]) 
         torque, stiffness = (p.name for p in entry.parameters[:2])
         factor = start[torque] / (BORNE * scales.size["torque"])
         start = {**start, stiffness: start[stiffness] * factor}
-    return {n: _allowed(entry.parameter(n), v) for n, v in start.items()}
+    return {n: entry.parameter(n).within(v) for n, v in start.items()}
 
 
 def _own_contact(entry: EffectEntry, scales: Scales, place: str) -> dict[str, float]:
@@ -113,11 +113,6 @@ def plain_start(entry: EffectEntry, scales: Scales, place: str) -> list[dict[str
             values = _values(entry, p, scales, place, 1.0 if stops else _PLAIN, None)
             options.append([(p.name, values[len(values) // 2])])
     return [_over_the_same(entry, scales, dict(combination)) for combination in itertools.product(*options)]
-
-
-def _allowed(parameter: EffectParameter, value: float) -> float:
-    """The value, or the bound that it is beyond: an unusual recording has unusual scales."""
-    return min(max(value, parameter.minimum), parameter.maximum)
 
 
 def dry_friction(model: Model) -> Effect:
@@ -154,7 +149,7 @@ def larger_starts(effect: Effect, scales: Scales) -> list[Effect]:
         if p.grid and p.neutral is not None and p.neutral == 0.0 and p.default is None:
             old = effect.parameters[p.name]
             for g in p.grid:
-                value = _allowed(p, g * scales.size[p.scale])
+                value = p.within(g * scales.size[p.scale])
                 if old == 0.0 or (value > 0.0) == (old > 0.0):
                     found.append(Effect(effect.effect, effect.location, {**effect.parameters, p.name: value}))
     return found

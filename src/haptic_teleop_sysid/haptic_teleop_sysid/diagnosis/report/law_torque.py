@@ -19,9 +19,10 @@ from haptic_teleop_sim.effects.on_arrays import NUMERIC
 from haptic_teleop_sim.model import Effect, Model
 
 from ..evidence.inverse_dynamics.motion import BandedMotion
-from ..evidence.inverse_dynamics.terms import Hypothesis, follows_from_motion
+from ..evidence.inverse_dynamics.terms import Hypothesis
 from ..evidence.residual import UNITS
 from ..hypotheses.along_motion import inertia_torque
+from ..hypotheses.follows import follows_from_motion
 
 FloatArray = NDArray[np.float64]
 

@@ -155,7 +155,7 @@ def _alike_in_shape(start: Effect, new: dict[str, float]) -> dict[str, float]:
         return new
     torque, stiffness = start.entry.parameters[:2]
     stiffer = start.parameters[stiffness.name] * new[torque.name] / start.parameters[torque.name]
-    return {**new, stiffness.name: min(max(stiffer, stiffness.minimum), stiffness.maximum)}
+    return {**new, stiffness.name: stiffness.within(stiffer)}
 
 
 def _by_differences(

@@ -73,7 +73,7 @@ def _in_currents(effect: Effect, of: Model, to: Model) -> Effect:
     values = dict(effect.parameters)
     for p in effect.entry.parameters:
         if p.unit == "N*m" and p.name in values:
-            values[p.name] = min(max(values[p.name] * factor, p.minimum), p.maximum)
+            values[p.name] = p.within(values[p.name] * factor)
     return Effect(effect.effect, effect.location, values)
 
 

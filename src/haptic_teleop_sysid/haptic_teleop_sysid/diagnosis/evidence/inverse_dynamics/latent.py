@@ -17,8 +17,8 @@ from haptic_teleop_sim.model import Model
 from haptic_teleop_sysid.estimation.records import Record
 
 from .block_means import sparse_block_means
+from .effect_variables import turning
 from .motion import BandedMotion
-from .terms import turning
 
 FloatArray = NDArray[np.float64]
 

@@ -14,11 +14,12 @@ from haptic_teleop_sim.effects.on_arrays import NUMERIC
 from haptic_teleop_sim.model import Effect, Model
 from haptic_teleop_sysid.estimation.records import Record, piece
 
+from ...hypotheses.follows import follows_from_motion
 from .motion import BRIDGED, BandedMotion, banded, in_long_runs
 from .parity_equations import ARM, JOINT, MOTOR, Signals
 from .parity_fit import rms
 from .regression import STIFFNESS
-from .terms import Hypothesis, follows_from_motion
+from .terms import Hypothesis
 
 FloatArray = NDArray[np.float64]
 

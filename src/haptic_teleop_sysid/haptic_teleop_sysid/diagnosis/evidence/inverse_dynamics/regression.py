@@ -25,12 +25,13 @@ from haptic_teleop_sim.model import STRUCTURES, Model
 from haptic_teleop_sysid.estimation.records import Record
 from haptic_teleop_sysid.simulation.covariance import deviations, sandwich, score_covariance
 
+from ...hypotheses.follows import follows_from_motion
 from ...inputs.scales import within_reach
 from .band import long_enough
 from .kept import Kept
 from .motion import BandedMotion, banded
 from .term import Term
-from .terms import Hypothesis, follows_from_motion
+from .terms import Hypothesis
 
 FloatArray = NDArray[np.float64]
 

@@ -6,10 +6,8 @@ a torque that its equation gives along a motion.
 
 from __future__ import annotations
 
-import itertools
 import math
-from collections.abc import Iterator, Sequence
-from copy import copy
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from types import SimpleNamespace
@@ -17,30 +15,22 @@ from types import SimpleNamespace
 import numpy as np
 from numpy.typing import NDArray
 
-from haptic_teleop_control.compiled import njit
-from haptic_teleop_sim.effects import EFFECTS, EffectEntry, EffectParameter, locations
-from haptic_teleop_sim.effects.on_arrays import NUMERIC
+from haptic_teleop_sim.effects import EffectEntry, EffectParameter
 from haptic_teleop_sim.kernel import acting_torque, pack
 from haptic_teleop_sim.model import Effect, Model
 from haptic_teleop_sysid.estimation.records import Record
 
 from ...hypotheses.along_motion import inertia_torque
-from ...hypotheses.candidates import BORNE, family
-from ...inputs.scales import Scales
-from ...starts.scan import scanned_values
+from .effect_variables import variables_of
 from .motion import BandedMotion
 from .sampled import apart_from_shape, linear
 
 FloatArray = NDArray[np.float64]
 
-#: Share of the top speed within which the sign of a velocity is smoothed.
-SMOOTHED = 0.02
 #: Relative standard error of a parameter that a grid has.
 _STEP_OF_GRID = 0.1
 #: Factor by which a size may be off at which an equation was evaluated that is not linear in it.
 _OFF = 1.5
-#: Factor from one size in time, at which an actuator is tried, to the next.
-_NEXT = 2.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -72,7 +62,7 @@ class Hypothesis:
     def whole_and_columns(self, motion: BandedMotion, model: Model) -> tuple[FloatArray, FloatArray]:
         """Of a torque that follows from the motion: as it is, before it is filtered, and its `columns`; both
         (n, columns) at the samples that count."""
-        variables = _variables(motion, self.place, self.gives)
+        variables = variables_of(motion, self.place, self.gives)
         variables.stiffness = model.parameters.get("stiffness", 0.0)
         variables.input = model.parameters["torque_constant"] * motion.input
         variables.inertia = model.parameters["arm_inertia" if self.place == "arm" else "motor_inertia"]
@@ -141,7 +131,7 @@ class Hypothesis:
         return Effect(
             self.entry.name,
             self.location,
-            {n: _within(self.entry.parameter(n), v) for n, v in values.items()},
+            {n: self.entry.parameter(n).within(v) for n, v in values.items()},
         )
 
     def errors(self, factors: FloatArray, std: FloatArray) -> dict[str, float]:
@@ -182,8 +172,8 @@ class Hypothesis:
         """A known effect whose sizes are sought anew, with its shape as it is; as in `of` where its equation
         is not linear in its size."""
         held, entry = cls.of(effect, place), effect.entry
-        sizes, _, angle = _parts(entry)
-        if entry.kind == "input" or not sizes or _is_held(entry, sizes):
+        sizes, _, angle = parts_of(entry)
+        if entry.kind == "input" or not sizes or is_held(entry, sizes):
             return held
         apart = {*sizes, angle, entry.parameters[1].name if entry.memory == "ratio" else None}
         shape = tuple((n, v) for n, v in effect.values.items() if n not in apart)
@@ -214,87 +204,6 @@ class Hypothesis:
         return self._torque(variables, size, **{self.angle: 1.0}) - self._torque(variables, size)
 
 
-def hypotheses(model: Model, scales: Scales) -> Iterator[Hypothesis]:
-    """Every effect that is a torque along the motion, or what an actuator makes of the input, at every place
-    it may sit where the model has none of its forms, at every shape of its grids."""
-    present = {(n, e.location) for e in model.effects for n in family(e.effect)}
-    for name, entry in EFFECTS.items():
-        if follows_from_input(entry) and (name, model.location("actuator")) not in present:
-            yield from _of_actuator(entry, model.location("actuator"), scales)
-        if not follows_from_motion(entry):
-            continue
-        for place in locations(name, model.structure):
-            location = model.location(place)
-            if (name, location) not in present:
-                yield from _shapes(entry, location, place, scales)
-
-
-def follows_from_motion(entry: EffectEntry) -> bool:
-    """Whether the effect is a torque that its equation gives along a motion, without states of its own."""
-    return (
-        entry.kind in ("torque", "friction", "relative_inertia")
-        and entry.equation is not None
-        and entry.where != ("actuator",)
-        and not (entry.rates or entry.nuisance or entry.unnamed or entry.exogenous)
-    )
-
-
-def follows_from_input(entry: EffectEntry) -> bool:
-    """Whether the effect is what an actuator makes of its input, less of it the smaller its size (a limit has
-    no such size, and a gain is that of all torques)."""
-    return entry.kind == "input" and not entry.unnamed and entry.parameters[0].neutral == 0.0
-
-
-def _of_actuator(entry: EffectEntry, location: str, scales: Scales) -> Iterator[Hypothesis]:
-    """Sizes so near to each other that what is between them is nearly in proportion."""
-    size, *shaped = entry.parameters
-    if size.unit == "s":
-        number = int(math.log(size.maximum / scales.dt, _NEXT)) if size.maximum > scales.dt else 0
-        sizes = [scales.dt * _NEXT**i for i in range(number + 1)]
-    else:
-        sizes = [g * scales.size[size.scale] for g in size.grid] or [size.typical]
-    for value, *others in itertools.product(sizes, *(_grid(p, scales, "actuator") for p in shaped)):
-        shape = zip((p.name for p in entry.parameters), (value, *others), strict=True)
-        yield Hypothesis(entry, location, "motor", tuple(shape), (size.name,), None, held=True)
-
-
-def _shapes(entry: EffectEntry, location: str, place: str, scales: Scales) -> Iterator[Hypothesis]:
-    sizes, shaped, angle = _parts(entry)
-    if _is_held(entry, sizes):
-        size = entry.parameter(sizes[0])
-        for value in size.grid:
-            shape = ((size.name, value * scales.size[size.scale]),)
-            yield Hypothesis(entry, location, place, shape, sizes, None, held=True)
-        return
-    for values in itertools.product(*([(p.name, v) for v in _grid(p, scales, place)] for p in shaped)):
-        shape, gives = tuple(values), 0.0
-        if entry.memory in ("ratio", "displacement"):
-            name = entry.parameters[1].name
-            gives = dict(shape)[name]
-            if entry.memory == "ratio":
-                gives = BORNE * scales.size["torque"] / gives
-                shape = tuple((n, v) for n, v in shape if n != name)
-        yield Hypothesis(entry, location, place, shape, sizes, angle, gives)
-
-
-def _parts(entry: EffectEntry) -> tuple[tuple[str, ...], list[EffectParameter], str | None]:
-    """An effect's sizes, the parameters of its shape, and the angle that turns or offsets it."""
-    sizes = tuple(p.name for p in entry.parameters if p.default is None and p.neutral == 0.0)
-    shaped = [p for p in entry.parameters if p.default is None and p.neutral is None]
-    return sizes, shaped, next((p.name for p in entry.parameters if p.turns), None)
-
-
-def _is_held(entry: EffectEntry, sizes: Sequence[str]) -> bool:
-    """Whether the equation is not linear in the effect's one size."""
-    return len(sizes) == 1 and not linear(entry, sizes[0])
-
-
-def _grid(parameter: EffectParameter, scales: Scales, place: str) -> list[float]:
-    if parameter.scan:
-        return [_within(parameter, v) for v in scanned_values(parameter, scales, place)]
-    return [_within(parameter, g * scales.size[parameter.scale]) for g in parameter.grid]
-
-
 def _acting_less(record: Record, model: Model, effect: Effect) -> FloatArray:
     """The torque (n,), N·m, that acts on the motor with an effect of the actuator, less that without it."""
     bare = replace(model, effects=(), fixed=())
@@ -305,54 +214,13 @@ def _acting_less(record: Record, model: Model, effect: Effect) -> FloatArray:
     return acts[0] - acts[1]
 
 
-def _within(parameter: EffectParameter, value: float) -> float:
-    return min(max(value, parameter.minimum), parameter.maximum)
+def parts_of(entry: EffectEntry) -> tuple[tuple[str, ...], list[EffectParameter], str | None]:
+    """An effect's sizes, the parameters of its shape, and the angle that turns or offsets it."""
+    sizes = tuple(p.name for p in entry.parameters if p.default is None and p.neutral == 0.0)
+    shaped = [p for p in entry.parameters if p.default is None and p.neutral is None]
+    return sizes, shaped, next((p.name for p in entry.parameters if p.turns), None)
 
 
-def _variables(motion: BandedMotion, place: str, gives: float) -> SimpleNamespace:
-    """What equations are written in but what the model says, as arrays (n,) along the motion."""
-    if gives > 0.0:  # hardly asked for twice
-        return _variables_of(motion, place, gives)
-    if place not in motion.known:
-        motion.known[place] = _variables_of(motion, place, gives)
-    return copy(motion.known[place])
-
-
-def _variables_of(motion: BandedMotion, place: str, gives: float) -> SimpleNamespace:
-    deflection = motion.angle[:, 0] - motion.angle[:, 1]
-    if place == "joint":
-        position, velocity = deflection, motion.velocity[:, 0] - motion.velocity[:, 1]
-        acceleration = motion.acceleration[:, 0] - motion.acceleration[:, 1]
-    else:
-        channel = int(place == "arm")
-        position, velocity = motion.angle[:, channel], motion.velocity[:, channel]
-        acceleration = motion.acceleration[:, channel]
-    # Each in one piece of memory: functions of arrays that are not take several times as long.
-    position, velocity, acceleration = map(np.ascontiguousarray, (position, velocity, acceleration))
-    if gives > 0.0:
-        direction = turning(position, gives)
-    else:
-        direction = np.tanh(velocity / (SMOOTHED * max(float(np.max(np.abs(velocity))), 1e-12)))
-    return SimpleNamespace(
-        position=position,
-        velocity=velocity,
-        acceleration=acceleration,
-        deflection=deflection,
-        deflection_rate=motion.velocity[:, 0] - motion.velocity[:, 1],
-        time=motion.time,
-        exogenous=motion.exogenous,
-        direction=direction,
-        **NUMERIC,
-    )
-
-
-@njit(cache=True, nogil=True, error_model="numpy")
-def turning(position: FloatArray, gives: float) -> FloatArray:
-    """Memory of the direction (n,) between -1 and 1, d direction = (dq - |dq| direction) / gives, exact for a
-    motion that does not turn between samples (Dahl 1968)."""
-    direction = np.zeros(len(position))
-    for k in range(1, len(position)):
-        move = position[k] - position[k - 1]
-        end = 1.0 if move > 0.0 else -1.0
-        direction[k] = end + (direction[k - 1] - end) * math.exp(-abs(move) / gives)
-    return direction
+def is_held(entry: EffectEntry, sizes: Sequence[str]) -> bool:
+    """Whether the equation is not linear in the effect's one size."""
+    return len(sizes) == 1 and not linear(entry, sizes[0])

@@ -16,10 +16,11 @@ from ...hypotheses.admissible import admissible
 from ...inputs.scales import Scales
 from .band import motion_band
 from .folds import Fold
+from .grid import hypotheses
 from .groups import Chosen, Search, different
 from .latent import Latent
 from .regression import equations, own_columns, standard_errors
-from .terms import Hypothesis, hypotheses
+from .terms import Hypothesis
 
 #: How many groups of each number of effects are kept.
 BEAM = 8

@@ -13,9 +13,9 @@ from numpy.typing import NDArray
 
 from haptic_teleop_sim.model import Model
 
+from ..inverse_dynamics.effect_variables import SMOOTHED
 from ..inverse_dynamics.latent import input_torque
 from ..inverse_dynamics.motion import BandedMotion
-from ..inverse_dynamics.terms import SMOOTHED
 
 FloatArray = NDArray[np.float64]
 
