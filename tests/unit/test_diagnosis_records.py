@@ -7,7 +7,8 @@ import pytest
 from identification_plants import STAGE, stage_recording
 
 from haptic_teleop_control.errors import RecordingError
-from haptic_teleop_sysid.diagnosis.evidence.current import _Currents, _starts, shown_by_current
+from haptic_teleop_sysid.diagnosis.evidence.current import _starts, shown_by_current
+from haptic_teleop_sysid.diagnosis.evidence.currents import Currents
 from haptic_teleop_sysid.diagnosis.inputs.cuts import SHORTEST_STRETCH
 from haptic_teleop_sysid.diagnosis.inputs.plausible import refuse_copies, with_contradictions
 from haptic_teleop_sysid.diagnosis.usable import records_of, refuse_unusable
@@ -108,7 +109,7 @@ def test_a_delay_of_a_long_recording_is_looked_for_where_the_command_changes_mos
     best = shown_by_current(STAGE, [late], [late])[0]
     assert best.effect.effect == "input_delay"
     assert best.effect.parameters["delay"] == pytest.approx(17 * long.dt, abs=1e-4)
-    currents = _Currents.of(late)
+    currents = Currents.of(late)
     part = currents.liveliest
     assert len(part.command) == 8192 and part.good.sum() == 8192 - 64
     # It begins at a quarter of its length, and in it the command moves all the time.
@@ -117,9 +118,9 @@ def test_a_delay_of_a_long_recording_is_looked_for_where_the_command_changes_mos
 
 
 def test_all_of_a_short_recording_or_of_one_with_many_holes_is_lively(data):
-    short = _Currents.of(replace(data, input_source="measured effort"))
+    short = Currents.of(replace(data, input_source="measured effort"))
     assert short.liveliest is short
     long = load_dataset(stage_recording(seed=3, seconds=40.0), STAGE)
     holed_current = np.where(np.arange(len(long)) % 3 > 0, np.nan, np.asarray(long.input))
-    rare = _Currents.of(replace(long, input=holed_current, input_source="measured effort"))
+    rare = Currents.of(replace(long, input=holed_current, input_source="measured effort"))
     assert rare.liveliest is rare

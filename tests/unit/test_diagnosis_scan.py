@@ -11,8 +11,10 @@ from haptic_teleop_sim.model import Effect
 from haptic_teleop_sysid.diagnosis.decision.decide import choose
 from haptic_teleop_sysid.diagnosis.decision.doubt import doubted
 from haptic_teleop_sysid.diagnosis.decision.explore import explore
+from haptic_teleop_sysid.diagnosis.decision.finding import finding
 from haptic_teleop_sysid.diagnosis.decision.search import SearchResult
-from haptic_teleop_sysid.diagnosis.decision.verdict import condition_of, decide_verdict, finding
+from haptic_teleop_sysid.diagnosis.decision.verdict import decide_verdict
+from haptic_teleop_sysid.diagnosis.decision.where import condition_of
 from haptic_teleop_sysid.diagnosis.decision.words import called
 from haptic_teleop_sysid.diagnosis.evidence.actuator import joined
 from haptic_teleop_sysid.diagnosis.evidence.current import Shown, shown_by_current

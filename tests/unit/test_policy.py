@@ -14,7 +14,7 @@ import haptic_teleop_sysid.diagnosis.decision.doubt as doubt_module
 import haptic_teleop_sysid.diagnosis.decision.explore as explore_module
 import haptic_teleop_sysid.diagnosis.decision.overruled as overruled_module
 import haptic_teleop_sysid.diagnosis.decision.search as search_module
-import haptic_teleop_sysid.diagnosis.decision.verdict as verdict_module
+import haptic_teleop_sysid.diagnosis.decision.where as where_module
 import haptic_teleop_sysid.diagnosis.evidence.second_opinion as second_module
 import haptic_teleop_sysid.diagnosis.policy as policy
 from haptic_teleop_sim.model import Effect
@@ -23,7 +23,7 @@ from haptic_teleop_sysid.diagnosis.decision.adequacy import Adequacy, short_of
 from haptic_teleop_sysid.diagnosis.decision.decide import Choice, choose, significant
 from haptic_teleop_sysid.diagnosis.decision.reasons import Doubt, more_than_chance
 from haptic_teleop_sysid.diagnosis.decision.search import SearchResult
-from haptic_teleop_sysid.diagnosis.decision.verdict import structured
+from haptic_teleop_sysid.diagnosis.decision.where import structured
 from haptic_teleop_sysid.diagnosis.evidence.memory import Remembered
 from haptic_teleop_sysid.diagnosis.evidence.residual import Condition
 from haptic_teleop_sysid.diagnosis.explain import unharmful
@@ -213,10 +213,10 @@ def test_a_name_explains_half(explains, kept, worse, judges):
 
 @pytest.mark.parametrize(("explains", "place"), [(0.53, "stage1_motor"), (0.47, "stage1_arm")])
 def test_the_place_of_a_name_that_was_given_up_is_told_where_it_explains_half(monkeypatch, explains, place):
-    monkeypatch.setattr(verdict_module, "_largest", lambda *_: ("stage1_arm", 0.8))
-    monkeypatch.setattr(verdict_module, "explained_torque", lambda *_: explains)
+    monkeypatch.setattr(where_module, "_largest", lambda *_: ("stage1_arm", 0.8))
+    monkeypatch.setattr(where_module, "explained_torque", lambda *_: explains)
     doubt = Doubt(Choice(explanation("coulomb_friction", 100.0, 100.0), 1.0), "for a reason")
-    assert verdict_module._doubtful_place(doubt, result_of(), [], [])["equation"] == place
+    assert where_module.doubtful_place(doubt, result_of(), [], [])["equation"] == place
 
 
 @pytest.mark.parametrize(

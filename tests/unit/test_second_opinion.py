@@ -13,6 +13,7 @@ from haptic_teleop_sim.effects import EFFECTS
 from haptic_teleop_sim.model import Effect, load_model
 from haptic_teleop_sysid.commands.diagnose import main
 from haptic_teleop_sysid.diagnosis.decision.decide import Choice
+from haptic_teleop_sysid.diagnosis.decision.finding import shape_unknown, size_known
 from haptic_teleop_sysid.diagnosis.decision.free_run_sizes import sized_freely
 from haptic_teleop_sysid.diagnosis.decision.overruled import (
     as_result,
@@ -24,7 +25,7 @@ from haptic_teleop_sysid.diagnosis.decision.overruled import (
     stands_next,
 )
 from haptic_teleop_sysid.diagnosis.decision.search import SearchResult
-from haptic_teleop_sysid.diagnosis.decision.verdict import decide_verdict, shape_unknown, size_known
+from haptic_teleop_sysid.diagnosis.decision.verdict import decide_verdict
 from haptic_teleop_sysid.diagnosis.evidence.inverse_dynamics.witness import Group, witness
 from haptic_teleop_sysid.diagnosis.evidence.second_opinion import Heard, plainer_first, second_opinion
 from haptic_teleop_sysid.diagnosis.hypotheses.explanation import Explanation

@@ -17,6 +17,7 @@ from .decision.constancy import inconstant
 from .decision.corroborated import Corroboration
 from .decision.decide import Choice
 from .decision.doubt import doubted
+from .decision.finding import shape_unknown, size_unknown
 from .decision.misread import misread
 from .decision.overruled import (
     as_result,
@@ -32,7 +33,7 @@ from .decision.reasons import Doubt, more_than_chance, off_the_mark, runs_away, 
 from .decision.search import SearchResult
 from .decision.stand import Stand
 from .decision.unsteady import constant_sizes
-from .decision.verdict import shape_unknown, size_unknown, structured
+from .decision.where import structured
 from .evidence.proof import mean_percent
 from .evidence.residual import conditions
 from .evidence.second_opinion import Errors, Opinion

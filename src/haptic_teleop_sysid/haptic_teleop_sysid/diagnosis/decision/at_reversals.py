@@ -23,9 +23,11 @@ from ..hypotheses.explanation import Explanation
 from ..policy import LEAST_JUMP, SURE_JUMP
 from .adequacy import NOT_SURE
 from .decide import Choice
+from .finding import finding
 from .objections import OTHER_SIZE
 from .search import SearchResult
-from .verdict import Verdict, finding, where_left
+from .verdict import Verdict
+from .where import where_left
 
 #: Standard errors that it must have on the recordings of either kind, too.
 SEEN_TWICE = 2.0

@@ -21,9 +21,9 @@ from ..policy import ERRS_LESS, FITS_WORSE
 from .adequacy import Adequacy
 from .corroborated import Corroboration
 from .decide import Choice
+from .finding import size_unknown
 from .overruled import fit_of
 from .search import SearchResult
-from .verdict import size_unknown
 
 
 def earned(

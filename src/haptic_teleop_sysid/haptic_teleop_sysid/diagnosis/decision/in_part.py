@@ -27,9 +27,10 @@ from ..hypotheses.follows import follows_from_motion
 from ..policy import LEAST_EXPLAINED, NEARLY_ALL
 from .adequacy import NOT_SURE
 from .decide import Choice
+from .finding import finding
 from .objections import OTHER_SIZE
 from .stand_in import StandIn
-from .verdict import Verdict, finding
+from .verdict import Verdict
 
 #: Relative difference between the sizes of torques and of free runs that is told.
 _TOLD = 0.1

@@ -10,7 +10,7 @@ from haptic_teleop_sim.model import Effect
 from ..evidence.inverse_dynamics.witness import Group
 from ..evidence.second_opinion import Errors, Heard, Opinion, named_by, plainer
 from ..policy import CLEARLY_LESS, LEAST_KNOWN
-from .verdict import size_known
+from .finding import size_known
 
 
 def with_known_sizes(opinion: Opinion, sized: Callable[[Heard], Heard], errors: Errors) -> Opinion:

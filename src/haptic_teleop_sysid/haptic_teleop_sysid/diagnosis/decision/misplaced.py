@@ -20,7 +20,8 @@ from .beside_the_others import left_out, without
 from .decide import Choice
 from .reasons import Doubt
 from .search import SearchResult
-from .verdict import Verdict, followed
+from .verdict import Verdict
+from .where import followed
 
 
 def misplaced(

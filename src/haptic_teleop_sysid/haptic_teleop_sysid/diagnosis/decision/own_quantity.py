@@ -15,7 +15,7 @@ from ..evidence.residual import conditions
 from .decide import Choice
 from .reasons import Doubt
 from .search import SearchResult
-from .verdict import condition_of, structured
+from .where import condition_of, structured
 
 
 def follows_still(

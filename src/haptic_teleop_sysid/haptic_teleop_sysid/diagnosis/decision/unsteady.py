@@ -11,9 +11,9 @@ from ..evidence.steadiness import Steadiness
 from ..policy import LEAST_KNOWN
 from .beside_the_others import left_out, without
 from .decide import Choice
+from .finding import KNOWN, chance_within
 from .reasons import Doubt
 from .search import SearchResult
-from .verdict import KNOWN, chance_within
 
 
 def constant_sizes(

@@ -14,7 +14,8 @@ from ..hypotheses.explanation import Explanation
 from ..hypotheses.material import material
 from ..inputs.scales import Scales
 from .certainty import standard_errors
-from .current import SHOWN, Shown
+from .current import Shown
+from .currents import SHOWN
 from .held_out import judged
 
 #: Nats behind the best one from which an effect in the currents is not asked of the motion any more.

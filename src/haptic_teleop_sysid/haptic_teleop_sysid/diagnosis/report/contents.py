@@ -17,7 +17,8 @@ from ..decision.nulls import Null
 from ..decision.reasons import Doubt, slipped
 from ..decision.search import GivenUp, SearchResult
 from ..decision.stand import Stand
-from ..decision.verdict import FOLLOWS, Verdict
+from ..decision.verdict import Verdict
+from ..decision.where import FOLLOWS
 from ..evidence.proof import PARTS, Proof
 from ..evidence.residual import left_over
 from ..evidence.whiteness import LAGS

@@ -20,7 +20,7 @@ from haptic_teleop_sim.position_loop import in_position_loop
 from haptic_teleop_sysid.estimation.gauss_newton import Fit, fit_parameters, normal_equations
 from haptic_teleop_sysid.estimation.records import Record
 
-from ..decision.verdict import FORM
+from ..decision.finding import FORM
 from ..evidence.certainty import standard_errors
 from ..inputs.scales import Scales
 
