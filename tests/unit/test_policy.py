@@ -12,7 +12,6 @@ from test_diagnosis_parts import MODEL, explanation, fit_of
 
 import haptic_teleop_sysid.diagnosis.decision.doubt as doubt_module
 import haptic_teleop_sysid.diagnosis.decision.explore as explore_module
-import haptic_teleop_sysid.diagnosis.decision.overruled as overruled_module
 import haptic_teleop_sysid.diagnosis.decision.search as search_module
 import haptic_teleop_sysid.diagnosis.decision.where as where_module
 import haptic_teleop_sysid.diagnosis.evidence.second_opinion as second_module
@@ -20,7 +19,9 @@ import haptic_teleop_sysid.diagnosis.policy as policy
 from haptic_teleop_sim.model import Effect
 from haptic_teleop_sysid.diagnosis.decision import coloured
 from haptic_teleop_sysid.diagnosis.decision.adequacy import Adequacy, short_of
+from haptic_teleop_sysid.diagnosis.decision.along_motion import inadequate
 from haptic_teleop_sysid.diagnosis.decision.decide import Choice, choose, significant
+from haptic_teleop_sysid.diagnosis.decision.overruled import believed_instead
 from haptic_teleop_sysid.diagnosis.decision.reasons import Doubt, more_than_chance
 from haptic_teleop_sysid.diagnosis.decision.search import SearchResult
 from haptic_teleop_sysid.diagnosis.decision.where import structured
@@ -192,9 +193,9 @@ def test_the_second_opinion_errs_clearly_less(errs, coloured, believed):
     group = SimpleNamespace(effects=(), hypotheses=(known,))
     chosen = SimpleNamespace(errors=(0.2 * errs, 0.2 * errs), group=group)
     opinion = SimpleNamespace(chosen=chosen, witness=SimpleNamespace(folds=None))
-    assert overruled_module.believed_instead(opinion, [], (0.2, 0.2), lambda: coloured) == believed
+    assert believed_instead(opinion, [], (0.2, 0.2), lambda: coloured) == believed
     same = [FRICTION]
-    told = overruled_module.believed_instead(opinion, same, (0.2, 0.2), lambda: coloured)
+    told = believed_instead(opinion, same, (0.2, 0.2), lambda: coloured)
     assert told == (errs < 0.9), "the same names with other sizes need no coloured innovations"
 
 
@@ -207,7 +208,7 @@ def test_a_name_explains_half(explains, kept, worse, judges):
     folds = SimpleNamespace(adequacies=lambda group: [explains for _ in group])
     heard = SimpleNamespace(witness=SimpleNamespace(folds=folds, with_names=lambda group: None))
     errors = lambda model: (0.1, 0.1) if model is not None else (0.1 * worse, 0.1 * worse)  # noqa: E731
-    doubt = overruled_module.inadequate(result_of(choice), heard, errors)
+    doubt = inadequate(result_of(choice), heard, errors)
     assert (doubt is None) == (kept or not judges), "who simulates the name far worse does not judge it"
 
 

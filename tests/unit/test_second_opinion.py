@@ -12,15 +12,14 @@ from stepped_machines import RIGID, pendulum
 from haptic_teleop_sim.effects import EFFECTS
 from haptic_teleop_sim.model import Effect, load_model
 from haptic_teleop_sysid.commands.diagnose import main
+from haptic_teleop_sysid.diagnosis.decision.along_motion import explained_in_band, inadequate
+from haptic_teleop_sysid.diagnosis.decision.as_result import as_result
 from haptic_teleop_sysid.diagnosis.decision.decide import Choice
 from haptic_teleop_sysid.diagnosis.decision.finding import shape_unknown, size_known
 from haptic_teleop_sysid.diagnosis.decision.free_run_sizes import sized_freely
 from haptic_teleop_sysid.diagnosis.decision.overruled import (
-    as_result,
     believed_instead,
     beyond_reach,
-    explained_in_band,
-    inadequate,
     more_plainly,
     stands_next,
 )
