@@ -23,7 +23,8 @@ from .decision.coloured import coloured
 from .decision.decide import Choice
 from .decision.free_run_sizes import freely_sized, turning_limits
 from .decision.overruled import errs_enough_less
-from .decision.search import POOR_FIT, SearchResult, search, search_by_simulation
+from .decision.search import SearchResult, search
+from .decision.search_by_simulation import POOR_FIT, search_by_simulation
 from .evidence.current import shown_by_current
 from .evidence.horizons import Horizons, free_errors
 from .evidence.inverse_dynamics.band import motion_band
