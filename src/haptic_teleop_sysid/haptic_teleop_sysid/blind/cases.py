@@ -65,7 +65,7 @@ TIES: tuple[tuple[str, str], ...] = (
     ("encoder_scale", "arm_encoder"),
     ("channel_skew", "motor_encoder"),
 )
-"""Where the equivalences that docs/how_diagnosis_decides.md tells of lie for this structure; each draw is
+"""Where the effects that look alike (docs/effects.md) lie for this structure; each draw is
 accepted only once its own recordings are found unable to separate it from another name."""
 _TRACES = (
     ("coulomb_friction", "motor"),
