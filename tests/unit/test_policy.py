@@ -19,11 +19,11 @@ import haptic_teleop_sysid.diagnosis.policy as policy
 from haptic_teleop_sim.model import Effect
 from haptic_teleop_sysid.diagnosis.decision import coloured
 from haptic_teleop_sysid.diagnosis.decision.adequacy import Adequacy, short_of
-from haptic_teleop_sysid.diagnosis.decision.along_motion import inadequate
 from haptic_teleop_sysid.diagnosis.decision.decide import Choice, choose, significant
 from haptic_teleop_sysid.diagnosis.decision.overruled import believed_instead
 from haptic_teleop_sysid.diagnosis.decision.reasons import Doubt, more_than_chance
 from haptic_teleop_sysid.diagnosis.decision.search import SearchResult
+from haptic_teleop_sysid.diagnosis.decision.torques_explained import inadequate
 from haptic_teleop_sysid.diagnosis.decision.where import structured
 from haptic_teleop_sysid.diagnosis.evidence.memory import Remembered
 from haptic_teleop_sysid.diagnosis.evidence.residual import Condition

@@ -12,11 +12,10 @@ from stepped_machines import RIGID, pendulum
 from haptic_teleop_sim.effects import EFFECTS
 from haptic_teleop_sim.model import Effect, load_model
 from haptic_teleop_sysid.commands.diagnose import main
-from haptic_teleop_sysid.diagnosis.decision.along_motion import explained_in_band, inadequate
-from haptic_teleop_sysid.diagnosis.decision.as_result import as_result
 from haptic_teleop_sysid.diagnosis.decision.decide import Choice
 from haptic_teleop_sysid.diagnosis.decision.finding import shape_unknown, size_known
 from haptic_teleop_sysid.diagnosis.decision.free_run_sizes import sized_freely
+from haptic_teleop_sysid.diagnosis.decision.opinion_as_result import as_result
 from haptic_teleop_sysid.diagnosis.decision.overruled import (
     believed_instead,
     beyond_reach,
@@ -24,6 +23,7 @@ from haptic_teleop_sysid.diagnosis.decision.overruled import (
     stands_next,
 )
 from haptic_teleop_sysid.diagnosis.decision.search import SearchResult
+from haptic_teleop_sysid.diagnosis.decision.torques_explained import explained_in_band, inadequate
 from haptic_teleop_sysid.diagnosis.decision.verdict import decide_verdict
 from haptic_teleop_sysid.diagnosis.evidence.inverse_dynamics.witness import Group, witness
 from haptic_teleop_sysid.diagnosis.evidence.second_opinion import Heard, plainer_first, second_opinion

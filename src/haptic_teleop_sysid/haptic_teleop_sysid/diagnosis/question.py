@@ -10,8 +10,6 @@ from haptic_teleop_sysid.estimation.gauss_newton import Fit
 from haptic_teleop_sysid.recordings.dataset import DataSet
 
 from .decision.adequacy import Adequacy, Followed, adequacy, left_size
-from .decision.along_motion import explained_along, explained_in_band, inadequate
-from .decision.as_result import as_result
 from .decision.beside_the_others import earned
 from .decision.changing_size import one_size_each
 from .decision.coloured import coloured, left_is_random, with_a_memory
@@ -21,10 +19,12 @@ from .decision.decide import Choice
 from .decision.doubt import doubted
 from .decision.finding import shape_unknown, size_unknown
 from .decision.misread import misread
+from .decision.opinion_as_result import as_result
 from .decision.overruled import believed_instead, beyond_reach, more_plainly, stands_next
 from .decision.reasons import Doubt, more_than_chance, off_the_mark, runs_away, slipped
 from .decision.search import SearchResult
 from .decision.stand import Stand
+from .decision.torques_explained import explained_along, explained_in_band, inadequate
 from .decision.unsteady import constant_sizes
 from .decision.where import structured
 from .evidence.proof import mean_percent

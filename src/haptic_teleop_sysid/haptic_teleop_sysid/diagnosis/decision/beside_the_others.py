@@ -19,10 +19,10 @@ from ..evidence.second_opinion import NO_WORSE
 from ..hypotheses.candidates import goes_with
 from ..policy import ERRS_LESS, FITS_WORSE
 from .adequacy import Adequacy
-from .as_result import fit_of
 from .corroborated import Corroboration
 from .decide import Choice
 from .finding import size_unknown
+from .opinion_as_result import fit_of
 from .search import SearchResult
 
 

@@ -19,9 +19,9 @@ from ..evidence.inverse_dynamics.witness import Group, Witness
 from ..evidence.second_opinion import Opinion
 from ..hypotheses.candidates import family
 from ..policy import LEAST_EXPLAINED
-from .as_result import fit_of
 from .at_reversals import Turning
 from .in_part import InPart, found_in_part, found_one_by_one, where_the_rest_is, with_found
+from .opinion_as_result import fit_of
 from .reasons import Doubt
 from .search import SearchResult
 from .stand_in import StandIn

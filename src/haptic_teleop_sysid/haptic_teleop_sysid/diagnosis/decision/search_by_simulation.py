@@ -16,8 +16,7 @@ from ..inputs.scales import recording_scales, within_reach
 from .decide import Choice
 from .search import MOST_EFFECTS, SearchResult
 
-#: Simulated fit (percent) of the model with what is kept of the findings, below which the search by simulation
-#: is tried.
+#: Simulated fit (percent) of the model with the findings that are kept, below which this search is tried.
 POOR_FIT = 75.0
 #: Least improvement of the simulated fit, percent, estimation and validation added up, for an effect
 #: found so.
