@@ -14,7 +14,7 @@ ROW = re.compile(r"^\| `(\w+)` \| ([^|]+) \| ([^|]+) \| ([^|]+) \| ([^|]+) \|$",
 
 @pytest.fixture(scope="module")
 def tables():
-    """Rows (name in prose, sentence, places, parameters) by effect: the table of names, that of the others."""
+    """Rows (name in prose, sentence, places, parameters) by effect: table of names, table of the others."""
     named, others = PAGE.read_text(encoding="utf-8").split("\n## Never reported by name\n")
     return [{effect: tuple(cells) for effect, *cells in ROW.findall(part)} for part in (named, others)]
 
