@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -60,6 +60,12 @@ class Adequacy:
     parity: float = 1.0
     follows: Followed | None = None
     worse: bool = False
+
+    def with_parity(self, share: Callable[[], float]) -> Adequacy:
+        """The same with the ``share`` of what parity equations leave that is explained. It is not asked where
+        neither observer nor free run lacks anything worth a word: these equations have the accelerations in
+        them, and of a weak effect what they leave is the random torque of the machine."""
+        return self if min(self.torque, self.free_run) >= 1.0 else replace(self, parity=share())
 
     @property
     def least(self) -> float:
