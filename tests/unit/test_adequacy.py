@@ -106,15 +106,13 @@ def test_where_nothing_worth_a_word_was_missing_nothing_is_asked_of_a_name():
     assert adequacy(bare, bare, records, (0.02, 0.03), (0.02, 0.03)) == Adequacy(1.0, 1.0)
 
 
-def test_parity_equations_are_not_asked_where_nothing_worth_a_word_is_left():
-    """A friction of the arm of 0.5 % of the drive's torque was `unknown` beside random torque of the arm, of
-    which such a friction takes nothing."""
-    whole = Adequacy(1.0, 1.0, random_left=True)
-    assert whole.with_parity(lambda: pytest.fail("asked")) == whole
+def test_parity_equations_alone_do_not_make_an_unknown_where_nothing_worth_a_word_is_left():
+    """A weak friction of the arm was `unknown` beside random torque of the arm, of which it takes nothing."""
+    weak = Adequacy(1.0, 1.0, random_left=True, parity=0.0)
+    assert not weak.much_is_left and weak.surest == 0.69
     for torque, free_run in ((0.9, 1.0), (1.0, 0.9)):
-        asked = Adequacy(torque, free_run, random_left=True).with_parity(lambda: 0.1)
-        assert asked.parity == 0.1 and asked.much_is_left
-        assert asked.least == 0.1 and asked.random_left
+        assert Adequacy(torque, free_run, random_left=True, parity=0.0).much_is_left
+    assert Adequacy(1.0, 1.0, random_left=False, parity=0.0).much_is_left, "what is left is not random"
 
 
 def test_the_error_of_free_runs_counts_in_mean_squares():

@@ -80,7 +80,7 @@ class EffectParameter:
         return self.told == "always" or (self.told == "unless zero" and value != 0.0)
 
     def within(self, value: float) -> float:
-        """The value, or the bound that it is beyond: an unusual recording has unusual scales."""
+        """The value, or the bound that it is beyond."""
         return min(max(value, self.minimum), self.maximum)
 
 

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import replace
-from functools import partial
 from typing import Any
 
 from haptic_teleop_sim.effects import MEASURED
@@ -101,7 +100,7 @@ def diagnose(
         result, adequate, varying = weighed(found, result, stand)
         doubt = doubt or varying
     if adequate is not None and acting is not None:
-        adequate = adequate.with_parity(partial(acting.explained, [c.chosen.effect for c in result.choices]))
+        adequate = replace(adequate, parity=acting.explained([c.chosen.effect for c in result.choices]))
     if adequate is not None:
         result, short = short_of(result, adequate)
         result, bent = follows_still(result, found.learn, found.judge)

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -61,12 +61,6 @@ class Adequacy:
     follows: Followed | None = None
     worse: bool = False
 
-    def with_parity(self, share: Callable[[], float]) -> Adequacy:
-        """The same with the ``share`` of what parity equations leave that is explained. It is not asked where
-        neither observer nor free run lacks anything worth a word: these equations have the accelerations in
-        them, and of a weak effect what they leave is the random torque of the machine."""
-        return self if min(self.torque, self.free_run) >= 1.0 else replace(self, parity=share())
-
     @property
     def least(self) -> float:
         """The smallest of the shares."""
@@ -92,8 +86,10 @@ class Adequacy:
     def much_is_left(self) -> bool:
         """Whether so much more than chance is left that the findings are not what is missing, but beside
         it: of what the other places' equations leave, where everything acts at one place, names that are
-        right take as much (HOLDS_BETTER) as tells that place."""
-        if 1.0 - self.parity > 1.0 / HOLDS_BETTER**2:
+        right take as much (HOLDS_BETTER) as tells that place. Where neither observer nor free run lacks
+        anything worth a word, that is the machine's random torque, and only keeps a name from being sure."""
+        worth_a_word = min(self.torque, self.free_run) < 1.0
+        if worth_a_word and 1.0 - self.parity > 1.0 / HOLDS_BETTER**2:
             return True
         return not self.random_left and (self.follows is not None or self.least < LEAST_EXPLAINED)
 

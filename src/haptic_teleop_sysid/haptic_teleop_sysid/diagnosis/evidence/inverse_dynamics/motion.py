@@ -85,8 +85,8 @@ class BandedMotion:
     def of_blocks(self, means: FloatArray, times: int) -> FloatArray:
         """`filtered` of what `block_means` says around `first` and every ``block`` samples further on."""
         places = (self.kept - self.first) // self.block
-        start = int(places[0]) % 2 if self.block > 1 and len(places) else 0
         step = 2 if self.block > 1 else 1
+        start = int(places[0]) % step if len(places) else 0
         found = low_passed(means, self.block * self.dt, self.cutoff, times, self.block, (start, step))
         return found.T.take((places - start) // step, axis=1).T  # row by row in memory: a few times faster
 
