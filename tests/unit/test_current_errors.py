@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from haptic_teleop_sysid.diagnosis.evidence.currents import _errors
+from haptic_teleop_sysid.diagnosis.evidence.recorded_currents import _errors
 
 
 def left(given_, sensed):

@@ -7,8 +7,8 @@ import pytest
 from identification_plants import STAGE, stage_recording
 
 from haptic_teleop_control.errors import RecordingError
-from haptic_teleop_sysid.diagnosis.evidence.current import _starts, shown_by_current
-from haptic_teleop_sysid.diagnosis.evidence.currents import Currents
+from haptic_teleop_sysid.diagnosis.evidence.recorded_currents import Currents
+from haptic_teleop_sysid.diagnosis.evidence.shown_by_current import _starts, shown_by_current
 from haptic_teleop_sysid.diagnosis.inputs.cuts import SHORTEST_STRETCH
 from haptic_teleop_sysid.diagnosis.inputs.plausible import refuse_copies, with_contradictions
 from haptic_teleop_sysid.diagnosis.usable import records_of, refuse_unusable

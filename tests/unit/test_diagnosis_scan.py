@@ -17,8 +17,8 @@ from haptic_teleop_sysid.diagnosis.decision.verdict import decide_verdict
 from haptic_teleop_sysid.diagnosis.decision.where import condition_of
 from haptic_teleop_sysid.diagnosis.decision.words import called
 from haptic_teleop_sysid.diagnosis.evidence.actuator import joined
-from haptic_teleop_sysid.diagnosis.evidence.current import Shown, shown_by_current
 from haptic_teleop_sysid.diagnosis.evidence.residual import shares
+from haptic_teleop_sysid.diagnosis.evidence.shown_by_current import Shown, shown_by_current
 from haptic_teleop_sysid.diagnosis.hypotheses.candidates import candidates
 from haptic_teleop_sysid.diagnosis.inputs.scales import recording_scales
 from haptic_teleop_sysid.diagnosis.starts import shortlist

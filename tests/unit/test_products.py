@@ -7,8 +7,8 @@ from scipy.signal import butter, sosfiltfilt
 from stepped_machines import DT, RIGID, drive, pendulum, record, two_masses
 from test_adequacy import ELASTIC
 
+from haptic_teleop_sysid.diagnosis.evidence.inverse_dynamics.every_hypothesis import hypotheses
 from haptic_teleop_sysid.diagnosis.evidence.inverse_dynamics.folds import Fold
-from haptic_teleop_sysid.diagnosis.evidence.inverse_dynamics.grid import hypotheses
 from haptic_teleop_sysid.diagnosis.evidence.inverse_dynamics.motion import low_passed
 from haptic_teleop_sysid.diagnosis.evidence.inverse_dynamics.products import Products, solved
 from haptic_teleop_sysid.diagnosis.evidence.inverse_dynamics.regression import equations

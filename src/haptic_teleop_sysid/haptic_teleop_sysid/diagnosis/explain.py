@@ -25,13 +25,13 @@ from .decision.free_run_sizes import freely_sized, turning_limits
 from .decision.overruled import errs_enough_less
 from .decision.search import SearchResult, search
 from .decision.search_by_simulation import POOR_FIT, search_by_simulation
-from .evidence.current import shown_by_current
 from .evidence.horizons import Horizons, free_errors
 from .evidence.inverse_dynamics.band import motion_band
 from .evidence.inverse_dynamics.witness import witness
 from .evidence.predictable import while_predictable
 from .evidence.proof import Course
 from .evidence.second_opinion import Opinion, second_opinion
+from .evidence.shown_by_current import shown_by_current
 from .inputs.between_samples import as_read, half_a_sample, may_be_read, predicted_better
 from .inputs.scales import recording_scales, within_reach
 from .policy import HARM

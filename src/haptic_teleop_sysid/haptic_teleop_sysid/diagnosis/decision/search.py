@@ -12,10 +12,10 @@ from haptic_teleop_sysid.estimation.records import Record
 from haptic_teleop_sysid.estimation.whole_fit import fit_whole
 
 from ..evidence.actuator import joined
-from ..evidence.current import Shown
 from ..evidence.held_out import judged
 from ..evidence.inverse_dynamics.witness import Witness
 from ..evidence.isolable import nats_apart
+from ..evidence.shown_by_current import Shown
 from ..hypotheses.explanation import Explanation
 from ..hypotheses.twins import with_twins
 from ..inputs.scales import Scales, recording_scales, within_reach

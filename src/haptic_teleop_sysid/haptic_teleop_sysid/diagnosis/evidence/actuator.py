@@ -14,9 +14,9 @@ from ..hypotheses.explanation import Explanation
 from ..hypotheses.material import material
 from ..inputs.scales import Scales
 from .certainty import standard_errors
-from .current import Shown
-from .currents import SHOWN
 from .held_out import judged
+from .recorded_currents import SHOWN
+from .shown_by_current import Shown
 
 #: Nats behind the best one from which an effect in the currents is not asked of the motion any more.
 _FAR_BEHIND = 200.0

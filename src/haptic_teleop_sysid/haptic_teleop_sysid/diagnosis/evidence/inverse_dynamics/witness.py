@@ -15,8 +15,8 @@ from haptic_teleop_sysid.estimation.records import Record
 from ...hypotheses.admissible import admissible
 from ...inputs.scales import Scales
 from .band import motion_band
+from .every_hypothesis import hypotheses
 from .folds import Fold
-from .grid import hypotheses
 from .groups import Chosen, Search, different
 from .latent import Latent
 from .regression import equations, own_columns, standard_errors

@@ -22,7 +22,7 @@ from haptic_teleop_sim.model import Effect, Model
 from haptic_teleop_sysid.recordings.dataset import DataSet
 
 from ..hypotheses.enough import gains_enough
-from .currents import SHOWN, UNSEEN, Currents, nats_of
+from .recorded_currents import SHOWN, UNSEEN, Currents, nats_of
 
 FloatArray = NDArray[np.float64]
 
