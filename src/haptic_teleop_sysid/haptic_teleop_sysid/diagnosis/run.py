@@ -12,6 +12,7 @@ from haptic_teleop_sysid.recordings.dataset import DataSet
 
 from .decision.adequacy import short_of
 from .decision.at_reversals import where_torque_jumps, with_friction
+from .decision.at_the_actuator import at_the_actuator
 from .decision.beside_unknown import with_names
 from .decision.decide import Choice
 from .decision.drive_friction import with_drive_friction
@@ -154,6 +155,10 @@ def diagnose(
         beside = with_the_named(verdict, named, result.final, *parts, draw)
         if beside is not None:
             mapped, instead, result = beside.mapped, None, replace(result, final=beside.fit)
+    of_input = None
+    # A torque that is drawn over the motion is the motion's.
+    if misread is None and (mapped is None or mapped.fit is None):
+        verdict, of_input = at_the_actuator(verdict, result.baseline, *kinds)
     say("simulating all three models on all recordings")
     proof = prove(model, result.baseline.model, result.final.model, found.course, uses)
     columns = three_columns(model, result, verdict, found.judge, forms)
@@ -184,6 +189,7 @@ def diagnose(
     content[MEASURED.name] = None if mapped is None else mapped.content()
     told = acting is not None and verdict.kind != "no_mismatch"
     content["parity"] = acting.content(verdict.kind == "unknown") if acting and told else None
+    content["in_proportion"] = of_input and {name: round(gain, 1) for name, gain in of_input.items()}
     content["reading_error"] = None
     if wrong is not None:
         content["reading_error"] = wrong.content()

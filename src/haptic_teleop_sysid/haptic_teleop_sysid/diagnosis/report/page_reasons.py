@@ -82,6 +82,14 @@ def _where(section: Section, verdict: Verdict, content: dict[str, Any], curves: 
             "The equation of motion without what acts at a place holds if that is the right place; one that "
             f"leaves less by a factor of {HOLDS_BETTER:g} decides{beside}",
         )
+    proportion = content.get("in_proportion")  # where it was asked
+    if proportion:
+        section.table(
+            ("in proportion to", "log-likelihood gained"),
+            [(name, f"{gain:z.0f}") for name, gain in proportion.items()],
+            "What is missing at the motor, as a multiple of one quantity that changes with time: of the input, "
+            "if the actuator makes it, or of the motion; net of what such a multiple gains by chance",
+        )
 
 
 def _when(where: dict[str, Any], curves: Sequence[LawCurve]) -> str:

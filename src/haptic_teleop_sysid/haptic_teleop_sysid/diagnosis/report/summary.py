@@ -73,9 +73,12 @@ def summary(content: dict[str, Any]) -> str:
 
 
 def nameless_at(where: dict[str, Any], content: dict[str, Any]) -> str:
-    """One place of something without a name, which in a rigid joint may be another one."""
-    place = where["equation"]
-    if content.get("structure") != "rigid_body" or place.endswith("_encoder"):
+    """One place of something without a name, why there, and what else it may be in a rigid joint."""
+    place, rigid = where["equation"], content.get("structure") == "rigid_body"
+    if content.get("in_proportion") and place.endswith("_actuator"):  # none in results of earlier versions
+        inertia = ", or an inertia that changes" if rigid else ""
+        return f"{place} (a share of the input that changes with time{inertia})"
+    if not rigid or place.endswith("_encoder"):
         return place
     return f"{place} (motor, actuator or encoder: a rigid joint has one equation for all three)"
 

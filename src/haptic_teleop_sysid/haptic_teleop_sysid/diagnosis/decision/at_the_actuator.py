@@ -1,0 +1,34 @@
+"""An `unknown` at the motor that is the actuator's: what is missing is a share of the input."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+from haptic_teleop_sysid.estimation.gauss_newton import Fit
+from haptic_teleop_sysid.estimation.records import Record
+
+from ..evidence.held_out import held_out_fit
+from ..evidence.in_proportion import in_proportion, with_the_input
+from .verdict import Verdict
+
+#: When it shows, in the contract's words.
+WITH_THE_INPUT = "input and time"
+
+
+def at_the_actuator(
+    verdict: Verdict, baseline: Fit, learn: Sequence[Record], judge: Sequence[Record]
+) -> tuple[Verdict, dict[str, float] | None]:
+    """The `unknown` verdict at the actuator, where what is missing at the motor is in proportion to the
+    input and not to any motion, by a factor that changes; and what each quantity gains, nats, None where
+    that was not asked. ``baseline``: the structure alone, as it fits the estimation recordings ``learn``."""
+    model = baseline.model
+    told_at = [where["equation"] for where in verdict.where[:1]]
+    if verdict.kind != "unknown" or told_at != [model.location("motor")]:
+        return verdict, None
+    gains = in_proportion([(baseline, learn), (held_out_fit(baseline, judge, [baseline.noise]), judge)])
+    if not with_the_input(gains):
+        return verdict, gains
+    told, *others = verdict.where
+    where = {**told, "equation": model.location("actuator"), "condition": WITH_THE_INPUT}
+    return replace(verdict, where=[where, *others]), gains
