@@ -10,11 +10,13 @@ from identification_plants import STAGE, multisine, stage_recording
 from haptic_teleop_control.recording import Recording
 from haptic_teleop_sim.experiments import run_open_loop
 from haptic_teleop_sim.hardware import SfjRobot
+from haptic_teleop_sim.kernel import pack
 from haptic_teleop_sim.model import Effect
 from haptic_teleop_sim.sfj_robot import SfjSettings, stage_hardware
 from haptic_teleop_sysid.diagnosis.decision import changing_size
 from haptic_teleop_sysid.diagnosis.decision.decide import Choice
 from haptic_teleop_sysid.diagnosis.decision.search import SearchResult
+from haptic_teleop_sysid.diagnosis.evidence import modulation
 from haptic_teleop_sysid.diagnosis.evidence.modulation import (
     JUST_AFTER,
     LONGEST_REST,
@@ -26,6 +28,8 @@ from haptic_teleop_sysid.diagnosis.evidence.modulation import (
 )
 from haptic_teleop_sysid.diagnosis.hypotheses.explanation import Explanation
 from haptic_teleop_sysid.diagnosis.inputs.scales import recording_scales
+from haptic_teleop_sysid.estimation.gauss_newton import whiten
+from haptic_teleop_sysid.estimation.likelihood import innovations, settling
 from haptic_teleop_sysid.estimation.records import record_from
 from haptic_teleop_sysid.estimation.whole_fit import fit_whole, noise_starts
 from haptic_teleop_sysid.recordings.dataset import load_dataset
@@ -79,6 +83,21 @@ def changing(records, named):
 def test_what_it_is_keeps_its_size(effect):
     here, elsewhere = changing([recorded(effect, seed) for seed in (1, 2)], effect)
     assert not changes_with(here, elsewhere, 0.1, 8.0)
+
+
+def test_the_noise_of_the_same_sample_is_nothing_that_a_size_changes_with(monkeypatch):
+    """A controller's output has the noise of the same sample's readings in it, as the innovation has."""
+    record = recorded(FRICTION, 1)
+    fit = fit_whole(STAGE.with_effects(FRICTION), noise_starts(STAGE, [record])[0], [record], iterations=5)
+    packed, first = pack(fit.model), settling(record)
+    run = innovations(packed, fit.noise, record, fit.free)
+    errors, slopes = whiten(packed, record, run.innovation, run.d_innovation)
+    size = slopes[:, fit.free.index("stage1_motor.coulomb_friction.torque")]
+    noise = np.zeros(len(record))
+    noise[first:] = (errors * np.sign(size)).reshape(-1, 2).sum(axis=1)
+    monkeypatch.setattr(modulation, "_quantities", lambda *asked: [("noise", noise)])
+    found = modulations(fit, fit.model.effects[0], [record])
+    assert found["noise"].gain < 8.0
 
 
 def test_friction_that_grows_with_the_angle_is_told_by_it():

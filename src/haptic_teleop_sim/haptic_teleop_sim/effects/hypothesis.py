@@ -112,8 +112,8 @@ def drifts(p: Numbers, on: Recorded) -> bool:
 
 
 def bends(p: Numbers, on: Recorded) -> bool:
-    """A quarter of a cycle of ``order`` was seen: less of a sine is a slope, not an order."""
-    return p["order"] * on.span > math.pi / 2
+    """A sixth of a cycle of ``order`` was seen: less of a sine is a slope, not an order."""
+    return p["order"] * on.span > math.pi / 3
 
 
 def repeats(p: Numbers, on: Recorded) -> bool:

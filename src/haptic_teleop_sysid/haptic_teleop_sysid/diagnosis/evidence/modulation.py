@@ -66,7 +66,9 @@ def modulations(fit: Fit, effect: Effect, records: Sequence[Record]) -> dict[str
         if not np.sum(weights) > 0.0:
             continue
         for name, z in _quantities(fit.model, effect, record, run.states):
-            values = np.repeat(z[settling(record) :], len(channels(packed, record)))
+            # Of the sample before: a controller's input has the noise of this sample's readings in it.
+            before = np.concatenate([z[:1], z[:-1]])
+            values = np.repeat(before[settling(record) :], len(channels(packed, record)))
             away = values - np.average(values, weights=weights)
             spread = np.sqrt(np.average(away**2, weights=weights))
             if not spread > 1e-9:
