@@ -130,6 +130,14 @@ def test_what_rubs_stays_at_the_motor(rubbing):
     assert gains
 
 
+def test_beside_a_structure_that_ended_at_a_bound_nothing_is_asked(losing):
+    here, elsewhere, fit = losing
+    before = unknown_at("stage1_motor")
+    stuck, frictionless = (replace(fit, at_bound=(name,)) for name in ("motor_inertia", "motor_damping"))
+    assert at_the_actuator(before, stuck, [here], [elsewhere]) == (before, None)
+    assert at_the_actuator(before, frictionless, [here], [elsewhere])[1]
+
+
 def test_another_place_and_a_name_are_not_asked(losing):
     here, elsewhere, fit = losing
     at_the_arm, named = unknown_at("stage1_arm"), replace(unknown_at("stage1_motor"), kind="identified")

@@ -24,7 +24,7 @@ def at_the_actuator(
     that was not asked. ``baseline``: the structure alone, as it fits the estimation recordings ``learn``."""
     model = baseline.model
     told_at = [where["equation"] for where in verdict.where[:1]]
-    if verdict.kind != "unknown" or told_at != [model.location("motor")]:
+    if verdict.kind != "unknown" or told_at != [model.location("motor")] or _ended_at_a_bound(baseline):
         return verdict, None
     gains = in_proportion([(baseline, learn), (held_out_fit(baseline, judge, [baseline.noise]), judge)])
     if not with_the_input(gains):
@@ -32,3 +32,9 @@ def at_the_actuator(
     told, *others = verdict.where
     where = {**told, "equation": model.location("actuator"), "condition": WITH_THE_INPUT}
     return replace(verdict, where=[where, *others]), gains
+
+
+def _ended_at_a_bound(fit: Fit) -> bool:
+    """Whether an inertia or a constant is as far off as is possible: everything predicts better beside a
+    structure that ended elsewhere. A damping may be none."""
+    return any(not name.endswith("damping") for name in fit.at_bound)

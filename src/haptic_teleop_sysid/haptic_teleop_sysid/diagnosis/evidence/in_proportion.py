@@ -35,7 +35,7 @@ STRETCHES = (0.05, 0.1, 0.2, 0.5, 1.0, 2.0)
 BY_CHANCE = 1.0
 #: Nats, and share of its gain, by which the input must gain more than any motion to be what a torque is in
 #: proportion to. By hand, on 158 cases of six draws by other authors and two seeds of the benchmark.
-CLEARLY, CLEARLY_SHARE = 12.0, 0.3
+CLEARLY, CLEARLY_SHARE = 12.0, 0.1
 #: Size of the torque by which the observer's answer is found, of the rms input, and times at which it is.
 _PUSH, _TIMES = 1e-3, 5
 #: Longest answer, s, and its end as a share of its largest value.
