@@ -112,13 +112,13 @@ def drifts(p: Numbers, on: Recorded) -> bool:
 
 
 def bends(p: Numbers, on: Recorded) -> bool:
-    """A sixth of a cycle of ``order`` was seen: less of a sine is a slope, not an order."""
-    return p["order"] * on.span > math.pi / 3
+    """A quarter of a cycle of ``order`` was seen: less of a sine is a slope, not an order."""
+    return p["order"] * on.span > math.pi / 2
 
 
 def repeats(p: Numbers, on: Recorded) -> bool:
-    """Three quarters of a cycle of ``order`` were seen: less is one hill or valley, as gravity has it."""
-    return p["order"] * on.span > 1.5 * math.pi
+    """Six tenths of a cycle of ``order`` were seen: less is one hill or valley, as gravity has it."""
+    return p["order"] * on.span > 1.2 * math.pi
 
 
 def seen_once(p: Numbers, on: Recorded) -> str:

@@ -15,6 +15,8 @@ _OF_A_STEP, _OF_THE_MEAN = 0.1, 0.001
 #: Cycles per sample up to which a mode is one: near the sampling rate it is but another inertia or a filter;
 #: by hand.
 _FASTEST = 0.2
+#: Share of the arm's inertia that an added part has at most; by hand.
+_MOST_OF_THE_ARM = 0.8
 
 
 def _changes(p: Numbers, on: Recorded) -> bool:
@@ -23,8 +25,10 @@ def _changes(p: Numbers, on: Recorded) -> bool:
 
 
 def _swings(p: Numbers, on: Recorded) -> bool:
-    """Slow enough for the samples, and not merely dragged along, as with more than critical damping."""
-    return p["frequency"] * on.dt < _FASTEST and p["damping_ratio"] < 1.0
+    """Slow enough for the samples, not merely dragged along, as with more than critical damping, and not
+    the arm itself, whose encoder would sit on hardly anything."""
+    swings = p["frequency"] * on.dt < _FASTEST and p["damping_ratio"] < 1.0
+    return swings and p["inertia"] < _MOST_OF_THE_ARM * on.size["inertia"]
 
 
 def _stays_a_spring(p: Numbers, on: Recorded) -> bool:
@@ -239,7 +243,7 @@ ANGLE_DEPENDENT_INERTIA = EffectEntry(
     # J (1 + a cos(n q + phase)); its torque -J'(q) dq^2 / 2 comes with the kind.
     equation=lambda s, p: p.amplitude * s.cos(p.order * s.position + p.phase),
     lightest=lambda p: 1.0 - p["amplitude"],
-    needs="travel over at least a sixth of a cycle, fast or accelerating all the way",
+    needs="travel over at least a quarter of a cycle, fast or accelerating all the way",
     condition="{q}, with acceleration and {v} squared",
     versatile=True,
     practical=lambda p, on: p["amplitude"] > _OF_THE_MEAN and bends(p, on),

@@ -24,6 +24,7 @@ from ..starts.trials import LAST_STEPS, with_companion
 from .decide import Choice, choose
 from .explore import explore
 from .plainer_form import told_plainly
+from .two_names import two_names
 
 #: Effects that are looked for one after another.
 MOST_EFFECTS = 3
@@ -99,12 +100,14 @@ def search(
     found: list[Explanation] = []
     apart = partial(nats_apart, records=(*estimation, *validation))
     pick = partial(choose, sense_follows=sense_follows, percent=percent, apart=apart)
-    for number in range(MOST_EFFECTS):
+    for _ in range(MOST_EFFECTS):
+        number = len(choices) + 1
+        if number > MOST_EFFECTS:
+            break
         lab = replace(model, effects=fit.model.effects, fixed=fit.model.fixed)
-        fit, found = explore(
-            fit, lab, estimation, validation, scales, lambda text, n=number: say(f"effect {n + 1}: {text}")
-        )
-        if number == 0:
+        tell = partial(_of_effect, say, number)
+        fit, found = explore(fit, lab, estimation, validation, scales, tell)
+        if number == 1:
             baseline = fit
         if shown and not any(c.chosen.by_current > 0.0 for c in choices):
             found = joined(
@@ -114,17 +117,24 @@ def search(
         choice = pick(found, strongest, further=bool(choices))
         if choice is None:
             break
-        if choice.unnamed:
+        more = [choice]
+        if choice.unnamed and not choices:
+            again = partial(_beside, model, estimation, validation, scales, partial(_of_effect, say, 2))
+            more = two_names(choice, found, again, pick)
+        elif choice.unnamed:
+            more = []
+        if not more:
             nameless = choice
             break
-        choices.append(choice)
+        choices += more
+        choice = choices[-1]
         fit = choice.chosen.fit
         if len(choices) == 2 and all(c.chosen.by_current <= 0.0 for c in choices):
             second = _alone(baseline, choice, estimation, validation, scales, within_reach(lab, scales))
             alone = pick(second, 0.0) if second else None
             if alone is not None and not alone.unnamed:
                 choices, fit = [alone], alone.chosen.fit
-        strongest = max(strongest, choice.chosen.by_motion)
+        strongest = max(strongest, *(c.chosen.by_motion for c in more))
     plainly = told_plainly(choices, estimation, within_reach(model, scales))
     if plainly != choices:
         choices, fit = plainly, plainly[-1].chosen.fit
@@ -133,6 +143,23 @@ def search(
         # What came first was the nearest name of something else.
         choices, fit = [], baseline
     return SearchResult(baseline, fit, tuple(choices), tuple(found), scales, nameless)
+
+
+def _beside(
+    model: Model,
+    estimation: Sequence[Record],
+    validation: Sequence[Record],
+    scales: Scales,
+    say: Callable[[str], None],
+    fit: Fit,
+) -> list[Explanation]:
+    """What explains the recordings beside the effects of a fit."""
+    lab = replace(model, effects=fit.model.effects, fixed=fit.model.fixed)
+    return with_twins(explore(fit, lab, estimation, validation, scales, say)[1])
+
+
+def _of_effect(say: Callable[[str], None], number: int, text: str) -> None:
+    say(f"effect {number}: {text}")
 
 
 def _alone(
