@@ -8,9 +8,17 @@ import pytest
 from identification_plants import STAGE, multisine
 from scipy.linalg import expm
 
+from haptic_teleop_sim.kernel import pack
+from haptic_teleop_sim.model import Effect
 from haptic_teleop_sysid.diagnosis.decision.at_the_actuator import WITH_THE_INPUT, at_the_actuator
 from haptic_teleop_sysid.diagnosis.decision.verdict import Verdict
-from haptic_teleop_sysid.diagnosis.evidence.in_proportion import INPUT, in_proportion, with_the_input
+from haptic_teleop_sysid.diagnosis.evidence.feedback import answered_share, answers
+from haptic_teleop_sysid.diagnosis.evidence.in_proportion import (
+    INPUT,
+    in_proportion,
+    with_the_input,
+)
+from haptic_teleop_sysid.estimation.likelihood import innovations
 from haptic_teleop_sysid.estimation.records import Record
 from haptic_teleop_sysid.estimation.whole_fit import fit_whole, noise_starts
 
@@ -28,8 +36,10 @@ def stretches(seed, share=0.15):
     return found
 
 
-def record(seed, missing):
-    """A joint that ``missing`` (input A, motor speed, number of the sample) -> N·m takes torque from."""
+def record(seed, missing, feedback=0.0, jumps=False):
+    """A joint that ``missing`` (input A, motor speed, number of the sample) -> N·m takes torque from, driven
+    by a multisine, or with ``feedback`` by a controller of that bandwidth, Hz, that follows one; ``jumps``:
+    the sign of one."""
     p = STAGE.parameters
     k, jm, ja = p["stiffness"], p["motor_inertia"], p["arm_inertia"]
     bm, ba = p["motor_damping"], p["arm_damping"]
@@ -38,25 +48,50 @@ def record(seed, missing):
     a[3] = [k / ja, -k / ja, 0.0, -ba / ja]
     step = expm(DT * np.block([[a, b], [np.zeros((1, 5))]]))
     n = round(SECONDS / DT)
-    current = multisine(n, DT, 0.15, (0.2, 5.0), seed)
+    wanted, current = multisine(n, DT, 0.15, (0.2, 5.0), seed), np.zeros(n)
     random = np.random.default_rng(seed)
-    x, angles = np.zeros(4), np.empty((n, 2))
+    wanted = 0.2 * np.sign(wanted) if jumps else wanted
+    wide = 2.0 * np.pi * feedback
+    x, angles, speed = np.zeros(4), np.empty((n, 2)), 0.0
     for i in range(n):
-        angles[i] = x[:2]
+        angles[i] = STEP * np.round(x[:2] / STEP)
+        current[i] = wanted[i]
+        if feedback:
+            speed += 0.5 * ((angles[i, 0] - angles[max(i - 1, 0), 0]) / DT - speed)
+            wants = wide**2 * (wanted[i] - angles[i, 0]) - 1.4 * wide * speed
+            current[i] = (jm + ja) * wants / p["torque_constant"]
         torque = p["torque_constant"] * current[i] + 0.01 * random.standard_normal()
         x = step[:4, :4] @ x + step[:4, 4] * (torque - missing(current[i], x[2], i))
-    read = STEP * np.round(angles / STEP)
-    return Record("joint", DT, current, read, np.zeros(n), (STEP, STEP), at_rest=True)
+    return Record("joint", DT, current, angles, np.zeros(n), (STEP, STEP), at_rest=True)
 
 
 def fitted(one):
     return fit_whole(STAGE, noise_starts(STAGE, [one])[0], [one])
 
 
-def lost(seed):
+def gained(fit, one):
+    return in_proportion([(fit, [one])], fit.free)
+
+
+def innovated(one):
+    fit = fitted(one)
+    return one, innovations(pack(fit.model), fit.noise, one).innovation
+
+
+def lost(seed, feedback=0.0):
     """Half of the command is lost at times."""
-    at = stretches(seed)
-    return record(seed, lambda current, speed, i: 0.5 * STAGE.parameters["torque_constant"] * current * at[i])
+    at, constant = stretches(seed), STAGE.parameters["torque_constant"]
+    return record(seed, lambda current, speed, i: 0.5 * constant * current * at[i], feedback)
+
+
+def pushed(seed):
+    """Somebody pushes at times while a controller follows its reference."""
+    at, random = stretches(seed, 0.3), np.random.default_rng(100 + seed)
+    frequency = np.fft.rfftfreq(len(at), DT)
+    spectrum = np.fft.rfft(random.standard_normal(len(at))) * ((frequency > 0.5) & (frequency < 6.0))
+    push = np.fft.irfft(spectrum, len(at))
+    push *= 1.5 / np.std(push)
+    return record(seed, lambda current, speed, i: push[i] * at[i], feedback=6.0)
 
 
 def rubs(seed):
@@ -84,9 +119,49 @@ def unknown_at(place):
 
 def test_commands_lost_at_times_are_a_share_of_the_input(losing):
     here, _, fit = losing
-    gains = in_proportion([(fit, [here])])
+    gains = gained(fit, here)
     assert next(iter(gains)) == INPUT
     assert with_the_input(gains)
+
+
+@pytest.mark.parametrize("made", [pushed, lambda seed: lost(seed, feedback=6.0)], ids=["pushed", "lost"])
+def test_in_a_closed_loop_nothing_is_said(made):
+    """A controller's output is in proportion to what pushes the joint, whoever does."""
+    here, elsewhere = made(1), made(2)
+    before = unknown_at("stage1_motor")
+    assert at_the_actuator(before, fitted(here), [here], [elsewhere]) == (before, {})
+
+
+@pytest.mark.parametrize("made", [lost, rubs])
+def test_a_signal_that_was_made_before_answers_nothing(made):
+    assert answered_share(*innovated(made(1))) < 0.05
+
+
+@pytest.mark.parametrize("bandwidth", [2.0, 10.0])
+def test_a_controllers_output_answers_to_the_innovations(bandwidth):
+    one = record(1, lambda current, speed, i: 0.0, feedback=bandwidth)
+    assert answers(*innovated(one))
+
+
+def test_a_reference_that_jumps_now_and_then_does_not_hide_it():
+    one = record(1, lambda current, speed, i: 0.0, feedback=6.0, jumps=True)
+    assert answers(*innovated(one))
+
+
+def test_a_record_without_input_and_a_short_one_say_nothing(losing):
+    here, _, fit = losing
+    assert gained(fit, replace(here, input=np.zeros(len(here)))) == {}
+    short = {n: getattr(here, n)[:400] for n in ("input", "measured", "exogenous")}
+    assert not with_the_input(gained(fit, replace(here, **short)))
+
+
+def test_an_effect_at_the_actuator_takes_its_share_itself(losing):
+    here, elsewhere, fit = losing
+    before = unknown_at("stage1_motor")
+    named = replace(before, findings=[{"effect": "gain_drift", "location": "stage1_actuator"}])
+    late = replace(fit, model=STAGE.with_effects(Effect("input_delay", "stage1_actuator", {"delay": 0.01})))
+    assert at_the_actuator(named, fit, [here], [elsewhere]) == (named, None)
+    assert at_the_actuator(before, late, [here], [elsewhere]) == (before, None)
 
 
 def test_readings_that_are_missing_do_not_hide_it(losing):
@@ -94,25 +169,25 @@ def test_readings_that_are_missing_do_not_hide_it(losing):
     read = here.measured.copy()
     read[::7, 0] = np.nan
     read[::2, 1] = np.nan
-    assert with_the_input(in_proportion([(fit, [replace(here, measured=read)])]))
+    assert with_the_input(gained(fit, replace(here, measured=read)))
 
 
 def test_what_rubs_at_times_goes_with_the_direction(rubbing):
     here, _, fit = rubbing
-    gains = in_proportion([(fit, [here])])
+    gains = gained(fit, here)
     assert next(iter(gains)) == "direction of motor velocity"
     assert not with_the_input(gains)
 
 
 def test_of_nothing_no_quantity_gains_more_than_chance():
     one = record(5, lambda current, speed, i: 0.0)
-    gains = in_proportion([(fitted(one), [one])])
+    gains = gained(fitted(one), one)
     assert max(gains.values()) < 12.0
 
 
 def test_a_share_that_never_changes_is_the_structures():
     weak = record(6, lambda current, speed, i: 0.3 * STAGE.parameters["torque_constant"] * current)
-    assert not with_the_input(in_proportion([(fitted(weak), [weak])]))
+    assert not with_the_input(gained(fitted(weak), weak))
 
 
 def test_the_verdict_goes_to_the_actuator(losing):
@@ -133,9 +208,12 @@ def test_what_rubs_stays_at_the_motor(rubbing):
 def test_beside_a_structure_that_ended_at_a_bound_nothing_is_asked(losing):
     here, elsewhere, fit = losing
     before = unknown_at("stage1_motor")
-    stuck, frictionless = (replace(fit, at_bound=(name,)) for name in ("motor_inertia", "motor_damping"))
+    stuck = replace(fit, at_bound=("motor_inertia",))
     assert at_the_actuator(before, stuck, [here], [elsewhere]) == (before, None)
-    assert at_the_actuator(before, frictionless, [here], [elsewhere])[1]
+    undamped = replace(fit, model=fit.model.with_values({"arm_damping": 0.0}), at_bound=("arm_damping",))
+    assert at_the_actuator(before, undamped, [here], [elsewhere])[1]
+    contact = replace(fit, at_bound=("stage1_motor.coulomb_friction.contact_angle",))
+    assert at_the_actuator(before, contact, [here], [elsewhere])[1]
 
 
 def test_another_place_and_a_name_are_not_asked(losing):

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import replace
 
+from haptic_teleop_sim.model import STRUCTURES
 from haptic_teleop_sysid.estimation.gauss_newton import Fit
 from haptic_teleop_sysid.estimation.records import Record
 
@@ -23,18 +24,23 @@ def at_the_actuator(
     input and not to any motion, by a factor that changes; and what each quantity gains, nats, None where
     that was not asked. ``baseline``: the structure alone, as it fits the estimation recordings ``learn``."""
     model = baseline.model
+    motor, actuator = model.location("motor"), model.location("actuator")
     told_at = [where["equation"] for where in verdict.where[:1]]
-    if verdict.kind != "unknown" or told_at != [model.location("motor")] or _ended_at_a_bound(baseline):
+    # An effect there, of the model or found, takes a share of the input itself.
+    there = [e.location for e in model.effects] + [f["location"] for f in verdict.findings]
+    if verdict.kind != "unknown" or told_at != [motor] or actuator in there or _ended_at_a_bound(baseline):
         return verdict, None
-    gains = in_proportion([(baseline, learn), (held_out_fit(baseline, judge, [baseline.noise]), judge)])
+    elsewhere = held_out_fit(baseline, judge, [baseline.noise])
+    gains = in_proportion([(baseline, learn), (elsewhere, judge)], baseline.free)
     if not with_the_input(gains):
         return verdict, gains
     told, *others = verdict.where
-    where = {**told, "equation": model.location("actuator"), "condition": WITH_THE_INPUT}
+    where = {**told, "equation": actuator, "condition": WITH_THE_INPUT}
     return replace(verdict, where=[where, *others]), gains
 
 
 def _ended_at_a_bound(fit: Fit) -> bool:
-    """Whether an inertia or a constant is as far off as is possible: everything predicts better beside a
-    structure that ended elsewhere. A damping may be none."""
-    return any(not name.endswith("damping") for name in fit.at_bound)
+    """Whether a parameter of the structure is as far off as is possible: everything predicts better beside a
+    structure that ended elsewhere. No damping at all is possible, too."""
+    own = STRUCTURES[fit.model.structure]
+    return any(name in own and fit.model.parameters[name] > 1e-6 for name in fit.at_bound)

@@ -129,7 +129,7 @@ def search(
         choices += more
         choice = choices[-1]
         fit = choice.chosen.fit
-        if len(choices) == 2 and all(c.chosen.by_current <= 0.0 for c in choices):
+        if more == [choice] and len(choices) == 2 and all(c.chosen.by_current <= 0.0 for c in choices):
             second = _alone(baseline, choice, estimation, validation, scales, within_reach(lab, scales))
             alone = pick(second, 0.0) if second else None
             if alone is not None and not alone.unnamed:

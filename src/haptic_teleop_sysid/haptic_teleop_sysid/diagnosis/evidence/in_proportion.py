@@ -5,8 +5,9 @@ that sags, commands that are lost for a moment, a motor that is weaker at some a
 load takes is not. For each quantity x the innovations are regressed on the observer's answer to a torque x(t)
 at the motor, with one factor for every stretch of time, so that all quantities have as many factors and their
 gains can be compared. What a constant factor explains is taken out before: the structure or a name has that.
-The quantities are those that the observer predicts, so that noise is in none of them before it is in the
-innovations, and a closed loop gives no quantity an advantage.
+
+In a closed loop the input answers to whatever is missing, a hand that pushes, too, and is in proportion to it
+for that reason: nothing is said there (see `feedback`).
 """
 
 from __future__ import annotations
@@ -20,18 +21,25 @@ from scipy.signal import fftconvolve
 
 from haptic_teleop_sim.kernel import Packed, pack
 from haptic_teleop_sysid.estimation.gauss_newton import Fit, whiten
-from haptic_teleop_sysid.estimation.likelihood import FAILURES, channels, innovations, settling
+from haptic_teleop_sysid.estimation.likelihood import (
+    FAILURES,
+    channels,
+    covariance,
+    innovations,
+    seen,
+    settled,
+)
 from haptic_teleop_sysid.estimation.records import Record
 
 from ..inputs.scales import bridged
+from .feedback import answers
 
 FloatArray = NDArray[np.float64]
 
 INPUT = "input"
-#: Lengths of the stretches that are tried, s. The longest has some three of a recording that is just long
-#: enough; the shortest are those of a lost command.
+#: Lengths of the stretches that are tried, s; the shortest are those of a lost command.
 STRETCHES = (0.05, 0.1, 0.2, 0.5, 1.0, 2.0)
-#: Nats that a factor must gain: half of one by chance, and as much again.
+#: Nats that a factor must gain: half of one by chance, and as much again for what no model has quite right.
 BY_CHANCE = 1.0
 #: Nats, and share of its gain, by which the input must gain more than any motion to be what a torque is in
 #: proportion to. By hand, on 158 cases of six draws by other authors and two seeds of the benchmark.
@@ -40,20 +48,25 @@ CLEARLY, CLEARLY_SHARE = 12.0, 0.1
 _PUSH, _TIMES = 1e-3, 5
 #: Longest answer, s, and its end as a share of its largest value.
 _LONGEST, _ENDS = 1.0, 1e-3
-#: Correlation with the quantities before it from which one counts as a combination of them.
+#: Share of the largest singular value from which columns count as combinations of others.
 _SAME = 1e-8
 
 
-def in_proportion(fits: Sequence[tuple[Fit, Sequence[Record]]]) -> dict[str, float]:
+def in_proportion(fits: Sequence[tuple[Fit, Sequence[Record]]], free: tuple[str, ...]) -> dict[str, float]:
     """The nats that a factor which changes with time gains for each quantity on all recordings together, the
-    largest first, net of what it gains by chance, with the best of STRETCHES; {} where arithmetic fails.
-    ``fits``: each with its records."""
+    largest first, net of what it gains by chance, with the best of STRETCHES; {} where arithmetic fails or
+    one of the recordings was made in a closed loop. ``fits``: each with its records; ``free``: the parameters
+    that make up for what they can."""
     gains: dict[tuple[str, float], float] = {}
     for fit, records in fits:
         for record in records:
+            if not np.any(record.input):
+                continue
             try:
-                found = _gains(fit, record)
+                found = _gains(fit, record, free)
             except FAILURES:
+                return {}
+            if not found:
                 return {}
             for key, gain in found.items():
                 gains[key] = gains.get(key, 0.0) + gain
@@ -72,39 +85,46 @@ def with_the_input(gains: dict[str, float]) -> bool:
     return own > CLEARLY and own - max(motion) > max(CLEARLY, CLEARLY_SHARE * own)
 
 
-def _gains(fit: Fit, record: Record) -> dict[tuple[str, float], float]:
-    """The same of one recording, for each quantity and length of stretches."""
+def _gains(fit: Fit, record: Record, free: tuple[str, ...]) -> dict[tuple[str, float], float]:
+    """What each quantity gains on one recording with stretches of each length, nats; {} where the input is a
+    controller's."""
     packed = pack(fit.model)
-    run = innovations(packed, fit.noise, record, fit.free)
-    errors, slopes = whiten(packed, record, run.innovation, run.d_innovation)
+    run = innovations(packed, fit.noise, record, free)
     count = len(channels(packed, record))
-    answer = _answer(packed, fit, record)
-    answers = {
-        name: _convolved(values, answer)[settling(record) :].reshape(-1)
+    if answers(record, run.innovation[:, :count]):
+        return {}
+    errors, slopes = whiten(packed, record, run.innovation, run.d_innovation)
+    answer = _answer(packed, fit, record, run.innovation)
+    read = settled(record, seen(packed, record))[:, :count]
+    answers_to = {
+        name: (settled(record, _convolved(values, answer)) * read).reshape(-1)
         for name, values in _quantities(fit, record, run.states).items()
     }
-    steady = np.column_stack([slopes, *answers.values()])
+    steady = np.column_stack([slopes, *answers_to.values()])
     length = np.sqrt(np.sum(steady**2, axis=0))
     steady = steady[:, length > 0.0] / length[length > 0.0]
     left = errors - steady @ np.linalg.lstsq(steady, errors, rcond=_SAME)[0]
     found = {}
-    for name, values in answers.items():
+    for name, values in answers_to.items():
         each = [one.reshape(-1, count).sum(axis=1) for one in (values * left, values**2)]
         for seconds in STRETCHES:
-            size = max(round(seconds / record.dt), 2)
-            parts = len(each[0]) // size
-            along, power = (one[: parts * size].reshape(parts, size).sum(axis=1) for one in each)
+            parts = round(len(read) * record.dt / seconds)
+            if parts < 2:
+                continue
+            starts = np.arange(parts) * len(read) // parts
+            along, power = (np.add.reduceat(one, starts) for one in each)
             moved = power > 0.0
             gain = 0.5 * float(np.sum(along[moved] ** 2 / power[moved]))
             found[name, seconds] = gain - BY_CHANCE * int(np.count_nonzero(moved))
     return found
 
 
-def _answer(packed: Packed, fit: Fit, record: Record) -> FloatArray:
+def _answer(packed: Packed, fit: Fit, record: Record, innovation: FloatArray) -> FloatArray:
     """What a unit of input for one sample adds to the innovations (samples, channels) from then on, in units
     of their standard deviation: in the middle of several times, as dry friction holds some of them."""
+    used = channels(packed, record)
     read = record.measured.copy()
-    for channel in channels(packed, record):
+    for channel in used:
         read[:, channel] = bridged(read[:, channel])
     whole = replace(record, measured=read)
     undisturbed = innovations(packed, fit.noise, whole).innovation
@@ -116,10 +136,9 @@ def _answer(packed: Packed, fit: Fit, record: Record) -> FloatArray:
         pushed = record.input.copy()
         pushed[at] += size
         moved = innovations(packed, fit.noise, replace(whole, input=pushed)).innovation - undisturbed
-        units, _ = whiten(packed, whole, moved, np.zeros((len(record), 2, 0)), reference=undisturbed)
-        first = at - settling(record)
-        found.append(units.reshape(len(record) - settling(record), -1)[first : first + longest] / size)
-    answer = np.median(found, axis=0)
+        found.append(moved[at : at + longest, : len(used)] / size)
+    weight = np.linalg.inv(np.linalg.cholesky(covariance(packed, record, innovation))).T
+    answer = np.median(found, axis=0) @ weight
     large = np.max(np.abs(answer), axis=1)
     return np.asarray(answer[: int(np.flatnonzero(large >= _ENDS * np.max(large))[-1]) + 1])
 
@@ -148,3 +167,4 @@ def _quantities(fit: Fit, record: Record, states: FloatArray) -> dict[str, Float
             "arm velocity": states[:, 3],
         }
     return found
+

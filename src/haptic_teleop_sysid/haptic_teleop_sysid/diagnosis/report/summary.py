@@ -9,6 +9,7 @@ from haptic_teleop_sim.effects import MEASURED
 from haptic_teleop_sysid.report.numbers import with_error
 
 from ..decision.adequacy import NEARLY_ALL
+from ..decision.at_the_actuator import WITH_THE_INPUT
 from ..decision.words import chance_sentence
 
 PART_LABELS = {
@@ -75,7 +76,8 @@ def summary(content: dict[str, Any]) -> str:
 def nameless_at(where: dict[str, Any], content: dict[str, Any]) -> str:
     """One place of something without a name, why there, and what else it may be in a rigid joint."""
     place, rigid = where["equation"], content.get("structure") == "rigid_body"
-    if content.get("in_proportion") and place.endswith("_actuator"):  # none in results of earlier versions
+    proportion = content.get("in_proportion")  # none in results of earlier versions
+    if proportion and place.endswith("_actuator") and where["condition"] == WITH_THE_INPUT:
         inertia = ", or an inertia that changes" if rigid else ""
         return f"{place} (a share of the input that changes with time{inertia})"
     if not rigid or place.endswith("_encoder"):
