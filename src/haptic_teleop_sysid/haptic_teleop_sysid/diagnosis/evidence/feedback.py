@@ -55,4 +55,4 @@ def _after_no_jump(error: FloatArray) -> NDArray[np.bool_]:
 
 
 def _fitted(columns: FloatArray, values: FloatArray) -> FloatArray:
-    return np.asarray(np.linalg.lstsq(columns, values, rcond=_SAME)[0])
+    return np.asarray(np.linalg.lstsq(columns, values, rcond=_SAME)[0], dtype=np.float64)

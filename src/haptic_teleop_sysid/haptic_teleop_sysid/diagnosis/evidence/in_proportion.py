@@ -140,7 +140,8 @@ def _answer(packed: Packed, fit: Fit, record: Record, innovation: FloatArray) ->
     weight = np.linalg.inv(np.linalg.cholesky(covariance(packed, record, innovation))).T
     answer = np.median(found, axis=0) @ weight
     large = np.max(np.abs(answer), axis=1)
-    return np.asarray(answer[: int(np.flatnonzero(large >= _ENDS * np.max(large))[-1]) + 1])
+    last = int(np.flatnonzero(large >= _ENDS * np.max(large))[-1])
+    return np.asarray(answer[: last + 1], dtype=np.float64)
 
 
 def _convolved(values: FloatArray, answer: FloatArray) -> FloatArray:
