@@ -254,7 +254,7 @@ def test_larger_starts_leave_alone_what_is_linear(scales):
         ("channel_skew", "arm_encoder", {"delay": -0.004}, True),
         ("actuator_lag", "actuator", {"time_constant": 0.02}, True),
         ("backlash", "joint", {"width": 0.01}, True),
-        ("backlash", "joint", {"width": 2e-6}, False),
+        ("backlash", "joint", {"width": 2e-7}, False),
         ("encoder_scale", "arm_encoder", {"scale": 1.01}, True),
         ("encoder_scale", "arm_encoder", {"scale": 1.00001}, False),
         ("torque_saturation", "actuator", {"limit": 2.0}, True),
@@ -281,6 +281,27 @@ def test_larger_starts_leave_alone_what_is_linear(scales):
 )
 def test_only_sizes_that_matter_bear_a_name(scales, effect, place, parameters, expected):
     assert material(Effect(effect, f"stage1_{place}", parameters), scales) is expected
+
+
+@pytest.mark.parametrize(
+    ("effect", "place", "sized"),
+    [
+        ("backlash", "joint", lambda on, times: {"width": 0.1 * on.coarsest * times}),
+        ("angle_dependent_inertia", "arm", lambda on, times: {"amplitude": 0.001 * times, "order": 11.0}),
+        ("torque_ripple", "motor", lambda on, times: {"amplitude": 0.2, "order": 3.77 / on.span * times}),
+        (
+            "extra_flexible_mode",
+            "arm",
+            lambda on, times: {"frequency": 12.0, "inertia": 0.8 * on.size["inertia"] / times},
+        ),
+    ],
+)
+def test_a_name_begins_at_its_bound(scales, effect, place, sized):
+    """A tenth of an encoder's step, a thousandth of the inertia, six tenths of a cycle; and an added part is
+    less than four fifths of the arm."""
+    location = f"stage1_{place}"
+    for times, expected in ((1.1, True), (0.9, False)):
+        assert material(Effect(effect, location, sized(scales.at(location), times)), scales) is expected
 
 
 @pytest.mark.parametrize(("share", "expected"), [(3.0, True), (-0.9, True), (-1.1, False)])

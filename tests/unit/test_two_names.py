@@ -15,7 +15,9 @@ def explained(score, unnamed=False, by_current=0.0):
 
 
 def best(found, best_so_far, further=False):
-    """Stands in for `choose`: the best one."""
+    """Stands in for `choose`: the best one, which beside another one needs a hundredth of its score."""
+    assert further == (best_so_far > 0.0)
+    found = [e for e in found if e.score >= 0.01 * best_so_far]
     if not found:
         return None
     one = max(found, key=lambda e: e.score)
