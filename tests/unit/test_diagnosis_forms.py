@@ -7,7 +7,7 @@ from identification_plants import STAGE, stage_recording
 
 from haptic_teleop_sim.model import Effect
 from haptic_teleop_sysid.diagnosis.decision.decide import Choice
-from haptic_teleop_sysid.diagnosis.decision.search import _alone
+from haptic_teleop_sysid.diagnosis.decision.without_the_first import without_the_first
 from haptic_teleop_sysid.diagnosis.hypotheses.explanation import Explanation
 from haptic_teleop_sysid.diagnosis.inputs.scales import recording_scales, within_reach
 from haptic_teleop_sysid.diagnosis.run import diagnose
@@ -86,7 +86,7 @@ def alone(hidden, *believed, others=()):
     share = 1.0 / len(found)
     second = Choice(found[0], share, tuple((e, share) for e in found[1:]))
     scales = recording_scales(baseline.model, learn)
-    return _alone(baseline, second, learn, judge, scales, within_reach(STAGE))
+    return without_the_first(baseline, second, learn, judge, scales, within_reach(STAGE))
 
 
 def test_the_first_of_two_falls_where_it_is_worth_nothing_beside_the_second():

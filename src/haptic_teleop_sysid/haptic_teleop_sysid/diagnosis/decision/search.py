@@ -7,24 +7,21 @@ from dataclasses import dataclass, replace
 from functools import partial
 
 from haptic_teleop_sim.model import Model
-from haptic_teleop_sysid.estimation.gauss_newton import Fit, Limits
+from haptic_teleop_sysid.estimation.gauss_newton import Fit
 from haptic_teleop_sysid.estimation.records import Record
-from haptic_teleop_sysid.estimation.whole_fit import fit_whole
 
 from ..evidence.actuator import joined
-from ..evidence.held_out import judged
 from ..evidence.inverse_dynamics.witness import Witness
 from ..evidence.isolable import nats_apart
 from ..evidence.shown_by_current import Shown
 from ..hypotheses.explanation import Explanation
 from ..hypotheses.twins import with_twins
 from ..inputs.scales import Scales, recording_scales, within_reach
-from ..policy import LEAST_GAIN
-from ..starts.trials import LAST_STEPS, with_companion
 from .decide import Choice, choose
 from .explore import explore
 from .plainer_form import told_plainly
 from .two_names import two_names
+from .without_the_first import without_the_first
 
 #: Effects that are looked for one after another.
 MOST_EFFECTS = 3
@@ -100,27 +97,29 @@ def search(
     found: list[Explanation] = []
     apart = partial(nats_apart, records=(*estimation, *validation))
     pick = partial(choose, sense_follows=sense_follows, percent=percent, apart=apart)
+
+    def explored(fit: Fit, number: int) -> tuple[Fit, list[Explanation]]:
+        lab = replace(model, effects=fit.model.effects, fixed=fit.model.fixed)
+        tell = lambda text: say(f"effect {number}: {text}")  # noqa: E731
+        return explore(fit, lab, estimation, validation, scales, tell)
+
     for _ in range(MOST_EFFECTS):
         number = len(choices) + 1
         if number > MOST_EFFECTS:
             break
-        lab = replace(model, effects=fit.model.effects, fixed=fit.model.fixed)
-        tell = partial(_of_effect, say, number)
-        fit, found = explore(fit, lab, estimation, validation, scales, tell)
+        limits = within_reach(replace(model, effects=fit.model.effects, fixed=fit.model.fixed), scales)
+        fit, found = explored(fit, number)
         if number == 1:
             baseline = fit
         if shown and not any(c.chosen.by_current > 0.0 for c in choices):
-            found = joined(
-                fit, model, found, shown, estimation, validation, scales, within_reach(lab, scales)
-            )
+            found = joined(fit, model, found, shown, estimation, validation, scales, limits)
         found = with_twins(found)
         choice = pick(found, strongest, further=bool(choices))
         if choice is None:
             break
         more = [choice]
         if choice.unnamed and not choices:
-            again = partial(_beside, model, estimation, validation, scales, partial(_of_effect, say, 2))
-            more = two_names(choice, found, again, pick)
+            more = two_names(choice, found, lambda one: with_twins(explored(one, 2)[1]), pick)
         elif choice.unnamed:
             more = []
         if not more:
@@ -130,7 +129,7 @@ def search(
         choice = choices[-1]
         fit = choice.chosen.fit
         if more == [choice] and len(choices) == 2 and all(c.chosen.by_current <= 0.0 for c in choices):
-            second = _alone(baseline, choice, estimation, validation, scales, within_reach(lab, scales))
+            second = without_the_first(baseline, choice, estimation, validation, scales, limits)
             alone = pick(second, 0.0) if second else None
             if alone is not None and not alone.unnamed:
                 choices, fit = [alone], alone.chosen.fit
@@ -143,59 +142,3 @@ def search(
         # What came first was the nearest name of something else.
         choices, fit = [], baseline
     return SearchResult(baseline, fit, tuple(choices), tuple(found), scales, nameless)
-
-
-def _beside(
-    model: Model,
-    estimation: Sequence[Record],
-    validation: Sequence[Record],
-    scales: Scales,
-    say: Callable[[str], None],
-    fit: Fit,
-) -> list[Explanation]:
-    """What explains the recordings beside the effects of a fit."""
-    lab = replace(model, effects=fit.model.effects, fixed=fit.model.fixed)
-    return with_twins(explore(fit, lab, estimation, validation, scales, say)[1])
-
-
-def _of_effect(say: Callable[[str], None], number: int, text: str) -> None:
-    say(f"effect {number}: {text}")
-
-
-def _alone(
-    baseline: Fit,
-    second: Choice,
-    estimation: Sequence[Record],
-    validation: Sequence[Record],
-    scales: Scales,
-    limits: Limits,
-) -> list[Explanation]:
-    """The second of two effects, and what it is not told from, as explanations by themselves, if the first is
-    worth nothing beside it: then the first was but the nearest that could be seen before."""
-    alone = _without_first(second.chosen, baseline, estimation, limits)
-    if not alone.log_likelihood > second.chosen.fit.log_likelihood - LEAST_GAIN:
-        return []
-    fits = [alone, *(_without_first(e, baseline, estimation, limits) for e in _others(second))]
-    return with_twins(judged(baseline, fits, estimation, validation, scales))
-
-
-def _others(choice: Choice) -> list[Explanation]:
-    """What a choice is not told from, without the twins of what is there, which are the same fit."""
-    seen, found = {choice.chosen.fit.log_likelihood}, []
-    for e, _ in choice.others:
-        if e.beside is None and e.fit.log_likelihood not in seen:
-            seen.add(e.fit.log_likelihood)
-            found.append(e)
-    return found
-
-
-def _without_first(second: Explanation, baseline: Fit, records: Sequence[Record], limits: Limits) -> Fit:
-    """The fit of a second effect without the one found before it (and its nuisance)."""
-    both, own = second.fit, second.effect
-    count = len(baseline.model.effects)
-    first = both.model.effects[count]
-    head = f"{first.location}.{first.effect}."
-    fixed = tuple(name for name in both.model.fixed if not name.startswith(head))
-    model = replace(both.model, effects=(*both.model.effects[:count], own), fixed=fixed)
-    alone = fit_whole(model, both.noise, records, iterations=LAST_STEPS, limits=limits)
-    return with_companion(alone, baseline.model, records, limits)
