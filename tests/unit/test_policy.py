@@ -12,7 +12,7 @@ from test_diagnosis_parts import MODEL, explanation, fit_of
 
 import haptic_teleop_sysid.diagnosis.decision.doubt as doubt_module
 import haptic_teleop_sysid.diagnosis.decision.explore as explore_module
-import haptic_teleop_sysid.diagnosis.decision.search as search_module
+import haptic_teleop_sysid.diagnosis.decision.without_the_first as first_module
 import haptic_teleop_sysid.diagnosis.decision.where as where_module
 import haptic_teleop_sysid.diagnosis.evidence.second_opinion as second_module
 import haptic_teleop_sysid.diagnosis.policy as policy
@@ -72,9 +72,9 @@ def test_a_first_effect_is_worth_as_much_beside_the_second(monkeypatch, worth, f
     second = explanation("coulomb_friction", 100.0, 100.0)
     second = replace(second, fit=replace(second.fit, log_likelihood=500.0))
     alone = replace(second.fit, log_likelihood=500.0 - worth)
-    monkeypatch.setattr(search_module, "_without_first", lambda *_: alone)
-    monkeypatch.setattr(search_module, "judged", lambda baseline, fits, *_: [replace(second, fit=fits[0])])
-    assert bool(search_module._alone(fit_of(), Choice(second, 1.0), [], [], None, {})) == falls
+    monkeypatch.setattr(first_module, "_without_first", lambda *_: alone)
+    monkeypatch.setattr(first_module, "judged", lambda baseline, fits, *_: [replace(second, fit=fits[0])])
+    assert bool(first_module.without_the_first(fit_of(), Choice(second, 1.0), [], [], None, {})) == falls
 
 
 @pytest.mark.parametrize(("errors", "differs"), [(2.7, False), (3.3, True)])
