@@ -12,8 +12,8 @@ from test_diagnosis_parts import MODEL, explanation, fit_of
 
 import haptic_teleop_sysid.diagnosis.decision.doubt as doubt_module
 import haptic_teleop_sysid.diagnosis.decision.explore as explore_module
-import haptic_teleop_sysid.diagnosis.decision.without_the_first as first_module
 import haptic_teleop_sysid.diagnosis.decision.where as where_module
+import haptic_teleop_sysid.diagnosis.decision.without_the_first as first_module
 import haptic_teleop_sysid.diagnosis.evidence.second_opinion as second_module
 import haptic_teleop_sysid.diagnosis.policy as policy
 from haptic_teleop_sim.model import Effect
