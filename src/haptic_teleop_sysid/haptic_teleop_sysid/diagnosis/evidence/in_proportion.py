@@ -155,7 +155,7 @@ def _quantities(fit: Fit, record: Record, states: FloatArray) -> dict[str, Float
     motor, velocity = states[:, 0], states[:, 2]
     found = {
         INPUT: record.input,
-        "none": np.ones(len(record)),
+        "a constant": np.ones(len(record)),
         "direction of motor velocity": np.sign(velocity),
         "motor angle": motor - np.mean(motor),
         "motor velocity": velocity,
