@@ -98,16 +98,19 @@ def search(
     apart = partial(nats_apart, records=(*estimation, *validation))
     pick = partial(choose, sense_follows=sense_follows, percent=percent, apart=apart)
 
-    def explored(fit: Fit, number: int) -> tuple[Fit, list[Explanation]]:
-        lab = replace(model, effects=fit.model.effects, fixed=fit.model.fixed)
-        tell = lambda text: say(f"effect {number}: {text}")  # noqa: E731
-        return explore(fit, lab, estimation, validation, scales, tell)
+    def lab_with_effects_of(fit: Fit) -> Model:
+        return replace(model, effects=fit.model.effects, fixed=fit.model.fixed)
 
+    def explored(fit: Fit, number: int) -> tuple[Fit, list[Explanation]]:
+        tell = lambda text: say(f"effect {number}: {text}")  # noqa: E731
+        return explore(fit, lab_with_effects_of(fit), estimation, validation, scales, tell)
+
+    # A second effect can take the first one's place, two names can come at once.
     for _ in range(MOST_EFFECTS):
         number = len(choices) + 1
         if number > MOST_EFFECTS:
             break
-        limits = within_reach(replace(model, effects=fit.model.effects, fixed=fit.model.fixed), scales)
+        limits = within_reach(lab_with_effects_of(fit), scales)
         fit, found = explored(fit, number)
         if number == 1:
             baseline = fit
@@ -118,10 +121,9 @@ def search(
         if choice is None:
             break
         more = [choice]
-        if choice.unnamed and not choices:
-            more = two_names(choice, found, lambda one: with_twins(explored(one, 2)[1]), pick)
-        elif choice.unnamed:
-            more = []
+        if choice.unnamed:
+            beside = lambda one: with_twins(explored(one, 2)[1])  # noqa: E731
+            more = [] if choices else two_names(choice, found, beside, pick)
         if not more:
             nameless = choice
             break
