@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
 
@@ -22,6 +22,7 @@ from haptic_teleop_sysid.simulation.parameter_fit import fit_parameters as fit_t
 from .decision.coloured import coloured
 from .decision.decide import Choice
 from .decision.free_run_sizes import freely_sized, turning_limits
+from .decision.late_input import Late
 from .decision.overruled import errs_enough_less
 from .decision.search import SearchResult, search
 from .decision.search_by_simulation import POOR_FIT, search_by_simulation
@@ -32,7 +33,6 @@ from .evidence.predictable import while_predictable
 from .evidence.proof import Course
 from .evidence.second_opinion import Opinion, second_opinion
 from .evidence.shown_by_current import shown_by_current
-from .inputs.between_samples import as_read, half_a_sample, may_be_read, predicted_better
 from .inputs.scales import recording_scales, within_reach
 from .policy import HARM
 from .usable import records_of, sense_follows
@@ -45,7 +45,8 @@ class Explained:
     thinned, over stretches of several lengths, where models are compared; ``result`` of the search by
     prediction, ``kept``: that without what harms, or what only the search by simulation found (``freely``);
     ``opinion``: the second one, None where the arithmetic of the inverse dynamics failed; ``cutoff``: Hz, of
-    the band of the motion."""
+    the band of the motion; ``late``: by what the input was moved in time before, None for nothing, and
+    ``as_recorded``: what is made of the recordings as they are, then."""
 
     given: Model
     learn: list[Record]
@@ -57,6 +58,8 @@ class Explained:
     freely: bool
     opinion: Opinion | None
     cutoff: float
+    late: Late | None = None
+    as_recorded: Explained | None = None
 
     @property
     def coarse(self) -> Course:
@@ -92,37 +95,6 @@ class Explained:
     def resized(self, fit: Fit) -> Fit | None:
         """A fit with the parameters that its free runs want (see `freely_sized`)."""
         return freely_sized(fit, self.simulated, self.learn, self.result.scales.size["fastest"])
-
-
-def explained(
-    model: Model, estimation: list[DataSet], validation: list[DataSet], say: Callable[[str], None]
-) -> tuple[Explained, bool]:
-    """What is made of recordings, and whether their input was then taken as read: of logs, as less
-    is missing (see `inputs.between_samples`)."""
-    asked = may_be_read(estimation, validation)
-    if asked and any(predicted_better(one, estimation) for one in _possible(model, estimation, validation)):
-        return explain(model, [*map(as_read, estimation)], [*map(as_read, validation)], say), True
-    found = explain(model, estimation, validation, say)
-    named = [c.chosen.effect for c in found.kept.choices]
-    if asked and half_a_sample(named, estimation[0].dt):
-        say("the same with the input as read at its samples")
-        again = explain(model, [*map(as_read, estimation)], [*map(as_read, validation)], say)
-        if len(again.kept.choices) < len(named):
-            return again, True
-    return found, False
-
-
-def _possible(model: Model, estimation: list[DataSet], validation: list[DataSet]) -> Iterator[Model]:
-    """The model, and with the effects by which the inverse dynamics gain most: a missing friction hides
-    what half a sample does."""
-    yield model
-    learn, judge = records_of(estimation), records_of(validation)
-    try:
-        leader = witness(model, learn, judge, recording_scales(model, learn)).most_likely
-    except FAILURES:
-        return
-    if leader is not None:
-        yield model.with_effects(*leader.effects)
 
 
 def explain(

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import replace
+from functools import partial
 from typing import Any
 
 from haptic_teleop_sim.effects import MEASURED
@@ -16,6 +17,7 @@ from .decision.at_the_actuator import at_the_actuator
 from .decision.beside_unknown import with_names
 from .decision.decide import Choice
 from .decision.drive_friction import with_drive_friction
+from .decision.late_input import told_late
 from .decision.measured_input import of_measured_input
 from .decision.misplaced import at_its_place, beside_findings, misplaced
 from .decision.nulls import Null, beyond_chance, nulls
@@ -33,8 +35,10 @@ from .evidence.measured_map import A_GOOD_TORQUE, MeasuredMap, measured_map, no_
 from .evidence.other_forms import spread_by_form, together
 from .evidence.proof import Proof, prove
 from .evidence.steadiness import spread_by_stretch
-from .explain import Explained, explained
+from .explain import Explained
+from .input_times import explained
 from .inputs.between_samples import as_read
+from .inputs.on_time import on_time
 from .inputs.uses import three_uses
 from .question import questioned, steady, weighed
 from .report.columns import column, errors_of, three_columns, with_bounds
@@ -48,7 +52,8 @@ def alarm(model: Model, estimation: list[DataSet], validation: list[DataSet]) ->
     """What the search finds, and whether the diagnosis would name or doubt anything: for `nulls`."""
     found, _ = explained(model, estimation, validation, lambda text: None)
     result, doubt, _ = questioned(found, found.result, found.kept, [*estimation, *validation])
-    return found.result, bool(result.choices) or doubt is not None
+    alarmed = bool(result.choices) or doubt is not None or found.late is not None
+    return found.result, alarmed
 
 
 def drawn_beside(
@@ -76,7 +81,10 @@ def diagnose(
     uses = three_uses(estimation, validation, test)
     found, read = explained(model, [*uses.fit], [*uses.choose], say)
     uses = uses.changed(as_read) if read else uses
-    estimation, validation = [*uses.fit], [*uses.choose]
+    late, timed = found.late, uses
+    if late is not None:
+        timed = uses.changed(partial(on_time, delay=late.delay))
+    estimation, validation = [*timed.fit], [*timed.choose]
     chance: list[Null] = []
     dropped: tuple[Choice, ...] = ()
     believed, kept = found.result, found.kept
@@ -159,10 +167,14 @@ def diagnose(
     # A torque that is drawn over the motion is the motion's.
     if misread is None and (mapped is None or mapped.fit is None):
         verdict, of_input = at_the_actuator(verdict, result.baseline, *kinds)
+    stands_in = result.final is not named
+    if late is not None and found.as_recorded is not None:
+        found = found.as_recorded
+        verdict, result = told_late(late, verdict, result, found.result.baseline)
     say("simulating all three models on all recordings")
     proof = prove(model, result.baseline.model, result.final.model, found.course, uses)
     columns = three_columns(model, result, verdict, found.judge, forms)
-    if result.final is not named:
+    if stands_in:
         errors = together(
             errors_of(result.final, found.judge),
             spread_by_form(result.final.model, found.learn, found.cutoff),

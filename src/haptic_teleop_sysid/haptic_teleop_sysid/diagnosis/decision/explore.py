@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import replace
 
 import numpy as np
 
@@ -29,6 +28,7 @@ from ..starts.trials import (
     LAST_STEPS,
     TUNING_STEPS,
     best_of_each,
+    better_baseline,
     finished,
     polish,
     quiet,
@@ -194,20 +194,3 @@ def _chains(promising: Sequence[Screened]) -> list[list[int]]:
     for i, s in enumerate(promising):
         chains.setdefault(s.effect.location if s.effect.entry.contact else i, []).append(i)
     return sorted(chains.values(), key=len, reverse=True)
-
-
-def better_baseline(fit: Fit, fits: Sequence[Fit], records: Sequence[Record], limits: Limits) -> Fit:
-    """``fit``, or the same structure fitted from where the rivals ended, without their effect: what a rival
-    gains only by having come out of a hollow is none of its effect's.
-    """
-    count, free = len(fit.model.effects), fit.free
-
-    def bare(rival: Fit) -> Fit:
-        model = replace(rival.model, effects=rival.model.effects[:count], fixed=fit.model.fixed)
-        return fit_whole(model, rival.noise, records, free=free, iterations=LAST_STEPS, limits=limits)
-
-    best = fit
-    for again in side_by_side(bare, fits):
-        if again.log_likelihood > best.log_likelihood + 1.0:
-            best = again
-    return best

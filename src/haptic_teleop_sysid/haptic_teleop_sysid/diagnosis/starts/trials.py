@@ -10,6 +10,7 @@ import numpy as np
 from haptic_teleop_sim.model import Effect, Model
 from haptic_teleop_sysid.estimation.gauss_newton import Fit, Limits, fit_parameters
 from haptic_teleop_sysid.estimation.noise import NoiseModel
+from haptic_teleop_sysid.estimation.parallel import side_by_side
 from haptic_teleop_sysid.estimation.records import Record
 from haptic_teleop_sysid.estimation.whole_fit import fit_whole
 
@@ -134,3 +135,20 @@ def best_of_each(fits: Sequence[Fit], index: int) -> list[Fit]:
         if key not in best or f.log_likelihood > best[key].log_likelihood:
             best[key] = f
     return sorted(best.values(), key=lambda f: -f.log_likelihood)
+
+
+def better_baseline(fit: Fit, fits: Sequence[Fit], records: Sequence[Record], limits: Limits) -> Fit:
+    """``fit``, or the same structure fitted from where the rivals ended, without their effect: what a rival
+    gains only by having come out of a hollow is none of its effect's.
+    """
+    count, free = len(fit.model.effects), fit.free
+
+    def bare(rival: Fit) -> Fit:
+        model = replace(rival.model, effects=rival.model.effects[:count], fixed=fit.model.fixed)
+        return fit_whole(model, rival.noise, records, free=free, iterations=LAST_STEPS, limits=limits)
+
+    best = fit
+    for again in side_by_side(bare, fits):
+        if again.log_likelihood > best.log_likelihood + 1.0:
+            best = again
+    return best

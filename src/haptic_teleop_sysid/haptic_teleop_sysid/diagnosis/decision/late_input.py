@@ -1,0 +1,146 @@
+"""An input that acts later than it is recorded, beside names that are no lateness."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from haptic_teleop_sim.kernel import pack
+from haptic_teleop_sim.model import Effect, Model
+from haptic_teleop_sysid.estimation.gauss_newton import Fit
+from haptic_teleop_sysid.estimation.likelihood import innovations
+from haptic_teleop_sysid.estimation.records import Record
+
+from ..evidence.certainty import standard_errors
+from ..evidence.feedback import answers
+from ..evidence.held_out import judged
+from ..evidence.lateness import Along, along, late_fits
+from ..hypotheses.twins import with_twins
+from ..inputs.scales import Scales, within_reach
+from ..policy import SUREST
+from .adequacy import NOT_SURE
+from .decide import Choice, choose
+from .finding import finding
+from .search import SearchResult
+from .verdict import Verdict
+from .where import condition_of
+
+#: Samples from which a channel is late: less lies between the ways in which inputs are written to a log.
+LEAST_SAMPLES = 1.0
+#: Share of what stretches gain by a lateness of their own that the one of all gains, and of that what those
+#: lose that are predicted worse with it.
+ONE_FOR_ALL, OBJECT = 0.8, 0.1
+
+
+@dataclass(frozen=True)
+class Late:
+    """``choice``: the lateness and what else it may be; ``delay``: s by which the input acts after the time
+    it is recorded with, negative: before."""
+
+    choice: Choice
+    delay: float
+
+
+def late_input(
+    named: Model,
+    lab: Model,
+    baseline: Fit,
+    scales: Scales,
+    estimation: Sequence[Record],
+    validation: Sequence[Record],
+) -> Late | None:
+    """The lateness of the input beside the effects of ``named``, None where there is none beyond doubt: it
+    gains as much as any further effect has to, and more than a lag, is a sample or more, and one and the same
+    in all stretches of both kinds of recordings. ``lab``, ``baseline``: the structure, as given and fitted.
+    """
+    limits = within_reach(lab, scales)
+    late = late_fits(named, baseline.noise, estimation, limits)
+    if late is None:
+        return None
+    base, fits = late
+    found = judged(base, fits, estimation, validation, scales)
+    likeliest = max(found, key=lambda e: e.score)
+    so_far = max(base.log_likelihood - baseline.log_likelihood, 0.0)
+    choice = choose(with_twins(found), so_far, sense_follows=False, further=True)
+    # Of what lags, too, no recordings on time can be made.
+    if choice is None or choice.unnamed or likeliest.effect.entry.kind != "skew":
+        return None
+    (stamp,), records = likeliest.effect.parameters.values(), [*estimation, *validation]
+    if abs(stamp) < LEAST_SAMPLES * estimation[0].dt or (stamp > 0.0 and _answers(likeliest.fit, records)):
+        return None
+    seen = along(likeliest.fit, likeliest.effect_index, records)
+    if seen is None or not _steady(seen):
+        return None
+    return Late(_as_known(choice, seen), -stamp)
+
+
+def _answers(fit: Fit, records: Sequence[Record]) -> bool:
+    """Whether the input of one of the recordings is a controller's. That has the noise of readings in it, as
+    if the motion began before the torque; in an open loop nothing does."""
+    packed = pack(fit.model)
+    return any(answers(r, innovations(packed, fit.noise, r).innovation) for r in records)
+
+
+def _steady(seen: Along) -> bool:
+    """Whether one lateness is right all along."""
+    own, shared = float(np.sum(seen.own)), float(np.sum(seen.shared))
+    return shared > ONE_FOR_ALL * own and float(np.sum(np.minimum(seen.shared, 0.0))) > -OBJECT * own
+
+
+def _as_known(choice: Choice, seen: Along) -> Choice:
+    """The choice with an error of its size that has in it what stretches differ by."""
+    e = choice.chosen
+    (name,) = e.effect.parameters
+    weight = seen.own / max(float(np.sum(seen.own)), 1e-300)
+    mean = float(weight @ seen.sizes)
+    apart = math.sqrt(float(weight @ (seen.sizes - mean) ** 2) / max(len(seen.sizes) - 1, 1))
+    full = f"{e.effect.location}.{e.effect.effect}.{name}"
+    error = standard_errors(e.fit).get(full, 0.0)
+    return replace(choice, chosen=replace(e, std={full: math.hypot(error, apart)}))
+
+
+def told_late(
+    late: Late, verdict: Verdict, result: SearchResult, baseline: Fit
+) -> tuple[Verdict, SearchResult]:
+    """Verdict and result of recordings that were asked on time, as those of the recordings as they are: the
+    lateness is found, too, and the final model has it. ``baseline``: of the recordings as they are."""
+    effect = late.choice.chosen.effect
+    final = _with_known(result.final, effect, late.choice.chosen.std)
+    chosen = replace(late.choice.chosen, fit=final, effect_index=len(final.model.effects) - 1)
+    choice = replace(late.choice, chosen=chosen)
+    unknown = verdict.kind == "unknown"
+    found = finding(choice, final, {}, NOT_SURE if unknown else SUREST)
+    kind, where = verdict.kind, verdict.where
+    if not unknown:
+        kind = "ambiguous" if choice.ambiguous or kind == "ambiguous" else "identified"
+        scores = [max(c.chosen.score, 0.0) for c in (*result.choices, choice)]
+        share = scores[-1] / max(sum(scores), 1e-300)
+        row = {
+            "equation": effect.location,
+            "share": round(share, 3),
+            "condition": condition_of(baseline.model, effect.effect, effect.location, verdict.before),
+            "intervals": [],
+        }
+        where = [*({**one, "share": round(one["share"] * (1.0 - share), 3)} for one in where), row]
+    verdict = replace(verdict, kind=kind, where=where, findings=[*verdict.findings, found])
+    return verdict, replace(result, baseline=baseline, final=final, choices=(*result.choices, choice))
+
+
+def _with_known(fit: Fit, effect: Effect, std: Mapping[str, float]) -> Fit:
+    """The fit with one more effect, whose sizes are known apart from all else."""
+    known = len(fit.free)
+    information = np.zeros((known + len(std), known + len(std)))
+    information[:known, :known] = fit.information
+    information[range(known, len(information)), range(known, len(information))] = [
+        1.0 / max(error, 1e-12) ** 2 for error in std.values()
+    ]
+    return replace(
+        fit,
+        model=fit.model.with_effects(effect),
+        free=(*fit.free, *std),
+        information=information,
+        gradient=np.append(fit.gradient, np.zeros(len(std))),
+    )
