@@ -8,7 +8,7 @@ from stepped_machines import RIGID
 
 from haptic_teleop_sim.kernel import simulate
 from haptic_teleop_sim.model import Effect
-from haptic_teleop_sysid.diagnosis import explain as explaining
+from haptic_teleop_sysid.diagnosis import input_times
 from haptic_teleop_sysid.diagnosis.inputs.between_samples import (
     TOLD,
     as_read,
@@ -112,6 +112,6 @@ def test_a_friction_does_not_hide_how_the_input_acts(monkeypatch):
     logs = [log(seed, False, RIGID.with_effects(friction)) for seed in (1, 2)]
     assert not predicted_better(RIGID, logs[:1])
     searched = []
-    monkeypatch.setattr(explaining, "explain", lambda *data: searched.append(data[1][0].input_read))
-    assert explaining.explained(RIGID, logs[:1], logs[1:], lambda text: None)[1]
+    monkeypatch.setattr(input_times, "explain", lambda *data: searched.append(data[1][0].input_read))
+    assert input_times._held_or_read(RIGID, logs[:1], logs[1:], lambda text: None)[1]
     assert searched == [True]

@@ -5,11 +5,13 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator
 from contextlib import suppress
 from dataclasses import replace
+from functools import partial
 
 from haptic_teleop_sim.model import Model
 from haptic_teleop_sysid.estimation.likelihood import FAILURES
 from haptic_teleop_sysid.recordings.dataset import DataSet
 
+from .decision.coloured import coloured
 from .decision.late_input import Late, late_input
 from .evidence.inverse_dynamics.witness import witness
 from .evidence.lateness import is_lateness
@@ -18,6 +20,10 @@ from .inputs.between_samples import as_read, half_a_sample, may_be_read, predict
 from .inputs.on_time import on_time
 from .inputs.scales import recording_scales
 from .usable import records_of
+
+#: How often recordings are moved in time until what is found on time asks for the same lateness, and samples
+#: by which that may differ.
+_MOST_MOVES, _THE_SAME = 3, 0.5
 
 
 def explained(
@@ -29,34 +35,44 @@ def explained(
     if any(d.commanded_input is not None for d in (*estimation, *validation)):
         return found, read  # the currents show what is late
     say("asking whether the input is late")
-    late = _late(model, found)
-    if late is None:
-        return found, read
-    say("the same with the input on time")
+    searched = any(is_lateness(c.chosen.effect.entry) for c in found.kept.choices)
+    if searched and not coloured(found.kept.final, found.learn, found.judge):
+        return found, read  # it has asked, and its likelihoods hold
+    late = _late(model, _names(model, found), found)
+    for _ in range(_MOST_MOVES if late is not None else 0):
+        assert late is not None
+        say("the same with the input on time")
+        moved = partial(on_time, delay=late.delay)
+        sets = [[moved(as_read(d) if read else d) for d in data] for data in (estimation, validation)]
+        try:
+            again = explain(model, *sets, say)
+        except FAILURES:
+            break
+        before, late = late, _late(model, _names(model, again) or model, found)
+        if late is None:
+            break
+        if abs(late.delay - before.delay) < _THE_SAME * estimation[0].dt:
+            return replace(again, late=late, as_recorded=found), read
+    return found, read
 
-    def moved(data: DataSet) -> DataSet:
-        return on_time(as_read(data) if read else data, late.delay)
 
-    try:
-        again = explain(model, [*map(moved, estimation)], [*map(moved, validation)], say)
-    except FAILURES:
-        return found, read
-    return replace(again, late=late, as_recorded=found), read
-
-
-def _late(model: Model, found: Explained) -> Late | None:
-    """The lateness of the input beside names that are none: those that the inverse dynamics believe, else
-    those of the search, else what the inverse dynamics name first. Where none is there, the search has
+def _late(model: Model, named: Model | None, found: Explained) -> Late | None:
+    """The lateness of the input beside the effects of ``named``; None where it has none: then the search has
     asked."""
+    if named is None:
+        return None
+    with suppress(*FAILURES):
+        return late_input(named, model, found.result.baseline, found.result.scales, found.learn, found.judge)
+    return None
+
+
+def _names(model: Model, found: Explained) -> Model | None:
+    """The model with names that are no lateness: those that the inverse dynamics believe, else those of the
+    search, else what the inverse dynamics name first."""
     for one in _named(found):
         effects = tuple(e for e in one.effects if not is_lateness(e.entry))
         if len(effects) > len(model.effects):
-            break
-    else:
-        return None
-    named = replace(one, effects=effects, fixed=model.fixed)
-    with suppress(*FAILURES):
-        return late_input(named, model, found.result.baseline, found.result.scales, found.learn, found.judge)
+            return replace(one, effects=effects, fixed=model.fixed)
     return None
 
 

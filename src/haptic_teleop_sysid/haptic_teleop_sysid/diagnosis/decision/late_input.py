@@ -18,9 +18,10 @@ from ..evidence.certainty import standard_errors
 from ..evidence.feedback import answers
 from ..evidence.held_out import judged
 from ..evidence.lateness import Along, along, late_fits
+from ..hypotheses.explanation import Explanation
 from ..hypotheses.twins import with_twins
 from ..inputs.scales import Scales, within_reach
-from ..policy import SUREST
+from ..policy import CLEAR_GAIN, LEAST_HELD_OUT, SUREST
 from .adequacy import NOT_SURE
 from .decide import Choice, choose
 from .finding import finding
@@ -53,28 +54,37 @@ def late_input(
     validation: Sequence[Record],
 ) -> Late | None:
     """The lateness of the input beside the effects of ``named``, None where there is none beyond doubt: it
-    gains as much as any further effect has to, and more than a lag, is a sample or more, and one and the same
-    in all stretches of both kinds of recordings. ``lab``, ``baseline``: the structure, as given and fitted.
-    """
+    gains as much as any further effect has to, and about as much as a lag at least, the other recordings bear
+    it out as it is, it is a sample or more, and one and the same in all stretches of both kinds. ``lab``,
+    ``baseline``: the structure, as given and fitted."""
     limits = within_reach(lab, scales)
     late = late_fits(named, baseline.noise, estimation, limits)
     if late is None:
         return None
     base, fits = late
     found = judged(base, fits, estimation, validation, scales)
-    likeliest = max(found, key=lambda e: e.score)
     so_far = max(base.log_likelihood - baseline.log_likelihood, 0.0)
     choice = choose(with_twins(found), so_far, sense_follows=False, further=True)
     # Of what lags, too, no recordings on time can be made.
-    if choice is None or choice.unnamed or likeliest.effect.entry.kind != "skew":
+    moved = None if choice is None else _moved(choice, found)
+    if choice is None or moved is None:
         return None
-    (stamp,), records = likeliest.effect.parameters.values(), [*estimation, *validation]
-    if abs(stamp) < LEAST_SAMPLES * estimation[0].dt or (stamp > 0.0 and _answers(likeliest.fit, records)):
+    if moved.gain + moved.held_out < CLEAR_GAIN or moved.held_out < LEAST_HELD_OUT:
         return None
-    seen = along(likeliest.fit, likeliest.effect_index, records)
+    (stamp,), records = moved.effect.parameters.values(), [*estimation, *validation]
+    if abs(stamp) < LEAST_SAMPLES * estimation[0].dt or (stamp > 0.0 and _answers(moved.fit, records)):
+        return None
+    seen = along(moved.fit, moved.effect_index, records)
     if seen is None or not _steady(seen):
         return None
     return Late(_as_known(choice, seen), -stamp)
+
+
+def _moved(choice: Choice, found: Sequence[Explanation]) -> Explanation | None:
+    """The explanation by a mere lateness, where that is what is chosen or remains possible."""
+    possible = {(e.effect.effect, e.effect.location) for e in (choice.chosen, *(o for o, _ in choice.others))}
+    here = [e for e in found if (e.effect.effect, e.effect.location) in possible]
+    return next((e for e in here if e.effect.entry.kind == "skew"), None)
 
 
 def _answers(fit: Fit, records: Sequence[Record]) -> bool:
