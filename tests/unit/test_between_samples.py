@@ -113,5 +113,5 @@ def test_a_friction_does_not_hide_how_the_input_acts(monkeypatch):
     assert not predicted_better(RIGID, logs[:1])
     searched = []
     monkeypatch.setattr(input_times, "explain", lambda *data: searched.append(data[1][0].input_read))
-    assert input_times._held_or_read(RIGID, logs[:1], logs[1:], lambda text: None)[1]
+    assert input_times.explained(RIGID, logs[:1], logs[1:], lambda text: None)[1]
     assert searched == [True]

@@ -12,6 +12,7 @@ from haptic_teleop_control.errors import RecordingError
 from haptic_teleop_sim.kernel import pack
 from haptic_teleop_sim.model import Effect
 from haptic_teleop_sysid.diagnosis import explain as explaining
+from haptic_teleop_sysid.diagnosis import input_times
 from haptic_teleop_sysid.diagnosis import run as diagnosis
 from haptic_teleop_sysid.diagnosis.decision.decide import Choice
 from haptic_teleop_sysid.diagnosis.decision.nulls import Null, beyond_chance, nulls
@@ -121,7 +122,7 @@ def test_nulls_go_through_the_diagnosis_itself(stage, monkeypatch):
         parts = (course, horizons, result, result, False, opinion, 10.0)
         return explaining.Explained(model, *records, *parts)
 
-    monkeypatch.setattr(explaining, "explain", explain)
+    monkeypatch.setattr(input_times, "explain", explain)
     diagnosis.diagnose(STAGE, [data], [other], null_count=0)
     found = explain(STAGE, [data], [other], None)
     chance = nulls(diagnosis.alarm, STAGE, found.result, [data], [other], 2, jobs=1)

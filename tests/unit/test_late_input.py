@@ -41,6 +41,7 @@ def test_it_is_found_beside_the_friction_that_hides_it(late):
     assert verdict.kind == "ambiguous", "input and readings of a rigid joint are in one order in time"
     others = {(a["effect"], a["location"]) for a in found["alternatives"]}
     assert {("sensor_delay", "j_motor_encoder"), ("channel_skew", "j_actuator")} <= others
+    assert "no recording of these channels can tell them apart" in content["next_experiment"]["why"]
     assert sum(row["share"] for row in verdict.where) == pytest.approx(1.0, abs=0.01)
 
 

@@ -22,7 +22,6 @@ from haptic_teleop_sysid.simulation.parameter_fit import fit_parameters as fit_t
 from .decision.coloured import coloured
 from .decision.decide import Choice
 from .decision.free_run_sizes import freely_sized, turning_limits
-from .decision.late_input import Late
 from .decision.overruled import errs_enough_less
 from .decision.search import SearchResult, search
 from .decision.search_by_simulation import POOR_FIT, search_by_simulation
@@ -45,8 +44,7 @@ class Explained:
     thinned, over stretches of several lengths, where models are compared; ``result`` of the search by
     prediction, ``kept``: that without what harms, or what only the search by simulation found (``freely``);
     ``opinion``: the second one, None where the arithmetic of the inverse dynamics failed; ``cutoff``: Hz, of
-    the band of the motion; ``late``: by what the input was moved in time before, None for nothing, and
-    ``as_recorded``: what is made of the recordings as they are, then."""
+    the band of the motion."""
 
     given: Model
     learn: list[Record]
@@ -58,8 +56,6 @@ class Explained:
     freely: bool
     opinion: Opinion | None
     cutoff: float
-    late: Late | None = None
-    as_recorded: Explained | None = None
 
     @property
     def coarse(self) -> Course:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import replace
-from functools import partial
 from typing import Any
 
 from haptic_teleop_sim.effects import MEASURED
@@ -24,8 +23,9 @@ from .decision.nulls import Null, beyond_chance, nulls
 from .decision.outdone import outdone
 from .decision.own_quantity import follows_still, one_curve
 from .decision.read_wrong import read_wrong
+from .decision.reasons import Doubt
 from .decision.search import SearchResult
-from .decision.stand import colours
+from .decision.stand import Stand, colours
 from .decision.stand_in import stand_in
 from .decision.unconfirmed import unconfirmed
 from .decision.verdict import Verdict, decide_verdict
@@ -38,8 +38,8 @@ from .evidence.steadiness import spread_by_stretch
 from .explain import Explained
 from .input_times import explained
 from .inputs.between_samples import as_read
-from .inputs.on_time import on_time
 from .inputs.uses import three_uses
+from .late_recordings import explained_on_time
 from .question import questioned, steady, weighed
 from .report.columns import column, errors_of, three_columns, with_bounds
 from .report.contents import contents
@@ -52,8 +52,21 @@ def alarm(model: Model, estimation: list[DataSet], validation: list[DataSet]) ->
     """What the search finds, and whether the diagnosis would name or doubt anything: for `nulls`."""
     found, _ = explained(model, estimation, validation, lambda text: None)
     result, doubt, _ = questioned(found, found.result, found.kept, [*estimation, *validation])
-    alarmed = bool(result.choices) or doubt is not None or found.late is not None
-    return found.result, alarmed
+    return found.result, bool(result.choices) or doubt is not None
+
+
+def believed(
+    found: Explained, chance: Sequence[Null], data: list[DataSet]
+) -> tuple[SearchResult, Doubt | None, Stand, tuple[Choice, ...]]:
+    """What is left of the findings after chance and `questioned`, and what fell by chance."""
+    if not chance:
+        return *questioned(found, found.result, found.kept, data), ()
+    beyond, kept = beyond_chance(found.result, chance), found.kept
+    dropped: tuple[Choice, ...] = ()
+    if not found.freely:  # what only a simulation found has no score that chance could be held against
+        kept = beyond_chance(found.kept, chance)
+        dropped = found.kept.choices[len(kept.choices) :]
+    return *questioned(found, beyond, kept, data), dropped
 
 
 def drawn_beside(
@@ -81,21 +94,19 @@ def diagnose(
     uses = three_uses(estimation, validation, test)
     found, read = explained(model, [*uses.fit], [*uses.choose], say)
     uses = uses.changed(as_read) if read else uses
-    late, timed = found.late, uses
-    if late is not None:
-        timed = uses.changed(partial(on_time, delay=late.delay))
-    estimation, validation = [*timed.fit], [*timed.choose]
+    estimation, validation = [*uses.fit], [*uses.choose]
     chance: list[Null] = []
-    dropped: tuple[Choice, ...] = ()
-    believed, kept = found.result, found.kept
     if null_count:
         chance = nulls(alarm, model, found.result, estimation, validation, null_count, progress=say)
-        believed = beyond_chance(found.result, chance)
-        if not found.freely:  # what only a simulation found has no score that chance could be held against
-            kept = beyond_chance(found.kept, chance)
-            dropped = found.kept.choices[len(kept.choices) :]
     say("checking what was found")
-    result, doubt, stand = questioned(found, believed, kept, [*estimation, *validation])
+    result, doubt, stand, dropped = believed(found, chance, [*estimation, *validation])
+    timely = None
+    if result.choices or doubt is not None:
+        timely = explained_on_time(model, (estimation, validation), found, result.choices, say)
+    if timely is not None:
+        found, on_its_time = timely.explained, uses.changed(timely.moved)
+        estimation, validation = [*on_its_time.fit], [*on_its_time.choose]
+        result, doubt, stand, dropped = believed(found, chance, [*estimation, *validation])
     result = of_measured_input(unconfirmed(result, found.nearby), read, estimation)
     # The given model: a re-estimated one has made up for what is missing.
     acting = ActingPlace.of(model, [*found.learn, *found.judge], found.cutoff)
@@ -168,9 +179,9 @@ def diagnose(
     if misread is None and (mapped is None or mapped.fit is None):
         verdict, of_input = at_the_actuator(verdict, result.baseline, *kinds)
     stands_in = result.final is not named
-    if late is not None and found.as_recorded is not None:
-        found = found.as_recorded
-        verdict, result = told_late(late, verdict, result, found.result.baseline)
+    if timely is not None:
+        found = timely.as_recorded
+        verdict, result = told_late(timely.late, verdict, result, found.result.baseline)
     say("simulating all three models on all recordings")
     proof = prove(model, result.baseline.model, result.final.model, found.course, uses)
     columns = three_columns(model, result, verdict, found.judge, forms)
@@ -196,8 +207,8 @@ def diagnose(
     stand = replace(stand, after=colours(result.final, found.learn, found.judge))
     told = (chance, dropped), uses, found.learn, added
     content = contents(result, verdict, proof, columns, stand, doubt, *told)
-    believed = [c.chosen for c in (*result.choices, *([doubt.choice] if doubt and doubt.choice else []))]
-    from_here = any(e.witnessed is not None for e in believed)
+    told_of = [c.chosen for c in (*result.choices, *([doubt.choice] if doubt and doubt.choice else []))]
+    from_here = any(e.witnessed is not None for e in told_of)
     content[MEASURED.name] = None if mapped is None else mapped.content()
     told = acting is not None and verdict.kind != "no_mismatch"
     content["parity"] = acting.content(verdict.kind == "unknown") if acting and told else None

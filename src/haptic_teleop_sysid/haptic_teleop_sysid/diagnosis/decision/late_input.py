@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -103,11 +103,10 @@ def _steady(seen: Along) -> bool:
 def _as_known(choice: Choice, seen: Along) -> Choice:
     """The choice with an error of its size that has in it what stretches differ by."""
     e = choice.chosen
-    (name,) = e.effect.parameters
     weight = seen.own / max(float(np.sum(seen.own)), 1e-300)
     mean = float(weight @ seen.sizes)
     apart = math.sqrt(float(weight @ (seen.sizes - mean) ** 2) / max(len(seen.sizes) - 1, 1))
-    full = f"{e.effect.location}.{e.effect.effect}.{name}"
+    full = _full_name(e.effect)
     error = standard_errors(e.fit).get(full, 0.0)
     return replace(choice, chosen=replace(e, std={full: math.hypot(error, apart)}))
 
@@ -117,10 +116,18 @@ def told_late(
 ) -> tuple[Verdict, SearchResult]:
     """Verdict and result of recordings that were asked on time, as those of the recordings as they are: the
     lateness is found, too, and the final model has it. ``baseline``: of the recordings as they are."""
-    effect = late.choice.chosen.effect
-    final = _with_known(result.final, effect, late.choice.chosen.std)
-    chosen = replace(late.choice.chosen, fit=final, effect_index=len(final.model.effects) - 1)
-    choice = replace(late.choice, chosen=chosen)
+    effect, (error,) = late.choice.chosen.effect, late.choice.chosen.std.values()
+
+    def beside(one: Explanation) -> Explanation:
+        fit = _with_known(result.final, one.effect, error)
+        return replace(one, fit=fit, effect_index=len(fit.model.effects) - 1)
+
+    choice = replace(
+        late.choice,
+        chosen=beside(late.choice.chosen),
+        others=tuple((beside(one), share) for one, share in late.choice.others),
+    )
+    final = choice.chosen.fit
     unknown = verdict.kind == "unknown"
     found = finding(choice, final, {}, NOT_SURE if unknown else SUREST)
     kind, where = verdict.kind, verdict.where
@@ -139,18 +146,21 @@ def told_late(
     return verdict, replace(result, baseline=baseline, final=final, choices=(*result.choices, choice))
 
 
-def _with_known(fit: Fit, effect: Effect, std: Mapping[str, float]) -> Fit:
-    """The fit with one more effect, whose sizes are known apart from all else."""
+def _with_known(fit: Fit, effect: Effect, error: float) -> Fit:
+    """The fit with one more effect, whose size is known to within ``error`` apart from all else."""
     known = len(fit.free)
-    information = np.zeros((known + len(std), known + len(std)))
+    information = np.zeros((known + 1, known + 1))
     information[:known, :known] = fit.information
-    information[range(known, len(information)), range(known, len(information))] = [
-        1.0 / max(error, 1e-12) ** 2 for error in std.values()
-    ]
+    information[known, known] = 1.0 / max(error, 1e-12) ** 2
     return replace(
         fit,
         model=fit.model.with_effects(effect),
-        free=(*fit.free, *std),
+        free=(*fit.free, _full_name(effect)),
         information=information,
-        gradient=np.append(fit.gradient, np.zeros(len(std))),
+        gradient=np.append(fit.gradient, 0.0),
     )
+
+
+def _full_name(effect: Effect) -> str:
+    (name,) = effect.parameters
+    return f"{effect.location}.{effect.effect}.{name}"
