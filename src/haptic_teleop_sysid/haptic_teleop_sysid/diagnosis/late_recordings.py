@@ -44,7 +44,8 @@ def explained_on_time(
 ) -> OnTime | None:
     """What is made of both ``kinds`` of recordings with their input on time; None where that is not late
     beyond doubt, the currents would show it, or the search has found a lateness that stands among the
-    ``choices``; and of a joint that flexes, where what acts between its encoders may look like it. ``found``: what is made of them as they are."""
+    ``choices``; and of a joint that flexes, where what acts between its encoders may look like it.
+    ``found``: what is made of them as they are."""
     stands = any(is_lateness(c.chosen.effect.entry) and c.chosen.witnessed is None for c in choices)
     if stands or not model.rigid or any(d.commanded_input is not None for data in kinds for d in data):
         return None
