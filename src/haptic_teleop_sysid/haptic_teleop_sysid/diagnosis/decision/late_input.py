@@ -21,7 +21,7 @@ from ..evidence.lateness import Along, along, late_fits
 from ..hypotheses.explanation import Explanation
 from ..hypotheses.twins import with_twins
 from ..inputs.scales import Scales, within_reach
-from ..policy import CLEAR_GAIN, LEAST_HELD_OUT, SUREST
+from ..policy import CLEAR_GAIN, LEAST_HELD_OUT, SURE, SUREST
 from .adequacy import NOT_SURE
 from .decide import Choice, choose
 from .finding import finding
@@ -81,10 +81,17 @@ def late_input(
 
 
 def _moved(choice: Choice, found: Sequence[Explanation]) -> Explanation | None:
-    """The explanation by a mere lateness, where that is what is chosen or remains possible."""
+    """The explanation by a mere lateness, where that is chosen, or a lag of which nobody is sure."""
+    if _is_lag(choice.chosen.effect) and choice.confidence >= SURE:
+        return None
     possible = {(e.effect.effect, e.effect.location) for e in (choice.chosen, *(o for o, _ in choice.others))}
     here = [e for e in found if (e.effect.effect, e.effect.location) in possible]
     return next((e for e in here if e.effect.entry.kind == "skew"), None)
+
+
+def _is_lag(effect: Effect) -> bool:
+    """Whether a lateness smears its channel, too, so that no other name says the same."""
+    return not effect.entry.equivalents
 
 
 def _answers(fit: Fit, records: Sequence[Record]) -> bool:
