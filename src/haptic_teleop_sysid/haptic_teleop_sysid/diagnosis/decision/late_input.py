@@ -57,8 +57,8 @@ def late_input(
     gains as much as any further effect has to, and about as much as a lag at least, the other recordings bear
     it out as it is, it is a sample or more, and one and the same in all stretches of both kinds. ``lab``,
     ``baseline``: the structure, as given and fitted."""
-    limits = within_reach(lab, scales)
-    late = late_fits(named, baseline.noise, estimation, limits)
+    limits, least = within_reach(lab, scales), LEAST_SAMPLES * estimation[0].dt
+    late = late_fits(named, baseline.noise, estimation, limits, least)
     if late is None:
         return None
     base, fits = late
@@ -72,7 +72,7 @@ def late_input(
     if moved.gain + moved.held_out < CLEAR_GAIN or moved.held_out < LEAST_HELD_OUT:
         return None
     (stamp,), records = moved.effect.parameters.values(), [*estimation, *validation]
-    if abs(stamp) < LEAST_SAMPLES * estimation[0].dt or (stamp > 0.0 and _answers(moved.fit, records)):
+    if abs(stamp) < least or (stamp > 0.0 and _answers(moved.fit, records)):
         return None
     seen = along(moved.fit, moved.effect_index, records)
     if seen is None or not _steady(seen):

@@ -26,15 +26,16 @@ from haptic_teleop_sysid.estimation.whole_fit import fit_whole
 
 from ..hypotheses.twins import twins
 from ..policy import WORTH_ALL_SAMPLES
-from ..starts.screen import screen
+from ..starts.screen import Screened, screen
 from ..starts.trials import best_of_each, better_baseline, finished, polish, quiet, trial
 
 FloatArray = NDArray[np.float64]
 
 #: Samples by which a channel is late where a fit starts.
 _STARTS = (1.0, 3.0, 10.0, 30.0)
-#: Steps of the fit of names that do not come from predictions, and trials that are fitted to the end.
-_STEPS_OF_NAMES, _MOST_ENDED = 30, 3
+#: Steps of the fit of names that do not come from predictions; starts of each effect that are tried under
+#: either noise model, and trials that are fitted to the end.
+_STEPS_OF_NAMES, _MOST_TRIED, _MOST_ENDED = 30, 3, 2
 #: Steps of the fit with weak disturbances, under which more is promised (see `starts.shortlist`).
 _STILL = 12
 #: Samples, and factors, by which a fit looks further: the likelihood has a kink at every sample.
@@ -53,21 +54,23 @@ def is_lateness(entry: EffectEntry) -> bool:
 
 
 def late_fits(
-    named: Model, noise: NoiseModel, records: Sequence[Record], limits: Limits
+    named: Model, noise: NoiseModel, records: Sequence[Record], limits: Limits, least: float
 ) -> tuple[Fit, list[Fit]] | None:
     """The model fitted to the recordings, and with an input that is late, or early, or lags, best first; None
-    where thinned recordings promise nothing."""
+    where thinned recordings promise nothing, or a lateness of less than half of ``least``, s."""
     few = thinned_to(records)
     near = fit_whole(named, noise, few, iterations=_STEPS_OF_NAMES, limits=limits)
     if not np.isfinite(near.log_likelihood):
         return None
     starts = [*_starts(named, records[0].dt)]
     still = fit_parameters(near.model, quiet(near.noise), few, iterations=_STILL, limits=limits)
-    both = [one for one in (near, still) if np.isfinite(one.log_likelihood)]
-    if not any(s.gain > WORTH_ALL_SAMPLES for one in both for s in screen(one, few, starts)):
-        return None
+    jobs = [
+        (s.start, one)
+        for one in (near, still)
+        if np.isfinite(one.log_likelihood)
+        for s in _most_promising(screen(one, few, starts))
+    ]
     index = len(named.effects)
-    jobs = [(start, one) for one in both for start in starts]
 
     def tried_from(job: tuple[Effect, Fit]) -> list[Fit]:
         return trial(job[1], job[1].model, [job[0]], [], few, job[1].noise, limits)
@@ -81,7 +84,8 @@ def late_fits(
     ahead = best_of_each(found, index)
     near = better_baseline(near, ahead[:1], few, limits)
     worth = [one for one in ahead if one.log_likelihood > near.log_likelihood + WORTH_ALL_SAMPLES]
-    if not worth:
+    moved = [one for one in worth if one.model.effects[index].entry.kind == "skew"]
+    if not any(abs(_size(one, index)) > 0.5 * least for one in moved):
         return None
 
     def to_the_end(one: Fit) -> Fit:
@@ -92,6 +96,13 @@ def late_fits(
         base = fit_whole(near.model, near.noise, records, iterations=_STEPS_OF_NAMES, limits=limits)
     fits = best_of_each(side_by_side(to_the_end, worth), index)
     return better_baseline(base, fits[:1], records, limits), fits
+
+
+def _most_promising(screened: Sequence[Screened]) -> list[Screened]:
+    """Of each effect the starts that promise most, if it is enough for a fit."""
+    worth = [s for s in screened if s.gain > WORTH_ALL_SAMPLES]
+    names = dict.fromkeys(s.start.effect for s in worth)
+    return [s for name in names for s in [w for w in worth if w.start.effect == name][:_MOST_TRIED]]
 
 
 def _starts(model: Model, dt: float) -> Iterator[Effect]:
