@@ -6,15 +6,23 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from identification_plants import STAGE
 from looped_machine import COULOMB, DT, looped
 from stepped_machines import RIGID
 
 from haptic_teleop_sim.effects import EFFECTS
 from haptic_teleop_sim.kernel import simulate
 from haptic_teleop_sim.model import Effect
-from haptic_teleop_sysid.diagnosis.decision.late_input import LEAST_SAMPLES, ONE_FOR_ALL, _steady
+from haptic_teleop_sysid.diagnosis.decision.late_input import (
+    LEAST_SAMPLES,
+    ONE_FOR_ALL,
+    Late,
+    _steady,
+    with_lateness,
+)
 from haptic_teleop_sysid.diagnosis.evidence.lateness import Along, is_lateness
 from haptic_teleop_sysid.diagnosis.inputs.on_time import delayed, on_time
+from haptic_teleop_sysid.diagnosis.late_recordings import explained_on_time
 from haptic_teleop_sysid.diagnosis.run import diagnose
 
 LATE = 8
@@ -98,3 +106,29 @@ def test_a_size_that_differs_from_stretch_to_stretch_is_no_lateness():
     objecting = np.array([*(0.99 * own[:6]), -10.0, -10.0])
     assert not _steady(Along(np.full(8, 5.0), np.array([*own[:6], 1.0, 1.0]), objecting))
     assert LEAST_SAMPLES >= 1.0, "half a sample lies between two ways to write a log"
+
+
+def test_what_came_in_a_hole_is_not_known_later_either():
+    data = looped(3, 0, 1.0, seconds=4.0)
+    valid, torque = data.valid.copy(), data.input.copy()
+    valid[100:110], torque[105] = False, np.nan
+    moved = on_time(replace(data, valid=valid, input=torque), 3.0 * DT)
+    assert np.flatnonzero(~moved.valid).tolist() == list(range(100, 113))
+    assert np.flatnonzero(np.isnan(moved.input)).tolist() == [108]
+
+
+def test_a_model_that_has_a_delay_and_a_joint_that_flexes_are_not_asked():
+    late = Effect("input_delay", "j_actuator", {"delay": 0.01})
+    data = ([looped(1, 0, 1.0, seconds=4.0)], [looped(2, 0, 1.0, seconds=4.0)])
+    for model in (RIGID.with_effects(late), STAGE):
+        assert explained_on_time(model, data, None, (), pytest.fail) is None
+    measured = [replace(d, commanded_input=d.input) for d in data[0]]
+    assert explained_on_time(RIGID, (measured, data[1]), None, (), pytest.fail) is None
+
+
+def test_a_stand_in_keeps_no_lateness_of_its_own(late):
+    result, verdict = late[0], late[1]
+    (choice,) = (c for c in result.choices if is_lateness(c.chosen.effect.entry))
+    again = with_lateness(Late(choice, LATE * DT), verdict, result, result.baseline)[1].final
+    assert [e for e in again.model.effects if is_lateness(e.entry)] == [choice.chosen.effect]
+    assert len(again.free) == len(result.final.free) == len(again.information)

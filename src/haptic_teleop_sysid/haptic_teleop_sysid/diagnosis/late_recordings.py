@@ -43,14 +43,16 @@ def explained_on_time(
     say: Callable[[str], None],
 ) -> OnTime | None:
     """What is made of both ``kinds`` of recordings with their input on time; None where that is not late
-    beyond doubt, the currents would show it, or the search has found a lateness that stands among the
-    ``choices``; and of a joint that flexes, where what acts between its encoders may look like it.
+    beyond doubt, the currents would show it, the model has a lateness, or the search has found one that
+    stands among the ``choices``; and of a joint that flexes, where what acts between its encoders may look
+    like it.
     ``found``: what is made of them as they are."""
-    stands = any(is_lateness(c.chosen.effect.entry) and c.chosen.witnessed is None for c in choices)
+    known = any(is_lateness(e.entry) for e in model.effects)
+    stands = known or any(is_lateness(c.chosen.effect.entry) and c.chosen.witnessed is None for c in choices)
     if stands or not model.rigid or any(d.commanded_input is not None for data in kinds for d in data):
         return None
     say("asking whether the input is late")
-    named = _names(model, found)
+    named, same = _names(model, found), _THE_SAME * max(d.dt for data in kinds for d in data)
     late = None if named is None else _late(model, named, found)
     for _ in range(_MOST_MOVES):
         if late is None:
@@ -62,7 +64,7 @@ def explained_on_time(
         except FAILURES:
             return None
         before, late = late, _late(model, _names(model, again) or model, found)
-        if late is not None and abs(late.delay - before.delay) < _THE_SAME * kinds[0][0].dt:
+        if late is not None and abs(late.delay - before.delay) < same:
             return OnTime(before, again, found)
     return None
 

@@ -16,7 +16,7 @@ from .decision.at_the_actuator import at_the_actuator
 from .decision.beside_unknown import with_names
 from .decision.decide import Choice
 from .decision.drive_friction import with_drive_friction
-from .decision.late_input import told_late
+from .decision.late_input import with_lateness
 from .decision.measured_input import of_measured_input
 from .decision.misplaced import at_its_place, beside_findings, misplaced
 from .decision.nulls import Null, beyond_chance, nulls
@@ -31,6 +31,7 @@ from .decision.unconfirmed import unconfirmed
 from .decision.verdict import Verdict, decide_verdict
 from .decision.with_the_named import not_in, with_the_named
 from .evidence.acting_place import ActingPlace
+from .evidence.lateness import is_lateness
 from .evidence.measured_map import A_GOOD_TORQUE, MeasuredMap, measured_map, no_torque
 from .evidence.other_forms import spread_by_form, together
 from .evidence.proof import Proof, prove
@@ -104,9 +105,14 @@ def diagnose(
     if result.choices or doubt is not None:
         timely = explained_on_time(model, (estimation, validation), found, result.choices, say)
     if timely is not None:
-        found, on_its_time = timely.explained, uses.changed(timely.moved)
-        estimation, validation = [*on_its_time.fit], [*on_its_time.choose]
-        result, doubt, stand, dropped = believed(found, chance, [*estimation, *validation])
+        on_its_time = uses.changed(timely.moved)
+        sets = [*on_its_time.fit], [*on_its_time.choose]
+        again = believed(timely.explained, chance, [*sets[0], *sets[1]])
+        if any(is_lateness(c.chosen.effect.entry) for c in again[0].choices):
+            timely = None
+        else:
+            found, (estimation, validation) = timely.explained, sets
+            result, doubt, stand, dropped = again
     result = of_measured_input(unconfirmed(result, found.nearby), read, estimation)
     # The given model: a re-estimated one has made up for what is missing.
     acting = ActingPlace.of(model, [*found.learn, *found.judge], found.cutoff)
@@ -181,7 +187,8 @@ def diagnose(
     stands_in = result.final is not named
     if timely is not None:
         found = timely.as_recorded
-        verdict, result = told_late(timely.late, verdict, result, found.result.baseline)
+        verdict, result = with_lateness(timely.late, verdict, result, found.result.baseline)
+        stand = replace(stand, before=colours(result.baseline, found.learn, found.judge))
     say("simulating all three models on all recordings")
     proof = prove(model, result.baseline.model, result.final.model, found.course, uses)
     columns = three_columns(model, result, verdict, found.judge, forms)
@@ -219,5 +226,6 @@ def diagnose(
         content["next_experiment"] = once_calibrated(wrong.error.location)
     content["stand_in"] = None if instead is None else instead.content(verdict.findings)
     content["reversals"] = [one.content() for one in turning.jumps]
-    content["inverse_dynamics"] = testimony(found.opinion, verdict, from_here) if found.opinion else None
+    opinion = found.opinion if timely is None else timely.explained.opinion
+    content["inverse_dynamics"] = testimony(opinion, verdict, from_here) if opinion else None
     return result, verdict, proof, content

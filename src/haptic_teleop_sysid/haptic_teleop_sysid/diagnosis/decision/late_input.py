@@ -16,12 +16,12 @@ from haptic_teleop_sysid.estimation.records import Record
 
 from ..evidence.certainty import standard_errors
 from ..evidence.feedback import answers
-from ..evidence.held_out import judged
-from ..evidence.lateness import Along, along, late_fits
+from ..evidence.held_out import held_out_fit, judged
+from ..evidence.lateness import Along, along, is_lateness, late_fits
 from ..hypotheses.explanation import Explanation
 from ..hypotheses.twins import with_twins
 from ..inputs.scales import Scales, within_reach
-from ..policy import CLEAR_GAIN, LEAST_HELD_OUT, SURE, SUREST
+from ..policy import CLEAR_GAIN, LEAST_HELD_OUT, SUREST
 from .adequacy import NOT_SURE
 from .decide import Choice, choose
 from .finding import finding
@@ -54,44 +54,32 @@ def late_input(
     validation: Sequence[Record],
 ) -> Late | None:
     """The lateness of the input beside the effects of ``named``, None where there is none beyond doubt: it
-    gains as much as any further effect has to, and about as much as a lag at least, the other recordings bear
-    it out as it is, it is a sample or more, and one and the same in all stretches of both kinds. ``lab``,
+    gains as much as any further effect has to, and no lag is likelier, the other recordings bear it out as it
+    is, it is a sample or more, and one and the same in all stretches of both kinds. ``lab``,
     ``baseline``: the structure, as given and fitted."""
-    limits, least = within_reach(lab, scales), LEAST_SAMPLES * estimation[0].dt
-    late = late_fits(named, baseline.noise, estimation, limits, least)
-    if late is None:
+    records = [*estimation, *validation]
+    limits, least = within_reach(lab, scales), LEAST_SAMPLES * max(r.dt for r in records)
+    fits = late_fits(named, baseline.noise, estimation, limits, least)
+    if fits is None:
         return None
-    base, fits = late
-    found = judged(base, fits, estimation, validation, scales)
-    so_far = max(base.log_likelihood - baseline.log_likelihood, 0.0)
+    found = judged(fits.named, fits.late, estimation, validation, scales)
+    so_far = max(fits.named.log_likelihood - baseline.log_likelihood, 0.0)
     choice = choose(with_twins(found), so_far, sense_follows=False, further=True)
-    # Of what lags, too, no recordings on time can be made.
-    moved = None if choice is None else _moved(choice, found)
-    if choice is None or moved is None:
+    stamped = next((e for e in found if e.effect.entry.kind == "skew"), None)
+    # What has no other name smears the input, too: a lag, of which no recordings on time can be made.
+    if choice is None or stamped is None or not choice.chosen.effect.entry.equivalents:
         return None
-    if moved.gain + moved.held_out < CLEAR_GAIN or moved.held_out < LEAST_HELD_OUT:
+    if stamped.gain + stamped.held_out < CLEAR_GAIN or stamped.held_out < LEAST_HELD_OUT:
         return None
-    (stamp,), records = moved.effect.parameters.values(), [*estimation, *validation]
-    if abs(stamp) < least or (stamp > 0.0 and _answers(moved.fit, records)):
+    (stamp,) = stamped.effect.parameters.values()
+    if abs(stamp) < least or (stamp > 0.0 and _answers(stamped.fit, records)):
         return None
-    seen = along(moved.fit, moved.effect_index, records)
+    # A disturbance may be larger on another day.
+    there = held_out_fit(stamped.fit, validation, [stamped.fit.noise])
+    seen = along(stamped.effect_index, [(stamped.fit, estimation), (there, validation)])
     if seen is None or not _steady(seen):
         return None
-    return Late(_as_known(choice, seen), -stamp)
-
-
-def _moved(choice: Choice, found: Sequence[Explanation]) -> Explanation | None:
-    """The explanation by a mere lateness, where that is chosen, or a lag of which nobody is sure."""
-    if _is_lag(choice.chosen.effect) and choice.confidence >= SURE:
-        return None
-    possible = {(e.effect.effect, e.effect.location) for e in (choice.chosen, *(o for o, _ in choice.others))}
-    here = [e for e in found if (e.effect.effect, e.effect.location) in possible]
-    return next((e for e in here if e.effect.entry.kind == "skew"), None)
-
-
-def _is_lag(effect: Effect) -> bool:
-    """Whether a lateness smears its channel, too, so that no other name says the same."""
-    return not effect.entry.equivalents
+    return Late(_with_error_of_stretches(choice, seen), -stamp)
 
 
 def _answers(fit: Fit, records: Sequence[Record]) -> bool:
@@ -107,7 +95,7 @@ def _steady(seen: Along) -> bool:
     return shared > ONE_FOR_ALL * own and float(np.sum(np.minimum(seen.shared, 0.0))) > -OBJECT * own
 
 
-def _as_known(choice: Choice, seen: Along) -> Choice:
+def _with_error_of_stretches(choice: Choice, seen: Along) -> Choice:
     """The choice with an error of its size that has in it what stretches differ by."""
     e = choice.chosen
     weight = seen.own / max(float(np.sum(seen.own)), 1e-300)
@@ -118,15 +106,16 @@ def _as_known(choice: Choice, seen: Along) -> Choice:
     return replace(choice, chosen=replace(e, std={full: math.hypot(error, apart)}))
 
 
-def told_late(
+def with_lateness(
     late: Late, verdict: Verdict, result: SearchResult, baseline: Fit
 ) -> tuple[Verdict, SearchResult]:
     """Verdict and result of recordings that were asked on time, as those of the recordings as they are: the
     lateness is found, too, and the final model has it. ``baseline``: of the recordings as they are."""
     effect, (error,) = late.choice.chosen.effect, late.choice.chosen.std.values()
+    bare = _without_lateness(result.final)
 
     def beside(one: Explanation) -> Explanation:
-        fit = _with_known(result.final, one.effect, error)
+        fit = _with_known(bare, one.effect, error)
         return replace(one, fit=fit, effect_index=len(fit.model.effects) - 1)
 
     choice = replace(
@@ -136,7 +125,8 @@ def told_late(
     )
     final = choice.chosen.fit
     unknown = verdict.kind == "unknown"
-    found = finding(choice, final, {}, NOT_SURE if unknown else SUREST)
+    surest = SUREST if verdict.adequacy is None else verdict.adequacy.surest
+    found = finding(choice, final, {}, NOT_SURE if unknown else surest)
     kind, where = verdict.kind, verdict.where
     if not unknown:
         kind = "ambiguous" if choice.ambiguous or kind == "ambiguous" else "identified"
@@ -151,6 +141,24 @@ def told_late(
         where = [*({**one, "share": round(one["share"] * (1.0 - share), 3)} for one in where), row]
     verdict = replace(verdict, kind=kind, where=where, findings=[*verdict.findings, found])
     return verdict, replace(result, baseline=baseline, final=final, choices=(*result.choices, choice))
+
+
+def _without_lateness(fit: Fit) -> Fit:
+    """The fit without what is left of a lateness in a stand-in for physics without a name."""
+    effects = tuple(e for e in fit.model.effects if not is_lateness(e.entry))
+    if len(effects) == len(fit.model.effects):
+        return fit
+    gone = {_full_name(e) for e in fit.model.effects if is_lateness(e.entry)}
+    kept = [i for i, name in enumerate(fit.free) if name not in gone]
+    return replace(
+        fit,
+        model=replace(
+            fit.model, effects=effects, fixed=tuple(n for n in fit.model.fixed if n not in gone)
+        ),
+        free=tuple(fit.free[i] for i in kept),
+        information=fit.information[np.ix_(kept, kept)],
+        gradient=fit.gradient[kept],
+    )
 
 
 def _with_known(fit: Fit, effect: Effect, error: float) -> Fit:

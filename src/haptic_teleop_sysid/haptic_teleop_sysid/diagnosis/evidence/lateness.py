@@ -42,7 +42,7 @@ _STILL = 12
 _STEPS, _FACTORS, _MOST_HOPS = (-3.0, -2.0, -1.0, 1.0, 2.0, 3.0), (0.5, 1.5, 2.0), 3
 #: Nats that another one must gain.
 _BETTER = 1.0
-#: Stretches of all recordings, and sizes at which each is asked, relative to the one of all.
+#: Stretches of all recordings, about, and sizes at which each is asked, relative to the one of all.
 STRETCHES = 8
 _ASKED = (0.0, 0.25, 0.5, 0.7, 0.85, 1.0, 1.15, 1.3, 1.6, 2.0, 3.0)
 
@@ -53,11 +53,20 @@ def is_lateness(entry: EffectEntry) -> bool:
     return entry.kind in ("input", "output", "skew") and [p.unit for p in own] == ["s"]
 
 
+@dataclass(frozen=True)
+class LateFits:
+    """``named``: a model with its names, fitted; ``late``: with an input that is late, or early, or lags,
+    best first."""
+
+    named: Fit
+    late: list[Fit]
+
+
 def late_fits(
     named: Model, noise: NoiseModel, records: Sequence[Record], limits: Limits, least: float
-) -> tuple[Fit, list[Fit]] | None:
-    """The model fitted to the recordings, and with an input that is late, or early, or lags, best first; None
-    where thinned recordings promise nothing, or a lateness of less than half of ``least``, s."""
+) -> LateFits | None:
+    """Fits to the recordings; None where thinned ones promise nothing, or a lateness of less than half of
+    ``least``, s."""
     few = thinned_to(records)
     near = fit_whole(named, noise, few, iterations=_STEPS_OF_NAMES, limits=limits)
     if not np.isfinite(near.log_likelihood):
@@ -95,7 +104,7 @@ def late_fits(
     if few is not records:
         base = fit_whole(near.model, near.noise, records, iterations=_STEPS_OF_NAMES, limits=limits)
     fits = best_of_each(side_by_side(to_the_end, worth), index)
-    return better_baseline(base, fits[:1], records, limits), fits
+    return LateFits(better_baseline(base, fits[:1], records, limits), fits)
 
 
 def _most_promising(screened: Sequence[Screened]) -> list[Screened]:
@@ -168,16 +177,18 @@ class Along:
     shared: FloatArray
 
 
-def along(fit: Fit, index: int, records: Sequence[Record]) -> Along | None:
-    """The lateness of a fit, stretch by stretch, all else as it is; None where it cannot be computed."""
-    size = _size(fit, index)
+def along(index: int, told: Sequence[tuple[Fit, Sequence[Record]]]) -> Along | None:
+    """The lateness of a model, stretch by stretch of recordings that are ``told`` with the fit whose noise is
+    theirs, all else as it is; None where it cannot be computed."""
+    first, pairs = told[0][0], [(fit, record) for fit, records in told for record in records]
+    size = _size(first, index)
     asked = np.array([size * share for share in _ASKED])
-    asked = asked[np.isin(asked, [0.0, *_within(fit, index, asked.tolist())])]
-    parts = max(1, round(STRETCHES / len(records)))
+    asked = asked[np.isin(asked, [0.0, *_within(first, index, asked.tolist())])]
+    parts = max(1, round(STRETCHES / len(pairs)))
     rows = []
     for one in asked:
-        packed, nats = pack(_sized(fit, index, float(one))), []
-        for record in records:
+        packed, nats = pack(_sized(first, index, float(one))), []
+        for fit, record in pairs:
             try:
                 each = by_sample(packed, record, innovations(packed, fit.noise, record).innovation)
             except FAILURES:

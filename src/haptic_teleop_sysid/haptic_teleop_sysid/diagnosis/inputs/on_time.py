@@ -14,7 +14,11 @@ from haptic_teleop_sysid.recordings.dataset import DataSet
 def on_time(data: DataSet, delay: float) -> DataSet:
     """The data set with the input that acts from each sample to the next where it acts ``delay`` s after the
     time that it is recorded with (negative: before)."""
-    return replace(data, input=delayed(data.input, delay / data.dt))
+    samples = delay / data.dt
+    valid = data.valid
+    if len(valid):  # what came in a hole is not known
+        valid = valid & (delayed(valid.astype(float), samples) > 1.0 - 1e-9)
+    return replace(data, input=delayed(data.input, samples), valid=valid)
 
 
 def delayed(values: NDArray[np.float64], samples: float) -> NDArray[np.float64]:
@@ -24,4 +28,6 @@ def delayed(values: NDArray[np.float64], samples: float) -> NDArray[np.float64]:
     part = samples - whole
     places = np.arange(len(values)) - whole
     one, other = (values[np.clip(p, 0, len(values) - 1)] for p in (places, places - 1))
+    if part == 0.0:
+        return one
     return np.asarray((1.0 - part) * one + part * other)
