@@ -50,6 +50,8 @@ def test_it_is_found_beside_the_friction_that_hides_it(late):
     others = {(a["effect"], a["location"]) for a in found["alternatives"]}
     assert {("sensor_delay", "j_motor_encoder"), ("channel_skew", "j_actuator")} <= others
     assert "no recording of these channels can tell them apart" in content["next_experiment"]["why"]
+    assert "expected to differ" not in content["next_experiment"]["why"]
+    assert content["next_experiment"]["signal_generator"] == {}
     assert sum(row["share"] for row in verdict.where) == pytest.approx(1.0, abs=0.01)
 
 

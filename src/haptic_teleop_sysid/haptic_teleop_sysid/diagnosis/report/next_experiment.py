@@ -18,6 +18,7 @@ from ..decision.decide import Choice
 from ..decision.search import SearchResult
 from ..decision.verdict import Verdict
 from ..decision.words import placed, separating
+from ..hypotheses.twins import twins
 from ..policy import STILL_RANDOM
 from .experiment import Suggestion, series, sharpen, suggest, times
 
@@ -108,7 +109,11 @@ def _separating(
     told = [f for f in verdict.findings if (f["effect"], f["location"]) == (own.effect, own.location)]
     share = min([share, *(f["confidence"] for f in told)])
     names = (placed(choice.chosen.effect), placed(rival.effect))
-    found = suggest(choice.chosen.fit, rival.fit, names, records[0], result.scales)
+    found = None
+    # What says the same to any recording differs by arithmetic only.
+    same = {(e.effect, e.location) for e in twins(own, choice.chosen.fit.model.rigid)}
+    if (rival.effect.effect, rival.effect.location) not in same:
+        found = suggest(choice.chosen.fit, rival.fit, names, records[0], result.scales)
     text = separating([choice.chosen.effect, rival.effect])
     if not choice.ambiguous:
         text += f" (the runner-up has {100.0 * share:.0f} %)"
