@@ -86,7 +86,7 @@ def late_fits(
 
     ends = side_by_side(tried_from, jobs)
     found: list[Fit] = []
-    for name in {s.effect for s in starts}:
+    for name in dict.fromkeys(s.effect for s in starts):
         tried = [one for end in ends for one in end if one.model.effects[index].effect == name]
         tried.sort(key=lambda one: -one.log_likelihood)
         found += side_by_side(lambda one: polish(one, few, limits), tried[:_MOST_ENDED])
