@@ -132,6 +132,14 @@ def test_in_a_closed_loop_nothing_is_said(made):
     assert at_the_actuator(before, fitted(here), [here], [elsewhere]) == (before, {})
 
 
+def test_a_recording_in_a_closed_loop_leaves_it_to_the_others(losing):
+    here, _, fit = losing
+    closed = lost(2, feedback=6.0)
+    assert in_proportion([(fit, [here]), (fit, [closed])], fit.free) == gained(fit, here)
+    found, gains = at_the_actuator(unknown_at("stage1_motor"), fit, [here], [closed])
+    assert found.where[0]["equation"] == "stage1_actuator" and with_the_input(gains)
+
+
 @pytest.mark.parametrize("made", [lost, rubs])
 def test_a_signal_that_was_made_before_answers_nothing(made):
     assert answered_share(*innovated(made(1))) < 0.05

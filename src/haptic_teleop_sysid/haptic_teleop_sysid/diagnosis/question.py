@@ -23,7 +23,7 @@ from .decision.opinion_as_result import as_result
 from .decision.overruled import believed_instead, beyond_reach, more_plainly, stands_next
 from .decision.reasons import Doubt, more_than_chance, off_the_mark, runs_away, slipped
 from .decision.search import SearchResult
-from .decision.stand import Stand
+from .decision.stand import Stand, colours
 from .decision.torques_explained import explained_along, explained_in_band, inadequate
 from .decision.unsteady import constant_sizes
 from .decision.where import structured
@@ -33,7 +33,7 @@ from .evidence.second_opinion import Errors, Opinion
 from .evidence.steadiness import Steadiness, steadiness
 from .explain import Explained
 from .hypotheses.follows import follows_from_motion
-from .policy import WORSE
+from .policy import WHITE, WORSE
 
 
 def questioned(
@@ -143,6 +143,7 @@ def _adequacy(found: Explained, result: SearchResult) -> Adequacy:
         in_band=0.0 if found.opinion is None else explained_in_band(result, found.opinion),
         follows=None if random else followed_by_most(found, result),
         worse=own - with_names > WORSE,
+        white=lambda: max(colours(result.final, found.learn, found.judge)) <= WHITE,
     )
 
 

@@ -20,7 +20,7 @@ from haptic_teleop_sysid.estimation.likelihood import FAILURES, settled
 from haptic_teleop_sysid.estimation.records import Record
 
 from ..evidence.residual import left_over
-from ..policy import HOLDS_BETTER, LEAST_EXPLAINED, MOST_BY_CHANCE, SURE, SUREST
+from ..policy import HOLDS_BETTER, LEAST_EXPLAINED, MOST_BY_CHANCE, MOST_UNNAMED, SURE, SUREST
 from .reasons import Doubt
 from .search import SearchResult
 
@@ -127,11 +127,13 @@ def adequacy(
     in_band: float = 0.0,
     follows: Followed | None = None,
     worse: bool = False,
+    white: Callable[[], bool] = lambda: False,
 ) -> Adequacy:
     """Adequacy of what ``after`` has and ``before`` has not, on ``records`` of both kinds; errors: those of
     their free runs on either kind (see `second_opinion.Errors`); ``random_left``, ``follows``, ``worse``: as
     there, but what is left is not random where names explain less than half and it is more than chance has
-    ever left where nothing is named. ``by_torque``: ``after`` with the sizes that the torques want
+    left beside such names, or, where innovations are ``white`` by the strict test, than it leaves where nothing
+    is named. ``by_torque``: ``after`` with the sizes that the torques want
     (`SearchResult.by_torque`): where free runs and torques do not agree about sizes, either measure says how
     much the names explain with its own. ``by_motion``: the share of the torque that the inverse dynamics say
     is explained, asked where an observer overflows; ``in_band``: the least that is explained, see
@@ -146,8 +148,9 @@ def adequacy(
     # A model that does not follow the motion is none, however much worse another one is.
     followed = _share(np.ones(2), np.array(errors_after), SLIGHT_ERROR)
     torque = max(explained, min(in_band, 1.0))
-    if torque < LEAST_EXPLAINED and left_size(after, records) > MOST_BY_CHANCE:
-        random_left = False
+    if random_left and torque < LEAST_EXPLAINED:
+        size = left_size(after, records)
+        random_left = size <= MOST_BY_CHANCE or (size <= MOST_UNNAMED and white())
     return Adequacy(torque, min(closed, followed), random_left, 1.0, None if random_left else follows, worse)
 
 

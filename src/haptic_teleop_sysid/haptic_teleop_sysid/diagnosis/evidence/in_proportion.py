@@ -7,7 +7,7 @@ at the motor, with one factor for every stretch of time, so that all quantities 
 gains can be compared. What a constant factor explains is taken out before: the structure or a name has that.
 
 In a closed loop the input answers to whatever is missing, a hand that pushes, too, and is in proportion to it
-for that reason: nothing is said there (see `feedback`).
+for that reason: such recordings do not count (see `feedback`).
 """
 
 from __future__ import annotations
@@ -54,9 +54,9 @@ _SAME = 1e-8
 
 def in_proportion(fits: Sequence[tuple[Fit, Sequence[Record]]], free: tuple[str, ...]) -> dict[str, float]:
     """The nats that a factor which changes with time gains for each quantity on all recordings together, the
-    largest first, net of what it gains by chance, with the best of STRETCHES; {} where arithmetic fails or
-    one of the recordings was made in a closed loop. ``fits``: each with its records; ``free``: the parameters
-    that make up for what they can."""
+    largest first, net of what it gains by chance, with the best of STRETCHES; recordings that were made in a
+    closed loop do not count, and {} where no other is left, or arithmetic fails. ``fits``: each with its
+    records; ``free``: the parameters that make up for what they can."""
     gains: dict[tuple[str, float], float] = {}
     for fit, records in fits:
         for record in records:
@@ -65,8 +65,6 @@ def in_proportion(fits: Sequence[tuple[Fit, Sequence[Record]]], free: tuple[str,
             try:
                 found = _gains(fit, record, free)
             except FAILURES:
-                return {}
-            if not found:
                 return {}
             for key, gain in found.items():
                 gains[key] = gains.get(key, 0.0) + gain
