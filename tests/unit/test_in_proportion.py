@@ -140,6 +140,17 @@ def test_a_recording_in_a_closed_loop_leaves_it_to_the_others(losing):
     assert found.where[0]["equation"] == "stage1_actuator" and with_the_input(gains)
 
 
+@pytest.mark.parametrize(("feedback", "place"), [(0.0, "stage1_actuator"), (6.0, "stage1_motor")])
+def test_what_follows_the_input_that_no_controller_made_is_the_actuators(losing, feedback, place):
+    here, _, fit = losing
+    before = unknown_at("stage1_motor")
+    follows = replace(before, where=[{**before.where[0], "condition": "input torque"}])
+    strong = replace(here, input=np.zeros(len(here)))  # nothing to be in proportion to
+    found, gains = at_the_actuator(follows, fit, [strong], [lost(2, feedback)])
+    assert found.where[0] == {**follows.where[0], "equation": place}
+    assert not gains
+
+
 @pytest.mark.parametrize("made", [lost, rubs])
 def test_a_signal_that_was_made_before_answers_nothing(made):
     assert answered_share(*innovated(made(1))) < 0.05

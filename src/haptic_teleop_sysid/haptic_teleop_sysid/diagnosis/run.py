@@ -21,6 +21,7 @@ from .decision.measured_input import of_measured_input
 from .decision.misplaced import at_its_place, beside_findings, misplaced
 from .decision.nulls import Null, beyond_chance, nulls
 from .decision.outdone import outdone
+from .decision.own_law import by_its_law
 from .decision.own_quantity import follows_still, one_curve
 from .decision.read_wrong import read_wrong
 from .decision.reasons import Doubt
@@ -121,10 +122,14 @@ def diagnose(
         doubt = away or doubt
     result, bent = one_curve(result)
     doubt = bent or doubt
+    result, another, followed = by_its_law(result, found.learn, found.judge)
+    doubt = doubt or another
     adequate = None
     if any(c.chosen.by_current <= 0.0 for c in result.choices):
         result, adequate, varying = weighed(found, result, stand)
         doubt = doubt or varying
+    if adequate is not None and followed is not None:
+        adequate = replace(adequate, random_left=False, follows=followed)
     if adequate is not None and acting is not None:
         adequate = replace(adequate, parity=acting.explained([c.chosen.effect for c in result.choices]))
     if adequate is not None:

@@ -132,8 +132,8 @@ def adequacy(
     """Adequacy of what ``after`` has and ``before`` has not, on ``records`` of both kinds; errors: those of
     their free runs on either kind (see `second_opinion.Errors`); ``random_left``, ``follows``, ``worse``: as
     there, but what is left is not random where names explain less than half and it is more than chance has
-    left beside such names, or, where innovations are ``white`` by the strict test, than it leaves where nothing
-    is named. ``by_torque``: ``after`` with the sizes that the torques want
+    left beside such names, or, where innovations are ``white`` by the strict test, than it leaves where
+    nothing is named. ``by_torque``: ``after`` with the sizes that the torques want
     (`SearchResult.by_torque`): where free runs and torques do not agree about sizes, either measure says how
     much the names explain with its own. ``by_motion``: the share of the torque that the inverse dynamics say
     is explained, asked where an observer overflows; ``in_band``: the least that is explained, see

@@ -1,4 +1,4 @@
-"""An `unknown` at the motor that is the actuator's: what is missing is a share of the input."""
+"""An `unknown` at the motor that is the actuator's: what is missing follows the input, or is a share of it."""
 
 from __future__ import annotations
 
@@ -9,8 +9,10 @@ from haptic_teleop_sim.model import STRUCTURES
 from haptic_teleop_sysid.estimation.gauss_newton import Fit
 from haptic_teleop_sysid.estimation.records import Record
 
+from ..evidence.feedback import in_open_loop
 from ..evidence.held_out import held_out_fit
 from ..evidence.in_proportion import in_proportion, with_the_input
+from ..evidence.residual import INPUT_TORQUE
 from .verdict import Verdict
 
 #: When it shows, in the contract's words.
@@ -20,9 +22,11 @@ WITH_THE_INPUT = "input and time"
 def at_the_actuator(
     verdict: Verdict, baseline: Fit, learn: Sequence[Record], judge: Sequence[Record]
 ) -> tuple[Verdict, dict[str, float] | None]:
-    """The `unknown` verdict at the actuator, where what is missing at the motor is in proportion to the
-    input and not to any motion, by a factor that changes; and what each quantity gains, nats, None where
-    that was not asked. ``baseline``: the structure alone, as it fits the estimation recordings ``learn``."""
+    """The `unknown` verdict at the actuator, where what is missing at the motor follows the input of
+    recordings that were not fitted, which no controller made, more than any motion; or where it is in
+    proportion to the input and not to any motion, by a factor that changes; and what each quantity gains so,
+    nats, None where that was not asked. ``baseline``: the structure alone, as it fits the estimation
+    recordings ``learn``."""
     model = baseline.model
     motor, actuator = model.location("motor"), model.location("actuator")
     told_at = [where["equation"] for where in verdict.where[:1]]
@@ -31,10 +35,12 @@ def at_the_actuator(
     if verdict.kind != "unknown" or told_at != [motor] or actuator in there or _ended_at_a_bound(baseline):
         return verdict, None
     elsewhere = held_out_fit(baseline, judge, [baseline.noise])
+    told, *others = verdict.where
+    if told["condition"] == INPUT_TORQUE and in_open_loop(elsewhere, judge):
+        return replace(verdict, where=[{**told, "equation": actuator}, *others]), None
     gains = in_proportion([(baseline, learn), (elsewhere, judge)], baseline.free)
     if not with_the_input(gains):
         return verdict, gains
-    told, *others = verdict.where
     where = {**told, "equation": actuator, "condition": WITH_THE_INPUT}
     return replace(verdict, where=[where, *others]), gains
 

@@ -33,8 +33,9 @@ def with_drive_friction(
 ) -> Verdict:
     """The verdict with dry friction at the motor, where nothing is said of friction there, reversals do not
     exclude it, and the equation of a place behind the motor holds beside it and wants it: on the recordings
-    of both ``kinds``, by sizes that do not differ by more than OTHER_SIZE, NOTICEABLE beside the input's
-    torque, and so that it explains LEAST_EXPLAINED of what the equation leaves without it."""
+    of both ``kinds``, by sizes that do not differ by more than OTHER_SIZE, and so that it explains
+    LEAST_EXPLAINED of what the equation leaves without it; and on those of one kind it is NOTICEABLE beside
+    the input's torque."""
     acting = beside_findings(verdict, acting)
     dry = acting.dry_friction
     if turning.not_seen(dry.effect, dry.location) or acting.rubs(e for e in acting.beside if e != dry):
@@ -55,7 +56,7 @@ def with_drive_friction(
         return verdict
     sizes = [size for size, _, _ in told]
     explained = min(1.0 - (left / max(without, 1e-300)) ** 2 for _, left, without in told)
-    taken = min(math.sqrt(max(without**2 - left**2, 0.0)) for _, left, without in told)
+    taken = max(math.sqrt(max(without**2 - left**2, 0.0)) for _, left, without in told)
     steady = min(sizes) > 0.0 and max(sizes) - min(sizes) <= OTHER_SIZE * max(sizes)
     if not steady or explained < LEAST_EXPLAINED or taken < NOTICEABLE:
         return verdict

@@ -4,9 +4,14 @@ and what disturbs the joint a moment later. No signal that was made before does.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 from numpy.typing import NDArray
 
+from haptic_teleop_sim.kernel import pack
+from haptic_teleop_sysid.estimation.gauss_newton import Fit
+from haptic_teleop_sysid.estimation.likelihood import channels, innovations
 from haptic_teleop_sysid.estimation.records import Record
 
 FloatArray = NDArray[np.float64]
@@ -24,6 +29,13 @@ _SAME = 1e-10
 def answers(record: Record, innovation: FloatArray) -> bool:
     """Whether the input of a recording is a controller's, by its innovations (n, channels)."""
     return answered_share(record, innovation) > ANSWERS
+
+
+def in_open_loop(fit: Fit, records: Sequence[Record]) -> bool:
+    """Whether the input of none of some recordings is a controller's; ``fit``: of them."""
+    packed = pack(fit.model)
+    runs = ((r, innovations(packed, fit.noise, r).innovation[:, : len(channels(packed, r))]) for r in records)
+    return not any(answers(record, innovation) for record, innovation in runs)
 
 
 def answered_share(record: Record, innovation: FloatArray) -> float:

@@ -54,6 +54,7 @@ class LeftOver:
     read: NDArray[np.bool_]
 
 
+INPUT_TORQUE = "input torque"
 UNITS = {
     "motor velocity": "rad/s",
     "motor angle": "rad",
@@ -61,7 +62,7 @@ UNITS = {
     "arm angle": "rad",
     "deflection": "rad",
     "rate of deflection": "rad/s",
-    "input torque": "N*m",
+    INPUT_TORQUE: "N*m",
     "time": "s",
 }
 
@@ -79,7 +80,7 @@ def left_over(fit: Fit, record: Record) -> LeftOver:
         "motor velocity": vm,
         "motor angle": q[:, 0],
         "time": time,
-        "input torque": record.input * packed.torque_constant,
+        INPUT_TORQUE: record.input * packed.torque_constant,
     }
     if not packed.rigid:
         quantities |= {
