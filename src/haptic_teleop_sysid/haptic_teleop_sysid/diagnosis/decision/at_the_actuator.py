@@ -1,4 +1,4 @@
-"""An `unknown` at the motor that is the actuator's: what is missing follows the input, or is a share of it."""
+"""An `unknown` at the motor that is the actuator's: what is missing follows the input or is a share of it."""
 
 from __future__ import annotations
 
