@@ -66,7 +66,8 @@ def _shares(
     asked = [k for k, c in enumerate(result.choices) if _asked(result, c)]
     if not asked:
         return found
-    there = replace(held_out_fit(fit, validation, [fit.noise]), free=fit.free)
+    # The structure as it was fitted: on other recordings only the curve is new.
+    there = held_out_fit(fit, validation, [fit.noise])
     for k in asked:
         chosen = result.choices[k].chosen
         gain = lack_of_fit([(fit, estimation), (there, validation)], chosen.effect)

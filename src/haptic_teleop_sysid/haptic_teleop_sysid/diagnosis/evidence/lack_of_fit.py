@@ -56,7 +56,7 @@ def own_quantity(model: Model, effect: Effect) -> tuple[str, str] | None:
 def lack_of_fit(fits: Sequence[tuple[Fit, Sequence[Record]]], effect: Effect) -> float | None:
     """Nats that a curve over the effect's own quantity gains beside it on all recordings, net of chance; None
     for what has no such quantity, or where arithmetic fails. ``fits``: the model with the effect, with the
-    noise levels of each kind of recordings."""
+    noise levels of each kind of recordings, and with what is free there beside the curve."""
     own = own_quantity(fits[0][0].model, effect)
     if own is None:
         return None
