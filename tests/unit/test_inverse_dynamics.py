@@ -5,6 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+import scipy
 from stepped_machines import DT, RIGID, bent_spring, drive, pendulum, record, swing, two_masses
 
 from haptic_teleop_sim.effects import EFFECTS
@@ -410,3 +411,14 @@ def test_a_motor_that_cogs_is_seen_in_the_band_of_its_cogging():
     assert effect.values["amplitude"] == pytest.approx(0.15, rel=0.15)
     # Readings that scatter by more than a line does are no motion.
     assert motion_band([replace(r, resolution=(0.05, 0.05)) for r in learn]) < 20.0
+
+
+@pytest.mark.parametrize("size", [0.01, 0.03])
+def test_readings_that_wander_do_not_widen_the_band(size):
+    """A resolver wanders by more than a step of the encoder, the more the slower: no line of that stands out
+    from what is about it. An axis of a robot that moves below 1 Hz was asked up to 85 Hz."""
+    one = pendulum(0)
+    walk = np.cumsum(np.random.default_rng(4).standard_normal(len(one)))
+    wander = scipy.signal.sosfiltfilt(scipy.signal.butter(2, 4.0, "high", fs=1.0 / DT, output="sos"), walk)
+    read = one.measured + np.array([size / np.std(wander), 0.0]) * wander[:, None]
+    assert motion_band([replace(one, measured=read)]) == pytest.approx(motion_band([one]), rel=0.1)

@@ -18,7 +18,7 @@ FloatArray = NDArray[np.float64]
 
 #: Share of the velocity's power that lies below the band of the motion, and the cut-off relative to that.
 POWER, ABOVE = 0.95, 4.0
-#: Factor over the median of a spectrum behind its valley from which a line stands out.
+#: Factor over the median of a spectrum about it, over an octave, from which a line stands out.
 STANDS_OUT = 30.0
 #: Lowest and highest cut-off: cycles over a stretch that counts, and share of the sampling rate.
 LEAST_CYCLES, MOST_OF_RATE = 5.0, 0.1
@@ -64,14 +64,25 @@ def _lines(
     frequency: FloatArray, power: FloatArray, behind: NDArray[np.bool_], step: float
 ) -> NDArray[np.bool_]:
     """Where, among the places ``behind`` the valley of a velocity's spectrum, the angle moves: it stands out
-    there by STANDS_OUT over its own median, and moves by more than a ``step`` of the encoder, rms. Readings
-    that are rounded scatter by less than a third of a step in all."""
+    there by STANDS_OUT over the median about it, and moves by more than a ``step`` of the encoder, rms.
+    Readings that are rounded scatter by less than a third of a step in all; those that scatter the more the
+    slower it is have no line."""
     angle = np.zeros(len(frequency))
     angle[behind] = power[behind] / (2.0 * np.pi * frequency[behind]) ** 2
-    level = float(np.median(angle[behind])) if behind.any() else 0.0
-    found = behind & (angle > STANDS_OUT * level)
+    found = behind & (angle > STANDS_OUT * _about(frequency, angle, behind))
     moved = math.sqrt(float(np.sum(angle[found])) * (frequency[1] - frequency[0]))
     return found if moved > step else np.zeros(len(found), dtype=np.bool_)
+
+
+def _about(frequency: FloatArray, values: FloatArray, there: NDArray[np.bool_]) -> FloatArray:
+    """Median (n,) of values over the octave about each frequency, of the places that are ``there``."""
+    at, own = frequency[there], values[there]
+    if not len(at):
+        return np.zeros(len(frequency))
+    centres = np.geomspace(at[0], at[-1], max(round(6.0 * math.log2(at[-1] / at[0])), 2))
+    edges = np.searchsorted(at, [centres / math.sqrt(2.0), centres * math.sqrt(2.0)])
+    medians = [float(np.median(own[a:b])) if b > a else float(own[min(a, len(own) - 1)]) for a, b in edges.T]
+    return np.interp(frequency, centres, medians)
 
 
 def long_enough(records: Sequence[Record], cutoff: float) -> list[Record]:
