@@ -39,7 +39,7 @@ def at_the_actuator(
     if told["condition"] == INPUT_TORQUE and in_open_loop(elsewhere, judge):
         return replace(verdict, where=[{**told, "equation": actuator}, *others]), None
     gains = in_proportion([(baseline, learn), (elsewhere, judge)], baseline.free)
-    if not with_the_input(gains):
+    if not with_the_input(gains, model.rigid):
         return verdict, gains
     where = {**told, "equation": actuator, "condition": WITH_THE_INPUT}
     return replace(verdict, where=[where, *others]), gains

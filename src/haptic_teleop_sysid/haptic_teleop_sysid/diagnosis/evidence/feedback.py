@@ -5,6 +5,7 @@ and what disturbs the joint a moment later. No signal that was made before does.
 from __future__ import annotations
 
 from collections.abc import Sequence
+from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
@@ -24,11 +25,32 @@ _JUMPS = 5.0
 #: benchmark's closed loops have more than 0.32, none of 232 in an open loop more than 0.18.
 ANSWERS = 0.25
 _SAME = 1e-10
+#: How long a controller's output, and what the joint makes of it, answers to an innovation, s, and in how
+#: many steps, which grow with the time that has passed, that answer is drawn.
+_MEMORY, _BINS = 4.0, 70
 
 
 def answers(record: Record, innovation: FloatArray) -> bool:
     """Whether the input of a recording is a controller's, by its innovations (n, channels)."""
     return answered_share(record, innovation) > ANSWERS
+
+
+def exogenous(values: FloatArray, innovation: FloatArray, dt: float) -> FloatArray:
+    """What of quantities (n, q) does not follow from the innovations (n, channels) up to now, linearly: in a
+    closed loop the part that the reference makes, which no disturbance does (an instrument, as in the
+    two-stage method of Van den Hof and Schrama, Automatica 29, 1993). The answer to an innovation is drawn
+    in steps."""
+    n = len(innovation)
+    edges = np.unique(np.rint(np.geomspace(1.0, max(_MEMORY / dt, 2.0), _BINS)).astype(int))
+    columns = [np.ones(n)]
+    for channel in innovation.T:
+        whole = np.concatenate([[0.0], np.cumsum(channel / max(float(np.std(channel)), 1e-300))])
+        # Sums over samples k - edge .. k, each bin the difference of two.
+        sums = [whole[1:] - whole[np.maximum(np.arange(1, n + 1) - edge, 0)] for edge in edges if edge < n]
+        columns += [sums[0], *(after - before for before, after in pairwise(sums))]
+    basis = np.column_stack(columns)
+    basis /= np.maximum(np.sqrt(np.sum(basis**2, axis=0)), 1e-300)
+    return values - basis @ np.linalg.lstsq(basis, values, rcond=1e-9)[0]
 
 
 def in_open_loop(fit: Fit, records: Sequence[Record]) -> bool:

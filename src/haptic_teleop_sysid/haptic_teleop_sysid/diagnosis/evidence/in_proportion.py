@@ -7,7 +7,11 @@ at the motor, with one factor for every stretch of time, so that all quantities 
 gains can be compared. What a constant factor explains is taken out before: the structure or a name has that.
 
 In a closed loop the input answers to whatever is missing, a hand that pushes, too, and is in proportion to it
-for that reason: such recordings do not count (see `feedback`).
+for that reason. So only that part of each quantity counts there that does not follow from the innovations:
+what the reference makes of it (see `feedback.exogenous`).
+
+An inertia that changes takes a share of the acceleration, and on a rigid joint that is nearly a share of the
+input. Where the acceleration gains clearly more, it is the motor's; where neither does, it may be both.
 """
 
 from __future__ import annotations
@@ -32,11 +36,11 @@ from haptic_teleop_sysid.estimation.likelihood import (
 from haptic_teleop_sysid.estimation.records import Record
 
 from ..inputs.scales import bridged
-from .feedback import answers
+from .feedback import answers, exogenous
 
 FloatArray = NDArray[np.float64]
 
-INPUT = "input"
+INPUT, ACCELERATION = "input", "acceleration"
 #: Lengths of the stretches that are tried, s; the shortest are those of a lost command.
 STRETCHES = (0.05, 0.1, 0.2, 0.5, 1.0, 2.0)
 #: Nats that a factor must gain: half of one by chance, and as much again for what no model has quite right.
@@ -54,9 +58,8 @@ _SAME = 1e-8
 
 def in_proportion(fits: Sequence[tuple[Fit, Sequence[Record]]], free: tuple[str, ...]) -> dict[str, float]:
     """The nats that a factor which changes with time gains for each quantity on all recordings together, the
-    largest first, net of what it gains by chance, with the best of STRETCHES; recordings that were made in a
-    closed loop do not count, and {} where no other is left, or arithmetic fails. ``fits``: each with its
-    records; ``free``: the parameters that make up for what they can."""
+    largest first, net of what it gains by chance, with the best of STRETCHES; {} where arithmetic fails.
+    ``fits``: each with its records; ``free``: the parameters that make up for what they can."""
     gains: dict[tuple[str, float], float] = {}
     for fit, records in fits:
         for record in records:
@@ -74,29 +77,37 @@ def in_proportion(fits: Sequence[tuple[Fit, Sequence[Record]]], free: tuple[str,
     return dict(sorted(best.items(), key=lambda one: -one[1]))
 
 
-def with_the_input(gains: dict[str, float]) -> bool:
-    """Whether what is missing is in proportion to the input, and clearly less so to any motion."""
-    motion = [gain for name, gain in gains.items() if name != INPUT]
+def with_the_input(gains: dict[str, float], rigid: bool = False) -> bool:
+    """Whether what is missing is in proportion to the input, and clearly less so to any motion; on a
+    ``rigid`` joint, whose acceleration is nearly the input, to that not clearly more."""
+    motion = [gain for name, gain in gains.items() if name != INPUT and not (rigid and name == ACCELERATION)]
     if not motion:
         return False
     own = gains[INPUT]
-    return own > CLEARLY and own - max(motion) > max(CLEARLY, CLEARLY_SHARE * own)
+    if rigid and _clearly_more(gains[ACCELERATION], own):
+        return False
+    return own > CLEARLY and _clearly_more(own, max(motion))
+
+
+def _clearly_more(gain: float, other: float) -> bool:
+    return gain - other > max(CLEARLY, CLEARLY_SHARE * gain)
 
 
 def _gains(fit: Fit, record: Record, free: tuple[str, ...]) -> dict[tuple[str, float], float]:
-    """What each quantity gains on one recording with stretches of each length, nats; {} where the input is a
-    controller's."""
+    """What each quantity gains on one recording with stretches of each length, nats."""
     packed = pack(fit.model)
     run = innovations(packed, fit.noise, record, free)
     count = len(channels(packed, record))
-    if answers(record, run.innovation[:, :count]):
-        return {}
     errors, slopes = whiten(packed, record, run.innovation, run.d_innovation)
     answer = _answer(packed, fit, record, run.innovation)
     read = settled(record, seen(packed, record))[:, :count]
+    quantities = _quantities(fit, record, run.states)
+    if answers(record, run.innovation[:, :count]):
+        parts = exogenous(np.column_stack([*quantities.values()]), run.innovation[:, :count], record.dt)
+        quantities = dict(zip(quantities, parts.T, strict=True))
     answers_to = {
         name: (settled(record, _convolved(values, answer)) * read).reshape(-1)
-        for name, values in _quantities(fit, record, run.states).items()
+        for name, values in quantities.items()
     }
     steady = np.column_stack([slopes, *answers_to.values()])
     length = np.sqrt(np.sum(steady**2, axis=0))
@@ -149,10 +160,15 @@ def _convolved(values: FloatArray, answer: FloatArray) -> FloatArray:
 
 def _quantities(fit: Fit, record: Record, states: FloatArray) -> dict[str, FloatArray]:
     """What a torque at the motor may be in proportion to (n,), by name: the input and what the observer
-    predicts of the motion. Not the acceleration: that is what the input makes of it."""
-    motor, velocity = states[:, 0], states[:, 2]
+    predicts of the motion."""
+    motor, velocity, parameters = states[:, 0], states[:, 2], fit.model.parameters
+    torque = pack(fit.model).torque_constant * record.input + states[:, -2]
+    torque = torque - parameters["motor_damping"] * velocity
+    if not fit.model.rigid:
+        torque = torque - parameters["stiffness"] * (motor - states[:, 1])
     found = {
         INPUT: record.input,
+        ACCELERATION: torque / parameters["motor_inertia"],
         "a constant": np.ones(len(record)),
         "direction of motor velocity": np.sign(velocity),
         "motor angle": motor - np.mean(motor),
