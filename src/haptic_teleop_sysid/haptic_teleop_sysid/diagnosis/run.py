@@ -21,6 +21,7 @@ from .decision.measured_input import of_measured_input
 from .decision.misplaced import at_its_place, beside_findings, misplaced
 from .decision.nulls import Null, beyond_chance, nulls
 from .decision.outdone import outdone
+from .decision.own_bounds import within_bounds
 from .decision.own_law import by_its_law
 from .decision.own_quantity import follows_still, one_curve
 from .decision.read_wrong import read_wrong
@@ -122,8 +123,9 @@ def diagnose(
         doubt = away or doubt
     result, bent = one_curve(result)
     doubt = bent or doubt
+    result, beyond = within_bounds(result, found.learn)
     result, another, followed = by_its_law(result, found.learn, found.judge)
-    doubt = doubt or another
+    doubt = doubt or beyond or another
     adequate = None
     if any(c.chosen.by_current <= 0.0 for c in result.choices):
         result, adequate, varying = weighed(found, result, stand)
