@@ -10,7 +10,7 @@ from haptic_teleop_sysid.estimation.records import Record
 
 from ..evidence.held_out import held_out_fit
 from ..evidence.lack_of_fit import lack_of_fit, own_quantity
-from ..policy import ANOTHER_LAW, LEAST_GAIN, NOT_QUITE, NOT_QUITE_DRY
+from ..policy import ANOTHER_LAW, ANOTHER_LAW_DRY, LEAST_GAIN, NOT_QUITE, NOT_QUITE_DRY
 from .adequacy import Followed
 from .beside_the_others import left_out, without
 from .decide import Choice
@@ -31,15 +31,16 @@ def by_its_law(
     result: SearchResult, estimation: Sequence[Record], validation: Sequence[Record]
 ) -> tuple[SearchResult, Doubt | None, Followed | None]:
     """The result without names beside which a curve over their own quantity gains so much that the law is
-    another one (ANOTHER_LAW of what the name gains, as amplitudes), the worst one first, and in which nobody
-    is sure of one beside which it gains less, but clearly (NOT_QUITE); the doubt, where none is left, and
+    another one (`_limits`, of what the name gains, as amplitudes), the worst one first, and in which nobody
+    is sure of one beside which it gains less, but clearly; the doubt, where none is left, and
     what the torque of one that was given up follows, where others are. What the currents or the second
     method show is not asked: their sizes are not those by which innovations are smallest."""
     followed: Followed | None = None
     while result.choices:
         shares = _shares(result, estimation, validation)
-        worst = max(shares, key=lambda one: shares[one], default=None)
-        if worst is None or shares[worst] < ANOTHER_LAW:
+        another = [k for k in shares if shares[k] >= _limits(result.choices[k])[1]]
+        worst = max(another, key=lambda one: shares[one], default=None)
+        if worst is None:
             return _nobody_sure(result, shares), None, followed
         choice = result.choices[worst]
         effect = choice.chosen.effect
@@ -84,11 +85,17 @@ def _asked(result: SearchResult, choice: Choice) -> bool:
     return own_quantity(result.final.model, chosen.effect) is not None
 
 
+def _limits(choice: Choice) -> tuple[float, float]:
+    """From which shares nobody is sure of a choice, and its law is not the joint's."""
+    dry = choice.chosen.effect.entry.memory
+    return (NOT_QUITE_DRY, ANOTHER_LAW_DRY) if dry else (NOT_QUITE, ANOTHER_LAW)
+
+
 def _nobody_sure(result: SearchResult, shares: dict[int, float]) -> SearchResult:
     choices = list(result.choices)
     for k, share in shares.items():
         effect = choices[k].chosen.effect
-        if choices[k].unsure or share < (NOT_QUITE_DRY if effect.entry.memory else NOT_QUITE):
+        if choices[k].unsure or share < _limits(choices[k])[0]:
             continue
         name = effect.effect.replace("_", " ")
         unsure = (
