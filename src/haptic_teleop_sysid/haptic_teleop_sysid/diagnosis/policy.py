@@ -121,8 +121,7 @@ missing fall; lower: more physics outside the table gets a name. By hand, on the
 surely; 22 and none later, 19 and none since a name whose innovations are white is kept, unsurely; of a third
 one, looked at once, 20 and one."""
 
-NOT_QUITE, ANOTHER_LAW = 0.1, 0.3
-NOT_QUITE_DRY, ANOTHER_LAW_DRY = 0.25, 0.5
+NOT_QUITE, ANOTHER_LAW, NOT_QUITE_DRY, ANOTHER_LAW_DRY = 0.1, 0.3, 0.25, 0.5
 """Share of what a name gains that a curve over its own quantity gains beside it (log-likelihood net of
 chance, as amplitudes), from which nobody is sure of it, and from which the name's law is not the joint's;
 the second pair for dry friction and hysteresis, whose law near a reversal the literature writes in several
