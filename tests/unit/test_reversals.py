@@ -137,6 +137,16 @@ def test_few_reversals_and_readings_that_are_missing_there_say_nothing():
     assert FEWEST <= kept.reversals < jump(RIGID, [one], "motor").reversals
 
 
+@pytest.mark.parametrize("driven", [5.4, 24.5])
+def test_friction_that_is_small_beside_what_drives_one_recording_is_there(driven):
+    """It was a tenth of the torque on one kind of recordings, 2 % on the other, and said to be absent."""
+    jumps = Jump(0.605, 0.025, 12, 5.4), Jump(0.554, 0.006, 46, driven)
+    found = AtReversals("coulomb_friction", "j_motor", jumps)
+    assert found.stands and not found.absent
+    less = tuple(replace(j, size=0.1 * j.size) for j in jumps)
+    assert not AtReversals("coulomb_friction", "j_motor", less).stands
+
+
 def test_what_is_not_seen_is_absent_only_where_it_would_be_seen():
     sharp, blunt = (Jump(0.001, std, 20, 1.0) for std in (0.004, 0.04))
     for jumps, absent in (((sharp, sharp), True), ((blunt, blunt), False)):

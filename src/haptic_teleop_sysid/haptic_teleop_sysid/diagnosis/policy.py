@@ -200,8 +200,8 @@ true torques fall. By hand, on a robot's wrist (0.19); of right names on 60 real
 another size by half at most (0.68)."""
 
 LEAST_JUMP, SURE_JUMP = 0.03, 5.0
-"""Size of a torque that jumps where the motion turns, as a share of the rms input torque on recordings of
-either kind, and in standard errors of both together, from which it is dry friction. Lower: smooth physics
+"""Size of a torque that jumps where the motion turns, as a share of the rms input torque on the recordings of
+either kind that are driven less, and in standard errors of both together, from which it is dry friction. Lower: smooth physics
 that is strong at low speeds passes for friction; higher: small friction beside much else is missed. By hand,
 on two sealed draws of physics outside the table: 22 of 27 frictions are seen, 19 within a fifth of their
 size, and none of 25 cases without; of 150 cases of a seed of the benchmark, 40 clean ones among them, two

@@ -60,17 +60,22 @@ class AtReversals:
 
     @property
     def stands(self) -> bool:
-        """Whether it is there, on both kinds, and of one size."""
+        """Whether it is there, on both kinds, of one size, and worth a word on one of them."""
         sizes = [j.size for j in self.jumps]
-        clear = all(j.size > max(SEEN_TWICE * j.std, LEAST_JUMP * j.input) for j in self.jumps)
+        clear = all(j.size > SEEN_TWICE * j.std for j in self.jumps)
         alike = abs(sizes[0] - sizes[1]) <= OTHER_SIZE * max(sizes)
-        return clear and alike and self.size > SURE_JUMP * self.pooled
+        return clear and alike and self.size > max(SURE_JUMP * self.pooled, self.least)
+
+    @property
+    def least(self) -> float:
+        """N·m: the smallest that is worth a word on the recordings of either kind."""
+        return LEAST_JUMP * min(j.input for j in self.jumps)
 
     @property
     def absent(self) -> bool:
-        """Whether the smallest jump that stands would be seen, and none is."""
-        least = LEAST_JUMP * min(j.input for j in self.jumps)
-        return not self.stands and SURE_JUMP * self.pooled < least
+        """Whether the smallest jump that is worth a word would be seen, and none as large is."""
+        largest = self.size + SEEN_TWICE * self.pooled
+        return not self.stands and max(SURE_JUMP * self.pooled, largest) < self.least
 
     def content(self) -> dict[str, Any]:
         """What diagnosis.json says."""
