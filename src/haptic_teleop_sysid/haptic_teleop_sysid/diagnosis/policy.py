@@ -201,11 +201,12 @@ another size by half at most (0.68)."""
 
 LEAST_JUMP, SURE_JUMP = 0.03, 5.0
 """Size of a torque that jumps where the motion turns, as a share of the rms input torque on the recordings of
-either kind that are driven less, and in standard errors of both together, from which it is dry friction. Lower: smooth physics
-that is strong at low speeds passes for friction; higher: small friction beside much else is missed. By hand,
-on two sealed draws of physics outside the table: 22 of 27 frictions are seen, 19 within a fifth of their
-size, and none of 25 cases without; of 150 cases of a seed of the benchmark, 40 clean ones among them, two
-have one, both with friction."""
+either kind that are driven less, and in standard errors of both together, from which it is dry friction.
+Lower: smooth physics that is strong at low speeds passes for friction; higher: small friction beside much
+else is missed. By hand, on two sealed draws of physics outside the table, where both kinds had to exceed the
+share: 22 of 27 frictions are seen, 19 within a fifth of their size, and none of 25 cases without; of 150
+cases of a seed of the benchmark, 40 clean ones among them, two have one, both with friction. With the lesser
+share two more of 24 are seen on two later draws, within a tenth, and none of 68 cases without."""
 
 NEARLY_ALL = 0.8
 """Share of what torques without a form explain that the second witness' names must explain to stand where the
