@@ -206,7 +206,8 @@ Lower: smooth physics that is strong at low speeds passes for friction; higher: 
 else is missed. By hand, on two sealed draws of physics outside the table, where both kinds had to exceed the
 share: 22 of 27 frictions are seen, 19 within a fifth of their size, and none of 25 cases without; of 150
 cases of a seed of the benchmark, 40 clean ones among them, two have one, both with friction. With the lesser
-share two more of 24 are seen on two later draws, within a tenth, and none of 68 cases without."""
+share two more of 24 are seen on two later draws, within a tenth; of 48 cases without two have one, whose
+physics is a friction that fades."""
 
 NEARLY_ALL = 0.8
 """Share of what torques without a form explain that the second witness' names must explain to stand where the
