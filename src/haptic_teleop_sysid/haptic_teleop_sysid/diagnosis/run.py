@@ -123,9 +123,10 @@ def diagnose(
         doubt = away or doubt
     result, bent = one_curve(result)
     doubt = bent or doubt
-    result, beyond = within_bounds(result, found.learn)
     result, another, followed = by_its_law(result, found.learn, found.judge)
-    doubt = doubt or beyond or another
+    # Beside the others a moment or a size may have ended elsewhere.
+    result, beyond = within_bounds(result, found.learn)
+    doubt = doubt or another or beyond
     adequate = None
     if any(c.chosen.by_current <= 0.0 for c in result.choices):
         result, adequate, varying = weighed(found, result, stand)
