@@ -10,12 +10,13 @@ from haptic_teleop_sim.effects import MEASURED
 from haptic_teleop_sim.model import Model
 from haptic_teleop_sysid.recordings.dataset import DataSet
 
-from .decision.adequacy import short_of
+from .decision.adequacy import Adequacy, short_of
 from .decision.at_reversals import where_torque_jumps, with_friction
 from .decision.at_the_actuator import at_the_actuator
 from .decision.beside_unknown import with_names
 from .decision.decide import Choice
 from .decision.drive_friction import with_drive_friction
+from .decision.finding import unsure_of_their_shape
 from .decision.late_input import with_lateness
 from .decision.measured_input import of_measured_input
 from .decision.misplaced import at_its_place, beside_findings, misplaced
@@ -123,7 +124,9 @@ def diagnose(
         doubt = away or doubt
     result, bent = one_curve(result)
     doubt = bent or doubt
-    result, another, followed = by_its_law(result, found.learn, found.judge)
+    result, another, followed = (
+        (result, None, None) if found.freely else by_its_law(result, found.learn, found.judge)
+    )
     # Beside the others a moment or a size may have ended elsewhere.
     result, beyond = within_bounds(result, found.learn)
     doubt = doubt or another or beyond
@@ -131,8 +134,9 @@ def diagnose(
     if any(c.chosen.by_current <= 0.0 for c in result.choices):
         result, adequate, varying = weighed(found, result, stand)
         doubt = doubt or varying
-    if adequate is not None and followed is not None:
-        adequate = replace(adequate, random_left=False, follows=followed)
+    if followed is not None and (adequate is None or not adequate.random_left):
+        told = adequate or Adequacy(1.0, 1.0)
+        adequate = replace(told, follows=told.follows or followed)
     if adequate is not None and acting is not None:
         adequate = replace(adequate, parity=acting.explained([c.chosen.effect for c in result.choices]))
     if adequate is not None:
@@ -147,7 +151,9 @@ def diagnose(
         spread_by_form(result.final.model, found.learn, found.cutoff),
         spread_by_stretch(steady(found, result), result.final.model),
     )
-    verdict = decide_verdict(result, found.learn, found.judge, doubt, together(stand.spread, forms), adequate)
+    spread = together(stand.spread, forms)
+    result = replace(result, choices=unsure_of_their_shape(result.choices, result.final, spread))
+    verdict = decide_verdict(result, found.learn, found.judge, doubt, spread, adequate)
     turning = where_torque_jumps(result.baseline, found.learn, found.judge)
     mapped = instead = misread = None
     named = result.final

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from typing import Any
 
@@ -34,17 +34,11 @@ def finding(
 ) -> dict[str, Any]:
     """One finding, with the numbers of the final model; its standard errors are those of the fit with the
     spread between recordings and forms.  ``surest``: the most that its confidence may be, as far as it is
-    seen in the motion; of a richer form of which a size is not known nobody is sure; ``own``: the user's
-    model: what that has goes with no finding."""
+    seen in the motion; ``own``: the user's model: what that has goes with no finding."""
     effect = choice.chosen.effect
     beside = goes_with(effect, final.model) if own is None or goes_with(effect, own) is None else None
     fitted = _fitted(choice, final)
     parameters = _parameters(choice, final, spread)
-    plain = effect.entry.refinement
-    if plain is not None and not choice.unsure and shape_unknown(choice, final, spread):
-        name = plain.of.replace("_", " ")
-        unsure = f"it may be no more than {name}, because what makes it another form is not known"
-        choice = replace(choice, unsure=unsure)
     steady = 1.0
     if choice.chosen.by_current > 0.0:
         surest = SUREST
@@ -92,6 +86,21 @@ def shape_unknown(choice: Choice, final: Fit, spread: dict[str, float]) -> bool:
     sizes = [told[p.name] for p in choice.chosen.effect.entry.parameters if p.name in told and _is_size(p)]
     largest = max((abs(size["value"]) for size in sizes), default=0.0)
     return any(size["std"] > KNOWN * largest for size in sizes)
+
+
+def unsure_of_their_shape(
+    choices: Sequence[Choice], final: Fit, spread: dict[str, float]
+) -> tuple[Choice, ...]:
+    """The choices, in which nobody is sure of a richer form of which a size is not known."""
+    told = []
+    for choice in choices:
+        plain = choice.chosen.effect.entry.refinement
+        if plain is not None and not choice.unsure and shape_unknown(choice, final, spread):
+            name = plain.of.replace("_", " ")
+            unsure = f"it may be no more than {name}, because what makes it another form is not known"
+            choice = replace(choice, unsure=unsure)
+        told.append(choice)
+    return tuple(told)
 
 
 def _is_size(parameter: EffectParameter) -> bool:

@@ -21,8 +21,8 @@ from .search import SearchResult
 
 def within_bounds(result: SearchResult, estimation: Sequence[Record]) -> tuple[SearchResult, Doubt | None]:
     """The result without names of which a size, or the moment at which they act, ends at a bound where it
-    is not none, the last one first; and the doubt, where no name is left. What the currents show is not
-    asked."""
+    is not none, the last one first; and the doubt, where no name is left. What the currents or the second
+    method show is not asked."""
     while result.choices:
         asked = ((c, _at_its_bound(result, c)) for c in reversed(result.choices))
         found = [(c, name) for c, name in asked if name is not None]
@@ -42,7 +42,7 @@ def within_bounds(result: SearchResult, estimation: Sequence[Record]) -> tuple[S
 
 def _at_its_bound(result: SearchResult, choice: Choice) -> str | None:
     """The name of a size or moment of a choice's effect that ended at a bound."""
-    if choice.chosen.by_current > 0.0:
+    if choice.chosen.by_current > 0.0 or choice.chosen.witnessed is not None:
         return None
     effect, values = choice.chosen.effect, result.final.model.parameter_values()
     for parameter in effect.entry.parameters:

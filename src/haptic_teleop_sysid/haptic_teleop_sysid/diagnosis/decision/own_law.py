@@ -67,8 +67,7 @@ def _shares(
     asked = [k for k, c in enumerate(result.choices) if _asked(result, c)]
     if not asked:
         return found
-    # The structure as it was fitted: on other recordings only the curve is new.
-    there = held_out_fit(fit, validation, [fit.noise])
+    there = replace(held_out_fit(fit, validation, [fit.noise]), free=fit.free)
     for k in asked:
         chosen = result.choices[k].chosen
         gain = lack_of_fit([(fit, estimation), (there, validation)], chosen.effect)

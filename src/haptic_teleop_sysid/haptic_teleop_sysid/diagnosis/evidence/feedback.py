@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from haptic_teleop_sim.kernel import pack
 from haptic_teleop_sysid.estimation.gauss_newton import Fit
-from haptic_teleop_sysid.estimation.likelihood import channels, innovations
+from haptic_teleop_sysid.estimation.likelihood import FAILURES, channels, innovations
 from haptic_teleop_sysid.estimation.records import Record
 
 FloatArray = NDArray[np.float64]
@@ -28,6 +28,8 @@ _SAME = 1e-10
 #: How long a controller's output, and what the joint makes of it, answers to an innovation, s, and in how
 #: many steps, which grow with the time that has passed, that answer is drawn.
 _MEMORY, _BINS = 4.0, 70
+#: Share of a quantity's mean square that is rounding.
+_NOTHING = 1e-18
 
 
 def answers(record: Record, innovation: FloatArray) -> bool:
@@ -50,14 +52,22 @@ def exogenous(values: FloatArray, innovation: FloatArray, dt: float) -> FloatArr
         columns += [sums[0], *(after - before for before, after in pairwise(sums))]
     basis = np.column_stack(columns)
     basis /= np.maximum(np.sqrt(np.sum(basis**2, axis=0)), 1e-300)
-    return values - basis @ np.linalg.lstsq(basis, values, rcond=1e-9)[0]
+    left = values - basis @ np.linalg.lstsq(basis, values, rcond=1e-9)[0]
+    # Of a constant rounding is left.
+    return np.where(np.sum(left**2, axis=0) > _NOTHING * np.sum(values**2, axis=0), left, 0.0)
 
 
 def in_open_loop(fit: Fit, records: Sequence[Record]) -> bool:
-    """Whether the input of none of some recordings is a controller's; ``fit``: of them."""
+    """Whether the input of none of some recordings is a controller's; not of those too short to tell, or
+    where arithmetic fails. ``fit``: of them."""
     packed = pack(fit.model)
-    runs = ((r, innovations(packed, fit.noise, r).innovation[:, : len(channels(packed, r))]) for r in records)
-    return not any(answers(record, innovation) for record, innovation in runs)
+    if not all(len(r) >= 10 * (_OWN + _INNOVATIONS) and np.any(r.input) for r in records):
+        return False
+    try:
+        runs = [innovations(packed, fit.noise, r).innovation[:, : len(channels(packed, r))] for r in records]
+    except FAILURES:
+        return False
+    return not any(answers(record, innovation) for record, innovation in zip(records, runs, strict=True))
 
 
 def answered_share(record: Record, innovation: FloatArray) -> float:

@@ -4,20 +4,23 @@ A magnet's pull that is a sine of the deflection wins against all names as a cub
 peak as dry friction, and a torque that builds up faster than it goes as a lag. The curve says that the law is
 another one. Its torques are hats, one at each of some knots; the innovations answer to each as they do to a
 small torque like it, and a score test (Rao 1948) says what all of them together would gain, with the same
-torques on all recordings and all free parameters projected out. Inputs and predictions of the observer are
-known before the innovation, so this is right in a closed loop, too, as far as what else is missing is random.
+torques, and the same changes of all free parameters beside them, on all recordings. Inputs and predictions of
+the observer are known before the innovation, so this is right in a closed loop, too, as far as what else is
+missing is random.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
+from types import SimpleNamespace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from haptic_teleop_sim.effects import MEASURED
+from haptic_teleop_sim.effects.on_arrays import NUMERIC
 from haptic_teleop_sim.effects.torque_map import TorqueMap
-from haptic_teleop_sim.kernel import pack
+from haptic_teleop_sim.kernel import acting_torque, pack
 from haptic_teleop_sim.model import Effect, Model
 from haptic_teleop_sysid.estimation.gauss_newton import Fit, whiten
 from haptic_teleop_sysid.estimation.likelihood import FAILURES, innovations, settled
@@ -38,25 +41,51 @@ _SAME = 1e-6
 
 
 def own_quantity(model: Model, effect: Effect) -> tuple[str, str] | None:
-    """The variable of a `torque_map` that an effect's law is drawn over, and the place at which a torque over
-    it acts like the effect; None for what is no torque over one quantity."""
+    """The variable of a `torque_map` that an effect's law is over, and the place at which a torque over it
+    acts like the effect; None for what is no torque over one quantity, and beside a map of the user's own.
+    What an actuator makes of its input, late or not, is over the torque that acts."""
     entry, place = effect.entry, model.place(effect.location)
-    if entry.kind not in ("torque", "friction", "input") or entry.rates or entry.exogenous:
-        return None
-    if any(e.entry.tabulated for e in model.effects):
+    if entry.rates or entry.exogenous or any(e.entry.tabulated for e in model.effects):
         return None
     if place == "actuator":
-        return ("input", "motor") if entry.follows.startswith("input") else None
-    if entry.follows not in ("velocity", "angle", "deflection"):
+        return ("input", "motor") if entry.kind == "input" and entry.follows.startswith("input") else None
+    if entry.kind not in ("torque", "friction") or entry.follows not in ("velocity", "angle", "deflection"):
         return None
     quantity = "deflection_rate" if (place, entry.follows) == ("joint", "velocity") else entry.follows
-    return quantity, place
+    return (quantity, place) if _is_over(effect, quantity) else None
+
+
+def _is_over(effect: Effect, quantity: str) -> bool:
+    """Whether the effect's torque follows that quantity, and no other: where everything else changes, it does
+    not, and it is no constant. Dry friction turns with its velocity."""
+    equation, random = effect.entry.equation, np.random.default_rng(1)
+    if equation is None:
+        return False
+    values = {p.name: 1.0 if p.default is None else p.default for p in effect.entry.parameters}
+    numbers = SimpleNamespace(**{**values, **effect.parameters})
+    names = ("position", "velocity", "deflection", "deflection_rate", "acceleration", "time", "input")
+    at = {name: random.uniform(0.2, 1.0, 40) for name in names}
+    own = {"angle": "position", "deflection_rate": "velocity"}.get(quantity, quantity)
+    held = {own: np.repeat(at[own][:20], 2)}
+    if quantity == "deflection":
+        held["position"] = held[own]  # at the joint they are one
+    rest = {"stiffness": 1.0, "exogenous": 0.0, "state0": 0.0, "state1": 0.0}
+    variables = SimpleNamespace(**{**at, **held, **rest, **NUMERIC})
+    turned = own == "velocity"
+    variables.direction = np.sign(variables.velocity) if turned else random.choice([-1.0, 1.0], 40)
+    with np.errstate(all="ignore"):
+        first = np.broadcast_to(np.asarray(equation(variables, numbers), dtype=np.float64), 40)
+        for name in ("velocity", "direction") if turned else ():
+            setattr(variables, name, -getattr(variables, name))
+        other = np.broadcast_to(np.asarray(equation(variables, numbers), dtype=np.float64), 40)
+    same = bool(np.allclose(first[::2], first[1::2]))
+    return same and (not np.allclose(first, first[0]) or not np.allclose(first, other))
 
 
 def lack_of_fit(fits: Sequence[tuple[Fit, Sequence[Record]]], effect: Effect) -> float | None:
     """Nats that a curve over the effect's own quantity gains beside it on all recordings, net of chance; None
     for what has no such quantity, or where arithmetic fails. ``fits``: the model with the effect, with the
-    noise levels of each kind of recordings, and with what is free there beside the curve."""
+    noise levels of each kind of recordings, and what is free beside the curve."""
     own = own_quantity(fits[0][0].model, effect)
     if own is None:
         return None
@@ -65,23 +94,33 @@ def lack_of_fit(fits: Sequence[tuple[Fit, Sequence[Record]]], effect: Effect) ->
         knots = _knots([(fit, record) for fit, records in fits for record in records], quantity, place)
         if len(knots) < _FEWEST:
             return None
-        size, score = np.zeros((len(knots), len(knots))), np.zeros(len(knots))
+        free = len(fits[0][0].free)
+        size, score = np.zeros((free + len(knots),) * 2), np.zeros(free + len(knots))
         for fit, records in fits:
             for record in records:
                 more, along = _answered(fit, record, quantity, place, knots)
                 size, score = size + more, score + along
-        unit = np.sqrt(np.maximum(np.diag(size), 1e-300))
-        best = np.linalg.lstsq(size / np.outer(unit, unit), score / unit, rcond=_SAME)[0]
+        whole, beside = _gain(size, score), _gain(size[:free, :free], score[:free])
     except FAILURES:
         return None
-    gain = 0.5 * float(best @ (score / unit)) - _BY_CHANCE * len(knots)
-    return gain if np.isfinite(gain) else None
+    told = np.count_nonzero(np.diag(size)[free:] > 0.0)
+    gain = whole - beside - _BY_CHANCE * told
+    return float(gain) if np.isfinite(gain) else None
+
+
+def _gain(size: FloatArray, score: FloatArray) -> float:
+    """Nats that changes along columns of that information (k, k) and score (k,) gain, at best."""
+    if not len(score):
+        return 0.0
+    unit = np.sqrt(np.maximum(np.diag(size), 1e-300))
+    best = np.linalg.lstsq(size / np.outer(unit, unit), score / unit, rcond=_SAME)[0]
+    return 0.5 * float(best @ (score / unit))
 
 
 def _values(fit: Fit, record: Record, states: FloatArray, quantity: str, place: str) -> FloatArray:
     side = int(place == "arm")
     if quantity == "input":
-        return pack(fit.model).torque_constant * record.input
+        return acting_torque(pack(fit.model), record.input, record.dt, record.start)
     if quantity.startswith("deflection"):
         ahead = 2 if quantity == "deflection_rate" else 0
         return states[:, ahead] - states[:, ahead + 1]
@@ -104,13 +143,14 @@ def _knots(both: Sequence[tuple[Fit, Record]], quantity: str, place: str) -> tup
 def _answered(
     fit: Fit, record: Record, quantity: str, place: str, knots: tuple[float, ...]
 ) -> tuple[FloatArray, FloatArray]:
-    """Information (k, k) of the hats' torques, and what the innovations have along them (k,), by N·m; all
-    free parameters projected out."""
+    """Information (p + k, p + k) of the free parameters and of the hats' torques, by N·m, and what the
+    innovations have along them (p + k,)."""
     packed = pack(fit.model)
     run = innovations(packed, fit.noise, record, fit.free)
     small = _SMALL * abs(packed.torque_constant) * float(np.sqrt(np.mean(record.input**2)))
+    count = len(fit.free) + len(knots)
     if not small > 0.0:
-        return np.zeros((len(knots), len(knots))), np.zeros(len(knots))
+        return np.zeros((count, count)), np.zeros(count)
     answers = []
     for hat in np.eye(len(knots)) * small:
         table = TorqueMap((quantity,), (knots,), tuple(hat.tolist()))
@@ -118,9 +158,6 @@ def _answered(
         moved = innovations(pack(pushed), fit.noise, record).innovation - run.innovation
         answers.append(moved / small)
     slopes = np.concatenate([run.d_innovation, np.stack(answers, axis=-1)], axis=2)
+    del answers
     errors, slopes = whiten(packed, record, run.innovation, slopes)
-    known, hats = slopes[:, : len(fit.free)], slopes[:, len(fit.free) :]
-    length = np.sqrt(np.sum(known**2, axis=0))
-    known = np.linalg.qr(known[:, length > 0.0] / length[length > 0.0])[0]
-    hats = hats - known @ (known.T @ hats)
-    return hats.T @ hats, hats.T @ errors
+    return slopes.T @ slopes, slopes.T @ errors

@@ -18,8 +18,10 @@ FloatArray = NDArray[np.float64]
 
 #: Share of the velocity's power that lies below the band of the motion, and the cut-off relative to that.
 POWER, ABOVE = 0.95, 4.0
-#: Factor over the median of a spectrum about it, over an octave, from which a line stands out.
+#: Factor over the median of a spectrum about it from which a line stands out.
 STANDS_OUT = 30.0
+#: Octaves about a frequency: a motor that cogs at varying speed has a hump of one.
+_ABOUT = 3.0
 #: Lowest and highest cut-off: cycles over a stretch that counts, and share of the sampling rate.
 LEAST_CYCLES, MOST_OF_RATE = 5.0, 0.1
 #: s, length of the stretches whose spectra are averaged.
@@ -75,12 +77,13 @@ def _lines(
 
 
 def _about(frequency: FloatArray, values: FloatArray, there: NDArray[np.bool_]) -> FloatArray:
-    """Median (n,) of values over the octave about each frequency, of the places that are ``there``."""
+    """Median (n,) of values over _ABOUT octaves about each frequency, of the places that are ``there``."""
     at, own = frequency[there], values[there]
     if not len(at):
         return np.zeros(len(frequency))
     centres = np.geomspace(at[0], at[-1], max(round(6.0 * math.log2(at[-1] / at[0])), 2))
-    edges = np.searchsorted(at, [centres / math.sqrt(2.0), centres * math.sqrt(2.0)])
+    reach = 2.0 ** (0.5 * _ABOUT)
+    edges = np.searchsorted(at, [centres / reach, centres * reach])
     medians = [float(np.median(own[a:b])) if b > a else float(own[min(a, len(own) - 1)]) for a, b in edges.T]
     return np.interp(frequency, centres, medians)
 
