@@ -12,6 +12,7 @@ from numba import njit
 from stepped_machines import DT, ELASTIC, FINE, RIGID, drive, record
 
 from haptic_teleop_sim.model import Effect
+from haptic_teleop_sysid.diagnosis.decision import drive_friction
 from haptic_teleop_sysid.diagnosis.decision.adequacy import NOT_SURE, Adequacy
 from haptic_teleop_sysid.diagnosis.decision.at_reversals import Turning
 from haptic_teleop_sysid.diagnosis.decision.decide import Choice
@@ -245,6 +246,20 @@ def test_friction_of_the_drive_is_told_with_its_size_whatever_acts_behind_it(mac
         assert with_drive_friction(again, acting, kinds, fit, Turning()) is again
         excluded = Turning(smooth=frozenset({("coulomb_friction", "j_motor")}))
         assert with_drive_friction(verdict, acting, kinds, fit, excluded) is verdict
+
+
+@pytest.mark.parametrize(("small", "told"), [(0.006, True), (0.02, False)])
+def test_friction_of_the_drive_may_be_small_beside_what_drives_one_kind(machines, monkeypatch, small, told):
+    """It took 0.6 % of the input's torque off what a chirp leaves, and 7 % of what small motions leave."""
+    kinds = [[one] for one in machines("joint", coulomb=0.3)]
+    acting = ActingPlace(ELASTIC, [*kinds[0], *kinds[1]], CUTOFF)
+    fit = found(kinds[0], friction("motor")).baseline
+    where = [{"equation": "j_joint", "share": 0.9, "condition": "time", "intervals": []}]
+    verdict = Verdict("unknown", where, [], [], [])
+    large = 0.075 if told else small
+    asked = iter([(0.3, 0.1 * large, large), (0.3, 0.1 * small, small)])
+    monkeypatch.setattr(drive_friction, "torque_at_the_motor", lambda *arguments: next(asked))
+    assert bool(with_drive_friction(verdict, acting, kinds, fit, Turning()).findings) is told
 
 
 def test_friction_of_the_drive_is_told_where_it_is_not_clear_what_acts_behind_it(machines):

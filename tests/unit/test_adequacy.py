@@ -115,6 +115,23 @@ def test_parity_equations_alone_do_not_make_an_unknown_where_nothing_worth_a_wor
     assert Adequacy(1.0, 1.0, random_left=False, parity=0.0).much_is_left, "what is left is not random"
 
 
+@pytest.mark.parametrize(
+    ("size", "white", "random"),
+    [(0.05, False, True), (0.08, False, False), (0.08, True, True), (0.13, True, False)],
+)
+def test_beside_white_innovations_a_weak_name_may_leave_as_much_as_a_machine_without_names(
+    monkeypatch, size, white, random
+):
+    """Effects of d' 8 beside a random torque of 6 to 7 % were `unknown`."""
+    records = [pendulum(0, coulomb=0.05)]
+    bare = fitted(TRUE, records, ())
+    monkeypatch.setattr(adequacies, "left_size", lambda fit, records: size)
+    errors = (0.5, 0.5), (0.5, 0.5)
+    found = adequacy(bare, bare, records, *errors, random_left=True, white=lambda: white)
+    assert found.torque < 0.5 and found.random_left is random
+    assert not adequacy(bare, bare, records, *errors, random_left=False, white=lambda: True).random_left
+
+
 def test_the_error_of_free_runs_counts_in_mean_squares():
     records = [pendulum(0, coulomb=0.01)]
     bare = fitted(TRUE, records, ())

@@ -74,3 +74,15 @@ def test_the_others_stay(monkeypatch):
 def test_what_the_currents_show_is_not_asked():
     before = result(LOAD, at_bound=("stage1_motor.payload_change.time",), by_current=9.0)
     assert within_bounds(before, []) == (before, None)
+
+
+@pytest.mark.parametrize(("time", "stays"), [(0.3, False), (12.0, True)])
+def test_what_is_fitted_again_must_still_deserve_its_name(time, stays):
+    """Beside what was left, a load changed 0.3 s after the recordings of 20 s had begun."""
+    found = replace(LOAD, parameters={"time": 10.0, "inertia": 0.6})
+    before = result(found, at_bound=())
+    again = fit_of(MODEL.with_effects(replace(LOAD, parameters={"time": time, "inertia": 0.6})))
+    scales = SimpleNamespace(size={"torque": 1.0}, at=lambda location: at)
+    at = SimpleNamespace(size={"duration": 20.0, "inertia": 0.1})
+    after, doubt = within_bounds(replace(before, final=again, scales=scales), [])
+    assert bool(after.choices) == stays and (doubt is None) == stays

@@ -13,7 +13,12 @@ from haptic_teleop_sim.effects import EFFECTS
 from haptic_teleop_sim.model import Effect, load_model
 from haptic_teleop_sysid.commands.diagnose import main
 from haptic_teleop_sysid.diagnosis.decision.decide import Choice
-from haptic_teleop_sysid.diagnosis.decision.finding import shape_unknown, size_known
+from haptic_teleop_sysid.diagnosis.decision.finding import (
+    finding,
+    shape_unknown,
+    size_known,
+    unsure_of_their_shape,
+)
 from haptic_teleop_sysid.diagnosis.decision.free_run_sizes import sized_freely
 from haptic_teleop_sysid.diagnosis.decision.opinion_as_result import as_result
 from haptic_teleop_sysid.diagnosis.decision.overruled import (
@@ -344,6 +349,10 @@ def test_a_friction_that_falls_nobody_knows_to_what_has_no_known_shape(rubbing):
     for std, unknown in ((known, False), ({**known, head + "coulomb": 1.25}, True)):
         result = found_by_prediction(baseline, falling, std=std)
         assert shape_unknown(result.choices[0], result.final, {}) == unknown
+        (choice,) = unsure_of_their_shape(result.choices, result.final, {})
+        assert ("no more than coulomb friction" in choice.unsure) == unknown
+        told = finding(choice, result.final, {})
+        assert (told["confidence"] <= 0.69) == unknown
     # The spread between recordings counts.
     result = found_by_prediction(baseline, falling, std=known)
     assert shape_unknown(result.choices[0], result.final, {head + "breakaway": 0.3})

@@ -13,6 +13,7 @@ import numpy as np
 from haptic_teleop_sim.effects import EffectParameter
 from haptic_teleop_sysid.estimation.records import Record
 
+from ..hypotheses.material import material
 from .beside_the_others import left_out, without
 from .decide import Choice
 from .reasons import Doubt
@@ -21,35 +22,36 @@ from .search import SearchResult
 
 def within_bounds(result: SearchResult, estimation: Sequence[Record]) -> tuple[SearchResult, Doubt | None]:
     """The result without names of which a size, or the moment at which they act, ends at a bound where it
-    is not none, the last one first; and the doubt, where no name is left. What the currents or the second
+    is not none, and those that, fitted beside the ones that are left, do not deserve their name any more (see
+    `material`); the last one first; and the doubt, where no name is left. What the currents or the second
     method show is not asked."""
     while result.choices:
-        asked = ((c, _at_its_bound(result, c)) for c in reversed(result.choices))
-        found = [(c, name) for c, name in asked if name is not None]
-        if not found:
+        asked = ((c, _against(result, c)) for c in reversed(result.choices))
+        choice, why = next(((c, why) for c, why in asked if why is not None), (None, ""))
+        if choice is None:
             break
-        choice, name = found[0]
-        effect = choice.chosen.effect
-        why = (
-            f"the {name.replace('_', ' ')} of {effect.effect} at {effect.location} would be at the end of "
-            "what is possible, or beyond"
-        )
         if len(result.choices) == 1:
             return result.without_names([choice], why), Doubt(choice, why)
-        result = left_out(result, choice, why, without(result, effect, estimation))
+        result = left_out(result, choice, why, without(result, choice.chosen.effect, estimation))
     return result, None
 
 
-def _at_its_bound(result: SearchResult, choice: Choice) -> str | None:
-    """The name of a size or moment of a choice's effect that ended at a bound."""
+def _against(result: SearchResult, choice: Choice) -> str | None:
+    """What speaks against a choice, None for nothing."""
     if choice.chosen.by_current > 0.0 or choice.chosen.witnessed is not None:
         return None
-    effect, values = choice.chosen.effect, result.final.model.parameter_values()
+    effect, final = choice.chosen.effect, result.final
+    named = f"{effect.effect} at {effect.location}"
     for parameter in effect.entry.parameters:
         name = f"{effect.location}.{effect.effect}.{parameter.name}"
-        told = _says_that_it_is_there(parameter, values.get(name, 0.0), effect.entry.momentary)
-        if name in result.final.at_bound and told:
-            return parameter.name
+        value = final.model.parameter_values().get(name, 0.0)
+        if name in final.at_bound and _says_that_it_is_there(parameter, value, effect.entry.momentary):
+            what = parameter.name.replace("_", " ")
+            return f"the {what} of {named} would be at the end of what is possible, or beyond"
+    key = effect.effect, effect.location
+    fitted = next((e for e in final.model.effects if (e.effect, e.location) == key), effect)
+    if fitted != effect and not material(fitted, result.scales):
+        return f"beside the others {named} is too small, or too near to an end of the recordings, to be told"
     return None
 
 
