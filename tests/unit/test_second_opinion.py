@@ -261,9 +261,9 @@ def test_real_machines_get_the_names_and_sizes_of_the_published_order(
     said = json.loads((tmp_path / "out" / "diagnosis.json").read_text())
     assert said["verdict"] == "identified"
     assert {f["effect"] for f in said["findings"]} == set(named)
-    for finding in said["findings"]:
-        low, high = named[finding["effect"]]
-        assert low < finding["parameters"]["torque"]["value"] < high
+    for one in said["findings"]:
+        low, high = named[one["effect"]]
+        assert low < one["parameters"]["torque"]["value"] < high
     before, after = said["fit"]["baseline"]["validation"], said["fit"]["augmented"]["validation"]
     assert all(after[name] > before[name] + 5.0 for name in before)
     model = load_model(tmp_path / "out" / "augmented_model.yaml")
