@@ -82,7 +82,7 @@ def test_what_is_fitted_again_must_still_deserve_its_name(time, stays):
     found = replace(LOAD, parameters={"time": 10.0, "inertia": 0.6})
     before = result(found, at_bound=())
     again = fit_of(MODEL.with_effects(replace(LOAD, parameters={"time": time, "inertia": 0.6})))
-    scales = SimpleNamespace(size={"torque": 1.0}, at=lambda location: at)
+    scales = SimpleNamespace(size={"torque": 1.0}, at=lambda location: at, driven=lambda model: scales)
     at = SimpleNamespace(size={"duration": 20.0, "inertia": 0.1})
     after, doubt = within_bounds(replace(before, final=again, scales=scales), [])
     assert bool(after.choices) == stays and (doubt is None) == stays

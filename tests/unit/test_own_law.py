@@ -161,6 +161,8 @@ def test_what_a_curve_gains_is_no_more_than_a_fit_with_it():
         (FRICTION, ("velocity", "motor")),
         (Effect("joint_damping", "stage1_joint", {"coefficient": 0.1}), ("deflection_rate", "joint")),
         (Effect("gravity", "stage1_arm", {"torque": 0.1, "phase": 0.0}), ("angle", "arm")),
+        (Effect("hard_stop", "stage1_arm", {"angle": -0.9, "stiffness": 100.0}), ("angle", "arm")),
+        (Effect("hard_stop", "stage1_arm", {"angle": 1.5, "stiffness": 100.0}), ("angle", "arm")),
         (Effect("dead_zone", "stage1_actuator", {"width": 0.1}), ("input", "motor")),
         (Effect("actuator_lag", "stage1_actuator", {"time_constant": 0.01}), ("input", "motor")),
         (Effect("sensor_delay", "stage1_arm_encoder", {"delay": 0.01}), None),

@@ -50,7 +50,7 @@ def _against(result: SearchResult, choice: Choice) -> str | None:
             return f"the {what} of {named} would be at the end of what is possible, or beyond"
     key = effect.effect, effect.location
     fitted = next((e for e in final.model.effects if (e.effect, e.location) == key), effect)
-    if fitted != effect and not material(fitted, result.scales):
+    if fitted != effect and not material(fitted, result.scales.driven(final.model)):
         return f"beside the others {named} is too small, or too near to an end of the recordings, to be told"
     return None
 

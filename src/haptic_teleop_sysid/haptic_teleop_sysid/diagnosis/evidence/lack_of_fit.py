@@ -37,7 +37,7 @@ _SMALL = 1e-3
 #: Nats that a knot gains by chance, on data it was fitted to.
 _BY_CHANCE = 2.0
 #: Share of the largest singular value from which curves count as combinations of others.
-_SAME = 1e-6
+_SAME = 1e-3
 
 
 def own_quantity(model: Model, effect: Effect) -> tuple[str, str] | None:
@@ -65,6 +65,11 @@ def _is_over(effect: Effect, quantity: str) -> bool:
     numbers = SimpleNamespace(**{**values, **effect.parameters})
     names = ("position", "velocity", "deflection", "deflection_rate", "acceleration", "time", "input")
     at = {name: random.uniform(0.2, 1.0, 40) for name in names}
+    # Both sides, and beyond what the effect begins at.
+    angles = [abs(getattr(numbers, p.name)) for p in effect.entry.parameters if p.unit == "rad"]
+    reach = 2.0 * max([1.0, *angles])
+    for name in ("position", "deflection"):
+        at[name] = random.uniform(-reach, reach, 40)
     own = {"angle": "position", "deflection_rate": "velocity"}.get(quantity, quantity)
     held = {own: np.repeat(at[own][:20], 2)}
     if quantity == "deflection":
@@ -91,30 +96,23 @@ def lack_of_fit(fits: Sequence[tuple[Fit, Sequence[Record]]], effect: Effect) ->
         return None
     quantity, place = own
     try:
-        knots = _knots([(fit, record) for fit, records in fits for record in records], quantity, place)
+        both = [(fit, record) for fit, records in fits for record in records]
+        knots = _knots(both, quantity, place)
         if len(knots) < _FEWEST:
             return None
         free = len(fits[0][0].free)
-        size, score = np.zeros((free + len(knots),) * 2), np.zeros(free + len(knots))
-        for fit, records in fits:
-            for record in records:
-                more, along = _answered(fit, record, quantity, place, knots)
-                size, score = size + more, score + along
-        whole, beside = _gain(size, score), _gain(size[:free, :free], score[:free])
+        each = [_answered(fit, record, quantity, place, knots) for fit, record in both]
+        rows = np.vstack(each)
+        known, hats, errors = rows[:, :free], rows[:, free:-1], rows[:, -1]
+        length = np.sqrt(np.sum(known**2, axis=0))
+        known = np.linalg.qr(known[:, length > 0.0] / length[length > 0.0])[0]
+        hats, errors = (part - known @ (known.T @ part) for part in (hats, errors))
+        there = np.sqrt(np.sum(hats**2, axis=0)) > 0.0
+        best = np.linalg.lstsq(hats[:, there], errors, rcond=_SAME)[0]
     except FAILURES:
         return None
-    told = np.count_nonzero(np.diag(size)[free:] > 0.0)
-    gain = whole - beside - _BY_CHANCE * told
+    gain = 0.5 * float(np.sum((hats[:, there] @ best) ** 2)) - _BY_CHANCE * np.count_nonzero(there)
     return float(gain) if np.isfinite(gain) else None
-
-
-def _gain(size: FloatArray, score: FloatArray) -> float:
-    """Nats that changes along columns of that information (k, k) and score (k,) gain, at best."""
-    if not len(score):
-        return 0.0
-    unit = np.sqrt(np.maximum(np.diag(size), 1e-300))
-    best = np.linalg.lstsq(size / np.outer(unit, unit), score / unit, rcond=_SAME)[0]
-    return 0.5 * float(best @ (score / unit))
 
 
 def _values(fit: Fit, record: Record, states: FloatArray, quantity: str, place: str) -> FloatArray:
@@ -142,15 +140,14 @@ def _knots(both: Sequence[tuple[Fit, Record]], quantity: str, place: str) -> tup
 
 def _answered(
     fit: Fit, record: Record, quantity: str, place: str, knots: tuple[float, ...]
-) -> tuple[FloatArray, FloatArray]:
-    """Information (p + k, p + k) of the free parameters and of the hats' torques, by N·m, and what the
-    innovations have along them (p + k,)."""
+) -> FloatArray:
+    """How the innovations answer to the free parameters and to the hats' torques, by N·m, and they themselves,
+    in units of their standard deviation: rows (p + k + 1, p + k + 1) with the products of all samples."""
     packed = pack(fit.model)
     run = innovations(packed, fit.noise, record, fit.free)
     small = _SMALL * abs(packed.torque_constant) * float(np.sqrt(np.mean(record.input**2)))
-    count = len(fit.free) + len(knots)
     if not small > 0.0:
-        return np.zeros((count, count)), np.zeros(count)
+        return np.zeros((0, len(fit.free) + len(knots) + 1))
     answers = []
     for hat in np.eye(len(knots)) * small:
         table = TorqueMap((quantity,), (knots,), tuple(hat.tolist()))
@@ -160,4 +157,4 @@ def _answered(
     slopes = np.concatenate([run.d_innovation, np.stack(answers, axis=-1)], axis=2)
     del answers
     errors, slopes = whiten(packed, record, run.innovation, slopes)
-    return slopes.T @ slopes, slopes.T @ errors
+    return np.asarray(np.linalg.qr(np.column_stack([slopes, errors]), mode="r"), dtype=np.float64)

@@ -21,7 +21,7 @@ POWER, ABOVE = 0.95, 4.0
 #: Factor over the median of a spectrum about it from which a line stands out.
 STANDS_OUT = 30.0
 #: Octaves about a frequency: a motor that cogs at varying speed has a hump of one.
-_ABOUT = 3.0
+_ABOUT, _PLACES = 3.0, 96
 #: Lowest and highest cut-off: cycles over a stretch that counts, and share of the sampling rate.
 LEAST_CYCLES, MOST_OF_RATE = 5.0, 0.1
 #: s, length of the stretches whose spectra are averaged.
@@ -83,8 +83,9 @@ def _about(frequency: FloatArray, values: FloatArray, there: NDArray[np.bool_]) 
         return np.zeros(len(frequency))
     centres = np.geomspace(at[0], at[-1], max(round(6.0 * math.log2(at[-1] / at[0])), 2))
     reach = 2.0 ** (0.5 * _ABOUT)
-    edges = np.searchsorted(at, [centres / reach, centres * reach])
-    medians = [float(np.median(own[a:b])) if b > a else float(own[min(a, len(own) - 1)]) for a, b in edges.T]
+    # Places at equal steps of the logarithm: as many below a frequency as above it.
+    about = np.clip(np.outer(centres, np.geomspace(1.0 / reach, reach, _PLACES)), at[0], at[-1])
+    medians = np.median(own[np.clip(np.searchsorted(at, about), 0, len(own) - 1)], axis=1)
     return np.interp(frequency, centres, medians)
 
 
