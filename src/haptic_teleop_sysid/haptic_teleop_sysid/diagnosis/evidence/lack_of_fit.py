@@ -141,7 +141,7 @@ def _knots(both: Sequence[tuple[Fit, Record]], quantity: str, place: str) -> tup
 def _answered(
     fit: Fit, record: Record, quantity: str, place: str, knots: tuple[float, ...]
 ) -> FloatArray:
-    """How the innovations answer to the free parameters and to the hats' torques, by N·m, and they themselves,
+    """How the innovations answer to the free parameters and to the hats' torques, by N·m, and what they are,
     in units of their standard deviation: rows (p + k + 1, p + k + 1) with the products of all samples."""
     packed = pack(fit.model)
     run = innovations(packed, fit.noise, record, fit.free)
