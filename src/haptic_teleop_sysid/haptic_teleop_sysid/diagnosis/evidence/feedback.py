@@ -5,7 +5,6 @@ and what disturbs the joint a moment later. No signal that was made before does.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
@@ -28,8 +27,8 @@ _SAME = 1e-10
 #: How long a controller's output, and what the joint makes of it, answers to an innovation, s, and in how
 #: many steps, which grow with the time that has passed, that answer is drawn.
 _MEMORY, _BINS = 4.0, 70
-#: Share of a quantity's mean square that is rounding.
-_NOTHING = 1e-18
+#: Samples whose columns are in memory at once; share of a quantity's mean square that is rounding.
+_BLOCK, _NOTHING = 20_000, 1e-16
 
 
 def answers(record: Record, innovation: FloatArray) -> bool:
@@ -44,15 +43,28 @@ def exogenous(values: FloatArray, innovation: FloatArray, dt: float) -> FloatArr
     in steps."""
     n = len(innovation)
     edges = np.unique(np.rint(np.geomspace(1.0, max(_MEMORY / dt, 2.0), _BINS)).astype(int))
-    columns = [np.ones(n)]
-    for channel in innovation.T:
-        whole = np.concatenate([[0.0], np.cumsum(channel / max(float(np.std(channel)), 1e-300))])
-        # Sums over samples k - edge .. k, each bin the difference of two.
-        sums = [whole[1:] - whole[np.maximum(np.arange(1, n + 1) - edge, 0)] for edge in edges if edge < n]
-        columns += [sums[0], *(after - before for before, after in pairwise(sums))]
-    basis = np.column_stack(columns)
-    basis /= np.maximum(np.sqrt(np.sum(basis**2, axis=0)), 1e-300)
-    left = values - basis @ np.linalg.lstsq(basis, values, rcond=1e-9)[0]
+    sums = [
+        np.concatenate([[0.0], np.cumsum(channel / max(float(np.std(channel)), 1e-300))])
+        for channel in innovation.T
+    ]
+
+    def basis(block: slice) -> FloatArray:
+        """A constant, and the innovations of each bin before each sample of a block."""
+        after = np.arange(block.start + 1, block.stop + 1)
+        columns = [np.ones(len(after))]
+        for whole in sums:
+            passed = np.stack([whole[np.maximum(after - edge, 0)] for edge in (0, *edges.tolist())])
+            columns += [*(passed[:-1] - passed[1:])]
+        return np.column_stack(columns)
+
+    blocks = [slice(start, min(start + _BLOCK, n)) for start in range(0, n, _BLOCK)]
+    products, mixed = 0.0, 0.0
+    for block in blocks:
+        own = basis(block)
+        products, mixed = products + own.T @ own, mixed + own.T @ values[block]
+    unit = np.sqrt(np.maximum(np.diag(products), 1e-300))
+    answer = np.linalg.lstsq(products / np.outer(unit, unit), mixed / unit[:, None], rcond=_SAME)[0]
+    left = np.concatenate([values[block] - (basis(block) / unit) @ answer for block in blocks])
     # Of a constant rounding is left.
     return np.where(np.sum(left**2, axis=0) > _NOTHING * np.sum(values**2, axis=0), left, 0.0)
 

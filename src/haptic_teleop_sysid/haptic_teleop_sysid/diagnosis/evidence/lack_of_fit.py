@@ -38,6 +38,8 @@ _SMALL = 1e-3
 _BY_CHANCE = 2.0
 #: Share of the largest singular value from which curves count as combinations of others.
 _SAME = 1e-3
+#: Rows that are made triangular at once.
+_BLOCK = 50_000
 
 
 def own_quantity(model: Model, effect: Effect) -> tuple[str, str] | None:
@@ -148,13 +150,17 @@ def _answered(
     small = _SMALL * abs(packed.torque_constant) * float(np.sqrt(np.mean(record.input**2)))
     if not small > 0.0:
         return np.zeros((0, len(fit.free) + len(knots) + 1))
-    answers = []
-    for hat in np.eye(len(knots)) * small:
+    free = len(fit.free)
+    slopes = np.empty((*run.innovation.shape, free + len(knots)))
+    slopes[:, :, :free] = run.d_innovation
+    for k, hat in enumerate(np.eye(len(knots)) * small):
         table = TorqueMap((quantity,), (knots,), tuple(hat.tolist()))
         pushed = fit.model.with_effects(Effect(MEASURED.name, fit.model.location(place), table=table))
         moved = innovations(pack(pushed), fit.noise, record).innovation - run.innovation
-        answers.append(moved / small)
-    slopes = np.concatenate([run.d_innovation, np.stack(answers, axis=-1)], axis=2)
-    del answers
+        slopes[:, :, free + k] = moved / small
     errors, slopes = whiten(packed, record, run.innovation, slopes)
-    return np.asarray(np.linalg.qr(np.column_stack([slopes, errors]), mode="r"), dtype=np.float64)
+    rows = np.zeros((0, slopes.shape[1] + 1))
+    for start in range(0, len(errors), _BLOCK):
+        block = slice(start, start + _BLOCK)
+        rows = np.linalg.qr(np.vstack([rows, np.column_stack([slopes[block], errors[block]])]), mode="r")
+    return np.asarray(rows, dtype=np.float64)
