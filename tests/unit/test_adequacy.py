@@ -13,6 +13,7 @@ from haptic_teleop_sysid.diagnosis.decision.adequacy import (
     Followed,
     adequacy,
     explained_torque,
+    following,
     left_size,
     short_of,
 )
@@ -130,6 +131,17 @@ def test_beside_white_innovations_a_weak_name_may_leave_as_much_as_a_machine_wit
     found = adequacy(bare, bare, records, *errors, random_left=True, white=lambda: white)
     assert found.torque < 0.5 and found.random_left is random
     assert not adequacy(bare, bare, records, *errors, random_left=False, white=lambda: True).random_left
+
+
+def test_what_a_name_that_went_followed_is_missing_still():
+    left, other = Followed("j_motor", "motor velocity"), Followed("j_motor", "motor angle")
+    names = Adequacy(0.95, 0.95)
+    assert following(names, None) is names and following(None, None) is None
+    assert following(names, left).much_is_left and following(names, left).follows == left
+    assert following(replace(names, follows=other), left).follows == other, "asked beside what is left"
+    assert following(None, left).much_is_left, "names that the currents show alone"
+    random = replace(names, random_left=True)
+    assert following(random, left) is random, "it left nothing but chance"
 
 
 def test_the_error_of_free_runs_counts_in_mean_squares():

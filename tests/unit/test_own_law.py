@@ -16,8 +16,9 @@ from haptic_teleop_sim.model import Effect
 from haptic_teleop_sysid.diagnosis.decision.decide import Choice
 from haptic_teleop_sysid.diagnosis.decision.own_law import by_its_law
 from haptic_teleop_sysid.diagnosis.decision.search import SearchResult
-from haptic_teleop_sysid.diagnosis.evidence.lack_of_fit import lack_of_fit, own_quantity
+from haptic_teleop_sysid.diagnosis.evidence.lack_of_fit import lack_of_fit
 from haptic_teleop_sysid.diagnosis.hypotheses.explanation import Explanation
+from haptic_teleop_sysid.diagnosis.hypotheses.follows import own_variable
 from haptic_teleop_sysid.diagnosis.policy import LEAST_GAIN
 from haptic_teleop_sysid.estimation.records import Record
 from haptic_teleop_sysid.estimation.whole_fit import fit_whole, noise_starts
@@ -180,7 +181,7 @@ def test_what_a_curve_gains_is_no_more_than_a_fit_with_it():
     ],
 )
 def test_the_quantity_of_a_law(effect, own):
-    assert own_quantity(STAGE.with_effects(effect), effect) == own
+    assert own_variable(STAGE.with_effects(effect), effect) == own
 
 
 def test_what_currents_or_the_second_method_show_is_not_asked(wrong):

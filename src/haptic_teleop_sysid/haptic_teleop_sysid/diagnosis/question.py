@@ -21,6 +21,8 @@ from .decision.finding import shape_unknown, size_unknown
 from .decision.misread import misread
 from .decision.opinion_as_result import as_result
 from .decision.overruled import believed_instead, beyond_reach, more_plainly, stands_next
+from .decision.own_bounds import within_bounds
+from .decision.own_law import by_its_law
 from .decision.reasons import Doubt, more_than_chance, off_the_mark, runs_away, slipped
 from .decision.search import SearchResult
 from .decision.stand import Stand, colours
@@ -100,6 +102,20 @@ def questioned(
             or more_than_chance(left_size(result.baseline, [*found.learn, *found.judge]))
         )
     return result, doubt, stand
+
+
+def lawful(
+    found: Explained, result: SearchResult
+) -> tuple[SearchResult, Doubt | None, Followed | None]:
+    """The result without names whose law is not the joint's (see `by_its_law`; what free runs found has other
+    sizes than the likelihood's, and is not asked), or that ended at a bound beside the rest, whose moments
+    and sizes may be others now; the doubt where no name is left, and what one that went follows where some
+    are."""
+    followed = doubt = None
+    if not found.freely:
+        result, doubt, followed = by_its_law(result, found.learn, found.judge)
+    result, beyond = within_bounds(result, found.learn)
+    return result, doubt or beyond, followed
 
 
 def weighed(

@@ -10,7 +10,7 @@ from haptic_teleop_sim.effects import MEASURED
 from haptic_teleop_sim.model import Model
 from haptic_teleop_sysid.recordings.dataset import DataSet
 
-from .decision.adequacy import Adequacy, short_of
+from .decision.adequacy import following, short_of
 from .decision.at_reversals import where_torque_jumps, with_friction
 from .decision.at_the_actuator import at_the_actuator
 from .decision.beside_unknown import with_names
@@ -22,8 +22,6 @@ from .decision.measured_input import of_measured_input
 from .decision.misplaced import at_its_place, beside_findings, misplaced
 from .decision.nulls import Null, beyond_chance, nulls
 from .decision.outdone import outdone
-from .decision.own_bounds import within_bounds
-from .decision.own_law import by_its_law
 from .decision.own_quantity import follows_still, one_curve
 from .decision.read_wrong import read_wrong
 from .decision.reasons import Doubt
@@ -44,7 +42,7 @@ from .input_times import explained
 from .inputs.between_samples import as_read
 from .inputs.uses import three_uses
 from .late_recordings import explained_on_time
-from .question import questioned, steady, weighed
+from .question import lawful, questioned, steady, weighed
 from .report.columns import column, errors_of, three_columns, with_bounds
 from .report.contents import contents
 from .report.next_experiment import once_calibrated
@@ -124,19 +122,13 @@ def diagnose(
         doubt = away or doubt
     result, bent = one_curve(result)
     doubt = bent or doubt
-    result, another, followed = (
-        (result, None, None) if found.freely else by_its_law(result, found.learn, found.judge)
-    )
-    # Beside the others a moment or a size may have ended elsewhere.
-    result, beyond = within_bounds(result, found.learn)
-    doubt = doubt or another or beyond
+    result, wrong, followed = lawful(found, result)
+    doubt = doubt or wrong
     adequate = None
     if any(c.chosen.by_current <= 0.0 for c in result.choices):
         result, adequate, varying = weighed(found, result, stand)
         doubt = doubt or varying
-    if followed is not None and (adequate is None or not adequate.random_left):
-        told = adequate or Adequacy(1.0, 1.0)
-        adequate = replace(told, follows=told.follows or followed)
+    adequate = following(adequate, followed)
     if adequate is not None and acting is not None:
         adequate = replace(adequate, parity=acting.explained([c.chosen.effect for c in result.choices]))
     if adequate is not None:

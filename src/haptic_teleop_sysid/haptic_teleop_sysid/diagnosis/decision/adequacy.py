@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -209,6 +209,15 @@ def _share(before: np.ndarray, after: np.ndarray, slight: float) -> float:
     if left <= 0.0:
         return 1.0
     return 0.0 if was <= left else 1.0 - left / was
+
+
+def following(found: Adequacy | None, followed: Followed | None) -> Adequacy | None:
+    """The adequacy where a name that went followed something, which is missing still: of names that are left,
+    also of those that the currents show alone. Not where what is left is random."""
+    if followed is None or (found is not None and found.random_left):
+        return found
+    told = found or Adequacy(1.0, 1.0)
+    return replace(told, follows=told.follows or followed)
 
 
 def short_of(result: SearchResult, found: Adequacy) -> tuple[SearchResult, Doubt | None]:

@@ -9,7 +9,8 @@ from dataclasses import replace
 from haptic_teleop_sysid.estimation.records import Record
 
 from ..evidence.held_out import held_out_fit
-from ..evidence.lack_of_fit import lack_of_fit, own_quantity
+from ..evidence.lack_of_fit import lack_of_fit
+from ..hypotheses.follows import own_variable
 from ..policy import ANOTHER_LAW, ANOTHER_LAW_DRY, LEAST_GAIN, NOT_QUITE, NOT_QUITE_DRY
 from .adequacy import Followed
 from .beside_the_others import left_out, without
@@ -44,7 +45,7 @@ def by_its_law(
             return _nobody_sure(result, shares), None, followed
         choice = result.choices[worst]
         effect = choice.chosen.effect
-        own = own_quantity(result.final.model, effect)
+        own = own_variable(result.final.model, effect)
         assert own is not None
         words = _FOLLOWS[own[0]].format(place=own[1])
         why = (
@@ -81,7 +82,7 @@ def _asked(result: SearchResult, choice: Choice) -> bool:
     chosen = choice.chosen
     if chosen.by_current > 0.0 or chosen.witnessed is not None:
         return False
-    return own_quantity(result.final.model, chosen.effect) is not None
+    return own_variable(result.final.model, chosen.effect) is not None
 
 
 def _limits(choice: Choice) -> tuple[float, float]:

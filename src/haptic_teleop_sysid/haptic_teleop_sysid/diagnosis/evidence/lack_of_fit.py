@@ -12,19 +12,19 @@ missing is random.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from types import SimpleNamespace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from haptic_teleop_sim.effects import MEASURED
-from haptic_teleop_sim.effects.on_arrays import NUMERIC
 from haptic_teleop_sim.effects.torque_map import TorqueMap
 from haptic_teleop_sim.kernel import acting_torque, pack
-from haptic_teleop_sim.model import Effect, Model
+from haptic_teleop_sim.model import Effect
 from haptic_teleop_sysid.estimation.gauss_newton import Fit, whiten
 from haptic_teleop_sysid.estimation.likelihood import FAILURES, innovations, settled
 from haptic_teleop_sysid.estimation.records import Record
+
+from ..hypotheses.follows import own_variable
 
 FloatArray = NDArray[np.float64]
 
@@ -42,58 +42,11 @@ _SAME = 1e-3
 _BLOCK = 50_000
 
 
-def own_quantity(model: Model, effect: Effect) -> tuple[str, str] | None:
-    """The variable of a `torque_map` that an effect's law is over, and the place at which a torque over it
-    acts like the effect; None for what is no torque over one quantity, and beside a map of the user's own.
-    What an actuator makes of its input, late or not, is over the torque that acts."""
-    entry, place = effect.entry, model.place(effect.location)
-    if entry.rates or entry.exogenous or any(e.entry.tabulated for e in model.effects):
-        return None
-    if place == "actuator":
-        return ("input", "motor") if entry.kind == "input" and entry.follows.startswith("input") else None
-    if entry.kind not in ("torque", "friction") or entry.follows not in ("velocity", "angle", "deflection"):
-        return None
-    quantity = "deflection_rate" if (place, entry.follows) == ("joint", "velocity") else entry.follows
-    return (quantity, place) if _is_over(effect, quantity) else None
-
-
-def _is_over(effect: Effect, quantity: str) -> bool:
-    """Whether the effect's torque follows that quantity, and no other: where everything else changes, it does
-    not, and it is no constant. Dry friction turns with its velocity."""
-    equation, random = effect.entry.equation, np.random.default_rng(1)
-    if equation is None:
-        return False
-    values = {p.name: 1.0 if p.default is None else p.default for p in effect.entry.parameters}
-    numbers = SimpleNamespace(**{**values, **effect.parameters})
-    names = ("position", "velocity", "deflection", "deflection_rate", "acceleration", "time", "input")
-    at = {name: random.uniform(0.2, 1.0, 40) for name in names}
-    # Both sides, and beyond what the effect begins at.
-    angles = [abs(getattr(numbers, p.name)) for p in effect.entry.parameters if p.unit == "rad"]
-    reach = 2.0 * max([1.0, *angles])
-    for name in ("position", "deflection"):
-        at[name] = random.uniform(-reach, reach, 40)
-    own = {"angle": "position", "deflection_rate": "velocity"}.get(quantity, quantity)
-    held = {own: np.repeat(at[own][:20], 2)}
-    if quantity == "deflection":
-        held["position"] = held[own]  # at the joint they are one
-    rest = {"stiffness": 1.0, "exogenous": 0.0, "state0": 0.0, "state1": 0.0}
-    variables = SimpleNamespace(**{**at, **held, **rest, **NUMERIC})
-    turned = own == "velocity"
-    variables.direction = np.sign(variables.velocity) if turned else random.choice([-1.0, 1.0], 40)
-    with np.errstate(all="ignore"):
-        first = np.broadcast_to(np.asarray(equation(variables, numbers), dtype=np.float64), 40)
-        for name in ("velocity", "direction") if turned else ():
-            setattr(variables, name, -getattr(variables, name))
-        other = np.broadcast_to(np.asarray(equation(variables, numbers), dtype=np.float64), 40)
-    same = bool(np.allclose(first[::2], first[1::2]))
-    return same and (not np.allclose(first, first[0]) or not np.allclose(first, other))
-
-
 def lack_of_fit(fits: Sequence[tuple[Fit, Sequence[Record]]], effect: Effect) -> float | None:
     """Nats that a curve over the effect's own quantity gains beside it on all recordings, net of chance; None
     for what has no such quantity, or where arithmetic fails. ``fits``: the model with the effect, with the
     noise levels of each kind of recordings, and what is free beside the curve."""
-    own = own_quantity(fits[0][0].model, effect)
+    own = own_variable(fits[0][0].model, effect)
     if own is None:
         return None
     quantity, place = own
