@@ -104,6 +104,17 @@ def test_the_python_file_with_many_effects_computes_what_the_simulation_does():
     np.testing.assert_allclose(theirs["arm_velocity"], ours.arm_velocity, rtol=0, atol=1e-9)
 
 
+@pytest.mark.parametrize("structure", ["flexible_joint", "rigid_body"])
+def test_the_python_file_takes_the_steps_that_a_steep_law_needs(structure):
+    drag = Effect("quadratic_drag", "stage1_motor", {"coefficient": 90.0})
+    effects = [drag, Effect("hardening_spring", "stage1_joint", {"cubic": 4e4})]
+    whole = model(*effects[: 2 if structure == "flexible_joint" else 1], structure=structure)
+    theirs = loaded(python_export(whole).text)(INPUT[:400], 0.004)
+    ours = simulate(whole, INPUT[:400], 0.004)
+    assert np.all(np.isfinite(ours.states))
+    np.testing.assert_allclose(theirs["motor_velocity"], ours.motor_velocity, rtol=1e-9, atol=1e-12)
+
+
 def test_the_python_file_without_effects_follows_the_matrix_exponential():
     theirs = loaded(python_export(model()).text)(INPUT, DT)
     exact = response(INPUT)

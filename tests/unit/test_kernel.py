@@ -126,6 +126,30 @@ def test_stiff_parts_are_given_the_steps_that_they_need():
     assert states[-1, 1] - 0.05 == pytest.approx(3.971 * torque / 20_000.0, rel=1e-3)
 
 
+@pytest.mark.parametrize("dt", [2e-3, 4e-3, 1e-2])
+def test_a_law_without_a_bound_is_given_the_steps_that_it_needs_where_it_is_steep(dt):
+    """Stiffness and damping of a drag and of a hardening spring grow with the motion: with one step per
+    sample this joint ran away at 4 ms, and a right drag was judged by that."""
+    drag, cubic = 90.0, 4e4
+    model = flexible(
+        ("quadratic_drag", "motor", {"coefficient": drag}), ("hardening_spring", "joint", {"cubic": cubic})
+    )
+
+    def rates(t, x, torque):
+        qm, qa, vm, va = x
+        coupling = 3.971 * (qm - qa) + cubic * (qm - qa) ** 3
+        motor = torque - 2.6 * vm - drag * vm * abs(vm) - coupling
+        return [vm, va, motor / 0.0635, (coupling - 0.02 * va) / 0.17]
+
+    torque = 6.0 * np.sin(2 * np.pi * 0.7 * np.arange(round(2.0 / 0.02)) * 0.02)
+    x = np.zeros(4)
+    for held in torque:
+        x = solve_ivp(rates, (0.0, 0.02), x, args=(held,), rtol=1e-9, atol=1e-12, method="DOP853").y[:, -1]
+    current = np.append(np.repeat(torque, round(0.02 / dt)), 0.0) / 8.925
+    found = simulate(model, current, dt, np.zeros(4))
+    np.testing.assert_allclose(found.states[-1, :4], x, atol=2e-3 * np.abs(found.states[:, :4]).max())
+
+
 def test_an_environment_s_torque_acts_on_the_arm_and_on_a_rigid_body():
     push = np.full(1000, 0.3)
     arm = simulate(flexible(motor_damping=0.0, arm_damping=0.0), np.zeros(1000), 1e-3, external_torque=push)

@@ -36,7 +36,8 @@ class EffectEntry:
     input effects), ``deflection_rate``, ``state0`` and ``state1`` (own states), and the helpers of
     ``symbols.py``. ``rates`` gives the time derivatives of the own states in the same symbols. ``rate(p,
     ks)`` bounds the added stiffness (N·m/rad) and damping (N·m·s/rad), from which the step is chosen, and, as
-    a third number, the rate of own states (1/s). An ``input`` effect is a compiled function ``step(torque,
+    a third number, the rate of own states (1/s). ``steepness`` gives the same two, in the symbols of
+    ``equation``, where they have no bound: at the present state. An ``input`` effect is a compiled function ``step(torque,
     time, dt, parameters, offset, states, state_offset)`` with ``states`` places for its memory, the last of
     them for the moment of what acts where it is ``spread`` unevenly over the sample (``actuator.py``).
     An inertia may depend on time and on the angle of its location: the kernel adds the velocity-squared
@@ -90,6 +91,7 @@ class EffectEntry:
     equation: Callable[[Any, Any], Any] | None = None
     rates: tuple[Callable[[Any, Any], Any], ...] = ()
     rate: Callable[[dict[str, float], float], tuple[float, ...]] = field(default=lambda p, ks: (0.0, 0.0))
+    steepness: tuple[Callable[[Any, Any], Any], Callable[[Any, Any], Any]] | None = None
     exogenous: Literal["", "other_arm_acceleration"] = ""
     step: Callable[..., float] | None = None
     states: int = 0

@@ -155,6 +155,7 @@ QUADRATIC_DRAG = EffectEntry(
     ),
     sentence="a drag that grows with the square of the speed opposes the motion",
     equation=lambda s, p: -p.coefficient * s.velocity * s.abs(s.velocity),
+    steepness=(lambda s, p: 0, lambda s, p: 2 * s.abs(p.coefficient * s.velocity)),
     condition="{v} squared",
     separated=(("coulomb_friction", "drive at three times the speed"),),
     large=True,
@@ -259,6 +260,7 @@ LOAD_DEPENDENT = EffectEntry(
     ),
     sentence="friction grows with the torque that the transmission carries",
     equation=lambda s, p: -p.coefficient * s.abs(s.stiffness * s.deflection) * s.direction,
+    # That of the sticking contact: 0.2 rad are loaded further by few.
     rate=lambda p, ks: _rate(0.2 * p["coefficient"] * ks, p),
     memory="direction",
     rigid_body=False,

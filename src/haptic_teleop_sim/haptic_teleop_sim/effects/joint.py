@@ -77,7 +77,7 @@ HARDENING = EffectEntry(
     ),
     sentence="the coupling gets stiffer (or softer) the further it is deflected",
     equation=lambda s, p: p.cubic * s.position**3,
-    rate=lambda p, ks: (abs(p["cubic"]) * 0.3, 0.0),
+    steepness=(lambda s, p: 3 * s.abs(p.cubic) * s.position**2, lambda s, p: 0),
     rigid_body=False,
     condition="deflection",
     follows="deflection",

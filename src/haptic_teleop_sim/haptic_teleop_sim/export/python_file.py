@@ -12,10 +12,10 @@ from typing import Any
 from haptic_teleop_control.errors import ModelError
 
 from ..effects import EffectEntry
-from ..kernel.codegen import DERIVATIVE_ORDER, effect_source, rate_source, slope_source
-from ..kernel.pack import MOST_SUBSTEPS, pack
+from ..kernel.codegen import DERIVATIVE_ORDER, effect_source, rate_source, slope_source, steepness_sources
+from ..kernel.pack import MOST_STEEP, MOST_SUBSTEPS, pack
 from ..model import Effect, Model
-from .python_text import END, HELPERS, LATE, LOOP, SIGNATURE, indented
+from .python_text import END, HELPERS, HERE, LATE, LOOP, SIGNATURE, STEPS_HERE, indented
 from .target import Exported, input_words, said
 
 _INERTIAS = ("inertia", "relative_inertia")
@@ -44,7 +44,8 @@ class _Writer:
         self.model, self.packed = model, pack(model)
         self.functions: dict[str, str] = {}
         self.states = 0
-        self.lines: dict[str, list[str]] = {k: [] for k in ("rates", "memory", "input", "reading", "start")}
+        kinds = ("rates", "memory", "input", "reading", "start", "steep")
+        self.lines: dict[str, list[str]] = {k: [] for k in kinds}
         self.late: dict[str, list[str]] = {"motor": [], "arm": [], "input": []}
         self.names: dict[str, str] = {}
 
@@ -79,7 +80,9 @@ class _Writer:
             result=_RIGID if self.model.rigid else _FLEXIBLE,
             outer="torque = torque + outer" if self.model.rigid else "",
             driving=" - torque_arm" if self.model.rigid else "",
+            here=HERE if self.lines["steep"] else "",
         )
+        steep = STEPS_HERE.format(steep=indented(self.lines["steep"], 4), most=MOST_STEEP)
         end = END.format(reading="\n".join(self._readings()))
         functions = "\n".join(self.functions.values())
         body = [
@@ -87,6 +90,7 @@ class _Writer:
             HELPERS,
             LATE if any(self.late.values()) else "",
             functions.replace("math.", "np."),
+            steep if self.lines["steep"] else "",
             loop,
             end,
         ]
@@ -149,6 +153,12 @@ class _Writer:
             bend = f"{entry.name}_slope({arguments}, {states}, 0.0, {values}, 0)"
             scale = f"{place}_inertia * " if entry.kind == "relative_inertia" else ""
             self.lines["rates"].append(f"{place}_torque -= 0.5 * {scale}{bend} * {speed} * {speed}")
+        for name, source in steepness_sources(entry).items():
+            self.functions[name] = source.removeprefix("@inner\n")
+            letter = "k" if name.endswith("stiffness_here") else "b"
+            call = f"{name}({arguments}, 0.0, 0.0, 0.0, {values}, 0)"
+            at = ("motor", "arm") if place == "joint" else (place,)
+            self.lines["steep"] += [f"{letter}_{one} += {call}" for one in at]
         for i in range(entry.states):
             name = f"{entry.name}_state_rate{i}"
             self.functions[name] = rate_source(entry, i).removeprefix("@inner\n")

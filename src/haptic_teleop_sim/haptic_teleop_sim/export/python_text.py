@@ -94,11 +94,11 @@ outer, others = zeros_or(external_torque), zeros_or(other_arm_acceleration)
 y, z, dz = [float(value) for value in initial_state], [0.0] * {states}, [0.0] * {states}
 {start}
 {outer}
-substeps = {steps}
+least = substeps = {steps}
 h, states = dt / substeps, np.empty((n, 4))
 for i in range(n):
     states[i] = y
-    for sub in range(substeps):
+{here}    for sub in range(substeps):
         t, start, began, rate_sum = t0 + i * dt + sub * h, list(y), list(z), [0.0] * len(z)
         slopes, speeds, now, middle = [0.0, 0.0], [0.0, 0.0], y, list(z)
         for k in range(4):
@@ -125,6 +125,22 @@ for i in range(n):
     # How the torque was spread over the sample moves the motor a little further or less far.
     shift = float(moment[i]) / motor_inertia
     y = [y[0] + shift, y[1], y[2] - motor_damping / motor_inertia * shift, y[3]]
+'''
+
+STEPS_HERE = '''def steps_here(qm, qa, vm, va, torque_motor, torque_arm):
+    d, k_motor, k_arm, b_motor, b_arm = qm - qa, 0.0, 0.0, 0.0, 0.0
+    vm = abs(vm) + dt * (abs(torque_motor) + abs(stiffness * d)) / motor_inertia
+    va = abs(va) + dt * (abs(torque_arm) + abs(stiffness * d)) / arm_inertia
+    dv, t, other, driving = vm + va, 0.0, 0.0, 0.0
+{steep}
+    more = dt * max(b_motor / motor_inertia / 2.2 + np.sqrt(k_motor / motor_inertia),
+                    b_arm / arm_inertia / 2.2 + np.sqrt(k_arm / arm_inertia))
+    return max(least, min(least + int(more), {most})) if more < 1e6 else least
+'''
+
+#: Sub-steps of a sample in which a law without a bound is steep.
+HERE = '''    substeps = steps_here(y[0], y[1], y[2], y[3], float(torque[i]), float(outer[i]))
+    h = dt / substeps
 '''
 
 END = '''time = t0 + dt * np.arange(n)

@@ -28,6 +28,8 @@ _ARGUMENTS = (
     "position, velocity, deflection, stiffness, time, exogenous, input, deflection_rate, state0, state1, "
     "direction, p, k"
 )
+#: What an effect adds to stiffness and damping at a state.
+_STEEP = ("stiffness_here", "damping_here")
 DYNAMIC_KINDS = ("torque", "friction", "friction_factor", "inertia", "relative_inertia")
 #: What an inertia may depend on: its velocity-squared torque is that of an angle alone.
 _OF_INERTIA = ("position", "time")
@@ -157,6 +159,14 @@ def rate_source(entry: EffectEntry, number: int) -> str:
     return _function(name, entry, _expression(entry, entry.rates[number]), False)
 
 
+def steepness_sources(entry: EffectEntry) -> dict[str, str]:
+    """Sources of ``<name>_stiffness_here`` and ``<name>_damping_here`` (see `EffectEntry.steepness`), by
+    name; empty where what the effect adds has a bound."""
+    names = [f"{entry.name}_{table}" for table in _STEEP]
+    pairs = zip(names, entry.steepness or (), strict=False)
+    return {name: _function(name, entry, _expression(entry, steep), False) for name, steep in pairs}
+
+
 #: Kinds that scale what the others add; the sensitivities ask these and the others at different places.
 _SCALING = ("friction_factor", "inertia", "relative_inertia")
 #: Tables whose functions also write derivatives into ``g``.
@@ -176,12 +186,13 @@ def _dispatch(name: str, branches: list[tuple[int, list[str]]], arguments: str) 
 def dispatch_source() -> str:
     """Source of the functions that hold the equations of all effects by their codes: ``value``, ``scale`` (of
     factors and inertias alone), ``state_rate``, ``slope`` (of an inertia by its angle) and ``reading``, each
-    also with ``_derivatives`` (for ``value`` those of ``scale`` and of what it leaves, ``torque``), and
-    ``actuate``."""
+    also with ``_derivatives`` (for ``value`` those of ``scale`` and of what it leaves, ``torque``),
+    ``stiffness_here`` and ``damping_here`` (see `EffectEntry.steepness`), and ``actuate``."""
     assert set(VARIABLES) >= set(DERIVATIVE_ORDER)
     parts = [f"MAP = {next(i for i, e in enumerate(dynamic_entries()) if e.tabulated)}\n"]
     tables: dict[str, list[tuple[int, list[str]]]] = {
-        n: [] for n in ("value", "scale", "state_rate", "slope", "reading", *_WITH_DERIVATIVES, "actuate")
+        n: []
+        for n in ("value", "scale", "state_rate", "slope", "reading", *_STEEP, *_WITH_DERIVATIVES, "actuate")
     }
 
     def write(table: str, code: int, entry: EffectEntry, expression: sp.Expr) -> None:
@@ -206,6 +217,9 @@ def dispatch_source() -> str:
         if slope != 0:
             for table in ("slope", "slope_derivatives"):
                 write(table, code, entry, slope)
+        if entry.steepness is not None:
+            for table, steep in zip(_STEEP, entry.steepness, strict=True):
+                write(table, code, entry, _expression(entry, steep))
         for i, rate in enumerate(entry.rates):
             expression = _expression(entry, rate)
             wrong = _used(expression) & {"input", "deflection_rate"}

@@ -1,8 +1,9 @@
 """The compiled loops: acting torque, simulation, and prediction with exact sensitivities.
 
 This text is joined behind the generated functions of ``codegen.py`` into one module that numba compiles and
-caches (``build.py``); it is not imported by itself.  Fixed-step classical Runge-Kutta with a held input; the
-number of sub-steps is chosen from the stiffest part of the model (``pack.py``).
+caches (``build.py``); it is not imported by itself.  Classical Runge-Kutta with a held input; the number of
+sub-steps is chosen from the stiffest part of the model (``pack.py``), and raised for a sample in which a law
+without a bound, such as that of a drag, is steeper.
 
 State: x = [q_motor, q_arm, v_motor, v_arm, own states of effects ..., disturbance torque at motor, at arm].
 ``base`` = [stiffness, motor_inertia, motor_damping, arm_inertia, arm_damping]. ``codes`` has one row per
@@ -45,6 +46,8 @@ def sech(x):
     return 2.0 * t / (1.0 + t * t)
 
 
+#: Sub-steps to which a steep law raises those of a sample at most (`pack.MOST_STEEP`).
+MOST_STEPS = 50
 #: Where the parameters' derivatives begin in ``g`` (`codegen.DERIVATIVE_ORDER`), and its room.
 FIRST_PARAMETER = 9
 G_SIZE = 24
@@ -220,18 +223,47 @@ def rates(qm, qa, vm, va, z, moved_motor, moved_arm, t, torque_motor, torque_arm
 
 
 @inner
+def steps_here(x, dt, substeps, torque_motor, torque_arm, base, codes, p):
+    """Sub-steps of this sample: ``substeps``, and as many more as laws are steeper than any bound at this
+    state (`EffectEntry.steepness`), with the speed that the torque may reach within the sample."""
+    k_motor, k_arm, b_motor, b_arm = 0.0, 0.0, 0.0, 0.0
+    d = x[0] - x[1]
+    spring = abs(base[0] * d)
+    vm = abs(x[2]) + dt * (abs(torque_motor) + spring) / base[1]
+    va = abs(x[3]) + dt * (abs(torque_arm) + spring) / base[3]
+    for e in range(codes.shape[0]):
+        loc = codes[e, 1]
+        q, v = (x[0], vm) if loc == 0 else ((x[1], va) if loc == 1 else (d, vm + va))
+        k = stiffness_here(codes[e, 0], q, v, d, base[0], 0.0, 0.0, 0.0, v, 0.0, 0.0, 0.0, p, codes[e, 3])
+        b = damping_here(codes[e, 0], q, v, d, base[0], 0.0, 0.0, 0.0, v, 0.0, 0.0, 0.0, p, codes[e, 3])
+        if loc != 1:
+            k_motor += k
+            b_motor += b
+        if loc != 0:
+            k_arm += k
+            b_arm += b
+    # As in ``pack.py``.
+    worst = max(b_motor / base[1] / 2.2 + math.sqrt(k_motor / base[1]),
+                b_arm / base[3] / 2.2 + math.sqrt(k_arm / base[3]))
+    more = dt * worst
+    # What runs away is no longer worth the time.
+    return max(substeps, min(substeps + int(more), MOST_STEPS)) if more < 1e6 else substeps
+
+
+@inner
 def advance(x, t, dt, substeps, torque_motor, torque_arm, exogenous, rigid, base, codes, p, z, dz, total):
     """One sample of Runge-Kutta in place; ``z``, ``dz`` and ``total`` are (nx,) scratch. A rigid body has
     the torque of its environment, ``torque_arm``, within ``torque_motor``."""
     n = x.shape[0]
     own = n - 2
-    h = dt / substeps
-    sixth = h / 6.0
     tm = torque_motor + x[n - 2]
     ta = torque_arm + x[n - 1]
+    steps = steps_here(x, dt, substeps, tm, ta, base, codes, p)
+    h = dt / steps
+    sixth = h / 6.0
     driving = torque_motor - (torque_arm if rigid else 0.0)
     qm, qa, vm, va = x[0], x[1], x[2], x[3]
-    for s in range(substeps):
+    for s in range(steps):
         ts = t + s * h
         y0, y1, y2, y3 = qm, qa, vm, va
         s0, s1, s2, s3 = 0.0, 0.0, 0.0, 0.0

@@ -19,6 +19,8 @@ IntArray = NDArray[np.int64]
 BASE = ("stiffness", "motor_inertia", "motor_damping", "arm_inertia", "arm_damping")
 #: Steps per sample at most: what is stiffer is not worth the time.
 MOST_SUBSTEPS = 400
+#: The same to which a steep law raises those of one sample (`integrator.MOST_STEPS`).
+MOST_STEEP = 50
 _DYNAMIC = ("torque", "friction", "friction_factor", "inertia", "relative_inertia")
 _MEMORY = {"": 0, "direction": 1, "ratio": 2, "displacement": 3}
 _KIND = {"torque": 0, "friction": 1, "friction_factor": 2, "inertia": 3, "relative_inertia": 4}

@@ -118,11 +118,12 @@ def advance_sensitive(x, s, i, t, dt, substeps, torque_motor, torque_arm, exogen
     z, dz, sums, by_state, by_parameter, by_start, began, stage, total, changes, forced, g = work
     n = x.shape[0]
     own = n - 2
-    h = dt / substeps
     tm = torque_motor + x[n - 2]
     ta = torque_arm + x[n - 1]
+    steps = steps_here(x, dt, substeps, tm, ta, base, codes, p)
+    h = dt / steps
     driving = torque_motor - (torque_arm if rigid else 0.0)
-    for sub in range(substeps):
+    for sub in range(steps):
         ts = t + sub * h
         qm, qa, vm, va = x[0], x[1], x[2], x[3]
         y0, y1, y2, y3 = qm, qa, vm, va
