@@ -16,6 +16,7 @@ from haptic_teleop_sim.sfj_robot import SfjSettings, stage_hardware
 from haptic_teleop_sysid.diagnosis.decision.decide import Choice
 from haptic_teleop_sysid.diagnosis.decision.reasons import Doubt, momentary, rather_event, slipped
 from haptic_teleop_sysid.diagnosis.evidence.events import _lines, bursts, moment, steady_line
+from haptic_teleop_sysid.diagnosis.evidence.whiteness import heavy_tailed
 from haptic_teleop_sysid.diagnosis.hypotheses.explanation import Explanation
 from haptic_teleop_sysid.diagnosis.run import diagnose
 from haptic_teleop_sysid.diagnosis.usable import records_of
@@ -27,15 +28,16 @@ TIME = DT * np.arange(round(SECONDS / DT))
 CONSTANT = 8.925
 
 
-def recording(seed, added=0.0, truth=STAGE, slip=None):
-    """Stage 1 in open loop; `added` (n,) N·m acts at its motor and nobody recorded it; `slip`: s, when the
-    arm's encoder slips by 0.01 rad."""
+def recording(seed, added=0.0, truth=STAGE, slip=None, at_arm=0.0, driven=1.0):
+    """Stage 1 in open loop; `added` and `at_arm` (n,) N·m act at its motor and arm and nobody recorded them;
+    `slip`: s, when the arm's encoder slips by 0.01 rad; `driven` (n,): factor on the current."""
     hardware = stage_hardware("stage1", truth, disturbance_rms=0.01 * CONSTANT * RMS)
     robot = SfjRobot(SfjSettings(stage1=hardware), DT, seed)
-    current = multisine(len(TIME), DT, RMS, (0.2, 10.0), seed)
+    current = driven * multisine(len(TIME), DT, RMS, (0.2, 10.0), seed)
     wanted = robot.torque_constants[0] * current
     unseen = np.broadcast_to(np.asarray(added, dtype=float), len(TIME))
-    topics = dict(run_open_loop(robot, np.column_stack([wanted + unseen, np.zeros(len(TIME))])))
+    outer = np.column_stack([np.broadcast_to(at_arm, len(TIME)), np.zeros(len(TIME))])
+    topics = dict(run_open_loop(robot, np.column_stack([wanted + unseen, np.zeros(len(TIME))]), outer))
     command, states = topics["/sfj/effort_command"], topics["/sfj/joint_states"]
     effort, sensed, position = command.effort.copy(), states.effort.copy(), states.position.copy()
     effort[:, 0] -= unseen[: len(effort)]
@@ -70,6 +72,7 @@ def quiet():
 def test_nothing_stands_out_where_nothing_is_hidden(quiet):
     assert bursts(quiet) is None
     assert steady_line(quiet) is None
+    assert heavy_tailed(quiet) is None
     assert rather_event(Doubt(None, "why", "throughout"), quiet) == Doubt(None, "why", "throughout")
 
 
@@ -87,6 +90,30 @@ def test_bursts_are_found_when_they_come():
     doubt = rather_event(Doubt(None, "why", "throughout"), fitted(*sets))
     assert (doubt.condition, doubt.intervals) == ("time", found.intervals[0])
     assert "2 more times" in doubt.why
+
+
+def slow_bursts(seed, torque):
+    """Torque (n,) of random bursts, each some tenths of a second of slow noise."""
+    rng = np.random.default_rng(seed)
+    slow = np.convolve(rng.standard_normal(len(TIME)), np.ones(8) / np.sqrt(8), "same")
+    return torque * slow * np.any([(t <= TIME) & (t + 0.5 > TIME) for t in rng.uniform(1, 19, 5)], axis=0)
+
+
+@pytest.mark.parametrize(("place", "torque"), [("at_arm", 0.02), ("added", 0.06)])
+def test_slow_torques_that_come_and_go_are_seen_below_the_rounding_of_encoders(place, torque):
+    sets = [dataset(seed, **{place: slow_bursts(seed, torque)}) for seed in (1, 2)]
+    fits = fitted(*sets)
+    assert heavy_tailed(fits) == ("added", "at_arm").index(place)
+    _, verdict, _, _ = diagnose(STAGE, sets[:1], sets[1:])
+    assert verdict.kind == "unknown"
+    (where,) = verdict.where
+    assert where["equation"] == ("stage1_motor" if place == "added" else "stage1_arm")
+    assert "time" in where["condition"]
+
+
+def test_a_joint_that_rests_half_of_the_time_is_not_now_and_then_disturbed():
+    rests = (TIME % 4.0 < 2.0).astype(float)
+    assert heavy_tailed(fitted(*(dataset(seed, driven=rests) for seed in (1, 2)))) is None
 
 
 def test_what_happens_where_the_motor_is_far_out_says_so():

@@ -170,7 +170,9 @@ def diagnose(
     verdict = with_friction(verdict, turning, result, found.learn)
     if acting is not None and verdict.kind != "no_mismatch":
         acting = beside_findings(verdict, acting)
-        verdict, misread = at_its_place(verdict, acting)
+        # What acts now and then is little beside the noise of equations over all of the time.
+        if doubt is None or doubt.place is None:
+            verdict, misread = at_its_place(verdict, acting)
     kinds = found.learn, found.judge
     verdict, wrong = read_wrong(verdict, result.baseline, kinds, found.cutoff, found.course, found.count)
     if wrong is not None:

@@ -18,7 +18,7 @@ from haptic_teleop_sysid.estimation.records import Record
 
 from ..evidence.held_out import held_out_fit
 from ..evidence.null_records import rounding_shows
-from ..evidence.whiteness import colour, unsteadiness
+from ..evidence.whiteness import colour, heavy_tailed, unsteadiness
 from ..hypotheses.explanation import Explanation
 from ..policy import COLOURED, ONLY_HERE, UNSTEADY
 from .coloured import by_steps, more_coloured
@@ -66,8 +66,11 @@ def doubted(
         if min(before) > COLOURED and more_coloured(before, both):
             why = "the observer keeps correcting in one and the same direction"
             return result, rather_event(Doubt(None, why, "throughout"), both), stand
-        if unsteadiness(both) > UNSTEADY:
-            doubt = Doubt(None, "something acts at some times and not at others", "time")
+        now_and_then = heavy_tailed(both)
+        if unsteadiness(both) > UNSTEADY or now_and_then is not None:
+            place = None if now_and_then is None else ("motor", "arm")[now_and_then]
+            where = place and result.baseline.model.location(place)
+            doubt = Doubt(None, "something acts at some times and not at others", "time", place=where)
             return result, rather_event(doubt, both), stand
         return result, None, stand
     kept = list(result.choices)

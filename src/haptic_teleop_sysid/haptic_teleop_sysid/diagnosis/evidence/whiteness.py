@@ -20,6 +20,12 @@ STRETCH = 125
 #: Power of innovations, in squares of the encoder's step, up to which one stretch is as steady as another:
 #: where an axis hardly moves, errors of rounding (1/12) follow each other and their power changes by itself.
 ROUNDING = 1.2 / 12.0
+#: Samples over which innovations are added up to see whether they are normally distributed: a torque that
+#: comes and goes for tenths of a second drowns in the rounding of single samples.
+SUMMED = (32, 64, 128)
+#: Excess kurtosis of such sums, in its standard deviations for normal ones, and at least, that every
+#: recording must exceed: by chance one pair of recordings in 10^5 does. At most 0.7 and 0.17 on 40 clean pairs.
+HEAVY, AT_LEAST_HEAVY = 3.0, 0.5
 
 
 def colour(fit: Fit, records: Sequence[Record]) -> float:
@@ -64,6 +70,38 @@ def ljung_box(e: NDArray[np.float64], read: NDArray[np.bool_], lags: int = LAGS)
     counted = known.astype(np.float64)
     pairs, products = correlation(counted, counted, lags)[1:], correlation(e, e, lags)[1:]
     return (m + 2) / m * float(np.sum((products / power) ** 2 / np.maximum(pairs, 1.0)))
+
+
+def heavy_tailed(fits: Sequence[tuple[Fit, Sequence[Record]]]) -> int | None:
+    """The encoder (0 motor, 1 arm) of which sums of innovations over as many samples (SUMMED) are far more
+    often large than normal ones would be, on every recording of all (fit, recordings), because something acts
+    now and then; the one where they exceed that most, None for none. As if each sample had been rounded once
+    more, because where an axis rests there are no errors of rounding."""
+    least: dict[tuple[int, int], float] = {}
+    for fit, records in fits:
+        packed = pack(fit.model)
+        for record in records:
+            e = settled(record, innovations(packed, fit.noise, record).innovation)
+            read = settled(record, seen(packed, record)) & np.isfinite(e)
+            for c in channels(packed, record):
+                for size in SUMMED:
+                    ratio = _heaviness(e[read[:, c], c], size, float(record.resolution[c]))
+                    least[c, size] = min(least.get((c, size), np.inf), ratio)
+    found = max(least, key=lambda key: least[key], default=None)
+    return found[0] if found is not None and least[found] > 1.0 else None
+
+
+def _heaviness(e: NDArray[np.float64], size: int, step: float) -> float:
+    """Excess kurtosis of sums over ``size`` of the innovations, in units of what chance leaves."""
+    count = len(e) // size
+    if count < 2:
+        return 0.0
+    sums = e[: count * size].reshape(count, size).sum(axis=1)
+    sums -= sums.mean()
+    power = float(np.mean(sums**2))
+    excess = float(np.mean(sums**4)) - 3.0 * power**2
+    by_chance = max(AT_LEAST_HEAVY, HEAVY * float(np.sqrt(24.0 / count)))
+    return excess / max(by_chance * (power + size * step**2 / 12.0) ** 2, 1e-300)
 
 
 def unsteadiness(fits: Sequence[tuple[Fit, Sequence[Record]]]) -> float:
