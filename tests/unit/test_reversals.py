@@ -190,11 +190,25 @@ def test_friction_that_is_seen_only_there_is_part_of_the_answer_and_nobody_is_su
     assert with_friction(told("no_mismatch"), Turning(), result, records[:1]) == told("no_mismatch")
 
 
-def test_an_input_that_does_not_vary_where_the_motion_turns_says_nothing():
-    # A relay turns the motion with one torque: only noisy accelerations vary there, and draw all to zero.
+@pytest.mark.parametrize("coulomb", [0.3, 0.0])
+def test_where_noise_hides_the_inertia_what_is_known_of_it_tells_the_friction(coulomb):
+    """A relay turns the motion with one torque: only noisy accelerations vary there, and drew friction to
+    zero; on seven of eight real joints that said nothing, and on others it came out by up to 73 % too small."""
     torque = 3.0 * np.sign(np.sin(2.0 * np.pi * 0.9 * DT * np.arange(8000)))
     noise = 2e-4 * np.random.default_rng(1).standard_normal((len(torque), 1))
-    relay = record(torque, wake(torque, 0.3, 0.0)[:, None] + noise, 1e-5)
-    assert jump(RIGID, [relay], "motor") is None
-    found = where_torque_jumps(baseline(RIGID, [relay]), [relay], [relay])
-    assert found == Turning(), "and friction is not said to be absent"
+    relay = record(torque, wake(torque, coulomb, 0.0)[:, None] + noise, 1e-5)
+    known = replace(RIGID, parameters={**RIGID.parameters, "motor_inertia": 0.14})
+    found = jump(known, [relay], "motor", (0.14, 0.14))
+    assert found.size == pytest.approx(coulomb, abs=0.01)
+    assert found.std < 0.01
+    # What is not known of the inertia is not known of the friction.
+    unsure = jump(known, [relay], "motor", (0.1, 0.2))
+    assert unsure.size == pytest.approx(coulomb, abs=0.01)
+    assert unsure.std > 0.25 * coulomb
+
+
+def test_noise_hides_the_friction_of_a_joint_that_flexes():
+    torque = 3.0 * np.sign(np.sin(2.0 * np.pi * 0.9 * DT * np.arange(8000)))
+    angles = two_masses(torque, 20.0, (0.06, 0.3), (0.1, 0.02), 0.3)
+    noise = 2e-4 * np.random.default_rng(1).standard_normal(angles.shape)
+    assert jump(TWO, [record(torque, angles + noise, 1e-5)], "motor") is None

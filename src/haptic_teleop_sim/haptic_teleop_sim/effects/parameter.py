@@ -66,7 +66,7 @@ class EffectParameter:
     default: float | None = None
     neutral: float | None = 0.0
     hills: bool = False
-    scan: Literal["", "order", "frequency", "furthest", "within"] = ""
+    scan: Literal["", "order", "frequency", "furthest", "within", "delay"] = ""
     turns: Literal["", "phase", "offset"] = ""
     numerical: bool = False
     told: Literal["always", "unless zero", "never"] = "always"

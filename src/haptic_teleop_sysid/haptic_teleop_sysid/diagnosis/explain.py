@@ -67,6 +67,13 @@ class Explained:
         """Of the recordings of `course` the first so many are the estimation's."""
         return self.horizons.count
 
+    @property
+    def inertias(self) -> list[float]:
+        """What else is known of the motor's inertia, kg·m²: as it is believed, and as the inverse dynamics of
+        slow motion have it."""
+        slow = [] if self.opinion is None else [self.opinion.witness.structure.model]
+        return [one.parameters["motor_inertia"] for one in (self.given, *slow)]
+
     def chosen_by(self, candidate: Model) -> tuple[float, float]:
         """Simulated fit of a model on the validation recordings, percent: of all signals, of velocities."""
         every, speeds = (self.coarse.percent(candidate, kind)[self.count :] for kind in ("", "velocity"))

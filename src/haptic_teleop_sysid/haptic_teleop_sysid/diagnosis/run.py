@@ -146,7 +146,7 @@ def diagnose(
     spread = together(stand.spread, forms)
     result = replace(result, choices=unsure_of_their_shape(result.choices, result.final, spread))
     verdict = decide_verdict(result, found.learn, found.judge, doubt, spread, adequate)
-    turning = where_torque_jumps(result.baseline, found.learn, found.judge)
+    turning = where_torque_jumps(result.baseline, found.learn, found.judge, found.inertias)
     mapped = instead = misread = None
     named = result.final
     if verdict.kind == "unknown":

@@ -115,9 +115,15 @@ class Turning:
         return any(location == place and effect in family(name) for name, place in self.smooth)
 
 
-def where_torque_jumps(baseline: Fit, learn: Sequence[Record], judge: Sequence[Record]) -> Turning:
+def where_torque_jumps(
+    baseline: Fit,
+    learn: Sequence[Record],
+    judge: Sequence[Record],
+    inertias: Sequence[float] = (),
+) -> Turning:
     """The effects whose torque jumps where the motion turns, with their places; ``baseline``: the
-    re-estimated structure. Those of which the model has a form already are not asked for."""
+    re-estimated structure; ``inertias``: what else is known of the motor's, kg·m². Those of which the model
+    has a form already are not asked for."""
     model = baseline.model
     there = {e.effect for e in model.effects}
     jumps, smooth = [], set()
@@ -126,7 +132,7 @@ def where_torque_jumps(baseline: Fit, learn: Sequence[Record], judge: Sequence[R
             one
             for place in ("motor", "arm")
             if place in locations(name, model.structure)
-            and (one := _both(name, model, learn, judge, place)) is not None
+            and (one := _both(name, model, (learn, judge), place, inertias)) is not None
         ]
         smooth |= {(name, one.location) for one in found if one.absent}
         jumps += _place_of(found, model)
@@ -170,9 +176,9 @@ def _place_of(found: Sequence[AtReversals], model: Model) -> list[AtReversals]:
 
 
 def _both(
-    name: str, model: Model, learn: Sequence[Record], judge: Sequence[Record], place: str
+    name: str, model: Model, kinds: Sequence[Sequence[Record]], place: str, inertias: Sequence[float]
 ) -> AtReversals | None:
-    here, there = jump(model, learn, place), jump(model, judge, place)
+    here, there = (jump(model, records, place, inertias) for records in kinds)
     return None if here is None or there is None else AtReversals(name, model.location(place), (here, there))
 
 

@@ -13,6 +13,7 @@ from haptic_teleop_sysid.estimation.records import Record, thinned_to
 from haptic_teleop_sysid.estimation.whole_fit import fit_whole
 
 from ..evidence.held_out import judged
+from ..evidence.inverse_dynamics.late_channels import late_channels
 from ..evidence.whiteness import colour
 from ..hypotheses.candidates import contacts, larger_starts
 from ..hypotheses.explanation import Explanation
@@ -149,7 +150,8 @@ def _tried(
         near = fit_whole(fit.model, fit.noise, few, free=fit.free, iterations=LAST_STEPS, limits=limits)
         if not np.isfinite(near.log_likelihood):
             near, few = fit, estimation
-    chosen = shortlist(near, few, scales, limits, first and not fit.model.effects)
+    late = late_channels(lab, estimation)
+    chosen = shortlist(near, few, scales, limits, first and not fit.model.effects, late)
     noises = (near.noise, quiet(near.noise))
 
     def along(job: tuple[int, list[int]]) -> list[list[Fit]]:

@@ -10,6 +10,10 @@ Hahn, Todd and van der Klaauw, Econometrica 69(1), 2001). Everything goes throug
     motor and arm:   K u = J_m a_m + b_m v_m + J_a a_a + b_a v_a + F sign(v_a) + level + slope t
 
 The first sees friction at the motor alone, because the spring's torque shows in the deflection d.
+
+Noise in the accelerations draws what stands before them, and the jump with it, towards zero. Where it does,
+the inertia of a rigid body is held at what is known of it, from slower motion: then it is no error in a
+variable, and how far it is known is part of the jump's error.
 """
 
 from __future__ import annotations
@@ -42,11 +46,13 @@ AROUND, SHORTEST, LONGEST = 0.1, 1.0, 4.0
 TURNED = 0.1
 #: Fewest reversals of which anything is said.
 FEWEST = 3
-#: Share of the model's inertia that the regression must find around the reversals: noise in the accelerations
-#: draws it, and the jump, towards zero; a relay that switches elsewhere makes it nothing.
+#: Share of the known inertia that the regression must find around the reversals: a relay that switches
+#: elsewhere makes it nothing. That of a rigid body is held at it instead.
 HELD = 0.5
 #: Periods of the cut-off at either end of a recording, and of a hole, in which the filter has not settled.
 _ENDS = 4.0
+#: Standard deviation of a normal variable, in median deviations from its median.
+_NORMAL = 1.4826
 #: Samples to a period of the cut-off of the errors that are correlated anyway: the regression's rows.
 _ROWS = 4.0
 
@@ -62,13 +68,47 @@ class Jump:
     input: float
 
 
-def jump(model: Model, records: Sequence[Record], place: str) -> Jump | None:
+def jump(
+    model: Model, records: Sequence[Record], place: str, inertias: Sequence[float] = ()
+) -> Jump | None:
     """The jump at the reversals of a place, motor or arm (of both equations together there), over all
-    records; ``model``: with torque constant and inertia that hold. None with fewer than FEWEST reversals, or
-    where the input varies so little around them that noise in the acceleration hides what it does."""
+    records; ``model``: with torque constant and inertia that hold; ``inertias``: what else is known of that
+    of the motor, kg·m². None with fewer than FEWEST reversals, or where the input of a joint that flexes
+    varies so little around them that noise in the acceleration hides what it does."""
     rows = [part for record in records for part in _around_reversals(model, record, place)]
     if len(rows) < FEWEST:
         return None
+    own = model.parameters["motor_inertia"]
+    found = _regressed(rows)
+    if found is None:
+        return None
+    values, errors = found
+    if values[0] < HELD * own:
+        if not model.rigid:
+            return None
+        held = [_with_inertia(rows, inertia) for inertia in (own, *inertias)]
+        sizes = [one[0][-1] for one in held if one is not None]
+        if not sizes or held[0] is None:
+            return None
+        size = float(np.median(sizes))
+        apart = _NORMAL * float(np.median(np.abs(np.array(sizes) - size)))
+        std = math.hypot(held[0][1][-1], apart)
+    else:
+        size, std = float(values[-1]), float(errors[-1])
+    constant = abs(pack(model).torque_constant)
+    driven = np.sqrt(np.mean(np.concatenate([r.input for r in records]) ** 2))
+    return Jump(size, std, len(rows), float(constant * driven))
+
+
+def _with_inertia(
+    rows: Sequence[tuple[FloatArray, FloatArray]], inertia: float
+) -> tuple[FloatArray, FloatArray] | None:
+    return _regressed([(x[:, 1:], y - inertia * x[:, 0]) for x, y in rows])
+
+
+def _regressed(rows: Sequence[tuple[FloatArray, FloatArray]]) -> tuple[FloatArray, FloatArray] | None:
+    """Factors of the columns and their standard errors, whatever the errors of a reversal have in common;
+    None where a column is nothing."""
     columns = np.vstack([x for x, _ in rows])
     target = np.concatenate([y for _, y in rows])
     scale = np.sqrt(np.sum(columns**2, axis=0))
@@ -77,14 +117,10 @@ def jump(model: Model, records: Sequence[Record], place: str) -> Jump | None:
     # Its diagonal is one, as `scaled_inverse` makes it.
     information = (columns / scale).T @ (columns / scale)
     values = scaled_inverse(information)[1] @ ((columns / scale).T @ target)
-    if values[0] / scale[0] < HELD * model.parameters["motor_inertia"]:
-        return None
     scores = np.array([(x / scale).T @ (y - (x / scale) @ values) for x, y in rows])
     few = len(rows) / (len(rows) - 1.0)
     errors = math.sqrt(few) * deviations(sandwich(information, scores.T @ scores))
-    constant = abs(pack(model).torque_constant)
-    driven = np.sqrt(np.mean(np.concatenate([r.input for r in records]) ** 2))
-    return Jump(values[-1] / scale[-1], errors[-1] / scale[-1], len(rows), float(constant * driven))
+    return values / scale, errors / scale
 
 
 def _around_reversals(model: Model, record: Record, place: str) -> Iterator[tuple[FloatArray, FloatArray]]:

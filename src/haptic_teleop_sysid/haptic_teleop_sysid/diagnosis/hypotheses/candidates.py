@@ -148,6 +148,8 @@ def larger_starts(effect: Effect, scales: Scales) -> list[Effect]:
     for p in effect.entry.parameters:
         if p.grid and p.neutral is not None and p.neutral == 0.0 and p.default is None:
             old = effect.parameters[p.name]
+            if p.scan:
+                found.append(effect)  # a time far from none
             for g in p.grid:
                 value = p.within(g * scales.size[p.scale])
                 if old == 0.0 or (value > 0.0) == (old > 0.0):
@@ -182,6 +184,9 @@ def _values(
     scanned: Sequence[float] | None,
 ) -> tuple[float, ...]:
     scale = scales.size[parameter.scale]
+    if parameter.scan == "delay":
+        # From a small one a fit climbs the nearest hill; the others are where equations hold best.
+        return (share * parameter.typical * scale, *(scanned or ()))
     if parameter.scan and scanned is not None:
         return tuple(scanned)
     if parameter.scale == "furthest":

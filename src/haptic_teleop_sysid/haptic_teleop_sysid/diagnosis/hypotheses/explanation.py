@@ -65,5 +65,6 @@ class Explanation:
 
 def by_chance(effect: Effect) -> float:
     """Nats that an effect's parameters gain by chance on data they were fitted to."""
-    entry = effect.entry
-    return sum(_SOUGHT if entry.parameter(n).scan else _BY_CHANCE for n in effect.parameters)
+    # A time is one number however it was found, and another name of it has to have the same.
+    sought = {p.name for p in effect.entry.parameters if p.scan not in ("", "delay")}
+    return sum(_SOUGHT if name in sought else _BY_CHANCE for name in effect.parameters)

@@ -10,7 +10,7 @@ from haptic_teleop_sim.model import Effect
 from haptic_teleop_sysid.estimation.gauss_newton import Fit, Limits, fit_parameters
 from haptic_teleop_sysid.estimation.records import Record
 
-from ..hypotheses.candidates import candidates
+from ..hypotheses.candidates import Scanned, candidates
 from ..inputs.scales import Scales
 from .scan import both, scan
 from .screen import Screened, best_per_effect, screen
@@ -26,14 +26,14 @@ _STARTS_ONCE_MORE = 3
 
 
 def shortlist(
-    fit: Fit, records: Sequence[Record], scales: Scales, limits: Limits, first: bool
+    fit: Fit, records: Sequence[Record], scales: Scales, limits: Limits, first: bool, late: Scanned
 ) -> tuple[list[Screened], list[Screened]]:
     """The effects worth a fit, by what a linearisation promises: under the noise model as it was fitted, and
     under a quiet one.
 
     Where much is unexplained the fitted noise model takes it for a disturbance, under which no effect
     promises much: a delay of 16 ms that a fit explains with hundreds of nats promised less than seven.
-    ``first``: the first look, for which both are scanned.
+    ``first``: the first look, for which both are scanned; ``late``: starts of what makes a channel late.
     """
     still = fit_parameters(fit.model, quiet(fit.noise), records, iterations=12, limits=limits)
     if not np.isfinite(still.log_likelihood):
@@ -41,7 +41,7 @@ def shortlist(
     scanned = scan(fit, records, scales)
     if first:
         scanned = both(scanned, scan(still, records, scales))
-    effects = list(candidates(fit.model, records, scales, scanned))
+    effects = list(candidates(fit.model, records, scales, {**scanned, **late}))
     ranked = []
     for one in (fit, still):
         screened = screen(one, records, effects)

@@ -1,0 +1,46 @@
+"""A channel that is late by a third of a period of the motion: fits from small delays end on another hill."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from test_diagnosis_events import STAGE, dataset
+
+from haptic_teleop_sysid.diagnosis.evidence.inverse_dynamics.late_channels import RATIO, late_channels
+from haptic_teleop_sysid.diagnosis.run import diagnose
+from haptic_teleop_sysid.diagnosis.usable import records_of
+
+LATE = 0.046
+
+
+def late(data, channel, samples=round(LATE / 0.002)):
+    def shifted(values):
+        return np.concatenate([np.full(samples, values[0]), values[:-samples]])
+
+    names = {"motor": ("motor_position", "motor_velocity"), "arm": ("arm_position", "arm_velocity")}
+    names |= {"input": ("input", "commanded_input")}
+    return replace(data, **{name: shifted(getattr(data, name)) for name in names[channel]})
+
+
+@pytest.mark.parametrize(
+    ("channel", "location"),
+    [("motor", "stage1_motor_encoder"), ("arm", "stage1_arm_encoder"), ("input", "stage1_actuator")],
+)
+def test_the_equations_tell_which_channel_is_late_and_by_how_much(channel, location):
+    found = late_channels(STAGE, records_of([late(dataset(1), channel)]))
+    (delay,) = found["channel_skew", location]
+    assert LATE / RATIO < delay < LATE * RATIO
+
+
+def test_nothing_is_late_where_nothing_was_moved():
+    assert late_channels(STAGE, records_of([dataset(1)])) == {}
+
+
+def test_a_late_encoder_of_a_flexible_joint_is_named_with_its_delay():
+    sets = [late(dataset(seed), "motor") for seed in (1, 2)]
+    _, verdict, _, _ = diagnose(STAGE, sets[:1], sets[1:])
+    assert verdict.kind == "ambiguous"
+    (finding,) = verdict.findings
+    names = {finding["effect"], *(one["effect"] for one in finding["alternatives"])}
+    assert (finding["location"], names) == ("stage1_motor_encoder", {"sensor_delay", "channel_skew"})
+    assert finding["parameters"]["delay"]["value"] == pytest.approx(LATE, abs=0.001)
