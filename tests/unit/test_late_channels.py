@@ -13,7 +13,9 @@ from haptic_teleop_sysid.diagnosis.usable import records_of
 LATE = 0.046
 
 
-def late(data, channel, samples=round(LATE / 0.002)):
+def late(data, channel):
+    samples = round(LATE / data.dt)
+
     def shifted(values):
         return np.concatenate([np.full(samples, values[0]), values[:-samples]])
 

@@ -193,7 +193,7 @@ def test_friction_that_is_seen_only_there_is_part_of_the_answer_and_nobody_is_su
 @pytest.mark.parametrize("coulomb", [0.3, 0.0])
 def test_where_noise_hides_the_inertia_what_is_known_of_it_tells_the_friction(coulomb):
     """A relay turns the motion with one torque: only noisy accelerations vary there, and drew friction to
-    zero; on seven of eight real joints that said nothing, and on others it came out by up to 73 % too small."""
+    zero; on eight real joints nothing was said for that, and on others it was up to 73 % too small."""
     torque = 3.0 * np.sign(np.sin(2.0 * np.pi * 0.9 * DT * np.arange(8000)))
     noise = 2e-4 * np.random.default_rng(1).standard_normal((len(torque), 1))
     relay = record(torque, wake(torque, coulomb, 0.0)[:, None] + noise, 1e-5)

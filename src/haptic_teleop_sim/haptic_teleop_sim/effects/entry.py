@@ -37,9 +37,10 @@ class EffectEntry:
     ``symbols.py``. ``rates`` gives the time derivatives of the own states in the same symbols. ``rate(p,
     ks)`` bounds the added stiffness (N·m/rad) and damping (N·m·s/rad), from which the step is chosen, and, as
     a third number, the rate of own states (1/s). ``steepness`` gives the same two, in the symbols of
-    ``equation``, where they have no bound: at the present state. An ``input`` effect is a compiled function ``step(torque,
-    time, dt, parameters, offset, states, state_offset)`` with ``states`` places for its memory, the last of
-    them for the moment of what acts where it is ``spread`` unevenly over the sample (``actuator.py``).
+    ``equation``, where they have no bound: at the present state. An ``input`` effect is a compiled function
+    ``step(torque, time, dt, parameters, offset, states, state_offset)`` with ``states`` places for its
+    memory, the last of them for the moment of what acts where it is ``spread`` unevenly over the sample
+    (``actuator.py``).
     An inertia may depend on time and on the angle of its location: the kernel adds the velocity-squared
     torque that belongs to it by Lagrange; ``lightest(p)``: the least that it may become over the structure's.
     ``spring(p)``: what the effect adds to the stiffness against the ground about angle zero, N·m/rad, and

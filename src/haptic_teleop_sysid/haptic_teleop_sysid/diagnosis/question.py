@@ -23,12 +23,20 @@ from .decision.opinion_as_result import as_result
 from .decision.overruled import believed_instead, beyond_reach, more_plainly, stands_next
 from .decision.own_bounds import within_bounds
 from .decision.own_law import by_its_law
-from .decision.reasons import Doubt, more_than_chance, off_the_mark, runs_away, slipped
+from .decision.reasons import (
+    Doubt,
+    follows_in_detail,
+    more_than_chance,
+    off_the_mark,
+    runs_away,
+    slipped,
+)
 from .decision.search import SearchResult
 from .decision.stand import Stand, colours
 from .decision.torques_explained import explained_along, explained_in_band, inadequate
 from .decision.unsteady import constant_sizes
 from .decision.where import structured
+from .evidence.held_out import with_both_kinds
 from .evidence.proof import mean_percent
 from .evidence.residual import conditions
 from .evidence.second_opinion import Errors, Opinion
@@ -99,6 +107,9 @@ def questioned(
             off_the_mark(mean_percent(fits))
             or slipped(data)
             or inconstant(result.baseline, found.judge)
+            or follows_in_detail(
+                with_both_kinds(result.baseline, found.learn, found.judge), result.scales.size["torque"]
+            )
             or more_than_chance(left_size(result.baseline, [*found.learn, *found.judge]))
         )
     return result, doubt, stand

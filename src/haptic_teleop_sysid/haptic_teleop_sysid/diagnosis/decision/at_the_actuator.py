@@ -10,9 +10,13 @@ from haptic_teleop_sysid.estimation.gauss_newton import Fit
 from haptic_teleop_sysid.estimation.records import Record
 
 from ..evidence.feedback import in_open_loop
-from ..evidence.held_out import held_out_fit
+from ..evidence.fine_curve import follows_input_finely
+from ..evidence.held_out import with_both_kinds
 from ..evidence.in_proportion import in_proportion, with_the_input
 from ..evidence.residual import INPUT_TORQUE
+from ..policy import LEAST_EXPLAINED
+from .adequacy import left_size
+from .coloured import driven
 from .verdict import Verdict
 
 #: When it shows, in the contract's words.
@@ -23,10 +27,10 @@ def at_the_actuator(
     verdict: Verdict, baseline: Fit, learn: Sequence[Record], judge: Sequence[Record]
 ) -> tuple[Verdict, dict[str, float] | None]:
     """The `unknown` verdict at the actuator, where what is missing at the motor follows the input of
-    recordings that were not fitted, which no controller made, more than any motion; or where it is in
-    proportion to the input and not to any motion, by a factor that changes; and what each quantity gains so,
-    nats, None where that was not asked. ``baseline``: the structure alone, as it fits the estimation
-    recordings ``learn``."""
+    recordings that were not fitted, which no controller made, more than any motion; where most of it follows
+    the input in detail; or where it is in proportion to the input and not to any motion, by a factor that
+    changes; and what each quantity gains so, nats, None where that was not asked. ``baseline``: the structure
+    alone, as it fits the estimation recordings ``learn``."""
     model = baseline.model
     motor, actuator = model.location("motor"), model.location("actuator")
     told_at = [where["equation"] for where in verdict.where[:1]]
@@ -34,11 +38,15 @@ def at_the_actuator(
     there = [e.location for e in model.effects] + [f["location"] for f in verdict.findings]
     if verdict.kind != "unknown" or told_at != [motor] or actuator in there or _ended_at_a_bound(baseline):
         return verdict, None
-    elsewhere = held_out_fit(baseline, judge, [baseline.noise])
+    both = with_both_kinds(baseline, learn, judge)
     told, *others = verdict.where
-    if told["condition"] == INPUT_TORQUE and in_open_loop(elsewhere, judge):
+    if told["condition"] == INPUT_TORQUE and in_open_loop(*both[1]):
         return replace(verdict, where=[{**told, "equation": actuator}, *others]), None
-    gains = in_proportion([(baseline, learn), (elsewhere, judge)], baseline.free)
+    in_detail = follows_input_finely(both) / max(driven(baseline, learn), 1e-300)
+    if in_detail**2 > LEAST_EXPLAINED * left_size(baseline, [*learn, *judge]) ** 2:
+        where = {**told, "equation": actuator, "condition": INPUT_TORQUE}
+        return replace(verdict, where=[where, *others]), None
+    gains = in_proportion(both, baseline.free)
     if not with_the_input(gains, model.rigid):
         return verdict, gains
     where = {**told, "equation": actuator, "condition": WITH_THE_INPUT}

@@ -59,7 +59,7 @@ def left_is_random(fit: Fit, estimation: Sequence[Record], validation: Sequence[
 def with_a_memory(fit: Fit, estimation: Sequence[Record], validation: Sequence[Record]) -> Remembered | None:
     """What most of the left-over torque follows with a memory, if that part is more than chance is on a
     machine."""
-    least = MOST_BY_CHANCE * _driven(fit, estimation)
+    least = MOST_BY_CHANCE * driven(fit, estimation)
     found = remembered(fit, estimation, validation, fit.model.joint)
     enough = [one for one in found if one.explained >= STRUCTURED and one.size > least]
     return max(enough, key=lambda one: one.size, default=None)
@@ -67,10 +67,10 @@ def with_a_memory(fit: Fit, estimation: Sequence[Record], validation: Sequence[R
 
 def _slight(left: Condition, fit: Fit, estimation: Sequence[Record]) -> bool:
     """Whether what follows a quantity is too small a torque to be worth a word."""
-    return left.size <= NOTICEABLE * _driven(fit, estimation)
+    return left.size <= NOTICEABLE * driven(fit, estimation)
 
 
-def _driven(fit: Fit, records: Sequence[Record]) -> float:
+def driven(fit: Fit, records: Sequence[Record]) -> float:
     """Rms torque of the input, N·m."""
     input_ = np.sqrt(np.mean([np.mean(r.input**2) for r in records]))
     return float(abs(pack(fit.model).torque_constant) * input_)

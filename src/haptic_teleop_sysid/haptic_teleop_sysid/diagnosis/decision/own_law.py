@@ -8,7 +8,7 @@ from dataclasses import replace
 
 from haptic_teleop_sysid.estimation.records import Record
 
-from ..evidence.held_out import held_out_fit
+from ..evidence.held_out import with_both_kinds
 from ..evidence.lack_of_fit import lack_of_fit
 from ..hypotheses.follows import own_variable
 from ..policy import ANOTHER_LAW, ANOTHER_LAW_DRY, LEAST_GAIN, NOT_QUITE, NOT_QUITE_DRY
@@ -68,10 +68,10 @@ def _shares(
     asked = [k for k, c in enumerate(result.choices) if _asked(result, c)]
     if not asked:
         return found
-    there = replace(held_out_fit(fit, validation, [fit.noise]), free=fit.free)
+    both = with_both_kinds(fit, estimation, validation)
     for k in asked:
         chosen = result.choices[k].chosen
-        gain = lack_of_fit([(fit, estimation), (there, validation)], chosen.effect)
+        gain = lack_of_fit(both, chosen.effect)
         own = max(chosen.gain + chosen.elsewhere, 1.0)
         if gain is not None and gain > LEAST_GAIN:
             found[k] = math.sqrt(gain / own)

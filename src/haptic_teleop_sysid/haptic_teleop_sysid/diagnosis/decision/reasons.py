@@ -12,8 +12,10 @@ from haptic_teleop_sysid.estimation.records import Record
 from haptic_teleop_sysid.recordings.dataset import DataSet
 
 from ..evidence.events import bursts, moment, steady_line
+from ..evidence.fine_curve import follows_input_finely
 from ..evidence.held_out import held_out_fit
-from ..policy import MOST_UNNAMED
+from ..evidence.residual import INPUT_TORQUE
+from ..policy import MOST_UNNAMED, NOTICEABLE
 from .decide import Choice
 
 
@@ -62,6 +64,20 @@ def more_than_chance(size: float) -> Doubt | None:
         "and it follows nothing that was recorded"
     )
     return Doubt(None, why, "time")
+
+
+def follows_in_detail(fits: Sequence[tuple[Fit, Sequence[Record]]], driven: float) -> Doubt | None:
+    """Doubt where nothing was found and a noticeable torque follows the input in detail; ``fits``: of the
+    structure with both kinds of recordings; ``driven``: rms torque of the input, N·m."""
+    size = follows_input_finely(fits)
+    if not size > NOTICEABLE * driven:
+        return None
+    why = (
+        f"a torque of {100 * size / driven:.0f} % of the input's (rms) is missing that is another one at "
+        "each value of the input, in steps too fine for a law or a map: see how coarse the converter is, and how "
+        "the command is rounded"
+    )
+    return Doubt(None, why, INPUT_TORQUE, place=fits[0][0].model.location("actuator"))
 
 
 def rather_event(doubt: Doubt, fits: Sequence[tuple[Fit, Sequence[Record]]]) -> Doubt:

@@ -140,6 +140,14 @@ def reconciled(fit: Fit, there: Fit, records: Sequence[Record]) -> Fit:
     return fit_whole(fit.model, there.noise, records, free=free, known=known, iterations=_STEPS)
 
 
+def with_both_kinds(
+    fit: Fit, estimation: Sequence[Record], validation: Sequence[Record]
+) -> list[tuple[Fit, Sequence[Record]]]:
+    """A fit with the recordings of either kind, and their noise levels; the same is free in both."""
+    there = replace(held_out_fit(fit, validation, [fit.noise]), free=fit.free)
+    return [(fit, estimation), (there, validation)]
+
+
 def held_out_fit(fit: Fit, records: Sequence[Record], levels: Sequence[NoiseModel]) -> Fit:
     """Other recordings under the model as it was fitted, with the noise levels as these recordings have them,
     sought from all of ``levels``.

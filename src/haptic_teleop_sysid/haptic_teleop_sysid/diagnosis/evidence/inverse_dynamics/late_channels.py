@@ -1,9 +1,10 @@
-"""Starts for a channel that is late or early: the time shift of it by which the equations of motion hold best.
+"""Starts for a channel that is late or early: the time shift of it by which the equations hold best.
 
 The likelihood of a delay has a hill at every period of the motion, and a fit from a small one climbs the
 first. Band-limited inverse dynamics are linear in all else that is unknown,
 
-    K u = J a + b v + F sign v + k (q_m - q_a) + c    and    k (q_m - q_a) = J_a a_a + b_a v_a + F_a sign v_a + c_a
+    K u = J a + b v + F sign v + k (q_m - q_a) + c,
+    k (q_m - q_a) = J_a a_a + b_a v_a + F_a sign v_a + c_a
 
 (a rigid joint has the first, with a spring and gravity), so that each shift of one channel costs a regression.
 """

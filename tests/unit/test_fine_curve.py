@@ -1,0 +1,43 @@
+"""A coarse converter gives another torque at each value of the input: no law and no map follows it."""
+
+import numpy as np
+import pytest
+from identification_plants import multisine
+from test_diagnosis_events import CONSTANT, DT, RMS, STAGE, TIME, dataset, fitted
+
+from haptic_teleop_sysid.diagnosis.evidence.fine_curve import follows_input_finely
+from haptic_teleop_sysid.diagnosis.run import diagnose
+
+
+def coarse(seed, step):
+    """Torque (n,) that a converter with steps of `step` A adds to the command, and its rms."""
+    current = multisine(len(TIME), DT, RMS, (0.2, 10.0), seed)
+    added = CONSTANT * (step * np.round(current / step) - current)
+    return added, float(np.std(added))
+
+
+@pytest.mark.parametrize("step", [0.02, 0.06])
+def test_the_torque_of_a_coarse_converter_follows_the_input_in_detail(step):
+    sets = [dataset(seed, coarse(seed, step)[0]) for seed in (1, 2)]
+    size = np.mean([coarse(seed, step)[1] for seed in (1, 2)])
+    assert follows_input_finely(fitted(*sets)) == pytest.approx(size, rel=0.35)
+
+
+def test_random_torque_as_large_and_a_bent_characteristic_do_not():
+    assert follows_input_finely(fitted(*(dataset(seed) for seed in (1, 2)))) == 0.0
+    noise = [0.02 * CONSTANT * np.random.default_rng(s).standard_normal(len(TIME)) for s in (5, 6)]
+    assert follows_input_finely(fitted(*(dataset(s, n) for s, n in zip((1, 2), noise, strict=True)))) == 0.0
+    bent = []
+    for seed in (1, 2):
+        current = multisine(len(TIME), DT, RMS, (0.2, 10.0), seed)
+        bent.append(dataset(seed, CONSTANT * 0.1 * np.abs(current)))
+    assert follows_input_finely(fitted(*bent)) < 0.01 * CONSTANT * RMS
+
+
+def test_it_is_unknown_at_the_actuator_and_says_what_to_look_at():
+    sets = [dataset(seed, coarse(seed, 0.02)[0]) for seed in (1, 2)]
+    _, verdict, _, content = diagnose(STAGE, sets[:1], sets[1:])
+    assert verdict.kind == "unknown"
+    (where,) = verdict.where
+    assert (where["equation"], where["condition"]) == ("stage1_actuator", "input torque")
+    assert "how coarse the converter is" in content["doubt"]
