@@ -74,8 +74,8 @@ def follows_in_detail(fits: Sequence[tuple[Fit, Sequence[Record]]], driven: floa
         return None
     why = (
         f"a torque of {100 * size / driven:.0f} % of the input's (rms) is missing that is another one at "
-        "each value of the input, in steps too fine for a law or a map: see how coarse the converter is, and how "
-        "the command is rounded"
+        "each value of the input, in steps too fine for a law or a map: see how coarse the converter is, and "
+        "how the command is rounded"
     )
     return Doubt(None, why, INPUT_TORQUE, place=fits[0][0].model.location("actuator"))
 

@@ -6,7 +6,7 @@ first. Band-limited inverse dynamics are linear in all else that is unknown,
     K u = J a + b v + F sign v + k (q_m - q_a) + c,
     k (q_m - q_a) = J_a a_a + b_a v_a + F_a sign v_a + c_a
 
-(a rigid joint has the first, with a spring and gravity), so that each shift of one channel costs a regression.
+(a rigid joint has the first, with a spring and gravity), so that each shift of a channel costs a regression.
 """
 
 from __future__ import annotations
