@@ -12,6 +12,7 @@ from .friction_forms import (
     gives,
     giving,
     grows,
+    hardly_sliding,
     rippled,
     sided,
     varies,
@@ -136,6 +137,7 @@ PRESLIDING = EffectEntry(
     practical=gives,
     families=_DRY,
     refinement=Refinement("coulomb_friction", giving),
+    begun_from=Refinement("spring_to_ground", hardly_sliding),
     large=True,
 )
 

@@ -14,12 +14,13 @@ from .parameter import CONTACT, STICTION_ANGLE
 #: which a contact that gives is, and phases of a sine, of which a wrong one leads back to none.
 _VELOCITIES = (0.05, 0.2, 0.6)
 _GIVES = (0.01, 0.05)
+_HARDLY = (0.05, 0.15, 0.5)
 _PHASES = (0.0, 0.5 * math.pi, math.pi, 1.5 * math.pi)
 #: Share by which friction varies with the angle in the beginning.
 _VARIES = 0.3
 #: Share of the whole travel up to which a contact that gives before it slides bears its own name: one that
 #: hardly ever slides is a spring.
-_STILL = 0.3
+_STILL = 1.0
 
 
 def _given_contact(p: Numbers) -> dict[str, float]:
@@ -46,6 +47,12 @@ def giving(p: Numbers, on: Recorded, scanned: float) -> Iterator[dict[str, float
     """A contact that gives over a share of the travel."""
     for share in _GIVES:
         yield {"torque": p["torque"], "stiffness": p["torque"] / (share * on.span)}
+
+
+def hardly_sliding(p: Numbers, on: Recorded, scanned: float) -> Iterator[dict[str, float]]:
+    """A contact that gives over so much of the travel that it passed for a spring."""
+    for share in _HARDLY:
+        yield {"torque": p["stiffness"] * share * on.span, "stiffness": p["stiffness"]}
 
 
 def rippled(p: Numbers, on: Recorded, scanned: float) -> Iterator[dict[str, float]]:

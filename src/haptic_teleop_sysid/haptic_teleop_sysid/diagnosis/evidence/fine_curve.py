@@ -67,7 +67,8 @@ def follows_input_finely(fits: Sequence[tuple[Fit, Sequence[Record]]]) -> float:
         knots = _knots(fits)
         if len(knots) < _FEWEST:
             return 0.0
-        sides = [_Gained(np.sum([_products(fit, r, knots) for r in records], axis=0)) for fit, records in fits]
+        both = [[_products(fit, r, knots) for r in records] for fit, records in fits]
+        sides = [_Gained(np.sum(products, axis=0)) for products in both]
         curves = [side.curve() for side in sides]
     except FAILURES:
         return 0.0

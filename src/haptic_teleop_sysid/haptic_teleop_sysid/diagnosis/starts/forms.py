@@ -1,4 +1,5 @@
-"""Richer forms of a friction that was found, fitted from the size that the plain form came to.
+"""Richer forms of a friction that was found, fitted from the size that the plain form came to, and a contact
+that hardly slides, from where a spring came to.
 
 A linearisation tells forms of friction apart where they are small.  From there a strong Stribeck friction was
 fitted 600 nats below what it explains, with a breakaway below what slides, so that it passed for a plain one.
@@ -13,6 +14,7 @@ from dataclasses import replace
 import numpy as np
 
 from haptic_teleop_sim.effects import EFFECTS, EffectEntry
+from haptic_teleop_sim.effects.hypothesis import Refinement
 from haptic_teleop_sim.model import Effect, Model
 from haptic_teleop_sysid.estimation.gauss_newton import Fit, Limits
 from haptic_teleop_sysid.estimation.parallel import side_by_side
@@ -63,8 +65,13 @@ def richer_forms(
 
 
 def refinements(effect: Effect) -> list[EffectEntry]:
-    """The entries that are richer forms of the effect."""
-    return [e for e in EFFECTS.values() if e.refinement is not None and e.refinement.of == effect.effect]
+    """The entries that are richer forms of the effect, or that begin where it came to."""
+    return [e for e in EFFECTS.values() if _begins(e, effect) is not None]
+
+
+def _begins(entry: EffectEntry, effect: Effect) -> Refinement | None:
+    known = (entry.refinement, entry.begun_from)
+    return next((r for r in known if r is not None and r.of == effect.effect), None)
 
 
 def _size(effect: Effect) -> float:
@@ -82,11 +89,12 @@ def _forms(
 ) -> Iterator[Effect]:
     """One richer form of about the size of a plain ``effect``; where something of it is scanned, of that of
     its fit ``plain``, at the values that promise most beside it."""
-    assert entry.refinement is not None
+    begins = _begins(entry, effect)
+    assert begins is not None
     on, location = scales.at(effect.location), effect.location
     parameter = next((p for p in entry.parameters if p.scan), None)
     if parameter is None:
-        for parameters in entry.refinement.starts(effect.parameters, on, math.nan):
+        for parameters in begins.starts(effect.parameters, on, math.nan):
             yield Effect(entry.name, location, parameters)
         return
     effect = plain.model.effects[index]
@@ -99,7 +107,7 @@ def _forms(
     gains = Answers(plain, records).gains(entry, parameter, place, values)
     for i in np.argsort(-gains)[:_ORDERS]:
         if gains[i] > _PROMISES:
-            for parameters in entry.refinement.starts(effect.parameters, on, values[i]):
+            for parameters in begins.starts(effect.parameters, on, values[i]):
                 yield Effect(entry.name, location, parameters)
 
 
