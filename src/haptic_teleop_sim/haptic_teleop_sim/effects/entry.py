@@ -74,7 +74,8 @@ class EffectEntry:
       ``form_of``: the effect that it is a richer form of; ``refinement``: how it is fitted from a plainer
       one, and ``begun_from`` from another thing, of which it is no form, that comes near to it;
       ``other_forms``: equations in which others publish the same law with the same parameters, by which its
-      sizes are less sure than by this one alone; ``equivalents``: what looks the same, and when; ``same_as``: the parameter of the structure that it cannot be told from where that is estimated;
+      sizes are less sure than by this one alone; ``equivalents``: what looks the same, and when;
+      ``same_as``: the parameter of the structure that it cannot be told from where that is estimated;
     - ``ordered``: pairs of its parameters of which the first cannot exceed the second, and why, in words;
     - ``jumps``: the size by which its torque changes its sign where the motion turns, of the plainest form;
     - ``large``: it may be so large that structure and noise make up for it; ``versatile``: it bends to much
