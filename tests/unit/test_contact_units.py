@@ -58,7 +58,7 @@ def test_contacts_scale_with_the_unit(record, factor):
 
 
 @pytest.mark.parametrize("factor", [1e-4, 1.0, 1e4])
-@pytest.mark.parametrize(("share", "expected"), [(1e-4, False), (0.01, True), (0.5, False)])
+@pytest.mark.parametrize(("share", "expected"), [(1e-4, False), (0.01, True), (0.7, True), (1.5, False)])
 def test_a_contact_bears_its_own_name_from_a_share_of_the_travel(record, factor, share, expected):
     scales = recording_scales(MODEL, [in_units(record, factor)])
     stiffness = 0.5 / (share * scales.span(0))

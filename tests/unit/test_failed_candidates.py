@@ -70,5 +70,5 @@ def test_a_quiet_noise_model_that_fails_leaves_the_fitted_one(records, monkeypat
     from haptic_teleop_sysid.diagnosis.starts import shortlist as listing
 
     monkeypatch.setattr(listing, "quiet", lambda noise: IMPOSSIBLE)
-    own, other = shortlist(fit, records, scales, within_reach(MODEL, scales), True)
+    own, other = shortlist(fit, records, scales, within_reach(MODEL, scales), True, {})
     assert [s.effect for s in own] == [s.effect for s in other]
