@@ -1,6 +1,8 @@
 """Richer forms of a friction are found from its plain form, and an effect that a later one makes superfluous
 falls."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from identification_plants import STAGE, stage_recording
@@ -11,7 +13,7 @@ from haptic_teleop_sysid.diagnosis.decision.without_the_first import without_the
 from haptic_teleop_sysid.diagnosis.hypotheses.explanation import Explanation
 from haptic_teleop_sysid.diagnosis.inputs.scales import recording_scales, within_reach
 from haptic_teleop_sysid.diagnosis.run import diagnose
-from haptic_teleop_sysid.diagnosis.starts.forms import richer_forms
+from haptic_teleop_sysid.diagnosis.starts.forms import refinements, richer_forms
 from haptic_teleop_sysid.estimation.records import record_from
 from haptic_teleop_sysid.estimation.whole_fit import fit_from_scratch, fit_whole
 from haptic_teleop_sysid.recordings.dataset import load_dataset
@@ -125,3 +127,29 @@ def test_a_delay_of_many_samples_is_found():
     assert first["parameters"]["delay"]["value"] == pytest.approx(0.055, abs=2e-3)
     assert verdict.kind in ("identified", "ambiguous")
     assert np.mean(list(content["fit"]["augmented"]["validation"].values())) > 90.0
+
+
+def test_a_spring_beside_a_friction_begins_no_second_one():
+    """A contact that hardly slides is begun from a spring; where a dry friction is there already, the model
+    would have had two, and the program ended with that."""
+    sliding = Effect("presliding_friction", "stage1_arm", {"torque": 0.3, "stiffness": 30.0})
+    spring = Effect("spring_to_ground", "stage1_arm", {"stiffness": 2.0, "rest": 0.0})
+    assert [e.name for e in refinements(spring)] == ["presliding_friction"]
+    learn = records(spring)
+    before = fit_from_scratch(STAGE, learn)
+    both = fit_whole(STAGE.with_effects(sliding, spring), before.noise, learn, iterations=2)
+    weak = replace(before, log_likelihood=both.log_likelihood - 1e3)
+    scales = recording_scales(before.model, learn)
+    assert richer_forms([both], weak, 1, learn, scales, within_reach(STAGE)) == []
+
+
+def test_a_contact_that_hardly_slides_is_found_from_a_spring():
+    hidden = Effect("presliding_friction", "stage1_arm", {"torque": 1.0, "stiffness": 30.0})
+    learn = records(hidden)
+    before = fit_from_scratch(STAGE, learn)
+    near = Effect("spring_to_ground", "stage1_arm", {"stiffness": 25.0, "rest": 0.0})
+    spring = fit_whole(STAGE.with_effects(near), before.noise, learn, iterations=20)
+    scales = recording_scales(before.model, learn)
+    (found,) = richer_forms([spring], before, 0, learn, scales, within_reach(STAGE))
+    assert found.log_likelihood > spring.log_likelihood + 50.0
+    assert found.model.effects[0].parameters["stiffness"] == pytest.approx(30.0, rel=0.1)

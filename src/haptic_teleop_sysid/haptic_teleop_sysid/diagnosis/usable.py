@@ -5,9 +5,10 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
+from numpy.typing import NDArray
 
 from haptic_teleop_control.errors import RecordingError
-from haptic_teleop_sysid.estimation.records import Record, records_from
+from haptic_teleop_sysid.estimation.records import LONGEST_HOLE, Record, records_from
 from haptic_teleop_sysid.recordings.dataset import DataSet
 
 from .evidence.consistency import refuse_other_units, refuse_unrelated
@@ -22,6 +23,8 @@ from .inputs.plausible import (
 
 #: Difference (A or N·m, relative to the rms command) up to which the measured current counts as following.
 _FOLLOWS = 0.1
+#: Holes, and share of them that have one length but for a sample, from which an angle is read seldom.
+_MANY_HOLES, _ALIKE = 50, 0.8
 
 
 def records_of(data: list[DataSet]) -> list[Record]:
@@ -31,6 +34,14 @@ def records_of(data: list[DataSet]) -> list[Record]:
         pieces = records_from(dataset, commanded=True)
         longest = max(pieces, key=len)
         if len(longest) < SHORTEST_STRETCH:
+            seldom = samples_a_reading(dataset.valid)
+            if seldom > LONGEST_HOLE:
+                raise RecordingError(
+                    f"{dataset.name}: an angle of {dataset.joint} is read about once in {seldom:.0f} samples "
+                    f"(every {seldom * dataset.dt:.3g} s), which is too seldom for a log at "
+                    f"{1.0 / dataset.dt:.0f} Hz: write one row for each reading, with the mean of the input "
+                    "since the last one."
+                )
             raise RecordingError(
                 f"{dataset.name} has {len(longest)} samples without a hole; a diagnosis needs at least "
                 f"{SHORTEST_STRETCH} in a row, and {FEWEST_SAMPLES} in all: record for longer, or leave it "
@@ -46,6 +57,17 @@ def records_of(data: list[DataSet]) -> list[Record]:
             f"{FEWEST_SAMPLES} of each kind (estimation, validation, test): record for longer."
         )
     return records
+
+
+def samples_a_reading(valid: NDArray[np.bool_]) -> float:
+    """Samples from one reading to the next, where most readings stand alone between holes of one length; 1
+    where they do not."""
+    edges = np.flatnonzero(np.diff(np.concatenate([[1], valid.astype(np.int8), [1]])))
+    holes, between = edges[1::2] - edges[::2], edges[2::2] - edges[1:-1:2]
+    usual = float(np.median(holes)) if len(holes) >= _MANY_HOLES else 0.0
+    if not usual or np.median(between) > 1 or np.mean(np.abs(holes - usual) <= 1) < _ALIKE:
+        return 1.0
+    return usual + 1.0
 
 
 def sense_follows(data: list[DataSet]) -> bool:

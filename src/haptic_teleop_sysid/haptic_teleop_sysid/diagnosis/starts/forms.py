@@ -21,6 +21,7 @@ from haptic_teleop_sysid.estimation.parallel import side_by_side
 from haptic_teleop_sysid.estimation.records import Record
 from haptic_teleop_sysid.estimation.whole_fit import fit_whole
 
+from ..hypotheses.candidates import family
 from ..inputs.scales import Scales
 from .answers import Answers
 from .scan import scanned_values
@@ -41,7 +42,9 @@ def richer_forms(
     found = []
     for fit in fits:
         effect = fit.model.effects[index]
-        richer = refinements(effect)
+        others = (*fit.model.effects[:index], *fit.model.effects[index + 1 :])
+        there = {e.effect for e in others if e.location == effect.location}
+        richer = [e for e in refinements(effect) if not family(e.name) & there]
         if not richer or fit.log_likelihood < before.log_likelihood + _STRONG:
             continue
         plain = fit_whole(fit.model, fit.noise, records, free=fit.free, iterations=_STEPS, limits=limits)
