@@ -52,7 +52,7 @@ def test_nothing_but_short_pieces_is_refused(data):
 def test_an_angle_that_is_read_seldom_is_refused_with_what_to_do(data):
     """An encoder read at 170 Hz in a log at 1 kHz was asked to be recorded for longer."""
     seldom = holed(data, *((k + 1, k + 6) for k in range(0, len(data) - 6, 6)))
-    with pytest.raises(RecordingError, match="read about once in 6 samples.*one row for each reading"):
+    with pytest.raises(RecordingError, match=r"read about once in 6 samples.*one row for each reading"):
         records_of([seldom])
 
 
