@@ -3,6 +3,7 @@
 import math
 import subprocess
 import sys
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -10,7 +11,10 @@ from plants import FLEXIBLE, flexible, rigid
 from scipy.integrate import solve_ivp
 from scipy.linalg import expm
 
+from haptic_teleop_sim.effects import EFFECTS
+from haptic_teleop_sim.effects.on_arrays import NUMERIC
 from haptic_teleop_sim.kernel import cache_directory, kernel, pack, simulate
+from haptic_teleop_sim.kernel.pack import MOST_STEEP
 
 
 def test_the_linear_joint_is_the_matrix_exponential_s_under_a_held_input():
@@ -148,6 +152,50 @@ def test_a_law_without_a_bound_is_given_the_steps_that_it_needs_where_it_is_stee
     current = np.append(np.repeat(torque, round(0.02 / dt)), 0.0) / 8.925
     found = simulate(model, current, dt, np.zeros(4))
     np.testing.assert_allclose(found.states[-1, :4], x, atol=2e-3 * np.abs(found.states[:, :4]).max())
+
+
+def test_a_drag_as_steep_as_the_damping_is_given_steps_for_both():
+    """A step covers 0.95 of what either needs: each rounded by itself gave one for both, and it ran away."""
+    inertia, damping, speed, dt = 0.0635, 33.0, 10.0, 4e-3
+    drag = 0.5 * damping / speed
+    model = rigid(("quadratic_drag", {"coefficient": drag}), inertia=inertia, damping=damping)
+    exact = solve_ivp(lambda t, v: -(damping * v + drag * v * abs(v)) / inertia, (0.0, 0.02), [speed],
+                      rtol=1e-9, atol=1e-12, t_eval=dt * np.arange(6)).y[0]  # fmt: skip
+    found = simulate(model, np.zeros(6), dt, np.array([0.0, 0.0, speed, 0.0])).motor_velocity
+    np.testing.assert_allclose(found, exact, atol=0.03 * speed)
+
+
+@pytest.mark.parametrize("dt", [4e-3, 1e-2])
+def test_a_hard_spring_that_is_crossed_fast_is_given_the_steps_of_its_far_end(dt):
+    cubic = 4e4
+    model = flexible(("hardening_spring", "joint", {"cubic": cubic}))
+
+    def rates(t, x):
+        coupling = 3.971 * (x[0] - x[1]) + cubic * (x[0] - x[1]) ** 3
+        return [x[2], x[3], (-2.6 * x[2] - coupling) / 0.0635, (coupling - 0.02 * x[3]) / 0.17]
+
+    start = np.array([0.0, 0.0, 4.0, 0.0])
+    times = dt * np.arange(round(0.4 / dt))
+    exact = solve_ivp(rates, (0.0, 0.4), start, rtol=1e-10, atol=1e-12, t_eval=times).y
+    found = simulate(model, np.zeros(len(times)), dt, start).states[:, :4].T
+    assert np.abs(found - exact).max() < 0.02 * np.abs(exact).max()
+
+
+def test_the_most_steps_of_a_steep_law_are_those_of_an_exported_file():
+    assert kernel().MOST_STEPS == MOST_STEEP
+
+
+def test_every_drag_that_grows_without_a_bound_says_how_steep_it_is():
+    """Otherwise it has one step a sample, and runs away."""
+    for entry in EFFECTS.values():
+        if entry.kind != "friction" or entry.equation is None or entry.memory:
+            continue
+        parameters = SimpleNamespace(**{p.name: max(p.typical, p.minimum) for p in entry.parameters})
+        one, far = (
+            abs(entry.equation(SimpleNamespace(**NUMERIC, position=0.3, velocity=v), parameters))
+            for v in (1.0, 100.0)
+        )
+        assert far <= 100.1 * one or entry.steepness is not None, entry.name
 
 
 def test_an_environment_s_torque_acts_on_the_arm_and_on_a_rigid_body():

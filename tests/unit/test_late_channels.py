@@ -28,7 +28,7 @@ def late(data, channel):
     ("channel", "location"),
     [("motor", "stage1_motor_encoder"), ("arm", "stage1_arm_encoder"), ("input", "stage1_actuator")],
 )
-def test_the_equations_tell_which_channel_is_late_and_by_how_much(channel, location):
+def test_a_start_is_offered_where_the_equations_hold(channel, location):
     found = late_channels(STAGE, records_of([late(dataset(1), channel)]))
     (delay,) = found["channel_skew", location]
     assert LATE / RATIO < delay < LATE * RATIO

@@ -28,6 +28,18 @@ def test_the_totals_on_a_page_are_those_of_the_rows(rows, page):
     assert f"{len(rows)} cases" in text
 
 
+def test_the_readme_states_the_same_totals(rows):
+    judged = Counter(row["judged"] for row in rows)
+    text = " ".join((DOCS.parent / "README.md").read_text(encoding="utf-8").split())
+    found = re.search(
+        r"\[(\d+) cases of real joints\]\S+ (\d+) right, (\d+) in part, (\d+) that the recording leaves "
+        r"open, \*\*(\d+) wrong \(\d+ of them with 70 % or more\), (\d+) missed",
+        text,
+    )
+    words = ("right", "in part", "open", "wrong", "missed")
+    assert [int(n) for n in found.groups()] == [len(rows), *(judged[word] for word in words)]
+
+
 def test_an_answer_with_a_wrong_finding_is_judged_wrong_and_no_other_is(rows):
     assert {r["joint"] for r in rows if "WRONG" in r["answer"]} == {
         r["joint"] for r in rows if r["judged"] == "wrong"

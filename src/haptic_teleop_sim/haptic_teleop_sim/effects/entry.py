@@ -36,11 +36,11 @@ class EffectEntry:
     input effects), ``deflection_rate``, ``state0`` and ``state1`` (own states), and the helpers of
     ``symbols.py``. ``rates`` gives the time derivatives of the own states in the same symbols. ``rate(p,
     ks)`` bounds the added stiffness (N·m/rad) and damping (N·m·s/rad), from which the step is chosen, and, as
-    a third number, the rate of own states (1/s). ``steepness`` gives the same two, in the symbols of
-    ``equation``, where they have no bound: at the present state. An ``input`` effect is a compiled function
-    ``step(torque, time, dt, parameters, offset, states, state_offset)`` with ``states`` places for its
-    memory, the last of them for the moment of what acts where it is ``spread`` unevenly over the sample
-    (``actuator.py``).
+    a third number, the rate of own states (1/s). ``steepness`` gives what these two have beyond that bound at
+    a state, in the symbols of ``equation``, for a law of which there is none. An ``input`` effect is a
+    compiled function ``step(torque, time, dt, parameters, offset, states, state_offset)`` with ``states``
+    places for its memory, the last of them for the moment of what acts where it is ``spread`` unevenly over
+    the sample (``actuator.py``).
     An inertia may depend on time and on the angle of its location: the kernel adds the velocity-squared
     torque that belongs to it by Lagrange; ``lightest(p)``: the least that it may become over the structure's.
     ``spring(p)``: what the effect adds to the stiffness against the ground about angle zero, N·m/rad, and

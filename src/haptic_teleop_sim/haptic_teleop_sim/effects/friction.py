@@ -262,7 +262,7 @@ LOAD_DEPENDENT = EffectEntry(
     ),
     sentence="friction grows with the torque that the transmission carries",
     equation=lambda s, p: -p.coefficient * s.abs(s.stiffness * s.deflection) * s.direction,
-    # That of the sticking contact: 0.2 rad are loaded further by few.
+    # Of the sticking contact of a joint that is deflected by up to 0.2 rad.
     rate=lambda p, ks: _rate(0.2 * p["coefficient"] * ks, p),
     memory="direction",
     rigid_body=False,

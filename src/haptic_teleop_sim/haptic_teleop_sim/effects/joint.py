@@ -77,7 +77,12 @@ HARDENING = EffectEntry(
     ),
     sentence="the coupling gets stiffer (or softer) the further it is deflected",
     equation=lambda s, p: p.cubic * s.position**3,
-    steepness=(lambda s, p: 3 * s.abs(p.cubic) * s.position**2, lambda s, p: 0),
+    # Up to a deflection of 0.3 rad, and beyond.
+    rate=lambda p, ks: (abs(p["cubic"]) * 0.3, 0.0),
+    steepness=(
+        lambda s, p: s.positive_part(s.abs(p.cubic) * (3 * s.position**2 - 0.3)),
+        lambda s, p: 0,
+    ),
     rigid_body=False,
     condition="deflection",
     follows="deflection",

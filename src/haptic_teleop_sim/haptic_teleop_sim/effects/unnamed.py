@@ -26,6 +26,7 @@ STEEP_DRAG = EffectEntry(
     ),
     sentence="a drag that grows faster than the square of the speed opposes the motion",
     equation=lambda s, p: -p.coefficient * s.velocity**3,
+    steepness=(lambda s, p: 0, lambda s, p: 3 * s.abs(p.coefficient) * s.velocity**2),
     unnamed=True,
     condition="{v} cubed",
 )

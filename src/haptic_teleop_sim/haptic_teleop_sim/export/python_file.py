@@ -156,7 +156,9 @@ class _Writer:
         for name, source in steepness_sources(entry).items():
             self.functions[name] = source.removeprefix("@inner\n")
             letter = "k" if name.endswith("stiffness_here") else "b"
-            call = f"{name}({arguments}, 0.0, 0.0, 0.0, {values}, 0)"
+            reached = "joint" if angle == "d" else angle
+            there = f"{reached}, {speed}, d, stiffness, t, other, driving, dv"
+            call = f"{name}({there}, 0.0, 0.0, 0.0, {values}, 0)"
             at = ("motor", "arm") if place == "joint" else (place,)
             self.lines["steep"] += [f"{letter}_{one} += {call}" for one in at]
         for i in range(entry.states):

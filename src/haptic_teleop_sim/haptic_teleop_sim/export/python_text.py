@@ -132,10 +132,11 @@ STEPS_HERE = '''def steps_here(qm, qa, vm, va, torque_motor, torque_arm):
     vm = abs(vm) + dt * (abs(torque_motor) + abs(stiffness * d)) / motor_inertia
     va = abs(va) + dt * (abs(torque_arm) + abs(stiffness * d)) / arm_inertia
     dv, t, other, driving = vm + va, 0.0, 0.0, 0.0
+    qm, qa, joint = abs(qm) + dt * vm, abs(qa) + dt * va, abs(d) + dt * dv
 {steep}
     more = dt * max(b_motor / motor_inertia / 2.2 + np.sqrt(k_motor / motor_inertia),
                     b_arm / arm_inertia / 2.2 + np.sqrt(k_arm / arm_inertia))
-    return max(least, min(least + int(more), {most})) if more < 1e6 else least
+    return max(least, min(least + int(more + 0.75), {most})) if more < 1e6 else least
 '''
 
 #: Sub-steps of a sample in which a law without a bound is steep.

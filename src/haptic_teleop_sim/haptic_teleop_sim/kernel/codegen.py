@@ -30,6 +30,8 @@ _ARGUMENTS = (
 )
 #: What an effect adds to stiffness and damping at a state.
 _STEEP = ("stiffness_here", "damping_here")
+#: Whether it has such a law.
+_IS_STEEP = "is_steep"
 DYNAMIC_KINDS = ("torque", "friction", "friction_factor", "inertia", "relative_inertia")
 #: What an inertia may depend on: its velocity-squared torque is that of an angle alone.
 _OF_INERTIA = ("position", "time")
@@ -169,6 +171,7 @@ def steepness_sources(entry: EffectEntry) -> dict[str, str]:
 
 #: Kinds that scale what the others add; the sensitivities ask these and the others at different places.
 _SCALING = ("friction_factor", "inertia", "relative_inertia")
+_OF_ALL = ("value", "scale", "state_rate", "slope", "reading")
 #: Tables whose functions also write derivatives into ``g``.
 _WITH_DERIVATIVES = ("torque_derivatives", "scale_derivatives", "state_rate_derivatives", "slope_derivatives",
                      "reading_derivatives")  # fmt: skip
@@ -187,12 +190,11 @@ def dispatch_source() -> str:
     """Source of the functions that hold the equations of all effects by their codes: ``value``, ``scale`` (of
     factors and inertias alone), ``state_rate``, ``slope`` (of an inertia by its angle) and ``reading``, each
     also with ``_derivatives`` (for ``value`` those of ``scale`` and of what it leaves, ``torque``),
-    ``stiffness_here`` and ``damping_here`` (see `EffectEntry.steepness`), and ``actuate``."""
+    ``is_steep``, ``stiffness_here`` and ``damping_here`` (see `EffectEntry.steepness`), and ``actuate``."""
     assert set(VARIABLES) >= set(DERIVATIVE_ORDER)
     parts = [f"MAP = {next(i for i, e in enumerate(dynamic_entries()) if e.tabulated)}\n"]
     tables: dict[str, list[tuple[int, list[str]]]] = {
-        n: []
-        for n in ("value", "scale", "state_rate", "slope", "reading", *_STEEP, *_WITH_DERIVATIVES, "actuate")
+        n: [] for n in (*_OF_ALL, _IS_STEEP, *_STEEP, *_WITH_DERIVATIVES, "actuate")
     }
 
     def write(table: str, code: int, entry: EffectEntry, expression: sp.Expr) -> None:
@@ -218,6 +220,7 @@ def dispatch_source() -> str:
             for table in ("slope", "slope_derivatives"):
                 write(table, code, entry, slope)
         if entry.steepness is not None:
+            tables[_IS_STEEP].append((code, ["return 1.0"]))
             for table, steep in zip(_STEEP, entry.steepness, strict=True):
                 write(table, code, entry, _expression(entry, steep))
         for i, rate in enumerate(entry.rates):
@@ -242,4 +245,6 @@ def dispatch_source() -> str:
 def _arguments(table: str) -> str:
     if table == "actuate":
         return "torque, time, dt, p, k, z, o"
+    if table == _IS_STEEP:
+        return "p, k"
     return _ARGUMENTS + (", g" if table in _WITH_DERIVATIVES else "")

@@ -48,6 +48,8 @@ def sech(x):
 
 #: Sub-steps to which a steep law raises those of a sample at most (`pack.MOST_STEEP`).
 MOST_STEPS = 50
+#: Sub-steps that a state would need from which it is overflowing.
+OVERFLOWS = 1e6
 #: Where the parameters' derivatives begin in ``g`` (`codegen.DERIVATIVE_ORDER`), and its room.
 FIRST_PARAMETER = 9
 G_SIZE = 24
@@ -225,7 +227,12 @@ def rates(qm, qa, vm, va, z, moved_motor, moved_arm, t, torque_motor, torque_arm
 @inner
 def steps_here(x, dt, substeps, torque_motor, torque_arm, base, codes, p):
     """Sub-steps of this sample: ``substeps``, and as many more as laws are steeper than any bound at this
-    state (`EffectEntry.steepness`), with the speed that the torque may reach within the sample."""
+    state (`EffectEntry.steepness`), with the speed and the angle that may be reached within the sample."""
+    steep = 0.0
+    for e in range(codes.shape[0]):
+        steep += is_steep(codes[e, 0], p, codes[e, 3])
+    if steep == 0.0:
+        return substeps
     k_motor, k_arm, b_motor, b_arm = 0.0, 0.0, 0.0, 0.0
     d = x[0] - x[1]
     spring = abs(base[0] * d)
@@ -234,6 +241,7 @@ def steps_here(x, dt, substeps, torque_motor, torque_arm, base, codes, p):
     for e in range(codes.shape[0]):
         loc = codes[e, 1]
         q, v = (x[0], vm) if loc == 0 else ((x[1], va) if loc == 1 else (d, vm + va))
+        q = abs(q) + dt * v
         k = stiffness_here(codes[e, 0], q, v, d, base[0], 0.0, 0.0, 0.0, v, 0.0, 0.0, 0.0, p, codes[e, 3])
         b = damping_here(codes[e, 0], q, v, d, base[0], 0.0, 0.0, 0.0, v, 0.0, 0.0, 0.0, p, codes[e, 3])
         if loc != 1:
@@ -242,12 +250,11 @@ def steps_here(x, dt, substeps, torque_motor, torque_arm, base, codes, p):
         if loc != 0:
             k_arm += k
             b_arm += b
-    # As in ``pack.py``.
-    worst = max(b_motor / base[1] / 2.2 + math.sqrt(k_motor / base[1]),
-                b_arm / base[3] / 2.2 + math.sqrt(k_arm / base[3]))
-    more = dt * worst
-    # What runs away is no longer worth the time.
-    return max(substeps, min(substeps + int(more), MOST_STEPS)) if more < 1e6 else substeps
+    # As in ``pack.py``, for inertias that do not vary.
+    more = dt * max(b_motor / base[1] / 2.2 + math.sqrt(k_motor / base[1]),
+                    b_arm / base[3] / 2.2 + math.sqrt(k_arm / base[3]))
+    # Up to a quarter of a step the rounding of ``substeps`` covers. A state that overflows is left to do so.
+    return max(substeps, min(substeps + int(more + 0.75), MOST_STEPS)) if more < OVERFLOWS else substeps
 
 
 @inner

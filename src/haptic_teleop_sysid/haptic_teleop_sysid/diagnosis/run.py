@@ -170,7 +170,7 @@ def diagnose(
     verdict = with_friction(verdict, turning, result, found.learn)
     if acting is not None and verdict.kind != "no_mismatch":
         acting = beside_findings(verdict, acting)
-        # What acts now and then is little beside the noise of equations over all of the time.
+        # What acts now and then, or follows the input in detail, is little beside the noise of equations.
         if doubt is None or doubt.place is None:
             verdict, misread = at_its_place(verdict, acting)
     kinds = found.learn, found.judge

@@ -54,15 +54,20 @@ class AtReversals:
 
     @property
     def std(self) -> float:
-        """N·m: with what puts the two kinds apart."""
+        """N·m: with what puts the two kinds apart, and what both have in common."""
         here, there = self.jumps
-        return math.hypot(self.pooled, 0.5 * (here.size - there.size))
+        return math.hypot(self.pooled, 0.5 * (here.size - there.size), self.common)
+
+    @property
+    def common(self) -> float:
+        """N·m: error that the jumps of both kinds share."""
+        return max(j.common for j in self.jumps)
 
     @property
     def stands(self) -> bool:
         """Whether it is there, on both kinds, of one size, and worth a word on one of them."""
         sizes = [j.size for j in self.jumps]
-        clear = all(j.size > SEEN_TWICE * j.std for j in self.jumps)
+        clear = all(j.size > SEEN_TWICE * math.hypot(j.std, j.common) for j in self.jumps)
         alike = abs(sizes[0] - sizes[1]) <= OTHER_SIZE * max(sizes)
         return clear and alike and self.size > max(SURE_JUMP * self.pooled, self.least)
 
@@ -74,7 +79,7 @@ class AtReversals:
     @property
     def absent(self) -> bool:
         """Whether the smallest jump that is worth a word would be seen, and none as large is."""
-        largest = self.size + SEEN_TWICE * self.pooled
+        largest = self.size + SEEN_TWICE * math.hypot(self.pooled, self.common)
         return not self.stands and max(SURE_JUMP * self.pooled, largest) < self.least
 
     def content(self) -> dict[str, Any]:
@@ -84,12 +89,17 @@ class AtReversals:
             "effect": self.effect,
             "location": self.location,
             "torque": {"value": self.size, "std": self.std, "unit": "N*m"},
-            **{k: {"value": j.size, "std": j.std, "reversals": j.reversals} for k, j in kinds},
+            **{
+                k: {"value": j.size, "std": math.hypot(j.std, j.common), "reversals": j.reversals}
+                for k, j in kinds
+            },
         }
 
     def told(self) -> str:
         """What speaks for it, in words."""
-        numbers = " and ".join(f"{j.size:.3g} ± {j.std:.2g} N*m" for j in self.jumps)
+        numbers = " and ".join(
+            f"{j.size:.3g} ± {math.hypot(j.std, j.common):.2g} N*m" for j in self.jumps
+        )
         count = " and ".join(str(j.reversals) for j in self.jumps)
         return (
             f"where the motion turns ({count} times), the torque jumps by twice {numbers} on the recordings "

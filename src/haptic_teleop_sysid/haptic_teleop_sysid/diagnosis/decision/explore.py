@@ -15,7 +15,7 @@ from haptic_teleop_sysid.estimation.whole_fit import fit_whole
 from ..evidence.held_out import judged
 from ..evidence.inverse_dynamics.late_channels import late_channels
 from ..evidence.whiteness import colour
-from ..hypotheses.candidates import contacts, larger_starts
+from ..hypotheses.candidates import Scanned, contacts, larger_starts
 from ..hypotheses.explanation import Explanation
 from ..hypotheses.material import material
 from ..inputs.scales import Scales, within_reach
@@ -67,16 +67,19 @@ def explore(
     scales: Scales,
     progress: Callable[[str], None] | None = None,
     again: bool = True,
+    shifted: Scanned | None = None,
 ) -> tuple[Fit, list[Explanation]]:
     """The model so far, better fitted where a rival showed the way, and explanations by one further effect,
     best first (material ones before others).
 
     ``fit``: the model so far, fitted; ``lab``: the same effects with the structure's parameters as they were
-    believed, which lie nearer the truth than fitted ones where those have swallowed a large effect.
+    believed, which lie nearer the truth than fitted ones where those have swallowed a large effect;
+    ``shifted``: see `late_channels`, where that is known already.
     """
     say = progress or (lambda text: None)
     limits = within_reach(lab, scales)
-    fits, few, near = _tried(fit, lab, estimation, scales, limits, again, say)
+    shifted = late_channels(lab, estimation) if shifted is None else shifted
+    fits, few, near = _tried(fit, lab, estimation, scales, limits, again, shifted, say)
     index = len(fit.model.effects)
 
     def to_the_end(trial: Fit) -> Fit:
@@ -107,7 +110,7 @@ def explore(
     moved = better.log_likelihood > fit.log_likelihood + _ANOTHER_HOLLOW
     stands = bool(fits) and fits[0].log_likelihood > better.log_likelihood + _STANDS
     if again and not fit.model.effects and moved and not stands:
-        return explore(better, lab, estimation, validation, scales, progress, again=False)
+        return explore(better, lab, estimation, validation, scales, progress, False, shifted)
     fit = better
     say("judging on recordings that were not fitted")
     return fit, judged(fit, fits, estimation, validation, scales)
@@ -139,6 +142,7 @@ def _tried(
     scales: Scales,
     limits: Limits,
     first: bool,
+    shifted: Scanned,
     say: Callable[[str], None],
 ) -> tuple[list[Fit], Sequence[Record], Fit]:
     """The best trials of the effects worth one, the recordings they were made on, thinned where they are
@@ -150,8 +154,7 @@ def _tried(
         near = fit_whole(fit.model, fit.noise, few, free=fit.free, iterations=LAST_STEPS, limits=limits)
         if not np.isfinite(near.log_likelihood):
             near, few = fit, estimation
-    late = late_channels(lab, estimation)
-    chosen = shortlist(near, few, scales, limits, first and not fit.model.effects, late)
+    chosen = shortlist(near, few, scales, limits, first and not fit.model.effects, shifted)
     noises = (near.noise, quiet(near.noise))
 
     def along(job: tuple[int, list[int]]) -> list[list[Fit]]:

@@ -89,7 +89,7 @@ def rather_event(doubt: Doubt, fits: Sequence[tuple[Fit, Sequence[Record]]]) -> 
             f"something acts at {line:.4g} Hz whatever the joint does: a hum, a fan, a floor that shakes, or "
             "what has its frequency above half the sampling rate"
         )
-        return replace(doubt, why=why, condition=f"frequency {line:.4g} Hz")
+        return replace(doubt, why=why, condition=f"frequency {line:.4g} Hz", place=None)
     when = bursts(fits)
     if when is None or (doubt.choice is not None and when.condition != "time"):
         return doubt

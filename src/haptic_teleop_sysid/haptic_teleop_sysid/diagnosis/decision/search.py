@@ -11,6 +11,7 @@ from haptic_teleop_sysid.estimation.gauss_newton import Fit
 from haptic_teleop_sysid.estimation.records import Record
 
 from ..evidence.actuator import joined
+from ..evidence.inverse_dynamics.late_channels import late_channels
 from ..evidence.inverse_dynamics.witness import Witness
 from ..evidence.isolable import nats_apart
 from ..evidence.shown_by_current import Shown
@@ -101,9 +102,12 @@ def search(
     def lab_with_effects_of(fit: Fit) -> Model:
         return replace(model, effects=fit.model.effects, fixed=fit.model.fixed)
 
+    shifted = late_channels(model, estimation)
+
     def explored(fit: Fit, number: int) -> tuple[Fit, list[Explanation]]:
         tell = lambda text: say(f"effect {number}: {text}")  # noqa: E731
-        return explore(fit, lab_with_effects_of(fit), estimation, validation, scales, tell)
+        lab = lab_with_effects_of(fit)
+        return explore(fit, lab, estimation, validation, scales, tell, shifted=shifted)
 
     # A second effect can take the first one's place, two names can come at once.
     for _ in range(MOST_EFFECTS):

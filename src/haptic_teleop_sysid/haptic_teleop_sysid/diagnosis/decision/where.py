@@ -81,6 +81,7 @@ def doubtful_place(
     condition = followed(before)
     if doubt.place is not None:
         place, condition = doubt.place, "time"
+        share = shares(result.baseline, estimation).get(model.place(place), share)
     elif doubt.choice is not None:
         effect, fit = doubt.choice.chosen.effect, doubt.choice.chosen.fit
         if effect.location == place or explained_torque(result.baseline, fit, estimation) > LEAST_EXPLAINED:

@@ -20,19 +20,22 @@ from haptic_teleop_sim.kernel import acting_torque, pack
 from haptic_teleop_sysid.estimation.gauss_newton import Fit, whiten
 from haptic_teleop_sysid.estimation.likelihood import FAILURES, channels, innovations
 from haptic_teleop_sysid.estimation.noise import observer
-from haptic_teleop_sysid.estimation.records import Record
+from haptic_teleop_sysid.estimation.records import SHORTEST_PIECE, Record, piece
 
 from ..starts.answers import answers_to
 
 FloatArray = NDArray[np.float64]
 
-#: Hats of the curve, each over as many samples as the others, and the fewest that say anything.
+#: Hats of the curve (its values at knots, straight between them), each over about as many samples, and the
+#: fewest that say anything.
 HATS, _FEWEST = 96, 48
 #: Every so many knots are those of the coarse curve.
 _COARSE = 12
 #: Standard deviations by which the curve of the recordings of either kind must gain more than chance: of 40
 #: clean pairs of the blind benchmark none exceeds 2.
 BEYOND_CHANCE = 6.0
+#: Samples of the recordings of either kind that are asked: as many say enough, in some 0.5 GB.
+_MOST_SAMPLES = 60_000
 #: Share of the largest singular value from which hats count as combinations of others.
 _SAME = 1e-4
 
@@ -64,6 +67,7 @@ def follows_input_finely(fits: Sequence[tuple[Fit, Sequence[Record]]]) -> float:
     """Rms torque that follows the input in detail, N·m, beside a fit with the noise levels of each kind of
     recordings; 0 where the curve of one kind gains no more than chance, or loses on the other kind."""
     try:
+        fits = [(fit, _first(records)) for fit, records in fits]
         knots = _knots(fits)
         if len(knots) < _FEWEST:
             return 0.0
@@ -78,8 +82,19 @@ def follows_input_finely(fits: Sequence[tuple[Fit, Sequence[Record]]]) -> float:
     if sides[0].gain(there) <= 0.0 or sides[1].gain(here) <= 0.0:
         return 0.0
     curve = 0.5 * (here + there)
-    # Each hat has as many samples.
-    return float(np.std(curve - _smooth(knots) @ np.linalg.lstsq(_smooth(knots), curve, rcond=None)[0]))
+    detail = curve - _smooth(knots) @ np.linalg.lstsq(_smooth(knots), curve, rcond=None)[0]
+    along = np.concatenate([_input(fit, r) for fit, records in fits for r in records])
+    return float(np.sqrt(np.mean((_hats(along, knots) @ detail) ** 2)))
+
+
+def _first(records: Sequence[Record]) -> list[Record]:
+    """The records, or the first _MOST_SAMPLES of them."""
+    found, left = list[Record](), _MOST_SAMPLES
+    for record in records:
+        if left >= SHORTEST_PIECE:
+            found.append(piece(record, 0, left) if len(record) > left else record)
+            left -= len(record)
+    return found
 
 
 def _smooth(knots: FloatArray) -> FloatArray:

@@ -51,8 +51,6 @@ FEWEST = 3
 HELD = 0.5
 #: Periods of the cut-off at either end of a recording, and of a hole, in which the filter has not settled.
 _ENDS = 4.0
-#: Standard deviation of a normal variable, in median deviations from its median.
-_NORMAL = 1.4826
 #: Samples to a period of the cut-off of the errors that are correlated anyway: the regression's rows.
 _ROWS = 4.0
 
@@ -60,12 +58,14 @@ _ROWS = 4.0
 @dataclass(frozen=True)
 class Jump:
     """``size``, N·m: half of what the torque jumps by; ``std``: its standard error, whatever the errors
-    within a reversal have in common; ``reversals``: how many; ``input``: rms of the input torque, N·m."""
+    within a reversal have in common; ``reversals``: how many; ``input``: rms of the input torque, N·m;
+    ``common``: what an inertia that is held leaves open, N·m, on all recordings in the same direction."""
 
     size: float
     std: float
     reversals: int
     input: float
+    common: float = 0.0
 
 
 def jump(
@@ -83,27 +83,20 @@ def jump(
     if found is None:
         return None
     values, errors = found
+    size, std, common = float(values[-1]), float(errors[-1]), 0.0
     if values[0] < HELD * own:
         if not model.rigid:
             return None
-        held = [_with_inertia(rows, inertia) for inertia in (own, *inertias)]
-        sizes = [one[0][-1] for one in held if one is not None]
-        if not sizes or held[0] is None:
+        freed = [[(x[:, 1:], y - inertia * x[:, 0]) for x, y in rows] for inertia in (own, *inertias)]
+        held = [_regressed(one) for one in freed]
+        sizes = [float(one[0][-1]) for one in held if one is not None]
+        if held[0] is None:
             return None
-        size = float(np.median(sizes))
-        apart = _NORMAL * float(np.median(np.abs(np.array(sizes) - size)))
-        std = math.hypot(held[0][1][-1], apart)
-    else:
-        size, std = float(values[-1]), float(errors[-1])
+        size, std = float(np.median(sizes)), float(held[0][1][-1])
+        common = 0.5 * (max(sizes) - min(sizes))
     constant = abs(pack(model).torque_constant)
     driven = np.sqrt(np.mean(np.concatenate([r.input for r in records]) ** 2))
-    return Jump(size, std, len(rows), float(constant * driven))
-
-
-def _with_inertia(
-    rows: Sequence[tuple[FloatArray, FloatArray]], inertia: float
-) -> tuple[FloatArray, FloatArray] | None:
-    return _regressed([(x[:, 1:], y - inertia * x[:, 0]) for x, y in rows])
+    return Jump(size, std, len(rows), float(constant * driven), common)
 
 
 def _regressed(rows: Sequence[tuple[FloatArray, FloatArray]]) -> tuple[FloatArray, FloatArray] | None:

@@ -149,7 +149,7 @@ def larger_starts(effect: Effect, scales: Scales) -> list[Effect]:
         if p.grid and p.neutral is not None and p.neutral == 0.0 and p.default is None:
             old = effect.parameters[p.name]
             if p.scan:
-                found.append(effect)  # a time far from none
+                found.append(effect)  # at the delay that was found otherwise
             for g in p.grid:
                 value = p.within(g * scales.size[p.scale])
                 if old == 0.0 or (value > 0.0) == (old > 0.0):

@@ -65,6 +65,7 @@ class Explanation:
 
 def by_chance(effect: Effect) -> float:
     """Nats that an effect's parameters gain by chance on data they were fitted to."""
-    # A time is one number however it was found, and another name of it has to have the same.
+    # A delay counts as one number, although it was sought: its other name, of which it is told by nothing
+    # else, was not, and would win by what that is charged.
     sought = {p.name for p in effect.entry.parameters if p.scan not in ("", "delay")}
     return sum(_SOUGHT if name in sought else _BY_CHANCE for name in effect.parameters)

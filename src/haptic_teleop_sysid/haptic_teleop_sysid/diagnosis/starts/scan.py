@@ -54,7 +54,7 @@ def scan(fit: Fit, records: Sequence[Record], scales: Scales) -> Scanned:
     sought: list[tuple[EffectEntry, EffectParameter, str]] = []
     for name, entry in EFFECTS.items():
         parameter = next((p for p in entry.parameters if p.scan), None)
-        if parameter is not None and parameter.scan != "delay":  # these, see `evidence.late_channels`
+        if parameter is not None and parameter.scan != "delay":  # see `inverse_dynamics.late_channels`
             sought += [(entry, parameter, place) for place in locations(name, fit.model.structure)]
 
     def best(one: tuple[EffectEntry, EffectParameter, str]) -> list[float]:

@@ -40,7 +40,7 @@ _SMOOTH = 0.05
 def late_channels(model: Model, records: Sequence[Record]) -> Scanned:
     """By effect that makes a channel late, and its location, the delay (s) from which it is worth fitting:
     that by which the equations hold best, if it is FIRST samples or more; empty where the arithmetic fails.
-    ``model``: its torque constant and stiffness are as they are believed."""
+    Of ``model`` only the structure is asked."""
     try:
         cutoff = motion_band(records)
         motions = [banded(r, model.rigid, cutoff) for r in records]
@@ -66,7 +66,9 @@ def _places(model: Model) -> tuple[str, ...]:
 def _best(model: Model, motions: Sequence[BandedMotion], place: str) -> float:
     """The delay, s, of the channel at a place by which the equations hold best, 0 where hardly better."""
     delay, delays = FIRST * max(m.record.dt for m in motions), [0.0]
-    while delay < MOST:
+    # What does not fit into the margins of `_nats` would read the ends again and again.
+    most = min(MOST, *(len(m.time) * m.dt / 8.0 for m in motions))
+    while delay < most:
         delays += [delay, -delay]
         delay *= RATIO
     nats = [sum(_nats(model, m, place, d) for m in motions) for d in delays]
