@@ -5,6 +5,7 @@ import pytest
 from identification_plants import multisine
 from test_diagnosis_events import CONSTANT, DT, RMS, STAGE, TIME, dataset, fitted
 
+from haptic_teleop_sim.model import Effect
 from haptic_teleop_sysid.diagnosis.evidence.fine_curve import follows_input_finely
 from haptic_teleop_sysid.diagnosis.run import diagnose
 
@@ -41,3 +42,17 @@ def test_it_is_unknown_at_the_actuator_and_says_what_to_look_at():
     (where,) = verdict.where
     assert (where["equation"], where["condition"]) == ("stage1_actuator", "input torque")
     assert "how coarse the converter is" in content["doubt"]
+
+
+def test_beside_friction_it_is_told_as_what_is_left():
+    """It passed for random beside friction, and the answer was `identified`."""
+    truth = STAGE.with_effects(Effect("coulomb_friction", "stage1_motor", {"torque": 0.25}))
+    sets = [dataset(seed, coarse(seed, 0.03)[0], truth=truth) for seed in (1, 2)]
+    _, verdict, _, _ = diagnose(STAGE, sets[:1], sets[1:])
+    assert verdict.kind == "unknown"
+    (where,) = verdict.where
+    assert where["equation"] == "stage1_actuator"
+    assert where["condition"].startswith("input torque")
+    (friction,) = verdict.findings
+    assert (friction["effect"], friction["location"]) == ("coulomb_friction", "stage1_motor")
+    assert friction["parameters"]["torque"]["value"] == pytest.approx(0.25, rel=0.1)

@@ -148,6 +148,20 @@ def test_a_slow_joint_gets_the_inertia_that_it_may_have_at_most(tmp_path, capsys
     assert model.parameters["motor_inertia"] > 0.0
 
 
+def test_a_late_encoder_leaves_no_damping_from_which_a_search_gets_nowhere(tmp_path, capsys):
+    """The fit had no damping at all, and a diagnosis, which goes up to eight times the model's, named nothing
+    right."""
+    angle, speed, acceleration = motion()
+    late = round(0.06 / (TIME[1] - TIME[0]))
+    shown = np.concatenate([np.full(late, angle[0]), angle[:-late]])
+    torque = INERTIA * acceleration + DAMPING * speed
+    log = table(tmp_path / "log.csv", HEADER, (TIME, torque, shown))
+    model = made(log, tmp_path)
+    assert "hardly seen in this motion: the model has 5 %" in capsys.readouterr().out
+    least = 0.05 * np.std(torque) / np.std(speed)
+    assert model.parameters["motor_damping"] == pytest.approx(least, rel=0.2)
+
+
 def test_a_linear_axis_and_an_input_in_ampere_have_their_units(tmp_path, capsys):
     t, torque, angle, _ = machine()
     header = ("time [s]", "force [N]", "x [mm]")

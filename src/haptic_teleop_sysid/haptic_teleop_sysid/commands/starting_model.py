@@ -38,6 +38,8 @@ _GIVES, _STEPS = 1e-3, 4.0
 _TURNS = 0.02
 #: Standard error, relative to the value, from which a parameter is not seen.
 _UNSEEN = 0.5
+#: Damping that a model has which no recording shows, as a share of the one that would take all of the input.
+_LITTLE = 0.05
 #: Fit of the input, %, below which a structure alone does not say what its parameters are.
 _EXPLAINS = 50.0
 #: Factor by which a plain fit may leave more of the input than the fullest does, and fit from which it may
@@ -214,6 +216,12 @@ def _motor_columns(motions: Sequence[BandedMotion], structure: str) -> FloatArra
     return np.column_stack(found)
 
 
+def _taking_all(motions: Sequence[BandedMotion]) -> float:
+    """The damping that would take all of the input, in its unit, s/rad."""
+    drive, velocity = (_rows(motions, pick) for pick in (lambda m: m.input, lambda m: m.velocity[:, 0]))
+    return float(np.std(drive) / max(float(np.std(velocity)), 1e-300))
+
+
 def _bend(motions: Sequence[BandedMotion]) -> FloatArray:
     """Deflection (m,) about its mean: encoders of motor and arm may count from different zeros, and what
     holds a mean is the constant's."""
@@ -272,7 +280,13 @@ def _rigid(
     else:
         _refuse_unseen(chosen, joint, recording)
     if not chosen.errors[1] < _UNSEEN * chosen.values[1]:
-        told.append("motor_damping is hardly seen in this motion")
+        little = _LITTLE * _taking_all(motions)
+        seen = "motor_damping is hardly seen in this motion"
+        if chosen.values[1] < little:
+            # Searches go up to some times what a model has: from next to none they would not get anywhere.
+            chosen = replace(chosen, values=np.concatenate([[chosen.values[0], little], chosen.values[2:]]))
+            seen += f": the model has {100 * _LITTLE:.0f} % of what would take all of the input"
+        told.append(seen)
     names = ("motor_inertia", "motor_damping")
     values, std = (
         {n: float(v) for n, v in zip(names, of, strict=False)} for of in (chosen.values, chosen.errors)

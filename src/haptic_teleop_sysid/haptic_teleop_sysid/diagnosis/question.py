@@ -12,7 +12,7 @@ from haptic_teleop_sysid.recordings.dataset import DataSet
 from .decision.adequacy import Adequacy, Followed, adequacy, left_size
 from .decision.beside_the_others import earned
 from .decision.changing_size import one_size_each
-from .decision.coloured import coloured, left_is_random, with_a_memory
+from .decision.coloured import coloured, in_detail, left_is_random, with_a_memory
 from .decision.constancy import inconstant
 from .decision.corroborated import Corroboration
 from .decision.decide import Choice
@@ -38,7 +38,7 @@ from .decision.unsteady import constant_sizes
 from .decision.where import structured
 from .evidence.held_out import with_both_kinds
 from .evidence.proof import mean_percent
-from .evidence.residual import conditions
+from .evidence.residual import INPUT_TORQUE, conditions
 from .evidence.second_opinion import Errors, Opinion
 from .evidence.steadiness import Steadiness, steadiness
 from .explain import Explained
@@ -176,6 +176,8 @@ def _adequacy(found: Explained, result: SearchResult) -> Adequacy:
 
 def followed_by_most(found: Explained, result: SearchResult) -> Followed | None:
     """What most of the left-over torque follows, None for nothing to speak of."""
+    if in_detail(result.final, found.learn, found.judge):
+        return Followed(found.given.location("actuator"), f"{INPUT_TORQUE}, in steps too fine for a law")
     left = conditions(result.final, found.learn, found.judge, found.given.joint)
     if (curve := structured(result.final, left, found.learn, result)) is not None:
         return Followed(curve.equation, curve.name)

@@ -23,25 +23,27 @@ from .inputs.plausible import (
 
 #: Difference (A or N·m, relative to the rms command) up to which the measured current counts as following.
 _FOLLOWS = 0.1
-#: Holes, and share of them that have one length but for a sample, from which an angle is read seldom.
-_MANY_HOLES, _ALIKE = 50, 0.8
+#: Holes, share of them that have one length but for a sample, and share of the samples that are missing, from
+#: which an angle is read seldom.
+_MANY_HOLES, _ALIKE, _MISSING = 50, 0.8, 0.25
 
 
 def records_of(data: list[DataSet]) -> list[Record]:
     """Records driven by the command, cut apart at holes; refused where there is nothing to learn from."""
     records = []
     for dataset in data:
+        seldom = samples_a_reading(dataset.valid)
+        if seldom > LONGEST_HOLE:
+            # Where the joint is slow such readings pass for good ones, and only these would be used.
+            raise RecordingError(
+                f"{dataset.name}: an angle of {dataset.joint} is read about once in {seldom:.0f} samples "
+                f"(every {seldom * dataset.dt:.3g} s), which is too seldom for a log at "
+                f"{1.0 / dataset.dt:.0f} Hz: write one row for each reading, with the mean of the input "
+                "since the last one."
+            )
         pieces = records_from(dataset, commanded=True)
         longest = max(pieces, key=len)
         if len(longest) < SHORTEST_STRETCH:
-            seldom = samples_a_reading(dataset.valid)
-            if seldom > LONGEST_HOLE:
-                raise RecordingError(
-                    f"{dataset.name}: an angle of {dataset.joint} is read about once in {seldom:.0f} samples "
-                    f"(every {seldom * dataset.dt:.3g} s), which is too seldom for a log at "
-                    f"{1.0 / dataset.dt:.0f} Hz: write one row for each reading, with the mean of the input "
-                    "since the last one."
-                )
             raise RecordingError(
                 f"{dataset.name} has {len(longest)} samples without a hole; a diagnosis needs at least "
                 f"{SHORTEST_STRETCH} in a row, and {FEWEST_SAMPLES} in all: record for longer, or leave it "
@@ -65,7 +67,8 @@ def samples_a_reading(valid: NDArray[np.bool_]) -> float:
     edges = np.flatnonzero(np.diff(np.concatenate([[1], valid.astype(np.int8), [1]])))
     holes, between = edges[1::2] - edges[::2], edges[2::2] - edges[1:-1:2]
     usual = float(np.median(holes)) if len(holes) >= _MANY_HOLES else 0.0
-    if not usual or np.median(between) > 1 or np.mean(np.abs(holes - usual) <= 1) < _ALIKE:
+    alike = float(np.mean(np.abs(holes - usual) <= 1)) if usual else 0.0
+    if alike < _ALIKE or np.median(between) > 1 or np.mean(~valid) < _MISSING:
         return 1.0
     return usual + 1.0
 

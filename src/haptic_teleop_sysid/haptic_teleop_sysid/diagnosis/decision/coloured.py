@@ -10,7 +10,8 @@ from haptic_teleop_sim.kernel import pack
 from haptic_teleop_sysid.estimation.gauss_newton import Fit
 from haptic_teleop_sysid.estimation.records import Record
 
-from ..evidence.held_out import held_out_fit
+from ..evidence.fine_curve import follows_input_finely
+from ..evidence.held_out import held_out_fit, with_both_kinds
 from ..evidence.memory import Remembered, remembered
 from ..evidence.null_records import expected_colour
 from ..evidence.residual import Condition, conditions
@@ -47,13 +48,21 @@ def coloured(fit: Fit, estimation: Sequence[Record], validation: Sequence[Record
 def left_is_random(fit: Fit, estimation: Sequence[Record], validation: Sequence[Record]) -> bool:
     """Whether what a fit leaves is random as far as these recordings show: its innovations are white, and the
     left-over torque is no larger than chance is on a machine and follows nothing that was measured to speak
-    of, with a memory or without."""
+    of, with a memory or without, nor the input in detail."""
     if not left_size(fit, [*estimation, *validation]) <= MOST_RANDOM or coloured(fit, estimation, validation):
         return False
     found = conditions(fit, estimation, validation, fit.model.joint)
     if not all(c.explained <= STILL_RANDOM or _slight(c, fit, estimation) for c in found):
         return False
-    return with_a_memory(fit, estimation, validation) is None
+    if with_a_memory(fit, estimation, validation) is not None:
+        return False
+    return not in_detail(fit, estimation, validation)
+
+
+def in_detail(fit: Fit, estimation: Sequence[Record], validation: Sequence[Record]) -> bool:
+    """Whether a noticeable torque follows the input in detail (`follows_input_finely`)."""
+    both = with_both_kinds(fit, estimation, validation)
+    return follows_input_finely(both) > NOTICEABLE * driven(fit, estimation)
 
 
 def with_a_memory(fit: Fit, estimation: Sequence[Record], validation: Sequence[Record]) -> Remembered | None:
