@@ -224,7 +224,7 @@ def test_the_search_asks_on_all_recordings_how_far_two_explanations_are_apart(mo
     def choosing(found, best_so_far, sense_follows, percent, apart, further):
         asked.append(apart(fit, fit))
 
-    monkeypatch.setattr(search_module, "explore", lambda fit, *_: (fit, []))
+    monkeypatch.setattr(search_module, "explore", lambda fit, *_, **__: (fit, []))
     monkeypatch.setattr(search_module, "choose", choosing)
     monkeypatch.setattr(search_module, "nats_apart", lambda one, other, records: len(records))
     records = [joint_record(1, seconds=1.0)]

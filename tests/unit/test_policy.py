@@ -256,18 +256,19 @@ def test_what_is_left_and_follows_something_is_physics_without_a_name(explained,
 
 
 @pytest.mark.parametrize(
-    ("colour", "explained", "size", "added", "random"),
+    ("colour", "explained", "size", "added", "detail", "random"),
     [
-        (90.0, 0.08, 0.04, 0.16, True),
-        (90.0, 0.12, 0.04, 0.16, False),
-        (90.0, 0.12, 0.02, 0.16, True),
-        (110.0, 0.08, 0.04, 0.16, False),
-        (90.0, 0.08, 0.04, 0.18, False),
-        (90.0, 0.08, 0.04, np.nan, False),
+        (90.0, 0.08, 0.04, 0.16, 0.02, True),
+        (90.0, 0.12, 0.04, 0.16, 0.02, False),
+        (90.0, 0.12, 0.02, 0.16, 0.02, True),
+        (110.0, 0.08, 0.04, 0.16, 0.02, False),
+        (90.0, 0.08, 0.04, 0.18, 0.02, False),
+        (90.0, 0.08, 0.04, np.nan, 0.02, False),
+        (90.0, 0.08, 0.04, 0.16, 0.04, False),
     ],
 )
 def test_what_is_left_is_random_where_it_is_white_small_and_follows_nothing_to_speak_of(
-    monkeypatch, colour, explained, size, added, random
+    monkeypatch, colour, explained, size, added, detail, random
 ):
     record = SimpleNamespace(input=np.ones(10))
     driven = fit_of().model.parameters["torque_constant"]
@@ -275,6 +276,7 @@ def test_what_is_left_is_random_where_it_is_white_small_and_follows_nothing_to_s
     left = Condition("stage1_motor", "motor angle", "rad", explained, np.zeros(8), curve)
     answers = {"colour": colour, "more_coloured": True, "held_out_fit": fit_of(), "conditions": [left]}
     answers |= {"left_size": added, "remembered": []}
+    answers |= {"with_both_kinds": [], "follows_input_finely": detail * driven}
     for name, answer in answers.items():
         monkeypatch.setattr(coloured, name, lambda *_, answer=answer: answer)
     assert coloured.left_is_random(fit_of(), [record], []) == random
@@ -330,7 +332,7 @@ def test_what_gains_too_little_on_thinned_recordings_is_not_fitted_on_all_sample
     for name, instead in as_it_is.items():
         monkeypatch.setattr(explore_module, name, instead)
     scales = SimpleNamespace(driven=lambda _: None)
-    explore_module.explore(fit_of(log_likelihood=500.0), MODEL, ["all"], [], scales)
+    explore_module.explore(fit_of(log_likelihood=500.0), MODEL, ["all"], [], scales, shifted={})
     assert ended == goes_on
 
 
