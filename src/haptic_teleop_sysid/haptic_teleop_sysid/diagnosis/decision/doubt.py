@@ -17,8 +17,8 @@ from haptic_teleop_sysid.estimation.gauss_newton import Fit
 from haptic_teleop_sysid.estimation.records import Record
 
 from ..evidence.held_out import held_out_fit
-from ..evidence.null_records import rounding_shows
-from ..evidence.whiteness import colour, heavy_tailed, unsteadiness
+from ..evidence.null_records import heavy_tailed, rounding_shows
+from ..evidence.whiteness import colour, unsteadiness
 from ..hypotheses.explanation import Explanation
 from ..policy import COLOURED, ONLY_HERE, UNSTEADY
 from .coloured import by_steps, more_coloured

@@ -84,12 +84,12 @@ def _stretches(
     fit: Fit, record: Record
 ) -> tuple[tuple[tuple[float, float], ...], dict[str, FloatArray], dict[str, FloatArray]] | None:
     """Intervals that stand out, and rms of the joint's quantities in their stretches and in the others."""
-    errors = _whitened(fit, record)
+    power = _whitened(fit, record) ** 2
     size = max(round(STRETCH / record.dt), 5)
-    count = len(errors) // size
+    count = len(power) // size
     if count < 20:
         return None
-    parts = _powers(errors[: count * size].reshape(count, size, -1))
+    parts = np.max(power[: count * size].reshape(count, size, -1).mean(axis=1), axis=1)
     middle = float(np.median(parts))
     spread = 1.4826 * float(np.median(np.abs(parts - middle)))
     strong = parts > max(middle + STANDS_OUT * spread, AT_LEAST * middle)
@@ -111,18 +111,6 @@ def _stretches(
             rms = np.sqrt(np.mean(x**2, axis=1))
             inside[name], outside[name] = rms[strong], rms[~strong]
     return intervals, inside, outside
-
-
-def _powers(errors: FloatArray) -> FloatArray:
-    """Power of each stretch of errors (stretches, samples, channels), of the encoder that is surprised more:
-    of the samples, or a third of that of sums over a fifth of a stretch, in which a slow torque stands out of
-    what rounding leaves; a third, because five sums vary more by chance than all samples."""
-    count, size, channels = errors.shape
-    fifth = size // 5
-    sums = errors[:, : 5 * fifth].reshape(count, 5, fifth, channels).sum(axis=2)
-    spread = 1.4826 * np.median(np.abs(sums), axis=(0, 1))
-    sums = sums / np.maximum(spread, np.sqrt(fifth)) / np.sqrt(3.0)
-    return np.max([np.max(np.mean(one**2, axis=1), axis=1) for one in (errors, sums)], axis=0)
 
 
 def _condition(inside: list[dict[str, FloatArray]], outside: list[dict[str, FloatArray]]) -> str:

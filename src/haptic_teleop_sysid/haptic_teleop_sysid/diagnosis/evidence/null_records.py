@@ -22,11 +22,13 @@ from haptic_teleop_sysid.recordings.motion import derivative, finite
 from haptic_teleop_sysid.recordings.velocity_series import velocity_series
 
 from ..hypotheses.explanation import Explanation
-from .whiteness import colour
+from .whiteness import colour, heaviness
 
 #: Share of its gain that a finding may reach where it is not, and steps of the fits that show it.
 AS_WELL = 0.3
 _STEPS = 15
+#: Factor over what simulated recordings have, from which large sums of innovations are not the encoders'.
+_BEYOND_ROUNDING = 3.0
 
 
 def expected_colour(fit: Fit, records: Sequence[Record]) -> float:
@@ -151,3 +153,17 @@ def _rate(dataset: DataSet, angle: NDArray[np.float64]) -> NDArray[np.float64]:
     if dataset.velocity_filter is None:
         return derivative(angle, 11, 1, dataset.dt)
     return velocity_series(angle, dataset.dt, *dataset.velocity_filter)
+
+
+def heavy_tailed(fits: Sequence[tuple[Fit, Sequence[Record]]]) -> int | None:
+    """The encoder (0 motor, 1 arm) of which sums of innovations are far more often large than normal ones
+    would be (`whiteness.heaviness`), on every recording of all (fit, recordings), because something acts now
+    and then; the one where they exceed that most, None for none. A coarse encoder errs by the same for as
+    long as its axis is slow: what simulated recordings of the same fit have, in which nothing acts, is its
+    own."""
+    found = {key: ratio for key, ratio in heaviness(fits).items() if ratio > 1.0}
+    if not found:
+        return None
+    made = heaviness([(fit, null_records(fit, records)) for fit, records in fits])
+    beyond = {key: ratio for key, ratio in found.items() if ratio > _BEYOND_ROUNDING * made.get(key, 0.0)}
+    return max(beyond, key=lambda key: beyond[key])[0] if beyond else None

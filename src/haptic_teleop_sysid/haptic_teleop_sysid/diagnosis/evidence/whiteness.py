@@ -73,11 +73,11 @@ def ljung_box(e: NDArray[np.float64], read: NDArray[np.bool_], lags: int = LAGS)
     return (m + 2) / m * float(np.sum((products / power) ** 2 / np.maximum(pairs, 1.0)))
 
 
-def heavy_tailed(fits: Sequence[tuple[Fit, Sequence[Record]]]) -> int | None:
-    """The encoder (0 motor, 1 arm) of which sums of innovations over as many samples (SUMMED) are far more
-    often large than normal ones would be, on every recording of all (fit, recordings), because something acts
-    now and then; the one where they exceed that most, None for none. As if each sample had been rounded once
-    more, because where an axis rests there are no errors of rounding."""
+def heaviness(fits: Sequence[tuple[Fit, Sequence[Record]]]) -> dict[tuple[int, int], float]:
+    """By encoder (0 motor, 1 arm) and number of samples added up (SUMMED): how far more often than normal
+    ones sums of innovations are large, in units of what chance leaves, the least over the recordings of all
+    (fit, recordings). As if each sample had been rounded once more, because where an axis rests there are no
+    errors of rounding."""
     least: dict[tuple[int, int], float] = {}
     for fit, records in fits:
         packed = pack(fit.model)
@@ -88,8 +88,7 @@ def heavy_tailed(fits: Sequence[tuple[Fit, Sequence[Record]]]) -> int | None:
                 for size in SUMMED:
                     ratio = _heaviness(e[read[:, c], c], size, float(record.resolution[c]))
                     least[c, size] = min(least.get((c, size), np.inf), ratio)
-    found = max(least, key=lambda key: least[key], default=None)
-    return found[0] if found is not None and least[found] > 1.0 else None
+    return least
 
 
 def _heaviness(e: NDArray[np.float64], size: int, step: float) -> float:
