@@ -22,7 +22,7 @@ from std_msgs.msg import String
 from std_srvs.srv import Trigger
 
 from haptic_teleop_control.recording import read_recording
-from haptic_teleop_control.simulated_time.messages import STATUS_TOPIC, Status, decode
+from haptic_teleop_control.simulated_time.messages import PAUSED, STATUS_TOPIC, Status, decode
 from haptic_teleop_control.simulated_time.stamps import seconds
 
 FIELDS = ("position", "velocity", "effort")
@@ -102,11 +102,12 @@ def differences(bag: Path, expected: dict) -> list[str]:
 class Supervisor:
     """Looks at a running scenario in simulated time and calls its services; a context manager.
 
-    time: s, as its coordinator said last. states: node -> what it does, by its diagnostics.
+    time, time_state: s, and whether it runs, as its coordinator said last. states: node -> what it does, by
+    its diagnostics.
     """
 
     def __enter__(self) -> Self:
-        self.time, self.states = 0.0, {}
+        self.time, self.time_state, self.states = 0.0, "", {}
         self._context = Context()
         rclpy.init(context=self._context)
         self._node = Node("supervisor", context=self._context)
@@ -138,10 +139,16 @@ class Supervisor:
         assert answer.result().success, answer.result().message
         return answer.result().message
 
+    def pause(self) -> float:
+        """Pauses simulated time; s, where it stands. What was said before may not be read yet."""
+        self.call("/time_coordinator/pause")
+        self.until(lambda: self.time_state == PAUSED)
+        return self.time
+
     def _take_status(self, message: String) -> None:
         status = decode(message.data)
         if isinstance(status, Status):
-            self.time = seconds(status.stamp)
+            self.time, self.time_state = seconds(status.stamp), status.state
 
     def _take_state(self, message: DiagnosticArray) -> None:
         for status in message.status:

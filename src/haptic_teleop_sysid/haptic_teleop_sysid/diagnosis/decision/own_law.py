@@ -50,7 +50,7 @@ def by_its_law(
         words = _FOLLOWS[own[0]].format(place=own[1])
         why = (
             f"the law of {effect.effect} at {effect.location} is not the joint's: a curve over the {words} "
-            f"beside it gains {100 * shares[worst] ** 2:.0f} % of what it gains itself"
+            f"beside it gains {_times(shares[worst])} what it gains itself"
         )
         if len(result.choices) == 1:
             return result.without_names([choice], why), Doubt(choice, why), None
@@ -91,6 +91,12 @@ def _limits(choice: Choice) -> tuple[float, float]:
     return (NOT_QUITE_DRY, ANOTHER_LAW_DRY) if dry else (NOT_QUITE, ANOTHER_LAW)
 
 
+def _times(share: float) -> str:
+    """How much a share of amplitudes is of a gain, in words."""
+    gain = share**2
+    return f"{100 * gain:.0f} % of" if gain < 1.0 else f"{gain:.1f} times"
+
+
 def _nobody_sure(result: SearchResult, shares: dict[int, float]) -> SearchResult:
     choices = list(result.choices)
     for k, share in shares.items():
@@ -100,7 +106,7 @@ def _nobody_sure(result: SearchResult, shares: dict[int, float]) -> SearchResult
         name = effect.effect.replace("_", " ")
         unsure = (
             f"its law is not quite that of the joint: a curve over the same quantity beside the {name} gains "
-            f"{100 * share**2:.0f} % of what it gains itself"
+            f"{_times(share)} what it gains itself"
         )
         choices[k] = replace(choices[k], unsure=unsure)
     return replace(result, choices=tuple(choices))
