@@ -209,6 +209,8 @@ def test_what_only_the_currents_show_needs_no_torque():
         (Adequacy(0.9, 1.0), 0.69),  # nearly a third: unsure
         (Adequacy(0.9, 1.0, random_left=True), 0.69),
         (Adequacy(0.8, 0.55), 0.55),
+        (Adequacy(1.0, 1.0, recovered=0.8), 0.69),  # little is left, of which other torques explain more
+        (Adequacy(1.0, 1.0, recovered=0.95), 0.95),
     ],
 )
 def test_nobody_is_surer_of_a_name_than_it_explains(explained, confidence):

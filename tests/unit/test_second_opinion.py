@@ -28,7 +28,7 @@ from haptic_teleop_sysid.diagnosis.decision.overruled import (
     stands_next,
 )
 from haptic_teleop_sysid.diagnosis.decision.search import SearchResult
-from haptic_teleop_sysid.diagnosis.decision.torques_explained import explained_in_band, inadequate
+from haptic_teleop_sysid.diagnosis.decision.torques_explained import explained_in_band, inadequate, recovered
 from haptic_teleop_sysid.diagnosis.decision.verdict import decide_verdict
 from haptic_teleop_sysid.diagnosis.evidence.inverse_dynamics.witness import Group, witness
 from haptic_teleop_sysid.diagnosis.evidence.second_opinion import Heard, plainer_first, second_opinion
@@ -116,6 +116,11 @@ def test_what_gains_by_inverse_dynamics_and_by_free_runs_becomes_the_result(rubb
     assert explained > 0.9
     predicted = replace(result.choices[0], chosen=replace(result.choices[0].chosen, witnessed=None))
     assert explained_in_band(replace(result, choices=(predicted,)), opinion) == 0.0
+    # No torque recovers more than the right one; of a part of it any form recovers more.
+    assert recovered(result, opinion) > 0.95
+    more = replace(opinion, witness=replace(opinion.witness, recoverable=2.0 * explained))
+    assert recovered(result, more) == pytest.approx(0.5)
+    assert recovered(replace(result, choices=(predicted,)), more) == 1.0, "other methods have other sizes"
 
 
 def test_free_runs_that_are_no_better_than_the_mean_say_nothing_for_a_name(rubbing):

@@ -33,7 +33,7 @@ from .decision.reasons import (
 )
 from .decision.search import SearchResult
 from .decision.stand import Stand, colours
-from .decision.torques_explained import explained_along, explained_in_band, inadequate
+from .decision.torques_explained import explained_along, explained_in_band, inadequate, recovered
 from .decision.unsteady import constant_sizes
 from .decision.where import structured
 from .evidence.held_out import with_both_kinds
@@ -171,6 +171,7 @@ def _adequacy(found: Explained, result: SearchResult) -> Adequacy:
         follows=None if random else followed_by_most(found, result),
         worse=own - with_names > WORSE,
         white=lambda: max(colours(result.final, found.learn, found.judge)) <= WHITE,
+        recovered=1.0 if found.opinion is None else recovered(result, found.opinion),
     )
 
 

@@ -48,8 +48,8 @@ class Adequacy:
     """``torque``: share of the mean square of the torque that the observer adds to the structure alone which
     it does not add to the final model; ``free_run``: share of the mean square error of the structure's free
     run that the final model's does not have, or of the motion that this follows, where that is less;
-    ``parity``: the same of what parity equations leave, see `ActingPlace.explained`; 0 to 1 each, 1 where
-    nothing worth a word is left.
+    ``parity``: the same of what parity equations leave, see `ActingPlace.explained`; ``recovered``: of what
+    any torques explain, see `torques_explained.recovered`; 0 to 1 each, 1 where nothing worth a word is left.
     ``random_left``: what is left is random as far as these recordings show, however large its share: nothing
     more could be explained; ``follows``: what most of it follows where it is not, None for nothing;
     ``worse``: the user's own model simulates the validation recordings better."""
@@ -60,10 +60,11 @@ class Adequacy:
     parity: float = 1.0
     follows: Followed | None = None
     worse: bool = False
+    recovered: float = 1.0
 
     @property
     def least(self) -> float:
-        """The smallest of the shares."""
+        """The smallest of the shares of what is missing."""
         return min(self.torque, self.free_run, self.parity)
 
     @property
@@ -71,16 +72,22 @@ class Adequacy:
         """The most that a name's confidence may be: the share of the size (rms, as a fit counts it) that is
         explained, 1 - sqrt(1 - least), SUREST at most. Below SURE it is the share of the mean square, and
         NOT_SURE at most: a name may be right that explains little, but none is sure. So it is where only
-        chance is left: what passes for it could hide there, too."""
+        chance is left: what passes for it could hide there, too; and where other torques recover clearly
+        more, however little that is."""
         if self.explains_nearly_all:
-            size = min(1.0 - math.sqrt(1.0 - self.least), SUREST)
-            return NOT_SURE if self.follows or self.worse else size
+            size = min(_size_of(self.least), SUREST)
+            return NOT_SURE if self.follows or self.worse or not self.recovers_nearly_all else size
         return NOT_SURE if self.random_left else min(self.least, NOT_SURE)
 
     @property
     def explains_nearly_all(self) -> bool:
         """Whether the share of the size that is explained is enough to be sure of a name."""
-        return 1.0 - math.sqrt(1.0 - self.least) >= SURE
+        return _size_of(self.least) >= SURE
+
+    @property
+    def recovers_nearly_all(self) -> bool:
+        """Whether it is the same of what any torques recover."""
+        return _size_of(self.recovered) >= SURE
 
     @property
     def much_is_left(self) -> bool:
@@ -97,17 +104,23 @@ class Adequacy:
         """What diagnosis.json says."""
         return {
             "what": "share of the mean square of the torque that the structure alone lacks, of the error of "
-            "its free runs, and of what parity equations leave, that is explained; no confidence is above "
-            f"the share of the size, 1 - sqrt(1 - the smallest one), nor, where that is less than {SURE:g}, "
-            f"above {NOT_SURE:g}",
+            "its free runs, of what parity equations leave, and of what any torques recover, that is "
+            "explained; no confidence is above the share of the size, 1 - sqrt(1 - the smallest one), nor, "
+            f"where that is less than {SURE:g}, above {NOT_SURE:g}",
             "torque": round(self.torque, 3),
             "free_run": round(self.free_run, 3),
             "parity": round(self.parity, 3),
+            "recovered": round(self.recovered, 3),
             "left_is_random": self.random_left,
             "left_follows": None if self.follows is None else self.follows._asdict(),
             "worse_than_given": self.worse,
             "only_worse": nothing_shown(self),
         }
+
+
+def _size_of(share: float) -> float:
+    """Share of the size (rms) that is explained where ``share`` of the mean square is."""
+    return 1.0 - math.sqrt(1.0 - share)
 
 
 def nothing_shown(found: Adequacy | None) -> bool:
@@ -128,6 +141,7 @@ def adequacy(
     follows: Followed | None = None,
     worse: bool = False,
     white: Callable[[], bool] = lambda: False,
+    recovered: float = 1.0,
 ) -> Adequacy:
     """Adequacy of what ``after`` has and ``before`` has not, on ``records`` of both kinds; errors: those of
     their free runs on either kind (see `second_opinion.Errors`); ``random_left``, ``follows``, ``worse``: as
@@ -137,7 +151,7 @@ def adequacy(
     (`SearchResult.by_torque`): where free runs and torques do not agree about sizes, either measure says how
     much the names explain with its own. ``by_motion``: the share of the torque that the inverse dynamics say
     is explained, asked where an observer overflows; ``in_band``: the least that is explained, see
-    `explained_in_band`."""
+    `explained_in_band`; ``recovered``: as there."""
     fits = [before, *(fit for fit in (after, by_torque) if fit is not None)]
     was, *left = added = [added_torque(fit, records) for fit in fits]
     if all(map(_has_a_size, added)):
@@ -151,7 +165,8 @@ def adequacy(
     if random_left and torque < LEAST_EXPLAINED:
         size = left_size(after, records)
         random_left = size <= MOST_BY_CHANCE or (size <= MOST_UNNAMED and white())
-    return Adequacy(torque, min(closed, followed), random_left, 1.0, None if random_left else follows, worse)
+    follows = None if random_left else follows
+    return Adequacy(torque, min(closed, followed), random_left, 1.0, follows, worse, recovered)
 
 
 def explained_torque(before: Fit, after: Fit, records: Sequence[Record]) -> float:

@@ -49,11 +49,27 @@ def explained_along(result: SearchResult, opinion: Opinion) -> float:
 def explained_in_band(result: SearchResult, opinion: Opinion) -> float:
     """The same of findings of the inverse dynamics, with what an actuator does; 0 where one of them was found
     otherwise. It counts the band of the motion alone, where an observer also corrects what readings round."""
+    group = _all_witnessed(result)
+    return opinion.witness.folds.explained(group) if group else 0.0
+
+
+def recovered(result: SearchResult, opinion: Opinion) -> float:
+    """Share that findings of the inverse dynamics explain of what any torques do, or the one that explains
+    least of what a torque in its own quantities does, where that is less: 1 where all is explained, or one of
+    the findings was found otherwise, whose sizes are not those of the torques."""
+    group, witness = _all_witnessed(result), opinion.witness
+    if not group:
+        return 1.0
+    whole = witness.folds.explained(group) / max(witness.recoverable, 1e-300)
+    return max(min(1.0, whole, *witness.folds.adequacies(group)), 0.0)
+
+
+def _all_witnessed(result: SearchResult) -> tuple[Hypothesis, ...]:
+    """The findings as hypotheses; none where one of them is not from the inverse dynamics."""
     if any(c.chosen.witnessed is None for c in result.choices):
-        return 0.0
+        return ()
     model, effects = result.baseline.model, [c.chosen.effect for c in result.choices]
-    group = tuple(Hypothesis.of(e, model.place(e.location)) for e in effects if adds_torque(e))
-    return opinion.witness.folds.explained(group)
+    return tuple(Hypothesis.of(e, model.place(e.location)) for e in effects if adds_torque(e))
 
 
 def _along_motion(result: SearchResult) -> tuple[list[Choice], tuple[Hypothesis, ...]]:

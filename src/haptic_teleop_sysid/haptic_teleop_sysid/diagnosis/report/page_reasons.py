@@ -120,6 +120,9 @@ def _ceiling(verdict: Verdict, surest: float) -> str:
         return f"{limited} with {named} recordings are simulated worse than by your own model."
     if found.explains_nearly_all and found.follows is not None:
         return f"{limited} most of the torque that {named} leaves follows the {found.follows.quantity}."
+    if found.explains_nearly_all and not found.recovers_nearly_all:
+        share = f"{100 * found.recovered:.0f} % (mean square)"
+        return f"{limited} {named} explains {share} of what torques without a law do, however little is left."
     return f"{limited} {named} explains {100 * found.least:.1f} % (mean square) of what is missing."
 
 
