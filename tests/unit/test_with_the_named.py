@@ -1,5 +1,7 @@
 """The augmented model of something unknown holds the friction that is named beside it."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from stepped_machines import RIGID, drive, record, swing
@@ -41,6 +43,10 @@ def fewer(model):
     return (1.0 / (1.0 + len(model.effects)),) * 2
 
 
+def as_it_is(fit):
+    """Free runs that want no other parameters."""
+
+
 def test_beside_the_named_friction_the_map_of_the_rest_is_the_amplifier_s(bare):
     fit, learn, judge = bare
     cutoff = motion_band([*learn, *judge])
@@ -50,7 +56,7 @@ def test_beside_the_named_friction_the_map_of_the_rest_is_the_amplifier_s(bare):
 
     # Without the friction nothing follows the input.
     assert draw(fit).quantities != ("input torque",)
-    found = with_the_named(named(RUBS), fit, fit, RIGID, learn, fewer, draw)
+    found = with_the_named(named(RUBS), fit, fit, RIGID, learn, fewer, as_it_is, draw)
     friction, curve = found.fit.model.effects
     assert friction.values["torque"] == FRICTION and curve.table.variables == ("input",)
     at = np.array([-2.0, 2.0])
@@ -62,11 +68,29 @@ def test_beside_the_named_friction_the_map_of_the_rest_is_the_amplifier_s(bare):
 def test_the_model_with_it_is_taken_if_its_free_runs_err_less(bare, errors, taken):
     fit, learn, _ = bare
     none = MeasuredMap("no map was added")
-    found = with_the_named(named(RUBS), fit, fit, RIGID, learn, errors, lambda base: none)
+    found = with_the_named(named(RUBS), fit, fit, RIGID, learn, errors, as_it_is, lambda base: none)
     assert (found is not None) == taken
     if found is not None:
         (friction,) = found.fit.model.effects
         assert (friction.effect, friction.values["torque"]) == ("coulomb_friction", FRICTION)
+
+
+def test_beside_it_the_structure_is_the_one_that_simulates_best(bare):
+    fit, learn, _ = bare
+    none = MeasuredMap("no map was added")
+
+    def freely(one):
+        return replace(one, model=one.model.with_values({"motor_inertia": 0.2}))
+
+    for at_best, inertia in ((0.2, 0.2), (0.14, 0.14)):
+
+        def errors(model, at_best=at_best):
+            off = abs(model.parameters["motor_inertia"] - at_best)
+            return (1.0 / (1.0 + len(model.effects)) + off,) * 2
+
+        found = with_the_named(named(RUBS), fit, fit, RIGID, learn, errors, freely, lambda base: none)
+        assert found.fit.model.parameters["motor_inertia"] == pytest.approx(inertia, rel=0.1)
+        assert found.fit.model.effects[0].values["torque"] == FRICTION
 
 
 def test_a_friction_that_the_model_has_in_another_form_is_not_put_in_twice(bare):

@@ -17,6 +17,7 @@ from .decision.beside_unknown import with_names
 from .decision.decide import Choice
 from .decision.drive_friction import with_drive_friction
 from .decision.finding import unsure_of_their_shape
+from .decision.freely_fitted import re_estimated
 from .decision.late_input import with_lateness
 from .decision.measured_input import of_measured_input
 from .decision.misplaced import at_its_place, beside_findings, misplaced
@@ -184,7 +185,7 @@ def diagnose(
     if verdict.kind == "unknown":
         no_map = mapped if misread is not None else None
         draw = lambda fit: no_map or drawn_beside(found, replace(result, final=fit), say)  # noqa: E731
-        parts = found.given, found.learn, found.errors
+        parts = found.given, found.learn, found.errors, found.resized
         beside = with_the_named(verdict, named, result.final, *parts, draw)
         if beside is not None:
             mapped, instead, result = beside.mapped, None, replace(result, final=beside.fit)
@@ -197,6 +198,7 @@ def diagnose(
         found = timely.as_recorded
         verdict, result = with_lateness(timely.late, verdict, result, found.result.baseline)
         stand = replace(stand, before=colours(result.baseline, found.learn, found.judge))
+    result = re_estimated(result, found.given, found.resized, found.errors)
     say("simulating all three models on all recordings")
     proof = prove(model, result.baseline.model, result.final.model, found.course, uses)
     columns = three_columns(model, result, verdict, found.judge, forms)

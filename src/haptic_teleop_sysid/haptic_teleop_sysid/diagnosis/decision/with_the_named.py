@@ -23,6 +23,7 @@ from ..evidence.second_opinion import Errors
 from ..hypotheses.candidates import family
 from ..hypotheses.follows import follows_from_motion
 from ..inputs.scales import within_reach
+from .freely_fitted import Resized, simulating_best
 from .misplaced import effect_of
 from .verdict import Verdict
 
@@ -52,11 +53,13 @@ def with_the_named(
     given: Model,
     records: Sequence[Record],
     errors: Errors,
+    resized: Resized,
     draw: Callable[[Fit], MeasuredMap],
 ) -> WithTheNamed | None:
     """The model ``bare`` with the torques that are named, and what is drawn beside them, where free runs of
     it err less than those of the ``present`` augmented model on both kinds of recordings; None otherwise.
-    ``given``: the user's model, ``records``: of the estimation."""
+    ``given``: the user's model, ``records``: of the estimation; ``resized``: beside the named torques the
+    structure is fitted to predictions and to free runs, and what simulates best is taken."""
     named = not_in(verdict, bare.model)
     if not named:
         return None
@@ -66,6 +69,8 @@ def with_the_named(
         beside = fit_whole(model, bare.noise, records, iterations=_STEPS, limits=within_reach(given))
     except FAILURES:
         return None
+    believed = replace(given, effects=model.effects, fixed=model.fixed)
+    beside = simulating_best(beside, [beside.model, believed], resized, errors)
     mapped = draw(beside)
     fit = beside if mapped.fit is None else mapped.fit
     before, after = errors(present.model), errors(fit.model)
