@@ -10,7 +10,11 @@ from scipy.linalg import expm
 
 from haptic_teleop_sim.kernel import pack
 from haptic_teleop_sim.model import Effect
-from haptic_teleop_sysid.diagnosis.decision.at_the_actuator import WITH_THE_INPUT, at_the_actuator
+from haptic_teleop_sysid.diagnosis.decision.at_the_actuator import (
+    WITH_THE_INPUT,
+    at_the_actuator,
+    drawn_over_the_input,
+)
 from haptic_teleop_sysid.diagnosis.decision.verdict import Verdict
 from haptic_teleop_sysid.diagnosis.evidence.feedback import answered_share, answers, exogenous
 from haptic_teleop_sysid.diagnosis.evidence.in_proportion import (
@@ -19,6 +23,7 @@ from haptic_teleop_sysid.diagnosis.evidence.in_proportion import (
     in_proportion,
     with_the_input,
 )
+from haptic_teleop_sysid.diagnosis.evidence.measured_map import MeasuredMap
 from haptic_teleop_sysid.estimation.likelihood import innovations
 from haptic_teleop_sysid.estimation.records import Record
 from haptic_teleop_sysid.estimation.whole_fit import fit_whole, noise_starts
@@ -268,3 +273,23 @@ def test_another_place_and_a_name_are_not_asked(losing):
     at_the_arm, named = unknown_at("stage1_arm"), replace(unknown_at("stage1_motor"), kind="identified")
     for before in (at_the_arm, named):
         assert at_the_actuator(before, fit, [here], [elsewhere]) == (before, None)
+
+
+@pytest.mark.parametrize(
+    ("quantities", "explained", "at_actuator"),
+    [
+        (("input torque", "motor angle"), 0.95, True),
+        (("input torque",), 0.85, True),
+        (("input torque", "motor velocity"), 0.6, False),  # a part may be a friction that moves with it
+        (("motor angle",), 0.99, False),
+    ],
+)
+def test_what_a_map_over_the_input_explains_is_the_actuator_s(quantities, explained, at_actuator):
+    effect = Effect("constant_torque", "stage1_motor", {"torque": 0.1})
+    mapped = MeasuredMap("drawn", effect=effect, explained=explained, quantities=quantities)
+    found = drawn_over_the_input(unknown_at("stage1_motor"), mapped, STAGE)
+    told = ("stage1_actuator", " and ".join(quantities)) if at_actuator else ("stage1_motor", "time")
+    assert (found.where[0]["equation"], found.where[0]["condition"]) == told
+    elsewhere, without = unknown_at("stage1_arm"), replace(mapped, effect=None)
+    assert drawn_over_the_input(elsewhere, mapped, STAGE) == elsewhere
+    assert drawn_over_the_input(unknown_at("stage1_motor"), without, STAGE) == unknown_at("stage1_motor")

@@ -4,7 +4,8 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from stepped_machines import RIGID, drive, record, swing
+from numba import njit
+from stepped_machines import DT, FINE, RIGID, drive, record, swing
 
 from haptic_teleop_sim.effects import EFFECTS
 from haptic_teleop_sysid.diagnosis.evidence.drawn_map import drawn, explained_there
@@ -42,8 +43,10 @@ def pushes_better(torque):
 
 def test_an_amplifier_that_pushes_better_than_it_pulls_is_drawn_with_its_law():
     place = drawn_over_input(pushes_better)
-    best = place.maps[0]
-    assert best.quantities == (INPUT,) and explained_there(place.search, best) > 0.98
+    # Surfaces over it come as near, and a curve goes before them.
+    assert all(INPUT in one.quantities for one in place.maps[:3])
+    (best,) = (one for one in place.maps[:3] if one.quantities == (INPUT,))
+    assert explained_there(place.search, best) > 0.98
     effect = drawn(place.search, best)
     assert effect.table.variables == ("input",)
     at = np.array([-2.0, -1.0, 1.0, 2.0])
@@ -51,6 +54,60 @@ def test_an_amplifier_that_pushes_better_than_it_pulls_is_drawn_with_its_law():
     law = law_of(place.search, best, effect)
     assert [term.text for term in law.terms] == ["s.abs(s.input)"]
     assert law.coefficients[0] == pytest.approx(0.15, rel=0.02)
+
+
+@njit
+def turned(torque, share, weakens, friction):
+    """Angles (n,) of a rigid joint whose torque varies with a sine of the angle (``share``), or falls with
+    the velocity (``weakens``), with smooth dry friction."""
+    q, v, h = 0.0, 0.0, DT / FINE
+    found = np.empty(len(torque))
+    for k in range(len(torque)):
+        found[k] = q
+        for _ in range(FINE):
+            acts = torque[k] * (1.0 - share * np.sin(0.4 * q)) * (1.0 - weakens * abs(v))
+            v += h * (acts - 0.35 * v - friction * np.tanh(v / 0.02)) / 0.14
+            q += h * v
+    return found
+
+
+def drawn_of(share=0.0, weakens=0.0, friction=0.0, size=2.0):
+    """The place of the maps of such a joint."""
+    kinds = []
+    for seed in (0, 1):
+        torque = drive(seed, size)
+        kinds.append([record(torque, turned(torque, share, weakens, friction)[:, None], 1e-5)])
+    fit = fit_whole(TRUE, noise_starts(TRUE, kinds[0])[1], kinds[0], iterations=8)
+    (place,) = places_of(fit, TRUE, *kinds, motion_band([*kinds[0], *kinds[1]]))
+    return place
+
+
+@pytest.mark.parametrize(
+    ("acts", "other", "law"),
+    [
+        ({"share": 0.3}, "motor angle", "s.sin(p.order * s.position)"),
+        ({"weakens": 0.1}, "motor velocity", "s.abs(s.velocity)"),
+    ],
+)
+def test_a_torque_constant_that_varies_is_drawn_over_the_input_and_what_it_varies_with(acts, other, law):
+    place = drawn_of(**acts)
+    best = place.maps[0]
+    assert best.quantities == (INPUT, other) and explained_there(place.search, best) > 0.85
+    effect = drawn(place.search, best)
+    assert effect.table.variables == ("input", {"motor angle": "angle", "motor velocity": "velocity"}[other])
+    found = law_of(place.search, best, effect)
+    assert found.terms[0].text == f"s.input * {law}"
+    assert found.coefficients[0] == pytest.approx(-sum(acts.values()), rel=0.15)
+
+
+def test_a_friction_that_carries_nearly_all_of_the_torque_is_not_the_input_itself():
+    # The input's size has the sign of the velocity: over both of them it would explain itself.
+    place = drawn_of(friction=1.6)
+    over = {one.quantities: explained_there(place.search, one) for one in place.maps}
+    assert over[("motor velocity",)] > 0.95 * max(over.values())
+    for one in place.maps:
+        law = law_of(place.search, one, drawn(place.search, one))
+        assert law is None or not any("s.input" in term.text for term in law.terms)
 
 
 @pytest.mark.parametrize(

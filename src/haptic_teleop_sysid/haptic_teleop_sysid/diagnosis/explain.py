@@ -28,7 +28,7 @@ from .decision.search_by_simulation import POOR_FIT, search_by_simulation
 from .evidence.horizons import Horizons, free_errors
 from .evidence.inverse_dynamics.band import motion_band
 from .evidence.inverse_dynamics.witness import witness
-from .evidence.predictable import while_predictable
+from .evidence.predictable import while_followed, while_predictable
 from .evidence.proof import Course
 from .evidence.second_opinion import Opinion, second_opinion
 from .evidence.shown_by_current import shown_by_current
@@ -122,6 +122,7 @@ def explain(
     course = Course.of(baseline.model, everything)
     if said is not None and said.most_likely is not None:
         course = while_predictable(course, said.most_likely.model)
+        course = while_followed(course, n, said.most_likely, cutoff)
     coarse = course.coarse(cutoff)
     result = search(
         model,

@@ -12,7 +12,7 @@ from haptic_teleop_sysid.recordings.dataset import DataSet
 
 from .decision.adequacy import following, short_of
 from .decision.at_reversals import where_torque_jumps, with_friction
-from .decision.at_the_actuator import at_the_actuator
+from .decision.at_the_actuator import at_the_actuator, drawn_over_the_input
 from .decision.beside_unknown import with_names
 from .decision.decide import Choice
 from .decision.drive_friction import with_drive_friction
@@ -190,8 +190,10 @@ def diagnose(
         if beside is not None:
             mapped, instead, result = beside.mapped, None, replace(result, final=beside.fit)
     of_input = None
-    # A torque that is drawn over the motion is the motion's.
-    if misread is None and (mapped is None or mapped.fit is None):
+    # A torque that is drawn over the motion is the motion's, and one over the input the actuator's.
+    if misread is None and mapped is not None and mapped.fit is not None:
+        verdict = drawn_over_the_input(verdict, mapped, model)
+    elif misread is None:
         verdict, of_input = at_the_actuator(verdict, result.baseline, *kinds)
     stands_in = result.final is not named
     if timely is not None:

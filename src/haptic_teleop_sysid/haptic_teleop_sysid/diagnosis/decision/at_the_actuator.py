@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import replace
 
-from haptic_teleop_sim.model import STRUCTURES
+from haptic_teleop_sim.model import STRUCTURES, Model
 from haptic_teleop_sysid.estimation.gauss_newton import Fit
 from haptic_teleop_sysid.estimation.records import Record
 
@@ -13,8 +13,10 @@ from ..evidence.feedback import in_open_loop
 from ..evidence.fine_curve import follows_input_finely
 from ..evidence.held_out import with_both_kinds
 from ..evidence.in_proportion import in_proportion, with_the_input
+from ..evidence.inverse_dynamics.latent import INPUT
+from ..evidence.measured_map import MeasuredMap
 from ..evidence.residual import INPUT_TORQUE
-from ..policy import LEAST_EXPLAINED
+from ..policy import LEAST_EXPLAINED, NEARLY_ALL
 from .adequacy import left_size
 from .coloured import driven
 from .verdict import Verdict
@@ -51,6 +53,20 @@ def at_the_actuator(
         return verdict, gains
     where = {**told, "equation": actuator, "condition": WITH_THE_INPUT}
     return replace(verdict, where=[where, *others]), gains
+
+
+def drawn_over_the_input(verdict: Verdict, mapped: MeasuredMap, model: Model) -> Verdict:
+    """The `unknown` verdict at the actuator, where the map that is put into the model is one over the input,
+    or over it and a quantity of the motor, and explains NEARLY_ALL of what is missing at the motor."""
+    motor, actuator = model.location("motor"), model.location("actuator")
+    told_at = [where["equation"] for where in verdict.where[:1]]
+    if verdict.kind != "unknown" or told_at != [motor] or mapped.effect is None:
+        return verdict
+    if INPUT not in mapped.quantities or (mapped.explained or 0.0) < NEARLY_ALL:
+        return verdict
+    told, *others = verdict.where
+    where = {**told, "equation": actuator, "condition": " and ".join(mapped.quantities)}
+    return replace(verdict, where=[where, *others])
 
 
 def _ended_at_a_bound(fit: Fit) -> bool:

@@ -7,6 +7,7 @@ and Caughey 1979, Kerschen et al. 2006).
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
@@ -47,9 +48,16 @@ INPUT = "input torque"
 #: An angle that starts anew with every turn.
 IN_A_TURN = " in a turn"
 #: What else a measured torque may follow: at the joint what a gear's teeth, a wobbling coupling or a
-#: centrifugal part make of a spring; and what comes again with every turn.
+#: centrifugal part make of a spring; what comes again with every turn; and at the motor what its actuator
+#: makes of the input, at different angles and velocities another one (a field that fades, a voltage limit).
 MEASURED_OVER: dict[str, tuple[tuple[str, ...], ...]] = {
-    "motor": (("motor angle in a turn",), ("motor angle in a turn", "motor velocity"), (INPUT,)),
+    "motor": (
+        ("motor angle in a turn",),
+        ("motor angle in a turn", "motor velocity"),
+        (INPUT,),
+        (INPUT, "motor angle"),
+        (INPUT, "motor velocity"),
+    ),
     "arm": (("arm angle in a turn",), ("arm angle in a turn", "arm velocity")),
     "joint": (
         ("motor angle",),
@@ -67,26 +75,26 @@ MOST_TURNS = 50
 _PARTS = 40
 #: Knots of a turn in a surface, and weight that ties its end to its beginning.
 KNOTS_OF_TURN, TIE = 13, 10.0
-#: Levels of an input that say how often it has which value, and weight that keeps a function of it
-#: from a part in proportion.
-_LEVELS, _NO_GAIN = 201, 1000.0
+#: Samples of an input that say how often it has which value, and weight that keeps a function of it from a
+#: part in proportion.
+_SAMPLES, _NO_GAIN = 2000, 1000.0
 
 
 @dataclass(frozen=True, eq=False)
 class Latent:
     """A torque at ``place`` as piecewise linear function of ``quantities`` (one or two), with its ``knots``
-    for each; ``levels``: values that the input has equally often, N·m, of a function of that."""
+    for each; ``samples``: of a function of the input, N·m, values that the quantities had together."""
 
     location: str
     place: str
     quantities: tuple[str, ...]
     knots: tuple[tuple[float, ...], ...]
     turns: float
-    levels: tuple[float, ...] = ()
+    samples: tuple[tuple[float, ...], ...] = ()
 
     def columns(self, motion: BandedMotion, model: Model) -> FloatArray:
         """Torque (N·m) of each knot's function at the samples that count, (n, columns)."""
-        if self.quantities == (INPUT,):
+        if INPUT in self.quantities:
             return self._of_input(motion, model)
         places, values = np.zeros((len(motion.time), 1), dtype=np.intp), np.ones((len(motion.time), 1))
         number = 1
@@ -101,12 +109,12 @@ class Latent:
 
     def _of_input(self, motion: BandedMotion, model: Model) -> FloatArray:
         """The same of the input, which is no smooth motion: from all samples, column by column."""
-        left, share = _between(input_torque(motion.record, model), np.array(self.knots[0]))
-        columns = []
-        for knot in range(len(self.knots[0])):
-            hat = np.where(left == knot, 1.0 - share, 0.0) + np.where(left + 1 == knot, share, 0.0)
-            columns.append(motion.of_input(hat))
-        return motion.filtered(np.column_stack(columns))
+        hats = []
+        for name, knots in zip(self.quantities, self.knots, strict=True):
+            along = _at_all_samples(motion, model, self.place, name, self.turns)
+            hats.append(_hats(along, np.array(knots)).T)
+        products = (np.prod(pair, axis=0) for pair in itertools.product(*hats))
+        return motion.filtered(np.column_stack([motion.of_input(one) for one in products]))
 
     def bends(self) -> FloatArray:
         """(rows, columns): second differences of the function along each quantity, all zero for a plane;
@@ -120,14 +128,24 @@ class Latent:
             if self.quantities[axis].endswith(IN_A_TURN):
                 second = np.concatenate([second, _tied(sizes[axis])])
             rows.append(np.asarray(np.kron(np.kron(np.eye(before), second), np.eye(after)), dtype=np.float64))
-        if self.levels:
-            input_, knots = np.array(self.levels), np.array(self.knots[0])
-            left, share = _between(input_, knots)
-            row: FloatArray = np.zeros((1, len(knots)))
-            np.add.at(row[0], left, (1.0 - share) * input_)
-            np.add.at(row[0], left + 1, share * input_)
-            rows.append(_NO_GAIN * row / max(float(np.linalg.norm(row)), 1e-300))
+        if self.samples:
+            row = self._along_the_input()
+            rows.append(_NO_GAIN * row[None, :] / max(float(np.linalg.norm(row)), 1e-300))
         return np.concatenate(rows)
+
+    def _along_the_input(self) -> FloatArray:
+        """Mean product (columns,) of each knot's function with what of the input does not follow from the
+        other quantity: the velocity follows the input, and where friction carries nearly all of the torque
+        the input the velocity; a function of both may have no part in proportion to the rest."""
+        values = np.array(self.samples)
+        hats = [_hats(along, np.array(knots)) for along, knots in zip(values, self.knots, strict=True)]
+        rest = values[self.quantities.index(INPUT)]
+        columns = np.ones((len(rest), 1))
+        for name, hat in zip(self.quantities, hats, strict=True):
+            columns = (columns[:, :, None] * hat[:, None, :]).reshape(len(rest), -1)
+            if name != INPUT:
+                rest = rest - hat @ np.linalg.lstsq(hat, rest, rcond=None)[0]
+        return rest @ columns / len(rest)
 
     @property
     def parameters(self) -> int:
@@ -167,11 +185,8 @@ def _over(
         seen = [[_seen(m, model, place, n, turns) for m in motions] for n in names]
         knots = [_knots(values, number, n) for values, n in zip(seen, names, strict=True)]
         if all(len(k) > 2 for k in knots):
-            levels: tuple[float, ...] = ()
-            if names == (INPUT,):
-                often = np.quantile(np.concatenate(seen[0]), np.linspace(0.0, 1.0, _LEVELS))
-                levels = tuple(often.tolist())
-            yield Latent(model.location(place), place, names, tuple(knots), turns, levels)
+            samples = _samples(motions, model, place, names, turns) if INPUT in names else ()
+            yield Latent(model.location(place), place, names, tuple(knots), turns, samples)
 
 
 def _seen(motion: BandedMotion, model: Model, place: str, name: str, turns: float) -> FloatArray:
@@ -179,6 +194,21 @@ def _seen(motion: BandedMotion, model: Model, place: str, name: str, turns: floa
     if name == INPUT:
         return input_torque(motion.record, model)
     return quantity(motion, place, name, turns)[motion.kept]
+
+
+def _samples(
+    motions: Sequence[BandedMotion], model: Model, place: str, names: tuple[str, ...], turns: float
+) -> tuple[tuple[float, ...], ...]:
+    """Values of each quantity at _SAMPLES of the samples of all motions, the same for each."""
+    found = [np.concatenate([_at_all_samples(m, model, place, n, turns) for m in motions]) for n in names]
+    few = np.unique(np.linspace(0, len(found[0]) - 1, _SAMPLES).astype(np.intp))
+    return tuple(tuple(values[few].tolist()) for values in found)
+
+
+def _at_all_samples(motion: BandedMotion, model: Model, place: str, name: str, turns: float) -> FloatArray:
+    if name == INPUT:
+        return input_torque(motion.record, model)
+    return motion.at_all_samples(quantity(motion, place, name, turns))
 
 
 def input_torque(record: Record, model: Model) -> FloatArray:
@@ -228,6 +258,14 @@ def _tied(number: int) -> FloatArray:
     rows[0, [0, -1]] = TIE, -TIE
     rows[1, [0, 1, -2, -1]] = -1.0, 1.0, 1.0, -1.0
     return rows
+
+
+def _hats(values: FloatArray, knots: FloatArray) -> FloatArray:
+    """The piecewise linear functions that are 1 at one knot, at values (n,): (n, knots)."""
+    left, share = _between(values, knots)
+    numbers = np.arange(len(knots))
+    below, above = left[:, None] == numbers, left[:, None] + 1 == numbers
+    return below * (1.0 - share)[:, None] + above * share[:, None]
 
 
 def _between(values: FloatArray, knots: FloatArray) -> tuple[NDArray[np.intp], FloatArray]:

@@ -64,13 +64,13 @@ class Product:
 
     def columns(self, motion: BandedMotion, model: Model) -> FloatArray:
         """Torque (n, 1) by unit coefficient at the samples that count, filtered like the input."""
-        if all(factor.of == "input" for factor in self.factors):
-            given = input_torque(motion.record, model)
-            whole = np.prod([factor.values(given) for factor in self.factors], axis=0)
-            return motion.filtered(motion.of_input(whole)[:, None])
+        if any(factor.of == "input" for factor in self.factors):
+            # The input is no smooth motion: at all samples, not at those that remain.
+            parts = [f.values(_at_all_samples(motion, self.place, f.of, model)) for f in self.factors]
+            return motion.filtered(motion.of_input(np.prod(parts, axis=0))[:, None])
         found = np.ones(len(motion.time))
         for factor in self.factors:
-            found = found * factor.values(_quantity(motion, self.place, factor.of, model))
+            found = found * factor.values(_quantity(motion, self.place, factor.of))
         return motion.filtered(found[:, None], times=2)
 
     def bounds(self) -> tuple[FloatArray, FloatArray]:
@@ -78,9 +78,13 @@ class Product:
         return np.array([-np.inf]), np.array([np.inf])
 
 
-def _quantity(motion: BandedMotion, place: str, name: str, model: Model) -> FloatArray:
+def _at_all_samples(motion: BandedMotion, place: str, name: str, model: Model) -> FloatArray:
     if name == "input":
-        return model.parameters["torque_constant"] * motion.input
+        return input_torque(motion.record, model)
+    return motion.at_all_samples(_quantity(motion, place, name))
+
+
+def _quantity(motion: BandedMotion, place: str, name: str) -> FloatArray:
     if name == "deflection" or (place == "joint" and name == "position"):
         return motion.angle[:, 0] - motion.angle[:, 1]
     if place == "joint":
@@ -94,7 +98,7 @@ def library(model: Model, location: str, place: str, quantities: tuple[str, ...]
     """All products of at most two functions, of different quantities, for a torque at ``place`` that was seen
     to depend on ``quantities`` (variables of a `TorqueMap`); ``low``, ``high``: travel, rad; ``fastest``:
     rad/s. What the structure has itself (damping, and a joint's spring) is none of them, and
-    of the input, of which there are odd and even powers, what is in proportion to it."""
+    of the input, of which there are odd and even powers, what is in proportion to it and nothing else."""
     angles = list(angle_functions(low, high)) if {"angle", "deflection"} & set(quantities) else []
     speeds = list(velocity_functions(fastest))
     others = [
@@ -105,6 +109,9 @@ def library(model: Model, location: str, place: str, quantities: tuple[str, ...]
     by_velocity = bool({"velocity", "deflection_rate"} & set(quantities))
     if "input" in quantities:
         yield from (Product(location, place, (one,)) for one in input_functions())
+        beside = [*(angles if "angle" in quantities else []), *(speeds if by_velocity else [])]
+        for pair in itertools.product(gained_functions(), (one for one in beside if one.text != "1")):
+            yield Product(location, place, pair)
         return
     singles: list[Function] = [*angles, *(speeds if by_velocity or not angles else [])]
     for one in singles:
@@ -126,6 +133,12 @@ def input_functions() -> Iterator[Function]:
     yield Function("input", "s.input**2", np.square, "N^2*m^2")
     yield Function("input", "s.input * s.abs(s.input)", lambda u: u * np.abs(u), "N^2*m^2")
     yield Function("input", "s.input**3", lambda u: u**3, "N^3*m^3")
+
+
+def gained_functions() -> Iterator[Function]:
+    """Functions of the torque of the input that a quantity of the motion may multiply."""
+    yield Function("input", "s.input", lambda u: u, "N*m")
+    yield Function("input", "s.abs(s.input)", np.abs, "N*m")
 
 
 def velocity_functions(fastest: float) -> Iterator[Function]:
