@@ -32,8 +32,8 @@ HATS, _FEWEST = 96, 48
 #: Every so many knots are those of the coarse curve.
 _COARSE = 12
 #: Standard deviations by which the curve of the recordings of either kind must gain more than chance: of 40
-#: clean pairs of the blind benchmark none exceeds 2; a bare motor on one sine whose clock jitters has 6 beside
-#: its friction.
+#: clean pairs of the blind benchmark none exceeds 2; a bare motor on one sine whose clock jitters has 6
+#: beside its friction.
 BEYOND_CHANCE = 10.0
 #: Samples of the recordings of either kind that are asked: as many say enough, in some 0.5 GB.
 _MOST_SAMPLES = 60_000
