@@ -279,17 +279,23 @@ def test_another_place_and_a_name_are_not_asked(losing):
     ("quantities", "explained", "at_actuator"),
     [
         (("input torque", "motor angle"), 0.95, True),
-        (("input torque",), 0.85, True),
-        (("input torque", "motor velocity"), 0.6, False),  # a part may be a friction that moves with it
+        (("input torque", "motor angle"), 0.6, False),
+        (("input torque",), 0.95, False),  # see `at_the_actuator`, which asks about the loop
         (("motor angle",), 0.99, False),
     ],
 )
-def test_what_a_map_over_the_input_explains_is_the_actuator_s(quantities, explained, at_actuator):
+def test_what_a_map_over_the_input_and_the_angle_explains_is_the_actuator_s(
+    rubbing, quantities, explained, at_actuator
+):
+    fit = rubbing[2]
     effect = Effect("constant_torque", "stage1_motor", {"torque": 0.1})
     mapped = MeasuredMap("drawn", effect=effect, explained=explained, quantities=quantities)
-    found = drawn_over_the_input(unknown_at("stage1_motor"), mapped, STAGE)
+    found = drawn_over_the_input(unknown_at("stage1_motor"), mapped, fit)
     told = ("stage1_actuator", " and ".join(quantities)) if at_actuator else ("stage1_motor", "time")
     assert (found.where[0]["equation"], found.where[0]["condition"]) == told
     elsewhere, without = unknown_at("stage1_arm"), replace(mapped, effect=None)
-    assert drawn_over_the_input(elsewhere, mapped, STAGE) == elsewhere
-    assert drawn_over_the_input(unknown_at("stage1_motor"), without, STAGE) == unknown_at("stage1_motor")
+    assert drawn_over_the_input(elsewhere, mapped, fit) == elsewhere
+    assert drawn_over_the_input(unknown_at("stage1_motor"), without, fit) == unknown_at("stage1_motor")
+    weaker = Effect("actuator_lag", "stage1_actuator", {"time_constant": 0.01})
+    lagging = replace(fit, model=fit.model.with_effects(weaker))
+    assert drawn_over_the_input(unknown_at("stage1_motor"), mapped, lagging) == unknown_at("stage1_motor")

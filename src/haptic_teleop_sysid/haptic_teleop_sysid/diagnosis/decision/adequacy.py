@@ -104,9 +104,10 @@ class Adequacy:
         """What diagnosis.json says."""
         return {
             "what": "share of the mean square of the torque that the structure alone lacks, of the error of "
-            "its free runs, of what parity equations leave, and of what any torques recover, that is "
-            "explained; no confidence is above the share of the size, 1 - sqrt(1 - the smallest one), nor, "
-            f"where that is less than {SURE:g}, above {NOT_SURE:g}",
+            "its free runs, and of what parity equations leave, that is explained; no confidence is above "
+            f"the share of the size, 1 - sqrt(1 - the smallest one), nor, where that is less than {SURE:g}, "
+            f"above {NOT_SURE:g}; nor above that where the share of what torques without a law explain, "
+            "recovered, says so",
             "torque": round(self.torque, 3),
             "free_run": round(self.free_run, 3),
             "parity": round(self.parity, 3),

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import replace
 
-from haptic_teleop_sim.model import STRUCTURES, Model
+from haptic_teleop_sim.model import STRUCTURES
 from haptic_teleop_sysid.estimation.gauss_newton import Fit
 from haptic_teleop_sysid.estimation.records import Record
 
@@ -34,11 +34,8 @@ def at_the_actuator(
     changes; and what each quantity gains so, nats, None where that was not asked. ``baseline``: the structure
     alone, as it fits the estimation recordings ``learn``."""
     model = baseline.model
-    motor, actuator = model.location("motor"), model.location("actuator")
-    told_at = [where["equation"] for where in verdict.where[:1]]
-    # An effect there, of the model or found, takes a share of the input itself.
-    there = [e.location for e in model.effects] + [f["location"] for f in verdict.findings]
-    if verdict.kind != "unknown" or told_at != [motor] or actuator in there or _ended_at_a_bound(baseline):
+    actuator = model.location("actuator")
+    if not _asked(verdict, baseline):
         return verdict, None
     both = with_both_kinds(baseline, learn, judge)
     told, *others = verdict.where
@@ -55,18 +52,33 @@ def at_the_actuator(
     return replace(verdict, where=[where, *others]), gains
 
 
-def drawn_over_the_input(verdict: Verdict, mapped: MeasuredMap, model: Model) -> Verdict:
-    """The `unknown` verdict at the actuator, where the map that is put into the model is one over the input,
-    or over it and a quantity of the motor, and explains NEARLY_ALL of what is missing at the motor."""
-    motor, actuator = model.location("motor"), model.location("actuator")
-    told_at = [where["equation"] for where in verdict.where[:1]]
-    if verdict.kind != "unknown" or told_at != [motor] or mapped.effect is None:
+def drawn_over_the_input(verdict: Verdict, mapped: MeasuredMap, baseline: Fit) -> Verdict:
+    """The `unknown` verdict at the actuator, where the map that is put into the model is one over the input
+    and the motor's angle, and explains NEARLY_ALL of what is missing at the motor; ``baseline``: the
+    structure alone, as it predicts best."""
+    model = baseline.model
+    if not _asked(verdict, baseline) or mapped.effect is None:
         return verdict
-    if INPUT not in mapped.quantities or (mapped.explained or 0.0) < NEARLY_ALL:
+    if mapped.quantities[:1] != (INPUT,) or len(mapped.quantities) < 2:
         return verdict
+    if (mapped.explained or 0.0) < NEARLY_ALL:
+        return verdict
+    actuator = model.location("actuator")
     told, *others = verdict.where
     where = {**told, "equation": actuator, "condition": " and ".join(mapped.quantities)}
     return replace(verdict, where=[where, *others])
+
+
+def _asked(verdict: Verdict, baseline: Fit) -> bool:
+    """Whether something unknown is at the motor, and nothing at the actuator yet: an effect there, of the
+    model or found, takes a share of the input itself."""
+    model = baseline.model
+    motor, actuator = model.location("motor"), model.location("actuator")
+    told_at = [where["equation"] for where in verdict.where[:1]]
+    there = [e.location for e in model.effects] + [f["location"] for f in verdict.findings]
+    if verdict.kind != "unknown" or told_at != [motor] or actuator in there:
+        return False
+    return not _ended_at_a_bound(baseline)
 
 
 def _ended_at_a_bound(fit: Fit) -> bool:

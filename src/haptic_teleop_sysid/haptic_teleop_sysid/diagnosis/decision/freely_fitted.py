@@ -15,6 +15,7 @@ from haptic_teleop_sim.model import Model
 from haptic_teleop_sysid.estimation.gauss_newton import Fit
 
 from ..evidence.second_opinion import Errors
+from ..policy import ERRS_LESS
 from .search import SearchResult
 
 #: A fit with the parameters that its free runs want, None where they want none (see `freely_sized`).
@@ -22,24 +23,27 @@ Resized = Callable[[Fit], Fit | None]
 
 
 def simulating_best(fit: Fit, starts: Sequence[Model], resized: Resized, errors: Errors) -> Fit:
-    """The fit, or the one to free runs from one of ``starts`` which errs less on the estimation recordings
-    and no more on the others; ``errors``: of free runs."""
-    best, least = fit, errors(fit.model)
+    """The fit, or the one to free runs from one of ``starts`` which errs least on the estimation recordings,
+    by ERRS_LESS at least, and no more on the others; ``errors``: of free runs."""
+    before = least = errors(fit.model)
+    best = fit
     for start in starts:
         other = resized(replace(fit, model=start))
         if other is None:
             continue
         found = errors(other.model)
-        if all(np.isfinite(found)) and found[0] < least[0] and found[1] <= least[1]:
+        enough = min(ERRS_LESS * before[0], least[0])
+        if all(np.isfinite(found)) and found[0] < enough and found[1] <= before[1]:
             best, least = other, found
     return best
 
 
 def re_estimated(result: SearchResult, given: Model, resized: Resized, errors: Errors) -> SearchResult:
-    """The result, with the structure alone fitted to free runs where it simulates the estimation recordings
-    worse than the ``given`` model does and that helps on both kinds; what was found stays as it is."""
+    """The result, with the structure alone fitted to free runs where the ``given`` model simulates the
+    estimation recordings clearly better (ERRS_LESS) and that helps on both kinds; what was found stays as it
+    is."""
     baseline = result.baseline
-    if not errors(baseline.model)[0] > errors(given)[0]:
+    if not errors(given)[0] < ERRS_LESS * errors(baseline.model)[0]:
         return result
     better = simulating_best(baseline, [given], resized, errors)
     alone = result.final is baseline

@@ -47,7 +47,7 @@ A_GOOD_PART = 0.25
 A_GOOD_TORQUE = 0.4
 _ELSE = (
     "what is missing has memory, acts at moments, or follows something else: quantities that no map has "
-    "together (the input and the deflection), or what was not recorded"
+    "together, or what was not recorded"
 )
 #: Factor over what a map explains from which a torque with memory, or over time, is what it is instead.
 _RATHER = 1.5

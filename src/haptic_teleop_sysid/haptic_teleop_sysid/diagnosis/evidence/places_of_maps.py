@@ -26,8 +26,10 @@ class Place:
     other: Latent | None
 
     def best(self, most: int) -> list[tuple[Search, Latent]]:
-        """The ``most`` best maps, each with the search that draws it."""
-        return [(self.search, one) for one in self.maps[:most]]
+        """The ``most`` best maps, and the best curve, each with the search that draws it."""
+        curve = next((one for one in self.maps if len(one.quantities) == 1), None)
+        best = self.maps[:most]
+        return [(self.search, one) for one in (best if curve is None or curve in best else [*best, curve])]
 
 
 def places_of(

@@ -59,8 +59,8 @@ def while_followed(course: Course, count: int, group: Group, cutoff: float) -> C
     seconds = 0.5 * max(dt * (stop - start) for dt, (start, stop) in spans)
     while seconds * cutoff >= 0.5:
         why = (
-            f"because in longer ones the {100 * (1.0 - group.explained):.1f} % of the torque that is not "
-            "explained decides where the joint goes"
+            f"because in longer ones the {100 * (1.0 - group.explained):.2g} % of the missing torque that "
+            "nothing explains decides where the joint goes"
         )
         shorter = course.no_longer_than(seconds, why)
         if max(free_errors(shorter, count, group.model)) < FOLLOWED:

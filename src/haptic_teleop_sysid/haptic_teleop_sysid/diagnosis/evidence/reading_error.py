@@ -23,7 +23,7 @@ from ..hypotheses.follows import follows_from_motion
 from ..policy import HOLDS_BETTER, LEAST_EXPLAINED
 from .inverse_dynamics.angle_curve import AngleCurve
 from .inverse_dynamics.groups import CLEARLY, Search
-from .inverse_dynamics.latent import measured_over
+from .inverse_dynamics.latent import INPUT, measured_over
 from .inverse_dynamics.regression import Equations, equations
 from .inverse_dynamics.term import Term
 from .inverse_dynamics.terms import Hypothesis
@@ -120,7 +120,10 @@ def _drawn(
     rate = _damping_over_inertia(search, (*beside, first), model, less, rate * less)
     curve = _best(search, beside, [AngleCurve.of_reading(model, knots, rate) for knots in grids])
     motions = [m for side in search.sides for m in side.side.motions]
-    torques = [*search.latents, *measured_over(model, motions, "motor")]
+    # The input is nearly the acceleration, which an error over the angle has, too.
+    further = [*measured_over(model, motions, "motor")]
+    curves = (one for one in further if INPUT not in one.quantities or len(one.quantities) == 1)
+    torques = [*search.latents, *curves]
     without = 1.0 - search.explained(beside)
     left = (1.0 - search.explained((*beside, curve))) / without
     by_torque = min((1.0 - search.explained((*beside, one))) / without for one in torques)

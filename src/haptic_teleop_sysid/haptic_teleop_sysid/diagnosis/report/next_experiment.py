@@ -97,7 +97,7 @@ def once_calibrated(encoder: str) -> dict[str, Any]:
 def varied(condition: str) -> str:
     """What to record where a torque depends on a quantity, in words: it, little and much."""
     otherwise = f"twice alike, once with little and once with much {condition}"
-    return next((words for name, words in _VARIED.items() if name in condition), otherwise)
+    return ", then ".join(words for name, words in _VARIED.items() if name in condition) or otherwise
 
 
 def _separating(

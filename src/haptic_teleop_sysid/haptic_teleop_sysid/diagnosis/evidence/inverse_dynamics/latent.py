@@ -49,14 +49,14 @@ INPUT = "input torque"
 IN_A_TURN = " in a turn"
 #: What else a measured torque may follow: at the joint what a gear's teeth, a wobbling coupling or a
 #: centrifugal part make of a spring; what comes again with every turn; and at the motor what its actuator
-#: makes of the input, at different angles and velocities another one (a field that fades, a voltage limit).
+#: makes of the input, at different angles another one (a field that fades). Not over input and velocity:
+#: together they nearly are the acceleration, which any friction with a memory follows.
 MEASURED_OVER: dict[str, tuple[tuple[str, ...], ...]] = {
     "motor": (
         ("motor angle in a turn",),
         ("motor angle in a turn", "motor velocity"),
         (INPUT,),
         (INPUT, "motor angle"),
-        (INPUT, "motor velocity"),
     ),
     "arm": (("arm angle in a turn",), ("arm angle in a turn", "arm velocity")),
     "joint": (
@@ -76,8 +76,8 @@ _PARTS = 40
 #: Knots of a turn in a surface, and weight that ties its end to its beginning.
 KNOTS_OF_TURN, TIE = 13, 10.0
 #: Samples of an input that say how often it has which value, and weight that keeps a function of it from a
-#: part in proportion.
-_SAMPLES, _NO_GAIN = 2000, 1000.0
+#: part in proportion; share of the input below which what is left of it is nothing.
+_SAMPLES, _NO_GAIN, _NOTHING = 2000, 1000.0, 1e-6
 
 
 @dataclass(frozen=True, eq=False)
@@ -109,12 +109,15 @@ class Latent:
 
     def _of_input(self, motion: BandedMotion, model: Model) -> FloatArray:
         """The same of the input, which is no smooth motion: from all samples, column by column."""
-        hats = []
+        sides = []
         for name, knots in zip(self.quantities, self.knots, strict=True):
-            along = _at_all_samples(motion, model, self.place, name, self.turns)
-            hats.append(_hats(along, np.array(knots)).T)
-        products = (np.prod(pair, axis=0) for pair in itertools.product(*hats))
-        return motion.filtered(np.column_stack([motion.of_input(one) for one in products]))
+            along = _while_held(motion, model, self.place, name, self.turns)
+            sides.append(_between(along, np.array(knots)))
+        columns = []
+        for numbers in itertools.product(*(range(len(knots)) for knots in self.knots)):
+            hats = (_hat(left, share, k) for (left, share), k in zip(sides, numbers, strict=True))
+            columns.append(motion.filtered(motion.of_input(np.prod([*hats], axis=0))))
+        return np.column_stack(columns)
 
     def bends(self) -> FloatArray:
         """(rows, columns): second differences of the function along each quantity, all zero for a plane;
@@ -145,7 +148,8 @@ class Latent:
             columns = (columns[:, :, None] * hat[:, None, :]).reshape(len(rest), -1)
             if name != INPUT:
                 rest = rest - hat @ np.linalg.lstsq(hat, rest, rcond=None)[0]
-        return rest @ columns / len(rest)
+        whole = float(np.linalg.norm(values[self.quantities.index(INPUT)]))
+        return rest @ columns / len(rest) * (float(np.linalg.norm(rest)) > _NOTHING * whole)
 
     @property
     def parameters(self) -> int:
@@ -199,16 +203,20 @@ def _seen(motion: BandedMotion, model: Model, place: str, name: str, turns: floa
 def _samples(
     motions: Sequence[BandedMotion], model: Model, place: str, names: tuple[str, ...], turns: float
 ) -> tuple[tuple[float, ...], ...]:
-    """Values of each quantity at _SAMPLES of the samples of all motions, the same for each."""
-    found = [np.concatenate([_at_all_samples(m, model, place, n, turns) for m in motions]) for n in names]
+    """Values of each quantity at _SAMPLES of the samples of all motions that count, the same for each."""
+    counting = [(m, m.kept * (m.thin.step or 1)) for m in motions]
+    found = [
+        np.concatenate([_while_held(m, model, place, n, turns)[kept] for m, kept in counting]) for n in names
+    ]
     few = np.unique(np.linspace(0, len(found[0]) - 1, _SAMPLES).astype(np.intp))
     return tuple(tuple(values[few].tolist()) for values in found)
 
 
-def _at_all_samples(motion: BandedMotion, model: Model, place: str, name: str, turns: float) -> FloatArray:
+def _while_held(motion: BandedMotion, model: Model, place: str, name: str, turns: float) -> FloatArray:
+    """A quantity from each sample of the record to the next, (n,)."""
     if name == INPUT:
         return input_torque(motion.record, model)
-    return motion.at_all_samples(quantity(motion, place, name, turns))
+    return motion.while_held(quantity(motion, place, name, turns))
 
 
 def input_torque(record: Record, model: Model) -> FloatArray:
@@ -263,9 +271,12 @@ def _tied(number: int) -> FloatArray:
 def _hats(values: FloatArray, knots: FloatArray) -> FloatArray:
     """The piecewise linear functions that are 1 at one knot, at values (n,): (n, knots)."""
     left, share = _between(values, knots)
-    numbers = np.arange(len(knots))
-    below, above = left[:, None] == numbers, left[:, None] + 1 == numbers
-    return below * (1.0 - share)[:, None] + above * share[:, None]
+    return np.column_stack([_hat(left, share, number) for number in range(len(knots))])
+
+
+def _hat(left: NDArray[np.intp], share: FloatArray, number: int) -> FloatArray:
+    """The one of them that is 1 at the knot of this number, from what `_between` says, (n,)."""
+    return (left == number) * (1.0 - share) + (left + 1 == number) * share
 
 
 def _between(values: FloatArray, knots: FloatArray) -> tuple[NDArray[np.intp], FloatArray]:

@@ -69,10 +69,11 @@ class BandedMotion:
         """What was held from each sample of the record to the next, (n,), as `input` has it."""
         return held_in_band(values, self.record.dt, self.cutoff)[self.thin]
 
-    def at_all_samples(self, values: FloatArray) -> FloatArray:
-        """Smooth ``values`` (n,) at all samples of the record."""
-        time = self.record.start + self.record.dt * np.arange(len(self.record), dtype=np.float64)
-        return np.interp(time, self.time, values)
+    def while_held(self, values: FloatArray) -> FloatArray:
+        """Smooth ``values`` (n,) in the middle between each sample of the record and the next: what an input,
+        held from one to the other, meets."""
+        middle = self.record.dt * (0.5 + np.arange(len(self.record), dtype=np.float64))
+        return np.interp(self.record.start + middle, self.time, values)
 
     def filtered(self, values: FloatArray, times: int = 1) -> FloatArray:
         """``values`` (n, ...) through the filter of the band ``times`` more, at the samples that count.

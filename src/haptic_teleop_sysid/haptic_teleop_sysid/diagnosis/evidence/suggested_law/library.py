@@ -66,7 +66,7 @@ class Product:
         """Torque (n, 1) by unit coefficient at the samples that count, filtered like the input."""
         if any(factor.of == "input" for factor in self.factors):
             # The input is no smooth motion: at all samples, not at those that remain.
-            parts = [f.values(_at_all_samples(motion, self.place, f.of, model)) for f in self.factors]
+            parts = [f.values(_while_held(motion, self.place, f.of, model)) for f in self.factors]
             return motion.filtered(motion.of_input(np.prod(parts, axis=0))[:, None])
         found = np.ones(len(motion.time))
         for factor in self.factors:
@@ -78,10 +78,11 @@ class Product:
         return np.array([-np.inf]), np.array([np.inf])
 
 
-def _at_all_samples(motion: BandedMotion, place: str, name: str, model: Model) -> FloatArray:
+def _while_held(motion: BandedMotion, place: str, name: str, model: Model) -> FloatArray:
+    """A quantity from each sample of the record to the next, (n,)."""
     if name == "input":
         return input_torque(motion.record, model)
-    return motion.at_all_samples(_quantity(motion, place, name))
+    return motion.while_held(_quantity(motion, place, name))
 
 
 def _quantity(motion: BandedMotion, place: str, name: str) -> FloatArray:
@@ -109,8 +110,7 @@ def library(model: Model, location: str, place: str, quantities: tuple[str, ...]
     by_velocity = bool({"velocity", "deflection_rate"} & set(quantities))
     if "input" in quantities:
         yield from (Product(location, place, (one,)) for one in input_functions())
-        beside = [*(angles if "angle" in quantities else []), *(speeds if by_velocity else [])]
-        for pair in itertools.product(gained_functions(), (one for one in beside if one.text != "1")):
+        for pair in itertools.product(gained_functions(), (one for one in angles if one.text != "1")):
             yield Product(location, place, pair)
         return
     singles: list[Function] = [*angles, *(speeds if by_velocity or not angles else [])]
@@ -136,7 +136,7 @@ def input_functions() -> Iterator[Function]:
 
 
 def gained_functions() -> Iterator[Function]:
-    """Functions of the torque of the input that a quantity of the motion may multiply."""
+    """Functions of the torque of the input that one of the angle may multiply."""
     yield Function("input", "s.input", lambda u: u, "N*m")
     yield Function("input", "s.abs(s.input)", np.abs, "N*m")
 

@@ -8,6 +8,7 @@ from haptic_teleop_sim.model import Effect
 
 from ..inverse_dynamics.groups import Search
 from ..inverse_dynamics.latent import Latent
+from ..inverse_dynamics.motion import STILL
 from .library import library
 from .regression import Law, sparse_law
 
@@ -28,27 +29,34 @@ def law_of(search: Search, latent: Latent, effect: Effect) -> Law | None:
     angles = np.concatenate([m.angle[:, 0] - m.angle[:, 1] if joint else m.angle[:, part] for m in motions])
     rates = [m.velocity[:, 0] - m.velocity[:, 1] if joint else m.velocity[:, part] for m in motions]
     assert effect.table is not None
-    products = library(
-        search.model,
-        effect.location,
-        latent.place,
-        effect.table.variables,
-        float(angles.min()),
-        float(angles.max()),
-        float(np.max(np.abs(np.concatenate(rates)))),
-    )
-    if _goes_with_the_input(search):
-        products = (p for p in products if all(factor.of != "input" for factor in p.factors))
-    law = sparse_law(search, [*products])
+    products = [
+        *library(
+            search.model,
+            effect.location,
+            latent.place,
+            effect.table.variables,
+            float(angles.min()),
+            float(angles.max()),
+            float(np.max(np.abs(np.concatenate(rates)))),
+        )
+    ]
+    both = {p for p in products if {"input", "velocity"} <= {factor.of for factor in p.factors}}
+    if both and _goes_with_the_input(search):
+        products = [p for p in products if p not in both]
+    law = sparse_law(search, products)
     share = search.explained((latent,))
     return None if law is None or share <= 0.0 or law.explained < _LAW * share else law
 
 
 def _goes_with_the_input(search: Search) -> bool:
-    """Whether the motor hardly ever moves against the input: where friction carries nearly all of the torque,
-    the size of the input with the sign of the velocity is the input, and would explain itself."""
-    motions = [m for side in search.sides for m in side.side.motions]
-    input_ = np.concatenate([m.record.input for m in motions])
-    forward = np.concatenate([np.sign(m.at_all_samples(m.velocity[:, 0])) for m in motions])
-    own = float(np.sum(input_**2))
-    return float(np.sum(np.abs(input_) * forward * input_)) > _THE_SAME * own
+    """Whether the motor, where it moves, hardly ever does against the input: where friction carries nearly
+    all of the torque, the size of the input with the sign of the velocity is the input, and would explain
+    itself."""
+    along = against = 0.0
+    for motion in (m for side in search.sides for m in side.side.motions):
+        speed = motion.while_held(motion.velocity[:, 0])
+        moves = np.abs(speed) > STILL * np.max(np.abs(speed), initial=0.0)
+        power = motion.record.input**2 * moves
+        with_it = np.sign(speed) == np.sign(motion.record.input)
+        along, against = along + float(power @ with_it), against + float(power @ ~with_it)
+    return along - against > _THE_SAME * (along + against)
