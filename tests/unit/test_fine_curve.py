@@ -3,11 +3,14 @@
 import numpy as np
 import pytest
 from identification_plants import multisine
+from stepped_machines import RIGID, record, swing
 from test_diagnosis_events import CONSTANT, DT, RMS, STAGE, TIME, dataset, fitted
 
 from haptic_teleop_sim.model import Effect
-from haptic_teleop_sysid.diagnosis.evidence.fine_curve import follows_input_finely
+from haptic_teleop_sysid.diagnosis.evidence.fine_curve import _fine, _input, follows_input_finely
+from haptic_teleop_sysid.diagnosis.evidence.held_out import with_both_kinds
 from haptic_teleop_sysid.diagnosis.run import diagnose
+from haptic_teleop_sysid.estimation.whole_fit import fit_whole, noise_starts
 
 
 def coarse(seed, step):
@@ -56,3 +59,18 @@ def test_beside_friction_it_is_told_as_what_is_left():
     (friction,) = verdict.findings
     assert (friction["effect"], friction["location"]) == ("coulomb_friction", "stage1_motor")
     assert friction["parameters"]["torque"]["value"] == pytest.approx(0.25, rel=0.1)
+
+
+def test_in_a_motion_that_repeats_itself_a_friction_is_not_the_input_s():
+    """Over one sine the input has the detail of the velocity."""
+    torque = 2.0 * np.sin(2.0 * np.pi * 1.3 * 0.002 * np.arange(10_000))
+    records = []
+    for seed in (0, 1):
+        luck = 0.02 * np.random.default_rng(seed).standard_normal(len(torque))
+        angle = swing(torque + luck, 0.02, 0.3, 0.4, 0.0, 0.0, 0.0, 0.0)
+        records.append(record(torque, angle[:, None], 1e-5))
+    bare = RIGID.with_values({"motor_inertia": 0.02, "motor_damping": 0.3})
+    fit = fit_whole(bare, noise_starts(bare, records[:1])[1], records[:1], iterations=8)
+    both = with_both_kinds(fit, records[:1], records[1:])
+    assert _fine(both, _input) is not None
+    assert follows_input_finely(both) == 0.0
