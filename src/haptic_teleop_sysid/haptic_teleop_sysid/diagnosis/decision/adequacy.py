@@ -106,8 +106,9 @@ class Adequacy:
             "what": "share of the mean square of the torque that the structure alone lacks, of the error of "
             "its free runs, and of what parity equations leave, that is explained; no confidence is above "
             f"the share of the size, 1 - sqrt(1 - the smallest one), nor, where that is less than {SURE:g}, "
-            f"above {NOT_SURE:g}; nor above that where the share of what torques without a law explain, "
-            "recovered, says so",
+            f"above {NOT_SURE:g}. recovered: what names of the inverse dynamics explain, as a share of what "
+            f"torques without a law do; where 1 - sqrt(1 - recovered) is less than {SURE:g}, no confidence is "
+            f"above {NOT_SURE:g}",
             "torque": round(self.torque, 3),
             "free_run": round(self.free_run, 3),
             "parity": round(self.parity, 3),
