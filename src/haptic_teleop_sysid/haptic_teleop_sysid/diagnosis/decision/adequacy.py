@@ -107,8 +107,8 @@ class Adequacy:
             "its free runs, and of what parity equations leave, that is explained; no confidence is above "
             f"the share of the size, 1 - sqrt(1 - the smallest one), nor, where that is less than {SURE:g}, "
             f"above {NOT_SURE:g}. recovered: what names of the inverse dynamics explain, as a share of what "
-            f"torques without a law do; where 1 - sqrt(1 - recovered) is less than {SURE:g}, no confidence is "
-            f"above {NOT_SURE:g}",
+            f"torques without a law do; where 1 - sqrt(1 - recovered) is less than {SURE:g}, none is above "
+            f"{NOT_SURE:g}",
             "torque": round(self.torque, 3),
             "free_run": round(self.free_run, 3),
             "parity": round(self.parity, 3),
