@@ -4,13 +4,14 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from identification_plants import STAGE
 from numba import njit
 from stepped_machines import DT, FINE, RIGID, drive, record, swing
 
 from haptic_teleop_sim.effects import EFFECTS
 from haptic_teleop_sysid.diagnosis.evidence.drawn_map import drawn, explained_there
 from haptic_teleop_sysid.diagnosis.evidence.inverse_dynamics.band import motion_band
-from haptic_teleop_sysid.diagnosis.evidence.inverse_dynamics.latent import INPUT
+from haptic_teleop_sysid.diagnosis.evidence.inverse_dynamics.latent import INPUT, measured_over
 from haptic_teleop_sysid.diagnosis.evidence.inverse_dynamics.motion import banded
 from haptic_teleop_sysid.diagnosis.evidence.inverse_dynamics.sampled import linear
 from haptic_teleop_sysid.diagnosis.evidence.inverse_dynamics.terms import Hypothesis
@@ -170,3 +171,11 @@ def test_an_entry_of_one_s_own_may_follow_all_that_an_equation_is_written_in(mon
         assert np.corrcoef(column, expected)[0, 1] > 0.95
     else:
         assert np.all(column == 0.0)  # a rigid body has none
+
+
+def test_a_joint_that_flexes_has_no_surface_over_the_input():
+    """A real flexible link had one in place of its motor's equation: in proportion to the input."""
+    motions = [banded(r, True, 5.0) for r in made_of(pushes_better, 0)]
+    for model, surface in ((TRUE, True), (STAGE, False)):
+        over = [one.quantities for one in measured_over(model, motions, "motor")]
+        assert (INPUT,) in over and ((INPUT, "motor angle") in over) == surface

@@ -175,6 +175,9 @@ def measured_over(model: Model, motions: Sequence[BandedMotion], place: str) -> 
     angle = np.concatenate([m.angle[:, int(place == "arm")] for m in motions])
     few = float(np.ptp(angle)) < MOST_TURNS * 2.0 * np.pi
     over = [names for names in MEASURED_OVER[place] if few or not names[0].endswith(IN_A_TURN)]
+    if not model.rigid:
+        # Beside a link that is no spring, a surface over the input takes the place of the motor's equation.
+        over = [names for names in over if INPUT not in names or len(names) == 1]
     # A map's input is what an actuator gives, which is another one than the command beside its effects.
     changed = any(e.entry.kind in ("input", "skew") for e in model.effects)
     yield from _over(model, motions, place, [names for names in over if not (changed and INPUT in names)])
