@@ -349,6 +349,17 @@ def test_a_small_effect_beside_random_torque_is_told_what_holds_it_down():
     assert "(mean square) of what is missing" not in html
 
 
+def test_a_name_beside_which_a_torque_without_a_law_explains_more_is_told_so():
+    page = Page("t")
+    outdone = Adequacy(torque=1.0, free_run=1.0, recovered=0.7)
+    answer = verdict("identified", [finding(outdone.surest)], adequacy=outdone)
+    reasons(page, answer, content(), [])
+    html = page.render()
+    assert "limited to 69 %: a torque without a law explains more" in html
+    assert "have 70 % (mean square)" in html
+    assert "of what is missing" not in html
+
+
 def test_the_most_that_is_said_is_told_to_be_that():
     page = Page("t")
     reasons(page, verdict("identified", [finding(0.95)], adequacy=Adequacy(1.0, 1.0)), content(), [])
