@@ -159,7 +159,7 @@ def _adequacy(found: Explained, result: SearchResult) -> Adequacy:
     random = left_is_random(result.final, found.learn, found.judge)
     models = found.given, result.final.model
     own, with_names = (float(np.mean(found.course.percent(model)[found.count :])) for model in models)
-    return adequacy(
+    adequate = adequacy(
         result.baseline,
         result.final,
         [*found.learn, *found.judge],
@@ -171,8 +171,10 @@ def _adequacy(found: Explained, result: SearchResult) -> Adequacy:
         follows=None if random else followed_by_most(found, result),
         worse=own - with_names > WORSE,
         white=lambda: max(colours(result.final, found.learn, found.judge)) <= WHITE,
-        recovered=1.0 if found.opinion is None else recovered(result, found.opinion),
     )
+    if found.opinion is None:
+        return adequate
+    return replace(adequate, recovered=recovered(result, found.opinion))
 
 
 def followed_by_most(found: Explained, result: SearchResult) -> Followed | None:

@@ -149,7 +149,7 @@ def diagnose(
     verdict = decide_verdict(result, found.learn, found.judge, doubt, spread, adequate)
     turning = where_torque_jumps(result.baseline, found.learn, found.judge, found.inertias)
     mapped = instead = misread = None
-    predicted = result.baseline
+    predicted, kinds = result, (found.learn, found.judge)
     if verdict.kind == "unknown":
         # Before a map, which is held against it.
         result = re_estimated(result, found.given, found.resized, found.errors)
@@ -160,7 +160,7 @@ def diagnose(
             instead = stand_in(result.final, found.given, doubt, found.errors)
         verdict = with_names(
             verdict,
-            replace(result, baseline=predicted),
+            predicted,
             doubt,
             instead,
             found.opinion,
@@ -171,15 +171,14 @@ def diagnose(
         nameless = mapped.fit if instead is None else instead.fit
         result = replace(result, final=nameless or result.final)
     if acting is not None and verdict.kind != "no_mismatch":
-        verdict = with_drive_friction(verdict, acting, (found.learn, found.judge), predicted, turning)
-    verdict = with_friction(verdict, turning, replace(result, baseline=predicted), found.learn)
+        verdict = with_drive_friction(verdict, acting, kinds, predicted.baseline, turning)
+    verdict = with_friction(verdict, turning, predicted, found.learn)
     if acting is not None and verdict.kind != "no_mismatch":
         acting = beside_findings(verdict, acting)
         # What acts now and then, or follows the input in detail, is little beside the noise of equations.
         if doubt is None or doubt.place is None:
             verdict, misread = at_its_place(verdict, acting)
-    kinds = found.learn, found.judge
-    verdict, wrong = read_wrong(verdict, predicted, kinds, found.cutoff, found.course, found.count)
+    verdict, wrong = read_wrong(verdict, predicted.baseline, kinds, found.cutoff, found.course, found.count)
     if wrong is not None:
         misread = wrong.error.location
     if misread is not None:
@@ -196,16 +195,16 @@ def diagnose(
     of_input = None
     # A torque that is drawn over the motion is the motion's, and one over the input the actuator's.
     if misread is None and mapped is not None and mapped.fit is not None:
-        verdict = drawn_over_the_input(verdict, mapped, predicted)
+        verdict = drawn_over_the_input(verdict, mapped, predicted.baseline)
     elif misread is None:
-        verdict, of_input = at_the_actuator(verdict, predicted, *kinds)
+        verdict, of_input = at_the_actuator(verdict, predicted.baseline, *kinds)
     stands_in = result.final is not named
     if timely is not None:
         found = timely.as_recorded
         verdict, result = with_lateness(timely.late, verdict, result, found.result.baseline)
         stand = replace(stand, before=colours(result.baseline, found.learn, found.judge))
     result = re_estimated(result, found.given, found.resized, found.errors)
-    if result.baseline is not predicted:
+    if result.baseline is not predicted.baseline:
         stand = replace(stand, before=colours(result.baseline, found.learn, found.judge))
     say("simulating all three models on all recordings")
     proof = prove(model, result.baseline.model, result.final.model, found.course, uses)

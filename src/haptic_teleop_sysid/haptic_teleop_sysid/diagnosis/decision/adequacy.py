@@ -143,7 +143,6 @@ def adequacy(
     follows: Followed | None = None,
     worse: bool = False,
     white: Callable[[], bool] = lambda: False,
-    recovered: float = 1.0,
 ) -> Adequacy:
     """Adequacy of what ``after`` has and ``before`` has not, on ``records`` of both kinds; errors: those of
     their free runs on either kind (see `second_opinion.Errors`); ``random_left``, ``follows``, ``worse``: as
@@ -153,7 +152,7 @@ def adequacy(
     (`SearchResult.by_torque`): where free runs and torques do not agree about sizes, either measure says how
     much the names explain with its own. ``by_motion``: the share of the torque that the inverse dynamics say
     is explained, asked where an observer overflows; ``in_band``: the least that is explained, see
-    `explained_in_band`; ``recovered``: as there."""
+    `explained_in_band`."""
     fits = [before, *(fit for fit in (after, by_torque) if fit is not None)]
     was, *left = added = [added_torque(fit, records) for fit in fits]
     if all(map(_has_a_size, added)):
@@ -167,8 +166,7 @@ def adequacy(
     if random_left and torque < LEAST_EXPLAINED:
         size = left_size(after, records)
         random_left = size <= MOST_BY_CHANCE or (size <= MOST_UNNAMED and white())
-    follows = None if random_left else follows
-    return Adequacy(torque, min(closed, followed), random_left, 1.0, follows, worse, recovered)
+    return Adequacy(torque, min(closed, followed), random_left, 1.0, None if random_left else follows, worse)
 
 
 def explained_torque(before: Fit, after: Fit, records: Sequence[Record]) -> float:

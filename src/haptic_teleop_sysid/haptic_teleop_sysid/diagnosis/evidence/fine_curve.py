@@ -71,8 +71,8 @@ class _Gained(NamedTuple):
 def follows_input_finely(fits: Sequence[tuple[Fit, Sequence[Record]]]) -> float:
     """Rms torque that follows the input in detail, N·m, beside a fit with the noise levels of each kind of
     recordings; 0 where the curve of one kind gains no more than chance, or loses on the other kind, or one
-    over the motor's velocity or angle gains as much: in a motion that repeats itself they have the same
-    detail."""
+    over the motor's velocity or angle gains as far beyond chance: in a motion that repeats itself they have
+    the same detail."""
     try:
         fits = [(fit, _first(records)) for fit, records in fits]
         found = _fine(fits, _input)
@@ -109,7 +109,7 @@ def _fine(fits: Sequence[tuple[Fit, Sequence[Record]]], along: Along) -> _Fine |
 
 
 def _as_fine(fits: Sequence[tuple[Fit, Sequence[Record]]], found: _Fine, state: int) -> bool:
-    """Whether a curve over a predicted state gains as much as one that was found."""
+    """Whether a curve over a predicted state gains as far beyond chance as one that was found."""
 
     def along(fit: Fit, record: Record) -> FloatArray:
         return np.asarray(innovations(pack(fit.model), fit.noise, record).states[:, state], dtype=np.float64)

@@ -122,8 +122,8 @@ def _drawn(
     motions = [m for side in search.sides for m in side.side.motions]
     # The input is nearly the acceleration, which an error over the angle has, too.
     further = [*measured_over(model, motions, "motor")]
-    curves = (one for one in further if INPUT not in one.quantities or len(one.quantities) == 1)
-    torques = [*search.latents, *curves]
+    others = (one for one in further if INPUT not in one.quantities or len(one.quantities) == 1)
+    torques = [*search.latents, *others]
     without = 1.0 - search.explained(beside)
     left = (1.0 - search.explained((*beside, curve))) / without
     by_torque = min((1.0 - search.explained((*beside, one))) / without for one in torques)
