@@ -53,7 +53,8 @@ def while_followed(course: Course, count: int, group: Group, cutoff: float) -> C
     better than the mean although the group explains TORQUES_SAY_ALL of the torques; as it is elsewhere, and
     where no window of half a period of the band (``cutoff``, Hz) or more does. The first ``count`` recordings
     are the estimation's."""
-    if group.explained < TORQUES_SAY_ALL or max(free_errors(course, count, group.model)) < 1.0:
+    coarse = course.coarse(cutoff) if group.explained >= TORQUES_SAY_ALL else None
+    if coarse is None or max(free_errors(coarse, count, group.model)) < 1.0:
         return course
     spans = [(d.dt, span) for d, w in zip(course.data, course.windows, strict=True) for span in w.spans]
     seconds = 0.5 * max(dt * (stop - start) for dt, (start, stop) in spans)
@@ -62,9 +63,8 @@ def while_followed(course: Course, count: int, group: Group, cutoff: float) -> C
             f"because in longer ones the {100 * (1.0 - group.explained):.2g} % of the missing torque that "
             "nothing explains decides where the joint goes"
         )
-        shorter = course.no_longer_than(seconds, why)
-        if max(free_errors(shorter, count, group.model)) < FOLLOWED:
-            return shorter
+        if max(free_errors(coarse.no_longer_than(seconds, why), count, group.model)) < FOLLOWED:
+            return course.no_longer_than(seconds, why)
         seconds *= 0.5
     return course
 
