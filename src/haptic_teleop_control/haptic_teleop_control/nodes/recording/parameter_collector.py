@@ -10,11 +10,13 @@ from rcl_interfaces.srv import GetParameters, ListParameters
 from rclpy.node import Node
 from rclpy.parameter import parameter_value_to_python
 from rclpy.qos import qos_profile_parameter_events
+from rclpy.task import Future
 
 PATIENCE = 30
-"""Polls after which a node that has not answered is asked anew; twice as many after every attempt in vain.
+"""Polls after which a question without an answer is put once more; twice as many after every attempt in vain.
 
-A node that compiles its plant at the first start answers nothing for ten seconds and more."""
+A node that compiles its plant at the first start answers nothing for ten seconds and more. And the middleware
+drops an answer for a client that the node has not met yet, which a busy machine makes ordinary."""
 
 
 class ParameterCollector:
@@ -30,42 +32,47 @@ class ParameterCollector:
         self.parameters: dict[str, dict[str, Any]] = {}
         self.latest: dict[str, dict[str, Any]] = {}
         self._queries: dict[str, _Query] = {}
-        self._answered: list[_Query] | None = None  # kept from `ask_again` on
-        self._vain: dict[str, int] = {}
+        self._done: list[_Query] | None = None  # kept from `ask_again` on
         node.create_subscription(
             ParameterEvent, "/parameter_events", self._event, qos_profile_parameter_events
         )
 
     @property
     def waiting(self) -> bool:
-        """Whether an answer is outstanding."""
+        """Whether an answer is outstanding, of a node that is still there."""
         return bool(self._queries)
 
     def poll(self) -> None:
-        """Asks the nodes that have appeared since, and looks after the questions that are open."""
+        """Asks the nodes that have appeared since, looks after the questions that are open, and gives up those
+        to nodes that have gone."""
         own = self.node.get_fully_qualified_name()
-        for name, namespace in self.node.get_node_names_and_namespaces():
-            full = f"{namespace.rstrip('/')}/{name}"
+        there = {
+            f"{namespace.rstrip('/')}/{name}"
+            for name, namespace in self.node.get_node_names_and_namespaces()
             # A leading underscore marks nodes that tools hide, such as the ros2 daemon.
-            if full != own and not name.startswith("_") and full not in self.latest:
-                self._ask(full)
+            if not name.startswith("_")
+        } - {own}
+        for full in sorted(there - self.latest.keys()):
+            self._ask(full)
+        for full in self._queries.keys() - there:
+            self._end(full)
         self._advance()
 
     def ask_again(self) -> None:
         """Asks every known node once more; its answer goes to `latest`. To be called at the end: from now on
         clients are kept until `close`, because the middleware may hold up whoever destroys one (see
         `forced_exit`), and a recording is still open here."""
-        self._answered = []
+        self._done = []
         for full in self.parameters:
             self._ask(full)
         self._advance()
 
     def close(self) -> None:
-        """Gives up what is outstanding, and ends the clients of what was answered."""
-        for query in (*self._queries.values(), *(self._answered or ())):
+        """Gives up what is outstanding, and ends the clients of what is done."""
+        for query in (*self._queries.values(), *(self._done or ())):
             query.destroy()
         self._queries.clear()
-        self._answered = None
+        self._done = None
 
     def _ask(self, full: str) -> None:
         if full not in self._queries:
@@ -74,18 +81,17 @@ class ParameterCollector:
     def _advance(self) -> None:
         for full, query in list(self._queries.items()):
             query.advance()
-            if query.answer is None and query.polls < PATIENCE * 2 ** self._vain.get(full, 0):
-                continue
             if query.answer is not None:
                 self.parameters.setdefault(full, query.answer)
                 self.latest[full] = dict(query.answer)
-            elif full not in self.parameters:
-                self._vain[full] = self._vain.get(full, 0) + 1
-            if self._answered is None:
-                query.destroy()
-            else:
-                self._answered.append(query)
-            del self._queries[full]
+                self._end(full)
+
+    def _end(self, full: str) -> None:
+        query = self._queries.pop(full)
+        if self._done is None:
+            query.destroy()
+        else:
+            self._done.append(query)
 
     def _event(self, event: ParameterEvent) -> None:
         known = self.latest.get(event.node)
@@ -99,31 +105,40 @@ class ParameterCollector:
 
 class _Query:
     """One node asked for the names, then for the values of its parameters; `answer` is None until both have
-    come."""
+    come. Both questions are put again, by the same client, as long as nothing comes."""
 
     def __init__(self, node: Node, full: str) -> None:
         self.node = node
         self.lister = node.create_client(ListParameters, f"{full}/list_parameters")
         self.getter = node.create_client(GetParameters, f"{full}/get_parameters")
-        self.polls = 0
         self.answer: dict[str, Any] | None = None
-        self._names = None
-        self._values = None
+        self._names: list[str] | None = None
+        self._asked: list[Future] = []
+        self._polls, self._patience = 0, PATIENCE
 
     def advance(self) -> None:
         """Takes the next step if it can be taken."""
-        self.polls += 1
+        done = next((one.result() for one in self._asked if one.done()), None)
+        if done is None:
+            self._put()
+        elif self._names is None:
+            self._names, self._asked = list(done.result.names), []
+            self._put()
+        else:
+            values = map(parameter_value_to_python, done.values)
+            self.answer = {name: _plain(value) for name, value in zip(self._names, values, strict=False)}
+
+    def _put(self) -> None:
+        self._polls += 1
+        if self._asked and self._polls > self._patience:
+            self._patience *= 2
+        elif self._asked or not (self.lister.service_is_ready() and self.getter.service_is_ready()):
+            return
+        self._polls = 0
         if self._names is None:
-            if self.lister.service_is_ready() and self.getter.service_is_ready():
-                self._names = self.lister.call_async(ListParameters.Request())
-        elif self._values is None:
-            if self._names.done():
-                names = self._names.result().result.names
-                self._values = self.getter.call_async(GetParameters.Request(names=names))
-        elif self._values.done():
-            names = self._names.result().result.names
-            values = map(parameter_value_to_python, self._values.result().values)
-            self.answer = {name: _plain(value) for name, value in zip(names, values, strict=False)}
+            self._asked.append(self.lister.call_async(ListParameters.Request()))
+        else:
+            self._asked.append(self.getter.call_async(GetParameters.Request(names=self._names)))
 
     def destroy(self) -> None:
         self.node.destroy_client(self.lister)
