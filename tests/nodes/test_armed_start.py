@@ -18,8 +18,8 @@ from pathlib import Path
 import pytest
 from rclpy.context import Context
 from rclpy.node import Node
-from rclpy.service import Service
 from rclpy.qos import QoSProfile, ReliabilityPolicy
+from rclpy.service import Service
 from sensor_msgs.msg import JointState
 
 from haptic_teleop_control.errors import ConfigurationError

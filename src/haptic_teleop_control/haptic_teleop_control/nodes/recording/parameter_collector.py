@@ -43,8 +43,8 @@ class ParameterCollector:
         return bool(self._queries)
 
     def poll(self) -> None:
-        """Asks the nodes that have appeared since, looks after the questions that are open, and gives up those
-        to nodes that have gone."""
+        """Asks the nodes that have appeared since, looks after the questions that are open, and gives up
+        those to nodes that have gone."""
         own = self.node.get_fully_qualified_name()
         there = {
             f"{namespace.rstrip('/')}/{name}"
