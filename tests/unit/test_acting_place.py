@@ -3,6 +3,7 @@
 The machine is stepped here; what acts has no form that the project knows."""
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -19,6 +20,7 @@ from haptic_teleop_sysid.diagnosis.decision.decide import Choice
 from haptic_teleop_sysid.diagnosis.decision.drive_friction import with_drive_friction
 from haptic_teleop_sysid.diagnosis.decision.misplaced import (
     at_its_place,
+    at_the_map,
     beside_findings,
     holds_better,
     misplaced,
@@ -31,7 +33,7 @@ from haptic_teleop_sysid.diagnosis.evidence.inverse_dynamics.parity import (
     parity_residuals,
     torque_at_the_motor,
 )
-from haptic_teleop_sysid.diagnosis.evidence.measured_map import no_torque
+from haptic_teleop_sysid.diagnosis.evidence.measured_map import MeasuredMap, no_torque
 from haptic_teleop_sysid.diagnosis.evidence.residual import Condition
 from haptic_teleop_sysid.diagnosis.hypotheses.explanation import Explanation
 from haptic_teleop_sysid.diagnosis.inputs.scales import recording_scales
@@ -219,6 +221,38 @@ def test_an_unknown_is_told_at_the_place_whose_equation_holds(machines):
     assert told("arm_encoder") == ("j_arm_encoder", "time", None)
     assert told("joint", "identified") == ("j_joint", "time", None)
     assert "error of j_arm_encoder" in no_torque("j_arm_encoder").why
+
+
+def at(place):
+    where = [{"equation": f"j_{place}", "share": 0.9, "condition": "time", "intervals": []}]
+    return Verdict("unknown", where, [], [], [])
+
+
+@pytest.mark.parametrize(
+    ("given_up", "told"),
+    [("joint", "j_joint"), ("arm", "j_motor"), (None, "j_motor")],
+)
+def test_a_name_that_was_given_up_and_the_equations_together_tell_the_place(given_up, told):
+    acting = SimpleNamespace(model=ELASTIC, bare={"motor": 0.02, "arm": 0.1, "joint": 0.01})
+    effect = given_up and friction(given_up)
+    assert at_its_place(at("motor"), acting, effect)[0].where[0]["equation"] == told
+
+
+@pytest.mark.parametrize(
+    ("place", "quantities", "closed", "told"),
+    [
+        ("arm", ("arm angle",), 0.82, ("j_arm", "arm angle")),
+        ("arm", ("arm angle",), 0.42, ("j_joint", "time")),
+        ("motor", ("input torque",), 0.82, ("j_joint", "time")),  # the input's is the actuator's
+        ("joint", ("deflection",), 0.82, ("j_joint", "time")),
+    ],
+)
+def test_a_map_that_takes_most_of_the_error_away_tells_the_place(place, quantities, closed, told):
+    mapped = MeasuredMap("drawn", friction(place), explained=0.99, closed=closed, quantities=quantities)
+    where = at_the_map(at("joint"), mapped).where[0]
+    assert (where["equation"], where["condition"]) == told
+    none = MeasuredMap("none was drawn")
+    assert at_the_map(at("joint"), none) == at("joint")
 
 
 @pytest.mark.parametrize(("size", "moves"), [(0.5, True), (0.1, False)])

@@ -1,4 +1,5 @@
-"""Names, and what has none, at the place where something acts: parity equations say it without a name."""
+"""Names, and what has none, at the place where something acts: parity equations say it without a name, and
+so does a torque map that takes most of the error of free runs away."""
 
 from __future__ import annotations
 
@@ -11,11 +12,13 @@ from haptic_teleop_sim.model import Effect, Model
 from haptic_teleop_sysid.estimation.records import Record
 
 from ..evidence.acting_place import ActingPlace
+from ..evidence.inverse_dynamics.latent import INPUT
 from ..evidence.inverse_dynamics.parity_equations import ENCODERS, JOINT, MOTOR
 from ..evidence.inverse_dynamics.parity_signals import acts_at
+from ..evidence.measured_map import MeasuredMap
 from ..evidence.residual import Condition
 from ..hypotheses.follows import follows_from_motion
-from ..policy import HOLDS_BETTER, MOST_UNNAMED
+from ..policy import HOLDS_BETTER, LEAST_EXPLAINED, MOST_UNNAMED
 from .beside_the_others import left_out, without
 from .decide import Choice
 from .reasons import Doubt
@@ -97,10 +100,13 @@ def _changes_another(effect: Effect, named: Sequence[Effect]) -> bool:
     return effect.entry.kind == "friction_factor" and effect.location in frictions
 
 
-def at_its_place(verdict: Verdict, acting: ActingPlace) -> tuple[Verdict, str | None]:
+def at_its_place(
+    verdict: Verdict, acting: ActingPlace, given_up: Effect | None = None
+) -> tuple[Verdict, str | None]:
     """An `unknown` at the place whose parity equation holds, where it leaves less by HOLDS_BETTER than that
     of the place which was told, with the share (mean square) of this that it does not leave; and that place
-    where it is an encoder, else None. At the motor only where the other equation leaves more than passes for
+    where it is an encoder, else None. Less by any factor is enough where a name that was ``given_up``, a
+    second opinion, is of the same place. At the motor only where the other equation leaves more than passes for
     random. ``acting``: see `beside_findings`."""
     if verdict.kind != "unknown" or not verdict.where or not acting.bare:
         return verdict, None
@@ -108,7 +114,8 @@ def at_its_place(verdict: Verdict, acting: ActingPlace) -> tuple[Verdict, str | 
     told, *others = verdict.where
     place = acts_at(model, told["equation"])
     best = min(left, key=lambda one: left[one])
-    if place not in left or left[place] <= HOLDS_BETTER * left[best]:
+    agreed = given_up is not None and acts_at(model, given_up.location) == best
+    if place not in left or left[place] <= (1.0 if agreed else HOLDS_BETTER) * left[best]:
         return verdict, None
     # Random torque at the motor spoils the other equations on every machine.
     if best == MOTOR and left[place] <= MOST_UNNAMED:
@@ -121,6 +128,23 @@ def at_its_place(verdict: Verdict, acting: ActingPlace) -> tuple[Verdict, str | 
         "condition": followed(_that_matter(verdict.remaining, best, model)),
     }
     return replace(verdict, where=[where, *others]), model.location(best) if best in ENCODERS else None
+
+
+def at_the_map(verdict: Verdict, mapped: MeasuredMap) -> Verdict:
+    """An `unknown` at the place of the torque map over the motion that takes most of the simulated error off
+    recordings it was not drawn from, with what that depends on: no torque at another place would do so."""
+    if verdict.kind != "unknown" or not verdict.where or mapped.effect is None or INPUT in mapped.quantities:
+        return verdict
+    told, *others = verdict.where
+    if mapped.effect.location == told["equation"] or (mapped.closed or 0.0) < LEAST_EXPLAINED:
+        return verdict
+    where = {
+        **told,
+        "equation": mapped.effect.location,
+        "share": round(float(mapped.explained or 0.0), 3),
+        "condition": " and ".join(mapped.quantities),
+    }
+    return replace(verdict, where=[where, *others])
 
 
 def _that_matter(remaining: Sequence[Condition], place: str, model: Model) -> list[Condition]:
