@@ -106,8 +106,8 @@ def at_its_place(
     """An `unknown` at the place whose parity equation holds, where it leaves less by HOLDS_BETTER than that
     of the place which was told, with the share (mean square) of this that it does not leave; and that place
     where it is an encoder, else None. Less by any factor is enough where a name that was ``given_up``, a
-    second opinion, is of the same place. At the motor only where the other equation leaves more than passes for
-    random. ``acting``: see `beside_findings`."""
+    second opinion, is of the same place. At the motor only where the other equation leaves more than passes
+    for random. ``acting``: see `beside_findings`."""
     if verdict.kind != "unknown" or not verdict.where or not acting.bare:
         return verdict, None
     left, model = acting.bare, acting.model
