@@ -7,6 +7,7 @@ import pytest
 import yaml
 from identification_plants import STAGE, stage_recording
 from joint_recordings import TRUTH
+from scipy.linalg import expm
 from stepped_machines import pendulum
 
 from haptic_teleop_control.errors import RecordingError
@@ -77,6 +78,30 @@ def test_a_log_of_one_step_passes_although_its_input_hardly_varies(data):
     noise = replace(stepped, input=np.random.default_rng(1).standard_normal(2000))
     with pytest.raises(RecordingError, match="nothing in common"):
         refuse_unrelated(noise, "stage1")
+
+
+def test_a_slow_pendulum_behind_a_slow_drive_passes_although_its_input_is_fast(data):
+    """As a rotor lifts a beam: of 15 s of binary noise the motion follows the slowest part."""
+    period, rng = 0.01, np.random.default_rng(7)
+    drive = np.repeat(rng.choice([0.0, 0.6], 64), 24)
+    state = np.array([[0.0, 1.0, 0.0], [-3.6, -0.4, 7.9], [0.0, 0.0, -1.0]])  # angle, velocity, torque
+    whole = np.block([[state, np.array([[0.0], [0.0], [1.0]])], [np.zeros((1, 4))]])
+    step, now, angle = expm(whole * period), np.zeros(3), np.empty(len(drive))
+    for k, value in enumerate(drive):
+        angle[k] = now[0]
+        now = (step @ np.append(now, value))[:3]
+    step = 2.0 * np.pi / 4096
+    slow = replace(
+        record_from(data[0], commanded=True),
+        name="beam",
+        dt=period,
+        input=drive,
+        measured=np.column_stack([step * np.round(angle / step), np.full(len(drive), np.nan)]),
+        exogenous=np.zeros(len(drive)),
+    )
+    refuse_unrelated(slow, "stage1")
+    with pytest.raises(RecordingError, match="nothing in common"):
+        refuse_unrelated(replace(slow, input=np.repeat(rng.choice([0.0, 0.6], 64), 24)), "stage1")
 
 
 @pytest.mark.parametrize(

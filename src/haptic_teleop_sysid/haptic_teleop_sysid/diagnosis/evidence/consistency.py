@@ -47,6 +47,9 @@ _MISSED = 0.15
 _STRETCHES, _BY_CHANCE = 16, 1e-4
 #: Share of an input below which inverse dynamics explains nothing of it.
 _NOTHING = 0.2
+#: Terms of a torque behind a lag; the band of a motion: so many times the middle of its velocity's power, and
+#: at least so many periods in a recording.
+_LAGGING, _BANDWIDTH, _SAMPLES = 4, 3.0, 8
 #: Share of the samples with another value, below which an input is one step, and how often it changes.
 _SELDOM, _CHANGES = 0.05, 4
 
@@ -184,8 +187,9 @@ def _one_step(values: NDArray[np.float64]) -> bool:
 
 
 def refuse_unrelated(record: Record, joint: str) -> None:
-    """Raise RecordingError for an input that has nothing in common with the motion: at no frequency, and by
-    no torque that inertia, friction, a spring or gravity would take."""
+    """Raise RecordingError for an input that has nothing in common with the motion: at no frequency, by no
+    torque that inertia, friction, a spring or gravity would take, and by none in the band of the motion,
+    which may be slower than the stretches of a coherence, and behind a slow drive."""
     size = len(record) // (_STRETCHES // 2)
     motion = np.gradient(bridged(record.measured[:, 0]))
     if np.std(motion) <= 0.0 or size < 32 or _one_step(record.input):
@@ -200,9 +204,30 @@ def refuse_unrelated(record: Record, joint: str) -> None:
     drive, columns = terms(record)
     left = drive - columns @ _regressed(columns, drive)
     share = 1.0 - float(np.var(left) / max(float(np.var(drive)), 1e-300))
-    if share < _NOTHING:
+    if share < _NOTHING and _behind_a_lag(record) < _NOTHING:
         raise RecordingError(
             f"{record.name}: the input has nothing in common with the motion of {joint}: at no frequency "
             f"(largest coherence {largest:.2f}), and what such a motion takes explains {100.0 * share:.0f} % "
             "of it. See whether it is what drives this joint, and whether both have one clock."
         )
+
+
+def _behind_a_lag(record: Record) -> float:
+    """Share of the input, in the band of the motion, that its torque behind a first-order lag explains, less
+    what so many terms do by chance. Such an input is (1 + T d/dt) (J a + b v + k q), which is linear in
+    angle, velocity, acceleration and jerk. The band is as wide as that takes, at least."""
+    angle = bridged(record.measured[:, 0])
+    power = np.abs(np.fft.rfft(np.gradient(angle) * np.hanning(len(angle)))) ** 2
+    middle = int(np.searchsorted(np.cumsum(power), 0.5 * np.sum(power)))
+    cut = max(_BANDWIDTH * middle, _SAMPLES) / (len(angle) * record.dt)
+    cut = min(cut, _BAND, _SHARE / record.dt)
+    terms = [low_passed(angle, record.dt, cut)]
+    while len(terms) < _LAGGING:
+        terms.append(np.gradient(terms[-1], record.dt))
+    ends = round(1.0 / (cut * record.dt))
+    independent = 2.0 * cut * (len(angle) - 2 * ends) * record.dt
+    columns = np.column_stack(terms)[ends : len(angle) - ends]
+    drive = low_passed(record.input, record.dt, cut)[ends : len(angle) - ends]
+    columns, drive = columns - columns.mean(axis=0), drive - drive.mean()
+    left = float(np.var(drive - columns @ _regressed(columns, drive)) / max(float(np.var(drive)), 1e-300))
+    return 1.0 - left * (independent - 1.0) / (independent - 1.0 - _LAGGING)
