@@ -16,6 +16,7 @@ from haptic_teleop_sysid.diagnosis.evidence.inverse_dynamics.motion import bande
 from haptic_teleop_sysid.diagnosis.evidence.inverse_dynamics.sampled import linear
 from haptic_teleop_sysid.diagnosis.evidence.inverse_dynamics.terms import Hypothesis
 from haptic_teleop_sysid.diagnosis.evidence.places_of_maps import places_of
+from haptic_teleop_sysid.diagnosis.evidence.suggested_law import of_map
 from haptic_teleop_sysid.diagnosis.evidence.suggested_law.library import (
     Product,
     angle_functions,
@@ -28,15 +29,15 @@ from haptic_teleop_sysid.estimation.whole_fit import fit_whole, noise_starts
 TRUE = RIGID.with_values({"motor_inertia": 0.14, "motor_damping": 0.35})
 
 
-def made_of(acts, seed, coulomb=0.0):
-    """A recording of a joint on which ``acts``(command) acts."""
-    torque = drive(seed, 2.0)
+def made_of(acts, seed, coulomb=0.0, one_way=False):
+    """A recording of a joint on which ``acts``(command) acts; ``one_way``: the command has one sign."""
+    torque = np.abs(drive(seed, 2.0)) if one_way else drive(seed, 2.0)
     return [record(torque, swing(acts(torque), 0.14, 0.35, coulomb, 0.0, 0.0, 0.0, 0.0)[:, None], 1e-5)]
 
 
-def drawn_over_input(acts, coulomb=0.0):
+def drawn_over_input(acts, coulomb=0.0, one_way=False):
     """The search and the maps of such a joint, best first."""
-    learn, judge = (made_of(acts, seed, coulomb) for seed in (0, 1))
+    learn, judge = (made_of(acts, seed, coulomb, one_way) for seed in (0, 1))
     fit = fit_whole(TRUE, noise_starts(TRUE, learn)[1], learn, iterations=8)
     (place,) = places_of(fit, TRUE, learn, judge, motion_band([*learn, *judge]))
     return place
@@ -59,6 +60,18 @@ def test_an_amplifier_that_pushes_better_than_it_pulls_is_drawn_with_its_law():
     law = law_of(place.search, best, effect)
     assert [term.text for term in law.terms] == ["s.abs(s.input)"]
     assert law.coefficients[0] == pytest.approx(0.15, rel=0.02)
+
+
+@pytest.mark.parametrize("one_way", [True, False])
+def test_where_the_input_has_one_sign_its_size_is_no_law_as_it_would_explain_itself(one_way, monkeypatch):
+    asked = []
+    monkeypatch.setattr(of_map, "sparse_law", lambda search, products: asked.extend(products))
+    place = drawn_over_input(lambda torque: torque - 0.06 * torque**2, one_way=one_way)
+    best = next(one for one in place.maps if one.quantities == (INPUT,))
+    assert law_of(place.search, best, drawn(place.search, best)) is None
+    texts = {product.text for product in asked}
+    assert ("s.abs(s.input)" in texts) != one_way
+    assert {"s.input**2", "s.input**3", "1"} <= texts
 
 
 @njit

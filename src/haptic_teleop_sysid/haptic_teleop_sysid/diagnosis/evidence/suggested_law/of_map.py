@@ -7,13 +7,15 @@ import numpy as np
 from haptic_teleop_sim.model import Effect
 
 from ..inverse_dynamics.groups import Search
-from ..inverse_dynamics.latent import Latent
+from ..inverse_dynamics.latent import Latent, input_torque
 from ..inverse_dynamics.motion import STILL
-from .library import library
+from .library import Product, library
 from .regression import Law, sparse_law
 
 #: Share of what the map explains that a law must explain to be suggested.
 _LAW = 0.8
+#: Cosine between the input and what is in proportion to it.
+_PROPORTIONAL = 0.999
 #: Correlation with the input from which its size with the sign of the velocity says the same.
 _THE_SAME = 0.9
 
@@ -43,9 +45,20 @@ def law_of(search: Search, latent: Latent, effect: Effect) -> Law | None:
     both = {p for p in products if {"input", "velocity"} <= {factor.of for factor in p.factors}}
     if both and _goes_with_the_input(search):
         products = [p for p in products if p not in both]
-    law = sparse_law(search, products)
+    law = sparse_law(search, [p for p in products if not _is_the_input(search, p)])
     share = search.explained((latent,))
     return None if law is None or share <= 0.0 or law.explained < _LAW * share else law
+
+
+def _is_the_input(search: Search, product: Product) -> bool:
+    """Whether a product of the input alone is in proportion to it on these recordings, as its size is where
+    it has one sign: that would explain all of the input, beside a joint of no inertia."""
+    if any(factor.of != "input" for factor in product.factors):
+        return False
+    motions = [motion for side in search.sides for motion in side.side.motions]
+    torque = np.concatenate([input_torque(motion.record, search.model) for motion in motions])
+    values = np.prod([factor.values(torque) for factor in product.factors], axis=0)
+    return bool(abs(values @ torque) > _PROPORTIONAL * np.linalg.norm(values) * np.linalg.norm(torque))
 
 
 def _goes_with_the_input(search: Search) -> bool:
