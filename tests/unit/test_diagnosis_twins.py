@@ -67,6 +67,23 @@ def test_a_twin_predicts_the_same_and_both_are_named():
     assert with_twins(both) == both
 
 
+def test_a_twin_that_was_fitted_less_well_has_the_better_one_s_fit():
+    """A search that ends a little short of the best was a name less, though no recording tells them apart."""
+    none = np.zeros((0, 0))
+
+    def told(effect, delay, gain, by_current=0.0):
+        model = MODEL.with_effects(Effect(effect, "stage1_motor_encoder", {"delay": delay}))
+        fit = Fit(model, NOISE, (), 0.0, none, np.zeros(0), True, 1, "as given")
+        return Explanation(fit, gain, gain, True, 0, by_current=by_current)
+
+    better, worse = told("channel_skew", 0.004, 200.0), told("sensor_delay", 0.003, 190.0)
+    for found in ([better, worse], [worse, better]):
+        same = {e.effect.effect: (e.effect.parameters["delay"], e.gain) for e in with_twins(found)}
+        assert same == {"channel_skew": (0.004, 200.0), "sensor_delay": (0.004, 200.0)}
+    shown = told("sensor_delay", 0.003, 190.0, by_current=50.0)
+    assert with_twins([better, shown]) == [better, shown]
+
+
 FINE = 50
 
 

@@ -38,19 +38,31 @@ def _next(effect: Effect, rigid: bool) -> list[Effect]:
 
 
 def with_twins(found: Sequence[Explanation]) -> list[Explanation]:
-    """The explanations, and the twins of each that are not among them, nor in the model already. What a
+    """The explanations, and the twins of each that are not among them, nor in the model already; a twin that
+    is among them and was fitted less well gets the better one's fit, as no recording tells them apart. What a
     measured current shows lies before the joint, be that rigid or not."""
-    known = {(e.effect.effect, e.effect.location) for e in found}
     result = list(found)
     for e in found:
         model = e.fit.model
         there = {(one.effect, one.location) for one in model.effects}
         rigid = model.rigid and e.by_current <= 0.0
         for other in [] if e.beside is not None else twins(e.effect, rigid):
-            if (other.effect, other.location) not in known | there:
-                known.add((other.effect, other.location))
-                result.append(replace(e, fit=_renamed(e.fit, e.effect_index, other)))
+            same = [k for k, one in enumerate(result) if _key(one.effect) == _key(other)]
+            if not same and _key(other) not in there:
+                result.append(_as(e, other))
+            for k in same:
+                known = result[k]
+                if known.beside is None and (known.by_current > 0.0) == (e.by_current > 0.0):
+                    result[k] = max(known, _as(e, other), key=lambda one: one.gain + one.elsewhere)
     return result
+
+
+def _key(effect: Effect) -> tuple[str, str]:
+    return effect.effect, effect.location
+
+
+def _as(one: Explanation, other: Effect) -> Explanation:
+    return replace(one, fit=_renamed(one.fit, one.effect_index, other))
 
 
 def _renamed(fit: Fit, index: int, other: Effect) -> Fit:
