@@ -236,6 +236,14 @@ def test_a_name_that_was_given_up_and_the_equations_together_tell_the_place(give
     acting = SimpleNamespace(model=ELASTIC, bare={"motor": 0.02, "arm": 0.1, "joint": 0.01})
     effect = given_up and friction(given_up)
     assert at_its_place(at("motor"), acting, effect)[0].where[0]["equation"] == told
+    near = SimpleNamespace(model=ELASTIC, bare={"motor": 0.0202, "arm": 0.1, "joint": 0.02})
+    assert at_its_place(at("motor"), near, effect)[0].where[0]["equation"] == "j_motor"
+
+
+def test_an_error_of_an_encoder_takes_more_than_a_name_that_was_given_up():
+    acting = SimpleNamespace(model=ELASTIC, bare={"motor": 0.02, "joint": 0.1, "arm_encoder": 0.01})
+    late = Effect("sensor_delay", "j_arm_encoder", {"delay": 0.01})
+    assert at_its_place(at("motor"), acting, late) == (at("motor"), None)
 
 
 @pytest.mark.parametrize(

@@ -18,7 +18,7 @@ from ..evidence.inverse_dynamics.parity_signals import acts_at
 from ..evidence.measured_map import MeasuredMap
 from ..evidence.residual import Condition
 from ..hypotheses.follows import follows_from_motion
-from ..policy import HOLDS_BETTER, LEAST_EXPLAINED, MOST_UNNAMED
+from ..policy import HOLDS_BETTER, HOLDS_TOO, LEAST_EXPLAINED, MOST_UNNAMED
 from .beside_the_others import left_out, without
 from .decide import Choice
 from .reasons import Doubt
@@ -105,8 +105,8 @@ def at_its_place(
 ) -> tuple[Verdict, str | None]:
     """An `unknown` at the place whose parity equation holds, where it leaves less by HOLDS_BETTER than that
     of the place which was told, with the share (mean square) of this that it does not leave; and that place
-    where it is an encoder, else None. Less by any factor is enough where a name that was ``given_up``, a
-    second opinion, is of the same place. At the motor only where the other equation leaves more than passes
+    where it is an encoder, else None. Less by HOLDS_TOO is enough where the name that was ``given_up`` is of
+    the same place, and that is no encoder. At the motor only where the other equation leaves more than passes
     for random. ``acting``: see `beside_findings`."""
     if verdict.kind != "unknown" or not verdict.where or not acting.bare:
         return verdict, None
@@ -114,8 +114,8 @@ def at_its_place(
     told, *others = verdict.where
     place = acts_at(model, told["equation"])
     best = min(left, key=lambda one: left[one])
-    agreed = given_up is not None and acts_at(model, given_up.location) == best
-    if place not in left or left[place] <= (1.0 if agreed else HOLDS_BETTER) * left[best]:
+    agreed = given_up is not None and acts_at(model, given_up.location) == best and best not in ENCODERS
+    if place not in left or left[place] <= (HOLDS_TOO if agreed else HOLDS_BETTER) * left[best]:
         return verdict, None
     # Random torque at the motor spoils the other equations on every machine.
     if best == MOTOR and left[place] <= MOST_UNNAMED:
@@ -132,7 +132,7 @@ def at_its_place(
 
 def at_the_map(verdict: Verdict, mapped: MeasuredMap) -> Verdict:
     """An `unknown` at the place of the torque map over the motion that takes most of the simulated error off
-    recordings it was not drawn from, with what that depends on: no torque at another place would do so."""
+    recordings it was not drawn from, with what that depends on."""
     if verdict.kind != "unknown" or not verdict.where or mapped.effect is None or INPUT in mapped.quantities:
         return verdict
     told, *others = verdict.where
@@ -143,6 +143,7 @@ def at_the_map(verdict: Verdict, mapped: MeasuredMap) -> Verdict:
         "equation": mapped.effect.location,
         "share": round(float(mapped.explained or 0.0), 3),
         "condition": " and ".join(mapped.quantities),
+        "intervals": [],
     }
     return replace(verdict, where=[where, *others])
 

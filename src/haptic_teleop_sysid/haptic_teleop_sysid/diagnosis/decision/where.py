@@ -84,7 +84,9 @@ def doubtful_place(
         share = shares(result.baseline, estimation).get(model.place(place), share)
     elif doubt.choice is not None:
         effect, fit = doubt.choice.chosen.effect, doubt.choice.chosen.fit
-        if effect.location == place or explained_torque(result.baseline, fit, estimation) > LEAST_EXPLAINED:
+        # Where it explains too little on all recordings, on some of them it may explain most.
+        most = not doubt.short and explained_torque(result.baseline, fit, estimation) > LEAST_EXPLAINED
+        if effect.location == place or most:
             place, condition = effect.location, condition_of(model, effect.effect, effect.location, before)
     return {
         "equation": place,

@@ -47,9 +47,9 @@ _MISSED = 0.15
 _STRETCHES, _BY_CHANCE = 16, 1e-4
 #: Share of an input below which inverse dynamics explains nothing of it.
 _NOTHING = 0.2
-#: Terms of a torque behind a lag; the band of a motion: so many times the middle of its velocity's power, and
-#: at least so many periods in a recording.
-_LAGGING, _BANDWIDTH, _SAMPLES = 4, 3.0, 8
+#: Terms of a torque behind a lag; the band of a motion: so many times the frequency below which half of its
+#: velocity's power is, and at least so many periods in a recording. By hand, on a rotor that lifts a beam.
+_TERMS, _BANDWIDTH, _PERIODS = 4, 3.0, 8
 #: Share of the samples with another value, below which an input is one step, and how often it changes.
 _SELDOM, _CHANGES = 0.05, 4
 
@@ -215,19 +215,22 @@ def refuse_unrelated(record: Record, joint: str) -> None:
 def _behind_a_lag(record: Record) -> float:
     """Share of the input, in the band of the motion, that its torque behind a first-order lag explains, less
     what so many terms do by chance. Such an input is (1 + T d/dt) (J a + b v + k q), which is linear in
-    angle, velocity, acceleration and jerk. The band is as wide as that takes, at least."""
+    angle, velocity, acceleration and jerk. 1 where the recording is too short to say."""
     angle = bridged(record.measured[:, 0])
-    power = np.abs(np.fft.rfft(np.gradient(angle) * np.hanning(len(angle)))) ** 2
+    rate = np.gradient(angle)
+    power = np.abs(np.fft.rfft((rate - rate.mean()) * np.hanning(len(angle)))) ** 2
     middle = int(np.searchsorted(np.cumsum(power), 0.5 * np.sum(power)))
-    cut = max(_BANDWIDTH * middle, _SAMPLES) / (len(angle) * record.dt)
+    cut = max(_BANDWIDTH * middle, _PERIODS) / (len(angle) * record.dt)
     cut = min(cut, _BAND, _SHARE / record.dt)
-    terms = [low_passed(angle, record.dt, cut)]
-    while len(terms) < _LAGGING:
-        terms.append(np.gradient(terms[-1], record.dt))
+    motion = [low_passed(angle, record.dt, cut)]
+    while len(motion) < _TERMS:
+        motion.append(np.gradient(motion[-1], record.dt))
     ends = round(1.0 / (cut * record.dt))
     independent = 2.0 * cut * (len(angle) - 2 * ends) * record.dt
-    columns = np.column_stack(terms)[ends : len(angle) - ends]
+    if independent <= _TERMS + 2:
+        return 1.0
+    columns = np.column_stack(motion)[ends : len(angle) - ends]
     drive = low_passed(record.input, record.dt, cut)[ends : len(angle) - ends]
     columns, drive = columns - columns.mean(axis=0), drive - drive.mean()
     left = float(np.var(drive - columns @ _regressed(columns, drive)) / max(float(np.var(drive)), 1e-300))
-    return 1.0 - left * (independent - 1.0) / (independent - 1.0 - _LAGGING)
+    return 1.0 - left * (independent - 1.0) / (independent - 1.0 - _TERMS)

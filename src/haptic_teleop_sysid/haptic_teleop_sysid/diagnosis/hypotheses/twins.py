@@ -47,8 +47,10 @@ def with_twins(found: Sequence[Explanation]) -> list[Explanation]:
         there = {(one.effect, one.location) for one in model.effects}
         rigid = model.rigid and e.by_current <= 0.0
         for other in [] if e.beside is not None else twins(e.effect, rigid):
+            if _key(other) in there:
+                continue
             same = [k for k, one in enumerate(result) if _key(one.effect) == _key(other)]
-            if not same and _key(other) not in there:
+            if not same:
                 result.append(_as(e, other))
             for k in same:
                 known = result[k]
@@ -62,7 +64,9 @@ def _key(effect: Effect) -> tuple[str, str]:
 
 
 def _as(one: Explanation, other: Effect) -> Explanation:
-    return replace(one, fit=_renamed(one.fit, one.effect_index, other))
+    fit = _renamed(one.fit, one.effect_index, other)
+    names = dict(zip(one.fit.free, fit.free, strict=True))
+    return replace(one, fit=fit, std={names.get(name, name): std for name, std in one.std.items()})
 
 
 def _renamed(fit: Fit, index: int, other: Effect) -> Fit:
