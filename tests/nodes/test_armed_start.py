@@ -37,7 +37,11 @@ from haptic_teleop_control.nodes.launching.connections import (
 )
 from haptic_teleop_control.nodes.launching.starter import Starter
 from haptic_teleop_control.nodes.launching.stopping import StopRequests, stop_requests
-from haptic_teleop_control.nodes.recording.parameter_collector import PATIENCE, ParameterCollector
+from haptic_teleop_control.nodes.recording.parameter_collector import (
+    AT_THE_END,
+    PATIENCE,
+    ParameterCollector,
+)
 from haptic_teleop_control.nodes.streams.joint_states import STREAM_QOS
 from haptic_teleop_control.recording import read_recording
 
@@ -201,51 +205,82 @@ class _Silent:
             pass
 
 
-def test_a_node_that_answers_only_after_seconds_is_asked_again_until_its_parameters_are_there(graph):
-    busy = Node("busy", context=graph.context)
-    busy.declare_parameter("gain", 2.5)
-    collector = ParameterCollector(graph.probe)
-    try:
-        for _ in range(PATIENCE + 5):  # one poll each 0.1 s in the recorder: more than three seconds
-            collector.poll()
-            graph.listen(0.02)
-        assert "/busy" not in collector.parameters
-        graph.executor.add_node(busy)
-        graph.until(lambda: collector.poll() or "/busy" in collector.parameters, 20.0)
-        assert collector.parameters["/busy"]["gain"] == 2.5
-    finally:
-        collector.close()
-        graph.executor.remove_node(busy)
-        busy.destroy_node()
+class _Clock:
+    """Seconds that pass when the test says so."""
+
+    def __init__(self) -> None:
+        self.now = 0.0
+
+    def __call__(self) -> float:
+        return self.now
 
 
-def test_an_answer_that_the_middleware_drops_is_asked_for_once_more_at_the_end_too(graph, monkeypatch):
-    """On a busy machine the node has not met the client yet when it answers, and the answer is dropped: a
-    recorder that was told to stop soon after gave up then, and the parameters were missing."""
-    other = Node("other", context=graph.context)
-    other.declare_parameter("gain", 2.5)
-    dropped = []
+def _answers_counted(monkeypatch, dropped: int) -> list[str]:
+    """The answers that services send from now on, of which the first ``dropped`` of each do not arrive."""
+    answers: list[str] = []
     send = Service.send_response
 
-    def lossy(service: Service, response: object, header: object) -> None:
-        if service.srv_name in dropped:
+    def counted(service: Service, response: object, header: object) -> None:
+        answers.append(service.srv_name)
+        if answers.count(service.srv_name) > dropped:
             send(service, response, header)
-        else:
-            dropped.append(service.srv_name)
 
-    monkeypatch.setattr(Service, "send_response", lossy)
-    graph.executor.add_node(other)
-    collector = ParameterCollector(graph.probe)
+    monkeypatch.setattr(Service, "send_response", counted)
+    return answers
+
+
+@pytest.fixture
+def other(graph):
+    """A node that answers, with one parameter."""
+    node = Node("other", context=graph.context)
+    node.declare_parameter("gain", 2.5)
+    graph.executor.add_node(node)
+    yield node
+    graph.executor.remove_node(node)
+    node.destroy_node()
+
+
+def test_a_node_whose_answer_is_lost_is_asked_again_later_and_later(graph, other, monkeypatch):
+    clock, answers = _Clock(), _answers_counted(monkeypatch, dropped=2)
+    collector = ParameterCollector(graph.probe, clock)
     try:
-        graph.until(lambda: collector.poll() or len(dropped) == 1, 20.0)
-        collector.ask_again()
-        graph.until(lambda: collector.poll() or not collector.waiting, 20.0)
-        assert len(dropped) == 2  # the names and the values
+        graph.until(lambda: collector.poll() or len(answers) == 1, 20.0)
+        for moment, asked in ((0.9, 1), (1.1, 2), (3.0, 2), (3.2, 3)):  # of PATIENCE
+            clock.now = moment * PATIENCE
+            collector.poll()
+            graph.until(lambda asked=asked: len(answers) >= asked, 20.0)
+            graph.listen(0.1)
+            assert len(answers) == asked
+        clock.now += 100.0
+        graph.until(lambda: collector.poll() or len(answers) == 4, 20.0)
+        for _ in range(2):
+            clock.now += 100.0
+            collector.poll()
+            graph.listen(0.1)
+        graph.until(lambda: collector.poll() or "/other" in collector.parameters, 20.0)
         assert collector.parameters["/other"]["gain"] == 2.5
     finally:
         collector.close()
-        graph.executor.remove_node(other)
-        other.destroy_node()
+
+
+def test_an_answer_that_the_middleware_drops_is_asked_for_once_more_at_the_end_too(graph, other, monkeypatch):
+    """On a busy machine the node has not met the client yet when it answers, and the answer is dropped: a
+    recorder that was told to stop soon after gave up then, and the parameters were missing."""
+    clock, answers = _Clock(), _answers_counted(monkeypatch, dropped=1)
+    collector = ParameterCollector(graph.probe, clock)
+    try:
+        graph.until(lambda: collector.poll() or len(answers) == 1, 20.0)
+        collector.ask_again()  # puts it again at once
+        graph.until(lambda: collector.poll() or len(answers) == 3, 20.0)
+        graph.listen(0.1)
+        collector.poll()
+        assert collector.waiting and "/other" not in collector.parameters
+        clock.now += AT_THE_END + 1e-6
+        graph.until(lambda: collector.poll() or not collector.waiting, 20.0)
+        assert len(answers) == 4  # the names and the values, twice each
+        assert collector.parameters["/other"]["gain"] == 2.5
+    finally:
+        collector.close()
 
 
 def test_a_node_that_has_gone_is_not_waited_for(graph):
@@ -260,12 +295,9 @@ def test_a_node_that_has_gone_is_not_waited_for(graph):
         collector.close()
 
 
-def test_at_the_end_no_client_is_destroyed_before_the_recording_is_closed(graph, monkeypatch):
+def test_at_the_end_no_client_is_destroyed_before_the_recording_is_closed(graph, other, monkeypatch):
     """What the middleware may hold up comes last: a recorder that did not end left a recording without its
     footer."""
-    other = Node("other", context=graph.context)
-    other.declare_parameter("gain", 2.5)
-    graph.executor.add_node(other)
     collector, destroyed = ParameterCollector(graph.probe), []
     try:
         graph.until(lambda: collector.poll() or "/other" in collector.parameters, 20.0)
@@ -277,8 +309,6 @@ def test_at_the_end_no_client_is_destroyed_before_the_recording_is_closed(graph,
         assert not destroyed
     finally:
         collector.close()
-        graph.executor.remove_node(other)
-        other.destroy_node()
     assert destroyed
 
 

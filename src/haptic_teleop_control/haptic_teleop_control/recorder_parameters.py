@@ -55,7 +55,7 @@ TABLE = ParameterTable(
             1.0,
             "s",
             minimum=0.0,
-            maximum=10.0,
+            maximum=5.0,
             meaning="longest time it asks for the parameters of the other nodes when it stops",
         ),
         USE_SIM_TIME,

@@ -3,6 +3,9 @@ events."""
 
 from __future__ import annotations
 
+import math
+import time
+from collections.abc import Callable
 from typing import Any
 
 from rcl_interfaces.msg import ParameterEvent
@@ -12,8 +15,9 @@ from rclpy.parameter import parameter_value_to_python
 from rclpy.qos import qos_profile_parameter_events
 from rclpy.task import Future
 
-PATIENCE = 30
-"""Polls after which a question without an answer is put once more; twice as many after every attempt in vain.
+PATIENCE, AT_THE_END = 3.0, 0.2
+"""s after which a question without an answer is put once more, while recording and at the end; twice as many
+after every attempt in vain.
 
 A node that compiles its plant at the first start answers nothing for ten seconds and more. And the middleware
 drops an answer for a client that the node has not met yet, which a busy machine makes ordinary."""
@@ -27,8 +31,9 @@ class ParameterCollector:
     node that does not answer is missing.
     """
 
-    def __init__(self, node: Node) -> None:
+    def __init__(self, node: Node, now: Callable[[], float] = time.monotonic) -> None:
         self.node = node
+        self._now = now  # s
         self.parameters: dict[str, dict[str, Any]] = {}
         self.latest: dict[str, dict[str, Any]] = {}
         self._queries: dict[str, _Query] = {}
@@ -39,7 +44,7 @@ class ParameterCollector:
 
     @property
     def waiting(self) -> bool:
-        """Whether an answer is outstanding, of a node that is still there."""
+        """Whether an answer is outstanding of a node that was there at the last `poll`."""
         return bool(self._queries)
 
     def poll(self) -> None:
@@ -59,10 +64,12 @@ class ParameterCollector:
         self._advance()
 
     def ask_again(self) -> None:
-        """Asks every known node once more; its answer goes to `latest`. To be called at the end: from now on
-        clients are kept until `close`, because the middleware may hold up whoever destroys one (see
-        `forced_exit`), and a recording is still open here."""
+        """Asks every known node once more, its answer goes to `latest`, and puts open questions again. To be
+        called at the end: from now on clients are kept until `close`, because the middleware may hold up
+        whoever destroys one (see `forced_exit`), and a recording is still open here."""
         self._done = []
+        for query in self._queries.values():
+            query.hurry()
         for full in self.parameters:
             self._ask(full)
         self._advance()
@@ -76,11 +83,12 @@ class ParameterCollector:
 
     def _ask(self, full: str) -> None:
         if full not in self._queries:
-            self._queries[full] = _Query(self.node, full)
+            patience = PATIENCE if self._done is None else AT_THE_END
+            self._queries[full] = _Query(self.node, full, patience)
 
     def _advance(self) -> None:
         for full, query in list(self._queries.items()):
-            query.advance()
+            query.advance(self._now())
             if query.answer is not None:
                 self.parameters.setdefault(full, query.answer)
                 self.latest[full] = dict(query.answer)
@@ -107,34 +115,39 @@ class _Query:
     """One node asked for the names, then for the values of its parameters; `answer` is None until both have
     come. Both questions are put again, by the same client, as long as nothing comes."""
 
-    def __init__(self, node: Node, full: str) -> None:
+    def __init__(self, node: Node, full: str, patience: float) -> None:
         self.node = node
         self.lister = node.create_client(ListParameters, f"{full}/list_parameters")
         self.getter = node.create_client(GetParameters, f"{full}/get_parameters")
         self.answer: dict[str, Any] | None = None
         self._names: list[str] | None = None
         self._asked: list[Future] = []
-        self._polls, self._patience = 0, PATIENCE
+        self._patience, self._wait, self._again = patience, patience, math.inf
 
-    def advance(self) -> None:
-        """Takes the next step if it can be taken."""
+    def hurry(self) -> None:
+        """From now on patience is that of the end, and an open question is put again at once."""
+        self._patience, self._wait, self._again = AT_THE_END, 0.5 * AT_THE_END, -math.inf
+
+    def advance(self, now: float) -> None:
+        """Takes the next step if it can be taken; ``now``: s."""
         done = next((one.result() for one in self._asked if one.done()), None)
         if done is None:
-            self._put()
+            self._put(now)
         elif self._names is None:
-            self._names, self._asked = list(done.result.names), []
-            self._put()
+            self._names, self._asked, self._wait = list(done.result.names), [], self._patience
+            self._put(now)
         else:
             values = map(parameter_value_to_python, done.values)
             self.answer = {name: _plain(value) for name, value in zip(self._names, values, strict=False)}
 
-    def _put(self) -> None:
-        self._polls += 1
-        if self._asked and self._polls > self._patience:
-            self._patience *= 2
-        elif self._asked or not (self.lister.service_is_ready() and self.getter.service_is_ready()):
+    def _put(self, now: float) -> None:
+        if not (self.lister.service_is_ready() and self.getter.service_is_ready()):
             return
-        self._polls = 0
+        if self._asked:
+            if now < self._again:
+                return
+            self._wait *= 2.0
+        self._again = now + self._wait
         if self._names is None:
             self._asked.append(self.lister.call_async(ListParameters.Request()))
         else:
