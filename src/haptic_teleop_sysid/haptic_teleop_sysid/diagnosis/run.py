@@ -118,6 +118,7 @@ def diagnose(
     result = of_measured_input(unconfirmed(result, found.nearby), read, estimation)
     # The given model: a re-estimated one has made up for what is missing.
     acting = ActingPlace.of(model, [*found.learn, *found.judge], found.cutoff)
+    away = None
     if acting is not None:
         result, away = misplaced(result, acting, found.learn)
         doubt = away or doubt
