@@ -34,7 +34,9 @@ def kept():
     records = [pendulum(0, coulomb=0.0, weight=2.0)]
     like = fit_whole(RIGID, initial_noise(pack(RIGID), records), records, iterations=1)
 
-    def answer(errors, *effects, adequate=MUCH, in_currents=(), left=lambda fit: 0.1, spread=NONE):
+    def answer(
+        errors, *effects, adequate=MUCH, in_currents=(), left=lambda fit: 0.1, spread=NONE, white=False
+    ):
         sizes = [f"{e.location}.{e.effect}.{next(iter(e.parameters))}" for e in effects]
         known = 1e8 * np.eye(len(like.free) + len(sizes))  # all to within 1e-4
         fits = [
@@ -52,7 +54,8 @@ def kept():
         )
         scales = recording_scales(RIGID, records)
         result = SearchResult(like, fits[-1], choices, (), scales)
-        found = earned(result, adequate, records, Corroboration(errors, None), left, spread)
+        asked = Corroboration(errors, None), left, spread, lambda fit: white
+        found = earned(result, adequate, records, *asked)
         names = [e.effect for e in found.final.model.effects]
         assert names == [c.chosen.effect.effect for c in found.choices]
         assert len(found.given_up) == len(effects) - len(names)
@@ -118,6 +121,27 @@ def test_a_name_with_which_more_torque_is_missing_goes(kept, adequate):
     assert names == ["gravity"]
     assert "more torque is missing" in found.given_up[0].why
     assert kept(better, WEIGHT, SKEW, adequate=adequate, left=lambda fit: 0.1)[0] == BOTH
+
+
+def test_missing_torque_is_compared_at_the_same_noise_levels(kept):
+    """With an encoder's error named its readings are less noisy, and the same observer adds more torque."""
+    better, exact = errs(gravity=0.3, channel_skew=0.5), []
+
+    def left(fit):
+        exact.append(fit.noise)
+        return (0.09 if len(fit.model.effects) > 1 else 0.1) * (3.0 if fit.noise is exact[0] else 1.0)
+
+    assert kept(better, WEIGHT, SKEW, adequate=LITTLE, left=left)[0] == BOTH
+
+
+def test_where_innovations_are_white_and_the_rest_is_random_likelihoods_count(kept):
+    chance, worse = Adequacy(0.8, 0.8, random_left=True), errs(gravity=0.3, channel_skew=1.3)
+    names, found = kept(worse, WEIGHT, SKEW, adequate=chance, white=True)
+    assert names == BOTH and "run worse" in found.choices[1].unsure
+    assert kept(worse, WEIGHT, SKEW, adequate=chance)[0] == ["gravity"], "not white"
+    assert kept(worse, WEIGHT, SKEW, white=True)[0] == ["gravity"], "not random"
+    needed, size = errs(gravity=0.3, channel_skew=0.9), {"j_motor_encoder.channel_skew.delay": 0.004}
+    assert kept(needed, WEIGHT, SKEW, adequate=chance, spread=size, white=True)[0] == BOTH, "unknown size"
 
 
 def test_a_name_whose_size_is_not_known_has_no_place_beside_others(kept):

@@ -6,6 +6,7 @@ better, and the others alone, fitted again, run as freely, or leave less torque 
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 
@@ -17,7 +18,7 @@ from haptic_teleop_sysid.estimation.whole_fit import fit_whole
 from ..evidence.inverse_dynamics.terms import Hypothesis
 from ..evidence.second_opinion import NO_WORSE
 from ..hypotheses.candidates import goes_with
-from ..policy import ERRS_LESS, FITS_WORSE
+from ..policy import CLEAR_GAIN, ERRS_LESS, FITS_WORSE, LEAST_HELD_OUT
 from .adequacy import Adequacy
 from .corroborated import Corroboration
 from .decide import Choice
@@ -33,26 +34,32 @@ def earned(
     corroborated: Corroboration,
     left: Callable[[Fit], float],
     spread: dict[str, float],
+    white: Callable[[Fit], bool],
 ) -> SearchResult:
     """The result without names that do not earn their place beside the others; the last one found is asked
     first, and a single one not at all. ``adequate``: how much the names explain; ``records``: those of the
     estimation; ``left``: size of the torque that the observer of a fit still adds; ``spread``: of parameters
-    between recordings. Of a name that stays although the torques do not bear it out, and with which the other
-    recordings are simulated worse, nobody is sure."""
+    between recordings; ``white``: whether innovations of a fit are white on both kinds. Where they are, and
+    what is left is random, likelihoods are to be taken at their word: neither a free run nor a size that is
+    hardly known speaks against a clear gain. Of a name that stays although the torques do not bear it out,
+    and with which the other recordings are simulated worse, nobody is sure."""
     for choice in reversed(result.choices):
         if len(result.choices) < 2:
             break
         effect = choice.chosen.effect
         if choice.chosen.by_current > 0.0:
             continue
-        unknown = size_unknown(choice, result.final, spread)
+        clear = adequate.random_left and _clear(choice) and white(result.final)
+        unknown = not clear and size_unknown(choice, result.final, spread)
         if not unknown and corroborated.by_torques(result.final.model, effect):
             continue
         others = without(result, effect, records)
         if unknown:
             why = f"beside the others the size of {effect.effect} is not known"
         else:
-            why = _against(result.final, others, effect, adequate, corroborated, left)
+            why = _torque_missing(result.final, others, effect, left)
+            if why is None and not clear:
+                why = _against(result.final, others, effect, adequate, corroborated)
         if why is None:
             if not choice.unsure and corroborated.elsewhere(result.final, others) > NO_WORSE:
                 result = _nobody_sure(result, choice)
@@ -80,18 +87,27 @@ def _nobody_sure(result: SearchResult, choice: Choice) -> SearchResult:
     return replace(result, choices=kept)
 
 
+def _clear(choice: Choice) -> bool:
+    """Whether likelihoods speak for a choice clearly, and on other recordings not against it."""
+    return choice.chosen.gain >= CLEAR_GAIN and choice.chosen.elsewhere >= LEAST_HELD_OUT
+
+
+def _torque_missing(fit: Fit, without: Fit, effect: Effect, left: Callable[[Fit], float]) -> str | None:
+    """The objection that with an effect of a fit its observer adds more torque than without, None where it
+    does not. Both are asked at the noise levels of either: an observer that takes its readings for noisier
+    adds less torque, whatever is missing."""
+    levels = fit.noise, without.noise
+    with_it, others = (math.prod(left(replace(one, noise=n)) for n in levels) for one in (fit, without))
+    if with_it <= FITS_WORSE**2 * others:
+        return None
+    return f"beside the others, more torque is missing with {effect.effect} than without"
+
+
 def _against(
-    fit: Fit,
-    without: Fit,
-    effect: Effect,
-    adequate: Adequacy,
-    corroborated: Corroboration,
-    left: Callable[[Fit], float],
+    fit: Fit, without: Fit, effect: Effect, adequate: Adequacy, corroborated: Corroboration
 ) -> str | None:
-    """What speaks against an effect of a fit, beside the fit without it; None for nothing. Where names
+    """What free runs say against an effect of a fit, beside the fit without it; None for nothing. Where names
     explain nearly all, or what they leave is random, free runs need not speak for it: it may be small."""
-    if left(fit) > FITS_WORSE * left(without):
-        return f"beside the others, more torque is missing with {effect.effect} than without"
     if adequate.explains_nearly_all:
         return None
     factor = NO_WORSE if adequate.random_left else ERRS_LESS
