@@ -10,12 +10,13 @@ speed; a delay and a lag therefore also keep the moment of what acted, the integ
 from __future__ import annotations
 
 import math
+from collections.abc import Iterator
 from typing import Any
 
 from haptic_teleop_control.compiled import njit
 
 from .entry import EffectEntry
-from .hypothesis import Equivalent, Numbers, Recorded, as_early, drifts, late, noticeable
+from .hypothesis import Equivalent, Numbers, Recorded, Refinement, as_early, drifts, late, noticeable
 from .parameter import EffectParameter
 
 #: Samples of memory of a delay: 256 at 500 Hz are half a second.
@@ -195,6 +196,12 @@ def _within_speed_limit(s: Any, p: Any) -> Any:
     return s.input - s.positive_part(s.input - ahead) + s.positive_part(-s.input - back)
 
 
+def _less_at_speed(p: Numbers, on: Recorded, scanned: float) -> Iterator[dict[str, float]]:
+    """As much torque at the rms velocity as under a constant limit, more at standstill, by several shares."""
+    for share in (0.1, 0.3, 0.8):
+        yield {"limit": (1 + share) * p["limit"], "slope": share * p["limit"] / on.size["velocity"]}
+
+
 TORQUE_SPEED_LIMIT = EffectEntry(
     name="torque_speed_limit",
     kind="torque",
@@ -230,6 +237,7 @@ TORQUE_SPEED_LIMIT = EffectEntry(
     condition="large inputs at speed",
     follows="input",
     form_of="torque_saturation",
+    refinement=Refinement("torque_saturation", _less_at_speed),
     large=True,
     practical=_limits_at_speed,
 )

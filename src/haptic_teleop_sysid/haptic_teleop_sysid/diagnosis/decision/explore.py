@@ -100,7 +100,7 @@ def explore(
         rest = found[_MOST_FROM_NOTHING:] if few is estimation else []
         fits += ended(found[:_MOST_FROM_NOTHING])
         fits = best_of_each(_most_material([*fits, *rest], index, scales), index)
-    say("fitting richer forms of friction")
+    say("fitting richer forms")
     fits = best_of_each([*fits, *ended(richer_forms(fits, fit, index, few, scales, limits))], index)
     ahead = side_by_side(lambda f: finished(f, estimation, limits), fits[:_MOST_FINISHED])
     fits = best_of_each([*ahead, *fits[_MOST_FINISHED:]], index)

@@ -1,5 +1,5 @@
-"""Richer forms of a friction that was found, fitted from the size that the plain form came to, and a contact
-that hardly slides, from where a spring came to.
+"""Richer forms of a friction or a limit that was found, fitted from the size that the plain form came to, and
+a contact that hardly slides, from where a spring came to.
 
 A linearisation tells forms of friction apart where they are small.  From there a strong Stribeck friction was
 fitted 600 nats below what it explains, with a breakaway below what slides, so that it passed for a plain one.
@@ -26,7 +26,7 @@ from ..inputs.scales import Scales
 from .answers import Answers
 from .scan import scanned_values
 
-#: Gain (nats) of a friction from which its forms are tried, and by which a form must exceed the plain one
+#: Gain (nats) of an effect from which its forms are tried, and by which a form must exceed the plain one
 #: after a few steps to be fitted to the end.
 _STRONG, _BETTER = 12.0, 3.0
 _STEPS = 8
@@ -37,7 +37,7 @@ _ORDERS, _PROMISES = 2, 12.0
 def richer_forms(
     fits: Sequence[Fit], before: Fit, index: int, records: Sequence[Record], scales: Scales, limits: Limits
 ) -> list[Fit]:
-    """Fits of the richer forms of the plain friction among ``fits`` (one a place) that promise more than it,
+    """Fits of the richer forms of the plain effect among ``fits`` (one a place) that promise more than it,
     one of each form; ``before``: the model without it, ``index``: its place among the effects."""
     found = []
     for fit in fits:
