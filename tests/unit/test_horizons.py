@@ -10,7 +10,7 @@ from haptic_teleop_sim.model import Effect
 from haptic_teleop_sysid.diagnosis.evidence.horizons import Horizons
 from haptic_teleop_sysid.diagnosis.evidence.proof import Course
 from haptic_teleop_sysid.recordings.dataset import DataSet
-from haptic_teleop_sysid.simulation.windows import cut
+from haptic_teleop_sysid.simulation.windows import Windows, cut, fewer
 
 FRICTION = Effect("coulomb_friction", "j_motor", {"torque": 0.4})
 RIGHT = RIGID.with_values({"motor_inertia": 0.14, "motor_damping": 0.05}).with_effects(FRICTION)
@@ -70,3 +70,16 @@ class Answers(Horizons):
 
     def by_length(self, model):
         return np.zeros((1, 2))
+
+
+@pytest.mark.parametrize(
+    ("counts", "most", "left"),
+    [((3, 4), 10, [3, 4]), ((60, 30), 10, [7, 4]), ((1, 50), 10, [1, 10])],
+)
+def test_of_many_windows_a_few_are_taken_from_all_of_the_recording(counts, most, left):
+    whole = [Windows(tuple((20 * k, 20 * k + 20) for k in range(n)), 0.04, "as asked") for n in counts]
+    found = fewer(whole, most)
+    assert [len(w.spans) for w in found] == left
+    for one, all_ in zip(found, whole, strict=True):
+        assert set(one.spans) <= set(all_.spans)
+        assert len(one.spans) == 1 or len(np.unique(np.diff([a for a, _ in one.spans]))) == 1

@@ -15,7 +15,7 @@ from haptic_teleop_sysid.diagnosis.evidence.inverse_dynamics.latent import INPUT
 from haptic_teleop_sysid.diagnosis.evidence.inverse_dynamics.motion import banded
 from haptic_teleop_sysid.diagnosis.evidence.inverse_dynamics.sampled import linear
 from haptic_teleop_sysid.diagnosis.evidence.inverse_dynamics.terms import Hypothesis
-from haptic_teleop_sysid.diagnosis.evidence.places_of_maps import places_of
+from haptic_teleop_sysid.diagnosis.evidence.places_of_maps import filled, places_of
 from haptic_teleop_sysid.diagnosis.evidence.suggested_law import of_map
 from haptic_teleop_sysid.diagnosis.evidence.suggested_law.library import (
     Product,
@@ -128,6 +128,28 @@ def test_a_friction_is_drawn_over_the_motion_and_not_over_the_input(friction, la
     for one in place.maps[:3]:
         law = law_of(place.search, one, drawn(place.search, one))
         assert friction < 1.6 or law is None or not any("s.input" in term.text for term in law.terms)
+
+
+@pytest.mark.parametrize("slow", [True, False])
+def test_a_surface_is_drawn_only_where_the_motion_fills_it(slow):
+    """Round one loop a surface over two quantities is any function of the time within it."""
+    kinds = []
+    for phase, seed in ((0.0, 0), (0.3, 1)):
+        one = 1.5 * np.sin(2.0 * np.pi * 0.3 * DT * np.arange(10000) + phase)
+        torque = one if slow else drive(seed, 2.0)
+        kinds.append([record(torque, swing(torque, 0.14, 0.35, 0.6, 0.0, 0.0, 0.0, 0.0)[:, None], 1e-5)])
+    fit = fit_whole(TRUE, noise_starts(TRUE, kinds[0])[1], kinds[0], iterations=8)
+    (place,) = places_of(fit, TRUE, *kinds, motion_band([*kinds[0], *kinds[1]]))
+    surfaces = {one.quantities for one in place.maps if len(one.quantities) == 2}
+    assert surfaces == (set() if slow else {(INPUT, "motor angle"), ("motor angle", "motor velocity")})
+    assert any(len(one.quantities) == 1 for one in place.maps)
+
+
+def test_a_loop_fills_half_of_its_plane_at_most():
+    phase, luck = np.linspace(0.0, 2.0 * np.pi, 2000), np.random.default_rng(3)
+    assert filled(np.sin(phase), np.cos(phase)) < 0.5
+    assert filled(np.sin(phase), np.sin(phase + 0.1)) < 0.4
+    assert filled(luck.normal(size=2000), luck.uniform(size=2000) ** 3) == 1.0
 
 
 def test_the_best_curve_is_tried_whatever_surfaces_come_nearer():

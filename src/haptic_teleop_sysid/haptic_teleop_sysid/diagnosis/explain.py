@@ -18,6 +18,7 @@ from haptic_teleop_sysid.estimation.whole_fit import fit_from_scratch
 from haptic_teleop_sysid.recordings.dataset import DataSet
 from haptic_teleop_sysid.simulation.parameter_fit import ParameterFit
 from haptic_teleop_sysid.simulation.parameter_fit import fit_parameters as fit_to_free_runs
+from haptic_teleop_sysid.simulation.windows import fewer
 
 from .decision.coloured import coloured
 from .decision.decide import Choice
@@ -35,6 +36,9 @@ from .evidence.shown_by_current import shown_by_current
 from .inputs.scales import recording_scales, within_reach
 from .policy import HARM
 from .usable import records_of, sense_follows
+
+#: Windows over which parameters are fitted to free runs: an unstable machine is followed over short ones.
+MOST_WINDOWS = 200
 
 
 @dataclass(frozen=True)
@@ -89,11 +93,13 @@ class Explained:
         return [fit.simulated for fit in self.horizons.shortest.simulate(candidate)[self.count :]]
 
     def simulated(self, candidate: Model) -> ParameterFit:
-        """The model fitted to free runs of the estimation recordings, over the windows of `course`."""
-        parts = zip(self.course.data, self.course.windows, strict=True)
+        """The model fitted to free runs of the estimation recordings, over MOST_WINDOWS windows of `course`
+        at most: each has an initial state that is sought, too, and time grows with the third power of their
+        number."""
+        windows = fewer(self.course.windows[: self.count], MOST_WINDOWS)
         scales = self.result.scales
         limits = within_reach(self.given, scales) | turning_limits(candidate, scales.size["fastest"])
-        return fit_to_free_runs(candidate, [*parts][: self.count], limits)
+        return fit_to_free_runs(candidate, [*zip(self.course.data, windows, strict=False)], limits)
 
     def resized(self, fit: Fit) -> Fit | None:
         """A fit with the parameters that its free runs want (see `freely_sized`)."""

@@ -5,7 +5,8 @@ same for all.
 from __future__ import annotations
 
 import re
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 from itertools import pairwise
 
 import numpy as np
@@ -65,6 +66,13 @@ def cut(dataset: DataSet, seconds: float | None, why: str) -> Windows:
         )
     longest = max(b - a for a, b in spans) * dataset.dt
     return Windows(tuple(spans), None if seconds is None else longest, why)
+
+
+def fewer(all_windows: Sequence[Windows], most: int) -> list[Windows]:
+    """Of several recordings' windows every second one, or third, and so on, of each, evenly spread, so that
+    about ``most`` are left; all where there are no more."""
+    step = max(1, round(sum(len(w.spans) for w in all_windows) / most))
+    return [replace(w, spans=w.spans[(len(w.spans) - 1) % step // 2 :: step]) for w in all_windows]
 
 
 def _remedy(seconds: float | None, why: str) -> str:

@@ -18,7 +18,7 @@ from haptic_teleop_sysid.estimation.whole_fit import fit_whole
 from ..evidence.inverse_dynamics.terms import Hypothesis
 from ..evidence.second_opinion import NO_WORSE
 from ..hypotheses.candidates import goes_with
-from ..policy import CLEAR_GAIN, ERRS_LESS, FITS_WORSE, LEAST_HELD_OUT
+from ..policy import CLEAR_GAIN, ERRS_LESS, FITS_WORSE, LEAST_HELD_OUT, NOTICEABLE
 from .adequacy import Adequacy
 from .corroborated import Corroboration
 from .decide import Choice
@@ -94,11 +94,13 @@ def _clear(choice: Choice) -> bool:
 
 def _torque_missing(fit: Fit, without: Fit, effect: Effect, left: Callable[[Fit], float]) -> str | None:
     """The objection that with an effect of a fit its observer adds more torque than without, None where it
-    does not. Both are asked at the noise levels of either: an observer that takes its readings for noisier
-    adds less torque, whatever is missing."""
+    does not, or what it adds is too little to be worth a word. Both are asked at the noise levels of either:
+    an observer that takes its readings for noisier adds less torque, whatever is missing."""
     levels = fit.noise, without.noise
-    with_it, others = (math.prod(left(replace(one, noise=n)) for n in levels) for one in (fit, without))
-    if with_it <= FITS_WORSE**2 * others:
+    with_it, others = (
+        math.sqrt(math.prod(left(replace(one, noise=n)) for n in levels)) for one in (fit, without)
+    )
+    if with_it <= max(FITS_WORSE * others, NOTICEABLE):
         return None
     return f"beside the others, more torque is missing with {effect.effect} than without"
 
