@@ -18,11 +18,10 @@ from .inverse_dynamics.groups import Search
 from .inverse_dynamics.latent import IN_A_TURN, Latent, measured_over, sampled
 from .inverse_dynamics.regression import equations
 
-
 #: Share of the plane of two quantities that the motion fills, in parts with as many samples along either,
 #: from which a surface over both is drawn: round one loop, which fills half of it at most, it may be anything
 #: that comes again with the loop. By hand: of 38 motions of two draws of physics outside the table none fills
-#: less than 0.88 of input and angle; a wrist on a slow sine, whose friction gave way to a surface, fills 0.58.
+#: less than 0.88 of input and angle; a wrist's slow sine, where a surface took the place of friction, 0.58.
 FILLED, PARTS = 0.7, 8
 #: Share of the samples that a part would have if all had as many, from which it counts as filled.
 ENOUGH = 0.25
