@@ -257,10 +257,18 @@ def test_an_error_of_an_encoder_takes_more_than_a_name_that_was_given_up():
 )
 def test_a_map_that_takes_most_of_the_error_away_tells_the_place(place, quantities, closed, told):
     mapped = MeasuredMap("drawn", friction(place), explained=0.99, closed=closed, quantities=quantities)
-    where = at_the_map(at("joint"), mapped).where[0]
+    where = at_the_map(at("joint"), mapped, None).where[0]
     assert (where["equation"], where["condition"]) == told
     none = MeasuredMap("none was drawn")
-    assert at_the_map(at("joint"), none) == at("joint")
+    assert at_the_map(at("joint"), none, None) == at("joint")
+
+
+@pytest.mark.parametrize(("holds", "told"), [("arm", "j_arm"), ("motor", "j_joint"), (None, "j_arm")])
+def test_a_map_tells_the_place_only_where_no_other_equation_stands_out(holds, told):
+    left = {"motor": 0.1, "arm": 0.1, "joint": 0.1} | ({holds: 0.01} if holds else {})
+    mapped = MeasuredMap("drawn", friction("arm"), explained=0.99, closed=0.8, quantities=("arm angle",))
+    acting = SimpleNamespace(model=ELASTIC, bare=left)
+    assert at_the_map(at("joint"), mapped, acting).where[0]["equation"] == told
 
 
 @pytest.mark.parametrize(("size", "moves"), [(0.5, True), (0.1, False)])

@@ -20,7 +20,7 @@ from .decision.finding import unsure_of_their_shape
 from .decision.freely_fitted import re_estimated
 from .decision.late_input import with_lateness
 from .decision.measured_input import of_measured_input
-from .decision.misplaced import at_its_place, at_the_map, beside_findings, holds_better, misplaced
+from .decision.misplaced import at_its_place, at_the_map, beside_findings, misplaced
 from .decision.nulls import Null, beyond_chance, nulls
 from .decision.outdone import outdone
 from .decision.own_quantity import follows_still, one_curve
@@ -198,8 +198,8 @@ def diagnose(
     of_input = None
     # A torque that is drawn over the motion is the motion's, and one over the input the actuator's.
     if misread is None and mapped is not None and mapped.fit is not None:
-        if (doubt is None or doubt.place is None) and (acting is None or holds_better(acting) is None):
-            verdict = at_the_map(verdict, mapped)
+        if doubt is None or doubt.place is None:
+            verdict = at_the_map(verdict, mapped, acting)
         verdict = drawn_over_the_input(verdict, mapped, predicted.baseline)
     elif misread is None:
         verdict, of_input = at_the_actuator(verdict, predicted.baseline, *kinds)

@@ -130,10 +130,14 @@ def at_its_place(
     return replace(verdict, where=[where, *others]), model.location(best) if best in ENCODERS else None
 
 
-def at_the_map(verdict: Verdict, mapped: MeasuredMap) -> Verdict:
+def at_the_map(verdict: Verdict, mapped: MeasuredMap, acting: ActingPlace | None) -> Verdict:
     """An `unknown` at the place of the torque map over the motion that takes most of the simulated error off
-    recordings it was not drawn from, with what that depends on."""
+    recordings it was not drawn from, with what that depends on; not where the parity equation of another
+    place holds better than all others. ``acting``: see `beside_findings`, None where there are none."""
     if verdict.kind != "unknown" or not verdict.where or mapped.effect is None or INPUT in mapped.quantities:
+        return verdict
+    allowed = None if acting is None else holds_better(acting)
+    if acting is not None and allowed not in (None, acts_at(acting.model, mapped.effect.location)):
         return verdict
     told, *others = verdict.where
     if mapped.effect.location == told["equation"] or (mapped.closed or 0.0) < LEAST_EXPLAINED:
