@@ -14,6 +14,7 @@ from haptic_teleop_sim.model import Effect
 from haptic_teleop_sysid.diagnosis import explain as explaining
 from haptic_teleop_sysid.diagnosis import input_times
 from haptic_teleop_sysid.diagnosis import run as diagnosis
+from haptic_teleop_sysid.diagnosis.believed import alarm
 from haptic_teleop_sysid.diagnosis.decision.decide import Choice
 from haptic_teleop_sysid.diagnosis.decision.nulls import Null, beyond_chance, nulls
 from haptic_teleop_sysid.diagnosis.decision.search import SearchResult
@@ -125,7 +126,7 @@ def test_nulls_go_through_the_diagnosis_itself(stage, monkeypatch):
     monkeypatch.setattr(input_times, "explain", explain)
     diagnosis.diagnose(STAGE, [data], [other], null_count=0)
     found = explain(STAGE, [data], [other], None)
-    chance = nulls(diagnosis.alarm, STAGE, found.result, [data], [other], 2, jobs=1)
+    chance = nulls(alarm, STAGE, found.result, [data], [other], 2, jobs=1)
     assert len(chance) == 2
     assert [len(e) for _, e, _ in seen] == [1, 1, 1, 1]
     for _, estimation, validation in seen[2:]:
@@ -138,7 +139,7 @@ def test_nothing_hidden_raises_no_alarm(stage):
     (_, data), fit = stage
     other = load_dataset(stage_recording(seed=3, seconds=6.0), STAGE)
     result = SearchResult(fit, fit, (), (), recording_scales(STAGE, records_of([data])))
-    (found,) = nulls(diagnosis.alarm, STAGE, result, [data], [other], 1, jobs=1)
+    (found,) = nulls(alarm, STAGE, result, [data], [other], 1, jobs=1)
     assert not found.alarm
     assert found.score < 20.0
 
