@@ -8,6 +8,7 @@ from typing import Any
 
 from haptic_teleop_sim.effects import MEASURED
 from haptic_teleop_sim.model import Model
+from haptic_teleop_sysid.estimation.gauss_newton import Fit
 from haptic_teleop_sysid.recordings.dataset import DataSet
 
 from .answered import Answered, answered
@@ -50,7 +51,7 @@ def diagnose(
     say("deciding")
     answer = answered(of, names, say)
     added_to = answer.stands_in
-    found, answer, stand = _as_recorded(of, answer)
+    found, answer, stand = _as_recorded(of, answer, names.result.baseline)
     result = answer.result
     say("simulating all three models on all recordings")
     proof = prove(model, result.baseline.model, result.final.model, found.course, of.uses)
@@ -68,15 +69,15 @@ def diagnose(
     return result, answer.verdict, proof, content | _further(of, answer, names.doubt)
 
 
-def _as_recorded(of: Believed, answer: Answered) -> tuple[Explained, Answered, Stand]:
+def _as_recorded(of: Believed, answer: Answered, predicted: Fit) -> tuple[Explained, Answered, Stand]:
     """What was found in recordings as they came, with the lateness of their input where they were moved in
-    time, and the structure as it simulates best."""
-    found, stand, predicted = of.found, of.stand, answer.result.baseline
+    time, and the structure as it simulates best; ``predicted``: the structure as it predicts best."""
+    found, stand = of.found, of.stand
     if of.timely is not None:
         found = of.timely.as_recorded
         late, baseline = of.timely.late, found.result.baseline
         verdict, result = with_lateness(late, answer.verdict, answer.result, baseline)
-        answer, predicted = replace(answer, verdict=verdict, result=result), None
+        answer = replace(answer, verdict=verdict, result=result)
     result = re_estimated(answer.result, found.given, found.resized, found.errors)
     if result.baseline is not predicted:
         stand = replace(stand, before=colours(result.baseline, found.learn, found.judge))
