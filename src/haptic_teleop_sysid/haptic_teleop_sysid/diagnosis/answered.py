@@ -70,37 +70,37 @@ class Answered:
         return "a measured torque in place of a name"
 
 
-def answered(of: Believed, names: Examined, say: Say) -> Answered:
-    """The verdict, step by step; ``names``: what is left of what is believed ``of`` recordings."""
-    found, result = of.found, names.result
+def answered(belief: Believed, left: Examined, say: Say) -> Answered:
+    """The verdict, step by step; ``left``: what is left of the names in a ``belief``."""
+    found, result = belief.found, left.result
     kinds = found.learn, found.judge
-    spread = together(of.stand.spread, names.forms)
-    verdict = decide_verdict(result, *kinds, names.doubt, spread, names.adequate)
+    spread = together(belief.stand.spread, left.forms)
+    verdict = decide_verdict(result, *kinds, left.doubt, spread, left.adequate)
     turning = where_torque_jumps(result.baseline, *kinds, found.inertias)
-    first = Answered(verdict, result, turning, names.acting, result.final)
-    steps = _Steps(of, names, say)
+    first = Answered(verdict, result, turning, left.acting, result.final)
+    steps = _Steps(belief, left, say)
     answer = steps.at_its_place(steps.with_frictions(steps.modelled(first)))
     return steps.told_where_it_acts(steps.beside_the_named(steps.read_right(answer)))
 
 
 @dataclass(frozen=True)
 class _Steps:
-    """What an answer goes through; ``of`` and ``names``: see `answered`."""
+    """What an answer goes through; ``belief`` and ``left``: see `answered`."""
 
-    of: Believed
-    names: Examined
+    belief: Believed
+    left: Examined
     say: Say
 
     @property
     def predicted(self) -> SearchResult:
         """The names with the fits by prediction."""
-        return self.names.result
+        return self.left.result
 
     def modelled(self, answer: Answered) -> Answered:
         """With a map or a stand-in for what has no name, and with the names that are told beside it."""
         if not answer.unknown:
             return answer
-        found, doubt = self.of.found, self.names.doubt
+        found, doubt = self.belief.found, self.left.doubt
         # Before a map, which is held against it.
         result = re_estimated(answer.result, found.given, found.resized, found.errors)
         mapped, instead = drawn_beside(found, result, self.say), None
@@ -121,12 +121,12 @@ class _Steps:
         return replace(answer, verdict=verdict, result=result, bare=bare, mapped=mapped, instead=instead)
 
     def _spread(self, model: Model) -> dict[str, float]:
-        found = self.of.found
-        return together(self.of.stand.spread, spread_by_form(model, found.learn, found.cutoff))
+        found = self.belief.found
+        return together(self.belief.stand.spread, spread_by_form(model, found.learn, found.cutoff))
 
     def with_frictions(self, answer: Answered) -> Answered:
         """With dry friction that parity equations or reversals show beside it."""
-        found, verdict, turning = self.of.found, answer.verdict, answer.turning
+        found, verdict, turning = self.belief.found, answer.verdict, answer.turning
         if answer.acting is not None and verdict.kind != "no_mismatch":
             kinds = found.learn, found.judge
             verdict = with_drive_friction(verdict, answer.acting, kinds, self.predicted.baseline, turning)
@@ -136,14 +136,14 @@ class _Steps:
         """At the place where parity equations say that it acts."""
         if answer.acting is None or answer.verdict.kind == "no_mismatch":
             return answer
-        acting, doubt = beside_findings(answer.verdict, answer.acting), self.names.doubt
+        acting, doubt = beside_findings(answer.verdict, answer.acting), self.left.doubt
         answer = replace(answer, acting=acting)
         # What acts now and then, or follows the input in detail, is little beside the noise of equations.
         if self._placed:
             return answer
         given_up = None
         # What was refuted at its own place says nothing for that.
-        if doubt is not None and doubt is not self.names.away and doubt.choice is not None:
+        if doubt is not None and doubt is not self.left.away and doubt.choice is not None:
             given_up = doubt.choice.chosen.effect
         verdict, misread = at_its_place(answer.verdict, acting, given_up)
         return replace(answer, verdict=verdict, misread=misread)
@@ -151,11 +151,11 @@ class _Steps:
     @property
     def _placed(self) -> bool:
         """Whether the doubt says where something is."""
-        return self.names.doubt is not None and self.names.doubt.place is not None
+        return self.left.doubt is not None and self.left.doubt.place is not None
 
     def read_right(self, answer: Answered) -> Answered:
         """Without a torque where an encoder reads wrong."""
-        found = self.of.found
+        found = self.belief.found
         kinds = found.learn, found.judge
         verdict, wrong = read_wrong(
             answer.verdict, self.predicted.baseline, kinds, found.cutoff, found.course, found.count
@@ -173,7 +173,7 @@ class _Steps:
         """With the torques that are named beside something unknown, where that simulates better."""
         if not answer.unknown:
             return answer
-        found, result = self.of.found, answer.result
+        found, result = self.belief.found, answer.result
         no_map = answer.mapped if answer.misread is not None else None
         parts = found.given, found.learn, found.errors, found.resized
         beside = with_the_named(
@@ -193,7 +193,7 @@ class _Steps:
         the motion is the motion's."""
         if answer.misread is not None:
             return answer
-        found, verdict, mapped = self.of.found, answer.verdict, answer.mapped
+        found, verdict, mapped = self.belief.found, answer.verdict, answer.mapped
         if mapped is None or mapped.fit is None:
             kinds = found.learn, found.judge
             verdict, of_input = at_the_actuator(verdict, self.predicted.baseline, *kinds)

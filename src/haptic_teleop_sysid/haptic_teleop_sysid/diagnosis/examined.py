@@ -40,10 +40,10 @@ class Examined:
     forms: dict[str, float]
 
 
-def examined(model: Model, of: Believed, say: Say) -> Examined:
-    """The names that are believed ``of`` recordings, held against all that; ``model``: the user's."""
-    found, doubt, away = of.found, of.doubt, None
-    result = of_measured_input(unconfirmed(of.result, found.nearby), of.read, of.estimation)
+def examined(model: Model, belief: Believed, say: Say) -> Examined:
+    """What is left of the names in a ``belief``; ``model``: the user's."""
+    found, doubt, away = belief.found, belief.doubt, None
+    result = of_measured_input(unconfirmed(belief.result, found.nearby), belief.read, belief.estimation)
     # The given model: a re-estimated one has made up for what is missing.
     acting = ActingPlace.of(model, [*found.learn, *found.judge], found.cutoff)
     if acting is not None:
@@ -53,7 +53,7 @@ def examined(model: Model, of: Believed, say: Say) -> Examined:
     result, wrong, followed = lawful(found, result)
     doubt, adequate = bent or doubt or wrong, None
     if any(c.chosen.by_current <= 0.0 for c in result.choices):
-        result, adequate, varying = weighed(found, result, of.stand)
+        result, adequate, varying = weighed(found, result, belief.stand)
         doubt = doubt or varying
     adequate = following(adequate, followed)
     if adequate is not None:
@@ -71,7 +71,7 @@ def examined(model: Model, of: Believed, say: Say) -> Examined:
         spread_by_form(result.final.model, found.learn, found.cutoff),
         spread_by_stretch(steady(found, result), result.final.model),
     )
-    spread = together(of.stand.spread, forms)
+    spread = together(belief.stand.spread, forms)
     result = replace(result, choices=unsure_of_their_shape(result.choices, result.final, spread))
     return Examined(result, doubt, away, acting, adequate, forms)
 

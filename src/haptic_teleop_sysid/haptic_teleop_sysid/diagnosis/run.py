@@ -46,16 +46,16 @@ def diagnose(
     without them a part of a long validation does (see `three_uses`).
     """
     refuse_unusable(estimation, validation, test)
-    of = believed(model, three_uses(estimation, validation, test), say, null_count)
-    names = examined(model, of, say)
+    belief = believed(model, three_uses(estimation, validation, test), say, null_count)
+    left = examined(model, belief, say)
     say("deciding")
-    answer = answered(of, names, say)
+    answer = answered(belief, left, say)
     added_to = answer.stands_in
-    found, answer, stand = _as_recorded(of, answer, names.result.baseline)
+    found, answer, stand = _as_recorded(belief, answer, left.result.baseline)
     result = answer.result
     say("simulating all three models on all recordings")
-    proof = prove(model, result.baseline.model, result.final.model, found.course, of.uses)
-    columns = three_columns(model, result, answer.verdict, found.judge, names.forms)
+    proof = prove(model, result.baseline.model, result.final.model, found.course, belief.uses)
+    columns = three_columns(model, result, answer.verdict, found.judge, left.forms)
     if added_to:
         form = spread_by_form(result.final.model, found.learn, found.cutoff)
         errors = together(errors_of(result.final, found.judge), form)
@@ -64,18 +64,18 @@ def diagnose(
     answer = replace(answer, verdict=replace(answer.verdict, findings=findings))
     say("choosing the next experiment")
     stand = replace(stand, after=colours(result.final, found.learn, found.judge))
-    told = (of.chance, of.dropped), of.uses, found.learn, _has(answer)
-    content = contents(result, answer.verdict, proof, columns, stand, names.doubt, *told)
-    return result, answer.verdict, proof, content | _further(of, answer, names.doubt)
+    told = (belief.chance, belief.dropped), belief.uses, found.learn, _has(answer)
+    content = contents(result, answer.verdict, proof, columns, stand, left.doubt, *told)
+    return result, answer.verdict, proof, content | _further(belief, answer, left.doubt)
 
 
-def _as_recorded(of: Believed, answer: Answered, predicted: Fit) -> tuple[Explained, Answered, Stand]:
+def _as_recorded(belief: Believed, answer: Answered, predicted: Fit) -> tuple[Explained, Answered, Stand]:
     """What was found in recordings as they came, with the lateness of their input where they were moved in
     time, and the structure as it simulates best; ``predicted``: the structure as it predicts best."""
-    found, stand = of.found, of.stand
-    if of.timely is not None:
-        found = of.timely.as_recorded
-        late, baseline = of.timely.late, found.result.baseline
+    found, stand = belief.found, belief.stand
+    if belief.timely is not None:
+        found = belief.timely.as_recorded
+        late, baseline = belief.timely.late, found.result.baseline
         verdict, result = with_lateness(late, answer.verdict, answer.result, baseline)
         answer = replace(answer, verdict=verdict, result=result)
     result = re_estimated(answer.result, found.given, found.resized, found.errors)
@@ -93,13 +93,13 @@ def _has(answer: Answered) -> str:
     return f"{answer.added}, but without {lacks}"
 
 
-def _further(of: Believed, answer: Answered, doubt: Doubt | None) -> dict[str, Any]:
+def _further(belief: Believed, answer: Answered, doubt: Doubt | None) -> dict[str, Any]:
     """Of the content of diagnosis.json what is said of physics without a name, and by the other methods."""
     verdict, wrong = answer.verdict, answer.wrong
     given_up = [doubt.choice] if doubt is not None and doubt.choice is not None else []
     from_here = any(c.chosen.witnessed is not None for c in (*answer.result.choices, *given_up))
     told = answer.acting is not None and verdict.kind != "no_mismatch"
-    gains, opinion = answer.of_input, of.found.opinion
+    gains, opinion = answer.of_input, belief.found.opinion
     further = {
         MEASURED.name: None if answer.mapped is None else answer.mapped.content(),
         "parity": answer.acting.content(answer.unknown) if answer.acting and told else None,
