@@ -35,13 +35,23 @@ def kept():
     like = fit_whole(RIGID, initial_noise(pack(RIGID), records), records, iterations=1)
 
     def answer(
-        errors, *effects, adequate=MUCH, in_currents=(), left=lambda fit: 0.1, spread=NONE, white=False
+        errors,
+        *effects,
+        adequate=MUCH,
+        in_currents=(),
+        left=lambda fit: 0.1,
+        spread=NONE,
+        white=False,
+        gain=50.0,
+        elsewhere=20.0,
+        likelihood=like.log_likelihood,
     ):
         sizes = [f"{e.location}.{e.effect}.{next(iter(e.parameters))}" for e in effects]
         known = 1e8 * np.eye(len(like.free) + len(sizes))  # all to within 1e-4
         fits = [
             replace(
                 like,
+                log_likelihood=likelihood,
                 model=RIGID.with_effects(*effects[:n]),
                 free=(*like.free, *sizes[:n]),
                 information=known[: len(like.free) + n, : len(like.free) + n],
@@ -49,7 +59,7 @@ def kept():
             for n in range(1, len(effects) + 1)
         ]
         choices = tuple(
-            Choice(Explanation(fit, 50.0, 20.0, True, i, by_current=float(e in in_currents)), 0.9)
+            Choice(Explanation(fit, gain, elsewhere, True, i, by_current=float(e in in_currents)), 0.9)
             for i, (fit, e) in enumerate(zip(fits, effects, strict=True))
         )
         scales = recording_scales(RIGID, records)
@@ -129,19 +139,27 @@ def test_missing_torque_is_compared_at_the_same_noise_levels(kept):
 
     def left(fit):
         exact.append(fit.noise)
-        return (0.09 if len(fit.model.effects) > 1 else 0.1) * (3.0 if fit.noise is exact[0] else 1.0)
+        return (0.09 if len(fit.model.effects) > 1 else 0.1) * (3.0 if fit.noise == exact[0] else 1.0)
 
     assert kept(better, WEIGHT, SKEW, adequate=LITTLE, left=left)[0] == BOTH
 
 
-def test_where_innovations_are_white_and_the_rest_is_random_likelihoods_count(kept):
+def test_where_innovations_are_white_and_the_rest_is_random_a_clear_gain_counts(kept):
     chance, worse = Adequacy(0.8, 0.8, random_left=True), errs(gravity=0.3, channel_skew=1.3)
-    names, found = kept(worse, WEIGHT, SKEW, adequate=chance, white=True)
+    clear = {"adequate": chance, "white": True, "likelihood": 1e9}
+    names, found = kept(worse, WEIGHT, SKEW, **clear)
     assert names == BOTH and "run worse" in found.choices[1].unsure
-    assert kept(worse, WEIGHT, SKEW, adequate=chance)[0] == ["gravity"], "not white"
-    assert kept(worse, WEIGHT, SKEW, white=True)[0] == ["gravity"], "not random"
-    needed, size = errs(gravity=0.3, channel_skew=0.9), {"j_motor_encoder.channel_skew.delay": 0.004}
-    assert kept(needed, WEIGHT, SKEW, adequate=chance, spread=size, white=True)[0] == BOTH, "unknown size"
+    size = {"j_motor_encoder.channel_skew.delay": 0.004}
+    needed = errs(gravity=0.3, channel_skew=0.9)
+    assert kept(needed, WEIGHT, SKEW, **clear, spread=size)[0] == BOTH, "whatever its size"
+    for less in (
+        {"white": False},
+        {"adequate": MUCH},  # not random
+        {"gain": 29.0},
+        {"elsewhere": 1.0},
+        {"likelihood": -1e9},  # gained when it was found, and nothing beside the other
+    ):
+        assert kept(worse, WEIGHT, SKEW, **(clear | less))[0] == ["gravity"], less
 
 
 def test_a_name_whose_size_is_not_known_has_no_place_beside_others(kept):

@@ -74,7 +74,13 @@ class Answers(Horizons):
 
 @pytest.mark.parametrize(
     ("counts", "most", "left"),
-    [((3, 4), 10, [3, 4]), ((60, 30), 10, [7, 4]), ((1, 50), 10, [1, 10])],
+    [
+        ((3, 4), 10, [3, 4]),
+        ((60, 30), 10, [6, 3]),
+        ((1, 50), 10, [1, 8]),
+        ((1, 1, 1), 2, [1, 1, 1]),
+        ((299,), 200, [149]),
+    ],
 )
 def test_of_many_windows_a_few_are_taken_from_all_of_the_recording(counts, most, left):
     whole = [Windows(tuple((20 * k, 20 * k + 20) for k in range(n)), 0.04, "as asked") for n in counts]

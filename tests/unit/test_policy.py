@@ -172,9 +172,8 @@ def group(gain, *names):
 def test_each_effect_gains_six_nats_in_the_second_opinion(monkeypatch, gains, count):
     monkeypatch.setattr(second_module, "admissible", lambda *_: True)
     one, two = group(gains[0], "gravity"), group(gains[1], "gravity", "coulomb_friction")
-    heard = second_module.second_opinion(
-        SimpleNamespace(levels=[[one], [two]]), None, lambda model: (0.5, 0.5), (0.5, 0.5)
-    )
+    said = SimpleNamespace(levels=[[one], [two]], settling=lambda group: None)
+    heard = second_module.second_opinion(said, None, lambda model: (0.5, 0.5), (0.5, 0.5))
     assert len(heard.chosen.group.effects if heard.chosen else ()) == count
 
 

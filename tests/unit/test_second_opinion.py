@@ -7,7 +7,7 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from stepped_machines import RIGID, pendulum
+from stepped_machines import DT, RIGID, drive, pendulum, record, swing
 
 from haptic_teleop_sim.effects import EFFECTS
 from haptic_teleop_sim.model import Effect, load_model
@@ -31,7 +31,12 @@ from haptic_teleop_sysid.diagnosis.decision.search import SearchResult
 from haptic_teleop_sysid.diagnosis.decision.torques_explained import explained_in_band, inadequate, recovered
 from haptic_teleop_sysid.diagnosis.decision.verdict import decide_verdict
 from haptic_teleop_sysid.diagnosis.evidence.inverse_dynamics.witness import Group, witness
-from haptic_teleop_sysid.diagnosis.evidence.second_opinion import Heard, plainer_first, second_opinion
+from haptic_teleop_sysid.diagnosis.evidence.second_opinion import (
+    Heard,
+    plainer_first,
+    second_opinion,
+    settled,
+)
 from haptic_teleop_sysid.diagnosis.hypotheses.explanation import Explanation
 from haptic_teleop_sysid.diagnosis.hypotheses.material import material
 from haptic_teleop_sysid.diagnosis.inputs.scales import recording_scales
@@ -68,6 +73,27 @@ def opinion(rubbing):
 
 
 FRICTION = "j_motor.coulomb_friction.torque"
+
+
+@pytest.mark.parametrize("ramp", [True, False])
+def test_what_the_estimation_recordings_leave_open_the_others_settle(ramp):
+    """A slow ramp says hardly anything of the inertia: runs of a step with that say nothing of the name."""
+    time = DT * np.arange(10000)
+    kinds = []
+    for torque in (0.5 + 0.1 * time if ramp else drive(0, 2.0), np.where(time % 4.0 < 2.0, 1.5, 0.0)):
+        angles = swing(torque, 0.14, 0.35, 0.4, 0.0, 0.0, 0.0, 0.0)
+        kinds.append([record(torque, angles[:, None], 1e-2)])
+    said = witness(RIGID, *kinds, recording_scales(RIGID, kinds[0]))
+    group = next(g for g in said.levels[0] if g.effects[0].effect == "coulomb_friction")
+    found = said.settling(group)
+    assert (found is not None) == ramp
+    if found is not None:
+        assert found.settled == ("motor_inertia",)
+        assert found.model.parameters["motor_inertia"] == pytest.approx(0.14, rel=0.1)
+        assert found.effects[0].parameters["torque"] == pytest.approx(0.4, rel=0.1)
+        step = lambda model: (0.1, abs(model.parameters["motor_inertia"] - 0.14))  # noqa: E731
+        assert settled(said, group, step) == found
+        assert settled(said, group, lambda model: (0.1, 0.1)) == group
 
 
 def ending_at(torque):

@@ -54,7 +54,8 @@ class Answered:
 
     @property
     def stands_in(self) -> bool:
-        """Whether the final model has something for what has no name."""
+        """Whether the final model has something for what has no name; of an answer whose structure was not
+        fitted again since."""
         return self.result.final is not self.bare
 
     @property
@@ -79,8 +80,12 @@ def answered(belief: Believed, left: Examined, say: Say) -> Answered:
     turning = where_torque_jumps(result.baseline, *kinds, found.inertias)
     first = Answered(verdict, result, turning, left.acting, result.final)
     steps = _Steps(belief, left, say)
-    answer = steps.at_its_place(steps.with_frictions(steps.modelled(first)))
-    return steps.told_where_it_acts(steps.beside_the_named(steps.read_right(answer)))
+    answer = steps.modelled(first)
+    answer = steps.with_frictions(answer)
+    answer = steps.where_equations_say(answer)
+    answer = steps.read_right(answer)
+    answer = steps.beside_the_named(answer)
+    return steps.where_a_map_says(answer)
 
 
 @dataclass(frozen=True)
@@ -132,7 +137,7 @@ class _Steps:
             verdict = with_drive_friction(verdict, answer.acting, kinds, self.predicted.baseline, turning)
         return replace(answer, verdict=with_friction(verdict, turning, self.predicted, found.learn))
 
-    def at_its_place(self, answer: Answered) -> Answered:
+    def where_equations_say(self, answer: Answered) -> Answered:
         """At the place where parity equations say that it acts."""
         if answer.acting is None or answer.verdict.kind == "no_mismatch":
             return answer
@@ -188,7 +193,7 @@ class _Steps:
         result = replace(result, final=beside.fit)
         return replace(answer, mapped=beside.mapped, instead=None, result=result, beside_names=True)
 
-    def told_where_it_acts(self, answer: Answered) -> Answered:
+    def where_a_map_says(self, answer: Answered) -> Answered:
         """At the place of its map, or at the actuator where it is the input's: a torque that is drawn over
         the motion is the motion's."""
         if answer.misread is not None:

@@ -27,11 +27,11 @@ Say = Callable[[str], None]
 
 @dataclass(frozen=True)
 class Believed:
-    """What was ``found``, in recordings as ``uses`` has them; ``estimation``: those that were fitted to, on
-    time; ``result``: what is left, ``doubt``: why something else is there, ``stand``: of the names;
-    ``chance``: what was found where nothing is hidden, and ``dropped``: what did not exceed it; ``read``:
-    whether the input was taken as read at its samples; ``timely``: the same recordings with the input on
-    time, None where it is not late."""
+    """What was ``found`` in the recordings of ``uses``, with the input on time; ``estimation``: those that
+    were fitted to, likewise; ``result``: what is left, ``doubt``: why something else is there, ``stand``: of
+    the names; ``chance``: what was found where nothing is hidden, and ``dropped``: what did not exceed it;
+    ``read``: whether the input was taken as read at its samples; ``timely``: the lateness of the input, and
+    what is made of recordings with it and without, None where it is not late."""
 
     found: Explained
     uses: Uses

@@ -31,7 +31,7 @@ from .evidence.inverse_dynamics.band import motion_band
 from .evidence.inverse_dynamics.witness import witness
 from .evidence.predictable import while_followed, while_predictable
 from .evidence.proof import Course
-from .evidence.second_opinion import Opinion, second_opinion
+from .evidence.second_opinion import Opinion, second_opinion, settled
 from .evidence.shown_by_current import shown_by_current
 from .inputs.scales import recording_scales, within_reach
 from .policy import HARM
@@ -99,7 +99,8 @@ class Explained:
         windows = fewer(self.course.windows[: self.count], MOST_WINDOWS)
         scales = self.result.scales
         limits = within_reach(self.given, scales) | turning_limits(candidate, scales.size["fastest"])
-        return fit_to_free_runs(candidate, [*zip(self.course.data, windows, strict=False)], limits)
+        parts = [*zip(self.course.data[: self.count], windows, strict=True)]
+        return fit_to_free_runs(candidate, parts, limits)
 
     def resized(self, fit: Fit) -> Fit | None:
         """A fit with the parameters that its free runs want (see `freely_sized`)."""
@@ -158,7 +159,7 @@ def explain(
             freely = True
     opinion = None
     if said is not None:
-        alone = (model, result.baseline.model, said.structure.model)
+        alone = (model, result.baseline.model, settled(said, said.structure, horizons.errors).model)
         with suppress(*FAILURES):
             opinion = second_opinion(said, result.scales, horizons.errors, min(map(horizons.errors, alone)))
     return Explained(model, learn, judge, course, horizons, result, kept, freely, opinion, cutoff)

@@ -28,8 +28,9 @@ CLEAR_GAIN = 30.0
 """Gain on the estimation recordings from which the validation recordings need only not object: they may not
 reach a stop or a limit at all, and then nothing that they lose speaks against it. Between LEAST_GAIN and here
 what is asked of them falls linearly. Beside other names, where innovations are WHITE and what is left is
-random, neither free runs nor a size that is hardly known speak against such a gain. Lower: more that is true
-of one recording alone is believed. By hand; more than twice what any of those 321 gained."""
+random, neither free runs nor a size that is hardly known speak against such a gain: four right names on a
+seed of the benchmark stay by that. Lower: more that is true of one recording alone is believed. By hand;
+more than twice what any of those 321 gained."""
 
 LEAST_AGAINST = 2.0
 """Log-likelihood by which the validation recordings may object to a clear gain. Higher: effects that hold on
@@ -183,8 +184,9 @@ the angle passes for an encoder's error where a torque has not quite the right f
 (6.5) and on simulated encoders that err (at most 0.99); of a flexible joint what any of its parity equations
 leaves: eleven right names on a seed of the benchmark raise none by more than 1.01, two cardan joints that got
 the name raise it by 1.9 and 3.7. Also by how much more torque an observer may add with one of several names
-than with the others alone, at the same noise levels: three right names on a seed of the benchmark have 0.77
-to 0.92 (with the levels of each fit 1.3 to 3.7), a wrong one on physics outside the table has 1.20."""
+than with the others alone, at the same noise levels: only four names were measured so, three right ones on
+a seed of the benchmark (0.77 to 0.92; with the levels of each fit 1.3 to 3.7) and a wrong one on physics
+outside the table (1.20)."""
 
 FITS_BETTER = 0.9
 """The same factor above which nobody is sure of an encoder's error: what the torques do not confirm may be a
@@ -252,7 +254,8 @@ named. Lower: leftovers of the noise model become alarms. By hand on development
 
 NOTICEABLE = 0.03
 """Least rms of that torque against the rms input torque: less is no alarm, whatever it follows, and passes
-for random where a name is there. By hand."""
+for random where a name is there; nor is more missing with a name than without where it is no more than
+that. By hand."""
 
 # Where does it act?
 

@@ -140,13 +140,14 @@ def weighed(
     def size_left(fit: Fit) -> float:
         return left_size(fit, [*found.learn, *found.judge])
 
-    def white(fit: Fit) -> bool:
-        return max(colours(fit, found.learn, found.judge)) <= WHITE
+    def likely(fit: Fit) -> bool:
+        # Gains of free runs are no likelihoods.
+        return not found.freely and max(colours(fit, found.learn, found.judge)) <= WHITE
 
     before = adequate = doubt = None
     while result.choices and result is not before:
         before, adequate = result, _adequacy(found, result)
-        kept = earned(result, adequate, found.learn, corroborated, size_left, stand.spread, white)
+        kept = earned(result, adequate, found.learn, corroborated, size_left, stand.spread, likely)
         kept = one_size_each(kept, found.learn, found.judge)
         result, doubt = constant_sizes(kept, lambda one: steady(found, one), found.learn)
     return result, adequate if result.choices else None, doubt

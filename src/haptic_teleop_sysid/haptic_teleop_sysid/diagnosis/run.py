@@ -1,4 +1,4 @@
-"""One diagnosis from data sets to verdict: the order of its steps and nothing else."""
+"""One diagnosis from data sets to verdict: the order of its steps, and what is put together from them."""
 
 from __future__ import annotations
 

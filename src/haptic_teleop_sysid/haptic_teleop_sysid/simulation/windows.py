@@ -4,6 +4,7 @@ same for all.
 
 from __future__ import annotations
 
+import math
 import re
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -70,9 +71,9 @@ def cut(dataset: DataSet, seconds: float | None, why: str) -> Windows:
 
 def fewer(all_windows: Sequence[Windows], most: int) -> list[Windows]:
     """Of several recordings' windows every second one, or third, and so on, of each, evenly spread, so that
-    about ``most`` are left; all where there are no more."""
-    step = max(1, round(sum(len(w.spans) for w in all_windows) / most))
-    return [replace(w, spans=w.spans[(len(w.spans) - 1) % step // 2 :: step]) for w in all_windows]
+    ``most`` are left at most, but one of each recording; all where there are no more."""
+    step = max(1, math.ceil(sum(len(w.spans) for w in all_windows) / most))
+    return [replace(w, spans=w.spans[: max(1, len(w.spans) // step) * step : step]) for w in all_windows]
 
 
 def _remedy(seconds: float | None, why: str) -> str:

@@ -34,27 +34,28 @@ def earned(
     corroborated: Corroboration,
     left: Callable[[Fit], float],
     spread: dict[str, float],
-    white: Callable[[Fit], bool],
+    likely: Callable[[Fit], bool],
 ) -> SearchResult:
     """The result without names that do not earn their place beside the others; the last one found is asked
     first, and a single one not at all. ``adequate``: how much the names explain; ``records``: those of the
     estimation; ``left``: size of the torque that the observer of a fit still adds; ``spread``: of parameters
-    between recordings; ``white``: whether innovations of a fit are white on both kinds. Where they are, and
-    what is left is random, likelihoods are to be taken at their word: neither a free run nor a size that is
-    hardly known speaks against a clear gain. Of a name that stays although the torques do not bear it out,
-    and with which the other recordings are simulated worse, nobody is sure."""
+    between recordings; ``likely``: whether likelihoods of a fit are to be taken at their word, because its
+    innovations are white on both kinds. Where they are, and what is left is random, neither a free run nor a
+    size that is hardly known speaks against a name that gains clearly beside the others. Of one that stays
+    although the torques do not bear it out, and with which the other recordings are simulated worse, nobody
+    is sure."""
     for choice in reversed(result.choices):
         if len(result.choices) < 2:
             break
         effect = choice.chosen.effect
         if choice.chosen.by_current > 0.0:
             continue
-        clear = adequate.random_left and _clear(choice) and white(result.final)
-        unknown = not clear and size_unknown(choice, result.final, spread)
+        unknown = size_unknown(choice, result.final, spread)
         if not unknown and corroborated.by_torques(result.final.model, effect):
             continue
         others = without(result, effect, records)
-        if unknown:
+        clear = adequate.random_left and _clear(choice, result.final, others) and likely(result.final)
+        if unknown and not clear:
             why = f"beside the others the size of {effect.effect} is not known"
         else:
             why = _torque_missing(result.final, others, effect, left)
@@ -87,20 +88,22 @@ def _nobody_sure(result: SearchResult, choice: Choice) -> SearchResult:
     return replace(result, choices=kept)
 
 
-def _clear(choice: Choice) -> bool:
-    """Whether likelihoods speak for a choice clearly, and on other recordings not against it."""
-    return choice.chosen.gain >= CLEAR_GAIN and choice.chosen.elsewhere >= LEAST_HELD_OUT
+def _clear(choice: Choice, fit: Fit, others: Fit) -> bool:
+    """Whether likelihoods speak clearly for a choice beside the ``others``, and on the other recordings spoke
+    for it when it was found."""
+    gain = min(choice.chosen.gain, fit.log_likelihood - others.log_likelihood)
+    return gain >= CLEAR_GAIN and choice.chosen.elsewhere >= LEAST_HELD_OUT
 
 
 def _torque_missing(fit: Fit, without: Fit, effect: Effect, left: Callable[[Fit], float]) -> str | None:
     """The objection that with an effect of a fit its observer adds more torque than without, None where it
     does not, or what it adds is too little to be worth a word. Both are asked at the noise levels of either:
     an observer that takes its readings for noisier adds less torque, whatever is missing."""
-    levels = fit.noise, without.noise
-    with_it, others = (
-        math.sqrt(math.prod(left(replace(one, noise=n)) for n in levels)) for one in (fit, without)
-    )
-    if with_it <= max(FITS_WORSE * others, NOTICEABLE):
+    pairs = [[left(replace(one, noise=n)) for one in (fit, without)] for n in (fit.noise, without.noise)]
+    # A model may have no observer at the levels of the other one.
+    told = [pair for pair in pairs if all(map(math.isfinite, pair))] or pairs[:1]
+    with_it, others = (math.prod(sizes) ** (1.0 / len(told)) for sizes in zip(*told, strict=True))
+    if not with_it > max(FITS_WORSE * others, NOTICEABLE):
         return None
     return f"beside the others, more torque is missing with {effect.effect} than without"
 

@@ -99,6 +99,11 @@ def _choice(opinion: Opinion, final: Fit, index: int) -> Choice:
         "for and the structure does not have, on recordings that were not fitted"
     )
     told += f", and a free run errs by {100 * chosen.errors[1]:.1f} % of the motion there"
+    if chosen.group.settled:
+        told += (
+            f"; the estimation recordings alone leave {' and '.join(chosen.group.settled)} open, so all is "
+            "fitted to both kinds of recordings"
+        )
     explanation = Explanation(final, chosen.gain, 0.0, True, index, witnessed=told)
 
     def instead(other: Effect) -> Explanation:

@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.stats import rankdata
 
 from haptic_teleop_sim.model import Model
 from haptic_teleop_sysid.estimation.gauss_newton import Fit
@@ -15,13 +16,13 @@ from haptic_teleop_sysid.estimation.records import Record
 
 from .drawn_map import VARIABLES, finer
 from .inverse_dynamics.groups import Search
-from .inverse_dynamics.latent import IN_A_TURN, Latent, measured_over, sampled
+from .inverse_dynamics.latent import IN_A_TURN, INPUT, Latent, measured_over
 from .inverse_dynamics.regression import equations
 
-#: Share of the plane of two quantities that the motion fills, in parts with as many samples along either,
-#: from which a surface over both is drawn: round one loop, which fills half of it at most, it may be anything
-#: that comes again with the loop. By hand: of 38 motions of two draws of physics outside the table none fills
-#: less than 0.88 of input and angle; a wrist's slow sine, where a surface took the place of friction, 0.58.
+#: Share of the plane of input and angle that the motion fills, in rows and columns that hold as many samples,
+#: from which a surface over both is drawn: round one loop, which fills about half, it may be anything that
+#: comes again with the loop. By hand: of 38 motions of two draws of physics outside the table none fills less
+#: than 0.88; a wrist's slow sine, where a surface took the place of friction, 0.58.
 FILLED, PARTS = 0.7, 8
 #: Share of the samples that a part would have if all had as many, from which it counts as filled.
 ENOUGH = 0.25
@@ -78,19 +79,18 @@ def _place(search: Search, latents: Sequence[Latent]) -> Place:
 
 
 def _fills(search: Search, latent: Latent) -> bool:
-    """Whether the motion fills enough of the plane of a torque's two quantities; a single one always does."""
-    if len(latent.quantities) == 1:
+    """Whether the motion fills enough of the plane of a surface over the input; any other torque may be
+    drawn."""
+    if len(latent.quantities) == 1 or INPUT not in latent.quantities:
         return True
-    motions = [m for side in search.sides for m in side.side.motions]
-    values = sampled(motions, search.model, latent.place, latent.quantities, latent.turns)
-    return filled(*map(np.array, values)) >= FILLED
+    return filled(*map(np.array, latent.samples)) >= FILLED
 
 
 def filled(one: NDArray[np.float64], other: NDArray[np.float64]) -> float:
-    """Share of PARTS x PARTS parts of the plane of two quantities (n,) that hold ENOUGH samples; each row and
-    each column of parts has as many."""
-    ranks = [np.argsort(np.argsort(values, kind="stable"), kind="stable") for values in (one, other)]
-    along, across = (rank * PARTS // len(rank) for rank in ranks)
+    """Share of PARTS x PARTS parts of the plane of two quantities (n,) that hold ENOUGH samples, of n in the
+    hundreds; each row and each column holds the same number, but for equal values, which share one."""
+    ranks = [(rankdata(values, method="min") - 1.0) / len(values) for values in (one, other)]
+    along, across = ((PARTS * rank).astype(np.intp) for rank in ranks)
     count = np.bincount(PARTS * along + across, minlength=PARTS**2)
     return float(np.mean(count >= ENOUGH * len(one) / PARTS**2))
 

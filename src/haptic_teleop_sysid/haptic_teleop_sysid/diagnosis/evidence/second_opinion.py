@@ -85,6 +85,7 @@ def second_opinion(witness: Witness, scales: Scales, errors: Errors, before: tup
     def heard(group: Group) -> Heard | None:
         if not all(admissible(e, scales) for e in group.effects):
             return None
+        group = settled(witness, group, errors)
         found = errors(group.model)
         # A free run that is no better than the mean says nothing for it, however bad the structure's is.
         if any(e > NO_WORSE * b or e >= 1.0 for e, b in zip(found, floor, strict=True)):
@@ -117,6 +118,15 @@ def second_opinion(witness: Witness, scales: Scales, errors: Errors, before: tup
     weights = np.array([math.exp((h.gain - rivals[0].gain) / APART) for h in rivals])
     shares = weights / weights.sum() if len(weights) else weights
     return Opinion(chosen, tuple(zip(rivals, shares.tolist(), strict=True)), witness)
+
+
+def settled(witness: Witness, group: Group, errors: Errors) -> Group:
+    """The group, or as both kinds of recordings settle it (`Witness.settling`), where free runs of that err
+    less in the mean of both."""
+    other = witness.settling(group)
+    if other is None or not math.prod(errors(other.model)) < math.prod(errors(group.model)):
+        return group
+    return other
 
 
 def plainer_first(ranked: Sequence[Heard]) -> list[Heard]:

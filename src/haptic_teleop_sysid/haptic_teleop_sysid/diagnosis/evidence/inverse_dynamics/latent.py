@@ -192,7 +192,7 @@ def _over(
         seen = [[_seen(m, model, place, n, turns) for m in motions] for n in names]
         knots = [_knots(values, number, n) for values, n in zip(seen, names, strict=True)]
         if all(len(k) > 2 for k in knots):
-            samples = sampled(motions, model, place, names, turns) if INPUT in names else ()
+            samples = _samples(motions, model, place, names, turns) if INPUT in names else ()
             yield Latent(model.location(place), place, names, tuple(knots), turns, samples)
 
 
@@ -203,7 +203,7 @@ def _seen(motion: BandedMotion, model: Model, place: str, name: str, turns: floa
     return quantity(motion, place, name, turns)[motion.kept]
 
 
-def sampled(
+def _samples(
     motions: Sequence[BandedMotion], model: Model, place: str, names: tuple[str, ...], turns: float
 ) -> tuple[tuple[float, ...], ...]:
     """Values of each quantity at _SAMPLES of the samples of all motions that count, the same for each."""

@@ -38,6 +38,10 @@ LEAST_SEEN = 0.25
 LARGEST = 4.0
 #: Log-likelihood that a parameter must gain, both ways together.
 A_PARAMETER = 4.0
+#: Standard error of a structure's parameter, as a share of it, from which the estimation recordings leave it
+#: open: a ramp says hardly anything of an inertia. By hand; 0.55 and 0.73 on two real joints whose free runs
+#: of other recordings failed by it, 0.02 or less on the benchmark's machines.
+OPEN = 0.4
 
 
 @dataclass(frozen=True)
@@ -51,7 +55,8 @@ class Group:
     mean); ``explained``: share of what the structure alone leaves that the effects explain, as in
     `Witness.recoverable`; ``std``: standard errors by parameter of the regression, with what the
     recordings of either kind put them apart; ``at_bound``: parameters of the structure that the regression
-    wants beyond its bounds (no damping is none).
+    wants beyond its bounds (no damping is none); ``settled``: those that the estimation recordings leave
+    open, for which all are fitted to both kinds.
     """
 
     model: Model
@@ -61,6 +66,7 @@ class Group:
     explained: float
     std: dict[str, float]
     at_bound: tuple[str, ...] = ()
+    settled: tuple[str, ...] = ()
 
     @property
     def effects(self) -> tuple[Effect, ...]:
@@ -101,6 +107,16 @@ class Witness:
     def with_names(self, chosen: Chosen) -> Model:
         """The structure as the inverse dynamics have it beside these effects, and the effects."""
         return _group(self.folds, chosen, 0.0).model
+
+    def settling(self, group: Group) -> Group | None:
+        """The group fitted to both kinds of recordings, where those of the estimation leave a parameter of
+        the structure open; None where they do not."""
+        values = group.model.parameters
+        left_open = tuple(n for n in self.kinds.sides[0].side.names if group.std[n] > OPEN * values[n] > 0.0)
+        if not left_open:
+            return None
+        both = _group(self.folds, group.hypotheses, 0.0)
+        return replace(group, model=both.model, at_bound=both.at_bound, settled=left_open)
 
     def beside(self, group: Group) -> tuple[Latent, float] | None:
         """The torque without a form that explains most of what a group leaves, and the share of that."""
