@@ -42,6 +42,8 @@ A_PARAMETER = 4.0
 #: open: a ramp says hardly anything of an inertia. By hand; 0.55 and 0.73 on two real joints whose free runs
 #: of other recordings failed by it, 0.02 or less on the benchmark's machines.
 OPEN = 0.4
+#: What stands for none of a parameter, as a damping is at its bound: that is not open.
+NONE = 1e-12
 
 
 @dataclass(frozen=True)
@@ -112,7 +114,8 @@ class Witness:
         """The group fitted to both kinds of recordings, where those of the estimation leave a parameter of
         the structure open; None where they do not."""
         values = group.model.parameters
-        left_open = tuple(n for n in self.kinds.sides[0].side.names if group.std[n] > OPEN * values[n] > 0.0)
+        own = [n for n in self.kinds.sides[0].side.names if values[n] > NONE and n not in group.at_bound]
+        left_open = tuple(n for n in own if group.std[n] > OPEN * values[n])
         if not left_open:
             return None
         both = _group(self.folds, group.hypotheses, 0.0)
@@ -248,7 +251,7 @@ def _group(search: Search, chosen: Chosen, gain: float) -> Group:
     found, std = {}, {}
     for i, name in enumerate(side.names):
         scale = arm if name.startswith("arm") else 1.0
-        found[name], std[name] = max(scale * float(values[i]), 1e-12), scale * float(errors[i])
+        found[name], std[name] = max(scale * float(values[i]), NONE), scale * float(errors[i])
     low, high = side.bounds()
     stuck = zip(side.names, values, low, high, strict=False)
     at_bound = tuple(n for n, v, a, b in stuck if v > 0.0 and min(v - a, b - v) < 1e-6 * v)
