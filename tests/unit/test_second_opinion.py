@@ -40,6 +40,7 @@ from haptic_teleop_sysid.diagnosis.evidence.second_opinion import (
 from haptic_teleop_sysid.diagnosis.hypotheses.explanation import Explanation
 from haptic_teleop_sysid.diagnosis.hypotheses.material import material
 from haptic_teleop_sysid.diagnosis.inputs.scales import recording_scales
+from haptic_teleop_sysid.diagnosis.report.summary import settled_sentence
 from haptic_teleop_sysid.estimation.whole_fit import fit_whole, noise_starts
 from haptic_teleop_sysid.simulation.parameter_fit import ParameterFit
 
@@ -127,7 +128,13 @@ def test_what_gains_by_inverse_dynamics_and_by_free_runs_becomes_the_result(rubb
     assert [e.effect for e in opinion.chosen.group.effects] == ["coulomb_friction"]
     assert believed_instead(opinion, [], (0.5, 0.5), coloured=lambda: True)
     result, doubt = as_result(opinion, first, learn, errors_of, as_it_is)
-    assert doubt is None
+    assert doubt is None and not result.settled
+    both = replace(opinion.chosen.group, settled=("motor_inertia",))
+    told = as_result(
+        replace(opinion, chosen=replace(opinion.chosen, group=both)), first, learn, errors_of, as_it_is
+    )[0]
+    assert told.settled == ("motor_inertia",)
+    assert "motor inertia open" in settled_sentence(told.settled)
     verdict = decide_verdict(result, learn, judge, doubt)
     assert verdict.kind == "identified"
     (finding,) = verdict.findings

@@ -24,10 +24,11 @@ from .evidence.other_forms import spread_by_form, together
 from .evidence.proof import Proof, prove
 from .examined import examined
 from .explain import Explained
-from .inputs.uses import three_uses
+from .inputs.uses import Uses, three_uses
 from .report.columns import column, errors_of, three_columns, with_bounds
 from .report.contents import contents
 from .report.next_experiment import once_calibrated
+from .report.summary import settled_sentence
 from .report.testimony import testimony
 from .usable import refuse_unusable
 
@@ -64,7 +65,7 @@ def diagnose(
     answer = replace(answer, verdict=replace(answer.verdict, findings=findings))
     say("choosing the next experiment")
     stand = replace(stand, after=colours(result.final, found.learn, found.judge))
-    told = (belief.chance, belief.dropped), belief.uses, found.learn, _has(answer)
+    told = (belief.chance, belief.dropped), _told(belief.uses, result), found.learn, _has(answer)
     content = contents(result, answer.verdict, proof, columns, stand, left.doubt, *told)
     return result, answer.verdict, proof, content | _further(belief, answer, left.doubt)
 
@@ -84,6 +85,13 @@ def _as_recorded(belief: Believed, answer: Answered, predicted: Fit) -> tuple[Ex
     return found, replace(answer, result=result), stand
 
 
+def _told(uses: Uses, result: SearchResult) -> Uses:
+    """The uses of the recordings, in words of what was found, too."""
+    if not result.settled:
+        return uses
+    return replace(uses, told=f"{uses.told}. {settled_sentence(result.settled)}")
+
+
 def _has(answer: Answered) -> str:
     """What the augmented model has, and what it lacks, in words."""
     missing = not_in(answer.verdict, answer.result.final.model)
@@ -101,6 +109,7 @@ def _further(belief: Believed, answer: Answered, doubt: Doubt | None) -> dict[st
     told = answer.acting is not None and verdict.kind != "no_mismatch"
     gains, opinion = answer.of_input, belief.found.opinion
     further = {
+        "settled_by_both": list(answer.result.settled),
         MEASURED.name: None if answer.mapped is None else answer.mapped.content(),
         "parity": answer.acting.content(answer.unknown) if answer.acting and told else None,
         "in_proportion": gains and {name: round(gain, 1) for name, gain in gains.items()},

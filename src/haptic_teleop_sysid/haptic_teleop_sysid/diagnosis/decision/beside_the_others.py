@@ -77,6 +77,7 @@ def left_out(result: SearchResult, choice: Choice, why: str, final: Fit) -> Sear
         final=final,
         by_torque=None,
         last_round=(),
+        settled=(),
     )
 
 

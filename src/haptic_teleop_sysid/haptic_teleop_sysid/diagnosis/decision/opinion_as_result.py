@@ -62,6 +62,7 @@ def as_result(
         bare = replace(predicted, baseline=baseline, final=baseline, choices=(), last_round=(), nameless=None)
         return bare, Doubt(choices[0], why, " and ".join(sorted(shapes)) or None, short=True)
     named = replace(predicted, baseline=baseline, final=final, choices=choices, by_torque=other)
+    named = replace(named, settled=group.settled)
     return replace(named, last_round=(), nameless=None, witness=opinion.witness), None
 
 
@@ -99,11 +100,6 @@ def _choice(opinion: Opinion, final: Fit, index: int) -> Choice:
         "for and the structure does not have, on recordings that were not fitted"
     )
     told += f", and a free run errs by {100 * chosen.errors[1]:.1f} % of the motion there"
-    if chosen.group.settled:
-        told += (
-            f"; the estimation recordings alone leave {' and '.join(chosen.group.settled)} open, so all is "
-            "fitted to both kinds of recordings"
-        )
     explanation = Explanation(final, chosen.gain, 0.0, True, index, witnessed=told)
 
     def instead(other: Effect) -> Explanation:

@@ -43,7 +43,8 @@ class SearchResult:
     what explains the recordings (or what the choices leave) better than anything that has a name;
     ``given_up``: what was found and is not believed; ``by_torque``: ``final`` with the sizes that the torques
     want, where its own are those that free runs want; ``witness``: whose names these are, None where they are
-    the search's own.
+    the search's own; ``settled``: parameters of the structure for which all of ``final`` is fitted to both
+    kinds of recordings (see `Group`).
     """
 
     baseline: Fit
@@ -55,6 +56,7 @@ class SearchResult:
     given_up: tuple[GivenUp, ...] = ()
     by_torque: Fit | None = None
     witness: Witness | None = None
+    settled: tuple[str, ...] = ()
 
     def giving_up(self, choices: Sequence[Choice], why: str) -> SearchResult:
         """The result, in which some of its choices are told as given up."""
@@ -74,7 +76,7 @@ class SearchResult:
     def without_names(self, choices: Sequence[Choice], why: str) -> SearchResult:
         """The structure alone, with some of the choices told as given up."""
         told = self.giving_up(choices, why)
-        return replace(told, final=self.baseline, choices=(), last_round=(), nameless=None)
+        return replace(told, final=self.baseline, choices=(), last_round=(), nameless=None, settled=())
 
 
 def search(

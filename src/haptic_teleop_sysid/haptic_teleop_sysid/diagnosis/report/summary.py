@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from typing import Any
 
 from haptic_teleop_sim.effects import MEASURED
@@ -20,6 +20,15 @@ PART_LABELS = {
 """What the parts of `fit` are called."""
 LIMIT = {"lowest": "the lowest value allowed", "highest": "the highest value allowed"}
 """What is said of a parameter at a bound."""
+
+
+def settled_sentence(names: Sequence[str]) -> str:
+    """What is said where the estimation recordings leave parameters of the structure open; no full stop."""
+    words = " and ".join(name.replace("_", " ") for name in names)
+    return (
+        f"The estimation recordings alone leave the {words} open: with what was found, all parameters are "
+        "fitted to the validation recordings, too"
+    )
 
 
 def summary(content: dict[str, Any]) -> str:
@@ -50,6 +59,8 @@ def summary(content: dict[str, Any]) -> str:
         ]
     if worse is not None and found_is_better(content):
         lines.append(f"  {worse['sentence']}.")
+    if settled := content.get("settled_by_both"):  # none in results of earlier versions
+        lines.append(f"  {settled_sentence(settled)}.")
     sentence = explains_sentence(content)
     if sentence:
         lines.append(f"  {sentence}")
