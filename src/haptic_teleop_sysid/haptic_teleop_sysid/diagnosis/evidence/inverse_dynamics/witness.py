@@ -40,7 +40,8 @@ LARGEST = 4.0
 A_PARAMETER = 4.0
 #: Standard error of a structure's parameter, as a share of it, from which the estimation recordings leave it
 #: open: a ramp says hardly anything of an inertia. By hand; 0.55 and 0.73 on two real joints whose free runs
-#: of other recordings failed by it, 0.02 or less on the benchmark's machines.
+#: of other recordings failed by it; of 189 parameters of the benchmark's machines, of cases that had failed,
+#: 19 have more than 0.4, and half of them less than 0.02.
 OPEN = 0.4
 #: What stands for none of a parameter, as a damping is at its bound: that is not open.
 NONE = 1e-12
