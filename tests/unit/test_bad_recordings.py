@@ -163,6 +163,38 @@ def test_recordings_of_two_machines_are_refused(data):
         refuse_other_units(commanded([data[0], other]))
 
 
+def limited(like, name, size, limit, seed):
+    """A rigid drive of one inertia and damping whose torque ends at a limit, moved by noise of some size."""
+    rng, period, inertia, damping = np.random.default_rng(seed), 0.005, 0.02, 0.1
+    command = size * np.repeat(rng.standard_normal(300), 10)
+    decay = np.exp(-damping / inertia * period)
+    state, read = np.zeros(2), np.empty(len(command))
+    for k, torque in enumerate(np.clip(command, -limit, limit)):
+        read[k] = state[0]
+        end = torque / damping
+        gone = (state[1] - end) * (1.0 - decay) * inertia / damping
+        state = np.array([state[0] + end * period + gone, end + (state[1] - end) * decay])
+    return replace(
+        like,
+        name=name,
+        dt=period,
+        input=command,
+        measured=np.column_stack([read, np.full(len(read), np.nan)]),
+        exogenous=np.zeros(len(read)),
+    )
+
+
+def test_a_torque_that_ends_at_a_limit_is_not_another_machine(data):
+    """Its large input moves it as little as one of a third would: that is to be found, not refused. Without
+    the limit such an input is another machine's."""
+    like = record_from(data[0], commanded=True)
+    small = limited(like, "small", 0.3, 0.2, seed=1)
+    refuse_other_units([small, limited(like, "large", 3.0, 0.2, seed=2)])
+    one, other = (limited(like, f"free{seed}", 0.3, 10.0, seed) for seed in (1, 2))
+    with pytest.raises(RecordingError, match="hardly of one machine"):
+        refuse_other_units([one, replace(other, input=4.0 * other.input)])
+
+
 def test_recordings_of_machines_that_have_nothing_in_common_are_refused():
     """A slide with friction and a pendulum with a weight: no factor makes one of the other."""
     slide, weight = pendulum(0, coulomb=2.0), pendulum(1, weight=1.5)

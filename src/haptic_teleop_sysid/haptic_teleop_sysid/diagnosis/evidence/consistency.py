@@ -43,6 +43,8 @@ _ANOTHER, _UNLIKE = 3.0, 5.0
 #: Share of what own numbers explain of an input that common ones may miss of either of two recordings. Of two
 #: inputs that differ by the factor 3 common numbers miss a quarter of one at least.
 _MISSED = 0.15
+#: Limits of a drive that are tried, as shares of the largest input.
+_LIMITS = np.geomspace(0.9, 0.01, 20)
 #: Stretches that a coherence is averaged over, and the probability of the largest one by chance.
 _STRETCHES, _BY_CHANCE = 16, 1e-4
 #: Share of an input below which inverse dynamics explains nothing of it.
@@ -95,7 +97,7 @@ def sizes(parts: Sequence[Part]) -> tuple[FloatArray, FloatArray]:
     same where these numbers explain the input of the row but for its size, NaN elsewhere. ``parts``: see
     `parts_of`."""
     found = np.full((len(parts), len(parts)), np.nan)
-    explained = found.copy()
+    same = found.copy()
     for j, (drive, columns) in enumerate(parts):
         numbers = _regressed(columns, drive)
         left = drive - columns @ numbers
@@ -106,21 +108,45 @@ def sizes(parts: Sequence[Part]) -> tuple[FloatArray, FloatArray]:
             lengths = np.linalg.norm(expected), np.linalg.norm(other)
             found[i, j] = lengths[1] / max(lengths[0], 1e-300)
             if float(expected @ other) > np.sqrt(_EXPLAINS) * lengths[0] * lengths[1]:
-                explained[i, j] = found[i, j]
-    return found, explained
+                same[i, j] = found[i, j]
+    return found, same
 
 
 def alike(one: Part, other: Part) -> bool:
     """Whether common numbers explain either input nearly as well as its own do. Where the two move at other
     angles, or one of them hardly accelerates, the numbers of the one alone say nothing of the other."""
+    shares = zip((explained(part) for part in (one, other)), _by_common(one, other), strict=True)
+    return all(common >= (1.0 - _MISSED) * own for own, common in shares)
+
+
+def alike_behind_a_limit(records: Sequence[Record], names: tuple[str, str]) -> bool:
+    """Whether common numbers leave half as much of either input of two recordings (of these ``names``), ended
+    at a common limit, as its own numbers leave of the whole: the drive is at the end of its torque in one of
+    them, and its input is large for its motion."""
+    of = [r for r in records if r.name in names]
+    whole = parts_of(of)
+    largest = max(float(np.max(np.abs(r.input))) for r in of)
+    for limit in largest * _LIMITS:
+        ended = parts_of([replace(r, input=np.clip(r.input, -limit, limit)) for r in of])
+        common = _by_common(*(ended[name] for name in names))
+        if all(2.0 * (1.0 - c) < 1.0 - explained(whole[n]) for c, n in zip(common, names, strict=True)):
+            return True
+    return False
+
+
+def explained(part: Part) -> float:
+    """Share of a recording's input that its own numbers explain."""
+    drive, columns = part
+    left = drive - columns @ _regressed(columns, drive)
+    return 1.0 - float(np.var(left) / max(float(np.var(drive)), 1e-300))
+
+
+def _by_common(one: Part, other: Part) -> list[float]:
+    """Share of the input of each of two recordings that numbers fitted to both explain."""
     both = [(drive / _spread(drive), columns / _spread(drive)) for drive, columns in (one, other)]
     rows = [(drive / np.sqrt(len(drive)), columns / np.sqrt(len(drive))) for drive, columns in both]
     common = _regressed(np.vstack([c for _, c in rows]), np.concatenate([d for d, _ in rows]))
-    for drive, columns in both:
-        explained = 1.0 - np.var(drive - columns @ _regressed(columns, drive))
-        if 1.0 - np.var(drive - columns @ common) < (1.0 - _MISSED) * explained:
-            return False
-    return True
+    return [1.0 - float(np.var(drive - columns @ common)) for drive, columns in both]
 
 
 def _spread(values: FloatArray) -> float:
@@ -140,13 +166,15 @@ def refuse_other_units(records: Sequence[Record]) -> None:
     records = [r for r in records if not _one_step(r.input)]
     by_name = parts_of(records)
     names, parts = [*by_name], [*by_name.values()]
-    every, found = sizes(parts)
+    every, same = sizes(parts)
     for i in range(len(parts)):
         for j in range(i):
-            ratios = [r for r in (found[i, j], 1.0 / found[j, i]) if np.isfinite(r)]
+            ratios = [r for r in (same[i, j], 1.0 / same[j, i]) if np.isfinite(r)]
             apart = len(ratios) > 0 and min(max(r, 1.0 / r) for r in ratios) >= _ANOTHER
             other = unlike(every[i, j], every[j, i])
             if not (apart or other) or alike(parts[i], parts[j]):
+                continue
+            if alike_behind_a_limit(records, (names[i], names[j])):
                 continue
             ratios = ratios or [every[i, j], 1.0 / every[j, i]]
             ratio = float(np.exp(np.mean(np.log(ratios))))
@@ -201,9 +229,7 @@ def refuse_unrelated(record: Record, joint: str) -> None:
     by_chance = 1.0 - (_BY_CHANCE / len(shared)) ** (1.0 / (independent - 1.0))
     if largest >= by_chance:
         return
-    drive, columns = terms(record)
-    left = drive - columns @ _regressed(columns, drive)
-    share = 1.0 - float(np.var(left) / max(float(np.var(drive)), 1e-300))
+    share = explained(terms(record))
     if share < _NOTHING and _behind_a_lag(record) < _NOTHING:
         raise RecordingError(
             f"{record.name}: the input has nothing in common with the motion of {joint}: at no frequency "
