@@ -16,7 +16,7 @@ from haptic_teleop_sysid.diagnosis.decision.at_the_actuator import (
     drawn_over_the_input,
 )
 from haptic_teleop_sysid.diagnosis.decision.verdict import Verdict
-from haptic_teleop_sysid.diagnosis.evidence.feedback import answered_share, answers, exogenous
+from haptic_teleop_sysid.diagnosis.evidence.feedback import answered_share, answers
 from haptic_teleop_sysid.diagnosis.evidence.in_proportion import (
     ACCELERATION,
     INPUT,
@@ -130,39 +130,21 @@ def test_commands_lost_at_times_are_a_share_of_the_input(losing):
     assert with_the_input(gains)
 
 
-@pytest.mark.parametrize("seed", [1, 11, 21])
+@pytest.mark.parametrize("seed", [1, 11, 21, 31, 41])
 def test_who_pushes_in_a_closed_loop_is_no_share_of_the_input(seed):
-    """A controller's output is in proportion to what pushes the joint, but not what the reference makes of
-    it."""
+    """A controller's output is nearly in proportion to what pushes the joint."""
     here, elsewhere = pushed(seed), pushed(seed + 1)
     before = unknown_at("stage1_motor")
     found, gains = at_the_actuator(before, fitted(here), [here], [elsewhere])
     assert found is before and gains
 
 
-@pytest.mark.parametrize("seed", [3, 5])
+@pytest.mark.parametrize("seed", [3, 5, 7, 11])
 def test_commands_that_a_controller_loses_are_the_actuators(seed):
     here, elsewhere = lost(seed, feedback=6.0), lost(seed + 1, feedback=6.0)
     found, gains = at_the_actuator(unknown_at("stage1_motor"), fitted(here), [here], [elsewhere])
     assert found.where[0]["equation"] == "stage1_actuator"
     assert next(iter(gains)) == INPUT
-
-
-def test_what_does_not_follow_from_the_innovations_is_what_the_reference_makes():
-    """In a linear loop the controller's output is that without a push and what it answers to the push: these
-    hardly show in what is left of it, and that is nearly all of the other part."""
-    held, alone = pushed(1), record(1, lambda current, speed, i: 0.0, feedback=6.0)
-    fit = fitted(alone)
-    innovation = innovations(pack(fit.model), fit.noise, held).innovation
-    left = exogenous(held.input[:, None], innovation, DT)[:, 0]
-    settled = slice(round(2.0 / DT), None)
-
-    def together(one, other):
-        return abs(float(np.corrcoef(one[settled], other[settled])[0, 1]))
-
-    answer = held.input - alone.input
-    assert together(left, answer) < 0.5 * together(held.input, answer)
-    assert together(left, alone.input) > 0.8
 
 
 @pytest.mark.parametrize(

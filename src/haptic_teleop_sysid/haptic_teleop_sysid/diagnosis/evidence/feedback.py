@@ -24,49 +24,11 @@ _JUMPS = 5.0
 #: benchmark's closed loops have more than 0.32, none of 232 in an open loop more than 0.18.
 ANSWERS = 0.25
 _SAME = 1e-10
-#: How long a controller's output, and what the joint makes of it, answers to an innovation, s, and in how
-#: many steps, which grow with the time that has passed, that answer is drawn.
-_MEMORY, _BINS = 4.0, 70
-#: Samples whose columns are in memory at once; share of a quantity's mean square that is rounding.
-_BLOCK, _NOTHING = 20_000, 1e-16
 
 
 def answers(record: Record, innovation: FloatArray) -> bool:
     """Whether the input of a recording is a controller's, by its innovations (n, channels)."""
     return answered_share(record, innovation) > ANSWERS
-
-
-def exogenous(values: FloatArray, innovation: FloatArray, dt: float) -> FloatArray:
-    """What of quantities (n, q) does not follow from the innovations (n, channels) up to now, linearly: in a
-    closed loop the part that the reference makes, which no disturbance does (an instrument, as in the
-    two-stage method of Van den Hof and Schrama, Automatica 29, 1993). The answer to an innovation is drawn
-    in steps."""
-    n = len(innovation)
-    edges = np.unique(np.rint(np.geomspace(1.0, max(_MEMORY / dt, 2.0), _BINS)).astype(int))
-    sums = [
-        np.concatenate([[0.0], np.cumsum(channel / max(float(np.std(channel)), 1e-300))])
-        for channel in innovation.T
-    ]
-
-    def basis(block: slice) -> FloatArray:
-        """A constant, and the innovations of each bin before each sample of a block."""
-        after = np.arange(block.start + 1, block.stop + 1)
-        columns = [np.ones(len(after))]
-        for whole in sums:
-            passed = np.stack([whole[np.maximum(after - edge, 0)] for edge in (0, *edges.tolist())])
-            columns += [*(passed[:-1] - passed[1:])]
-        return np.column_stack(columns)
-
-    blocks = [slice(start, min(start + _BLOCK, n)) for start in range(0, n, _BLOCK)]
-    products, mixed = 0.0, 0.0
-    for block in blocks:
-        own = basis(block)
-        products, mixed = products + own.T @ own, mixed + own.T @ values[block]
-    unit = np.sqrt(np.maximum(np.diag(products), 1e-300))
-    answer = np.linalg.lstsq(products / np.outer(unit, unit), mixed / unit[:, None], rcond=_SAME)[0]
-    left = np.concatenate([values[block] - (basis(block) / unit) @ answer for block in blocks])
-    # Of a constant rounding is left.
-    return np.where(np.sum(left**2, axis=0) > _NOTHING * np.sum(values**2, axis=0), left, 0.0)
 
 
 def in_open_loop(fit: Fit, records: Sequence[Record]) -> bool:

@@ -2,13 +2,13 @@
 
 What an amplifier loses is a share of its input, whatever the joint does: a limit that folds back, a supply
 that sags, commands that are lost for a moment, a motor that is weaker at some angles. What a bearing or a
-load takes is not. For each quantity x the innovations are regressed on the observer's answer to a torque x(t)
-at the motor, with one factor for every stretch of time, so that all quantities have as many factors and their
-gains can be compared. What a constant factor explains is taken out before: the structure or a name has that.
+load takes is not. For each quantity x it is asked how much likelier the recordings are with a torque
+x(t) f(t) at the motor whose factor f is a random process (see `changing_factor`): each quantity has the same
+two numbers to be fitted, so that their gains can be compared. What a constant factor explains is taken out
+before: the structure or a name has that.
 
-In a closed loop the input answers to whatever is missing, a hand that pushes, too, and is in proportion to it
-for that reason. So only that part of each quantity counts there that does not follow from the innovations:
-what the reference makes of it (see `feedback.exogenous`).
+In a closed loop the input answers to whatever is missing, a hand that pushes, too, but later and by another
+factor at each frequency; the observer is surprised by the push before, and by what moves with it.
 
 An inertia that changes takes a share of the acceleration, and on a rigid joint that is nearly a share of the
 input. Where the acceleration gains clearly more, it is the motor's; where neither does, it may be both.
@@ -36,18 +36,14 @@ from haptic_teleop_sysid.estimation.likelihood import (
 from haptic_teleop_sysid.estimation.records import Record
 
 from ..inputs.scales import bridged
-from .feedback import answers, exogenous
+from .changing_factor import Surprise, best, log_evidence
 
 FloatArray = NDArray[np.float64]
 
 INPUT, ACCELERATION = "input", "acceleration"
-#: Lengths of the stretches that are tried, s; the shortest are those of a lost command.
-STRETCHES = (0.05, 0.1, 0.2, 0.5, 1.0, 2.0)
-#: Nats that a factor must gain: half of one by chance, and as much again for what no model has quite right.
-BY_CHANCE = 1.0
 #: Nats, and share of its gain, by which the input must gain more than any motion to be what a torque is in
-#: proportion to. By hand, on 158 cases of six draws by other authors and two seeds of the benchmark.
-CLEARLY, CLEARLY_SHARE = 12.0, 0.1
+#: proportion to. By hand, on 82 cases of three draws by other authors and three seeds of the benchmark.
+CLEARLY, CLEARLY_SHARE = 12.0, 0.05
 #: Size of the torque by which the observer's answer is found, of the rms input, and times at which it is.
 _PUSH, _TIMES = 1e-3, 5
 #: Longest answer, s, and its end as a share of its largest value.
@@ -57,24 +53,26 @@ _SAME = 1e-8
 
 
 def in_proportion(fits: Sequence[tuple[Fit, Sequence[Record]]], free: tuple[str, ...]) -> dict[str, float]:
-    """The nats that a factor which changes with time gains for each quantity on all recordings together, the
-    largest first, net of what it gains by chance, with the best of STRETCHES; {} where arithmetic fails.
-    ``fits``: each with its records; ``free``: the parameters that make up for what they can."""
-    gains: dict[tuple[str, float], float] = {}
-    for fit, records in fits:
-        for record in records:
-            if not np.any(record.input):
-                continue
-            try:
-                found = _gains(fit, record, free)
-            except FAILURES:
-                return {}
-            for key, gain in found.items():
-                gains[key] = gains.get(key, 0.0) + gain
-    best: dict[str, float] = {}
-    for (name, _), gain in gains.items():
-        best[name] = max(gain, best.get(name, -np.inf))
-    return dict(sorted(best.items(), key=lambda one: -one[1]))
+    """The nats by which a factor that changes with time makes all recordings together likelier, for each
+    quantity, the largest first; {} where arithmetic fails. ``fits``: each with its records; ``free``: the
+    parameters that make up for what they can."""
+    gains: dict[str, list[FloatArray]] = {}
+    try:
+        asked = [
+            _asked(fit, record, free) for fit, records in fits for record in records if np.any(record.input)
+        ]
+        for name in asked[0][1] if asked else ():
+            # One factor has one size on all recordings: in units of what the input is to the quantity.
+            size = _rms([values[name] for _, values in asked])
+            unit = _rms([values[INPUT] for _, values in asked]) / max(size, 1e-300)
+            gains[name] = [log_evidence(surprise, unit * values[name]) for surprise, values in asked]
+    except FAILURES:
+        return {}
+    return dict(sorted(((name, best(each)) for name, each in gains.items()), key=lambda one: -one[1]))
+
+
+def _rms(values: Sequence[FloatArray]) -> float:
+    return float(np.sqrt(np.mean(np.concatenate(values) ** 2)))
 
 
 def with_the_input(gains: dict[str, float], rigid: bool = False) -> bool:
@@ -93,39 +91,27 @@ def _clearly_more(gain: float, other: float) -> bool:
     return gain - other > max(CLEARLY, CLEARLY_SHARE * gain)
 
 
-def _gains(fit: Fit, record: Record, free: tuple[str, ...]) -> dict[tuple[str, float], float]:
-    """What each quantity gains on one recording with stretches of each length, nats."""
+def _asked(
+    fit: Fit, record: Record, free: tuple[str, ...]
+) -> tuple[Surprise, dict[str, FloatArray]]:
+    """The innovations on one recording, beside ``free`` parameters and constant factors, and the quantities
+    (n,) by name."""
     packed = pack(fit.model)
     run = innovations(packed, fit.noise, record, free)
     count = len(channels(packed, record))
     errors, slopes = whiten(packed, record, run.innovation, run.d_innovation)
     answer = _answer(packed, fit, record, run.innovation)
-    read = settled(record, seen(packed, record))[:, :count]
+    every = seen(packed, record)[:, :count]
+    read = settled(record, every)
     quantities = _quantities(fit, record, run.states)
-    if answers(record, run.innovation[:, :count]):
-        parts = exogenous(np.column_stack([*quantities.values()]), run.innovation[:, :count], record.dt)
-        quantities = dict(zip(quantities, parts.T, strict=True))
-    answers_to = {
-        name: (settled(record, _convolved(values, answer)) * read).reshape(-1)
-        for name, values in quantities.items()
-    }
-    steady = np.column_stack([slopes, *answers_to.values()])
+    constant = [
+        (settled(record, _convolved(values, answer)) * read).reshape(-1) for values in quantities.values()
+    ]
+    steady = np.column_stack([slopes, *constant])
     length = np.sqrt(np.sum(steady**2, axis=0))
-    steady = steady[:, length > 0.0] / length[length > 0.0]
-    left = errors - steady @ np.linalg.lstsq(steady, errors, rcond=_SAME)[0]
-    found = {}
-    for name, values in answers_to.items():
-        each = [one.reshape(-1, count).sum(axis=1) for one in (values * left, values**2)]
-        for seconds in STRETCHES:
-            parts = round(len(read) * record.dt / seconds)
-            if parts < 2:
-                continue
-            starts = np.arange(parts) * len(read) // parts
-            along, power = (np.add.reduceat(one, starts) for one in each)
-            moved = power > 0.0
-            gain = 0.5 * float(np.sum(along[moved] ** 2 / power[moved]))
-            found[name, seconds] = gain - BY_CHANCE * int(np.count_nonzero(moved))
-    return found
+    axes, sizes, _ = np.linalg.svd(steady[:, length > 0.0] / length[length > 0.0], full_matrices=False)
+    allowed = axes[:, sizes > _SAME * sizes[0]]
+    return Surprise(errors, allowed, every, answer, record.dt), quantities
 
 
 def _answer(packed: Packed, fit: Fit, record: Record, innovation: FloatArray) -> FloatArray:

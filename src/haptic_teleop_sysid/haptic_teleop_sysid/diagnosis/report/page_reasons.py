@@ -87,8 +87,8 @@ def _where(section: Section, verdict: Verdict, content: dict[str, Any], curves: 
         section.table(
             ("in proportion to", "log-likelihood gained"),
             [(name, f"{gain:z.0f}") for name, gain in proportion.items()],
-            "What is missing at the motor, as a multiple of one quantity that changes with time (of the "
-            "input, if the actuator makes it, or of the motion); net of what such a multiple gains by chance",
+            "What is missing at the motor, as a multiple of one quantity that changes with time at random: "
+            "of the input, if the actuator makes it, or of the motion",
         )
 
 
