@@ -271,6 +271,14 @@ def test_a_map_tells_the_place_only_where_no_other_equation_stands_out(holds, to
     assert at_the_map(at("joint"), mapped, acting).where[0]["equation"] == told
 
 
+@pytest.mark.parametrize(("explained", "told"), [(0.99, "j_arm"), (0.5, "j_joint")])
+def test_a_map_against_its_own_equation_must_explain_nearly_all(explained, told):
+    """A spring that creeps is drawn over the arm's angle by half; a detent of the arm by all of it."""
+    acting = SimpleNamespace(model=ELASTIC, bare={"motor": 0.008, "arm": 0.12, "joint": 0.01})
+    mapped = MeasuredMap("drawn", friction("arm"), explained=explained, closed=0.8, quantities=("arm angle",))
+    assert at_the_map(at("joint"), mapped, acting).where[0]["equation"] == told
+
+
 @pytest.mark.parametrize(("size", "moves"), [(0.5, True), (0.1, False)])
 def test_random_torque_at_the_motor_takes_nothing_from_the_arm(machines, size, moves):
     acting = ActingPlace(ELASTIC, machines("motor", size=size), CUTOFF)

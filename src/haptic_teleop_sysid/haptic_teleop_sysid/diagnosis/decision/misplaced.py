@@ -18,7 +18,7 @@ from ..evidence.inverse_dynamics.parity_signals import acts_at
 from ..evidence.measured_map import MeasuredMap
 from ..evidence.residual import Condition
 from ..hypotheses.follows import follows_from_motion
-from ..policy import HOLDS_BETTER, HOLDS_TOO, LEAST_EXPLAINED, MOST_UNNAMED
+from ..policy import HOLDS_BETTER, HOLDS_TOO, LEAST_EXPLAINED, MOST_UNNAMED, NEARLY_ALL
 from .beside_the_others import left_out, without
 from .decide import Choice
 from .reasons import Doubt
@@ -133,23 +133,33 @@ def at_its_place(
 def at_the_map(verdict: Verdict, mapped: MeasuredMap, acting: ActingPlace | None) -> Verdict:
     """An `unknown` at the place of the torque map over the motion that takes most of the simulated error off
     recordings it was not drawn from, with what that depends on; not where the parity equation of another
-    place holds better than all others. ``acting``: see `beside_findings`, None where there are none."""
+    place holds better than all others, or than its own, unless the map explains NEARLY_ALL of the torque.
+    ``acting``: see `beside_findings`, None where there are none."""
     if verdict.kind != "unknown" or not verdict.where or mapped.effect is None or INPUT in mapped.quantities:
         return verdict
-    allowed = None if acting is None else holds_better(acting)
-    if acting is not None and allowed not in (None, acts_at(acting.model, mapped.effect.location)):
+    place, explained = mapped.effect.location, mapped.explained or 0.0
+    if acting is not None and _elsewhere_by_equations(place, explained, acting):
         return verdict
     told, *others = verdict.where
-    if mapped.effect.location == told["equation"] or (mapped.closed or 0.0) < LEAST_EXPLAINED:
+    if place == told["equation"] or (mapped.closed or 0.0) < LEAST_EXPLAINED:
         return verdict
     where = {
         **told,
-        "equation": mapped.effect.location,
-        "share": round(float(mapped.explained or 0.0), 3),
+        "equation": place,
+        "share": round(explained, 3),
         "condition": " and ".join(mapped.quantities),
         "intervals": [],
     }
     return replace(verdict, where=[where, *others])
+
+
+def _elsewhere_by_equations(location: str, explained: float, acting: ActingPlace) -> bool:
+    """Whether parity equations speak against the location of a map that explains a share (see `at_the_map`)."""
+    left, best = acting.bare, holds_better(acting)
+    place = acts_at(acting.model, location)
+    if best is not None or place not in left:
+        return best not in (None, place)
+    return left[place] > HOLDS_BETTER * min(left.values()) and explained < NEARLY_ALL
 
 
 def _that_matter(remaining: Sequence[Condition], place: str, model: Model) -> list[Condition]:
