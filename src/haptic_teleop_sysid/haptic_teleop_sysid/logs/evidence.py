@@ -34,6 +34,8 @@ NEAR, ALIKE = 0.02, 0.95
 UNLIKE = 0.7
 #: Power, relative to the rms of input and velocity, below which the input brakes.
 BRAKES = -0.1
+#: Share of a period of the motion by which the input may act later, and how many times within it are tried.
+LATER, _LATE_STEPS = 0.125, 4
 #: Rows for which a position stands still, and share of the usual velocity meanwhile, to be told.
 _HELD, _MOVES = 50, 0.3
 #: Steps of a position that it must have missed meanwhile.
@@ -191,16 +193,27 @@ def speed_of(position: Array | None, velocity: Array | None, jumps: bool) -> Arr
 
 
 def brakes(drive: Array, velocity: Array) -> bool:
-    """Whether an input (n,) takes energy out of a joint of this velocity (n,), clearly and in both halves."""
+    """Whether an input (n,) takes energy out of a joint of this velocity (n,), clearly and in both halves,
+    and would also if it acted later: up to LATER periods of the motion. An input that a mass follows leads
+    its velocity by less than a quarter of a period, so that one of the opposite sign brakes all the same."""
     good = np.isfinite(drive) & np.isfinite(velocity)
     if np.sum(good) < 40:
         return False
     u, v = drive[good], velocity[good]
     scale = float(np.sqrt(np.mean(u**2) * np.mean(v**2)))
-    half = len(u) // 2
+    half, latest = len(u) // 2, int(LATER * _period(v))
     return scale > 0.0 and all(
-        float(np.mean(u[s] * v[s])) < BRAKES * scale for s in (slice(half), slice(half, None))
+        float(np.mean(u[s][: half - late] * v[s][late:half])) < BRAKES * scale
+        for s in (slice(half), slice(half, 2 * half))
+        for late in {latest * step // _LATE_STEPS for step in range(_LATE_STEPS + 1)}
     )
+
+
+def _period(velocity: Array) -> float:
+    """Samples of a period of a motion (n,), half of whose power is at lower frequencies."""
+    power = np.abs(np.fft.rfft((velocity - velocity.mean()) * np.hanning(len(velocity)))) ** 2
+    middle = int(np.searchsorted(np.cumsum(power), 0.5 * np.sum(power)))
+    return len(velocity) / max(middle, 1)
 
 
 def _judge_derivative(
