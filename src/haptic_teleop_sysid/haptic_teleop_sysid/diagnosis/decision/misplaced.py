@@ -154,7 +154,8 @@ def at_the_map(verdict: Verdict, mapped: MeasuredMap, acting: ActingPlace | None
 
 
 def _elsewhere_by_equations(location: str, explained: float, acting: ActingPlace) -> bool:
-    """Whether parity equations speak against the location of a map that explains a share (see `at_the_map`)."""
+    """Whether parity equations speak against the location of a map that explains a share of what is missing
+    (see `at_the_map`)."""
     left, best = acting.bare, holds_better(acting)
     place = acts_at(acting.model, location)
     if best is not None or place not in left:
