@@ -184,15 +184,44 @@ def limited(like, name, size, limit, seed):
     )
 
 
-def test_a_torque_that_ends_at_a_limit_is_not_another_machine(data):
-    """Its large input moves it as little as one of a third would: that is to be found, not refused. Without
-    the limit such an input is another machine's."""
+@pytest.mark.parametrize("size", [0.03, 0.06, 0.1, 0.15, 0.3])
+@pytest.mark.parametrize("large", [1.0, 3.0])
+def test_a_torque_that_ends_at_a_limit_is_not_another_machine(data, size, large):
+    """A large input moves it as little as one of a third would: that is to be found, not refused, beside a
+    small one that never reaches the limit, too."""
     like = record_from(data[0], commanded=True)
-    small = limited(like, "small", 0.3, 0.2, seed=1)
-    refuse_other_units([small, limited(like, "large", 3.0, 0.2, seed=2)])
+    refuse_other_units([limited(like, "a", size, 0.2, seed=1), limited(like, "b", large, 0.2, seed=2)])
+
+
+@pytest.mark.parametrize("factor", [4.0, 2.0 * np.pi, 10.0])
+def test_without_a_limit_such_an_input_is_another_machine_s(data, factor):
+    like = record_from(data[0], commanded=True)
     one, other = (limited(like, f"free{seed}", 0.3, 10.0, seed) for seed in (1, 2))
-    with pytest.raises(RecordingError, match="hardly of one machine"):
-        refuse_other_units([one, replace(other, input=4.0 * other.input)])
+    with pytest.raises(RecordingError, match=r"free2 .* times that of free1"):
+        refuse_other_units([one, replace(other, input=factor * other.input)])
+
+
+@pytest.mark.parametrize("factor", [4.0, 2.0 * np.pi, 10.0])
+@pytest.mark.parametrize("noise", [0.2, 0.4])
+def test_a_limit_is_no_excuse_for_another_unit_of_a_friction(data, factor, noise):
+    """Its input is nearly a square wave: clipped anywhere, the two are alike."""
+    like = record_from(data[0], commanded=True)
+    rng, period = np.random.default_rng(1), 0.005
+    time = period * np.arange(3000)
+    angle = np.sin(time) + 0.4 * np.sin(2.3 * time + 1.0)
+    speed = np.gradient(angle, period)
+    torque = np.tanh(speed / 0.02) + 0.02 * speed + 0.01 * np.gradient(speed, period)
+    torque = torque + noise * np.repeat(rng.standard_normal(300), 10)
+    one = replace(
+        like,
+        name="one",
+        dt=period,
+        input=torque,
+        measured=np.column_stack([angle, np.full(3000, np.nan)]),
+        exogenous=np.zeros(3000),
+    )
+    with pytest.raises(RecordingError, match=r"other .* times that of one"):
+        refuse_other_units([one, replace(one, name="other", input=factor * torque)])
 
 
 def test_recordings_of_machines_that_have_nothing_in_common_are_refused():

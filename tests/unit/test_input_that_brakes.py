@@ -33,6 +33,22 @@ def test_a_thrust_that_is_late_does_not_brake(late, seed):
         assert np.mean(input_ * speed) < -0.1 * np.std(input_) * np.std(speed)
 
 
+@pytest.mark.parametrize(("spring", "damping"), [(3.0, 0.5), (3.0, 1.0), (10.0, 2.0)])
+def test_a_reversed_one_does_at_a_joint_on_a_spring(spring, damping):
+    """Slowly moved it follows the spring's torque, which is behind the velocity."""
+    time = DT * np.arange(round(SECONDS / DT))
+    tones = [(0.2, 0.3), (0.3, 1.1), (0.45, 2.0)]
+    angle, speed, acceleration = np.zeros((3, len(time)))
+    for frequency, phase in tones:
+        wide = 2.0 * np.pi * frequency
+        angle += np.sin(wide * time + phase)
+        speed += wide * np.cos(wide * time + phase)
+        acceleration -= wide**2 * np.sin(wide * time + phase)
+    input_ = 0.05 * acceleration + damping * speed + spring * angle
+    assert brakes(-input_, speed)
+    assert not brakes(input_, speed)
+
+
 @pytest.mark.parametrize("damping", [1.0, 3.0])
 @pytest.mark.parametrize("seed", range(3))
 def test_a_reversed_one_does(damping, seed):

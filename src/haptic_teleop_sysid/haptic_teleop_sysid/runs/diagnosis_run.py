@@ -14,7 +14,6 @@ from haptic_teleop_sysid.diagnosis.evidence.suggested_law.entry_file import FILE
 from haptic_teleop_sysid.diagnosis.inputs.cuts import MOST_SAMPLES, with_cuts_told
 from haptic_teleop_sysid.diagnosis.inputs.plausible import refuse_implausible, with_contradictions
 from haptic_teleop_sysid.diagnosis.inputs.reversed_input import reversed_input
-from haptic_teleop_sysid.diagnosis.inputs.zeros import with_one_zero
 from haptic_teleop_sysid.diagnosis.report.beside_given import handed_on, settled
 from haptic_teleop_sysid.diagnosis.report.next_experiment import write_experiment
 from haptic_teleop_sysid.diagnosis.report.page import diagnosis_page
@@ -48,8 +47,7 @@ def load(bag: str, model: Model, mapping: str | None = None) -> DataSet:
     with reported({bag: recording.problems}):
         dataset = load_dataset(recording, model, bag, allow_gaps=True)
         refuse_implausible(model, recording, dataset)
-    whole = with_contradictions(with_damage_told(dataset, recording))
-    return with_cuts_told(with_one_zero(whole, model))
+    return with_cuts_told(with_contradictions(with_damage_told(dataset, recording)))
 
 
 def refuse_too_many(data: Sequence[DataSet]) -> None:

@@ -21,7 +21,7 @@ from scipy.sparse import csr_array
 
 FloatArray = NDArray[np.float64]
 
-#: Length of a cell, s, and how many a recording has at most.
+#: Length of a cell, s, and how many the longest of some recordings has at most.
 CELL, MOST_CELLS = 0.05, 480
 #: Memories of the factor that are tried, s, and its sizes.
 MEMORIES = (0.0, 0.1, 0.3, 1.0, 3.0)
@@ -43,10 +43,17 @@ class Surprise:
     dt: float
 
 
-def log_evidence(surprise: Surprise, values: FloatArray) -> FloatArray:
+def cell_length(durations: Sequence[float]) -> float:
+    """Length of a cell, s, on recordings of these lengths, s: the same on all, as the size of a factor
+    without memory goes with it."""
+    return max(CELL, max(durations) / MOST_CELLS)
+
+
+def log_evidence(surprise: Surprise, values: FloatArray, cell: float = CELL) -> FloatArray:
     """The logarithm (nats) of the likelihood ratio for each of MEMORIES (row) and SIZES (column) of the
-    factor of a torque with these ``values`` (samples,)."""
-    cells = _cells(len(values), surprise.dt)
+    factor of a torque with these ``values`` (samples,), in cells of ``cell`` s. A reading that is missing
+    leaves the other encoder's as if both were read."""
+    cells = _cells(len(values), surprise.dt, cell)
     columns = _columns(surprise, values, cells)
     left = surprise.errors - surprise.allowed @ (surprise.allowed.T @ surprise.errors)
     along = columns.T @ left
@@ -73,9 +80,9 @@ def best(evidence: Sequence[FloatArray]) -> float:
     return float(np.max(np.sum(evidence, axis=0)))
 
 
-def _cells(samples: int, dt: float) -> NDArray[np.intp]:
+def _cells(samples: int, dt: float, cell: float) -> NDArray[np.intp]:
     """The first sample of each cell, and the end of the last one."""
-    size = max(round(CELL / dt), -(-samples // MOST_CELLS), 1)
+    size = max(round(cell / dt), 1)
     return np.append(np.arange(max(samples // size, 1)) * size, samples)
 
 

@@ -45,6 +45,9 @@ _ANOTHER, _UNLIKE = 3.0, 5.0
 _MISSED = 0.15
 #: Limits of a drive that are tried, as shares of the largest input.
 _LIMITS = np.geomspace(0.9, 0.01, 20)
+#: Share of the samples beyond a limit up to which an input is hardly clipped, and the most of it in that of
+#: two which is clipped less.
+_HARDLY, _MOST_CLIPPED = 0.05, 0.5
 #: Stretches that a coherence is averaged over, and the probability of the largest one by chance.
 _STRETCHES, _BY_CHANCE = 16, 1e-4
 #: Share of an input below which inverse dynamics explains nothing of it.
@@ -120,16 +123,27 @@ def alike(one: Part, other: Part) -> bool:
 
 
 def alike_behind_a_limit(records: Sequence[Record], names: tuple[str, str]) -> bool:
-    """Whether common numbers leave half as much of either input of two recordings (of these ``names``), ended
-    at a common limit, as its own numbers leave of the whole: the drive is at the end of its torque in one of
-    them, and its input is large for its motion."""
+    """Whether two recordings (of these ``names``) are `alike` once both inputs are clipped at a common limit:
+    the drive ends there, and one input is large for its motion. Common numbers must leave half of what its
+    own leave of a whole input that is clipped, and nearly as much of one that hardly is; one must be, and
+    not both mostly: any two inputs are alike as square waves."""
     of = [r for r in records if r.name in names]
     whole = parts_of(of)
     largest = max(float(np.max(np.abs(r.input))) for r in of)
     for limit in largest * _LIMITS:
         ended = parts_of([replace(r, input=np.clip(r.input, -limit, limit)) for r in of])
         common = _by_common(*(ended[name] for name in names))
-        if all(2.0 * (1.0 - c) < 1.0 - explained(whole[n]) for c, n in zip(common, names, strict=True)):
+        clipped = [
+            float(np.mean(np.concatenate([np.abs(r.input) for r in of if r.name == name]) > limit))
+            for name in names
+        ]
+        if min(clipped) > _MOST_CLIPPED or max(clipped) <= _HARDLY:
+            continue
+        left = [(1.0 - c, 1.0 - explained(whole[n])) for c, n in zip(common, names, strict=True)]
+        if all(
+            2.0 * now < own if share > _HARDLY else 1.0 - now >= (1.0 - _MISSED) * (1.0 - own)
+            for share, (now, own) in zip(clipped, left, strict=True)
+        ):
             return True
     return False
 

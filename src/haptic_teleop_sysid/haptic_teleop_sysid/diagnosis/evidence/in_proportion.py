@@ -36,7 +36,7 @@ from haptic_teleop_sysid.estimation.likelihood import (
 from haptic_teleop_sysid.estimation.records import Record
 
 from ..inputs.scales import bridged
-from .changing_factor import Surprise, best, log_evidence
+from .changing_factor import Surprise, best, cell_length, log_evidence
 
 FloatArray = NDArray[np.float64]
 
@@ -61,11 +61,12 @@ def in_proportion(fits: Sequence[tuple[Fit, Sequence[Record]]], free: tuple[str,
         asked = [
             _asked(fit, record, free) for fit, records in fits for record in records if np.any(record.input)
         ]
+        cell = cell_length([surprise.dt * len(surprise.read) for surprise, _ in asked] or [0.0])
         for name in asked[0][1] if asked else ():
             # One factor has one size on all recordings: in units of what the input is to the quantity.
             size = _rms([values[name] for _, values in asked])
             unit = _rms([values[INPUT] for _, values in asked]) / max(size, 1e-300)
-            gains[name] = [log_evidence(surprise, unit * values[name]) for surprise, values in asked]
+            gains[name] = [log_evidence(surprise, unit * values[name], cell) for surprise, values in asked]
     except FAILURES:
         return {}
     return dict(sorted(((name, best(each)) for name, each in gains.items()), key=lambda one: -one[1]))
@@ -134,6 +135,8 @@ def _answer(packed: Packed, fit: Fit, record: Record, innovation: FloatArray) ->
         found.append(moved[at : at + longest, : len(used)] / size)
     weight = np.linalg.inv(np.linalg.cholesky(covariance(packed, record, innovation))).T
     answer = np.median(found, axis=0) @ weight
+    if not np.all(np.isfinite(answer)):
+        raise ArithmeticError("the observer's answer is not finite")
     large = np.max(np.abs(answer), axis=1)
     last = int(np.flatnonzero(large >= _ENDS * np.max(large))[-1])
     return np.asarray(answer[: last + 1], dtype=np.float64)
