@@ -220,11 +220,18 @@ def test_a_header_that_is_there_again_is_passed_over_and_told(tmp_path):
         open_recording(path)
 
 
-@pytest.mark.parametrize("unit", ["[ft*furlong]", "[%]", "(%)"])
+@pytest.mark.parametrize("unit", ["[ft*furlong]", "[bar]", "(N*furlong)"])
 def test_a_unit_that_is_not_known_is_asked_for_and_not_replaced_by_another(tmp_path, capsys, unit):
     names = ("time [s]", f"torque {unit}", "motor [deg]", "link [deg]")
     out, _ = suggested(table(tmp_path / "log.csv", names, COLUMNS), tmp_path, capsys)
     assert "unit: FILL IN" in line_of(out, "input:") and "which is no unit" in line_of(out, "input:")
+
+
+@pytest.mark.parametrize("unit", ["[%]", "(%)"])
+def test_a_torque_in_percent_is_of_the_rated_one(tmp_path, capsys, unit):
+    names = ("time [s]", f"torque {unit}", "motor [deg]", "link [deg]")
+    out, _ = suggested(table(tmp_path / "log.csv", names, COLUMNS), tmp_path, capsys)
+    assert "stated" in line_of(out, "input:")
 
 
 def test_what_stands_in_brackets_and_is_no_unit_leaves_the_unit_to_be_guessed(tmp_path, capsys):

@@ -58,6 +58,28 @@ def test_a_suggestion_says_how_sure_it_is_and_what_is_missing(tmp_path, capsys):
     assert "counts_per_turn: 8192" in out and "unit: rpm" in out  # by rad/s it would be 858
 
 
+def test_a_duty_cycle_in_percent_is_an_input_and_a_battery_is_none(tmp_path, capsys):
+    header = ("t [s]", "battery [%]", "duty [%]", "angle [rad]")
+    duty = 40.0 * TORQUE / np.max(np.abs(TORQUE))
+    log = table(tmp_path / "log.csv", header, (T, 80.0 - 0.01 * T, duty, ANGLE), digits=12)
+    states = open_recording(log).topics[STATES]
+    assert np.allclose(states.signal("joint", "effort"), 0.01 * duty, atol=1e-9)
+    suggested(log, tmp_path, capsys)
+    again = open_recording(log, tmp_path / "suggested.yaml").topics[STATES]
+    assert np.allclose(again.signal("joint", "effort"), 0.01 * duty, atol=1e-9)
+
+
+def test_counts_of_a_pwm_are_a_share_of_the_full_drive_by_their_gain(tmp_path):
+    counts = np.rint(255.0 * TORQUE / np.max(np.abs(TORQUE)))
+    log = table(tmp_path / "log.csv", ("t [s]", "pwm", "angle [rad]"), (T, counts, ANGLE), digits=12)
+    text = (
+        "time: 't [s]'\njoints: {j: {input: {column: pwm, unit: counts, gain: 0.00392156862745098, "
+        "gain_unit: pu/count}, motor: {position: 'angle [rad]'}}}\n"
+    )
+    states = open_recording(log, mapping_file(tmp_path / "mapping.yaml", text)).topics[STATES]
+    assert np.allclose(states.signal("j", "effort"), counts / 255.0, atol=1e-9)
+
+
 def test_a_suggestion_takes_a_joint_that_a_force_drives_for_linear(tmp_path, capsys):
     log = table(tmp_path / "log.csv", ("t", "force", "x", "v"), (T, TORQUE, 1e3 * ANGLE, SPEED))
     out = suggested(log, tmp_path, capsys).out

@@ -27,6 +27,8 @@ TURN = 2.0 * math.pi
         (("mm/s",), 1e-3, "velocity"),
         (("mA",), 1e-3, "current"),
         (("counts", "ticks", "inc"), 1.0, "count"),
+        (("%", "percent", "pct"), 0.01, "share of full drive"),
+        (("pu",), 1.0, "share of full drive"),
     ],
 )
 def test_a_unit_is_known_in_every_spelling(texts, factor, quantity):

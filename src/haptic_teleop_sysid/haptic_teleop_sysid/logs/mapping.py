@@ -20,7 +20,7 @@ VERSION = 1
 SIGNALS = ("input", "motor_position", "motor_velocity", "arm_position", "arm_velocity")
 """What a joint's recording can hold, as keys of `Mapping.joints`."""
 QUANTITIES = {
-    "input": ("torque", "force", "current", "voltage"),
+    "input": ("torque", "force", "current", "voltage", "share of full drive"),
     "position": ("angle", "length"),
     "velocity": ("angular velocity", "velocity"),
 }
@@ -204,7 +204,7 @@ def _known(text: str, source: str, where: str) -> Unit:
     if found is None:
         raise ConfigurationError(
             f"{source}: {where}: {text!r} is no unit that is known: write it like deg, rad/s, rpm, mm, N*mm, "
-            "mA, V, counts or N*m/V."
+            "mA, V, %, counts or N*m/V."
         )
     return found
 

@@ -28,6 +28,7 @@ _TORQUE = _set("torque torques tau moment drehmoment effort efforts trq")
 _FORCE = _set("force kraft f fx")
 _CURRENT = _set("current strom i iq amps amp")
 _VOLTAGE = _set("voltage spannung u volts volt")
+_DUTY = _set("pwm duty throttle")
 _COMMAND = _set("cmd command ref reference des desired target setpoint soll goal demand set d")
 _ACTUAL = _set("meas measured act actual ist fbk feedback real is")
 _MOTOR = _set("motor mot drive rotor antrieb m servo qm dqm")
@@ -37,7 +38,7 @@ _NEITHER = _set(
     "flag count index idx id seq sample nr number row energy power"
 )
 _WORDS = {
-    "input": (_TORQUE | _FORCE | _CURRENT | _VOLTAGE),
+    "input": (_TORQUE | _FORCE | _CURRENT | _VOLTAGE | _DUTY),
     "position": _POSITION,
     "velocity": _VELOCITY,
     "time": _TIME,
@@ -48,6 +49,7 @@ _QUANTITY_ROLE = {
     "force": "input",
     "current": "input",
     "voltage": "input",
+    "share of full drive": "input",
     "angle": "position",
     "length": "position",
     "count": "position",
@@ -87,7 +89,8 @@ def candidate(column: Column) -> Candidate | None:
     if unit is not None:
         role = _QUANTITY_ROLE.get(unit.quantity, "")
         stated = bool(role)
-        if not role:
+        # Much else is in percent: a battery, a humidity.
+        if not role or (unit.quantity == "share of full drive" and not known & (_WORDS["input"] | _COMMAND)):
             return None
     else:
         role = _role_by_words(words)

@@ -42,6 +42,8 @@ _WHOLE: dict[str, tuple[float, dict[str, int]]] = {
     "lbf": (4.4482216152605, {"N": 1}),
     "ozf": (0.27801385095378, {"N": 1}),
     "count": (1.0, {"count": 1}),
+    "pu": (1.0, {"pu": 1}),  # per unit of the full drive: duty cycle of a PWM, throttle
+    "percent": (0.01, {"pu": 1}),
 }
 _SPELLINGS = {
     **dict.fromkeys(("sec", "secs", "second", "seconds", "sek"), "s"),
@@ -64,6 +66,7 @@ _SPELLINGS = {
         ("counts", "cnt", "cnts", "cts", "tick", "ticks", "inc", "incs", "pulse", "pulses"), "count"
     ),
     **dict.fromkeys(("lb", "lbs"), "lbf"),
+    "pct": "percent",
     "oz": "ozf",
 }
 _QUANTITIES = {
@@ -76,6 +79,7 @@ _QUANTITIES = {
     (("N", 1),): "force",
     (("A", 1),): "current",
     (("V", 1),): "voltage",
+    (("pu", 1),): "share of full drive",
     (("count", 1),): "count",
     (("count", 1), ("s", -1)): "count rate",
     (("rad", 1), ("s", -2)): "angular acceleration",
@@ -91,10 +95,13 @@ SI = {
     "force": "N",
     "current": "A",
     "voltage": "V",
+    "share of full drive": "pu",
 }
 """The unit in which a recording holds each quantity that it can hold."""
 _CLEAN = str.maketrans(
-    {"·": "*", "⋅": "*", "×": "*", "∙": "*", "µ": "u", "μ": "u", "²": "^2", "⁻": "^-", "¹": "1", "−": "-"}
+    dict.fromkeys("·⋅×∙", "*")
+    | dict.fromkeys("µμ", "u")
+    | {"²": "^2", "⁻": "^-", "¹": "1", "−": "-", "%": "percent"}
 )
 _FACTOR = re.compile(r"([A-Za-z]+|1)(?:(?:\^|\*\*)?(-?[1-3]))?$")
 
