@@ -254,7 +254,7 @@ a mapping file:
         position: {column: link, unit: deg, unwrap: true}     # it jumps from 180 to -180
   read: {delimiter: semicolon, decimal: comma, header: false, skip: 2}    # of text, where it is not seen
 columns go by name, or by number from 1; of a bag by topic and field: "/ft:wrench.torque.z",
-"/joint_states:position[elbow]". Units: deg, rad, rev, counts, rpm, deg/s, mm, m/s, N*mm, N, mA, V, ...
+"/joint_states:position[elbow]". Units: deg, rad, rev, counts, rpm, deg/s, mm, m/s, N*mm, N, mA, V, %, ...
 """
 
 

@@ -36,7 +36,7 @@ class DataSet:
     """One joint's experiment. All arrays (n,) float64 on `time`, s since the recording's first sample.
 
     input            what acts from a sample to the next, in `input_unit`: A (sfj), otherwise the recorded
-    effort (N·m, or what an imported log had: N, A, V)
+    effort (N·m, or what an imported log had: N, A, V, pu)
     input_source     which recorded field the input is
     input_read       whether the input was read at the samples and is smooth between them, so that this is its
                      mean from each to the next (`diagnosis.inputs.between_samples`)

@@ -1,4 +1,4 @@
-"""Units of a model's parameters on the machine at hand: turning or linear, driven by N·m, N, A or V."""
+"""Units of a model's parameters on the machine at hand: turning or linear, driven by N·m, N, A, V or pu."""
 
 from __future__ import annotations
 
