@@ -147,6 +147,11 @@ def test_commands_that_a_controller_loses_are_the_actuators(seed):
     assert next(iter(gains)) == INPUT
 
 
+@pytest.mark.parametrize(("motion", "told"), [(20.0, True), (24.0, True), (26.0, False), (31.0, False)])
+def test_the_input_must_gain_more_than_any_motion_beyond_doubt(motion, told):
+    assert with_the_input({INPUT: 30.0, "motor velocity": motion}) is told
+
+
 @pytest.mark.parametrize(
     ("share", "rigid", "told"), [(90.0, True, True), (120.0, True, False), (90.0, False, False)]
 )
