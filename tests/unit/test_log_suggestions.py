@@ -69,6 +69,27 @@ def test_a_duty_cycle_in_percent_is_an_input_and_a_battery_is_none(tmp_path, cap
     assert np.allclose(again.signal("joint", "effort"), 0.01 * duty, atol=1e-9)
 
 
+@pytest.mark.parametrize(
+    ("name", "role", "whole"), [("position", "position", 4.0), ("speed", "velocity", 20.0)]
+)
+def test_a_motion_in_percent_is_asked_of_what(tmp_path, capsys, name, role, whole):
+    """A valve's place, a speed of the rated one: a percentage of what is not in the log."""
+    values = 100.0 * (ANGLE if role == "position" else SPEED) / whole
+    log = table(tmp_path / "log.csv", ("t [s]", "torque [Nm]", f"{name} [%]"), (T, TORQUE, values), digits=12)
+    captured = suggested(log, tmp_path, capsys)
+    line = next(one for one in captured.out.splitlines() if f"{name} [%]" in one)
+    assert line.strip().startswith(f"{role}: ") and "unit: FILL IN" in line and "'%': of what?" in line
+    unit = {"position": "rad", "velocity": "rad/s"}[role]
+    filled = captured.out.replace("unit: FILL IN", f'unit: "%", gain: {whole / 100.0}, gain_unit: {unit}/%')
+    (tmp_path / "filled.yaml").write_text(filled)
+    read = open_recording(log, tmp_path / "filled.yaml").topics[STATES]
+    expected = values * whole / 100.0
+    if role == "velocity":  # it is integrated
+        assert np.allclose(np.gradient(read.signal("joint", "position"), T)[9:-9], expected[9:-9], atol=0.05)
+    else:
+        assert np.allclose(read.signal("joint", "position"), expected, atol=1e-9)
+
+
 def test_counts_of_a_pwm_are_a_share_of_the_full_drive_by_their_gain(tmp_path):
     counts = np.rint(255.0 * TORQUE / np.max(np.abs(TORQUE)))
     log = table(tmp_path / "log.csv", ("t [s]", "pwm", "angle [rad]"), (T, counts, ANGLE), digits=12)

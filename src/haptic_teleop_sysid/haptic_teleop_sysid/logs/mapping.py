@@ -14,13 +14,13 @@ from haptic_teleop_control.errors import ConfigurationError
 from haptic_teleop_control.named_files import why_unreadable
 from haptic_teleop_control.strict_yaml import parse_yaml, yaml_problem
 from haptic_teleop_sysid.logs.dialect import Stated
-from haptic_teleop_sysid.logs.units import Unit, unit_of
+from haptic_teleop_sysid.logs.units import SHARE, Unit, unit_of
 
 VERSION = 1
 SIGNALS = ("input", "motor_position", "motor_velocity", "arm_position", "arm_velocity")
 """What a joint's recording can hold, as keys of `Mapping.joints`."""
 QUANTITIES = {
-    "input": ("torque", "force", "current", "voltage", "share of full drive"),
+    "input": ("torque", "force", "current", "voltage", SHARE),
     "position": ("angle", "length"),
     "velocity": ("angular velocity", "velocity"),
 }

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 from haptic_teleop_sysid.logs.headers import words_of
 from haptic_teleop_sysid.logs.log import Column
-from haptic_teleop_sysid.logs.units import unit_of
+from haptic_teleop_sysid.logs.units import SHARE, unit_of
 
 
 def _set(text: str) -> frozenset[str]:
@@ -49,7 +49,7 @@ _QUANTITY_ROLE = {
     "force": "input",
     "current": "input",
     "voltage": "input",
-    "share of full drive": "input",
+    SHARE: "input",
     "angle": "position",
     "length": "position",
     "count": "position",
@@ -85,15 +85,10 @@ def candidate(column: Column) -> Candidate | None:
     if known & _NEITHER and not known & _WORDS["time"]:
         return None
     unit = unit_of(column.known)
-    role, stated = "", False
-    if unit is not None:
-        role = _QUANTITY_ROLE.get(unit.quantity, "")
-        stated = bool(role)
-        # Much else is in percent: a battery, a humidity.
-        if not role or (unit.quantity == "share of full drive" and not known & (_WORDS["input"] | _COMMAND)):
-            return None
-    else:
-        role = _role_by_words(words)
+    if unit is not None and unit.quantity == SHARE and not known & (_WORDS["input"] | _COMMAND):
+        unit = None  # much else is in percent: a battery, the place of a valve
+    stated = unit is not None
+    role = _role_by_words(words) if unit is None else _QUANTITY_ROLE.get(unit.quantity, "")
     if not role:
         return None
     part = "motor" if known & _MOTOR else "arm" if known & _ARM else ""

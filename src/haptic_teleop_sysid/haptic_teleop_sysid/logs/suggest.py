@@ -25,7 +25,7 @@ from haptic_teleop_sysid.logs.roles import (
     joint_names,
     says_nothing,
 )
-from haptic_teleop_sysid.logs.units import unit_of
+from haptic_teleop_sysid.logs.units import SHARE, unit_of
 
 #: Share of the rows that a time has to differ from the row before.
 _SELDOM = 0.01
@@ -195,9 +195,14 @@ def _joint(
     guess_units(log, chosen, found, time)
     for name, choice in found.items():
         column = chosen[name].column if name in chosen else None
-        if column is not None and not column.known and (other := unknown_unit(column.name)):
+        if column is None:
+            continue
+        unit, kind = unit_of(column.known), name.rpartition("_")[2]
+        if not column.known and (other := unknown_unit(column.name)):
             choice.less(MISSING, f"its header says {other!r}, which is no unit that is known here")
             choice.entry = replace(choice.entry, unit="")
+        elif unit is not None and unit.quantity == SHARE and kind != "input":
+            choice.less(MISSING, f"its header says {column.known!r}: of what? give gain and gain_unit, too")
     for rival in motors[:1]:  # what is the arm's is not the motor's because the motor's is lost
         found[f"motor_{rival.role}"] = Choice(Entry(FILL), MISSING, [rival.column.unusable])
         lacking += [] if rival.column.text is not None else [_no_motor(rival, chosen)]

@@ -12,6 +12,8 @@ from collections import Counter
 from dataclasses import dataclass
 from functools import cache
 
+SHARE = "share of full drive"
+"""What a duty cycle, a throttle or a torque in percent of the rated one is."""
 _PREFIXES = {"": 1.0, "n": 1e-9, "u": 1e-6, "m": 1e-3, "c": 1e-2, "k": 1e3, "M": 1e6}
 _TURN = 2.0 * math.pi
 
@@ -79,7 +81,7 @@ _QUANTITIES = {
     (("N", 1),): "force",
     (("A", 1),): "current",
     (("V", 1),): "voltage",
-    (("pu", 1),): "share of full drive",
+    (("pu", 1),): SHARE,
     (("count", 1),): "count",
     (("count", 1), ("s", -1)): "count rate",
     (("rad", 1), ("s", -2)): "angular acceleration",
@@ -95,7 +97,7 @@ SI = {
     "force": "N",
     "current": "A",
     "voltage": "V",
-    "share of full drive": "pu",
+    SHARE: "pu",
 }
 """The unit in which a recording holds each quantity that it can hold."""
 _CLEAN = str.maketrans(
