@@ -29,6 +29,8 @@ _HARDLY_DRIVEN, _HARDLY_MOVES = 0.05, 0.01
 _HARDLY_VARIES, _SLOW, _ONE_WAY = 0.005, 0.05, 0.9
 #: Factor over the scatter of its readings from which a joint moves.
 _SCATTER = 1.5
+#: Share of an angle that rounding may change it by.
+_ROUNDING = 1e-12
 #: Share of the input that its angle or velocity explains, from which it is no force.
 _ALL_OF_IT = 0.9999
 #: Samples of one recording that are sought in another, how often, and different angles in them from which the
@@ -175,7 +177,8 @@ def refuse_motionless(record: Record, joint: str) -> None:
         angle = record.measured[np.isfinite(record.measured[:, 0]), 0]
         # Third differences leave of a smooth motion what its readings scatter by (variance 20 times theirs).
         scatter = float(np.std(np.diff(angle, 3))) / np.sqrt(20.0)
-        if float(np.std(angle)) > max(0.5 * record.resolution[0], _SCATTER * scatter):
+        moves = len(angle) > 0 and np.ptp(angle) > _ROUNDING * np.max(np.abs(angle))
+        if moves and float(np.std(angle)) > max(0.5 * record.resolution[0], _SCATTER * scatter):
             return
         what = "motor angle"
     raise RecordingError(
