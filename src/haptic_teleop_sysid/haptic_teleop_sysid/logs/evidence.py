@@ -213,9 +213,10 @@ def brakes(drive: Array, velocity: Array) -> bool:
         parts = slice(half), slice(half, 2 * half)
         return max(float(np.mean(u[s][: half - late] * v[s][late:half])) for s in parts) / scale
 
-    if not scale > 0.0 or weakest(0) < BRAKES_HARD:
-        return scale > 0.0
-    return all(weakest(latest * step // _LATE_STEPS) < BRAKES for step in range(_LATE_STEPS + 1))
+    if not scale > 0.0:
+        return False
+    lates = (latest * step // _LATE_STEPS for step in range(_LATE_STEPS + 1))
+    return weakest(0) < BRAKES_HARD or all(weakest(late) < BRAKES for late in lates)
 
 
 def _period(velocity: Array) -> float:

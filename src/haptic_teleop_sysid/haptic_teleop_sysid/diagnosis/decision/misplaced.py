@@ -134,8 +134,7 @@ def at_the_map(verdict: Verdict, mapped: MeasuredMap, acting: ActingPlace | None
     """An `unknown` at the place of the torque map over the motion that takes most of the simulated error off
     recordings it was not drawn from, with what that depends on; not where the parity equation of another
     place holds better than all others, or better than that of the map's own place, unless the map explains
-    NEARLY_ALL of the torque.
-    ``acting``: see `beside_findings`, None where there are none."""
+    NEARLY_ALL of the torque. ``acting``: see `beside_findings`, None where there are none."""
     if verdict.kind != "unknown" or not verdict.where or mapped.effect is None or INPUT in mapped.quantities:
         return verdict
     place, explained = mapped.effect.location, mapped.explained or 0.0
