@@ -126,7 +126,11 @@ def test_half_a_second_at_any_rate_is_judged_without_an_error(data, dt):
 
 @pytest.mark.parametrize(
     ("field", "factor", "words"),
-    [("angle", 180.0 / np.pi, "degrees for radians"), ("input", 1000.0, "thousandths")],
+    [
+        ("angle", 180.0 / np.pi, "degrees for radians"),
+        ("input", 1000.0, "thousandths"),
+        ("input", 100.0, "percent for shares"),
+    ],
 )
 def test_units_that_differ_between_bags_are_named(data, field, factor, words):
     names = ("motor_position", "arm_position") if field == "angle" else ("input", "commanded_input")
@@ -304,6 +308,15 @@ def test_noise_about_one_place_is_no_motion(data):
     with pytest.raises(RecordingError, match="the motor angle of stage1 does not change"):
         refuse_motionless(still, "stage1")
     refuse_motionless(replace(still, measured=still.measured + record.measured), "stage1")
+
+
+def test_rounding_of_a_huge_angle_is_no_motion(data):
+    record = record_from(data[0], commanded=True)
+    rounded = 1e300 * (1.0 + 1e-16 * np.sin(np.arange(len(record))))
+    rounded[::3] = np.nextafter(1e300, 2e300)
+    still = replace(record, measured=np.column_stack([rounded, rounded]))
+    with pytest.raises(RecordingError, match="the motor angle of stage1 does not change"):
+        refuse_motionless(still, "stage1")
 
 
 def test_two_hundred_samples_are_refused_with_what_is_needed():

@@ -34,7 +34,12 @@ _SMOOTH = 0.02
 _EXPLAINS = 0.5
 #: Factors between units of angle or effort that are taken for one another, and how near to one (ratio) the
 #: sizes of the inputs then come.
-_UNITS = {180.0 / np.pi: "degrees for radians", 2.0 * np.pi: "turns for radians", 1000.0: "thousandths"}
+_UNITS = {
+    180.0 / np.pi: "degrees for radians",
+    2.0 * np.pi: "turns for radians",
+    100.0: "percent for shares",
+    1000.0: "thousandths",
+}
 _NEAR = 1.25
 #: Factor from which two recordings are hardly of one machine: of inputs that the same motion explains, and of
 #: inputs that only their own numbers explain. Of 190 pairs of recordings of one machine the latter is 2.2 at
@@ -129,21 +134,20 @@ def alike_behind_a_limit(records: Sequence[Record], names: tuple[str, str]) -> b
     not both mostly: any two inputs are alike as square waves."""
     of = [r for r in records if r.name in names]
     whole = parts_of(of)
-    largest = max(float(np.max(np.abs(r.input))) for r in of)
-    for limit in largest * _LIMITS:
-        ended = parts_of([replace(r, input=np.clip(r.input, -limit, limit)) for r in of])
-        common = _by_common(*(ended[name] for name in names))
-        clipped = [
-            float(np.mean(np.concatenate([np.abs(r.input) for r in of if r.name == name]) > limit))
-            for name in names
-        ]
+    own = [explained(whole[name]) for name in names]
+    inputs = [np.concatenate([np.abs(r.input) for r in of if r.name == name]) for name in names]
+    for limit in max(float(np.max(one)) for one in inputs) * _LIMITS:
+        clipped = [float(np.mean(one > limit)) for one in inputs]
         if min(clipped) > _MOST_CLIPPED or max(clipped) <= _HARDLY:
             continue
-        left = [(1.0 - c, 1.0 - explained(whole[n])) for c, n in zip(common, names, strict=True)]
-        if all(
-            2.0 * now < own if share > _HARDLY else 1.0 - now >= (1.0 - _MISSED) * (1.0 - own)
-            for share, (now, own) in zip(clipped, left, strict=True)
-        ):
+        ended = parts_of([replace(r, input=np.clip(r.input, -limit, limit)) for r in of])
+        common = _by_common(*(ended[name] for name in names))
+        # Half of what is left over, or nearly the same share as before.
+        least = [
+            0.5 * (1.0 + share) if beyond > _HARDLY else (1.0 - _MISSED) * share
+            for share, beyond in zip(own, clipped, strict=True)
+        ]
+        if all(share > needed for share, needed in zip(common, least, strict=True)):
             return True
     return False
 
