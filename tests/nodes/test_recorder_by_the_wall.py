@@ -18,7 +18,7 @@ def test_two_seconds_at_1_khz_are_recorded_without_loss_with_the_parameters_of_t
     recorder = start_recorder(tmp_path / "a", experiment="free motion", note="a test")
     source = Source(graph, 2000, qos)
     finish(graph, source)
-    status, out, err = recorder.stop()
+    status, out, err = recorder.stop(answers=graph)
     recording = read_recording(tmp_path / "a")
     assert recording.complete, recording.problems
     one = recording.topics["/sfj/joint_states"]
