@@ -287,10 +287,10 @@ def test_a_node_that_has_gone_is_not_waited_for(graph):
     silent = Node("silent", context=graph.context)  # in no executor, so it answers nothing
     collector = ParameterCollector(graph.probe)
     try:
-        graph.until(lambda: collector.poll() or collector.waiting, 20.0)
+        graph.until(lambda: collector.poll() or collector.silent == ["/silent"], 20.0)
         silent.destroy_node()
         graph.until(lambda: collector.poll() or not collector.waiting, 20.0)
-        assert "/silent" not in collector.latest
+        assert "/silent" not in collector.latest and not collector.silent
     finally:
         collector.close()
 

@@ -8,6 +8,7 @@ from types import SimpleNamespace
 
 import pytest
 from diagnostic_msgs.msg import DiagnosticArray
+from rclpy.node import Node
 from recorder_runs import Source, finish, recorder_hears
 from sensor_msgs.msg import JointState
 
@@ -26,6 +27,18 @@ def test_a_parameter_changed_while_recording_is_kept_beside_the_first(graph, sta
     recording = read_recording(tmp_path / "a")
     assert recording.parameters["/probe"]["gain"] == 2.5
     assert recording.parameters_at_stop["/probe"]["gain"] == 4.0
+
+
+def test_a_node_that_never_answers_is_named_at_the_end(graph, start_recorder, tmp_path):
+    silent = Node("silent", context=graph.context)  # in no executor
+    try:
+        recorder = start_recorder(tmp_path / "a", parameter_wait=0.3)
+        finish(graph, Source(graph, 300))
+        _, _, err = recorder.stop(answers=graph)
+    finally:
+        silent.destroy_node()
+    assert "without the parameters of /silent, which did not answer within 0.3 s" in err
+    assert "/silent" not in read_recording(tmp_path / "a").parameters
 
 
 def test_the_text_of_a_model_file_that_a_node_names_is_kept(graph, start_recorder, tmp_path):

@@ -151,6 +151,11 @@ class Recorder(HapticNode):
         while self._collector.waiting and self._wall_seconds() < until:
             self.spin_once(executor)
             self._collector.poll()
+        if self._collector.silent:
+            self.get_logger().warning(
+                f"without the parameters of {', '.join(self._collector.silent)}, which did not answer within "
+                f"{self.values['parameter_wait']:g} s: raise parameter_wait"
+            )
         elapsed = self._wall_seconds() - self.started
         try:
             self._store_parameters()

@@ -47,6 +47,11 @@ class ParameterCollector:
         """Whether an answer is outstanding of a node that was there at the last `poll`."""
         return bool(self._queries)
 
+    @property
+    def silent(self) -> list[str]:
+        """Names of the nodes that were there at the last `poll`, were asked, and have not answered at all."""
+        return sorted(n for n, q in self._queries.items() if q.asked and n not in self.parameters)
+
     def poll(self) -> None:
         """Asks the nodes that have appeared since, looks after the questions that are open, and gives up
         those to nodes that have gone."""
@@ -123,6 +128,11 @@ class _Query:
         self._names: list[str] | None = None
         self._asked: list[Future] = []
         self._patience, self._wait, self._again = patience, patience, math.inf
+
+    @property
+    def asked(self) -> bool:
+        """Whether a question is open."""
+        return bool(self._asked)
 
     def hurry(self) -> None:
         """From now on patience is that of the end, and an open question is put again at once."""
