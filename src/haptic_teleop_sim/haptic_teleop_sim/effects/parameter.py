@@ -34,7 +34,9 @@ class EffectParameter:
     at shares of the ``peak`` or of the ``rms`` of the command, or at a ``time`` in samples. While another
     parameter is scanned it is held at ``held`` of the travel; what is ``steady`` is the same at every value
     of that, and says nothing of it. ``smeared``: over how much of it, as a standard deviation in its unit,
-    the equation smears what a machine may do at once: nobody knows the value better.
+    the equation smears what a machine may do at once: nobody knows the value better. ``form``: share by which
+    a size is off (standard deviation) because a machine's law is never quite the equation; where nothing
+    else is known as measured on development recordings whose generator has another form for everything.
     """
 
     name: str
@@ -74,6 +76,7 @@ class EffectParameter:
     held: float = 0.0
     steady: bool = False
     smeared: float = 0.0
+    form: float = 0.03
 
     def reported(self, value: float) -> bool:
         """Whether a report speaks of the parameter at this value."""

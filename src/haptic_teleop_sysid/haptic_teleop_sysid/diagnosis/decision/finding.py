@@ -21,9 +21,6 @@ from .adequacy import NOT_SURE
 from .decide import Choice
 from .words import because
 
-#: Share of its size by which an effect is off because its form is never quite that of a machine's, as
-#: measured on development recordings whose generator has another form for everything.
-FORM = 0.03
 #: Relative error within which a size counts as known, and an order: half a cycle more or less in two is
 #: another shape.
 KNOWN, KNOWN_ORDER = 0.5, 0.25
@@ -160,4 +157,4 @@ def _uncertainty(parameter: EffectParameter, value: float, std: float, spread: f
     effect's form is off by."""
     none = parameter.neutral
     size = 0.0 if none is None else abs(value - none) if np.isfinite(none) else abs(value)
-    return float(np.sqrt(std**2 + spread**2 + parameter.smeared**2 + (FORM * size) ** 2))
+    return float(np.sqrt(std**2 + spread**2 + parameter.smeared**2 + (parameter.form * size) ** 2))

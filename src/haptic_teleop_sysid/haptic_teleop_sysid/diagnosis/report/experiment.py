@@ -20,7 +20,6 @@ from haptic_teleop_sim.position_loop import in_position_loop
 from haptic_teleop_sysid.estimation.gauss_newton import Fit, fit_parameters, normal_equations
 from haptic_teleop_sysid.estimation.records import Record
 
-from ..decision.finding import FORM
 from ..evidence.certainty import standard_errors
 from ..inputs.scales import Scales
 
@@ -189,6 +188,13 @@ def sharpen(fit: Fit, parameter: str, size: float, record: Record, scales: Scale
     if not found or not size > 0.0:
         return None
     error, option = min(found, key=lambda one: one[0])
-    share = 100.0 * max(error / size, FORM)
+    share = 100.0 * max(error / size, _form(fit, parameter))
     why = f"{SECONDS:.0f} s of it are expected to give it to ± {share:.2g} %"
     return Suggestion(why, option, probability(0.5 * (size / error) ** 2))
+
+
+def _form(fit: Fit, parameter: str) -> float:
+    """Share of a size that the form of its law is off by (full name of the parameter)."""
+    location, name, own = parameter.split(".")
+    effect = next(e for e in fit.model.effects if (e.location, e.effect) == (location, name))
+    return effect.entry.parameter(own).form
