@@ -178,6 +178,34 @@ def test_a_late_input_is_found_beside_what_acts_as_well_and_hides_it():
     assert effects["coulomb_friction"]["torque"] == pytest.approx(0.3, rel=0.15)
 
 
+def acts_late(seed: int, lag: float = 0.0, delay: float = 0.0, **more: float) -> Record:
+    """A pendulum that is driven by what lags behind its input, or comes later."""
+    torque, late = drive(seed, 2.0 + 0.5 * seed), round(delay / DT)
+    keeps = math.exp(-DT / lag) if lag else 0.0
+    acts = scipy.signal.lfilter([1.0 - keeps], [1.0, -keeps], torque)
+    acts = np.concatenate([np.zeros(late), acts[: len(acts) - late]])
+    parts = {"coulomb": 0.0, "weight": 0.0, "offset": 0.0, "detent": 0.0, "swirl": 0.0} | more
+    own = tuple(parts[n] for n in ("coulomb", "weight", "offset", "detent", "swirl"))
+    return record(torque, swing(acts, 0.14, 0.35, *own)[:, None], 1e-5)
+
+
+@pytest.mark.parametrize("weight", [0.0, 2.0])
+@pytest.mark.parametrize("lag", [0.06, 0.15, 0.25])
+def test_a_lag_that_smooths_most_of_the_input_is_found(lag, weight):
+    """A rotor that takes a fifth of a second to turn faster drives with half of what is asked of it."""
+    recordings = [acts_late(s, lag=lag, weight=weight) for s in (0, 1)]
+    effects = named(best(asked(RIGID, *recordings)))
+    assert set(effects) == ({"actuator_lag", "gravity"} if weight else {"actuator_lag"})
+    assert effects["actuator_lag"].parameters["time_constant"] == pytest.approx(lag, rel=0.1)
+
+
+@pytest.mark.parametrize("delay", [0.03, 0.09, 0.17])
+def test_a_delay_is_found_between_the_sizes_that_are_tried(delay):
+    effects = named(best(asked(RIGID, *(acts_late(s, delay=delay) for s in (0, 1)))))
+    assert set(effects) == {"input_delay"}
+    assert effects["input_delay"].parameters["delay"] == pytest.approx(delay, rel=0.1)
+
+
 def test_a_friction_that_is_hardly_asymmetric_does_not_bar_what_it_is_and_the_delay_beside_it():
     """A sixth more in one direction is too little for the name. Two numbers say it, those of a plain friction
     and of a constant torque as well; with them the delay has to be found all the same."""
@@ -213,7 +241,7 @@ def test_the_largest_torque_of_a_group_is_that_of_its_largest_effect():
     values = np.array([0.14, 0.35, 5.0, -0.2])
     assert sides.largest(forms, values) == pytest.approx(5.0, rel=1e-3)
     assert sides.largest(forms[1:], values[[0, 1, 3]]) == pytest.approx(0.19, abs=0.02)
-    assert np.sqrt(np.mean(sides.driven() ** 2)) == pytest.approx(np.sqrt(np.mean(told.input**2)), rel=0.05)
+    assert np.sqrt(np.mean(sides.driven**2)) == pytest.approx(np.sqrt(np.mean(told.input**2)), rel=0.05)
 
 
 def test_what_takes_all_of_the_input_away_is_no_explanation_of_it():

@@ -14,8 +14,8 @@ from .decision.nulls import Null, beyond_chance, nulls
 from .decision.reasons import Doubt
 from .decision.search import SearchResult
 from .decision.stand import Stand
-from .evidence.lateness import is_lateness
 from .explain import Explained
+from .hypotheses.follows import is_lateness
 from .input_times import explained
 from .inputs.between_samples import as_read
 from .inputs.uses import Uses

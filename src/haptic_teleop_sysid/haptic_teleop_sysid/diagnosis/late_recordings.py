@@ -12,8 +12,8 @@ from haptic_teleop_sysid.recordings.dataset import DataSet
 
 from .decision.decide import Choice
 from .decision.late_input import Late, late_input
-from .evidence.lateness import is_lateness
 from .explain import Explained, explain
+from .hypotheses.follows import is_lateness
 from .inputs.on_time import on_time
 
 #: How often recordings are moved in time until what is found on time asks for the same lateness, and samples

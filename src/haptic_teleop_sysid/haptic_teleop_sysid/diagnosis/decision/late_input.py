@@ -17,8 +17,9 @@ from haptic_teleop_sysid.estimation.records import Record
 from ..evidence.certainty import standard_errors
 from ..evidence.feedback import answers
 from ..evidence.held_out import held_out_fit, judged
-from ..evidence.lateness import Along, along, is_lateness, late_fits
+from ..evidence.lateness import Along, along, late_fits
 from ..hypotheses.explanation import Explanation
+from ..hypotheses.follows import is_lateness
 from ..hypotheses.twins import with_twins
 from ..inputs.scales import Scales, within_reach
 from ..policy import CLEAR_GAIN, LEAST_HELD_OUT, SUREST

@@ -14,7 +14,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from haptic_teleop_sim.effects import EFFECTS, EffectEntry
+from haptic_teleop_sim.effects import EFFECTS
 from haptic_teleop_sim.kernel import pack
 from haptic_teleop_sim.model import Effect, Model
 from haptic_teleop_sysid.estimation.gauss_newton import Fit, Limits, fit_parameters
@@ -24,6 +24,7 @@ from haptic_teleop_sysid.estimation.parallel import side_by_side
 from haptic_teleop_sysid.estimation.records import Record, thinned_to
 from haptic_teleop_sysid.estimation.whole_fit import fit_whole
 
+from ..hypotheses.follows import is_lateness
 from ..hypotheses.twins import twins
 from ..policy import WORTH_ALL_SAMPLES
 from ..starts.screen import Screened, screen
@@ -45,12 +46,6 @@ _BETTER = 1.0
 #: Stretches of all recordings, about, and sizes at which each is asked, relative to the one of all.
 STRETCHES = 8
 _ASKED = (0.0, 0.25, 0.5, 0.7, 0.85, 1.0, 1.15, 1.3, 1.6, 2.0, 3.0)
-
-
-def is_lateness(entry: EffectEntry) -> bool:
-    """Whether all that the effect does is to move a channel in time, or to smear it."""
-    own = [p for p in entry.parameters if p.default is None]
-    return entry.kind in ("input", "output", "skew") and [p.unit for p in own] == ["s"]
 
 
 @dataclass(frozen=True)

@@ -72,3 +72,9 @@ def _is_over(effect: Effect, quantity: str) -> bool:
         other = np.broadcast_to(np.asarray(equation(variables, numbers), dtype=np.float64), 40)
     same = bool(np.allclose(first[::2], first[1::2]))
     return same and (not np.allclose(first, first[0]) or not np.allclose(first, other))
+
+
+def is_lateness(entry: EffectEntry) -> bool:
+    """Whether all that the effect does is to move a channel in time, or to smear it."""
+    own = [p for p in entry.parameters if p.default is None]
+    return entry.kind in ("input", "output", "skew") and [p.unit for p in own] == ["s"]

@@ -16,7 +16,7 @@ from ...starts.scan import scanned_values
 from .terms import Hypothesis, is_held, parts_of
 
 #: Factor from one size in time, at which an actuator is tried, to the next.
-_NEXT = 2.0
+_NEXT = math.sqrt(2.0)
 
 
 def hypotheses(model: Model, scales: Scales) -> Iterator[Hypothesis]:

@@ -18,7 +18,7 @@ from .latent import Latent, latents
 from .products import Products, Terms
 from .regression import Equations
 from .term import Term
-from .terms import Hypothesis
+from .terms import Hypothesis, of_actuator
 
 FloatArray = NDArray[np.float64]
 Chosen = tuple[Hypothesis, ...]
@@ -37,6 +37,8 @@ STEADY = 1e-6
 LEAST_OWN = 0.01
 #: Torques without a form that together say what could be explained.
 MOST_SHAPELESS = 2
+#: What the torques of the motor's equation are the acceleration times.
+INERTIA = "motor_inertia"
 
 
 def different(one: Hypothesis, other: Hypothesis) -> bool:
@@ -62,15 +64,33 @@ class Search:
 
     def ratios(self, terms: Terms) -> tuple[float, float]:
         """Logarithm, for each side, of what is left there by parameters fitted to the other one, relative to
-        what the structure alone leaves."""
+        what the structure alone leaves.
+
+        A filtered input is less of an input, and with an inertia that falls with it nothing is left to
+        explain. The density of a motion is that of its torques times the inertia at every sample: so what is
+        left counts as many times, squared, as both fall by what the actuator makes of the input."""
         if terms not in self._ratios:
             found = []
             for judged, side in enumerate(self.sides):
                 whole = self._structure_leaves[judged]
                 left = side.square_left(terms, self.fitted(1 - judged, terms))
+                left *= self._shrinks(1 - judged, terms)
                 found.append(math.log((left + FORM * whole) / max((1.0 + FORM) * whole, 1e-300)))
             self._ratios[terms] = (found[0], found[1])
         return self._ratios[terms]
+
+    def _shrinks(self, side: int, terms: Terms) -> float:
+        """Factor, 1 at least, by which input and inertia on one side, squared, fall by what the actuator
+        makes of the input: the lesser of both. The inertia counts from the given one, or from that of the
+        equations without, if that is less."""
+        rest = tuple(t for t in terms if not of_actuator(t))
+        names = self.sides[side].side.names
+        if len(rest) == len(terms) or INERTIA not in names:
+            return 1.0
+        values = self.fitted(side, terms)
+        own, without = (float(v[names.index(INERTIA)]) for v in (values, self.fitted(side, rest)))
+        falls = min(without, self.model.parameters[INERTIA]) / max(own, 1e-300)
+        return max(min(falls**2, 1.0 / max(self.sides[side].acting(terms, values), 1e-300)), 1.0)
 
     @cached_property
     def _structure_leaves(self) -> list[float]:
@@ -97,16 +117,17 @@ class Search:
 
     def best_of_each(self, every: Sequence[Hypothesis], beside: Chosen) -> list[Chosen]:
         """``beside`` and one further hypothesis: of each effect at each place the one that leaves least, the
-        least first."""
-        best: dict[tuple[str, str], tuple[float, Chosen]] = {}
+        least first; a size that wants to be another one only where all do."""
+        best: dict[tuple[str, str], tuple[bool, float, Chosen]] = {}
         for one in every:
             if not all(different(one, other) for other in beside):
                 continue
             chosen = (*beside, one)
             key, left = (one.entry.name, one.location), self.left_over(chosen)
-            if key not in best or left < best[key][0]:
-                best[key] = (left, chosen)
-        return [chosen for _, chosen in sorted(best.values(), key=lambda b: b[0])]
+            ends = of_actuator(one) and one.ends_at_bound(self.fitted(0, chosen)[-1:])
+            if key not in best or (ends, left) < best[key][:2]:
+                best[key] = (ends, left, chosen)
+        return [chosen for _, _, chosen in sorted(best.values(), key=lambda b: b[1])]
 
     def leader(self, level: Sequence[Chosen]) -> Chosen:
         """The one that leaves least."""

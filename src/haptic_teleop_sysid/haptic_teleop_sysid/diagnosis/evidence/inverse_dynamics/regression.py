@@ -17,6 +17,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
+from typing import TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -34,6 +35,7 @@ from .term import Term
 from .terms import Hypothesis
 
 FloatArray = NDArray[np.float64]
+One = TypeVar("One", bound=Term)
 
 #: Factor by which a stiffness may differ from the given one: with little deflection it is hardly seen.
 STIFFNESS = 3.0
@@ -107,6 +109,7 @@ class Equations:
         torques = (self.torque(term) @ values[own] for term, own in own_columns(self.names, chosen))
         return max((float(np.sqrt(np.mean(torque**2))) for torque in torques), default=0.0)
 
+    @cached_property
     def driven(self) -> FloatArray:
         """Torque (n,) of the input in the band."""
         input = np.concatenate([m.filtered(m.input) for m in self.motions])
@@ -117,13 +120,13 @@ class Equations:
         acts without it; 1 for what takes nothing from the input."""
         if term.entry.kind != "input":
             return 1.0
-        given = self.driven()
+        given = self.driven
         acts = given + self.torque(term)[:, 0]
         return float(acts @ acts) / max(float(given @ given), 1e-300)
 
 
-def own_columns(names: Sequence[str], chosen: Sequence[Hypothesis]) -> Iterator[tuple[Hypothesis, slice]]:
-    """Each effect of a group with its columns, which come after those of the structure's parameters."""
+def own_columns(names: Sequence[str], chosen: Sequence[One]) -> Iterator[tuple[One, slice]]:
+    """Each term of a group with its columns, which come after those of the structure's parameters."""
     place = len(names)
     for one in chosen:
         yield one, slice(place, place := place + len(one.bounds()[0]))

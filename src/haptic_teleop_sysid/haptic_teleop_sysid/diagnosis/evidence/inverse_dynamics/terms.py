@@ -24,6 +24,7 @@ from ...hypotheses.along_motion import inertia_torque
 from .effect_variables import variables_of
 from .motion import BandedMotion
 from .sampled import apart_from_shape, linear
+from .term import Term
 
 FloatArray = NDArray[np.float64]
 
@@ -134,6 +135,13 @@ class Hypothesis:
             {n: self.entry.parameter(n).within(v) for n, v in values.items()},
         )
 
+    def at(self, factors: FloatArray) -> Hypothesis:
+        """The same of a size that is held, evaluated at the one which the factor of its column says."""
+        assert self.held
+        name = self.sizes[0]
+        size = self.entry.parameter(name).within(dict(self.shape)[name] * float(factors[0]))
+        return replace(self, shape=tuple((n, size if n == name else v) for n, v in self.shape))
+
     def errors(self, factors: FloatArray, std: FloatArray) -> dict[str, float]:
         """Standard errors of its parameters from those of the factors of its columns; a shape of a grid is
         known to a part of its step."""
@@ -202,6 +210,11 @@ class Hypothesis:
         if self._turns:
             return self._torque(variables, size, **{self.angle: math.pi / 2})
         return self._torque(variables, size, **{self.angle: 1.0}) - self._torque(variables, size)
+
+
+def of_actuator(term: Term) -> bool:
+    """Whether a term is what an actuator makes of the input."""
+    return isinstance(term, Hypothesis) and term.entry.kind == "input"
 
 
 def _acting_less(record: Record, model: Model, effect: Effect) -> FloatArray:

@@ -13,6 +13,7 @@ from haptic_teleop_sim.model import Effect, Model
 from haptic_teleop_sysid.estimation.records import Record
 
 from ...hypotheses.admissible import admissible
+from ...hypotheses.follows import is_lateness
 from ...inputs.scales import Scales
 from .band import motion_band
 from .every_hypothesis import hypotheses
@@ -20,15 +21,16 @@ from .folds import Fold
 from .groups import Chosen, Search, different
 from .latent import Latent
 from .regression import equations, own_columns, standard_errors
-from .terms import Hypothesis
+from .terms import Hypothesis, of_actuator
 
 #: How many groups of each number of effects are kept.
 BEAM = 8
 #: Pairs that are extended by a third effect, and thirds that all of them are tried with.
 MOST_EXTENDED = 8
-#: Share of the input torque, mean square in the band, that an actuator must leave: what takes all of it away
-#: leaves nothing to explain, and explains nothing.
-LEAST_ACTING = 0.8
+#: Share of the input torque, mean square in the band, that an actuator must leave: dry friction that carries
+#: more of it looks like what takes as much of it away; and where it is only late, of which what filters all
+#: of it away leaves nothing to explain.
+LEAST_ACTING, LEAST_LATER = 0.8, 0.3
 #: Share of an effect's torque, mean square, that must lie in the band, on one kind of recordings at least:
 #: of what lies outside, the band says nothing.
 LEAST_SEEN = 0.25
@@ -36,6 +38,8 @@ LEAST_SEEN = 0.25
 #: could hold it: two effects that cancel each other are a curve and not these two. At a resonance a spring's
 #: torque is some times that of the input.
 LARGEST = 4.0
+#: Steps to the size at which an effect of the actuator is evaluated.
+_MOST_STEPS = 4
 #: Log-likelihood that a parameter must gain, both ways together.
 A_PARAMETER = 4.0
 #: Standard error of a structure's parameter, as a share of it, from which the estimation recordings leave it
@@ -145,12 +149,12 @@ def witness(
     up."""
     cutoff = motion_band([*estimation, *validation]) if cutoff is None else cutoff
     here, there = equations(model, estimation, cutoff), equations(model, validation, cutoff)
-    search, driven = Search(model, here, there), here.driven()
+    search, driven = Search(model, here, there), here.driven
     sides = (here, there)
     every = [
         h
         for h in hypotheses(model, scales)
-        if min(side.acting(h) for side in sides) > LEAST_ACTING
+        if min(side.acting(h) for side in sides) > (LEAST_LATER if is_lateness(h.entry) else LEAST_ACTING)
         and max(side.seen(h) for side in sides) > LEAST_SEEN
     ]
     singles = search.best_of_each(every, ())
@@ -169,6 +173,7 @@ def witness(
 
     # Two that hide each other: neither need be the best by itself, or be seen by itself at all.
     pairs = [pair for pair in itertools.combinations([h for (h,) in singles], 2) if different(*pair)]
+    pairs = [_resized(search, every, pair) for pair in pairs]
     known = {frozenset(pair) for pair in pairs}
     leader = next(filter(apt, singles), singles[0] if singles else ())
     more = search.best_of_each(every, leader) if singles else []
@@ -178,6 +183,32 @@ def witness(
         levels.append(_threes(search, every, pairs, apt))
     folds = Search(model, Fold((here, there), False), Fold((here, there), True))
     return _weighed(search, folds, levels, cutoff, named)
+
+
+def _resized(search: Search, every: Sequence[Hypothesis], pair: Chosen) -> Chosen:
+    """Two effects, the size of one that is held as it is best beside the other: alone it was another one."""
+    one, other = pair if of_actuator(pair[1]) else (pair[1], pair[0])
+    if not of_actuator(other):
+        return pair
+    shapes = [h for h in every if (h.entry.name, h.location) == (other.entry.name, other.location)]
+    return search.best_of_each(shapes, (one,))[0]
+
+
+def _at_their_sizes(search: Search, chosen: Chosen) -> Chosen:
+    """A group with what an actuator makes of the input evaluated at the sizes that it wants, as long as that
+    leaves less: between the sizes that are tried it is only nearly in proportion. Not of what has a shape,
+    too, which is that of a grid."""
+    def sized(h: Hypothesis) -> bool:
+        return of_actuator(h) and len(h.shape) == 1
+
+    for _ in range(_MOST_STEPS if any(map(sized, chosen)) else 0):
+        pairs = own_columns(search.sides[0].side.names, chosen)
+        values = search.fitted(0, chosen)
+        nearer = tuple(h.at(values[own]) if sized(h) else h for h, own in pairs)
+        if not search.left_over(nearer) < search.left_over(chosen):
+            break
+        chosen = nearer
+    return chosen
 
 
 def _threes(
@@ -219,9 +250,12 @@ def _weighed(
     def gain(chosen: Chosen) -> float:
         return search.likelier(chosen) - A_PARAMETER * sum(h.parameters for h in chosen)
 
-    kept = [
-        [*itertools.islice(filter(named, sorted(level, key=gain, reverse=True)), BEAM)] for level in levels
-    ]
+    def most_likely(level: Sequence[Chosen]) -> list[Chosen]:
+        likely = sorted(level, key=gain, reverse=True)
+        exact = [_at_their_sizes(search, chosen) for chosen in likely[: 2 * BEAM]] + likely[2 * BEAM :]
+        return [*itertools.islice(filter(named, sorted(exact, key=gain, reverse=True)), BEAM)]
+
+    kept = [most_likely(level) for level in levels]
     found = tuple(tuple(_group(search, chosen, gain(chosen)) for chosen in level) for level in kept if level)
     shapeless = folds.shapeless(())
     best = [level[0].hypotheses for level in found]
