@@ -37,7 +37,7 @@ def test_a_node_that_never_answers_is_named_at_the_end(graph, start_recorder, tm
         _, _, err = recorder.stop(answers=graph)
     finally:
         silent.destroy_node()
-    assert "without the parameters of /silent, which did not answer within 0.3 s" in err
+    assert "without the parameters of /silent, which did not answer, at last for 0.3 s" in err
     assert "/silent" not in read_recording(tmp_path / "a").parameters
 
 

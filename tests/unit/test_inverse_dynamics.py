@@ -190,20 +190,60 @@ def acts_late(seed: int, lag: float = 0.0, delay: float = 0.0, **more: float) ->
 
 
 @pytest.mark.parametrize("weight", [0.0, 2.0])
-@pytest.mark.parametrize("lag", [0.06, 0.15, 0.25])
+@pytest.mark.parametrize("lag", [0.06, 0.15, 0.3, 0.6])
 def test_a_lag_that_smooths_most_of_the_input_is_found(lag, weight):
     """A rotor that takes a fifth of a second to turn faster drives with half of what is asked of it."""
-    recordings = [acts_late(s, lag=lag, weight=weight) for s in (0, 1)]
-    effects = named(best(asked(RIGID, *recordings)))
+    found = best(asked(RIGID, *(acts_late(s, lag=lag, weight=weight) for s in (0, 1))))
+    effects = named(found)
     assert set(effects) == ({"actuator_lag", "gravity"} if weight else {"actuator_lag"})
-    assert effects["actuator_lag"].parameters["time_constant"] == pytest.approx(lag, rel=0.1)
+    assert effects["actuator_lag"].parameters["time_constant"] == pytest.approx(lag, rel=0.04)
+    assert found.model.parameters["motor_inertia"] == pytest.approx(0.14, rel=0.04)
+
+
+def test_a_lag_is_found_beside_friction_with_an_error_of_its_size():
+    found = best(asked(RIGID, *(acts_late(s, lag=0.15, coulomb=0.3) for s in (0, 1))))
+    name = next(n for n in found.std if n.endswith("actuator_lag.time_constant"))
+    error = found.std[name]
+    assert named(found)["actuator_lag"].parameters["time_constant"] == pytest.approx(0.15, abs=3.0 * error)
+    assert 0.001 < error < 0.015
 
 
 @pytest.mark.parametrize("delay", [0.03, 0.09, 0.17])
 def test_a_delay_is_found_between_the_sizes_that_are_tried(delay):
     effects = named(best(asked(RIGID, *(acts_late(s, delay=delay) for s in (0, 1)))))
     assert set(effects) == {"input_delay"}
-    assert effects["input_delay"].parameters["delay"] == pytest.approx(delay, rel=0.1)
+    assert effects["input_delay"].parameters["delay"] == pytest.approx(delay, rel=0.04)
+
+
+@pytest.mark.parametrize("coulomb", [0.3, 0.9, 1.5])
+def test_dry_friction_alone_is_no_late_actuator(coulomb):
+    """It takes away a part of the inertia, and so would a lag, with an inertia that falls."""
+    found = best(asked(RIGID, *(pendulum(s, coulomb=coulomb) for s in (0, 1))))
+    assert all(e.entry.kind == "friction" for e in found.effects) and found.effects
+
+
+def test_sizes_are_those_that_leave_least():
+    found = asked(RIGID, *(acts_late(s, lag=0.3, weight=2.0) for s in (0, 1)))
+    lag, *others = sorted(best(found).hypotheses, key=lambda h: h.entry.name)
+    (size,) = (value for _, value in lag.shape)
+    least = found.kinds.left_over((lag, *others))
+    for factor in (0.95, 1.05):
+        other = replace(lag, shape=(("time_constant", factor * size),))
+        assert found.kinds.left_over((other, *others)) > least
+
+
+def test_a_lag_of_a_flexible_joint_is_found():
+    torques = [drive(s, 1.0) for s in (0, 1)]
+    keeps = math.exp(-DT / 0.08)
+    records = []
+    for torque in torques:
+        acts = scipy.signal.lfilter([1.0 - keeps], [1.0, -keeps], torque)
+        records.append(record(torque, two_masses(acts, 9.0, (0.05, 0.1), (0.08, 0.05), 0.0), 1e-6))
+    values = {"torque_constant": 1.0, "motor_inertia": 0.05, "motor_damping": 0.1, "stiffness": 9.0}
+    parameters = {**values, "arm_inertia": 0.08, "arm_damping": 0.05}
+    found = asked(Model("generic", "j", "flexible_joint", parameters, fixed=("torque_constant",)), *records)
+    effects = named(best(found))
+    assert effects["actuator_lag"].parameters["time_constant"] == pytest.approx(0.08, rel=0.1)
 
 
 def test_a_friction_that_is_hardly_asymmetric_does_not_bar_what_it_is_and_the_delay_beside_it():

@@ -152,9 +152,11 @@ class Recorder(HapticNode):
             self.spin_once(executor)
             self._collector.poll()
         if self._collector.silent:
+            silent = ", ".join(self._collector.silent)
             self.get_logger().warning(
-                f"without the parameters of {', '.join(self._collector.silent)}, which did not answer within "
-                f"{self.values['parameter_wait']:g} s: raise parameter_wait"
+                f"without the parameters of {silent}, which did not answer, at last "
+                f"for {self.values['parameter_wait']:g} s: see whether a callback holds up its executor, or "
+                "raise parameter_wait"
             )
         elapsed = self._wall_seconds() - self.started
         try:

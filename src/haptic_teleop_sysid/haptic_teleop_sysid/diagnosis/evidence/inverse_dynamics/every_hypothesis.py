@@ -35,7 +35,7 @@ def hypotheses(model: Model, scales: Scales) -> Iterator[Hypothesis]:
 
 
 def _of_actuator(entry: EffectEntry, location: str, scales: Scales) -> Iterator[Hypothesis]:
-    """Sizes so near to each other that what is between them is nearly in proportion."""
+    """Sizes from which the right one is found (see `exact_sizes`)."""
     size, *shaped = entry.parameters
     if size.unit == "s":
         number = int(math.log(size.maximum / scales.dt, _NEXT)) if size.maximum > scales.dt else 0

@@ -52,11 +52,6 @@ class Fold:
     def base(self) -> FloatArray:
         return np.moveaxis(self._rows(lambda part: np.moveaxis(part.base, 1, 0)), 0, 1)
 
-    @cached_property
-    def driven(self) -> FloatArray:
-        """See `Equations.driven`."""
-        return self._rows(lambda part: part.driven)
-
     def torque(self, term: Term) -> FloatArray:
         """See `Equations.torque`; the parts keep it, and rows of it are quickly taken."""
         return self._rows(lambda part: part.torque(term))

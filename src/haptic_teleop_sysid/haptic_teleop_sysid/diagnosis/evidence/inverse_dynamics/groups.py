@@ -37,7 +37,7 @@ STEADY = 1e-6
 LEAST_OWN = 0.01
 #: Torques without a form that together say what could be explained.
 MOST_SHAPELESS = 2
-#: What the torques of the motor's equation are the acceleration times.
+#: The parameter that multiplies the motor's acceleration.
 INERTIA = "motor_inertia"
 
 
@@ -66,9 +66,9 @@ class Search:
         """Logarithm, for each side, of what is left there by parameters fitted to the other one, relative to
         what the structure alone leaves.
 
-        A filtered input is less of an input, and with an inertia that falls with it nothing is left to
-        explain. The density of a motion is that of its torques times the inertia at every sample: so what is
-        left counts as many times, squared, as both fall by what the actuator makes of the input."""
+        An actuator that passes hardly anything would explain everything, with an inertia that falls as much.
+        But the density of a motion is that of its torques times the inertia at every sample: what is left is
+        multiplied by how much that falls, squared (`_shrinks`)."""
         if terms not in self._ratios:
             found = []
             for judged, side in enumerate(self.sides):
@@ -80,17 +80,15 @@ class Search:
         return self._ratios[terms]
 
     def _shrinks(self, side: int, terms: Terms) -> float:
-        """Factor, 1 at least, by which input and inertia on one side, squared, fall by what the actuator
-        makes of the input: the lesser of both. The inertia counts from the given one, or from that of the
-        equations without, if that is less."""
+        """Factor, 1 at least, by which the inertia on one side, squared, falls by what the actuator makes of
+        the input: from the given one, or from that of the equations without, if that is less."""
         rest = tuple(t for t in terms if not of_actuator(t))
         names = self.sides[side].side.names
         if len(rest) == len(terms) or INERTIA not in names:
             return 1.0
-        values = self.fitted(side, terms)
-        own, without = (float(v[names.index(INERTIA)]) for v in (values, self.fitted(side, rest)))
+        own, without = (float(self.fitted(side, one)[names.index(INERTIA)]) for one in (terms, rest))
         falls = min(without, self.model.parameters[INERTIA]) / max(own, 1e-300)
-        return max(min(falls**2, 1.0 / max(self.sides[side].acting(terms, values), 1e-300)), 1.0)
+        return max(falls, 1.0) ** 2
 
     @cached_property
     def _structure_leaves(self) -> list[float]:
@@ -117,7 +115,7 @@ class Search:
 
     def best_of_each(self, every: Sequence[Hypothesis], beside: Chosen) -> list[Chosen]:
         """``beside`` and one further hypothesis: of each effect at each place the one that leaves least, the
-        least first; a size that wants to be another one only where all do."""
+        least first; of an actuator a size that wants to be another one only where all do."""
         best: dict[tuple[str, str], tuple[bool, float, Chosen]] = {}
         for one in every:
             if not all(different(one, other) for other in beside):

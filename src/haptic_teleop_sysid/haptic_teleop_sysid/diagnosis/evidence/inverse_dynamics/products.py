@@ -15,9 +15,8 @@ from numpy.typing import NDArray
 from .bounded import RIDGE, scale_of, within_bounds
 from .folds import Fold
 from .latent import Latent
-from .regression import Equations, own_columns, signs
+from .regression import Equations, signs
 from .term import Term
-from .terms import of_actuator
 
 FloatArray = NDArray[np.float64]
 Terms = tuple[Term, ...]
@@ -51,7 +50,7 @@ class Products:
         self._factors: dict[tuple[str, str], float] = {}
         self._own: dict[Term, FloatArray] = {}
         self._pairs: dict[tuple[Term, Term], FloatArray] = {}
-        # A group that is solved on this side is judged on it next, by the other side's solution.
+        # A group that is solved on this side is judged on it soon, by the other side's solution.
         self._last: tuple[Terms, Multiplied] | None = None
         self._rest: tuple[Terms, Multiplied] | None = None
 
@@ -73,15 +72,6 @@ class Products:
         products, mixed, whole = self._group(terms)
         with np.errstate(over="ignore", invalid="ignore"):
             return max(whole - 2.0 * float(values @ mixed) + float(values @ products @ values), 0.0)
-
-    def acting(self, terms: Terms, values: FloatArray) -> float:
-        """Mean square of the input torque that acts with what the actuator makes of it, with the factors
-        ``values`` of all columns, as a share of that which acts without."""
-        given = acts = self.side.driven
-        for term, own in own_columns(self.side.names, terms):
-            if of_actuator(term):
-                acts = acts + self.side.torque(term) @ values[own]
-        return float(acts @ acts) / max(float(given @ given), 1e-300)
 
     def fitted(self, terms: Terms) -> FloatArray:
         """Least squares (p,) within the bounds of structure and terms."""

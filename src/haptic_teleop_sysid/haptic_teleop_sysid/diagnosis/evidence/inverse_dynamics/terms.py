@@ -135,13 +135,6 @@ class Hypothesis:
             {n: self.entry.parameter(n).within(v) for n, v in values.items()},
         )
 
-    def at(self, factors: FloatArray) -> Hypothesis:
-        """The same of a size that is held, evaluated at the one which the factor of its column says."""
-        assert self.held
-        name = self.sizes[0]
-        size = self.entry.parameter(name).within(dict(self.shape)[name] * float(factors[0]))
-        return replace(self, shape=tuple((n, size if n == name else v) for n, v in self.shape))
-
     def errors(self, factors: FloatArray, std: FloatArray) -> dict[str, float]:
         """Standard errors of its parameters from those of the factors of its columns; a shape of a grid is
         known to a part of its step."""

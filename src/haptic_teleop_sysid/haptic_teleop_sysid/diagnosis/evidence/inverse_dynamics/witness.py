@@ -17,6 +17,7 @@ from ...hypotheses.follows import is_lateness
 from ...inputs.scales import Scales
 from .band import motion_band
 from .every_hypothesis import hypotheses
+from .exact_sizes import ExactSizes, Sized, Slope, slope_of
 from .folds import Fold
 from .groups import Chosen, Search, different
 from .latent import Latent
@@ -28,9 +29,9 @@ BEAM = 8
 #: Pairs that are extended by a third effect, and thirds that all of them are tried with.
 MOST_EXTENDED = 8
 #: Share of the input torque, mean square in the band, that an actuator must leave: dry friction that carries
-#: more of it looks like what takes as much of it away; and where it is only late, of which what filters all
-#: of it away leaves nothing to explain.
-LEAST_ACTING, LEAST_LATER = 0.8, 0.3
+#: more of it looks like what takes as much of it away. And a lag or a delay, which friction does not look
+#: like: one that filtered all of the input away would leave nothing to explain.
+LEAST_ACTING, LEAST_LATER = 0.8, 0.1
 #: Share of an effect's torque, mean square, that must lie in the band, on one kind of recordings at least:
 #: of what lies outside, the band says nothing.
 LEAST_SEEN = 0.25
@@ -38,8 +39,8 @@ LEAST_SEEN = 0.25
 #: could hold it: two effects that cancel each other are a curve and not these two. At a resonance a spring's
 #: torque is some times that of the input.
 LARGEST = 4.0
-#: Steps to the size at which an effect of the actuator is evaluated.
-_MOST_STEPS = 4
+#: Groups of each number of effects whose sizes are sought to the end.
+MOST_SIZED = 2 * BEAM
 #: Log-likelihood that a parameter must gain, both ways together.
 A_PARAMETER = 4.0
 #: Standard error of a structure's parameter, as a share of it, from which the estimation recordings leave it
@@ -151,15 +152,25 @@ def witness(
     here, there = equations(model, estimation, cutoff), equations(model, validation, cutoff)
     search, driven = Search(model, here, there), here.driven
     sides = (here, there)
+
+    def acts(h: Hypothesis) -> float:
+        return min(side.acting(h) for side in sides)
+
+    def admitted(h: Hypothesis) -> bool:
+        return acts(h) > (LEAST_LATER if is_lateness(h.entry) else LEAST_ACTING)
+
     every = [
         h
         for h in hypotheses(model, scales)
-        if min(side.acting(h) for side in sides) > (LEAST_LATER if is_lateness(h.entry) else LEAST_ACTING)
-        and max(side.seen(h) for side in sides) > LEAST_SEEN
+        if admitted(h) and max(side.seen(h) for side in sides) > LEAST_SEEN
     ]
     singles = search.best_of_each(every, ())
 
     def apt(chosen: Chosen) -> bool:
+        of_input = [h for h in chosen if of_actuator(h)]
+        # Two are added here, and one acts on what the other leaves.
+        if len(of_input) > 1 and min(map(acts, of_input)) <= LEAST_ACTING:
+            return False
         effects = fitted_effects(search, chosen)
         return all(admissible(e, scales) for e in effects) and here.largest(
             chosen, search.fitted(0, chosen)
@@ -181,12 +192,20 @@ def witness(
     levels: list[list[Chosen]] = [singles, pairs]
     if pairs:
         levels.append(_threes(search, every, pairs, apt))
+    exact = ExactSizes(search, admitted)
+
+    def sized(level: list[Chosen]) -> list[Chosen]:
+        ranked = sorted(level, key=search.left_over)
+        best = sorted(map(exact, ranked[:MOST_SIZED]), key=search.left_over)
+        return _named_once([*best, *ranked[MOST_SIZED:]])
+
+    levels = [*map(sized, levels)]
     folds = Search(model, Fold((here, there), False), Fold((here, there), True))
     return _weighed(search, folds, levels, cutoff, named)
 
 
 def _resized(search: Search, every: Sequence[Hypothesis], pair: Chosen) -> Chosen:
-    """Two effects, the size of one that is held as it is best beside the other: alone it was another one."""
+    """Two effects, one of the actuator at the size of the grid that leaves least beside the other."""
     one, other = pair if of_actuator(pair[1]) else (pair[1], pair[0])
     if not of_actuator(other):
         return pair
@@ -194,21 +213,16 @@ def _resized(search: Search, every: Sequence[Hypothesis], pair: Chosen) -> Chose
     return search.best_of_each(shapes, (one,))[0]
 
 
-def _at_their_sizes(search: Search, chosen: Chosen) -> Chosen:
-    """A group with what an actuator makes of the input evaluated at the sizes that it wants, as long as that
-    leaves less: between the sizes that are tried it is only nearly in proportion. Not of what has a shape,
-    too, which is that of a grid."""
-    def sized(h: Hypothesis) -> bool:
-        return of_actuator(h) and len(h.shape) == 1
-
-    for _ in range(_MOST_STEPS if any(map(sized, chosen)) else 0):
-        pairs = own_columns(search.sides[0].side.names, chosen)
-        values = search.fitted(0, chosen)
-        nearer = tuple(h.at(values[own]) if sized(h) else h for h, own in pairs)
-        if not search.left_over(nearer) < search.left_over(chosen):
-            break
-        chosen = nearer
-    return chosen
+def _named_once(level: Sequence[Chosen]) -> list[Chosen]:
+    """Groups, the best first, without those of whose names a better one has another size of an actuator's."""
+    found, known = list[Chosen](), set[frozenset[tuple[str, str]]]()
+    for chosen in level:
+        names = frozenset((h.entry.name, h.location) for h in chosen)
+        if names in known and any(map(of_actuator, chosen)):
+            continue
+        known.add(names)
+        found.append(chosen)
+    return found
 
 
 def _threes(
@@ -250,12 +264,9 @@ def _weighed(
     def gain(chosen: Chosen) -> float:
         return search.likelier(chosen) - A_PARAMETER * sum(h.parameters for h in chosen)
 
-    def most_likely(level: Sequence[Chosen]) -> list[Chosen]:
-        likely = sorted(level, key=gain, reverse=True)
-        exact = [_at_their_sizes(search, chosen) for chosen in likely[: 2 * BEAM]] + likely[2 * BEAM :]
-        return [*itertools.islice(filter(named, sorted(exact, key=gain, reverse=True)), BEAM)]
-
-    kept = [most_likely(level) for level in levels]
+    kept = [
+        [*itertools.islice(filter(named, sorted(level, key=gain, reverse=True)), BEAM)] for level in levels
+    ]
     found = tuple(tuple(_group(search, chosen, gain(chosen)) for chosen in level) for level in kept if level)
     shapeless = folds.shapeless(())
     best = [level[0].hypotheses for level in found]
@@ -277,11 +288,21 @@ def _group(search: Search, chosen: Chosen, gain: float) -> Group:
     """A group fitted to the first side's equations."""
     here, there = search.sides
     side, values = here.side, search.fitted(0, chosen)
-    left, columns = here.left(chosen, values), here.columns(chosen)
+    left = here.left(chosen, values)
     lags = max(1, round(here.samples / max(search.numbers[0], 1.0)))
+    # Of a size that is exact the change of the torque with it counts, which each side wants another one of.
+    sloped = tuple(slope_of(h) if isinstance(h, Sized) else h for h in chosen)
+    wanted = search.fitted(1, chosen)
+    more = tuple(h for h in sloped if isinstance(h, Slope))
+    if more:
+        both = search.fitted(1, (*chosen, *more))
+        wanted = both[: len(values)].copy()
+        exact = [own for h, own in own_columns(side.names, chosen) if isinstance(h, Sized)]
+        for own, change in zip(exact, both[len(values) :], strict=True):
+            wanted[own] = values[own] + change
     # Half the squared difference is the variance of either, if they have the same.
-    apart = (values - search.fitted(1, chosen)) / math.sqrt(2.0)
-    errors = np.hypot(standard_errors(columns, left, lags), apart)
+    apart = (values - wanted) / math.sqrt(2.0)
+    errors = np.hypot(standard_errors(here.columns(sloped), left, lags), apart)
     arm = side.arm_scale(values)
     found, std = {}, {}
     for i, name in enumerate(side.names):
