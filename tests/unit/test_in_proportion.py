@@ -31,6 +31,8 @@ from haptic_teleop_sysid.estimation.whole_fit import fit_whole, noise_starts
 DT, SECONDS = 0.002, 16.0
 STEP = 1e-5
 """rad per step of the encoders."""
+CUTOFF = 8.0
+"""Hz, of the equations of motion."""
 
 
 def stretches(seed, share=0.15):
@@ -135,14 +137,14 @@ def test_who_pushes_in_a_closed_loop_is_no_share_of_the_input(seed):
     """A controller's output is nearly in proportion to what pushes the joint."""
     here, elsewhere = pushed(seed), pushed(seed + 1)
     before = unknown_at("stage1_motor")
-    found, gains = at_the_actuator(before, fitted(here), [here], [elsewhere])
+    found, gains = at_the_actuator(before, fitted(here), [here], [elsewhere], CUTOFF)
     assert found is before and gains
 
 
 @pytest.mark.parametrize("seed", [3, 5, 7, 11])
 def test_commands_that_a_controller_loses_are_the_actuators(seed):
     here, elsewhere = lost(seed, feedback=6.0), lost(seed + 1, feedback=6.0)
-    found, gains = at_the_actuator(unknown_at("stage1_motor"), fitted(here), [here], [elsewhere])
+    found, gains = at_the_actuator(unknown_at("stage1_motor"), fitted(here), [here], [elsewhere], CUTOFF)
     assert found.where[0]["equation"] == "stage1_actuator"
     assert next(iter(gains)) == INPUT
 
@@ -167,7 +169,7 @@ def test_what_follows_the_input_that_no_controller_made_is_the_actuators(losing,
     before = unknown_at("stage1_motor")
     follows = replace(before, where=[{**before.where[0], "condition": "input torque"}])
     still = record(5, lambda current, speed, i: 0.0, feedback)  # nothing is in proportion to anything
-    found, _ = at_the_actuator(follows, fitted(still), [still], [still])
+    found, _ = at_the_actuator(follows, fitted(still), [still], [still], CUTOFF)
     assert found.where[0] == {**follows.where[0], "equation": place}
 
 
@@ -199,8 +201,8 @@ def test_an_effect_at_the_actuator_takes_its_share_itself(losing):
     before = unknown_at("stage1_motor")
     named = replace(before, findings=[{"effect": "gain_drift", "location": "stage1_actuator"}])
     late = replace(fit, model=STAGE.with_effects(Effect("input_delay", "stage1_actuator", {"delay": 0.01})))
-    assert at_the_actuator(named, fit, [here], [elsewhere]) == (named, None)
-    assert at_the_actuator(before, late, [here], [elsewhere]) == (before, None)
+    assert at_the_actuator(named, fit, [here], [elsewhere], CUTOFF) == (named, None)
+    assert at_the_actuator(before, late, [here], [elsewhere], CUTOFF) == (before, None)
 
 
 def test_readings_that_are_missing_do_not_hide_it(losing):
@@ -231,7 +233,7 @@ def test_a_share_that_never_changes_is_the_structures():
 
 def test_the_verdict_goes_to_the_actuator(losing):
     here, elsewhere, fit = losing
-    found, gains = at_the_actuator(unknown_at("stage1_motor"), fit, [here], [elsewhere])
+    found, gains = at_the_actuator(unknown_at("stage1_motor"), fit, [here], [elsewhere], CUTOFF)
     assert found.where[0] | {"equation": "stage1_actuator", "condition": WITH_THE_INPUT} == found.where[0]
     assert next(iter(gains)) == INPUT
 
@@ -239,7 +241,7 @@ def test_the_verdict_goes_to_the_actuator(losing):
 def test_what_rubs_stays_at_the_motor(rubbing):
     here, elsewhere, fit = rubbing
     before = unknown_at("stage1_motor")
-    found, gains = at_the_actuator(before, fit, [here], [elsewhere])
+    found, gains = at_the_actuator(before, fit, [here], [elsewhere], CUTOFF)
     assert found is before
     assert gains
 
@@ -248,18 +250,18 @@ def test_beside_a_structure_that_ended_at_a_bound_nothing_is_asked(losing):
     here, elsewhere, fit = losing
     before = unknown_at("stage1_motor")
     stuck = replace(fit, at_bound=("motor_inertia",))
-    assert at_the_actuator(before, stuck, [here], [elsewhere]) == (before, None)
+    assert at_the_actuator(before, stuck, [here], [elsewhere], CUTOFF) == (before, None)
     undamped = replace(fit, model=fit.model.with_values({"arm_damping": 0.0}), at_bound=("arm_damping",))
-    assert at_the_actuator(before, undamped, [here], [elsewhere])[1]
+    assert at_the_actuator(before, undamped, [here], [elsewhere], CUTOFF)[1]
     contact = replace(fit, at_bound=("stage1_motor.coulomb_friction.contact_angle",))
-    assert at_the_actuator(before, contact, [here], [elsewhere])[1]
+    assert at_the_actuator(before, contact, [here], [elsewhere], CUTOFF)[1]
 
 
 def test_another_place_and_a_name_are_not_asked(losing):
     here, elsewhere, fit = losing
     at_the_arm, named = unknown_at("stage1_arm"), replace(unknown_at("stage1_motor"), kind="identified")
     for before in (at_the_arm, named):
-        assert at_the_actuator(before, fit, [here], [elsewhere]) == (before, None)
+        assert at_the_actuator(before, fit, [here], [elsewhere], CUTOFF) == (before, None)
 
 
 @pytest.mark.parametrize(
@@ -267,22 +269,24 @@ def test_another_place_and_a_name_are_not_asked(losing):
     [
         (("input torque", "motor angle"), 0.95, True),
         (("input torque", "motor angle"), 0.6, False),
-        (("input torque",), 0.95, False),  # see `at_the_actuator`, which asks about the loop
+        (("input torque",), 0.95, False),  # what rubs is no function of the input, see `over_the_input`
         (("motor angle",), 0.99, False),
     ],
 )
 def test_what_a_map_over_the_input_and_the_angle_explains_is_the_actuator_s(
     rubbing, quantities, explained, at_actuator
 ):
-    fit = rubbing[2]
+    here, there, fit = rubbing
+    asked = [here], [there], CUTOFF
     effect = Effect("constant_torque", "stage1_motor", {"torque": 0.1})
     mapped = MeasuredMap("drawn", effect=effect, explained=explained, quantities=quantities)
-    found = drawn_over_the_input(unknown_at("stage1_motor"), mapped, fit)
+    found = drawn_over_the_input(unknown_at("stage1_motor"), mapped, fit, *asked)
     told = ("stage1_actuator", " and ".join(quantities)) if at_actuator else ("stage1_motor", "time")
     assert (found.where[0]["equation"], found.where[0]["condition"]) == told
-    elsewhere, without = unknown_at("stage1_arm"), replace(mapped, effect=None)
-    assert drawn_over_the_input(elsewhere, mapped, fit) == elsewhere
-    assert drawn_over_the_input(unknown_at("stage1_motor"), without, fit) == unknown_at("stage1_motor")
+    elsewhere, before = unknown_at("stage1_arm"), unknown_at("stage1_motor")
+    without = replace(mapped, effect=None)
+    assert drawn_over_the_input(elsewhere, mapped, fit, *asked) == elsewhere
+    assert drawn_over_the_input(before, without, fit, *asked) == before
     weaker = Effect("actuator_lag", "stage1_actuator", {"time_constant": 0.01})
     lagging = replace(fit, model=fit.model.with_effects(weaker))
-    assert drawn_over_the_input(unknown_at("stage1_motor"), mapped, lagging) == unknown_at("stage1_motor")
+    assert drawn_over_the_input(before, mapped, lagging, *asked) == before

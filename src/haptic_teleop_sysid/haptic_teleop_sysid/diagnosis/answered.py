@@ -199,11 +199,10 @@ class _Steps:
         if answer.misread is not None:
             return answer
         found, verdict, mapped = self.belief.found, answer.verdict, answer.mapped
+        asked = self.predicted.baseline, found.learn, found.judge, found.cutoff
         if mapped is None or mapped.fit is None:
-            kinds = found.learn, found.judge
-            verdict, of_input = at_the_actuator(verdict, self.predicted.baseline, *kinds)
+            verdict, of_input = at_the_actuator(verdict, *asked)
             return replace(answer, verdict=verdict, of_input=of_input)
         if not self._placed:
             verdict = at_the_map(verdict, mapped, answer.acting)
-        verdict = drawn_over_the_input(verdict, mapped, self.predicted.baseline)
-        return replace(answer, verdict=verdict)
+        return replace(answer, verdict=drawn_over_the_input(verdict, mapped, *asked))

@@ -15,10 +15,12 @@ from ..evidence.held_out import with_both_kinds
 from ..evidence.in_proportion import in_proportion, with_the_input
 from ..evidence.inverse_dynamics.latent import INPUT
 from ..evidence.measured_map import MeasuredMap
+from ..evidence.over_the_input import over_the_input
 from ..evidence.residual import INPUT_TORQUE
 from ..policy import LEAST_EXPLAINED, NEARLY_ALL
 from .adequacy import left_size
 from .coloured import driven
+from .misplaced import effect_of
 from .verdict import Verdict
 
 #: When it shows, in the contract's words.
@@ -26,11 +28,12 @@ WITH_THE_INPUT = "input and time"
 
 
 def at_the_actuator(
-    verdict: Verdict, baseline: Fit, learn: Sequence[Record], judge: Sequence[Record]
+    verdict: Verdict, baseline: Fit, learn: Sequence[Record], judge: Sequence[Record], cutoff: float
 ) -> tuple[Verdict, dict[str, float] | None]:
     """The `unknown` verdict at the actuator, where what is missing at the motor follows the input of
     recordings that were not fitted, which no controller made, more than any motion; where most of it follows
-    the input in detail; or where it is in proportion to the input and not to any motion, by a factor that
+    the input in detail; where a function of the input alone explains most of it (see `over_the_input`,
+    ``cutoff``: Hz); or where it is in proportion to the input and not to any motion, by a factor that
     changes; and what each quantity gains so, nats, None where that was not asked. ``baseline``: the structure
     alone, as it fits the estimation recordings ``learn``."""
     model = baseline.model
@@ -45,6 +48,10 @@ def at_the_actuator(
     if in_detail**2 > LEAST_EXPLAINED * left_size(baseline, [*learn, *judge]) ** 2:
         where = {**told, "equation": actuator, "condition": INPUT_TORQUE}
         return replace(verdict, where=[where, *others]), None
+    named = [effect_of(f) for f in verdict.findings]
+    if over_the_input(model, named, learn, judge, cutoff):
+        where = {**told, "equation": actuator, "condition": INPUT_TORQUE}
+        return replace(verdict, where=[where, *others]), None
     gains = in_proportion(both, baseline.free)
     if not with_the_input(gains, model.rigid):
         return verdict, gains
@@ -52,16 +59,28 @@ def at_the_actuator(
     return replace(verdict, where=[where, *others]), gains
 
 
-def drawn_over_the_input(verdict: Verdict, mapped: MeasuredMap, baseline: Fit) -> Verdict:
+def drawn_over_the_input(
+    verdict: Verdict,
+    mapped: MeasuredMap,
+    baseline: Fit,
+    learn: Sequence[Record],
+    judge: Sequence[Record],
+    cutoff: float,
+) -> Verdict:
     """The `unknown` verdict at the actuator, where the map that is put into the model is one over the input
-    and the motor's angle, and explains NEARLY_ALL of what is missing at the motor; ``baseline``: the
-    structure alone, as it predicts best."""
+    and the motor's angle, and explains NEARLY_ALL of what is missing at the motor, or one over the input that
+    explains more than any motion (see `over_the_input`); ``baseline``, ``learn``, ``judge``, ``cutoff``: as
+    in `at_the_actuator`."""
     model = baseline.model
     if not _asked(verdict, baseline) or mapped.effect is None:
         return verdict
-    if mapped.quantities[:1] != (INPUT,) or len(mapped.quantities) < 2:
+    if mapped.quantities[:1] != (INPUT,):
         return verdict
-    if (mapped.explained or 0.0) < NEARLY_ALL:
+    if len(mapped.quantities) == 1:
+        named = [effect_of(f) for f in verdict.findings]
+        if not over_the_input(model, named, learn, judge, cutoff):
+            return verdict
+    elif (mapped.explained or 0.0) < NEARLY_ALL:
         return verdict
     actuator = model.location("actuator")
     told, *others = verdict.where

@@ -18,15 +18,13 @@ from haptic_teleop_sim.model import Effect, Model
 from haptic_teleop_sysid.estimation.likelihood import FAILURES
 from haptic_teleop_sysid.estimation.records import Record
 
-from ..hypotheses.candidates import dry_friction
-from ..hypotheses.follows import follows_from_motion
 from ..policy import HOLDS_BETTER, LEAST_EXPLAINED
 from .inverse_dynamics.angle_curve import AngleCurve
 from .inverse_dynamics.groups import CLEARLY, Search
 from .inverse_dynamics.latent import INPUT, measured_over
 from .inverse_dynamics.regression import Equations, equations
 from .inverse_dynamics.term import Term
-from .inverse_dynamics.terms import Hypothesis
+from .over_the_input import terms_beside
 
 FloatArray = NDArray[np.float64]
 
@@ -112,7 +110,7 @@ def _travel(side: Equations) -> FloatArray:
 def _drawn(
     model: Model, named: Sequence[Effect], search: Search, travels: Sequence[FloatArray]
 ) -> ReadingError | None:
-    beside = tuple(_terms(model, named))
+    beside = terms_beside(model, named)
     grids = [np.linspace(np.min(travels), np.max(travels), number) for number in _KNOTS]
     rate = _damping_over_inertia(search, beside, model, 0.0, 0.0)
     first = _best(search, beside, [AngleCurve.of_reading(model, knots, rate) for knots in grids])
@@ -137,14 +135,6 @@ def _drawn(
     told, error = _error(search, whole, curve, model)
     found = ReadingError(model.location("motor_encoder"), told, error, 1.0 - left, 1.0 - by_torque)
     return found if np.all(found.slope(told) > 0.0) else None
-
-
-def _terms(model: Model, named: Sequence[Effect]) -> list[Term]:
-    """What is named and follows from the motion; and dry friction, where no friction is."""
-    told = [e for e in named if follows_from_motion(e.entry)]
-    if not any(e.entry.kind == "friction" for e in told):
-        told.append(dry_friction(model))
-    return [Hypothesis.resized(e, "motor") for e in told]
 
 
 def _best(search: Search, beside: tuple[Term, ...], curves: Sequence[AngleCurve]) -> AngleCurve:
