@@ -30,8 +30,8 @@ BEAM = 8
 MOST_EXTENDED = 8
 #: Share of the input torque, mean square in the band, that an actuator must leave: dry friction that carries
 #: more of it looks like what takes as much of it away. And a lag or a delay, which friction does not look
-#: like: one that filters nearly all of the input away leaves hardly anything to explain. By hand: at 0.1 a lag
-#: of 1.9 s at a tendon-driven finger takes the place of friction and one of 0.28 s.
+#: like: one that filters nearly all of the input away leaves hardly anything to explain. By hand: at 0.1 a
+#: lag of 1.9 s at a tendon-driven finger takes the place of friction and one of 0.28 s.
 LEAST_ACTING, LEAST_LATER = 0.8, 0.3
 #: Share of an effect's torque, mean square, that must lie in the band, on one kind of recordings at least:
 #: of what lies outside, the band says nothing.
