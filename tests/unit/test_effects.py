@@ -8,7 +8,7 @@ import pytest
 import sympy as sp
 from plants import flexible, rigid
 from scipy.linalg import expm
-from scipy.optimize import brentq, minimize_scalar
+from scipy.optimize import brentq
 from scipy.special import ellipk
 
 from haptic_teleop_sim.effects import EFFECTS, effect_entry, locations
@@ -498,35 +498,3 @@ def test_a_load_is_attached_over_as_much_time_as_its_entry_says():
     rate = np.gradient(attached, time)
     width = math.sqrt(np.sum(time**2 * rate) / np.sum(rate))
     assert entry.parameter("time").smeared == pytest.approx(width, rel=1e-3)
-
-
-@pytest.mark.parametrize("exponent", [1.0, 1.5, 2.0])
-@pytest.mark.parametrize("travel", [4.0, 10.0])
-def test_the_torque_of_a_hysteresis_is_as_far_off_as_its_entry_says(exponent, travel):
-    """Loops after Bouc and Wen, in whose law the knee is sharper: the fitted torque is too large."""
-    way = travel * np.sin(np.linspace(0.0, 4.0 * math.pi, 4000))  # of the yield deflection
-
-    def bouc_wen(way):
-        z = [0.0]
-        for d in np.diff(way):
-            wear = abs(z[-1]) ** exponent if d * z[-1] > 0.0 else 0.0
-            z.append(z[-1] + d * (1.0 - wear))
-        return np.array(z)
-
-    def fitted(logarithm):
-        z = [0.0]
-        for d in np.diff(way):
-            z.append(np.sign(d) + (z[-1] - np.sign(d)) * math.exp(-abs(d) / math.exp(logarithm)))
-        columns = np.column_stack([z, way])  # the spring beside it is fitted, too
-        return columns, np.linalg.lstsq(columns, loop, rcond=None)[0]
-
-    def left(logarithm):
-        columns, sizes = fitted(logarithm)
-        return float(np.sum((loop - columns @ sizes) ** 2))
-
-    loop = bouc_wen(way)
-    best = minimize_scalar(left, bounds=(-2.0, 1.0), method="bounded")
-    torque = fitted(best.x)[1][0]
-    form = effect_entry("hysteresis").parameter("torque").form
-    assert effect_entry("gravity").parameter("torque").form < form
-    assert 0.0 < torque - 1.0 < 2.0 * form
