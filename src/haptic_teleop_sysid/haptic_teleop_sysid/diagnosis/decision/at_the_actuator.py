@@ -45,11 +45,9 @@ def at_the_actuator(
     if told["condition"] == INPUT_TORQUE and in_open_loop(*both[1]):
         return replace(verdict, where=[{**told, "equation": actuator}, *others]), None
     in_detail = follows_input_finely(both) / max(driven(baseline, learn), 1e-300)
-    if in_detail**2 > LEAST_EXPLAINED * left_size(baseline, [*learn, *judge]) ** 2:
-        where = {**told, "equation": actuator, "condition": INPUT_TORQUE}
-        return replace(verdict, where=[where, *others]), None
+    fine = in_detail**2 > LEAST_EXPLAINED * left_size(baseline, [*learn, *judge]) ** 2
     named = [effect_of(f) for f in verdict.findings]
-    if over_the_input(model, named, learn, judge, cutoff):
+    if fine or over_the_input(model, named, learn, judge, cutoff):
         where = {**told, "equation": actuator, "condition": INPUT_TORQUE}
         return replace(verdict, where=[where, *others]), None
     gains = in_proportion(both, baseline.free)
