@@ -305,7 +305,7 @@ def test_an_uncertainty_is_a_number_that_grows_with_the_departure_from_none(effe
     told = finding(choose([found], 0.0, False), found.fit, {})
     (name,) = parameters
     departure = {"limit": 2.0, "torque": 0.05, "scale": 0.01}[name]
-    assert told["parameters"][name]["std"] == pytest.approx(0.03 * departure)
+    assert told["parameters"][name]["std"] == pytest.approx(0.015 * departure)
 
 
 def test_nobody_is_surer_of_a_rival_than_of_what_is_named_before_it():

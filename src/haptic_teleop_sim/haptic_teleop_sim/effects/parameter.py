@@ -76,7 +76,7 @@ class EffectParameter:
     held: float = 0.0
     steady: bool = False
     smeared: float = 0.0
-    form: float = 0.03
+    form: float = 0.015
 
     def reported(self, value: float) -> bool:
         """Whether a report speaks of the parameter at this value."""
