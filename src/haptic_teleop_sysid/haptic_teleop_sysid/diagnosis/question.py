@@ -146,7 +146,7 @@ def weighed(
 
     before = adequate = doubt = None
     while result.choices and result is not before:
-        before, adequate = result, _adequacy(found, result)
+        before, adequate = result, adequacy_of(found, result)
         kept = earned(result, adequate, found.learn, corroborated, size_left, stand.spread, likely)
         kept = one_size_each(kept, found.learn, found.judge)
         result, doubt = constant_sizes(kept, lambda one: steady(found, one), found.learn)
@@ -159,7 +159,8 @@ def steady(found: Explained, result: SearchResult) -> dict[tuple[str, str], Stea
     return steadiness(result.final.model, named, [*found.learn, *found.judge], found.cutoff)
 
 
-def _adequacy(found: Explained, result: SearchResult) -> Adequacy:
+def adequacy_of(found: Explained, result: SearchResult) -> Adequacy:
+    """How much of what is missing a result's names explain."""
     random = left_is_random(result.final, found.learn, found.judge)
     models = found.given, result.final.model
     own, with_names = (float(np.mean(found.course.percent(model)[found.count :])) for model in models)

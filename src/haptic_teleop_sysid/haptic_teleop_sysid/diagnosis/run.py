@@ -31,6 +31,7 @@ from .report.next_experiment import once_calibrated
 from .report.summary import settled_sentence
 from .report.testimony import testimony
 from .usable import refuse_unusable
+from .whole import whole
 
 
 def diagnose(
@@ -48,7 +49,7 @@ def diagnose(
     """
     refuse_unusable(estimation, validation, test)
     belief = believed(model, three_uses(estimation, validation, test), say, null_count)
-    left = examined(model, belief, say)
+    left = whole(belief, examined(model, belief, say))
     say("deciding")
     answer = answered(belief, left, say)
     added_to = answer.stands_in

@@ -52,7 +52,9 @@ class Adequacy:
     any torques explain, see `torques_explained.recovered`; 0 to 1 each, 1 where nothing worth a word is left.
     ``random_left``: what is left is random as far as these recordings show, however large its share: nothing
     more could be explained; ``follows``: what most of it follows where it is not, None for nothing;
-    ``worse``: the user's own model simulates the validation recordings better."""
+    ``worse``: the user's own model simulates the validation recordings better; ``whole``: the names explain
+    nearly all the torque in the band of the motion (see `nearly_whole`), so that what else is left only keeps
+    them from being sure."""
 
     torque: float
     free_run: float
@@ -61,6 +63,7 @@ class Adequacy:
     follows: Followed | None = None
     worse: bool = False
     recovered: float = 1.0
+    whole: bool = False
 
     @property
     def least(self) -> float:
@@ -74,6 +77,8 @@ class Adequacy:
         NOT_SURE at most: a name may be right that explains little, but none is sure. So it is where only
         chance is left: what passes for it could hide there, too; and where other torques recover clearly
         more, however little that is."""
+        if self.whole:
+            return NOT_SURE
         if self.explains_nearly_all:
             size = min(_size_of(self.least), SUREST)
             return NOT_SURE if self.follows or self.worse or not self.recovers_nearly_all else size
@@ -95,6 +100,8 @@ class Adequacy:
         it: of what the other places' equations leave, where everything acts at one place, names that are
         right take as much (HOLDS_BETTER) as tells that place. Where neither observer nor free run lacks
         anything worth a word, that is the machine's random torque, and only keeps a name from being sure."""
+        if self.whole:
+            return False
         worth_a_word = min(self.torque, self.free_run) < 1.0
         if worth_a_word and 1.0 - self.parity > 1.0 / HOLDS_BETTER**2:
             return True
@@ -108,7 +115,8 @@ class Adequacy:
             f"the share of the size, 1 - sqrt(1 - the smallest one), nor, where that is less than {SURE:g}, "
             f"above {NOT_SURE:g}. recovered: what names of the inverse dynamics explain, as a share of what "
             f"torques without a law do; where 1 - sqrt(1 - recovered) is less than {SURE:g}, none is above "
-            f"{NOT_SURE:g}",
+            f"{NOT_SURE:g}; nor where the names explain nearly all the torque in the band of the motion, but "
+            "not all that predictions of the next sample ask for",
             "torque": round(self.torque, 3),
             "free_run": round(self.free_run, 3),
             "parity": round(self.parity, 3),
@@ -116,6 +124,7 @@ class Adequacy:
             "left_is_random": self.random_left,
             "left_follows": None if self.follows is None else self.follows._asdict(),
             "worse_than_given": self.worse,
+            "nearly_all_the_torque": self.whole,
             "only_worse": nothing_shown(self),
         }
 

@@ -1,0 +1,104 @@
+"""Names that explain nearly all the torque, although a likelihood asks for more."""
+
+from types import SimpleNamespace
+
+import pytest
+from stepped_machines import RIGID, pendulum
+
+from haptic_teleop_sysid.diagnosis.decision.adequacy import NOT_SURE
+from haptic_teleop_sysid.diagnosis.decision.nearly_whole import nearly_whole
+from haptic_teleop_sysid.diagnosis.decision.reasons import Doubt
+from haptic_teleop_sysid.diagnosis.decision.search import SearchResult
+from haptic_teleop_sysid.diagnosis.decision.verdict import decide_verdict
+from haptic_teleop_sysid.diagnosis.evidence.inverse_dynamics.witness import witness
+from haptic_teleop_sysid.diagnosis.evidence.second_opinion import Opinion
+from haptic_teleop_sysid.diagnosis.examined import Examined
+from haptic_teleop_sysid.diagnosis.inputs.scales import recording_scales
+from haptic_teleop_sysid.diagnosis.whole import whole
+from haptic_teleop_sysid.estimation.whole_fit import fit_whole, noise_starts
+from haptic_teleop_sysid.simulation.parameter_fit import ParameterFit
+
+#: Errors of free runs that say nothing for or against a name.
+ALIKE = (0.5, 0.5)
+
+
+def asked(**physics):
+    """What the inverse dynamics say of a pendulum, and the recordings."""
+    learn, judge = ([pendulum(seed, **physics)] for seed in (0, 1))
+    scales = recording_scales(RIGID, learn)
+    return witness(RIGID, learn, judge, scales), learn, judge, scales
+
+
+@pytest.fixture(scope="module")
+def heavy_and_rubbing():
+    return asked(weight=4.0, coulomb=0.4)
+
+
+def names(opinion):
+    return {e.effect for e in opinion.chosen.group.effects}
+
+
+def test_the_fewest_names_are_told_that_leave_nothing_with_a_shape(heavy_and_rubbing):
+    said = heavy_and_rubbing[0]
+    # Gravity alone is nearly all, and what it leaves is a curve over the velocity.
+    assert said.levels[0][0].explained > 0.9
+    found = nearly_whole(said, lambda m: ALIKE, ALIKE)
+    assert names(found) == {"gravity", "coulomb_friction"}
+    first, *others = (weight for _, weight in found.rivals)
+    assert first >= max(others, default=0.0) and sum([first, *others]) == pytest.approx(1.0)
+
+
+def test_what_runs_worse_than_without_is_not_told(heavy_and_rubbing):
+    worse = nearly_whole(heavy_and_rubbing[0], lambda m: (0.4, 0.6) if m.effects else ALIKE, ALIKE)
+    assert worse is None
+
+
+def test_physics_without_a_name_gets_none():
+    said = asked(weight=4.0, swirl=1.5)[0]  # viscous friction that grows and falls with the angle
+    assert nearly_whole(said, lambda m: ALIKE, ALIKE) is None
+
+
+@pytest.mark.parametrize("placed", [False, True])
+def test_an_answer_that_would_be_unknown_has_the_names_unsurely(heavy_and_rubbing, placed):
+    said, learn, judge, scales = heavy_and_rubbing
+    baseline = fit_whole(RIGID, noise_starts(RIGID, learn)[1], learn, iterations=5)
+    result = SearchResult(baseline, baseline, (), (), scales)
+
+    def errors(model):
+        return (0.1, 0.1) if model.effects else ALIKE
+
+    found = SimpleNamespace(
+        given=RIGID,
+        learn=learn,
+        judge=judge,
+        result=result,
+        opinion=Opinion(None, (), said),
+        horizons=SimpleNamespace(errors=errors),
+        errors=errors,
+        simulated=lambda model: ParameterFit(model, True, (1.0, 1.0), 1),
+        course=SimpleNamespace(percent=lambda model: [50.0, 50.0]),
+        count=1,
+        cutoff=said.cutoff,
+    )
+    doubt = Doubt(None, "a law is not the joint's", place="j_actuator" if placed else None)
+    before = Examined(result, doubt, None, None, None, {})
+    after = whole(SimpleNamespace(found=found), before)
+    if placed:  # what is known of its place is no matter of these torques
+        assert after is before
+        return
+    assert after.doubt is None and after.adequate.content()["nearly_all_the_torque"]
+    verdict = decide_verdict(after.result, learn, judge, after.doubt, {}, after.adequate)
+    assert verdict.kind != "unknown"
+    told = {f["effect"]: f for f in verdict.findings}
+    assert set(told) == {"gravity", "coulomb_friction"}
+    assert told["gravity"]["parameters"]["torque"]["value"] == pytest.approx(4.0, rel=0.1)
+    assert told["coulomb_friction"]["parameters"]["torque"]["value"] == pytest.approx(0.4, rel=0.15)
+    assert all(f["confidence"] <= NOT_SURE for f in verdict.findings)
+
+
+def test_names_beside_other_physics_stay_as_they_are(heavy_and_rubbing):
+    said, learn, _, scales = heavy_and_rubbing
+    baseline = fit_whole(RIGID, noise_starts(RIGID, learn)[1], learn, iterations=5)
+    result = SearchResult(baseline, baseline, (), (), scales)
+    nothing = Examined(result, None, None, None, None, {})
+    assert whole(SimpleNamespace(found=SimpleNamespace(result=result, opinion=said)), nothing) is nothing
