@@ -51,6 +51,8 @@ def test_the_fewest_names_are_told_that_leave_nothing_with_a_shape(heavy_and_rub
 def test_what_runs_worse_than_without_is_not_told(heavy_and_rubbing):
     worse = nearly_whole(heavy_and_rubbing[0], lambda m: (0.4, 0.6) if m.effects else ALIKE, ALIKE)
     assert worse is None
+    # Nor what runs no better than the mean, however bad it is without.
+    assert nearly_whole(heavy_and_rubbing[0], lambda m: (0.9, 1.1), (2.0, 2.0)) is None
 
 
 def test_physics_without_a_name_gets_none():

@@ -19,7 +19,7 @@ def nearly_whole(witness: Witness, errors: Errors, before: tuple[float, float]) 
     """The opinion that chooses the fewest effects that explain NEARLY_WHOLE of what is missing, each of them
     LEAST_EXPLAINED of what the others leave, and beside which no torque without a form explains STRUCTURED of
     the rest; its rivals are as many effects that gain as much. ``errors``: of free runs, which are no worse
-    than ``before``. None where there are none."""
+    than ``before``, and better than the mean. None where there are none."""
 
     def whole(group: Group) -> bool:
         if group.gain <= 0.0 or group.explained < NEARLY_WHOLE:
@@ -35,7 +35,7 @@ def nearly_whole(witness: Witness, errors: Errors, before: tuple[float, float]) 
         if not whole(best):
             continue
         found = errors(best.model)
-        if any(e > NO_WORSE * b for e, b in zip(found, before, strict=True)):
+        if any(e > NO_WORSE * b or e >= 1.0 for e, b in zip(found, before, strict=True)):
             continue
         return Opinion(Heard(best, best.gain, found), _rivals(best, level, errors), witness)
     return None
