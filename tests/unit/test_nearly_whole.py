@@ -20,6 +20,8 @@ from haptic_teleop_sysid.simulation.parameter_fit import ParameterFit
 
 #: Errors of free runs that say nothing for or against a name.
 ALIKE = (0.5, 0.5)
+#: What speaks against names, and for no place.
+LAW = Doubt(None, "a law is not the joint's")
 
 
 def asked(**physics):
@@ -32,6 +34,28 @@ def asked(**physics):
 @pytest.fixture(scope="module")
 def heavy_and_rubbing():
     return asked(weight=4.0, coulomb=0.4)
+
+
+def found_in(said, learn, judge, scales):
+    """What was found in recordings whose free runs err less with any name."""
+    baseline = fit_whole(RIGID, noise_starts(RIGID, learn)[1], learn, iterations=5)
+
+    def errors(model):
+        return (0.1, 0.1) if model.effects else ALIKE
+
+    return SimpleNamespace(
+        given=RIGID,
+        learn=learn,
+        judge=judge,
+        result=SearchResult(baseline, baseline, (), (), scales),
+        opinion=Opinion(None, (), said),
+        horizons=SimpleNamespace(errors=errors),
+        errors=errors,
+        simulated=lambda model: ParameterFit(model, True, (1.0, 1.0), 1),
+        course=SimpleNamespace(percent=lambda model: [50.0, 50.0]),
+        count=1,
+        cutoff=said.cutoff,
+    )
 
 
 def names(opinion):
@@ -63,25 +87,8 @@ def test_physics_without_a_name_gets_none():
 @pytest.mark.parametrize("placed", [False, True])
 def test_an_answer_that_would_be_unknown_has_the_names_unsurely(heavy_and_rubbing, placed):
     said, learn, judge, scales = heavy_and_rubbing
-    baseline = fit_whole(RIGID, noise_starts(RIGID, learn)[1], learn, iterations=5)
-    result = SearchResult(baseline, baseline, (), (), scales)
-
-    def errors(model):
-        return (0.1, 0.1) if model.effects else ALIKE
-
-    found = SimpleNamespace(
-        given=RIGID,
-        learn=learn,
-        judge=judge,
-        result=result,
-        opinion=Opinion(None, (), said),
-        horizons=SimpleNamespace(errors=errors),
-        errors=errors,
-        simulated=lambda model: ParameterFit(model, True, (1.0, 1.0), 1),
-        course=SimpleNamespace(percent=lambda model: [50.0, 50.0]),
-        count=1,
-        cutoff=said.cutoff,
-    )
+    found = found_in(said, learn, judge, scales)
+    result = found.result
     doubt = Doubt(None, "a law is not the joint's", place="j_actuator" if placed else None)
     before = Examined(result, doubt, None, None, None, {})
     after = whole(SimpleNamespace(found=found), before)
@@ -96,6 +103,17 @@ def test_an_answer_that_would_be_unknown_has_the_names_unsurely(heavy_and_rubbin
     assert told["gravity"]["parameters"]["torque"]["value"] == pytest.approx(4.0, rel=0.1)
     assert told["coulomb_friction"]["parameters"]["torque"]["value"] == pytest.approx(0.4, rel=0.15)
     assert all(f["confidence"] <= NOT_SURE for f in verdict.findings)
+
+
+@pytest.mark.parametrize(("own", "verdict"), [(90.0, "unknown"), (-80.0, "known")])
+def test_only_a_model_that_follows_the_motion_is_better(heavy_and_rubbing, own, verdict):
+    """The user's model simulates better by 10 points: better than the mean, or still worse than that."""
+    said, learn, judge, scales = heavy_and_rubbing
+    found = found_in(said, learn, judge, scales)
+    found.course.percent = lambda model: [own - 10.0 * bool(model.effects)] * 2
+    after = whole(SimpleNamespace(found=found), Examined(found.result, LAW, None, None, None, {}))
+    said = decide_verdict(after.result, learn, judge, after.doubt, {}, after.adequate).kind
+    assert (said == "unknown") is (verdict == "unknown")
 
 
 def test_names_beside_other_physics_stay_as_they_are(heavy_and_rubbing):

@@ -174,7 +174,7 @@ def adequacy_of(found: Explained, result: SearchResult) -> Adequacy:
         by_motion=lambda: 0.0 if found.opinion is None else explained_along(result, found.opinion),
         in_band=0.0 if found.opinion is None else explained_in_band(result, found.opinion),
         follows=None if random else followed_by_most(found, result),
-        worse=own - with_names > WORSE,
+        worse=own > 0.0 and own - with_names > WORSE,  # what follows nothing is not better
         white=lambda: max(colours(result.final, found.learn, found.judge)) <= WHITE,
     )
     if found.opinion is None:
